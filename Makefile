@@ -1,13 +1,14 @@
 # Every target sets up what it needs: `make demo` and `make test` work on a fresh clone.
-# Needs make and Python 3.11 or newer as `python3`; another one: make PYTHON=python3.12 test
+# Needs make and Python 3.11 or newer. Another Python: make PYTHON=/path/to/python3.12 test
 
-PYTHON ?= python3
+PYTHON ?= $(shell for python in python3 python3.13 python3.12 python3.11; do \
+	$$python -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$python && break; done)
 JOBS ?= 2
 PYTEST_ARGS ?=
 BIN := .venv/bin
 STAMP := .venv/.installed
 
-# The package's linear algebra is many small matrices: threads inside BLAS only get in the way of JOBS.
+# Many small matrices: threads inside the linear algebra would only get in the way of JOBS.
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
@@ -15,11 +16,12 @@ export OPENBLAS_NUM_THREADS ?= 1
 
 venv: $(STAMP)
 
+# A broken .venv (no pip in it: set-up was interrupted) is made anew.
 $(STAMP): pyproject.toml
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
-		|| { echo "beamstiff needs Python 3.11 or newer, $(PYTHON) is not: make PYTHON=python3.11 $(MAKECMDGOALS)"; exit 1; }
-	@test -x $(BIN)/python || $(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev]'
+	@test -n "$(PYTHON)" || { echo "beamstiff needs Python 3.11 or newer, found none: make PYTHON=... $(MAKECMDGOALS)"; exit 1; }
+	@$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear .venv \
+		|| { echo "cannot make a virtual environment (on Debian and Ubuntu: apt install python3-venv)"; exit 1; }
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	@touch $@
 
 demo: venv
@@ -31,11 +33,12 @@ test: venv
 slow: venv
 	$(BIN)/python -m pytest -n $(JOBS) -m slow $(PYTEST_ARGS)
 
+# All four, whatever the first ones say.
 lint: venv
-	$(BIN)/ruff check .
-	$(BIN)/ruff format --check .
-	$(BIN)/mypy --strict beamstiff
-	$(BIN)/lint-imports
+	@failed=0; \
+	for check in "ruff check ." "ruff format --check ." "mypy --strict beamstiff" "lint-imports"; do \
+		echo "$$check"; $(BIN)/$$check || failed=1; \
+	done; exit $$failed
 
 clean:
 	rm -rf .venv build dist .pytest_cache .hypothesis .mypy_cache .ruff_cache .import_linter_cache examples/out

@@ -1,0 +1,32 @@
+"""What every test may use: the shared data, and hypothesis' profiles."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+SHARED = REPOSITORY / os.environ.get("BEAMSTIFF_SHARED", "../shared")
+
+# No deadlines: they measure the machine. In continuous integration the same examples on every run, so that
+# a red run is about the change; `pytest --hypothesis-profile=thorough` looks for new ones.
+settings.register_profile("default", deadline=None, derandomize="CI" in os.environ)
+settings.register_profile("thorough", deadline=None, derandomize=False, max_examples=2000)
+settings.load_profile("default")
+
+
+@pytest.fixture(scope="session")
+def shared_path() -> Callable[[str], Path]:
+    """Return a function that finds a file of the shared data, or skips the test naming what is missing."""
+
+    def find(relative: str) -> Path:
+        path = SHARED / relative
+        if not path.exists():
+            pytest.skip(f"shared data missing: {relative} (set BEAMSTIFF_SHARED to the folder that holds it)")
+        return path
+
+    return find
