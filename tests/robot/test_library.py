@@ -26,6 +26,7 @@ def three_robots(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_a_checkout_offers_the_files_of_its_robots_folder() -> None:
     files = sorted((REPOSITORY / "robots").glob("*.yaml"))
+    assert library._robots_folder(library._PACKAGE) == REPOSITORY / "robots"
     assert library.robot_names() == [file.stem for file in files]
     assert [library.robot_path(file.stem) for file in files] == files
 
@@ -63,9 +64,10 @@ def test_an_installation_without_robots_says_so(tmp_path: Path, monkeypatch: pyt
 def test_a_wheel_carries_the_robots(tmp_path: Path) -> None:
     pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", str(tmp_path)]
     subprocess.run([*pip, str(REPOSITORY)], check=True)
-    script = "from beamstiff.robot import library\nfor name in library.robot_names(): print(library.robot_path(name))"
+    script = "from beamstiff.robot.library import *; print(*map(robot_path, robot_names()), sep='\\n')"
     environment = os.environ | {"PYTHONPATH": str(tmp_path)}
     command = [sys.executable, "-c", script]
     run = subprocess.run(command, env=environment, cwd=tmp_path, check=True, capture_output=True, text=True)
     files = sorted((REPOSITORY / "robots").glob("*.yaml"))
-    assert run.stdout.splitlines() == [str(tmp_path / "beamstiff" / "robots" / file.name) for file in files]
+    assert (tmp_path / "beamstiff" / "robots" / "README.md").is_file()
+    assert run.stdout.split() == [str(tmp_path / "beamstiff" / "robots" / file.name) for file in files]
