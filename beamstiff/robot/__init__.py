@@ -1,0 +1,1 @@
+"""What the robot is: its description, graph and kinematics."""

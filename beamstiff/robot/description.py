@@ -1,0 +1,119 @@
+"""The robot as its file describes it: its parts, and what they say of each other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from beamstiff.errors import BeamstiffError, suggest
+from beamstiff.robot.checks import find_problems
+from beamstiff.robot.fields import Acceleration, Described, DescriptionError, Name
+from beamstiff.robot.parts import (
+    STIFFNESS_KINDS,
+    Beam,
+    Frame,
+    Joint,
+    JointStiffness,
+    Loop,
+    Mass,
+    Material,
+    Node,
+    Rigid,
+    Strut,
+    Variable,
+)
+from beamstiff.robot.sections import Section
+from beamstiff.robot.stiffness import stiffness_parameters
+
+
+class Robot(Described):
+    """A robot as a graph of nodes, beams, rigids, joints and struts on moving frames.
+
+    Examples
+    --------
+    >>> beam = Robot(
+    ...     name="cantilever",
+    ...     materials={"steel": Material(E="210 GPa", G="80 GPa")},
+    ...     sections={"rod": Section(A=1e-4, Iy=1e-9, Iz=1e-9, J=2e-9)},
+    ...     nodes=[Node(name="root"), Node(name="tip", at=["1 m", 0, 0])],
+    ...     beams=[Beam(name="beam", nodes=["root", "tip"], section="rod", material="steel")],
+    ...     fixed=["root"],
+    ...     tcp="tip",
+    ... )
+    >>> beam.nodes[1].at
+    (1.0, 0.0, 0.0)
+    """
+
+    name: Name
+    gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, -9.81)
+    variables: tuple[Variable, ...] = ()
+    frames: tuple[Frame, ...] = ()
+    loops: tuple[Loop, ...] = ()
+    materials: Mapping[Name, Material] = {}
+    sections: Mapping[Name, Section] = {}
+    nodes: Annotated[tuple[Node, ...], Field(min_length=1)]
+    beams: tuple[Beam, ...] = ()
+    rigids: tuple[Rigid, ...] = ()
+    joints: tuple[Joint, ...] = ()
+    struts: tuple[Strut, ...] = ()
+    masses: tuple[Mass, ...] = ()
+    fixed: Annotated[tuple[Name, ...], Field(min_length=1)]
+    tcp: Name
+    identify: tuple[Name, ...] = ()
+
+    @model_validator(mode="after")
+    def _cross_references(self) -> Robot:
+        problems = list(find_problems(self))
+        if problems:
+            raise DescriptionError(problems)
+        return self
+
+    @property
+    def actuated(self) -> tuple[Variable, ...]:
+        """Actuated variables, in the order of the columns of the Jacobian."""
+        return tuple(variable for variable in self.variables if variable.actuated)
+
+    def parameter(self, name: str) -> float:
+        """Return the stiffness called ``"J12.torsional"`` (a joint's) or ``"screw2"`` (a strut's), SI.
+
+        Raises
+        ------
+        BeamstiffError
+            When the robot has no such stiffness.
+        """
+        return stiffness_parameters(self)[_known(name, stiffness_parameters(self), self.name)]
+
+    def with_parameters(self, values: Mapping[str, float]) -> Robot:
+        """Return the same robot with other stiffness values, by parameter name, SI."""
+        known = stiffness_parameters(self)
+        for name in values:
+            _known(name, known, self.name)
+        joints = [
+            joint.model_copy(
+                update={
+                    "stiffness": JointStiffness(
+                        **{
+                            kind: values.get(f"{joint.name}.{kind}", getattr(joint.stiffness, kind))
+                            for kind in STIFFNESS_KINDS
+                        }
+                    )
+                }
+            )
+            for joint in self.joints
+        ]
+        struts = [
+            Strut(name=strut.name, nodes=strut.nodes, stiffness=values.get(strut.name, strut.stiffness))
+            for strut in self.struts
+        ]
+        return self.model_copy(update={"joints": tuple(joints), "struts": tuple(struts)})
+
+
+def _known(name: str, candidates: Iterable[str], robot: str) -> str:
+    candidates = list(candidates)
+    if name not in candidates:
+        raise BeamstiffError(
+            f"robot {robot!r} has no stiffness parameter {name!r}{suggest(name, candidates)}; expected for instance J12.torsional"
+        )
+    return name

@@ -1,0 +1,160 @@
+"""Linear expressions of joint variables, with a tiny grammar of our own (never `eval`).
+
+::
+
+    expression := ["+"|"-"] term (("+"|"-") term)*
+    term       := factor (("*"|"/") factor)*        at most one variable in a term, never as a divisor
+    factor     := number [unit] | "pi" | variable
+
+``q2 - 90 deg``, ``-q5``, ``2*q1 + pi/2``, ``"5 mm/rad * q1"``. A number without a unit is SI.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from beamstiff.errors import BeamstiffError, suggest
+from beamstiff.se3 import Array
+from beamstiff.units import NUMBER, UNITS, number, unit_factor
+
+_NAME = r"[A-Za-z_][A-Za-z0-9_]*"
+_UNSIGNED = NUMBER.removeprefix("[+-]?")
+_FACTOR = re.compile(
+    rf"\s*(?:(?P<number>{_UNSIGNED})(?:\s*(?P<unit>[A-Za-zµ°][A-Za-zµ°^0-9]*(?:/[A-Za-zµ°]+)?))?|(?P<name>{_NAME}))\s*"
+)
+
+
+@dataclass(frozen=True)
+class Expression:
+    """``constant + sum(coefficient * variable)``, SI.
+
+    Examples
+    --------
+    >>> parse_expression("q2 - 90 deg", "angle", {"q2": "angle"})
+    Expression(constant=-1.5707963267948966, coefficients={'q2': 1.0})
+    """
+
+    constant: float = 0.0
+    coefficients: Mapping[str, float] = field(default_factory=dict)
+
+    def evaluate(self, values: Mapping[str, Array], poses: int) -> Array:
+        """Return the value for each pose, (P,), from the values (P,) of the variables."""
+        result = np.full(poses, self.constant)
+        for name, coefficient in self.coefficients.items():
+            result = result + coefficient * values[name]
+        return result
+
+    def __str__(self) -> str:
+        parts = [f"{coefficient!r}*{name}" for name, coefficient in self.coefficients.items()]
+        return " + ".join([*parts, repr(self.constant)] if self.constant or not parts else parts)
+
+
+def parse_expression(text: object, kind: str, variables: Mapping[str, str]) -> Expression:
+    """Return the linear expression that `text` stands for.
+
+    Parameters
+    ----------
+    text : str, float or int
+        A number (SI) or an expression.
+    kind : str
+        ``"angle"`` or ``"length"``: what the expression's value is.
+    variables : mapping
+        Kind (``"angle"`` or ``"length"``) of every variable that may be used.
+
+    Raises
+    ------
+    BeamstiffError
+        When the text does not follow the grammar, is not linear, names an unknown variable or mixes units.
+    """
+    if not isinstance(text, str):
+        return Expression(number(text))
+    if len(text) > 500:
+        raise BeamstiffError(f"found an expression of {len(text)} characters, expected at most 500")
+    constant, coefficients, at, sign, first = 0.0, {}, 0, 1.0, True
+    while True:
+        match = re.compile(r"\s*([+-])\s*").match(text, at)
+        if match:
+            sign, at = (-1.0 if match[1] == "-" else 1.0), match.end()
+        elif not first:
+            break
+        value, variable, at = _term(text, at, kind, variables)
+        if variable is None:
+            constant += sign * value
+        else:
+            coefficients[variable] = coefficients.get(variable, 0.0) + sign * value
+        sign, first = 1.0, False
+        if at >= len(text):
+            break
+        if text[at] not in "+-":
+            raise _not_linear(text)
+    if not all(map(math.isfinite, [constant, *coefficients.values()])):
+        raise BeamstiffError(f"found {text[:60]!r}, expected finite numbers")
+    return Expression(constant, {name: value for name, value in coefficients.items() if value != 0.0})
+
+
+def _term(text: str, at: int, kind: str, variables: Mapping[str, str]) -> tuple[float, str | None, int]:
+    """Read one product; returns its factor, its variable if any, and where it ends."""
+    value, variable, operator, unit_kind = 1.0, None, "*", ""
+    while True:
+        match = _FACTOR.match(text, at)
+        if not match or match.end() == at:
+            raise _not_linear(text)
+        at = match.end()
+        name = match["name"]
+        if name == "pi" and name not in variables:
+            factor = math.pi
+        elif name is not None:
+            if name not in variables:
+                raise BeamstiffError(
+                    f"found the unknown variable {name!r} in {text[:60]!r}{suggest(name, variables)}"
+                )
+            if variable is not None or operator == "/":
+                raise _not_linear(text)
+            variable, factor = name, 1.0
+        else:
+            factor = number(match["number"])
+            if match["unit"]:
+                if unit_kind or operator == "/":
+                    raise _not_linear(text)
+                unit_kind = match["unit"]
+        if operator == "/":
+            if factor == 0.0:
+                raise BeamstiffError(f"found a division by zero in {text[:60]!r}")
+            value /= factor
+        else:
+            value *= factor
+        if at < len(text) and text[at] in "*/":
+            operator, at = text[at], at + 1
+            continue
+        break
+    if variable is None:
+        return value * (unit_factor(unit_kind, kind)[0] if unit_kind else 1.0), None, at
+    return value * _coefficient_factor(text, unit_kind, kind, variables[variable]), variable, at
+
+
+def _coefficient_factor(text: str, unit: str, kind: str, variable_kind: str) -> float:
+    """Return the SI factor of a coefficient's unit, which turns the variable's kind into the expression's."""
+    if kind == variable_kind:
+        if unit:
+            raise BeamstiffError(
+                f"found the unit {unit!r} on a coefficient in {text[:60]!r}, expected a plain number"
+            )
+        return 1.0
+    ratio = f"{UNITS[kind]}/{UNITS[variable_kind]}"
+    if "/" not in unit:
+        raise BeamstiffError(
+            f"found {text[:60]!r}: a {variable_kind} where a {kind} is expected; give the coefficient a unit such as {ratio}"
+        )
+    top, bottom = unit.split("/", 1)
+    return unit_factor(top, kind)[0] / unit_factor(bottom, variable_kind)[0]
+
+
+def _not_linear(text: str) -> BeamstiffError:
+    return BeamstiffError(
+        f"found {text[:60]!r}, expected a linear expression of variables such as 'q2 - 90 deg' or '2*q1 + 0.1'"
+    )

@@ -1,0 +1,205 @@
+"""The parts of a robot description, one frozen class a concept, used by YAML and Python alike.
+
+Every class checks its own fields; what they say of each other is checked in `checks`. Values are SI; text
+with a unit is accepted wherever a quantity is expected.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, Field, field_validator, model_validator
+
+from beamstiff.errors import BeamstiffError
+from beamstiff.robot.fields import (
+    RIGID,
+    Described,
+    DescriptionError,
+    Identifier,
+    Name,
+    Point,
+    PositiveMass,
+    PositiveModulus,
+    RotationalStiffness,
+    TranslationalStiffness,
+    Vector,
+)
+from beamstiff.units import quantity
+
+FRAME_PARAMETERS = {
+    "gamma": "angle",
+    "b": "length",
+    "alpha": "angle",
+    "d": "length",
+    "theta": "angle",
+    "r": "length",
+    "beta": "angle",
+}
+STIFFNESS_KINDS = ("axial", "radial", "torsional", "tilting")
+# the six directions of a joint, first axis along the joint (seed 003, eq. 18: Ka Kr Kr Kar Krr Krr)
+JOINT_DIRECTIONS = ("axial", "radial", "radial", "torsional", "tilting", "tilting")
+
+
+class Variable(Described):
+    """A joint variable: actuated, passive (solved by loop closure) or coupled (`equals`)."""
+
+    name: Identifier
+    type: Literal["revolute", "prismatic"] | None = None
+    passive: bool = False
+    equals: str | None = None
+    limits: tuple[float, float] | None = None
+    guess: float = 0.0
+
+    @property
+    def kind(self) -> str:
+        """Kind of its quantity: ``"angle"`` or ``"length"``."""
+        return "length" if self.type == "prismatic" else "angle"
+
+    @property
+    def actuated(self) -> bool:
+        """Whether it is driven: its value is an input."""
+        return not self.passive and self.equals is None
+
+    @field_validator("limits", mode="before")
+    @classmethod
+    def _limits(cls, value: Any, info: Any) -> Any:
+        if value is None:
+            return None
+        kind = "length" if info.data.get("type") == "prismatic" else "angle"
+        if not isinstance(value, list | tuple) or len(value) != 2:
+            raise BeamstiffError(f"found {str(value)[:60]!r}, expected two values: [lower, upper]")
+        low, high = (quantity(item, kind) for item in value)
+        if low >= high:
+            raise BeamstiffError(f"found {str(value)[:60]}, expected the lower limit below the upper one")
+        return low, high
+
+    @field_validator("guess", mode="before")
+    @classmethod
+    def _guess(cls, value: Any, info: Any) -> Any:
+        return quantity(value, "length" if info.data.get("type") == "prismatic" else "angle")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Variable:
+        if self.equals is None and self.type is None:
+            raise DescriptionError([(("type",), "is missing: expected revolute or prismatic (or `equals`)")])
+        if self.equals is not None and self.passive:
+            raise DescriptionError([(("passive",), f"{self.name} cannot be passive and coupled by `equals`")])
+        return self
+
+
+FrameParameter = Annotated[
+    float | str, BeforeValidator(lambda value: value if isinstance(value, int | float | str) else str(value))
+]
+
+
+class Frame(Described):
+    """A Khalil-Kleinfinger frame: rot(z, gamma) trans(z, b) rot(x, alpha) trans(x, d) rot(z, theta) trans(z, r).
+
+    `beta` (Hayati) is a rotation about y after rot(z, theta), for near-parallel axes. Every parameter is a
+    quantity or a linear expression of variables.
+    """
+
+    name: Name
+    parent: Name = "base"
+    gamma: FrameParameter = 0.0
+    b: FrameParameter = 0.0
+    alpha: FrameParameter = 0.0
+    d: FrameParameter = 0.0
+    theta: FrameParameter = 0.0
+    r: FrameParameter = 0.0
+    beta: FrameParameter = 0.0
+
+
+class Loop(Described):
+    """Frames or nodes that must coincide: as points, as poses, or in the x-y plane of `a`."""
+
+    name: Name
+    a: Name
+    b: Name
+    constrain: Literal["position", "pose", "plane"]
+
+
+class Material(Described):
+    """Elastic constants, Pa, and density, kg/m^3."""
+
+    E: PositiveModulus
+    G: PositiveModulus
+    density: Annotated[float, BeforeValidator(lambda value: quantity(value, "density")), Field(ge=0)] = 0.0
+
+
+class Node(Described):
+    """A point that moves with its frame; `at` is in that frame."""
+
+    name: Name
+    frame: Name = "base"
+    at: Point = (0.0, 0.0, 0.0)
+
+
+class Beam(Described):
+    """A beam between two nodes; local y lies in the plane of its axis and `up` (frame of the first node)."""
+
+    name: Name
+    nodes: tuple[Name, Name]
+    section: Name
+    material: Name
+    up: Vector | None = None
+
+
+class Rigid(Described):
+    """A rigid body between two nodes; it may have zero length."""
+
+    name: Name
+    nodes: tuple[Name, Name]
+
+
+class JointStiffness(Described):
+    """Six-direction spring: along and across the joint axis, about and across it. What is not named is rigid."""
+
+    axial: TranslationalStiffness = RIGID
+    radial: TranslationalStiffness = RIGID
+    torsional: RotationalStiffness = RIGID
+    tilting: RotationalStiffness = RIGID
+
+
+def _axis(value: Any) -> Any:
+    letters = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+    if isinstance(value, str):
+        if value.lower() not in letters:
+            raise BeamstiffError(f"found {value[:60]!r}, expected x, y, z or three numbers")
+        return letters[value.lower()]
+    return value
+
+
+class Joint(Described):
+    """An elastic joint: a six-direction spring between two coincident nodes."""
+
+    name: Name
+    nodes: tuple[Name, Name]
+    frame: Name
+    axis: Annotated[Vector, BeforeValidator(_axis)] = (0.0, 0.0, 1.0)
+    variable: Identifier | None = None
+    stiffness: JointStiffness
+
+    @field_validator("axis")
+    @classmethod
+    def _nonzero(cls, value: tuple[float, float, float]) -> tuple[float, float, float]:
+        if float(np.linalg.norm(value)) < 1e-12:
+            raise BeamstiffError("found a zero vector, expected an axis direction")
+        return value
+
+
+class Strut(Described):
+    """An axial two-force member (ball screw, tie rod) between two distinct nodes."""
+
+    name: Name
+    nodes: tuple[Name, Name]
+    stiffness: TranslationalStiffness
+
+
+class Mass(Described):
+    """A point mass; `at` is in the frame of the node, from the node."""
+
+    node: Name
+    mass: PositiveMass
+    at: Point = (0.0, 0.0, 0.0)
