@@ -1,0 +1,1 @@
+"""How the robot deforms: elements, assembly, constraints, condensation, response."""

@@ -1,0 +1,133 @@
+"""The reduced global stiffness: element matrices in the base frame, added up in a pattern found once."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import sparse
+
+from beamstiff.fem.beam import beam_stiffness
+from beamstiff.fem.geometry import Geometry, strut_directions
+from beamstiff.fem.structure import Structure
+from beamstiff.se3 import Array, rotate_screw
+
+
+def element_blocks(structure: Structure, geometry: Geometry) -> Array:
+    """Return the stiffness of all elements in the base frame, by end and end (seed 003, eqs 16 to 20).
+
+    Returns
+    -------
+    (P, E, 2, 2, 6, 6) array
+        ``[.., i, j, :, :]`` gives the wrench at end i for a displacement of end j.
+    """
+    parts = [_beam_blocks(structure, geometry), _joint_blocks(structure, geometry), _strut_blocks(structure, geometry)]
+    return np.concatenate(parts, axis=1)
+
+
+def _beam_blocks(structure: Structure, geometry: Geometry) -> Array:
+    local = beam_stiffness(geometry.beam_length, **structure.beam_properties)
+    poses, beams = local.shape[:2]
+    # four triples a side (displacement and rotation at either end): turn each of the sixteen 3x3 blocks
+    triples = local.reshape(poses, beams, 4, 3, 4, 3).swapaxes(-3, -2)
+    rotation = geometry.beam_rotation[:, :, None, None]
+    turned: Array = rotation @ triples @ rotation.swapaxes(-1, -2)
+    return turned.swapaxes(-3, -2).reshape(poses, beams, 2, 6, 2, 6).swapaxes(-3, -2)
+
+
+def _joint_blocks(structure: Structure, geometry: Geometry) -> Array:
+    turn = rotate_screw(geometry.joint_rotation[:, structure.chords])
+    return _between_ends(turn * structure.chord_values[:, None, :] @ turn.swapaxes(-1, -2))
+
+
+def _strut_blocks(structure: Structure, geometry: Geometry) -> Array:
+    along = strut_directions(structure, geometry, structure.struts)
+    block = np.zeros((*along.shape[:2], 6, 6))
+    block[..., :3, :3] = structure.strut_values[:, None, None] * along[..., :, None] * along[..., None, :]
+    return _between_ends(block)
+
+
+def _between_ends(block: Array) -> Array:
+    """Return ``[[D, -D], [-D, D]]`` by end and end (seed 003, eq. 17)."""
+    signs = np.array([[1.0, -1.0], [-1.0, 1.0]])
+    return signs[:, :, None, None] * block[:, :, None, None]
+
+
+def stiffness_entries(structure: Structure, geometry: Geometry) -> Array:
+    """Return the entries of the reduced global stiffness in the structure's pattern, (P, nnz)."""
+    pattern = structure.pattern
+    poses = geometry.terms.shape[0]
+    blocks = element_blocks(structure, geometry)[:, pattern.element, pattern.end_i, pattern.end_j]
+    left = geometry.terms[:, pattern.term_i].swapaxes(-1, -2)
+    products = (left @ blocks @ geometry.terms[:, pattern.term_j]).reshape(poses, -1)
+    springs = np.broadcast_to(structure.spring_values, (poses, structure.springs.size))
+    diagonal = np.zeros((poses, structure.unknowns.count))
+    values = np.concatenate([products, springs, diagonal], axis=1)
+    if pattern.starts.size == 0:
+        return np.zeros((poses, 0))
+    result: Array = np.add.reduceat(values[:, pattern.order], pattern.starts, axis=1)
+    return result
+
+
+def dense_stiffness(structure: Structure, geometry: Geometry) -> Array:
+    """Return the reduced global stiffness of every pose, (P, n, n)."""
+    count = structure.unknowns.count
+    matrix = np.zeros((geometry.terms.shape[0], count, count))
+    matrix[:, structure.pattern.rows, structure.pattern.columns] = stiffness_entries(structure, geometry)
+    return matrix
+
+
+def sparse_stiffness(structure: Structure, geometry: Geometry) -> sparse.csc_array:
+    """Return the reduced global stiffness K_C of the first pose as a sparse matrix (seed 003, eqs 21 to 23)."""
+    count, pattern = structure.unknowns.count, structure.pattern
+    pointers = np.searchsorted(pattern.columns, np.arange(count + 1))
+    entries = stiffness_entries(structure, geometry)[0]
+    return sparse.csc_array((entries, pattern.rows, pointers), shape=(count, count))
+
+
+def gather(structure: Structure, geometry: Geometry, unknowns: Array) -> Array:
+    """Return the displacement of all nodes from the unknowns: ``u = T z``.
+
+    Parameters
+    ----------
+    unknowns : (P, n) array
+
+    Returns
+    -------
+    (P, N, 6) array
+        Displacement ``[d, r]`` of every node, base frame.
+    """
+    numbering = structure.unknowns
+    padded = np.concatenate([unknowns, np.zeros((unknowns.shape[0], 1))], axis=1)
+    values = padded[:, numbering.blocks[numbering.term_block]]
+    parts = (geometry.terms @ values[..., None])[..., 0]
+    result = np.zeros((unknowns.shape[0], len(structure.robot.nodes), 6))
+    np.add.at(result, (slice(None), numbering.term_node), parts)
+    return result
+
+
+def scatter(structure: Structure, geometry: Geometry, wrenches: Array) -> Array:
+    """Return the generalised forces of nodal wrenches: ``f = T^T w``.
+
+    Parameters
+    ----------
+    wrenches : (P, N, 6) array
+        Wrench ``[f, m]`` on every node, base frame.
+
+    Returns
+    -------
+    (P, n) array
+    """
+    numbering = structure.unknowns
+    parts = (geometry.terms.swapaxes(-1, -2) @ wrenches[:, numbering.term_node, :, None])[..., 0]
+    result = np.zeros((wrenches.shape[0], numbering.count + 1))
+    np.add.at(result, (slice(None), numbering.blocks[numbering.term_block]), parts)
+    return result[:, :-1]
+
+
+def node_map(structure: Structure, geometry: Geometry, node: int) -> Array:
+    """Return T of one node, (P, 6, n): its displacement ``[d, r]`` for the unknowns."""
+    numbering = structure.unknowns
+    result = np.zeros((geometry.terms.shape[0], 6, numbering.count + 1))
+    for term in np.flatnonzero(numbering.term_node == node):
+        result[:, :, numbering.blocks[numbering.term_block[term]]] += geometry.terms[:, term]
+    result[:, :, -1] = 0.0
+    return result[:, :, :-1]

@@ -1,0 +1,230 @@
+"""Static condensation by Schur complement: to the TCP (seed 003, eqs 24 to 27), and to ports.
+
+A port is a direction whose stiffness is left open: a joint's relative displacement or a strut's elongation.
+With the ports' displacements e and the wrench w on the observed nodes, all else eliminated::
+
+    (S + diag k) e = B w + g          u = B^T e + C_clamped w + d_clamped
+
+so that the compliance at the observed nodes is ``C(k) = C_clamped + B^T (S + diag k)^-1 B``. Without ports it is
+``C_clamped``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from beamstiff.errors import BeamstiffError
+from beamstiff.fem.assembly import dense_stiffness, node_map, scatter
+from beamstiff.fem.constraints import constraint_rows, has_constraints, imposed, joint_rows, null_space, strut_row
+from beamstiff.fem.geometry import Geometry, place
+from beamstiff.fem.loads import gravity_wrenches
+from beamstiff.fem.mechanism import diagonal_scale, mechanism_error, unstable_pose
+from beamstiff.fem.structure import Structure
+from beamstiff.robot.kinematics import Posture
+from beamstiff.se3 import Array
+
+CHUNK = 512  # poses at a time: the matrices of a chunk stay in the processor's cache
+
+
+@dataclass(frozen=True)
+class Port:
+    """A direction whose stiffness is left open: `direction` 0..5 of a joint, or a strut (direction -1)."""
+
+    name: str
+    index: int
+    direction: int
+
+
+@dataclass(frozen=True)
+class Condensed:
+    """The structure seen from its ports and observed nodes, batched over P poses.
+
+    Attributes
+    ----------
+    port_stiffness : (P, p, p) array
+        S: what the rest of the structure adds to the ports' own springs.
+    port_map : (P, p, o) array
+        B: force at the ports per wrench at the observed nodes (o = 6 times their number).
+    clamped : (P, o, o) array
+        Compliance at the observed nodes with all ports held.
+    port_dead, clamped_dead : (P, p), (P, o) arrays
+        g and d_clamped: what the dead weight does.
+    """
+
+    port_stiffness: Array
+    port_map: Array
+    clamped: Array
+    port_dead: Array
+    clamped_dead: Array
+
+
+def condense(
+    structure: Structure, posture: Posture, observed: Sequence[str], ports: Sequence[Port] = (), chunk: int = CHUNK
+) -> Condensed:
+    """Condense a structure to its ports and observed nodes at every pose.
+
+    Parameters
+    ----------
+    structure : Structure
+    posture : Posture
+        P poses with closed loops.
+    observed : sequence of str
+        Names of nodes; six components each, in this order.
+    ports : sequence of Port
+        Directions whose stiffness is left open (their present values are not used).
+
+    Raises
+    ------
+    BeamstiffError
+        When the structure, with its ports held, is a mechanism at a pose; the motion is named.
+    """
+    open_structure = without_ports(structure, ports)
+    poses = posture.values.shape[0]
+    parts = []
+    for start in range(0, poses, chunk):
+        some = Posture(
+            posture.values[start : start + chunk],
+            posture.transforms[start : start + chunk],
+            posture.node_positions[start : start + chunk],
+        )
+        parts.append(_condense_chunk(open_structure, place(open_structure, some), observed, ports))
+    if not parts:
+        raise BeamstiffError("no poses: expected at least one")
+    return Condensed(*(np.concatenate([getattr(part, name) for part in parts]) for name in Condensed.__dataclass_fields__))
+
+
+def without_ports(structure: Structure, ports: Sequence[Port]) -> Structure:
+    """Return the structure with the springs of the ports taken out, exactly."""
+    springs, struts, chords = (
+        structure.spring_values.copy(), structure.strut_values.copy(), structure.chord_values.copy(),
+    )  # fmt: skip
+    labels = structure.unknowns.labels
+    for port in ports:
+        if port.direction < 0:
+            struts[structure.struts == port.index] = 0.0
+            continue
+        name = structure.robot.joints[port.index].name
+        for at, unknown in enumerate(structure.springs):
+            if labels[unknown] == (name, port.direction):
+                springs[at] = 0.0
+        chords[structure.chords == port.index, port.direction] = 0.0
+    return replace(structure, spring_values=springs, strut_values=struts, chord_values=chords)
+
+
+def _condense_chunk(
+    structure: Structure, geometry: Geometry, observed: Sequence[str], ports: Sequence[Port]
+) -> Condensed:
+    index = structure.kinematics.node_index
+    maps = [node_map(structure, geometry, index[name]) for name in observed]
+    watch = np.concatenate(maps, axis=1)  # u_observed = watch @ z
+    dead = scatter(structure, geometry, gravity_wrenches(structure, geometry))
+    stiffness = dense_stiffness(structure, geometry)
+    rest, moved = _split(structure, geometry, ports)
+    if isinstance(rest, np.ndarray) and rest.ndim == 1:
+        k_rr = stiffness[:, rest[:, None], rest]
+        k_rp, k_pp = stiffness[:, rest[:, None], moved], stiffness[:, moved[:, None], moved]
+        watch_r, watch_p, dead_r, dead_p = watch[:, :, rest], watch[:, :, moved], dead[:, rest], dead[:, moved]
+    else:
+        rest_t, moved_t = rest.swapaxes(-1, -2), moved.swapaxes(-1, -2)
+        along_rest, along_moved = stiffness @ rest, stiffness @ moved
+        k_rr, k_rp, k_pp = rest_t @ along_rest, rest_t @ along_moved, moved_t @ along_moved
+        watch_r, watch_p = watch @ rest, watch @ moved
+        dead_r, dead_p = (rest_t @ dead[..., None])[..., 0], (moved_t @ dead[..., None])[..., 0]
+    if (unstable := unstable_pose(k_rr)) is not None:
+        pose, motion = unstable
+        if rest.ndim == 1:
+            full = np.zeros(structure.unknowns.count)
+            full[rest] = motion
+        else:
+            full = rest[pose] @ motion
+        raise mechanism_error(structure, geometry, pose, full)
+    scale = diagonal_scale(k_rr)[:, :, None]
+    right = np.concatenate([k_rp, watch_r.swapaxes(-1, -2), dead_r[..., None]], axis=2)
+    solved = scale * np.linalg.solve(scale * k_rr * scale.swapaxes(-1, -2), scale * right)
+    p, o = k_rp.shape[2], watch.shape[1]
+    to_ports, to_watch, to_dead = solved[:, :, :p], solved[:, :, p : p + o], solved[:, :, p + o]
+    k_pr = k_rp.swapaxes(-1, -2)
+    return Condensed(
+        port_stiffness=_symmetric(k_pp - k_pr @ to_ports),
+        port_map=(watch_p - watch_r @ to_ports).swapaxes(-1, -2),
+        clamped=_symmetric(watch_r @ to_watch),
+        port_dead=dead_p - (k_pr @ to_dead[..., None])[..., 0],
+        clamped_dead=(watch_r @ to_dead[..., None])[..., 0],
+    )
+
+
+def _split(structure: Structure, geometry: Geometry, ports: Sequence[Port]) -> tuple[np.ndarray, np.ndarray]:
+    """Return how the unknowns follow from the rest and the ports: indices where they are unknowns, else bases.
+
+    ``z = rest @ y + moved @ e``; where every port is an unknown of its own and no loop of rigid parts constrains
+    them, `rest` and `moved` are plain index arrays.
+    """
+    unknowns, robot = structure.unknowns, structure.robot
+    number = {label: at for at, label in enumerate(unknowns.labels)}
+    own = [
+        number.get((robot.joints[port.index].name, port.direction), -1) if port.direction >= 0 else -1 for port in ports
+    ]
+    constrained = has_constraints(structure)
+    if not constrained and all(at >= 0 for at in own):
+        moved = np.array(own, dtype=np.int64)
+        return np.setdiff1d(np.arange(unknowns.count), moved), moved
+    positions = geometry.posture.node_positions
+    size = max(float(np.ptp(positions.reshape(-1, 3), axis=0).max()), 1e-3)
+    scale = np.array([size if direction < 3 else 1.0 for _, direction in unknowns.labels])
+    rows = [
+        strut_row(structure, geometry, port.index)
+        if port.direction < 0
+        else joint_rows(structure, geometry, port.index)[:, port.direction : port.direction + 1]
+        for port in ports
+    ]
+    empty = np.zeros((positions.shape[0], 0, unknowns.count))
+    port_rows = np.concatenate([empty, *rows], axis=1)
+    fixed_rows = constraint_rows(structure, geometry)
+    both = np.concatenate([fixed_rows, port_rows], axis=1)
+    rest = null_space(both, scale, f"robot {robot.name!r}")
+    basis = null_space(fixed_rows, scale, f"robot {robot.name!r}") if constrained else np.broadcast_to(
+        np.diag(scale), (positions.shape[0], scale.size, scale.size)
+    )
+    return rest, imposed(port_rows, basis, scale, [port.name for port in ports])
+
+
+def _symmetric(matrix: Array) -> Array:
+    return 0.5 * (matrix + matrix.swapaxes(-1, -2))
+
+
+def tcp_compliance(structure: Structure, posture: Posture, chunk: int = CHUNK) -> Array:
+    """Return the compliance at the TCP of every pose, (P, 6, 6), base frame: ``[d, r] = C [f, m]``.
+
+    Examples
+    --------
+    >>> from beamstiff import load_robot
+    >>> from beamstiff.robot.kinematics import posture
+    >>> structure = compile_structure(load_robot("cantilever"))
+    >>> tcp_compliance(structure, posture(structure.kinematics, np.zeros((1, 0)))).shape
+    (1, 6, 6)
+    """
+    return condense(structure, posture, [structure.robot.tcp], chunk=chunk).clamped
+
+
+def tcp_stiffness(compliance: Array, robot: str = "robot") -> Array:
+    """Return the stiffness at the TCP, (..., 6, 6), the inverse of its compliance (seed 003, eq. 27).
+
+    Raises
+    ------
+    BeamstiffError
+        When the compliance is singular: some direction of the TCP does not give way at all.
+    """
+    if (unstable := unstable_pose(compliance.reshape(-1, 6, 6))) is not None:
+        pose, motion = unstable
+        names = ("fx", "fy", "fz", "mx", "my", "mz")
+        most = names[int(np.argmax(np.abs(motion)))]
+        raise BeamstiffError(
+            f"{robot}: singular compliance at pose {pose}: the TCP does not give way to some wrench (mostly {most}); "
+            "its stiffness there is infinite, use the compliance instead"
+        )
+    scale = diagonal_scale(compliance)
+    inverse = np.linalg.inv(scale[..., :, None] * compliance * scale[..., None, :])
+    return _symmetric(scale[..., :, None] * inverse * scale[..., None, :])

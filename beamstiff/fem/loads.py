@@ -1,0 +1,51 @@
+"""Dead loads: the weight of beams, masses and payload as consistent nodal wrenches."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from beamstiff.fem.beam import uniform_load
+from beamstiff.fem.geometry import Geometry
+from beamstiff.fem.structure import Structure
+from beamstiff.se3 import Array
+
+
+def gravity_wrenches(structure: Structure, geometry: Geometry) -> Array:
+    """Return the wrench of the dead weight on every node, (P, N, 6), base frame, N and N m.
+
+    Beams carry ``rho A g`` a metre (seed 003: equivalent nodal loads); a mass off its node adds ``at x m g``.
+    """
+    robot, positions = structure.robot, geometry.posture.node_positions
+    gravity = np.array(robot.gravity)
+    result = np.zeros((positions.shape[0], len(robot.nodes), 6))
+    beams = beam_weight(structure, geometry)
+    for end in (0, 1):
+        nodes = structure.elements[: len(robot.beams), end]
+        np.add.at(result, (slice(None), nodes), beams[:, :, end])
+    index = structure.kinematics.node_index
+    rotations = geometry.posture.transforms[:, :, :3, :3]
+    for mass in robot.masses:
+        node = index[mass.node]
+        arm = rotations[:, structure.kinematics.node_frame[node]] @ np.array(mass.at)
+        weight = mass.mass * gravity
+        result[:, node, :3] += weight
+        result[:, node, 3:] += np.cross(arm, weight)
+    return result
+
+
+def beam_weight(structure: Structure, geometry: Geometry) -> Array:
+    """Return the consistent nodal wrenches of the beams' own weight, (P, B, 2, 6), base frame."""
+    per_metre = structure.beam_density * np.nan_to_num(structure.beam_properties["A"], posinf=0.0)
+    load = per_metre[:, None] * np.array(structure.robot.gravity)
+    rotation = geometry.beam_rotation
+    local = np.einsum("pbji,bj->pbi", rotation, load)
+    nodal = uniform_load(local, geometry.beam_length).reshape(*local.shape[:2], 4, 3)
+    turned: Array = np.einsum("pbij,pbkj->pbki", rotation, nodal)
+    return turned.reshape(*local.shape[:2], 2, 6)
+
+
+def total_mass(structure: Structure, geometry: Geometry) -> Array:
+    """Return the mass of beams and masses at every pose, (P,), kg."""
+    per_metre = structure.beam_density * structure.beam_properties["A"]
+    beams: Array = geometry.beam_length @ per_metre
+    return beams + sum(mass.mass for mass in structure.robot.masses)

@@ -1,0 +1,217 @@
+"""The answer of the whole structure to loads: nodal displacements, member forces, strain energy by component."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from beamstiff.errors import BeamstiffError
+from beamstiff.fem.assembly import dense_stiffness, element_blocks, gather, scatter
+from beamstiff.fem.beam import uniform_load
+from beamstiff.fem.constraints import constraint_rows, has_constraints, null_space
+from beamstiff.fem.geometry import Geometry, place
+from beamstiff.fem.loads import gravity_wrenches
+from beamstiff.fem.mechanism import diagonal_scale, mechanism_error, unstable_pose
+from beamstiff.fem.structure import Structure
+from beamstiff.robot.kinematics import Posture
+from beamstiff.robot.parts import JOINT_DIRECTIONS
+from beamstiff.se3 import Array, displacement_transport, rotate_screw
+
+
+@dataclass(frozen=True)
+class Response:
+    """How a structure deforms under loads at P poses.
+
+    Attributes
+    ----------
+    displacement : (P, N, 6) array
+        ``[d, r]`` of every node, base frame, m and rad.
+    beam_forces : (P, B, 2, 6) array
+        Wrench on either end of every beam in its local axes, N and N m.
+    joint_displacement : (P, J, 6) array
+        Second node against first in the joint's frame.
+    element_energy : (P, E) array
+        Strain energy of the structure's elements (beams, loop-closing joints, struts), J.
+    spring_energy : (P, S) array
+        Strain energy of the springs of the joints on the tree, J.
+    """
+
+    structure: Structure
+    geometry: Geometry
+    displacement: Array
+    beam_forces: Array
+    joint_displacement: Array
+    element_energy: Array
+    spring_energy: Array
+
+    def energy_shares(self) -> dict[str, Array]:
+        """Return the share of every component in the strain energy, (P,) each; joints by direction kind."""
+        structure, robot = self.structure, self.structure.robot
+        energy: dict[str, Array] = {}
+        beams, chords = len(robot.beams), len(structure.chords)
+        for at, beam in enumerate(robot.beams):
+            energy[beam.name] = self.element_energy[:, at]
+        for at, spring in enumerate(structure.springs):
+            name, direction = structure.unknowns.labels[spring]
+            key = f"{name}.{JOINT_DIRECTIONS[direction]}"
+            energy[key] = energy.get(key, 0.0) + self.spring_energy[:, at]
+        for at, chord in enumerate(structure.chords):
+            energy[robot.joints[chord].name] = self.element_energy[:, beams + at]
+        for at, strut in enumerate(structure.struts):
+            energy[robot.struts[strut].name] = self.element_energy[:, beams + chords + at]
+        total = np.sum(list(energy.values()), axis=0)
+        return {name: value / np.where(total > 0.0, total, 1.0) for name, value in energy.items()}
+
+
+def nodal_loads(structure: Structure, poses: int, wrenches: dict[str, Array]) -> Array:
+    """Return nodal wrenches (P, N, 6) from wrenches by node name, (6,) or (P, 6), base frame.
+
+    Raises
+    ------
+    BeamstiffError
+        When a node does not exist.
+    """
+    from beamstiff.errors import suggest
+
+    index = structure.kinematics.node_index
+    loads = np.zeros((poses, len(structure.robot.nodes), 6))
+    for name, wrench in wrenches.items():
+        if name not in index:
+            raise BeamstiffError(f"robot {structure.robot.name!r} has no node {name!r}{suggest(name, index)}")
+        loads[:, index[name]] += wrench
+    return loads
+
+
+def respond(structure: Structure, posture: Posture, loads: Array, gravity: bool = False) -> Response:
+    """Solve for the displacement of every node under nodal wrenches.
+
+    Parameters
+    ----------
+    structure : Structure
+    posture : Posture
+        P poses with closed loops.
+    loads : (P, N, 6) array
+        Wrench ``[f, m]`` on every node, base frame.
+    gravity : bool
+        Add the dead weight.
+
+    Raises
+    ------
+    BeamstiffError
+        When the structure is a mechanism, or a moment acts on a node that has no rotation.
+    """
+    geometry = place(structure, posture)
+    _check_moments(structure, loads)
+    total = loads + gravity_wrenches(structure, geometry) if gravity else loads
+    unknowns = solve_unknowns(structure, geometry, scatter(structure, geometry, total))
+    displacement = gather(structure, geometry, unknowns)
+    ends = structure.elements
+    at_ends = displacement[:, ends]  # (P, E, 2, 6)
+    forces = np.einsum("peijab,pejb->peia", element_blocks(structure, geometry), at_ends)
+    energy = 0.5 * np.einsum("peia,peia->pe", forces, at_ends)
+    a, b = structure.joint_nodes.T
+    relative = displacement[:, b] - displacement[:, a]
+    turn = rotate_screw(geometry.joint_rotation).swapaxes(-1, -2)
+    return Response(
+        structure,
+        geometry,
+        displacement,
+        _beam_forces(structure, geometry, forces[:, : len(structure.robot.beams)], gravity),
+        (turn @ relative[..., None])[..., 0],
+        energy,
+        0.5 * structure.spring_values * unknowns[:, structure.springs] ** 2,
+    )
+
+
+def solve_unknowns(structure: Structure, geometry: Geometry, force: Array) -> Array:
+    """Return the unknowns z (P, n) of ``K z = f`` under the constraints of rigid loops.
+
+    Raises
+    ------
+    BeamstiffError
+        When the structure is a mechanism; the free motion is named.
+    """
+    stiffness = dense_stiffness(structure, geometry)
+    basis = None
+    if has_constraints(structure):
+        size = max(float(np.ptp(geometry.posture.node_positions.reshape(-1, 3), axis=0).max()), 1e-3)
+        units = np.array([size if direction < 3 else 1.0 for _, direction in structure.unknowns.labels])
+        basis = null_space(constraint_rows(structure, geometry), units, f"robot {structure.robot.name!r}")
+        stiffness = basis.swapaxes(-1, -2) @ stiffness @ basis
+        force = (basis.swapaxes(-1, -2) @ force[..., None])[..., 0]
+    if (unstable := unstable_pose(stiffness)) is not None:
+        pose, motion = unstable
+        raise mechanism_error(structure, geometry, pose, motion if basis is None else basis[pose] @ motion)
+    scale = diagonal_scale(stiffness)
+    solved = np.linalg.solve(scale[:, :, None] * stiffness * scale[:, None, :], (scale * force)[..., None])
+    unknowns = scale * solved[..., 0]
+    return unknowns if basis is None else (basis @ unknowns[..., None])[..., 0]
+
+
+def _check_moments(structure: Structure, loads: Array) -> None:
+    """Refuse moments on nodes that only struts hold: they have no rotation."""
+    robot = structure.robot
+    turning = {name for item in (*robot.beams, *robot.rigids, *robot.joints) for name in item.nodes} | set(robot.fixed)
+    for at, node in enumerate(robot.nodes):
+        if node.name not in turning and (loads[:, at, 3:] != 0.0).any():
+            raise BeamstiffError(f"a moment acts on node {node.name!r}, which struts alone hold: it has no rotation")
+
+
+def _beam_forces(structure: Structure, geometry: Geometry, forces: Array, gravity: bool) -> Array:
+    """Return the end wrenches of the beams in local axes, less the consistent loads of their own weight."""
+    turn = rotate_screw(geometry.beam_rotation).swapaxes(-1, -2)[:, :, None]
+    local = (turn @ forces[..., None])[..., 0]
+    if not gravity:
+        return local
+    per_metre = structure.beam_density * structure.beam_properties["A"]
+    load = np.einsum("pbji,bj->pbi", geometry.beam_rotation, per_metre[:, None] * np.array(structure.robot.gravity))
+    nodal = uniform_load(load, geometry.beam_length)
+    return local - nodal.reshape(local.shape)
+
+
+def transmitted_wrenches(response: Response, loads: Array) -> Array:
+    """Return the wrench that each joint on the tree passes on, by equilibrium of what hangs on it.
+
+    Parameters
+    ----------
+    response : Response
+    loads : (P, N, 6) array
+        All nodal wrenches that act, dead weight included.
+
+    Returns
+    -------
+    (P, J, 6) array
+        Wrench of the first node's side on the second's, joint frame; rigid directions included, and equal to
+        stiffness times relative displacement in the finite ones. NaN never: joints that close loops are refused.
+
+    Raises
+    ------
+    BeamstiffError
+        When a loop of rigid parts makes the inner forces indeterminate.
+    """
+    structure, geometry = response.structure, response.geometry
+    unknowns = structure.unknowns
+    if has_constraints(structure) or unknowns.chord_joints.size:
+        raise BeamstiffError(
+            f"robot {structure.robot.name!r}: joints or rigids close a loop, so that equilibrium alone does not give their forces"
+        )
+    forces = np.einsum(
+        "peijab,pejb->peia", element_blocks(structure, geometry), response.displacement[:, structure.elements]
+    )
+    rest = loads.copy()
+    for end in (0, 1):
+        np.subtract.at(rest, (slice(None), structure.elements[:, end]), forces[:, :, end])
+    positions = geometry.posture.node_positions
+    result = np.zeros((positions.shape[0], len(structure.robot.joints), 6))
+    for term in range(unknowns.term_node.size):
+        joint = unknowns.block_joint[unknowns.term_block[term]]
+        if joint < 0:
+            continue
+        node = unknowns.term_node[term]
+        arm = positions[:, node] - positions[:, unknowns.term_origin[term]]
+        carried = (displacement_transport(arm).swapaxes(-1, -2) @ rest[:, node, :, None])[..., 0]
+        result[:, joint] += unknowns.term_sign[term] * carried
+    turn = rotate_screw(geometry.joint_rotation).swapaxes(-1, -2)
+    # what hangs on the joint pulls with `result`: in equilibrium the joint passes exactly that on
+    return (turn @ result[..., None])[..., 0]

@@ -1,0 +1,180 @@
+"""A robot compiled for the stiffness path: element tables, unknowns and the sparse pattern, once per graph."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamstiff.fem.beam import beam_axes
+from beamstiff.fem.unknowns import Unknowns, joint_values, number_unknowns
+from beamstiff.robot.description import Robot
+from beamstiff.robot.fields import FREE, RIGID
+from beamstiff.robot.kinematics import Kinematics, compile_kinematics
+from beamstiff.robot.sections import section_properties
+from beamstiff.se3 import Array
+
+Index = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """Where the contributions of the elements go in the reduced global stiffness, found once per graph.
+
+    Attributes
+    ----------
+    element, end_i, end_j, term_i, term_j : (M,) int arrays
+        One 6x6 product each: block (end_i, end_j) of an element between two terms.
+    order, starts : int arrays
+        Sort the kept entries of all products, and where each entry of the matrix begins in that order.
+    rows, columns : (nnz,) int arrays
+        Position of each entry, by column, then row.
+    """
+
+    element: Index
+    end_i: Index
+    end_j: Index
+    term_i: Index
+    term_j: Index
+    order: Index
+    starts: Index
+    rows: Index
+    columns: Index
+
+
+@dataclass(frozen=True)
+class Structure:
+    """A robot's elements as arrays, and how its unknowns are numbered.
+
+    Attributes
+    ----------
+    elements : (E, 2) int array
+        Nodes of the elements that carry stiffness between nodes: the beams, then the joints `chords` that close
+        loops (their finite directions), then the `struts`.
+    chords, struts : int arrays
+        Which joints and struts of the robot these are.
+    springs : (S,) int array, spring_values : (S,) array
+        Unknowns that carry a spring of their own (finite directions of the joints on the tree), N/m or N m/rad.
+    joint_axes : (J, 3, 3) array
+        Rotation of each joint's frame (first axis along the joint) against its robot frame.
+    """
+
+    robot: Robot
+    kinematics: Kinematics
+    unknowns: Unknowns
+    pattern: Pattern
+    elements: Index
+    beam_properties: dict[str, Array]
+    beam_up: Array
+    beam_frame: Index
+    beam_density: Array
+    chords: Index
+    chord_values: Array
+    struts: Index
+    strut_values: Array
+    springs: Index
+    spring_values: Array
+    spring_joint: Index
+    joint_axes: Array
+    joint_frame: Index
+    joint_nodes: Index
+
+
+def compile_structure(robot: Robot) -> Structure:
+    """Compile a robot: everything that does not depend on the pose.
+
+    Examples
+    --------
+    >>> from beamstiff import load_robot
+    >>> compile_structure(load_robot("ir663")).unknowns.count <= 60
+    True
+    """
+    kinematics = compile_kinematics(robot)
+    unknowns = number_unknowns(robot)
+    index = {node.name: at for at, node in enumerate(robot.nodes)}
+    frames = kinematics.frame_index
+
+    def ends(items: list[tuple[str, str]]) -> Index:
+        return np.array([[index[a], index[b]] for a, b in items], dtype=np.int64).reshape(-1, 2)
+
+    values = np.array([joint_values(joint) for joint in robot.joints]).reshape(-1, 6)
+    # rigid directions of loop-closing joints are constraints, not springs
+    finite = np.where(values == RIGID, FREE, values)
+    chords = np.array([at for at in unknowns.chord_joints if finite[at].any()], dtype=np.int64)
+    struts = np.array([at for at, strut in enumerate(robot.struts) if strut.stiffness not in (RIGID, FREE)], dtype=np.int64)
+    elements = np.concatenate(
+        [
+            ends([beam.nodes for beam in robot.beams]),
+            ends([robot.joints[at].nodes for at in chords]),
+            ends([robot.struts[at].nodes for at in struts]),
+        ]
+    )
+    number = {(name, direction): at for at, (name, direction) in enumerate(unknowns.labels)}
+    springs = [
+        (number[robot.joints[at].name, direction], finite[at, direction], at)
+        for at in unknowns.tree_joints
+        for direction in range(6)
+        if finite[at, direction] != FREE
+    ]
+    sections = [section_properties(robot.sections[beam.section]) for beam in robot.beams]
+    materials = [robot.materials[beam.material] for beam in robot.beams]
+    properties = {
+        name: np.array([getattr(section, name) or np.inf for section in sections], dtype=np.float64)
+        for name in ("A", "Iy", "Iz", "J", "Ay", "Az")
+    }
+    properties |= {name: np.array([getattr(material, name) for material in materials]) for name in ("E", "G")}
+    spring_index = np.array([spring[0] for spring in springs], dtype=np.int64)
+    return Structure(
+        robot=robot,
+        kinematics=kinematics,
+        unknowns=unknowns,
+        pattern=_find_pattern(elements, unknowns, spring_index),
+        elements=elements,
+        beam_properties=properties,
+        beam_up=np.array([beam.up or (np.nan,) * 3 for beam in robot.beams], dtype=np.float64).reshape(-1, 3),
+        beam_frame=np.array([kinematics.node_frame[index[beam.nodes[0]]] for beam in robot.beams], dtype=np.int64),
+        beam_density=np.array([material.density for material in materials], dtype=np.float64),
+        chords=chords,
+        chord_values=finite[chords],
+        struts=struts,
+        strut_values=np.array([robot.struts[at].stiffness for at in struts], dtype=np.float64),
+        springs=spring_index,
+        spring_values=np.array([spring[1] for spring in springs], dtype=np.float64),
+        spring_joint=np.array([spring[2] for spring in springs], dtype=np.int64),
+        joint_axes=beam_axes(
+            np.array([joint.axis for joint in robot.joints], dtype=np.float64).reshape(-1, 3),
+            np.full((len(robot.joints), 3), np.nan),
+        ),
+        joint_frame=np.array([frames[joint.frame] for joint in robot.joints], dtype=np.int64),
+        joint_nodes=ends([joint.nodes for joint in robot.joints]),
+    )
+
+
+def _find_pattern(elements: Index, unknowns: Unknowns, springs: Index) -> Pattern:
+    """Find once which products of element blocks and terms there are, and where their entries go."""
+    terms_of: list[list[int]] = [[] for _ in range(int(max(elements.max(initial=-1), unknowns.term_node.max(initial=-1))) + 1)]
+    for term, node in enumerate(unknowns.term_node):
+        terms_of[node].append(term)
+    products = [
+        (element, i, j, s, t)
+        for element, ends in enumerate(elements.tolist())
+        for i in (0, 1)
+        for j in (0, 1)
+        for s in terms_of[ends[i]]
+        for t in terms_of[ends[j]]
+    ]
+    columns = np.array(products, dtype=np.int64).reshape(-1, 5).T
+    count = unknowns.count
+    term_unknowns = unknowns.blocks[unknowns.term_block]
+    row = np.broadcast_to(term_unknowns[columns[3]][:, :, None], (columns.shape[1], 6, 6)).reshape(-1)
+    column = np.broadcast_to(term_unknowns[columns[4]][:, None, :], (columns.shape[1], 6, 6)).reshape(-1)
+    place = np.where((row >= 0) & (column >= 0), column * count + row, -1)
+    # every unknown has a diagonal entry, also one that nothing resists: a mechanism must show as a zero pivot
+    place = np.concatenate([place, springs * (count + 1), np.arange(count) * (count + 1)])
+    order = np.argsort(place, kind="stable")
+    order = order[np.searchsorted(place[order], 0) :]
+    sorted_place = place[order]
+    starts = np.flatnonzero(np.diff(sorted_place, prepend=-1))
+    entries = sorted_place[starts]
+    return Pattern(*columns, order=order, starts=starts, rows=entries % max(count, 1), columns=entries // max(count, 1))

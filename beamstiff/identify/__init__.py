@@ -1,0 +1,1 @@
+"""What fits the model to measurements, with its uncertainty and what cannot be known."""

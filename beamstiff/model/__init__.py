@@ -1,0 +1,1 @@
+"""What predicts: displacement of the measured points from joint values and wrench, with exact derivatives."""

@@ -1,0 +1,200 @@
+"""The port-reduced evaluator: predictions of all rows, and their exact derivatives, from stiffness values alone.
+
+The beams do not change when only joint stiffness does: each pose is condensed once to the ports (the directions
+whose stiffness is open), and an evaluation is a small dense problem::
+
+    d = C_clamped w + B_d^T (S + diag k)^-1 (B_w w + g)        dd/dk_j = -(B_d^T M^-1)_j (M^-1 (B_w w + g))_j
+
+with M = S + diag k (DESIGN: ports; the derivative of an inverse, term by term).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamstiff.errors import BeamstiffError, suggest
+from beamstiff.fem.condensation import Port, condense
+from beamstiff.fem.structure import compile_structure
+from beamstiff.measure.table import Measurements
+from beamstiff.robot.description import Robot
+from beamstiff.robot.fields import FREE, RIGID
+from beamstiff.robot.kinematics import posture
+from beamstiff.robot.parts import JOINT_DIRECTIONS
+from beamstiff.robot.stiffness import stiffness_parameters
+from beamstiff.se3 import Array
+
+Index = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class PortModel:
+    """A robot reduced to its open stiffness values, for the rows of a measurement table.
+
+    Attributes
+    ----------
+    parameters : tuple of str
+        Names of the open stiffness values (m), such as ``"J12.torsional"``.
+    start : (m,) array
+        Their values in the robot, N/m or N m/rad; 1 where the robot says rigid or free.
+    port_parameter : (p,) int array
+        Which parameter each port belongs to (a radial stiffness acts in two directions).
+    port_stiffness : (P, p, p) array
+        S, by pose.
+    pose : (N,) int array
+        Pose of each row.
+    force : (N, p) array
+        B w (+ g): what the row's load does at the ports.
+    motion : (N, p, 6) array
+        B at the row's measured point.
+    clamped : (N, 6) array
+        Displacement of the row with all ports held.
+    """
+
+    parameters: tuple[str, ...]
+    start: Array
+    port_parameter: Index
+    port_stiffness: Array
+    pose: Index
+    force: Array
+    motion: Array
+    clamped: Array
+
+    def predict(self, stiffness: Array) -> Array:
+        """Return the displacement ``[d, r]`` of every row, (N, 6), base frame.
+
+        Parameters
+        ----------
+        stiffness : (m,) array
+            Values of `parameters`, N/m or N m/rad; zero is free.
+
+        Raises
+        ------
+        BeamstiffError
+            When a value is negative or not finite.
+        """
+        inverse = self._inverse(stiffness)[self.pose]
+        opened = (inverse @ self.force[..., None])[..., 0]
+        result: Array = self.clamped + np.einsum("npa,np->na", self.motion, opened)
+        return result
+
+    def derivatives(self, stiffness: Array) -> tuple[Array, Array]:
+        """Return predictions (N, 6) and their derivatives (N, 6, m) with respect to the stiffness values."""
+        inverse = self._inverse(stiffness)[self.pose]
+        opened = (inverse @ self.force[..., None])[..., 0]
+        carried = inverse @ self.motion
+        by_port = -carried * opened[..., None]
+        result = np.zeros((self.pose.size, 6, len(self.parameters)))
+        np.add.at(result, (slice(None), slice(None), self.port_parameter), by_port.swapaxes(-1, -2))
+        return self.clamped + np.einsum("npa,np->na", self.motion, opened), result
+
+    def _inverse(self, stiffness: Array) -> Array:
+        values = np.asarray(stiffness, dtype=np.float64)
+        if values.shape != (len(self.parameters),) or not np.isfinite(values).all() or (values < 0).any():
+            raise BeamstiffError(f"found the stiffness values {values.tolist()}, expected {len(self.parameters)} finite and positive ones")
+        matrix = self.port_stiffness.copy()
+        ports = np.arange(self.port_parameter.size)
+        matrix[:, ports, ports] += values[self.port_parameter]
+        diagonal = matrix[:, ports, ports]
+        if (diagonal <= 0.0).any():
+            port = int(np.argwhere(diagonal <= 0.0)[0][1])
+            raise BeamstiffError(f"{self.parameters[self.port_parameter[port]]}: without stiffness the robot is a mechanism")
+        scale = 1.0 / np.sqrt(diagonal)
+        inverse: Array = np.linalg.inv(scale[:, :, None] * matrix * scale[:, None, :])
+        return scale[:, :, None] * inverse * scale[:, None, :]
+
+
+def find_ports(robot: Robot, parameters: Sequence[str]) -> tuple[list[Port], Index]:
+    """Return the ports that belong to stiffness parameters, and the parameter of each.
+
+    Raises
+    ------
+    BeamstiffError
+        When a parameter does not exist or is named twice.
+    """
+    known = stiffness_parameters(robot)
+    joints = {joint.name: at for at, joint in enumerate(robot.joints)}
+    struts = {strut.name: at for at, strut in enumerate(robot.struts)}
+    ports: list[Port] = []
+    owner: list[int] = []
+    for number, name in enumerate(parameters):
+        if name not in known:
+            raise BeamstiffError(f"robot {robot.name!r} has no stiffness parameter {name!r}{suggest(name, known)}")
+        if name in parameters[:number]:
+            raise BeamstiffError(f"the stiffness parameter {name!r} is named twice")
+        if name in struts:
+            ports.append(Port(name, struts[name], -1))
+            owner.append(number)
+            continue
+        joint, kind = name.rsplit(".", 1)
+        for direction in (at for at, what in enumerate(JOINT_DIRECTIONS) if what == kind):
+            ports.append(Port(name, joints[joint], direction))
+            owner.append(number)
+    return ports, np.array(owner, dtype=np.int64)
+
+
+def opened(robot: Robot, parameters: Sequence[str]) -> Robot:
+    """Return the robot with a number in place of `rigid` or `free` for every parameter, so that it is a port."""
+    known = stiffness_parameters(robot)
+    values: Mapping[str, float] = {name: 1.0 for name in parameters if known.get(name) in (RIGID, FREE)}
+    return robot.with_parameters(values) if values else robot
+
+
+def reduce_to_ports(
+    robot: Robot, measurements: Measurements, parameters: Sequence[str] | None = None, gravity: bool | None = None
+) -> PortModel:
+    """Reduce a robot to the ports of `parameters` for the rows of a measurement table.
+
+    Parameters
+    ----------
+    robot : Robot
+    measurements : Measurements
+        N rows: joint values, wrench, measured point and point of load.
+    parameters : sequence of str, optional
+        Stiffness values to leave open; default ``robot.identify``.
+    gravity : bool, optional
+        Add the dead weight; default: for absolute positions, not for displacements (loaded minus unloaded).
+
+    Raises
+    ------
+    BeamstiffError
+        When a parameter does not exist, a pose cannot close its loops or the structure is a mechanism.
+    """
+    names = tuple(parameters if parameters is not None else robot.identify)
+    if not names:
+        raise BeamstiffError(f"robot {robot.name!r} names no parameters under `identify`; name some, such as J1.torsional")
+    ports, owner = find_ports(robot, names)
+    open_robot = opened(robot, names)
+    structure = compile_structure(open_robot)
+    poses, pose = np.unique(measurements.q, axis=0, return_inverse=True)
+    pose = pose.reshape(-1).astype(np.int64)
+    observed = list(dict.fromkeys([*measurements.point, *measurements.load_point]))
+    condensed = condense(structure, posture(structure.kinematics, poses), observed, ports)
+    at = {name: 6 * number + np.arange(6) for number, name in enumerate(observed)}
+    seen = np.array([at[name] for name in measurements.point])
+    loaded = np.array([at[name] for name in measurements.load_point])
+    rows = np.arange(pose.size)
+    maps = condensed.port_map[pose]  # (N, p, o)
+    motion = maps[rows[:, None], :, seen].swapaxes(-1, -2)
+    from_load = maps[rows[:, None], :, loaded].swapaxes(-1, -2)
+    force = (from_load @ measurements.wrench[..., None])[..., 0]
+    clamped = np.einsum(
+        "nab,nb->na", condensed.clamped[pose][rows[:, None, None], seen[:, :, None], loaded[:, None, :]], measurements.wrench
+    )
+    if gravity if gravity is not None else measurements.kind == "absolute":
+        force = force + condensed.port_dead[pose]
+        clamped = clamped + condensed.clamped_dead[pose][rows[:, None], seen]
+    return PortModel(
+        parameters=names,
+        start=np.array([stiffness_parameters(open_robot)[name] for name in names]),
+        port_parameter=owner,
+        port_stiffness=condensed.port_stiffness,
+        pose=pose,
+        force=force,
+        motion=motion,
+        clamped=clamped,
+    )
+
