@@ -1,0 +1,98 @@
+"""The assembly branch of closed loops: which of the ways to put them together a posture belongs to.
+
+Two branches meet only where the passive variables are undetermined, so the sign of the determinant of
+``J_p = d gaps / d passive`` tells them apart. J_p has redundant rows (a planar loop closes out of its plane
+by itself), so the determinant is that of ``J_reference^T J_p``, which by Cauchy and Binet has the same sign.
+And it is taken block by block of the variables that depend on one another: in one determinant of several
+loops, two flips would cancel.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import qr
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components, maximum_bipartite_matching
+
+from beamstiff.robot.loops import LoopSystem, loop_equations
+from beamstiff.se3 import Array
+
+Block = tuple[NDArray[np.intp], NDArray[np.intp]]
+NEAR_SINGULAR = 1e-5  # ratio of the pivots of J_p below which branches are too close to be told apart
+_ZERO = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Assembly:
+    """Where the loops close, as the reference of the assembly branch.
+
+    Attributes
+    ----------
+    free : (A + Q,) array, rad or m
+        Actuated and passive variables there.
+    jacobian : (M, Q) array
+        Derivative of the gaps by the passive variables there, scaled.
+    blocks : tuple of (rows, columns)
+        Parts of the Jacobian that have a branch of their own.
+    """
+
+    free: Array
+    jacobian: Array
+    blocks: tuple[Block, ...]
+
+    def same_branch(self, jacobian: Array, reference: Array | None = None) -> NDArray[np.bool_]:
+        """Return whether Jacobians (P, M, Q) belong to the branch of the reference, (P,).
+
+        `reference` (P, M, Q), instead of the assembly's own, compares with a posture close by.
+        """
+        reference = self.jacobian if reference is None else reference
+        same = np.ones(len(jacobian), dtype=np.bool_)
+        for rows, columns in self.blocks:
+            here = jacobian[:, rows[:, None], columns]
+            there = reference[..., rows[:, None], columns]
+            same &= np.linalg.det(np.swapaxes(there, -1, -2) @ here) > 0.0
+        return same
+
+
+def assembly_at(system: LoopSystem, free: Array) -> Assembly | None:
+    """Return the assembly at a closed posture (A + Q,), or None where passive variables are undetermined."""
+    jacobian = loop_equations(system, free[None])[1][0, :, system.actuated :]
+    pivots = np.abs(np.diag(np.atleast_2d(qr(jacobian, mode="r", pivoting=True)[0])))
+    if pivots.size and (len(jacobian) < jacobian.shape[1] or pivots[-1] < NEAR_SINGULAR * pivots[0]):
+        return None
+    return Assembly(free=free, jacobian=jacobian, blocks=_blocks(system, free, jacobian))
+
+
+def _blocks(system: LoopSystem, free: Array, jacobian: Array) -> tuple[Block, ...]:
+    """Split J_p into its irreducible diagonal blocks (Dulmage and Mendelsohn)."""
+    passive = jacobian.shape[1]
+    # away from the closed posture, so that no entry is zero by its symmetry alone
+    around = free + 0.1 * system.scale * np.random.default_rng(0).standard_normal((8, len(free)))
+    around_jacobians = loop_equations(system, around)[1][:, :, system.actuated :]
+    pattern = np.abs(around_jacobians).max(axis=0) > _ZERO
+    independent = np.sort(qr(jacobian.T, mode="r", pivoting=True)[1][:passive])
+    chosen = pattern[independent]
+    row_of = maximum_bipartite_matching(csr_array(chosen), perm_type="row")
+    if (row_of < 0).any():  # cannot be: the rows are independent
+        return ((np.arange(len(jacobian)), np.arange(passive)),)
+    # variable j needs variable i when the row that determines j holds i
+    needs = chosen[row_of].copy()
+    loop_of = np.concatenate([np.full(part.stop - part.start, at) for at, part in enumerate(system.rows)])
+    redundant = [
+        at for at in range(len(system.rows)) if (loop_of == at).sum() > (loop_of[independent] == at).sum()
+    ]
+    for at in redundant:  # which of its rows is redundant changes with the posture: keep it whole
+        columns = np.flatnonzero(loop_of[independent][row_of] == at)
+        needs[np.ix_(columns, columns)] = True
+    count, block_of = connected_components(csr_array(needs), directed=True, connection="strong")
+    blocks = []
+    for block in range(count):
+        columns = np.flatnonzero(block_of == block)
+        rows = independent[row_of[columns]]
+        whole = [at for at in redundant if (loop_of[rows] == at).any()]
+        rows = np.union1d(rows, np.flatnonzero(np.isin(loop_of, whole)))
+        blocks.append((rows, columns))
+    return tuple(blocks)

@@ -1,0 +1,197 @@
+"""Loop closure: the passive variables that close all loops, at many poses at once.
+
+Gauss-Newton from the declared guess with limited steps, so that it stays in the guess's assembly branch;
+poses that did not close, or closed in another branch, are reached by continuation from a good pose nearby.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from beamstiff.errors import BeamstiffError, listed
+from beamstiff.robot.branch import NEAR_SINGULAR, Assembly, assembly_at
+from beamstiff.robot.continuation import close_in_branch
+from beamstiff.robot.forward import body_of, screws_of
+from beamstiff.robot.frames import Kinematics, all_values
+from beamstiff.robot.loops import LoopSystem, equations_at, loop_system
+from beamstiff.robot.newton import Mask, newton
+from beamstiff.se3 import Array
+
+
+class Closure(NamedTuple):
+    """Postures with the loops closed where they can be.
+
+    Attributes
+    ----------
+    values : (P, V) array, rad or m
+        All variables; NaN for those that depend on a loop that is not closed.
+    closed : (P,) bool array
+    reasons : tuple of str
+        Why a pose does not close, empty where it does.
+    """
+
+    values: Array
+    closed: Mask
+    reasons: tuple[str, ...]
+
+
+def close_loops(kinematics: Kinematics, q: Array, strict: bool = True) -> Closure:
+    """Return all variables at the given poses, with the passive ones such that every loop closes.
+
+    Parameters
+    ----------
+    kinematics : Kinematics
+    q : (P, A) array, rad or m
+        Actuated variables.
+    strict : bool
+        Whether a pose that cannot close is an error (default) or a reason.
+
+    Raises
+    ------
+    BeamstiffError
+        When `strict` and a pose cannot close: names the loop, the gap that remains and the pose.
+    """
+    joined, poses = kinematics.coupling, len(q)
+    passive = len(joined.free) - joined.actuated
+    free = np.concatenate([q, np.zeros((poses, passive))], axis=1)
+    if not kinematics.loops or poses == 0:
+        return Closure(all_values(kinematics, free), np.ones(poses, dtype=np.bool_), ("",) * poses)
+    system = loop_system(kinematics)
+    free[:, joined.actuated :] = _start(kinematics)[joined.actuated :]
+    assembly = kinematics.assembly or _assembly_among(system, free)
+    if assembly is None:
+        free, gaps, _, closed = newton(system, free)
+        flipped = np.zeros(poses, dtype=np.bool_)
+    else:
+        free, gaps, closed, flipped = close_in_branch(system, assembly, free)
+    reasons = [""] * poses
+    for pose in np.flatnonzero(~closed):
+        reasons[pose] = _reason(system, free[pose], gaps[pose], int(pose), bool(flipped[pose]))
+        if strict:
+            raise BeamstiffError(reasons[pose])
+    free[~closed, joined.actuated :] = np.nan
+    values = all_values(kinematics, np.where(np.isnan(free), 0.0, free))
+    depends = (joined.matrix[:, joined.actuated :] != 0.0).any(axis=1)
+    values[np.ix_(~closed, depends)] = np.nan
+    return Closure(values, closed, tuple(reasons))
+
+
+def closure_rates(kinematics: Kinematics, values: Array, transforms: Array) -> Array:
+    """Return how the passive variables follow the actuated ones: ``-pinv(J_p) J_a``.
+
+    Parameters
+    ----------
+    kinematics : Kinematics
+    values : (P, V) array
+        With the loops closed.
+    transforms : (P, F + 1, 4, 4) array
+
+    Returns
+    -------
+    (P, Q, A) array
+
+    Raises
+    ------
+    BeamstiffError
+        When passive variables are undetermined at a pose: names the loop.
+    """
+    joined = kinematics.coupling
+    if not kinematics.loops:
+        return np.zeros((len(values), len(joined.free) - joined.actuated, joined.actuated))
+    system = loop_system(kinematics)
+    free = values[:, [joined.names.index(name) for name in joined.free]]
+    bodies = {frame: body_of(transforms[:, frame]) for frame in system.frames}
+    _, jacobian = equations_at(system, bodies, screws_of(kinematics, values, transforms, system.frames))
+    to_actuated, to_passive = np.split(jacobian, [joined.actuated], axis=2)
+    u, s, vt = np.linalg.svd(to_passive, full_matrices=False)
+    short = to_passive.shape[1] < to_passive.shape[2]
+    if s.shape[1]:
+        singular = (s[:, -1] <= NEAR_SINGULAR * s[:, 0]) | short
+        if singular.any():
+            raise BeamstiffError(_undetermined(system, free, to_passive, int(np.argmax(singular))))
+    rates = -np.swapaxes(vt, 1, 2) @ ((np.swapaxes(u, 1, 2) @ to_actuated) / s[:, :, None])
+    scaled: Array = rates * system.scale[joined.actuated :, None] / system.scale[: joined.actuated]
+    return scaled
+
+
+def find_assembly(kinematics: Kinematics) -> Assembly | None:
+    """Return where the loops close near the declared guess, or None if they do not close there."""
+    system = loop_system(kinematics)
+    free, _, _, closed = newton(system, _start(kinematics)[None])
+    return assembly_at(system, free[0]) if closed[0] else None
+
+
+def _start(kinematics: Kinematics) -> Array:
+    """Return the declared guess of every free variable: its guess, the middle of its limits, or zero."""
+    declared = {variable.name: variable for variable in kinematics.robot.variables}
+    start = []
+    for name in kinematics.coupling.free:
+        variable = declared[name]
+        if variable.limits is not None and "guess" not in variable.model_fields_set:
+            start.append(0.5 * sum(variable.limits))
+        else:
+            start.append(variable.guess)
+    return np.array(start, dtype=np.float64)
+
+
+def _assembly_among(system: LoopSystem, free: Array) -> Assembly | None:
+    """Return the assembly at the pose which closes nearest to the declared guess of the passive variables."""
+    found, _, _, closed = newton(system, free)
+    first = system.actuated
+    away = np.abs((found - free)[:, first:] / system.scale[first:]).max(axis=1, initial=0.0)
+    for pose in np.argsort(np.where(closed, away, np.inf))[: min(8, int(closed.sum()))]:
+        assembly = assembly_at(system, found[pose])
+        if assembly is not None:
+            return assembly
+    return None
+
+
+def _reason(system: LoopSystem, free: Array, gaps: Array, pose: int, flipped: bool) -> str:
+    kinematics = system.kinematics
+    sizes = [float(np.linalg.norm(gaps[part])) for part in system.rows]
+    worst = int(np.argmax(sizes))
+    loop, part = kinematics.loops[worst], system.rows[worst]
+    at = f"at {_where(system, free)} (pose {pose})"
+    if flipped:
+        return (
+            f"loop {loop.name!r} cannot close {at} in the assembly branch of its guess, only in another one"
+        )
+    gap = f"{np.linalg.norm(gaps[part][:3]) * kinematics.size * 1e3:.4g} mm"
+    if loop.constrain == "pose":
+        gap += f" and {np.linalg.norm(gaps[part][3:]):.4g} rad"
+    return f"loop {loop.name!r} cannot close {at}: {gap} remain between {loop.a!r} and {loop.b!r}"
+
+
+def _where(system: LoopSystem, free: Array) -> str:
+    joined = system.kinematics.coupling
+    prismatic = dict(zip(joined.names, system.kinematics.prismatic, strict=True))
+    return (
+        listed(
+            (
+                f"{name} = {value:.6g} {'m' if prismatic[name] else 'rad'}"
+                for name, value, moving in zip(joined.free, free, system.moving, strict=False)
+                if moving
+            ),
+            most=12,
+        )
+        or "any pose"
+    )
+
+
+def _undetermined(system: LoopSystem, free: Array, to_passive: Array, pose: int) -> str:
+    """Say which passive variables can move by themselves, and in which loops."""
+    joined = system.kinematics.coupling
+    motion = np.abs(np.linalg.svd(to_passive[pose])[2][-1])
+    names = [name for name, share in zip(joined.free[system.actuated :], motion, strict=True) if share > 1e-3]
+    loops = [
+        loop.name
+        for loop, part in zip(system.kinematics.loops, system.rows, strict=True)
+        if (np.abs(to_passive[pose, part]) @ motion).max() > 1e-6
+    ]
+    where = f"loop {listed(map(repr, loops))}" if loops else "no loop"
+    return (
+        f"{where} leaves the passive variables {listed(names)} undetermined at "
+        f"{_where(system, free[pose])} (pose {pose}): a singular posture, or too few constraints"
+    )

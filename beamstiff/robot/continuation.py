@@ -1,0 +1,174 @@
+"""Closing loops in one assembly branch: from the reference, along lines, and from elsewhere where need be."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+from beamstiff.robot.branch import NEAR_SINGULAR, Assembly
+from beamstiff.robot.loops import LoopSystem, loop_equations
+from beamstiff.robot.newton import LARGEST_STEP, Mask, least_squares, newton
+from beamstiff.se3 import Array
+
+SMALLEST_STRIDE = 1 / 512  # of the way
+STARTS = 12
+
+
+class Attempt(NamedTuple):
+    """How far closing came: free variables (P, A + Q), gaps (P, M), and two masks (P,).
+
+    `closed` in the branch asked for; `flipped` where only other branches were found.
+    """
+
+    free: Array
+    gaps: Array
+    closed: Mask
+    flipped: Mask
+
+
+def close_in_branch(system: LoopSystem, assembly: Assembly, free: Array) -> Attempt:
+    """Close the loops at every pose in the branch of the assembly.
+
+    First from the reference at once. What did not close, or flipped, is reached from the nearest good pose by
+    continuation, and at last tried from starts all over the passive variables: not every pose can be reached
+    along straight lines.
+
+    Parameters
+    ----------
+    system : LoopSystem
+    assembly : Assembly
+    free : (P, A + Q) array
+        The passive part is not used.
+    """
+    first = system.actuated
+    start = free.copy()
+    start[:, first:] = assembly.free[first:]
+    best, gaps, jacobian, closed = newton(system, start)
+    good = closed & (assembly.same_branch(jacobian) | _meeting(jacobian))
+    flipped = closed & ~good
+    while not good.all():
+        todo = np.flatnonzero(~good)
+        origin = _nearest(system, assembly, best, good, todo)
+        found, found_gaps, arrived = continuation(system, assembly, origin, free[todo, :first])
+        taken = todo[arrived]
+        best[taken], gaps[taken], good[taken] = found[arrived], found_gaps[arrived], True
+        # those that could not be reached may be from the poses just won
+        if arrived.sum() < 0.1 * len(todo):
+            break
+    return _other_starts(system, assembly, Attempt(best, gaps, good, flipped & ~good))
+
+
+def _meeting(jacobian: Array) -> Mask:
+    """Return where branches meet: J_p so close to singular that its sign says nothing."""
+    s = np.linalg.svd(jacobian, compute_uv=False)
+    if not s.shape[1]:
+        return np.ones(len(jacobian), dtype=np.bool_)
+    meeting: Mask = s[:, -1] < NEAR_SINGULAR * s[:, 0]
+    return meeting
+
+
+def _nearest(
+    system: LoopSystem, assembly: Assembly, free: Array, good: Mask, todo: NDArray[np.intp]
+) -> Array:
+    """Return for each pose to do the good posture nearest to it in the variables that move the loops."""
+    first, moving = system.actuated, system.moving
+    origins = np.concatenate([assembly.free[None], free[good]])
+    scale = system.scale[:first][moving]
+    if not moving.any():
+        return np.repeat(assembly.free[None], len(todo), axis=0)
+    tree = KDTree(origins[:, :first][:, moving] / scale)
+    _, nearest = tree.query(free[todo, :first][:, moving] / scale)
+    chosen: Array = origins[nearest]
+    return chosen
+
+
+def continuation(
+    system: LoopSystem, assembly: Assembly, origin: Array, target: Array
+) -> tuple[Array, Array, Mask]:
+    """Follow closed postures along straight lines of the actuated variables.
+
+    Every pose takes strides of its own: doubled when a stride closes in the same branch without a jump,
+    halved when not; it gives up below a smallest stride.
+
+    Parameters
+    ----------
+    origin : (P, A + Q) array
+        Closed postures to start from.
+    target : (P, A) array
+        Actuated variables to arrive at.
+
+    Returns
+    -------
+    free : (P, A + Q) array
+        Where each got to.
+    gaps : (P, M) array
+    arrived : (P,) bool array
+    """
+    first = system.actuated
+    scale, way = system.scale[first:], target - origin[:, :first]
+    free = origin.copy()
+    # what does not move the loops goes along at once
+    free[:, :first][:, ~system.moving] = target[:, ~system.moving]
+    way[:, ~system.moving] = 0.0
+    start = free[:, :first].copy()
+    gaps, jacobian = loop_equations(system, free)
+    done, stride = np.zeros(len(free)), np.full(len(free), 0.5)
+    active = np.arange(len(free))
+    while active.size:
+        share = np.minimum(stride[active], 1.0 - done[active])
+        trial = free[active]
+        change = (share[:, None] * way[active]) / system.scale[:first]
+        to_passive = jacobian[active][:, :, first:]
+        moved = (jacobian[active][:, :, :first] @ change[:, :, None])[:, :, 0]
+        step = least_squares(to_passive, -moved)
+        step /= np.maximum(1.0, np.abs(step).max(axis=1, initial=0.0))[:, None]
+        trial[:, :first] = np.where(
+            (done[active] + share >= 1.0)[:, None],
+            target[active],
+            start[active] + (done[active] + share)[:, None] * way[active],
+        )
+        trial[:, first:] += step * scale
+        trial, _, _, closed = newton(system, trial, iterations=8)
+        trial_gaps, trial_jacobian = loop_equations(system, trial)
+        jump = np.abs((trial - free[active])[:, first:] / scale).max(axis=1, initial=0.0)
+        fine = closed & (jump < 2 * LARGEST_STEP)
+        fine &= assembly.same_branch(trial_jacobian[:, :, first:], to_passive)
+        taken = active[fine]
+        free[taken], gaps[taken], jacobian[taken] = trial[fine], trial_gaps[fine], trial_jacobian[fine]
+        done[taken] += share[fine]
+        stride[active] = np.where(fine, 2.0 * share, 0.5 * share)
+        active = active[(done[active] < 1.0) & (stride[active] > SMALLEST_STRIDE)]
+    arrived = done >= 1.0
+    return free, gaps, arrived
+
+
+def _other_starts(system: LoopSystem, assembly: Assembly, attempt: Attempt) -> Attempt:
+    """Try starts all over the passive variables at the poses that are not closed; keeps the smallest gaps."""
+    first = system.actuated
+    free, gaps, closed, flipped = attempt
+    scale = system.scale[first:]
+    spread = np.where(scale == 1.0, np.pi, 0.5 * scale)
+    random = np.random.default_rng(0)
+    for _ in range(STARTS):
+        todo = np.flatnonzero(~closed)
+        if not todo.size:
+            break
+        start = free[todo]
+        # the same start for all poses: what one pose gets does not depend on the others
+        start[:, first:] = assembly.free[first:] + random.uniform(-spread, spread)
+        found, found_gaps, jacobian, shut = newton(system, start)
+        right = shut & assembly.same_branch(jacobian)
+        nearer = ~shut & ~flipped[todo] & (_norm(found_gaps) < _norm(gaps[todo]))
+        flipped[todo] |= shut & ~right
+        taken = right | nearer
+        free[todo[taken]], gaps[todo[taken]] = found[taken], found_gaps[taken]
+        closed[todo[right]] = True
+    return Attempt(free, gaps, closed, flipped & ~closed)
+
+
+def _norm(gaps: Array) -> Array:
+    size: Array = np.sqrt((gaps**2).sum(axis=1))
+    return size

@@ -1,0 +1,194 @@
+"""Forward geometry: where the frames are, and the twist that each joint variable gives them.
+
+A frame is the product of seven elementary motions (Khalil and Kleinfinger 1986; Hayati's `beta` for
+near-parallel axes)::
+
+    rot(z, gamma) trans(z, b) rot(x, alpha) trans(x, d) rot(z, theta) rot(y, beta) trans(z, r)
+
+Each of them moves along or about one axis of the frame reached so far: a screw. Positions, orientations and
+twists all follow from one walk along the chain, looping over frames only. Inside, the pose is the last axis,
+so that every operation runs over all poses at a stretch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from beamstiff.robot.frames import MOTIONS, Kinematics
+from beamstiff.se3 import Array
+
+
+class Body(NamedTuple):
+    """Where a frame is: its axes (axis, component, P) and its origin (3, P), m."""
+
+    axes: Array
+    origin: Array
+
+
+class Screw(NamedTuple):
+    """A motion that variables drive: its axis (3, P) through a point (3, P)."""
+
+    frame: int
+    motion: int
+    axis: Array
+    point: Array
+
+
+def forward(kinematics: Kinematics, values: Array) -> Array:
+    """Return the transform base <- frame of every frame.
+
+    Parameters
+    ----------
+    kinematics : Kinematics
+    values : (P, V) array, rad or m
+        All variables in the order of ``kinematics.coupling.names``; loops are not closed here.
+
+    Returns
+    -------
+    (P, F + 1, 4, 4) array, in the order of ``kinematics.frame_names``
+    """
+    bodies, _ = place(kinematics, values, range(len(kinematics.frame_names)))
+    transforms = np.zeros((len(values), len(bodies), 4, 4))
+    for at, body in enumerate(bodies):
+        transforms[:, at, :3, :3] = body.axes.transpose(2, 1, 0)
+        transforms[:, at, :3, 3] = body.origin.T
+    transforms[..., 3, 3] = 1.0
+    return transforms
+
+
+def frame_twists(kinematics: Kinematics, values: Array, transforms: Array) -> Array:
+    """Return the twist of every frame's origin for a unit rate of every variable on its own.
+
+    Parameters
+    ----------
+    kinematics : Kinematics
+    values : (P, V) array
+    transforms : (P, F + 1, 4, 4) array
+        From `forward` with the same values.
+
+    Returns
+    -------
+    (P, F + 1, 6, V) array
+        ``[v; w]`` in the base frame, m and rad per rad (or m) of the variable.
+    """
+    variables = np.eye(len(kinematics.coupling.names))
+    twists = np.zeros((len(kinematics.frame_names), 6, len(variables), len(values)))
+    for frame in range(1, len(twists)):
+        chain = chain_to(kinematics, frame)
+        origin = transforms[:, frame, :3, 3].T
+        twists[frame] = twists_at(
+            kinematics, screws_of(kinematics, values, transforms, chain), origin, variables
+        )
+    return np.ascontiguousarray(np.moveaxis(twists, -1, 0))
+
+
+def chain_to(kinematics: Kinematics, frame: int) -> list[int]:
+    """Return the frames from the base to a frame, both included."""
+    chain = [frame]
+    while chain[-1] != 0:
+        chain.append(int(kinematics.parents[chain[-1]]))
+    return chain[::-1]
+
+
+def place(kinematics: Kinematics, values: Array, frames: Sequence[int]) -> tuple[list[Body], list[Screw]]:
+    """Return where some frames are, seen from the first of them, and the screws that move them.
+
+    Parameters
+    ----------
+    kinematics : Kinematics
+    values : (P, V) array
+    frames : sequence of int
+        A root, then frames each of whose parents stands before it.
+    """
+    poses = len(values)
+    bodies = {frames[0]: Body(np.broadcast_to(np.eye(3)[:, :, None], (3, 3, poses)), np.zeros((3, poses)))}
+    screws: list[Screw] = []
+    for frame in frames[1:]:
+        bodies[frame], driven = _walk(kinematics, frame, values, bodies[int(kinematics.parents[frame])])
+        screws += driven
+    return [bodies[frame] for frame in frames], screws
+
+
+def screws_of(kinematics: Kinematics, values: Array, transforms: Array, frames: Sequence[int]) -> list[Screw]:
+    """Return the screws that move frames after the first, where all transforms (P, F + 1, 4, 4) are known."""
+    screws: list[Screw] = []
+    for frame in frames[1:]:
+        if kinematics.coefficients[frame].any():
+            screws += _walk(kinematics, frame, values, body_of(transforms[:, kinematics.parents[frame]]))[1]
+    return screws
+
+
+def body_of(transforms: Array) -> Body:
+    """Return transforms (P, 4, 4) as a body."""
+    return Body(
+        np.ascontiguousarray(transforms[:, :3, :3].transpose(2, 1, 0)),
+        np.ascontiguousarray(transforms[:, :3, 3].T),
+    )
+
+
+def _walk(kinematics: Kinematics, frame: int, values: Array, above: Body) -> tuple[Body, list[Screw]]:
+    """Go through the seven motions of a frame, starting at its parent."""
+    axes, point = list(above.axes), above.origin
+    driven: list[Screw] = []
+    for motion, (_, kind, axis) in enumerate(MOTIONS):
+        constant, coefficients = kinematics.constants[frame, motion], kinematics.coefficients[frame, motion]
+        amount: Array | np.float64 = constant
+        if coefficients.any():
+            used = np.flatnonzero(coefficients)
+            amount = values[:, used] @ coefficients[used] + constant
+            driven.append(Screw(frame, motion, axes[axis], point))
+        elif constant == 0.0:
+            continue
+        if kind == "shift":
+            point = point + amount * axes[axis]
+        else:
+            j, k = (axis + 1) % 3, (axis + 2) % 3
+            c, s = np.cos(amount), np.sin(amount)
+            axes[j], axes[k] = c * axes[j] + s * axes[k], c * axes[k] - s * axes[j]
+    return Body(np.array(axes), point), driven
+
+
+def twists_at(
+    kinematics: Kinematics,
+    screws: Iterable[Screw],
+    point: Array,
+    directions: Array,
+    backward: Iterable[Screw] = (),
+) -> Array:
+    """Return the twist of a body at one of its points, for motions along given directions of the variables.
+
+    Parameters
+    ----------
+    kinematics : Kinematics
+    screws : iterable of Screw
+        Those that move the body.
+    point : (3, P) array, m
+    directions : (V, C) array
+        Rates of all variables, one column a motion.
+    backward : iterable of Screw
+        Those that move another body, from which this one is seen.
+
+    Returns
+    -------
+    (6, C, P) array
+        ``[v; w]`` in the frame of the screws.
+    """
+    twists = np.zeros((6, directions.shape[1], point.shape[1]))
+    for sign, group in ((1.0, screws), (-1.0, backward)):
+        for screw in group:
+            rates = sign * (kinematics.coefficients[screw.frame, screw.motion] @ directions)
+            turns = MOTIONS[screw.motion][1] == "turn"
+            velocity = cross(screw.axis, point - screw.point) if turns else screw.axis
+            for column in np.flatnonzero(rates):
+                twists[:3, column] += rates[column] * velocity
+                if turns:
+                    twists[3:, column] += rates[column] * screw.axis
+    return twists
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Return the cross product along the first axis."""
+    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])

@@ -1,0 +1,172 @@
+"""The geometry of a robot, compiled: frames parents first, their parameters linear in the variables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import networkx as nx
+import numpy as np
+from numpy.typing import NDArray
+
+from beamstiff.robot.coupling import Coupling, coupling, frame_expressions, variable_kinds
+from beamstiff.se3 import Array
+
+if TYPE_CHECKING:
+    from beamstiff.robot.branch import Assembly
+    from beamstiff.robot.description import Robot
+
+# parameter, whether it turns or shifts, and along which axis (0 x, 1 y, 2 z), in the order of the product
+MOTIONS: tuple[tuple[str, Literal["turn", "shift"], int], ...] = (
+    ("gamma", "turn", 2),
+    ("b", "shift", 2),
+    ("alpha", "turn", 0),
+    ("d", "shift", 0),
+    ("theta", "turn", 2),
+    ("beta", "turn", 1),
+    ("r", "shift", 2),
+)
+
+
+@dataclass(frozen=True)
+class LoopEnds:
+    """A loop with its two ends as points of frames.
+
+    Attributes
+    ----------
+    name, a, b, constrain
+        As declared.
+    frame_a, frame_b : int
+        Index of the frame that holds the end.
+    at_a, at_b : (3,) array, m
+        The end in its frame.
+    """
+
+    name: str
+    a: str
+    b: str
+    constrain: Literal["position", "pose", "plane"]
+    frame_a: int
+    at_a: Array
+    frame_b: int
+    at_b: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Kinematics:
+    """The geometry of a robot, compiled once; V variables, A actuated, Q passive, F frames, N nodes.
+
+    Attributes
+    ----------
+    robot : Robot
+    coupling : Coupling
+        How all variables follow from the actuated and the passive ones.
+    prismatic : (V,) bool array
+        Whether a variable is a length, in the order of ``coupling.names``.
+    frame_names : tuple of str
+        ``"base"`` first, every frame after its parent (F + 1).
+    frame_index : mapping of str to int
+    parents : (F + 1,) int array
+        Index of each frame's parent; -1 for the base.
+    constants : (F + 1, 7) array, rad or m
+        Constant part of the parameters, in the order of `MOTIONS`.
+    coefficients : (F + 1, 7, V) array
+        Their linear part: ``parameters = constants + coefficients @ values``.
+    node_names : tuple of str
+    node_index : mapping of str to int
+    node_frame : (N,) int array
+    node_at : (N, 3) array, m
+        Position in the node's frame.
+    loops : tuple of LoopEnds
+    size : float, m
+        Size of the machine: how far its longest chain of frames could reach.
+    assembly : Assembly or None
+        Where the loops close and in which assembly branch; None without loops, or when the declared guess
+        does not close and the poses have to tell.
+    """
+
+    robot: Robot
+    coupling: Coupling
+    prismatic: NDArray[np.bool_]
+    frame_names: tuple[str, ...]
+    frame_index: Mapping[str, int]
+    parents: NDArray[np.intp]
+    constants: Array
+    coefficients: Array
+    node_names: tuple[str, ...]
+    node_index: Mapping[str, int]
+    node_frame: NDArray[np.intp]
+    node_at: Array
+    loops: tuple[LoopEnds, ...]
+    size: float
+    assembly: Assembly | None = None
+
+
+def compile_frames(robot: Robot) -> Kinematics:
+    """Return the kinematics of a robot with its loops still to be assembled."""
+    joined = coupling(robot)
+    names = _frames_after_parents(robot)
+    index = {name: at for at, name in enumerate(names)}
+    parent_of = {frame.name: frame.parent for frame in robot.frames}
+    parents = np.array([-1, *(index[parent_of[name]] for name in names[1:])], dtype=np.intp)
+    column = {name: at for at, name in enumerate(joined.names)}
+    constants = np.zeros((len(names), 7))
+    coefficients = np.zeros((len(names), 7, len(joined.names)))
+    for frame, expressions in frame_expressions(robot).items():
+        for at, (parameter, _, _) in enumerate(MOTIONS):
+            constants[index[frame], at] = expressions[parameter].constant
+            for name, coefficient in expressions[parameter].coefficients.items():
+                coefficients[index[frame], at, column[name]] = coefficient
+    node_at = np.array([node.at for node in robot.nodes], dtype=np.float64).reshape(-1, 3)
+    node_frame = np.array([index[node.frame] for node in robot.nodes], dtype=np.intp)
+    node_index = {node.name: at for at, node in enumerate(robot.nodes)}
+
+    def end(name: str) -> tuple[int, Array]:
+        if name in index:
+            return index[name], np.zeros(3)
+        return int(node_frame[node_index[name]]), node_at[node_index[name]]
+
+    kinds = variable_kinds(robot)
+    return Kinematics(
+        robot=robot,
+        coupling=joined,
+        prismatic=np.array([kinds[name] == "length" for name in joined.names], dtype=np.bool_),
+        frame_names=tuple(names),
+        frame_index=index,
+        parents=parents,
+        constants=constants,
+        coefficients=coefficients,
+        node_names=tuple(node_index),
+        node_index=node_index,
+        node_frame=node_frame,
+        node_at=node_at,
+        loops=tuple(
+            LoopEnds(loop.name, loop.a, loop.b, loop.constrain, *end(loop.a), *end(loop.b))
+            for loop in robot.loops
+        ),
+        size=_size(parents, constants, node_frame, node_at),
+    )
+
+
+def _frames_after_parents(robot: Robot) -> list[str]:
+    order = {"base": 0} | {frame.name: at + 1 for at, frame in enumerate(robot.frames)}
+    tree = nx.DiGraph([(frame.parent, frame.name) for frame in robot.frames])
+    tree.add_node("base")
+    return list(nx.lexicographical_topological_sort(tree, key=order.__getitem__))
+
+
+def _size(parents: NDArray[np.intp], constants: Array, node_frame: NDArray[np.intp], node_at: Array) -> float:
+    shifts = [at for at, (_, kind, _) in enumerate(MOTIONS) if kind == "shift"]
+    reach = np.zeros(len(parents))
+    for frame in range(1, len(parents)):
+        reach[frame] = reach[parents[frame]] + np.abs(constants[frame, shifts]).sum()
+    longest = float((reach[node_frame] + np.linalg.norm(node_at, axis=1)).max())
+    return max(longest, float(reach.max())) or 1.0
+
+
+def all_values(kinematics: Kinematics, free: Array) -> Array:
+    """Return the values of all variables (P, V) from those of the free ones (P, A + Q)."""
+    joined = kinematics.coupling
+    values: Array = free @ joined.matrix.T + joined.offset
+    return values

@@ -1,0 +1,236 @@
+"""Kinematics of a robot with its loops closed: postures and twist Jacobians, batched over poses."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from beamstiff.errors import BeamstiffError, listed, suggest
+from beamstiff.robot.closure import close_loops, closure_rates, find_assembly
+from beamstiff.robot.forward import chain_to, forward, frame_twists, screws_of, twists_at
+from beamstiff.robot.frames import Kinematics, compile_frames
+from beamstiff.se3 import Array
+
+if TYPE_CHECKING:
+    from beamstiff.robot.description import Robot
+
+__all__ = [
+    "Kinematics",
+    "Posture",
+    "actuated_values",
+    "compile_kinematics",
+    "forward",
+    "frame_twists",
+    "pose_of",
+    "posture",
+    "twist_jacobian",
+]
+
+
+@dataclass(frozen=True, eq=False)
+class Posture:
+    """A machine at P poses, its loops closed.
+
+    Attributes
+    ----------
+    values : (P, V) array, rad or m
+        All variables, in the order of ``kinematics.coupling.names``.
+    transforms : (P, F + 1, 4, 4) array
+        Transform base <- frame, in the order of ``kinematics.frame_names``.
+    node_positions : (P, N, 3) array, m
+        In the base frame, in the order of ``kinematics.node_names``.
+    """
+
+    values: Array
+    transforms: Array
+    node_positions: Array
+
+
+def compile_kinematics(robot: Robot) -> Kinematics:
+    """Return the kinematics of a robot: everything that is the same for all poses.
+
+    Examples
+    --------
+    >>> from beamstiff.robot.description import Robot
+    >>> from beamstiff.robot.parts import Frame, Node, Variable
+    >>> arm = Robot(
+    ...     name="arm",
+    ...     variables=[Variable(name="q1", type="revolute")],
+    ...     frames=[Frame(name="f1", theta="q1")],
+    ...     nodes=[Node(name="hand", frame="f1", at=("2 m", 0, 0))],
+    ...     fixed=["hand"],
+    ...     tcp="hand",
+    ... )
+    >>> kinematics = compile_kinematics(arm)
+    >>> posture(kinematics, [[0.0], [np.pi / 2]]).node_positions.round(9)[:, 0]
+    array([[2., 0., 0.], [0., 2., 0.]])
+    """
+    kinematics = compile_frames(robot)
+    return dataclasses.replace(kinematics, assembly=find_assembly(kinematics)) if robot.loops else kinematics
+
+
+def actuated_values(robot: Robot, q: Mapping[str, ArrayLike] | ArrayLike) -> Array:
+    """Return values of the actuated variables as a table, one row a pose.
+
+    Parameters
+    ----------
+    robot : Robot
+    q : mapping or array
+        By name, each a number or P of them (variables not named are 0); or an array (A,) or (P, A) in the
+        order of ``robot.actuated``. rad or m.
+
+    Returns
+    -------
+    (P, A) array
+
+    Raises
+    ------
+    BeamstiffError
+        When a name is not that of an actuated variable, a value is not a finite number or shapes disagree.
+    """
+    names = [variable.name for variable in robot.actuated]
+    if isinstance(q, Mapping):
+        return _from_names(robot, names, q)
+    values = _numbers(q, "the joint values")
+    if values.ndim == 1:
+        values = values[None]
+    if values.ndim != 2 or values.shape[1] != len(names):
+        raise BeamstiffError(
+            f"found joint values of shape {values.shape}, expected {len(names)} in a row: "
+            f"{listed(names, 12) or 'none'}"
+        )
+    _all_finite(values, names)
+    return values
+
+
+def _from_names(robot: Robot, names: list[str], q: Mapping[str, ArrayLike]) -> Array:
+    given: dict[str, Array] = {}
+    for name, value in q.items():
+        if name not in names:
+            for variable in robot.variables:
+                if variable.name == name:
+                    how = "is solved by loop closure" if variable.passive else f"follows {variable.equals}"
+                    raise BeamstiffError(
+                        f"{name!r} {how}: give values of the actuated variables {listed(names, 12)} only"
+                    )
+            raise BeamstiffError(
+                f"unknown joint variable {name!r}{suggest(name, names)}, "
+                f"expected {listed(names, 12) or 'none'}"
+            )
+        given[name] = _numbers(value, f"{name}")
+        if given[name].ndim > 1:
+            raise BeamstiffError(
+                f"{name}: found values of shape {given[name].shape}, expected a number or a row"
+            )
+    lengths = {len(value) for value in given.values() if value.ndim}
+    if len(lengths) > 1:
+        raise BeamstiffError(
+            f"found {listed(map(str, sorted(lengths)))} values for the joints of {robot.name!r}, "
+            "expected as many for each"
+        )
+    values = np.zeros((lengths.pop() if lengths else 1, len(names)))
+    for name, value in given.items():
+        values[:, names.index(name)] = value
+    _all_finite(values, names)
+    return values
+
+
+def _numbers(values: ArrayLike, what: str) -> Array:
+    try:
+        array = np.asarray(values)
+        if (
+            array.dtype.kind not in "iuf" and array.size
+        ):  # text, truth values and complex numbers are no angles
+            raise TypeError
+        return array.astype(np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise BeamstiffError(f"{what}: found {str(values)[:60]!r}, expected numbers") from None
+
+
+def _all_finite(values: Array, names: list[str]) -> None:
+    if not np.isfinite(values).all():
+        pose, column = np.argwhere(~np.isfinite(values))[0]
+        raise BeamstiffError(
+            f"{names[column]}: found {values[pose, column]} (pose {pose}), expected a finite number"
+        )
+
+
+def posture(kinematics: Kinematics, q: Mapping[str, ArrayLike] | ArrayLike) -> Posture:
+    """Return the machine at the given poses, its loops closed.
+
+    Parameters
+    ----------
+    kinematics : Kinematics
+    q : (P, A) array or anything that `actuated_values` takes, rad or m
+
+    Raises
+    ------
+    BeamstiffError
+        When a loop cannot close at one of the poses.
+    """
+    values, _, _ = close_loops(kinematics, actuated_values(kinematics.robot, q))
+    return posture_at(kinematics, values)
+
+
+def posture_at(kinematics: Kinematics, values: Array) -> Posture:
+    """Return the machine where all variables (P, V) are known already, as from `close_loops`."""
+    transforms = forward(kinematics, values)
+    at = transforms[:, kinematics.node_frame]
+    positions = (at[..., :3, :3] @ kinematics.node_at[:, :, None])[..., 0] + at[..., :3, 3]
+    return Posture(values=values, transforms=transforms, node_positions=positions)
+
+
+def twist_jacobian(kinematics: Kinematics, posture: Posture, node: str) -> Array:
+    """Return the Jacobian of a node's twist with respect to the actuated variables, passive ones eliminated.
+
+    ``J = T_a - T_p J_p^+ J_a``, with T the twists for unit rates of the actuated and passive variables and J
+    the derivatives of the loops' gaps.
+
+    Parameters
+    ----------
+    kinematics : Kinematics
+    posture : Posture
+    node : str
+
+    Returns
+    -------
+    (P, 6, A) array
+        ``[v; w]`` at the node in the base frame, per rad (or m) of each of ``robot.actuated``.
+
+    Raises
+    ------
+    BeamstiffError
+        When there is no such node, or a loop leaves passive variables undetermined at a pose.
+    """
+    at = _node(kinematics, node)
+    chain = chain_to(kinematics, int(kinematics.node_frame[at]))
+    screws = screws_of(kinematics, posture.values, posture.transforms, chain)
+    point = posture.node_positions[:, at].T
+    twists = np.moveaxis(twists_at(kinematics, screws, point, kinematics.coupling.matrix), -1, 0)
+    actuated = kinematics.coupling.actuated
+    jacobian: Array = np.ascontiguousarray(twists[:, :, :actuated])
+    if kinematics.loops:
+        rates = closure_rates(kinematics, posture.values, posture.transforms)
+        jacobian = jacobian + twists[:, :, actuated:] @ rates
+    return jacobian
+
+
+def pose_of(kinematics: Kinematics, posture: Posture, node: str) -> Array:
+    """Return the transforms (P, 4, 4) base <- node: orientation of the node's frame, position of the node."""
+    at = _node(kinematics, node)
+    transforms = posture.transforms[:, kinematics.node_frame[at]].copy()
+    transforms[:, :3, 3] = posture.node_positions[:, at]
+    return transforms
+
+
+def _node(kinematics: Kinematics, name: str) -> int:
+    if name not in kinematics.node_index:
+        raise BeamstiffError(
+            f"robot {kinematics.robot.name!r} has no node {name!r}{suggest(name, kinematics.node_names)}"
+        )
+    return kinematics.node_index[name]

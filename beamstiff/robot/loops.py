@@ -1,0 +1,150 @@
+"""The closure equations of a robot's loops: how far each is from closed, and how that changes.
+
+The rows of a loop are written in the frame of its end `a`, and placed from the last frame that all loops
+share, so they do not know where the machine stands. They are divided by the size of the machine; orientations
+(rotation vectors) stand beside them as they are. Prismatic variables are likewise counted in machine sizes.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamstiff.robot.forward import Body, Screw, chain_to, place, twists_at
+from beamstiff.robot.frames import Kinematics, all_values
+from beamstiff.se3 import Array, skew, vector_from_rotation
+
+ROWS = {"position": 3, "plane": 2, "pose": 6}
+
+
+@dataclass(frozen=True, eq=False)
+class LoopSystem:
+    """All loops of a robot together.
+
+    Attributes
+    ----------
+    kinematics : Kinematics
+    frames : tuple of int
+        Frames between the ends of the loops, the last one that all share first.
+    rows : tuple of slice
+        Rows of each loop.
+    scale : (A + Q,) array
+        One rad, or one machine size, for each free variable.
+    actuated : int
+        Number of actuated variables A; the passive ones stand behind them.
+    moving : (A,) bool array
+        Which actuated variables move the loops at all.
+    """
+
+    kinematics: Kinematics
+    frames: tuple[int, ...]
+    rows: tuple[slice, ...]
+    scale: Array
+    actuated: int
+    moving: NDArray[np.bool_]
+
+
+def loop_system(kinematics: Kinematics) -> LoopSystem:
+    """Return the closure equations of a robot, compiled."""
+    frames = _frames_between(kinematics)
+    joined = kinematics.coupling
+    ends = np.cumsum([0, *(ROWS[loop.constrain] for loop in kinematics.loops)])
+    prismatic = [kinematics.prismatic[joined.names.index(name)] for name in joined.free]
+    driving = np.abs(kinematics.coefficients[list(frames[1:])]).sum(axis=(0, 1)) @ np.abs(joined.matrix)
+    return LoopSystem(
+        kinematics=kinematics,
+        frames=frames,
+        rows=tuple(slice(int(a), int(b)) for a, b in itertools.pairwise(ends)),
+        scale=np.where(prismatic, kinematics.size, 1.0),
+        actuated=joined.actuated,
+        moving=driving[: joined.actuated] > 0.0,
+    )
+
+
+def _frames_between(kinematics: Kinematics) -> tuple[int, ...]:
+    """Return the frames on the ways from the last common frame to all ends, parents first."""
+    ways = [
+        chain_to(kinematics, frame) for loop in kinematics.loops for frame in (loop.frame_a, loop.frame_b)
+    ]
+    shared = 0
+    while all(len(way) > shared + 1 and way[shared + 1] == ways[0][shared + 1] for way in ways):
+        shared += 1
+    # frames are numbered parents first
+    return tuple(sorted({frame for way in ways for frame in way[shared:]}))
+
+
+def loop_equations(system: LoopSystem, free: Array) -> tuple[Array, Array]:
+    """Return how far the loops are from closed, and the derivative by all free variables.
+
+    Parameters
+    ----------
+    system : LoopSystem
+    free : (P, A + Q) array, rad or m
+        Actuated and passive variables.
+
+    Returns
+    -------
+    gaps : (P, M) array
+        In machine sizes and rad.
+    jacobian : (P, M, A + Q) array
+        Per `system.scale` of the variable.
+    """
+    bodies, screws = place(system.kinematics, all_values(system.kinematics, free), system.frames)
+    return equations_at(system, dict(zip(system.frames, bodies, strict=True)), screws)
+
+
+def equations_at(
+    system: LoopSystem, bodies: Mapping[int, Body], screws: Sequence[Screw]
+) -> tuple[Array, Array]:
+    """Return what `loop_equations` does, where the frames and screws between the ends are known already."""
+    kinematics, rows = system.kinematics, system.rows
+    directions = kinematics.coupling.matrix * system.scale
+    poses = bodies[system.frames[0]].origin.shape[1]
+    gaps = np.empty((rows[-1].stop, poses))
+    jacobian = np.empty((rows[-1].stop, directions.shape[1], poses))
+    for loop, part in zip(kinematics.loops, rows, strict=True):
+        a, b = bodies[loop.frame_a], bodies[loop.frame_b]
+        end = b.origin + np.tensordot(loop.at_b, b.axes, 1)
+        # b as seen from a, at the point of a that lies where the end of b is
+        way_a, way_b = chain_to(kinematics, loop.frame_a), chain_to(kinematics, loop.frame_b)
+        relative = twists_at(
+            kinematics,
+            [screw for screw in screws if screw.frame in way_b and screw.frame not in way_a],
+            end,
+            directions,
+            backward=[screw for screw in screws if screw.frame in way_a and screw.frame not in way_b],
+        )
+        gap = (_into(a, end - a.origin) - loop.at_a[:, None]) / kinematics.size
+        rate = _into(a, relative[:3]) / kinematics.size
+        if loop.constrain == "pose":
+            turn = np.array([_into(a, axis) for axis in b.axes])  # (axis of b, component in a, P)
+            angle = vector_from_rotation(turn.transpose(2, 1, 0))
+            turning = np.moveaxis(_into(a, relative[3:]), -1, 0)
+            gap = np.concatenate([gap, angle.T])
+            rate = np.concatenate([rate, np.moveaxis(_rotation_vector_rate(angle) @ turning, 0, -1)])
+        gaps[part], jacobian[part] = gap[: ROWS[loop.constrain]], rate[: ROWS[loop.constrain]]
+    return np.ascontiguousarray(gaps.T), np.ascontiguousarray(np.moveaxis(jacobian, -1, 0))
+
+
+def _into(body: Body, vectors: Array) -> Array:
+    """Return vectors (3, ..., P) in the frame of a body."""
+    x, y, z = (axis.reshape(3, *(1,) * (vectors.ndim - 2), -1) for axis in body.axes)
+    return np.array([(x * vectors).sum(axis=0), (y * vectors).sum(axis=0), (z * vectors).sum(axis=0)])
+
+
+def _rotation_vector_rate(vector: Array) -> Array:
+    """Return G with ``d(vector)/dt = G w`` for a rotation vector (..., 3) turning at w, fixed frame.
+
+    The inverse left Jacobian of SO(3): ``1 - S/2 + (1/t^2 - cot(t/2)/(2t)) S^2`` (Chirikjian 2012, 10.86).
+    """
+    angle = np.linalg.norm(vector, axis=-1)[..., None, None]
+    safe = np.maximum(angle, 1e-3)
+    # the series where the closed form would cancel
+    factor = np.where(angle < 1e-2, 1 / 12 + angle**2 / 720, 1 / safe**2 - 1 / (2 * safe * np.tan(safe / 2)))
+    s = skew(vector)
+    rate: Array = np.eye(3) - 0.5 * s + factor * (s @ s)
+    return rate
