@@ -60,19 +60,25 @@ class Assembly:
 def assembly_at(system: LoopSystem, free: Array) -> Assembly | None:
     """Return the assembly at a closed posture (A + Q,), or None where passive variables are undetermined."""
     jacobian = loop_equations(system, free[None])[1][0, :, system.actuated :]
-    pivots = np.abs(np.diag(np.atleast_2d(qr(jacobian, mode="r", pivoting=True)[0])))
-    if pivots.size and (len(jacobian) < jacobian.shape[1] or pivots[-1] < NEAR_SINGULAR * pivots[0]):
-        return None
+    if jacobian.size:
+        s = np.linalg.svd(jacobian, compute_uv=False)
+        if s[-1] < NEAR_SINGULAR * s[0]:
+            return None
     return Assembly(free=free, jacobian=jacobian, blocks=_blocks(system, free, jacobian))
+
+
+def scattered(system: LoopSystem, free: Array) -> Array:
+    """Return eight open postures (8, A + Q) around one (A + Q,): what holds at all of them holds always."""
+    around: Array = free + 0.1 * system.scale * np.random.default_rng(0).standard_normal((8, len(free)))
+    return around
 
 
 def _blocks(system: LoopSystem, free: Array, jacobian: Array) -> tuple[Block, ...]:
     """Split J_p into its irreducible diagonal blocks (Dulmage and Mendelsohn)."""
     passive = jacobian.shape[1]
     # away from the closed posture, so that no entry is zero by its symmetry alone
-    around = free + 0.1 * system.scale * np.random.default_rng(0).standard_normal((8, len(free)))
-    around_jacobians = loop_equations(system, around)[1][:, :, system.actuated :]
-    pattern = np.abs(around_jacobians).max(axis=0) > _ZERO
+    around = loop_equations(system, scattered(system, free))[1][:, :, system.actuated :]
+    pattern = np.abs(around).max(axis=0) > _ZERO
     independent = np.sort(qr(jacobian.T, mode="r", pivoting=True)[1][:passive])
     chosen = pattern[independent]
     row_of = maximum_bipartite_matching(csr_array(chosen), perm_type="row")

@@ -11,13 +11,15 @@ from typing import NamedTuple
 import numpy as np
 
 from beamstiff.errors import BeamstiffError, listed
-from beamstiff.robot.branch import NEAR_SINGULAR, Assembly, assembly_at
+from beamstiff.robot.branch import NEAR_SINGULAR, Assembly, assembly_at, scattered
 from beamstiff.robot.continuation import close_in_branch
 from beamstiff.robot.forward import body_of, screws_of
 from beamstiff.robot.frames import Kinematics, all_values
-from beamstiff.robot.loops import LoopSystem, equations_at, loop_system
+from beamstiff.robot.loops import LoopSystem, equations_at, loop_equations, loop_system
 from beamstiff.robot.newton import Mask, newton
 from beamstiff.se3 import Array
+
+HELD = 1e-6  # gap per motion, in machine sizes and rad, that no passive motion makes up for
 
 
 class Closure(NamedTuple):
@@ -95,10 +97,10 @@ def closure_rates(kinematics: Kinematics, values: Array, transforms: Array) -> A
     Raises
     ------
     BeamstiffError
-        When passive variables are undetermined at a pose: names the loop.
+        When passive variables are undetermined at a pose, or a loop holds an actuated one: names the loop.
     """
     joined = kinematics.coupling
-    if not kinematics.loops:
+    if not kinematics.loops or not len(values):
         return np.zeros((len(values), len(joined.free) - joined.actuated, joined.actuated))
     system = loop_system(kinematics)
     free = values[:, [joined.names.index(name) for name in joined.free]]
@@ -106,20 +108,35 @@ def closure_rates(kinematics: Kinematics, values: Array, transforms: Array) -> A
     _, jacobian = equations_at(system, bodies, screws_of(kinematics, values, transforms, system.frames))
     to_actuated, to_passive = np.split(jacobian, [joined.actuated], axis=2)
     u, s, vt = np.linalg.svd(to_passive, full_matrices=False)
-    short = to_passive.shape[1] < to_passive.shape[2]
-    if s.shape[1]:
-        singular = (s[:, -1] <= NEAR_SINGULAR * s[:, 0]) | short
-        if singular.any():
-            raise BeamstiffError(_undetermined(system, free, to_passive, int(np.argmax(singular))))
+    singular = (s.min(axis=1, initial=np.inf) <= NEAR_SINGULAR * s.max(axis=1, initial=0.0)) & (
+        s.shape[1] > 0
+    )
+    if singular.any():
+        raise BeamstiffError(_undetermined(system, free, to_passive, int(np.argmax(singular))))
     rates = -np.swapaxes(vt, 1, 2) @ ((np.swapaxes(u, 1, 2) @ to_actuated) / s[:, :, None])
+    kept_open = np.abs(to_actuated + to_passive @ rates)
+    if kept_open.max(initial=0.0) > HELD:
+        pose, row, column = np.unravel_index(np.argmax(kept_open), kept_open.shape)
+        loop = next(loop for loop, part in zip(kinematics.loops, system.rows, strict=True) if row < part.stop)
+        raise BeamstiffError(
+            f"loop {loop.name!r} holds the actuated variable {joined.free[column]!r} at "
+            f"{_where(system, free[pose])} (pose {pose}): too few of its variables are passive"
+        )
     scaled: Array = rates * system.scale[joined.actuated :, None] / system.scale[: joined.actuated]
     return scaled
 
 
 def find_assembly(kinematics: Kinematics) -> Assembly | None:
-    """Return where the loops close near the declared guess, or None if they do not close there."""
-    system = loop_system(kinematics)
-    free, _, _, closed = newton(system, _start(kinematics)[None])
+    """Return where the loops close near the declared guess, or None if they do not close there.
+
+    Raises
+    ------
+    BeamstiffError
+        When there are passive variables that the loops do not determine in any posture.
+    """
+    system, start = loop_system(kinematics), _start(kinematics)
+    _check_determined(system, start)
+    free, _, _, closed = newton(system, start[None])
     return assembly_at(system, free[0]) if closed[0] else None
 
 
@@ -178,6 +195,21 @@ def _where(system: LoopSystem, free: Array) -> str:
         )
         or "any pose"
     )
+
+
+def _check_determined(system: LoopSystem, start: Array) -> None:
+    """Refuse passive variables that no loop determines: they would stay at their guess unnoticed."""
+    # anywhere: a rank that is missing in open loops is missing in closed ones too
+    jacobian = loop_equations(system, scattered(system, start))[1][:, :, system.actuated :]
+    passive = jacobian.shape[2]
+    if np.linalg.matrix_rank(jacobian, rtol=1e-9).max() < passive:
+        motion = np.abs(np.linalg.svd(jacobian[0])[2][-1])
+        names = system.kinematics.coupling.free[system.actuated :]
+        loose = [name for name, share in zip(names, motion, strict=True) if share > 1e-6]
+        raise BeamstiffError(
+            f"robot {system.kinematics.robot.name!r}: the passive variables {listed(loose)} are not determined "
+            f"by its loops {listed(loop.name for loop in system.kinematics.loops)}: constrain more or lock some"
+        )
 
 
 def _undetermined(system: LoopSystem, free: Array, to_passive: Array, pose: int) -> str:
