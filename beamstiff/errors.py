@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import difflib
+import reprlib
 from collections.abc import Iterable
+
+_MOST_COMPARED = 1000
 
 
 class BeamstiffError(ValueError):
@@ -23,7 +26,9 @@ class BeamstiffError(ValueError):
     """
 
     def __init__(self, message: str) -> None:
-        super().__init__(" ".join(str(message).split()))
+        line = " ".join(str(message).split())
+        # a key may hold a terminal's control characters; none of them reaches the terminal
+        super().__init__("".join(c if c.isprintable() else repr(c)[1:-1] for c in line))
 
 
 def suggest(name: object, candidates: Iterable[str]) -> str:
@@ -36,8 +41,21 @@ def suggest(name: object, candidates: Iterable[str]) -> str:
     >>> suggest("xyz", ["axial", "torsional"])
     ''
     """
-    close = difflib.get_close_matches(str(name)[:200], list(candidates), n=1, cutoff=0.6)
+    wanted, known = str(name)[:200], list(candidates)
+    if len(known) > _MOST_COMPARED:  # comparing all of 50,000 node names would take seconds
+        known = [candidate for candidate in known if _differs_in_one_place(wanted, candidate)]
+    close = difflib.get_close_matches(wanted, known[:_MOST_COMPARED], n=1, cutoff=0.6)
     return f" (did you mean '{close[0]}'?)" if close else ""
+
+
+def _differs_in_one_place(one: str, other: str) -> bool:
+    """Tell whether two texts are alike but for at most two characters side by side."""
+    if abs(len(one) - len(other)) > 1:
+        return False
+    shorter = min(len(one), len(other))
+    head = next((at for at in range(shorter) if one[at] != other[at]), shorter)
+    tail = next((at for at in range(shorter - head) if one[-1 - at] != other[-1 - at]), shorter - head)
+    return shorter - head - tail <= 2
 
 
 def listed(names: Iterable[str], most: int = 8) -> str:
@@ -52,3 +70,30 @@ def listed(names: Iterable[str], most: int = 8) -> str:
     if len(names) <= most:
         return ", ".join(names)
     return f"{', '.join(names[:most])} and {len(names) - most} more"
+
+
+class _Short(reprlib.Repr):
+    """`repr` that looks at the first few entries only, so that a huge value costs no time."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.maxlevel, self.maxdict, self.maxlist, self.maxtuple = 3, 6, 6, 6
+        self.maxstring, self.maxother = 60, 60
+
+    def repr_int(self, value: int, level: int) -> str:  # noqa: ARG002
+        """Return a whole number; Python refuses to write those of thousands of digits."""
+        return repr(value) if value.bit_length() < 200 else "a whole number of more than 60 digits"
+
+
+def shown(value: object) -> str:
+    """Return a value as a message shows it: as it was written, cut to some sixty characters, in one line.
+
+    Examples
+    --------
+    >>> shown("5 parsec"), shown(None), shown(True), shown([1, "a"])
+    ("'5 parsec'", 'null', 'true', "[1, 'a']")
+    """
+    if value is None or isinstance(value, bool):
+        return "null" if value is None else str(value).lower()
+    text = _Short().repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."

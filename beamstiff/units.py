@@ -9,11 +9,13 @@ from __future__ import annotations
 import functools
 import math
 import re
-from typing import Any
+from numbers import Real
+from typing import TYPE_CHECKING, Any
 
-import pint
+from beamstiff.errors import BeamstiffError, shown
 
-from beamstiff.errors import BeamstiffError
+if TYPE_CHECKING:
+    import pint
 
 # SI unit of each kind of quantity that a file may hold; the names are used in error messages
 UNITS: dict[str, str] = {
@@ -34,19 +36,79 @@ UNITS: dict[str, str] = {
     "number": "",
 }
 
-NUMBER = r"[+-]?(?:\d+(?:_\d+)*\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
-_QUANTITY = re.compile(rf"\s*(?P<number>{NUMBER})\s*(?P<unit>[^\d\s].*?)?\s*\Z")
+# The units of robots, machines and workshops. Not pint's own list: there radian has no dimension, and h, e, u
+# or C are constants and units that nobody means here.
+_DEFINITIONS = """
+nano- = 1e-9 = n-
+micro- = 1e-6 = µ- = μ- = u-
+milli- = 1e-3 = m-
+centi- = 1e-2 = c-
+deci- = 1e-1 = d-
+kilo- = 1e3 = k-
+mega- = 1e6 = M-
+giga- = 1e9 = G-
+meter = [length] = m = metre
+second = [time] = s
+gram = [mass] = g
+kelvin = [temperature] = K
+radian = [angle] = rad
+count = []
+percent = 0.01 * count = pct
+degree = 0.017453292519943295 * radian = deg
+arcminute = degree / 60 = arcmin
+arcsecond = degree / 3600 = arcsec
+gon = 0.9 * degree = _ = gradian
+turn = 360 * degree = rev = revolution
+minute = 60 * second = min
+hour = 60 * minute = h
+degree_Celsius = kelvin; offset: 273.15 = degC = celsius
+degree_Fahrenheit = 5 / 9 * kelvin; offset: 233.15 + 200 / 9 = degF = fahrenheit
+newton = kilogram * meter / second ** 2 = N
+pascal = newton / meter ** 2 = Pa
+joule = newton * meter = J
+bar = 1e5 * pascal
+tonne = 1e3 * kilogram = t
+kilogram_force = 9.80665 * newton = kgf = kilopond = kp
+standard_gravity = 9.80665 * meter / second ** 2 = g_n
+inch = 0.0254 * meter = in
+foot = 12 * inch = ft = feet
+pound = 0.45359237 * kilogram = lb = lbm
+pound_force = 4.4482216152605 * newton = lbf
+pound_force_per_square_inch = pound_force / inch ** 2 = psi
+kilopound_force_per_square_inch = 1e3 * psi = ksi
+"""
+
+# [0-9], not \\d: float() reads the digits of every script, a person checking the file may not
+NUMBER = r"[+-]?(?:[0-9]+(?:_[0-9]+)*\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
+_NUMBER = re.compile(rf"\s*{NUMBER}\s*\Z")
+_QUANTITY = re.compile(rf"\s*(?P<number>{NUMBER})\s*(?P<unit>[^0-9\s].*?)?\s*\Z")
 # letters, operators and one-digit exponents: nothing that a unit parser could evaluate at length
-_UNIT = re.compile(
-    r"[A-Za-zµμΩ°%][A-Za-zµμΩ°_]*(?:\s*(?:\*\*|\^)\s*-?\d)?(?:\s*[*/·]\s*[A-Za-zµμ°][A-Za-zµμ°_]*(?:\s*(?:\*\*|\^)\s*-?\d)?)*\Z"
+_FACTOR = r"[A-Za-zµμ%][A-Za-zµμ_]*(?:\s*\*\*\s*-?[0-9])?"
+_UNIT = re.compile(rf"{_FACTOR}(?:\s*[*/]\s*{_FACTOR})*\Z")
+_LONGEST = 200
+_SPELLINGS = (
+    (r"\^", "**"),
+    ("[·⋅]", "*"),
+    ("²", "**2"),
+    ("³", "**3"),
+    ("⁴", "**4"),
+    ("°C", "degC"),
+    ("°F", "degF"),
+    ("°", "deg"),
+    (r"\AC\Z", "degC"),
+    ("%", "percent"),
+    (r"\b([kM]?N)([mc]?m)\b", r"\1*\2"),  # Nm, kNm, Nmm
+    (r"\b([µμcm]?m)([234])\b", r"\1**\2"),  # mm2, cm4
+    (r"(?<=[\w)])[ \t]+(?=[A-Za-zµμ])", "*"),  # N mm/rad
 )
-_SPELLINGS = {"Nm": "N*m", "Nmm": "N*mm", "kNm": "kN*m", "°": "deg", "°C": "degC", "C": "degC"}
 
 
 @functools.lru_cache(maxsize=1)
 def _registry() -> pint.UnitRegistry[Any]:
-    registry: pint.UnitRegistry[Any] = pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
-    registry.define("radian = [angle] = rad")
+    import pint  # a sixth of a second, and a file in SI does without
+
+    registry: pint.UnitRegistry[Any] = pint.UnitRegistry(None, autoconvert_offset_to_baseunit=True)
+    registry.load_definitions(_DEFINITIONS.strip().splitlines())
     return registry
 
 
@@ -71,35 +133,43 @@ def unit_factor(unit: str, kind: str) -> tuple[float, float]:
     >>> unit_factor("mm", "length")
     (0.001, 0.0)
     """
-    registry = _registry()
     target = UNITS[kind]
     expected = f"a unit of {kind} such as {target}" if target else "a plain number without a unit"
     text = unit.strip()
-    # compound spellings such as Nm/rad: each letter run is looked up on its own
-    text = re.sub(r"[A-Za-z°]+", lambda match: _SPELLINGS.get(match.group(), match.group()), text).replace(
-        "·", "*"
-    )
-    if not _UNIT.match(text):
-        raise BeamstiffError(f"found the unit {unit[:60]!r}, expected {expected}")
+    for pattern, replacement in _SPELLINGS:
+        text = re.sub(pattern, replacement, text)
+    if len(unit) > _LONGEST or not _UNIT.match(text):
+        raise BeamstiffError(f"found the unit {shown(unit)}, expected {expected}")
+    registry = _registry()
     try:
-        zero, one = (
-            registry.Quantity(value, text.replace("^", "**")).to(target or "dimensionless")
-            for value in (0.0, 1.0)
+        source = registry.parse_units(text)
+        destination = registry.parse_units(target or "count")
+        same = source.dimensionality == destination.dimensionality
+        zero, one, many = (
+            float(registry.Quantity(value, source).to(destination).magnitude) if same else math.nan
+            for value in (0.0, 1.0, 1e9)
         )
-    except pint.DimensionalityError:
-        raise BeamstiffError(f"found the unit {unit[:60]!r}, expected {expected}") from None
-    except Exception:
-        raise BeamstiffError(f"unknown unit {unit[:60]!r}, expected {expected}") from None
-    offset = float(zero.magnitude)
-    factor = float(one.magnitude) - offset
-    if kind != "temperature":  # a difference of kelvin is no length: offsets exist for temperature only
-        factor, offset = float(one.magnitude), 0.0
+    except Exception:  # pint raises its own, tokenizer's and arithmetic errors
+        raise BeamstiffError(f"unknown unit {shown(unit)}, expected {expected}") from None
+    if not same:
+        hint = ""
+        moment = registry.parse_units("N*m").dimensionality
+        if kind == "rotational stiffness" and source.dimensionality == moment:
+            hint = f": a stiffness about an axis is a moment per angle, {shown(unit)[1:-1]}/rad"
+        raise BeamstiffError(f"found the unit {shown(unit)}, expected {expected}{hint}")
+    if kind == "temperature":  # the only one with offsets; from afar, for pint goes through kelvin and rounds
+        factor, offset = _without_rounding((many - zero) / 1e9), zero
     else:
-        # pint converts through kelvin and leaves rounding such as 1 - 1e-16 in the factor
-        factor, offset = round(factor, 12), round(offset, 9)
-    if not (math.isfinite(factor) and factor != 0.0):
-        raise BeamstiffError(f"found the unit {unit[:60]!r}, expected {expected}")
+        factor, offset = _without_rounding(one), 0.0
+    if not (math.isfinite(factor) and factor > 0.0):
+        raise BeamstiffError(f"found the unit {shown(unit)}, expected {expected}")
     return factor, offset
+
+
+def _without_rounding(factor: float) -> float:
+    """Return the short decimal that a product of powers of ten is meant to be: 1e-12 for mm**4."""
+    short = float(f"{factor:.12g}")
+    return short if abs(short - factor) <= 1e-15 * factor else factor
 
 
 def number(value: object) -> float:
@@ -110,16 +180,16 @@ def number(value: object) -> float:
     BeamstiffError
         When it is not a number, or is NaN or infinite.
     """
-    if isinstance(value, bool) or not isinstance(value, int | float | str):
-        raise BeamstiffError(f"found {_shown(value)}, expected a number")
-    if isinstance(value, str) and not re.fullmatch(rf"\s*{NUMBER}\s*", value):
-        raise BeamstiffError(f"found {_shown(value)}, expected a number")
+    if isinstance(value, bool) or not isinstance(value, Real | str):
+        raise BeamstiffError(f"found {shown(value)}, expected a number")
+    if isinstance(value, str) and not (len(value) <= _LONGEST and _NUMBER.match(value)):
+        raise BeamstiffError(f"found {shown(value)}, expected a number")
     try:
         result = float(value)
     except (OverflowError, ValueError):
         result = math.inf
     if not math.isfinite(result):
-        raise BeamstiffError(f"found {_shown(value)}, expected a finite number")
+        raise BeamstiffError(f"found {shown(value)}, expected a finite number")
     return result
 
 
@@ -147,23 +217,36 @@ def quantity(value: object, kind: str) -> float:
     """
     if not isinstance(value, str):
         return number(value)
-    match = _QUANTITY.match(value) if len(value) < 200 else None
-    if match is None:
+    match = _QUANTITY.match(value) if len(value) <= _LONGEST else None
+    if match is None or (match["unit"] or "").startswith(","):
         unit = UNITS[kind]
-        raise BeamstiffError(
-            f"found {_shown(value)}, expected a number{f' with a unit of {kind} such as {unit}' if unit else ''}"
-        )
+        with_unit = f" with a unit of {kind} such as {unit}" if unit else ""
+        point = ": decimals follow a point, not a comma" if match else ""
+        raise BeamstiffError(f"found {shown(value)}, expected a number{with_unit}{point}")
     magnitude = number(match["number"])
     if match["unit"] is None:
         return magnitude
-    factor, offset = unit_factor(match["unit"], kind)
+    return in_si(magnitude, match["unit"], kind)
+
+
+def in_si(magnitude: float, unit: str, kind: str) -> float:
+    """Return a magnitude with its unit in SI, as exact as decimals are: ``473 mm`` is ``0.473``.
+
+    Raises
+    ------
+    BeamstiffError
+        When the unit is unknown or of the wrong dimension, or the result is not finite.
+
+    Examples
+    --------
+    >>> in_si(473.0, "mm", "length")
+    0.473
+    >>> 473.0 * 0.001 == 0.473
+    False
+    """
+    factor, offset = unit_factor(unit, kind)
     result = magnitude * factor + offset
-    # 1047 * 0.001 is 1.0470000000000002 in binary: divide where the factor is the inverse of a whole number
+    # 473 * 0.001 is 0.47300000000000003: where the factor is one over a whole number, dividing rounds once
     if 0 < factor < 1 and offset == 0.0 and (inverse := round(1 / factor)) * factor == 1.0:
         result = magnitude / inverse
     return number(result)
-
-
-def _shown(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."

@@ -6,32 +6,35 @@ Each check yields problems as (path, message); `Robot` refuses a description tha
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from itertools import chain, islice
 from typing import TYPE_CHECKING
 
-from beamstiff.errors import BeamstiffError, listed, suggest
+from beamstiff.errors import BeamstiffError, listed, shown, suggest
 from beamstiff.robot.coupling import coupling, variable_kinds
 from beamstiff.robot.expression import parse_expression
-from beamstiff.robot.fields import FREE, RIGID, Problem
+from beamstiff.robot.fields import FREE, RIGID, DescriptionError, Problem
 from beamstiff.robot.graph import parts_without_support, structure_graph
-from beamstiff.robot.parts import FRAME_PARAMETERS
+from beamstiff.robot.parts import FRAME_PARAMETERS, STIFFNESS_KINDS, Node
 from beamstiff.robot.sections import section_properties
 from beamstiff.robot.stiffness import stiffness_parameters
 
 ELEMENTS = ("beams", "rigids", "joints", "struts")
+_MOST_PROBLEMS = 100
+_ZERO_LENGTH = 1e-9  # m
+_COINCIDENT = 1e-6  # m: the nodes of a joint; wider, for coordinates are rounded
 
 if TYPE_CHECKING:
     from beamstiff.robot.description import Robot
 
 
 def find_problems(robot: Robot) -> Iterator[Problem]:
-    """Yield every problem found; later checks run only when the names are sound."""
-    problems = [*_duplicates(robot), *_names(robot)]
-    if not problems:
-        problems = [*_variables(robot), *_frames(robot), *_elements(robot), *_identify(robot)]
-    if not problems:
-        problems = [*_support(robot)]
-    yield from problems
+    """Yield the problems found, a hundred at most; later checks run only when the names are sound."""
+    for checks in ((_duplicates, _names), (_variables,), (_frames, _elements, _identify), (_support,)):
+        problems = list(islice(chain.from_iterable(check(robot) for check in checks), _MOST_PROBLEMS))
+        if problems:
+            yield from problems
+            return
 
 
 def _duplicates(robot: Robot) -> Iterator[Problem]:
@@ -45,20 +48,22 @@ def _duplicates(robot: Robot) -> Iterator[Problem]:
     for field in ELEMENTS:
         for at, item in enumerate(getattr(robot, field)):
             if item.name in elements:
-                yield (
-                    (field, at, "name"),
-                    f"duplicate name {item.name!r}, already used in {elements[item.name]}",
-                )
+                used = elements[item.name]
+                yield (field, at, "name"), f"duplicate name {item.name!r}, already used in {used}"
             elements[item.name] = field
     for at, frame in enumerate(robot.frames):
         if frame.name == "base":
             yield ("frames", at, "name"), "the name 'base' is the fixed frame's own"
+    of_joints = {f"{joint.name}.{kind}" for joint in robot.joints for kind in STIFFNESS_KINDS}
+    for at, strut in enumerate(robot.struts):
+        if strut.name in of_joints:
+            yield ("struts", at, "name"), f"{strut.name!r} is also the name of a joint's stiffness: rename it"
 
 
 def _names(robot: Robot) -> Iterator[Problem]:
-    nodes = [node.name for node in robot.nodes]
-    frames = ["base", *(frame.name for frame in robot.frames)]
-    variables = [variable.name for variable in robot.variables]
+    nodes = dict.fromkeys(node.name for node in robot.nodes)
+    frames = dict.fromkeys(["base", *(frame.name for frame in robot.frames)])
+    variables = dict.fromkeys(variable.name for variable in robot.variables)
 
     def unknown(
         path: tuple[str | int, ...], name: str, what: str, known: Collection[str]
@@ -87,40 +92,53 @@ def _names(robot: Robot) -> Iterator[Problem]:
         yield from unknown(("fixed", at), name, "node", nodes)
     yield from unknown(("tcp",), robot.tcp, "node", nodes)
     for at, loop in enumerate(robot.loops):
-        for end in ("a", "b"):
-            name = getattr(loop, end)
-            yield from unknown(("loops", at, end), name, "frame or node", [*frames, *nodes])
-            if name in frames and name in nodes:
-                yield ("loops", at, end), f"{name!r} is both a frame and a node: rename one"
+        for key, place in (("a", loop.a), ("b", loop.b)):
+            yield from unknown(("loops", at, key), place, "frame or node", frames | nodes)
+            if place in frames and place in nodes:
+                yield ("loops", at, key), f"{place!r} is both a frame and a node: rename one"
         if loop.a == loop.b:
             yield ("loops", at, "b"), f"found {loop.b!r} at both ends, expected two different frames or nodes"
 
 
 def _variables(robot: Robot) -> Iterator[Problem]:
-    try:
-        variable_kinds(robot)
-        coupling(robot)
-    except BeamstiffError as error:
-        yield ("variables",), str(error)
     passive = [variable.name for variable in robot.variables if variable.passive]
     if passive and not robot.loops:
         yield ("loops",), f"is missing: the passive variables {listed(passive)} are solved by loop closure"
+    try:
+        kinds = variable_kinds(robot)
+    except DescriptionError as error:
+        yield from error.problems
+        return
+    for at, variable in enumerate(robot.variables):
+        try:
+            if variable.equals is not None:
+                parse_expression(variable.equals, kinds[variable.name], kinds)
+        except BeamstiffError as error:
+            yield ("variables", at, "equals"), str(error)
+            return
+    try:
+        coupling(robot)
+    except BeamstiffError as error:
+        yield ("variables",), str(error)
 
 
 def _frames(robot: Robot) -> Iterator[Problem]:
     parents = {frame.name: frame.parent for frame in robot.frames}
-    for at, frame in enumerate(robot.frames):
-        chain, name = [frame.name], frame.parent
-        while name != "base" and name not in chain:
-            chain.append(name)
+    places = {frame.name: at for at, frame in enumerate(robot.frames)}
+    rooted = {"base"}
+    for frame in robot.frames:
+        walked: dict[str, None] = {}
+        name = frame.name
+        while name not in rooted and name not in walked:
+            walked[name] = None
             name = parents[name]
-        if name == frame.name:
-            yield ("frames", at, "parent"), f"cycle of frames: {' -> '.join([*reversed(chain), name])[:120]}"
+        if name in walked:
+            cycle = [*walked][[*walked].index(name) :]
+            path = " -> ".join([*cycle[:8], *(["..."] if len(cycle) > 8 else []), name])
+            yield ("frames", places[name], "parent"), f"cycle of frames: {path}"
             return
-    try:
-        kinds = variable_kinds(robot)
-    except BeamstiffError:
-        return  # told by the check of the variables
+        rooted.update(walked)
+    kinds = variable_kinds(robot)
     for at, frame in enumerate(robot.frames):
         for parameter, kind in FRAME_PARAMETERS.items():
             try:
@@ -130,44 +148,86 @@ def _frames(robot: Robot) -> Iterator[Problem]:
 
 
 def _elements(robot: Robot) -> Iterator[Problem]:
-    frames = {node.name: node.frame for node in robot.nodes}
-    places = {node.name: node.at for node in robot.nodes}
+    nodes = {node.name: node for node in robot.nodes}
     for field in ELEMENTS:
         for at, item in enumerate(getattr(robot, field)):
-            if item.nodes[0] == item.nodes[1]:
+            a, b = (nodes[name] for name in item.nodes)
+            if a.name == b.name:
                 yield (
                     (field, at, "nodes"),
-                    f"found {item.nodes[0]!r} at both ends of {item.name!r}, expected two nodes",
+                    f"found {a.name!r} at both ends of {item.name!r}, expected two nodes",
                 )
+                continue
+            if a.frame != b.frame or field == "rigids":  # a rigid may have any length
+                continue
+            length = math.dist(a.at, b.at)
+            if field == "joints" and length > _COINCIDENT:
+                yield (
+                    (field, at, "nodes"),
+                    f"the nodes {a.name!r} and {b.name!r} of the joint {item.name!r} are {length:g} m apart, "
+                    "expected two coincident ones",
+                )
+            if field in ("beams", "struts") and length < _ZERO_LENGTH:
+                yield (
+                    (field, at, "nodes"),
+                    f"the {field[:-1]} {item.name!r} has zero length: its nodes {a.name!r} and {b.name!r} "
+                    "coincide (those of a rigid may)",
+                )
+    yield from _beam_directions(robot, nodes)
+    yield from _passive_joints(robot)
+    seen: set[str] = set()
+    for at, name in enumerate(robot.fixed):
+        if name in seen:
+            yield ("fixed", at), f"{name!r} is named twice"
+        seen.add(name)
+
+
+def _beam_directions(robot: Robot, nodes: Mapping[str, Node]) -> Iterator[Problem]:
+    round_sections = set()
+    for name, section in robot.sections.items():
+        properties = section_properties(section)
+        if math.isclose(properties.Iy, properties.Iz, rel_tol=1e-9) and properties.Ay == properties.Az:
+            round_sections.add(name)
     for at, beam in enumerate(robot.beams):
-        a, b = beam.nodes
-        if frames[a] == frames[b] and a != b and math.dist(places[a], places[b]) < 1e-9:
+        if beam.up is None and beam.section not in round_sections:
             yield (
-                ("beams", at),
-                f"beam {beam.name!r} has zero length: its nodes {a!r} and {b!r} coincide (a rigid may)",
+                ("beams", at, "up"),
+                f"is missing: the section {beam.section!r} of {beam.name!r} is not alike in all directions",
             )
-        if beam.up is None:
-            section = robot.sections[beam.section]
-            properties = section_properties(section)
-            if not math.isclose(properties.Iy, properties.Iz, rel_tol=1e-9) or properties.Ay != properties.Az:
-                yield (
-                    ("beams", at, "up"),
-                    f"is missing: the section {beam.section!r} of {beam.name!r} is not the same in all directions",
-                )
+        a, b = (nodes[name] for name in beam.nodes)
+        axis = [end - start for start, end in zip(a.at, b.at, strict=True)]
+        if beam.up is not None and a.frame == b.frame and _parallel(axis, beam.up):
+            yield (
+                ("beams", at, "up"),
+                f"found {shown(list(beam.up))}, which is parallel to the beam {beam.name!r}, "
+                "expected a direction across it",
+            )
+
+
+def _parallel(one: Sequence[float], other: Sequence[float]) -> bool:
+    """Tell whether two vectors are parallel to some 1e-9; lengths cancel first, so that nothing overflows."""
+    length, other_length = math.hypot(*one), math.hypot(*other)
+    if not 0.0 < length < math.inf:
+        return False
+    (a, b, c), (x, y, z) = (
+        [value / size for value in v] for v, size in ((one, length), (other, other_length))
+    )
+    return math.hypot(b * z - c * y, c * x - a * z, a * y - b * x) < 1e-9
+
+
+def _passive_joints(robot: Robot) -> Iterator[Problem]:
+    kinds = variable_kinds(robot)
+    passive = {variable.name for variable in robot.variables if variable.passive}
     for at, joint in enumerate(robot.joints):
-        if joint.variable is not None and (
-            variable := next(v for v in robot.variables if v.name == joint.variable)
-        ):
-            along = "axial" if variable_kinds(robot)[joint.variable] == "length" else "torsional"
-            if (
-                variable.passive
-                and getattr(joint.stiffness, along) == RIGID
-                and along not in joint.stiffness.model_fields_set
-            ):
-                yield (
-                    ("joints", at, "stiffness", along),
-                    f"is missing: {joint.variable!r} is passive, say free or a stiffness",
-                )
+        if joint.variable not in passive:
+            continue
+        along = "axial" if kinds[joint.variable] == "length" else "torsional"
+        # a passive joint that is rigid about its own axis is said, never a default
+        if along not in joint.stiffness.model_fields_set and getattr(joint.stiffness, along) == RIGID:
+            yield (
+                ("joints", at, "stiffness", along),
+                f"is missing: {joint.variable!r} is passive, say free, a stiffness or rigid",
+            )
 
 
 def _identify(robot: Robot) -> Iterator[Problem]:

@@ -1,8 +1,11 @@
-"""How every joint variable follows from the free ones: coupled variables and the expressions of the frames."""
+"""How every joint variable follows from the free ones: coupled variables, expressions of the frames."""
 
 from __future__ import annotations
 
+import graphlib
+import math
 import re
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -10,6 +13,7 @@ import numpy as np
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.robot.expression import Expression, parse_expression
+from beamstiff.robot.fields import DescriptionError
 from beamstiff.robot.parts import FRAME_PARAMETERS
 from beamstiff.se3 import Array
 
@@ -49,17 +53,32 @@ def variable_kinds(robot: Robot) -> dict[str, str]:
         When a coupled variable follows itself or nothing.
     """
     declared = {variable.name: variable for variable in robot.variables}
-
-    def kind_of(name: str, above: tuple[str, ...] = ()) -> str:
+    kinds: dict[str, str] = {}
+    for name in _dependence_order(robot):
         variable = declared[name]
-        if name in above:
-            raise BeamstiffError(f"variable {name!r} is coupled to itself: {' -> '.join([*above, name])}")
-        if variable.equals is None or variable.type is not None:
-            return variable.kind
-        used = [word for word in re.findall(r"[A-Za-z_]\w*", variable.equals) if word in declared]
-        return kind_of(used[0], (*above, name)) if used else "angle"
+        used = _used_variables(variable.equals, declared)
+        untyped = variable.equals is not None and variable.type is None
+        kinds[name] = kinds[used[0]] if untyped and used else variable.kind
+    return {name: kinds[name] for name in declared}
 
-    return {name: kind_of(name) for name in declared}
+
+def _used_variables(equals: str | None, declared: Collection[str]) -> list[str]:
+    return [word for word in re.findall(r"[A-Za-z_]\w*", equals or "") if word in declared]
+
+
+def _dependence_order(robot: Robot) -> list[str]:
+    """Return all variables, each after those that it is coupled to."""
+    declared = {variable.name for variable in robot.variables}
+    sorter = graphlib.TopologicalSorter(
+        {variable.name: _used_variables(variable.equals, declared) for variable in robot.variables}
+    )
+    try:
+        return list(sorter.static_order())
+    except graphlib.CycleError as error:
+        cycle: list[str] = error.args[1][::-1]  # graphlib lists a variable after those that need it
+        at = [variable.name for variable in robot.variables].index(cycle[0])
+        message = f"{cycle[0]!r} is coupled to itself: {' -> '.join(cycle[:20])}"
+        raise DescriptionError([(("variables", at, "equals"), message)]) from None
 
 
 def coupling(robot: Robot) -> Coupling:
@@ -77,20 +96,20 @@ def coupling(robot: Robot) -> Coupling:
         name: (row, 0.0) for name, row in zip(free, np.eye(len(free)), strict=True)
     }
 
-    def resolve(name: str, above: tuple[str, ...] = ()) -> tuple[Array, float]:
+    for name in _dependence_order(robot):
         if name in rows:
-            return rows[name]
-        if name in above:
-            raise BeamstiffError(f"variable {name!r} is coupled to itself: {' -> '.join([*above, name])}")
+            continue
         expression = parse_expression(declared[name].equals or "", kinds[name], kinds)
         row, offset = np.zeros(len(free)), expression.constant
-        for used, coefficient in expression.coefficients.items():
-            used_row, used_offset = resolve(used, (*above, name))
-            row, offset = row + coefficient * used_row, offset + coefficient * used_offset
+        with np.errstate(over="ignore", invalid="ignore"):
+            for used, coefficient in expression.coefficients.items():
+                used_row, used_offset = rows[used]
+                row, offset = row + coefficient * used_row, offset + coefficient * used_offset
+        if not (np.isfinite(row).all() and math.isfinite(offset)):
+            raise BeamstiffError(f"variable {name!r}: its coupling overflows, expected finite coefficients")
         rows[name] = row, offset
-        return rows[name]
 
-    resolved = [resolve(name) for name in declared]
+    resolved = [rows[name] for name in declared]
     return Coupling(
         names=tuple(declared),
         free=tuple(free),

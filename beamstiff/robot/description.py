@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
 from beamstiff.errors import BeamstiffError, suggest
 from beamstiff.robot.checks import find_problems
-from beamstiff.robot.fields import Acceleration, Described, DescriptionError, Name
+from beamstiff.robot.fields import Acceleration, Described, DescriptionError, Name, stiffness_text
 from beamstiff.robot.parts import (
     STIFFNESS_KINDS,
     Beam,
@@ -90,30 +90,37 @@ class Robot(Described):
         known = stiffness_parameters(self)
         for name in values:
             _known(name, known, self.name)
-        joints = [
-            joint.model_copy(
-                update={
-                    "stiffness": JointStiffness(
-                        **{
-                            kind: values.get(f"{joint.name}.{kind}", getattr(joint.stiffness, kind))
-                            for kind in STIFFNESS_KINDS
-                        }
-                    )
-                }
-            )
-            for joint in self.joints
-        ]
-        struts = [
-            Strut(name=strut.name, nodes=strut.nodes, stiffness=values.get(strut.name, strut.stiffness))
-            for strut in self.struts
-        ]
-        return self.model_copy(update={"joints": tuple(joints), "struts": tuple(struts)})
+        joints = tuple(
+            joint.model_copy(update={"stiffness": _stiffness_with(joint, values)}) for joint in self.joints
+        )
+        struts = tuple(_strut_with(strut, values) for strut in self.struts)
+        return self.model_copy(update={"joints": joints, "struts": struts})
+
+
+def _stiffness_with(joint: Joint, values: Mapping[str, float]) -> JointStiffness:
+    changed: dict[str, Any] = {
+        kind: stiffness_text(values.get(f"{joint.name}.{kind}", getattr(joint.stiffness, kind)))
+        for kind in STIFFNESS_KINDS
+    }
+    try:
+        return JointStiffness(**changed)
+    except BeamstiffError as error:
+        raise BeamstiffError(f"{joint.name}.{error}") from None
+
+
+def _strut_with(strut: Strut, values: Mapping[str, float]) -> Strut:
+    stiffness: Any = stiffness_text(values.get(strut.name, strut.stiffness))
+    try:
+        return Strut(name=strut.name, nodes=strut.nodes, stiffness=stiffness)
+    except BeamstiffError as error:
+        raise BeamstiffError(f"{strut.name}.{error}") from None
 
 
 def _known(name: str, candidates: Iterable[str], robot: str) -> str:
     candidates = list(candidates)
     if name not in candidates:
         raise BeamstiffError(
-            f"robot {robot!r} has no stiffness parameter {name!r}{suggest(name, candidates)}; expected for instance J12.torsional"
+            f"robot {robot!r} has no stiffness parameter {name!r}{suggest(name, candidates)}; "
+            "expected for instance J12.torsional"
         )
     return name

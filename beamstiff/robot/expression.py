@@ -18,15 +18,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from beamstiff.errors import BeamstiffError, suggest
+from beamstiff.errors import BeamstiffError, shown, suggest
 from beamstiff.se3 import Array
-from beamstiff.units import NUMBER, UNITS, number, unit_factor
+from beamstiff.units import NUMBER, UNITS, in_si, number, unit_factor
 
 _NAME = r"[A-Za-z_][A-Za-z0-9_]*"
 _UNSIGNED = NUMBER.removeprefix("[+-]?")
 _FACTOR = re.compile(
     rf"\s*(?:(?P<number>{_UNSIGNED})(?:\s*(?P<unit>[A-Za-zµ°][A-Za-zµ°^0-9]*(?:/[A-Za-zµ°]+)?))?|(?P<name>{_NAME}))\s*"
 )
+_SIGN = re.compile(r"\s*([+-])\s*")
 
 
 @dataclass(frozen=True)
@@ -75,9 +76,10 @@ def parse_expression(text: object, kind: str, variables: Mapping[str, str]) -> E
         return Expression(number(text))
     if len(text) > 500:
         raise BeamstiffError(f"found an expression of {len(text)} characters, expected at most 500")
-    constant, coefficients, at, sign, first = 0.0, {}, 0, 1.0, True
+    coefficients: dict[str, float] = {}
+    constant, at, sign, first = 0.0, 0, 1.0, True
     while True:
-        match = re.compile(r"\s*([+-])\s*").match(text, at)
+        match = _SIGN.match(text, at)
         if match:
             sign, at = (-1.0 if match[1] == "-" else 1.0), match.end()
         elif not first:
@@ -93,13 +95,13 @@ def parse_expression(text: object, kind: str, variables: Mapping[str, str]) -> E
         if text[at] not in "+-":
             raise _not_linear(text)
     if not all(map(math.isfinite, [constant, *coefficients.values()])):
-        raise BeamstiffError(f"found {text[:60]!r}, expected finite numbers")
+        raise BeamstiffError(f"found {shown(text)}, expected finite numbers")
     return Expression(constant, {name: value for name, value in coefficients.items() if value != 0.0})
 
 
 def _term(text: str, at: int, kind: str, variables: Mapping[str, str]) -> tuple[float, str | None, int]:
     """Read one product; returns its factor, its variable if any, and where it ends."""
-    value, variable, operator, unit_kind = 1.0, None, "*", ""
+    value, variable, operator, unit = 1.0, None, "*", ""
     while True:
         match = _FACTOR.match(text, at)
         if not match or match.end() == at:
@@ -111,7 +113,7 @@ def _term(text: str, at: int, kind: str, variables: Mapping[str, str]) -> tuple[
         elif name is not None:
             if name not in variables:
                 raise BeamstiffError(
-                    f"found the unknown variable {name!r} in {text[:60]!r}{suggest(name, variables)}"
+                    f"found the unknown variable {name!r} in {shown(text)}{suggest(name, variables)}"
                 )
             if variable is not None or operator == "/":
                 raise _not_linear(text)
@@ -119,12 +121,12 @@ def _term(text: str, at: int, kind: str, variables: Mapping[str, str]) -> tuple[
         else:
             factor = number(match["number"])
             if match["unit"]:
-                if unit_kind or operator == "/":
+                if unit or operator == "/":
                     raise _not_linear(text)
-                unit_kind = match["unit"]
+                unit = match["unit"]
         if operator == "/":
             if factor == 0.0:
-                raise BeamstiffError(f"found a division by zero in {text[:60]!r}")
+                raise BeamstiffError(f"found a division by zero in {shown(text)}")
             value /= factor
         else:
             value *= factor
@@ -133,8 +135,13 @@ def _term(text: str, at: int, kind: str, variables: Mapping[str, str]) -> tuple[
             continue
         break
     if variable is None:
-        return value * (unit_factor(unit_kind, kind)[0] if unit_kind else 1.0), None, at
-    return value * _coefficient_factor(text, unit_kind, kind, variables[variable]), variable, at
+        try:
+            return in_si(value, unit, kind) if unit else value, None, at
+        except BeamstiffError:
+            if unit in variables:  # 2 q1
+                raise _not_linear(text) from None
+            raise
+    return value * _coefficient_factor(text, unit, kind, variables[variable]), variable, at
 
 
 def _coefficient_factor(text: str, unit: str, kind: str, variable_kind: str) -> float:
@@ -142,13 +149,14 @@ def _coefficient_factor(text: str, unit: str, kind: str, variable_kind: str) -> 
     if kind == variable_kind:
         if unit:
             raise BeamstiffError(
-                f"found the unit {unit!r} on a coefficient in {text[:60]!r}, expected a plain number"
+                f"found the unit {unit!r} on a coefficient in {shown(text)}, expected a plain number"
             )
         return 1.0
     ratio = f"{UNITS[kind]}/{UNITS[variable_kind]}"
     if "/" not in unit:
         raise BeamstiffError(
-            f"found {text[:60]!r}: a {variable_kind} where a {kind} is expected; give the coefficient a unit such as {ratio}"
+            f"found {shown(text)}: a {variable_kind} where a {kind} is expected; "
+            f"give the coefficient a unit such as {ratio}"
         )
     top, bottom = unit.split("/", 1)
     return unit_factor(top, kind)[0] / unit_factor(bottom, variable_kind)[0]
@@ -156,5 +164,6 @@ def _coefficient_factor(text: str, unit: str, kind: str, variable_kind: str) -> 
 
 def _not_linear(text: str) -> BeamstiffError:
     return BeamstiffError(
-        f"found {text[:60]!r}, expected a linear expression of variables such as 'q2 - 90 deg' or '2*q1 + 0.1'"
+        f"found {shown(text)}, expected a linear expression of variables "
+        "such as 'q2 - 90 deg' or '2*q1 + 0.1'"
     )

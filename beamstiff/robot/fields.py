@@ -7,9 +7,9 @@ import re
 from collections.abc import Callable
 from typing import Annotated, Any
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, PlainSerializer, ValidationError
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, PlainSerializer, ValidationError
 
-from beamstiff.errors import BeamstiffError, suggest
+from beamstiff.errors import BeamstiffError, shown, suggest
 from beamstiff.units import quantity
 
 RIGID = math.inf
@@ -37,14 +37,14 @@ def path_text(path: tuple[str | int, ...]) -> str:
     """Return a key path as an engineer would write it: ``joints[3].stiffness.radial``."""
     text = ""
     for part in path:
-        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)
+        text += f"[{part}]" if isinstance(part, int) else f"{'.' if text else ''}{part[:80]}"
     return text
 
 
 class Described(BaseModel):
     """Base of all description classes: frozen, no unknown keys, faults raised as `DescriptionError`."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True)
+    model_config = ConfigDict(frozen=True, extra="forbid")
 
     def __init__(self, /, **data: Any) -> None:
         try:
@@ -57,36 +57,46 @@ def _problems(error: ValidationError, model: type[BaseModel]) -> list[Problem]:
     """Flatten pydantic's error, nested descriptions included, into paths and messages of ours."""
     problems: list[Problem] = []
     for item in error.errors(include_url=False):
-        path = tuple(item["loc"])
+        path = tuple(part for part in item["loc"] if part != "[key]")
         inner = item.get("ctx", {}).get("error")
-        shown = repr(item["input"])
-        shown = shown if len(shown) <= 60 else shown[:57] + "..."
         if isinstance(inner, DescriptionError):
             problems += [((*path, *sub), message) for sub, message in inner.problems]
         elif isinstance(inner, BeamstiffError):
             problems.append((path, str(inner)))
-        elif item["type"] == "missing":
-            problems.append((path, "is missing"))
-        elif item["type"] == "extra_forbidden":
-            problems.append((path, f"unknown key{suggest(path[-1], model.model_fields)}"))
-        elif item["type"] in ("model_type", "dict_type", "model_attributes_type"):
-            problems.append((path, f"found {shown}, expected keys with values"))
-        elif item["type"] in ("list_type", "tuple_type"):
-            problems.append((path, f"found {shown}, expected a list"))
-        elif item["type"] in ("too_short", "too_long"):
-            problems.append((path, f"found {shown}: {item['msg']}"))
-        elif item["type"] == "literal_error":
-            expected = item["ctx"]["expected"]
-            hint = suggest(item["input"], re.findall(r"'([^']*)'", expected))
-            problems.append((path, f"found {shown}, expected {expected}{hint}"))
+        elif item["type"] == "missing" and isinstance(path[-1], int):  # of a pair or a vector
+            problems.append((path[:-1], f"found {shown(item['input'])}, expected more values in the list"))
         else:
-            problems.append((path, f"found {shown}: {item['msg']}"))
+            problems.append((path, _message(item, model)))
     return problems
+
+
+def _message(item: Any, model: type[BaseModel]) -> str:
+    """Say one of pydantic's own findings in our words."""
+    found = f"found {shown(item['input'])}"
+    match item["type"]:
+        case "missing":
+            return "is missing"
+        case "extra_forbidden":
+            return f"unknown key{suggest(item['loc'][-1], model.model_fields)}"
+        case "model_type" | "dict_type" | "mapping_type" | "model_attributes_type":
+            return f"{found}, expected keys with values"
+        case "list_type" | "tuple_type":
+            return f"{found}, expected a list"
+        case "too_short":
+            return f"{found}, expected at least {item['ctx']['min_length']} in the list"
+        case "too_long":
+            return f"{found}, expected at most {item['ctx']['max_length']} in the list"
+        case "literal_error":
+            expected = item["ctx"]["expected"]
+            hint = suggest(item["input"], re.findall("'([^']*)'", expected))
+            return f"{found}, expected {expected}{hint}"
+    return f"{found}: {item['msg']}"
 
 
 def _name(value: Any) -> str:
     if isinstance(value, int) and not isinstance(value, bool):
-        value = str(value)  # YAML reads a node called 7 as a number
+        value = shown(value)  # YAML reads a node called 7 as a number
+    quoted = isinstance(value, bool | float) and ", in quotes"
     if (
         not isinstance(value, str)
         or not 0 < len(value) <= 200
@@ -94,7 +104,7 @@ def _name(value: Any) -> str:
         or value != value.strip()
     ):
         raise BeamstiffError(
-            f"found {str(value)[:60]!r}, expected a name: printable text of at most 200 characters"
+            f"found {shown(value)}, expected a name: printable text of at most 200 characters{quoted or ''}"
         )
     return value
 
@@ -102,33 +112,48 @@ def _name(value: Any) -> str:
 def _identifier(value: Any) -> str:
     if not isinstance(value, str) or not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]{0,99}", value) or value == "pi":
         raise BeamstiffError(
-            f"found {str(value)[:60]!r}, expected a variable name of letters, digits and _, not 'pi'"
+            f"found {shown(value)}, expected a variable name of letters, digits and _, not 'pi'"
         )
     return value
 
 
-def _of(kind: str, positive: bool = False) -> Callable[[Any], float]:
+def _truth(value: Any) -> bool:
+    if not isinstance(value, bool):
+        raise BeamstiffError(f"found {shown(value)}, expected true or false")
+    return value
+
+
+def _of(kind: str, positive: bool = False, least: float = -math.inf) -> Callable[[Any], float]:
     def read(value: Any) -> float:
         result = quantity(value, kind)
         if positive and result <= 0:
-            raise BeamstiffError(f"found {value!r}, expected a positive {kind}")
+            raise BeamstiffError(f"found {shown(value)}, expected a positive {kind}")
+        if result < least:
+            raise BeamstiffError(f"found {shown(value)}, expected a {kind} of at least {least:g}")
         return result
 
     return read
 
 
+def _direction(value: tuple[float, float, float]) -> tuple[float, float, float]:
+    length = math.hypot(*value)
+    if length == 0.0:
+        raise BeamstiffError("found a zero vector, expected a direction")
+    if not 1e-12 < length < 1e12:  # its square must be a number
+        raise BeamstiffError(f"found a vector of length {length:g}, expected a direction of length about 1")
+    return value
+
+
 def _stiffness(kind: str) -> Callable[[Any], float]:
     def read(value: Any) -> float:
-        if value in ("rigid", RIGID):
-            return RIGID
-        if value == "free" or (isinstance(value, float) and value == FREE):
-            return FREE
+        if isinstance(value, str) and value in ("rigid", "free"):
+            return RIGID if value == "rigid" else FREE
         try:
             result = quantity(value, kind)
         except BeamstiffError as error:
             raise BeamstiffError(f"{error}; or rigid, or free") from None
         if result <= 0:
-            raise BeamstiffError(f"found {value!r}, expected a positive {kind}, or rigid, or free")
+            raise BeamstiffError(f"found {shown(value)}, expected a positive {kind}, or rigid, or free")
         return result
 
     return read
@@ -141,6 +166,7 @@ def stiffness_text(value: float) -> float | str:
 
 Name = Annotated[str, BeforeValidator(_name)]
 Identifier = Annotated[str, BeforeValidator(_identifier)]
+Truth = Annotated[bool, BeforeValidator(_truth)]
 Length = Annotated[float, BeforeValidator(_of("length"))]
 PositiveLength = Annotated[float, BeforeValidator(_of("length", positive=True))]
 Acceleration = Annotated[float, BeforeValidator(_of("acceleration"))]
@@ -148,6 +174,7 @@ PositiveMass = Annotated[float, BeforeValidator(_of("mass", positive=True))]
 PositiveModulus = Annotated[float, BeforeValidator(_of("modulus", positive=True))]
 PositiveArea = Annotated[float, BeforeValidator(_of("area", positive=True))]
 PositiveSecondMoment = Annotated[float, BeforeValidator(_of("second moment of area", positive=True))]
+Density = Annotated[float, BeforeValidator(_of("density", least=0.0))]
 Number = Annotated[float, BeforeValidator(_of("number"))]
 TranslationalStiffness = Annotated[
     float, BeforeValidator(_stiffness("translational stiffness")), PlainSerializer(stiffness_text)
@@ -156,4 +183,5 @@ RotationalStiffness = Annotated[
     float, BeforeValidator(_stiffness("rotational stiffness")), PlainSerializer(stiffness_text)
 ]
 Vector = tuple[Number, Number, Number]
+Direction = Annotated[Vector, AfterValidator(_direction)]
 Point = tuple[Length, Length, Length]

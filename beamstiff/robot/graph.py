@@ -3,50 +3,59 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import networkx as nx
 
 if TYPE_CHECKING:
     from beamstiff.robot.description import Robot
 
+    # networkx' classes take their type of node in the stubs only
+    Structure: TypeAlias = nx.MultiGraph[str]
+    Tree: TypeAlias = nx.DiGraph[str]
 
-def structure_graph(robot: Robot) -> nx.MultiGraph:
+
+def structure_graph(robot: Robot) -> Structure:
     """Return the structure as a multigraph: an edge an element, with its ``kind`` and ``name``.
 
     Examples
     --------
-    >>> from beamstiff.robot.library import load_library_robot
-    >>> sorted(structure_graph(load_library_robot("cantilever")).edges(data="kind"))[0][2]
-    'beam'
+    >>> from beamstiff.robot.reader import parse_robot
+    >>> robot = parse_robot(
+    ...     "{beamstiff: 1, name: link, nodes: [{name: root}, {name: tip}],"
+    ...     " rigids: [{name: arm, nodes: [root, tip]}], fixed: [root], tcp: tip}"
+    ... )
+    >>> list(structure_graph(robot).edges(data="kind"))
+    [('root', 'tip', 'rigid')]
     """
-    graph = nx.MultiGraph(name=robot.name)
+    graph: Structure = nx.MultiGraph(name=robot.name)
+    fixed = set(robot.fixed)
     for node in robot.nodes:
-        graph.add_node(
-            node.name, frame=node.frame, fixed=node.name in robot.fixed, tcp=node.name == robot.tcp
-        )
+        graph.add_node(node.name, frame=node.frame, fixed=node.name in fixed, tcp=node.name == robot.tcp)
     for kind in ("beam", "rigid", "joint", "strut"):
         for item in getattr(robot, f"{kind}s"):
-            graph.add_edge(*item.nodes, key=item.name, name=item.name, kind=kind)
+            one, other = item.nodes
+            graph.add_edge(one, other, key=item.name, name=item.name, kind=kind)
     return graph
 
 
-def parts_without_support(graph: nx.MultiGraph, fixed: Collection[str]) -> list[set[str]]:
+def parts_without_support(graph: Structure, fixed: Collection[str]) -> list[set[str]]:
     """Return the connected parts that hold no fixed node, the largest first."""
+    supported = set(fixed)
     parts = [set(part) for part in nx.connected_components(graph)]
-    return sorted((part for part in parts if not part & set(fixed)), key=len, reverse=True)
+    return sorted((part for part in parts if not part & supported), key=len, reverse=True)
 
 
-def structural_loops(graph: nx.MultiGraph) -> list[list[str]]:
+def structural_loops(graph: Structure) -> list[list[str]]:
     """Return a cycle basis as lists of nodes, two-node cycles (elements side by side) included."""
-    simple = nx.Graph(graph)
+    simple: nx.Graph[str] = nx.Graph(graph)
     parallel = [sorted(pair) for pair in simple.edges if graph.number_of_edges(*pair) > 1]
     return [*nx.cycle_basis(simple), *parallel]
 
 
-def support_tree(graph: nx.MultiGraph, fixed: Collection[str]) -> nx.DiGraph:
+def support_tree(graph: Structure, fixed: Collection[str]) -> Tree:
     """Return the spanning tree of shortest paths from the fixed nodes: what hangs on what."""
-    tree = nx.DiGraph()
+    tree: Tree = nx.DiGraph()
     tree.add_nodes_from(graph.nodes(data=True))
     reached, front = set(fixed), list(fixed)
     while front:

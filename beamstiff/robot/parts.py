@@ -8,14 +8,15 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-import numpy as np
-from pydantic import BeforeValidator, Field, field_validator, model_validator
+from pydantic import BeforeValidator, field_validator, model_validator
 
-from beamstiff.errors import BeamstiffError
+from beamstiff.errors import BeamstiffError, shown
 from beamstiff.robot.fields import (
     RIGID,
+    Density,
     Described,
     DescriptionError,
+    Direction,
     Identifier,
     Name,
     Point,
@@ -23,9 +24,9 @@ from beamstiff.robot.fields import (
     PositiveModulus,
     RotationalStiffness,
     TranslationalStiffness,
-    Vector,
+    Truth,
 )
-from beamstiff.units import quantity
+from beamstiff.units import number, quantity
 
 FRAME_PARAMETERS = {
     "gamma": "angle",
@@ -41,13 +42,18 @@ STIFFNESS_KINDS = ("axial", "radial", "torsional", "tilting")
 JOINT_DIRECTIONS = ("axial", "radial", "radial", "torsional", "tilting", "tilting")
 
 
+def _linear(value: Any) -> float | str:
+    """Return an expression as it is given: a finite number, or text for the grammar of `expression`."""
+    return value if isinstance(value, str) else number(value)
+
+
 class Variable(Described):
     """A joint variable: actuated, passive (solved by loop closure) or coupled (`equals`)."""
 
     name: Identifier
     type: Literal["revolute", "prismatic"] | None = None
-    passive: bool = False
-    equals: str | None = None
+    passive: Truth = False
+    equals: Annotated[str, BeforeValidator(lambda value: str(_linear(value)))] | None = None
     limits: tuple[float, float] | None = None
     guess: float = 0.0
 
@@ -68,10 +74,10 @@ class Variable(Described):
             return None
         kind = "length" if info.data.get("type") == "prismatic" else "angle"
         if not isinstance(value, list | tuple) or len(value) != 2:
-            raise BeamstiffError(f"found {str(value)[:60]!r}, expected two values: [lower, upper]")
+            raise BeamstiffError(f"found {shown(value)}, expected two values: [lower, upper]")
         low, high = (quantity(item, kind) for item in value)
         if low >= high:
-            raise BeamstiffError(f"found {str(value)[:60]}, expected the lower limit below the upper one")
+            raise BeamstiffError(f"found {shown(value)}, expected the lower limit below the upper one")
         return low, high
 
     @field_validator("guess", mode="before")
@@ -88,14 +94,13 @@ class Variable(Described):
         return self
 
 
-FrameParameter = Annotated[
-    float | str, BeforeValidator(lambda value: value if isinstance(value, int | float | str) else str(value))
-]
+FrameParameter = Annotated[float | str, BeforeValidator(_linear)]
 
 
 class Frame(Described):
-    """A Khalil-Kleinfinger frame: rot(z, gamma) trans(z, b) rot(x, alpha) trans(x, d) rot(z, theta) trans(z, r).
+    """A frame after Khalil and Kleinfinger, by six elementary motions from its parent.
 
+    rot(z, gamma) trans(z, b) rot(x, alpha) trans(x, d) rot(z, theta) trans(z, r);
     `beta` (Hayati) is a rotation about y after rot(z, theta), for near-parallel axes. Every parameter is a
     quantity or a linear expression of variables.
     """
@@ -125,7 +130,7 @@ class Material(Described):
 
     E: PositiveModulus
     G: PositiveModulus
-    density: Annotated[float, BeforeValidator(lambda value: quantity(value, "density")), Field(ge=0)] = 0.0
+    density: Density = 0.0
 
 
 class Node(Described):
@@ -143,7 +148,7 @@ class Beam(Described):
     nodes: tuple[Name, Name]
     section: Name
     material: Name
-    up: Vector | None = None
+    up: Direction | None = None
 
 
 class Rigid(Described):
@@ -154,7 +159,10 @@ class Rigid(Described):
 
 
 class JointStiffness(Described):
-    """Six-direction spring: along and across the joint axis, about and across it. What is not named is rigid."""
+    """Six-direction spring: along and across the joint's axis, about it and about the axes across it.
+
+    What is not named is rigid.
+    """
 
     axial: TranslationalStiffness = RIGID
     radial: TranslationalStiffness = RIGID
@@ -162,12 +170,14 @@ class JointStiffness(Described):
     tilting: RotationalStiffness = RIGID
 
 
+AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+
+
 def _axis(value: Any) -> Any:
-    letters = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
     if isinstance(value, str):
-        if value.lower() not in letters:
-            raise BeamstiffError(f"found {value[:60]!r}, expected x, y, z or three numbers")
-        return letters[value.lower()]
+        if value.lower() not in AXES:
+            raise BeamstiffError(f"found {shown(value)}, expected x, y, z or three numbers")
+        return AXES[value.lower()]
     return value
 
 
@@ -177,16 +187,9 @@ class Joint(Described):
     name: Name
     nodes: tuple[Name, Name]
     frame: Name
-    axis: Annotated[Vector, BeforeValidator(_axis)] = (0.0, 0.0, 1.0)
+    axis: Annotated[Direction, BeforeValidator(_axis)] = AXES["z"]
     variable: Identifier | None = None
     stiffness: JointStiffness
-
-    @field_validator("axis")
-    @classmethod
-    def _nonzero(cls, value: tuple[float, float, float]) -> tuple[float, float, float]:
-        if float(np.linalg.norm(value)) < 1e-12:
-            raise BeamstiffError("found a zero vector, expected an axis direction")
-        return value
 
 
 class Strut(Described):

@@ -1,14 +1,17 @@
 """Cross-sections of beams: given by their properties, or computed from a shape by closed forms.
 
-Sources: Roark's Formulas for Stress and Strain, 8th ed., table A.1 (second moments) and table 10.7 (torsion:
-rectangle by its series, thin closed box by Bredt, open I as a sum of strips); shear areas by energy
-(circle 9/10 A, rectangle 5/6 A, thin tube A/2, box and I the webs alone).
+Sources: second moments, and torsion of circles and tubes, are elementary. Torsion of the rectangle:
+Timoshenko and Goodier, Theory of Elasticity, 3rd ed., art. 109 (the series, exact); of the box: Bredt and the
+wall's own torsion, EN 10210-2 with sharp corners (some 5 % low at worst); of the I: a sum of strips (Roark
+table 10.7). Shear areas with Poisson's ratio 0: circle 6/7 A, tube, rectangle 5/6 A (Cowper, J. Appl. Mech.
+33 (1966) 335); box and I: the walls along the force alone.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import astuple, dataclass
 from typing import Literal
 
 import numpy as np
@@ -21,6 +24,7 @@ from beamstiff.robot.fields import (
     PositiveArea,
     PositiveLength,
     PositiveSecondMoment,
+    Truth,
 )
 
 DIMENSIONS = {
@@ -49,9 +53,11 @@ class Section(Described):
     """A beam's cross-section: given by its properties, or by a shape with its dimensions.
 
     ``Iy`` resists bending in the local x-z plane, ``Iz`` in the x-y plane; ``Ay``, ``Az`` are shear areas
-    (Timoshenko; without them the beam is Euler-Bernoulli). Shapes: ``tube`` (outer, wall), ``circle`` (outer),
-    ``box`` (width, height, wall), ``rectangle`` (width, height) and ``I`` (width, height, web, flange); width
-    is along local y, height along local z. ``shear: true`` computes the shear areas of a shape as well.
+    (Timoshenko; without them the beam is Euler-Bernoulli).
+
+    Shapes: ``tube`` (outer, wall), ``circle`` (outer), ``box`` (width, height, wall), ``rectangle`` (width,
+    height) and ``I`` (width, height, web, flange); width is along local y, height along local z.
+    ``shear: true`` computes the shear areas of a shape as well.
     """
 
     A: PositiveArea | None = None
@@ -67,7 +73,7 @@ class Section(Described):
     height: PositiveLength | None = None
     web: PositiveLength | None = None
     flange: PositiveLength | None = None
-    shear: bool = False
+    shear: Truth = False
 
     @model_validator(mode="after")
     def _complete(self) -> Section:
@@ -83,11 +89,12 @@ class Section(Described):
                 [((surplus[0],), f"does not belong to {what}, which needs {listed(expected)}")]
             )
         _check_dimensions(self)
+        _check_properties(self)
         return self
 
 
 def _check_dimensions(section: Section) -> None:
-    """Refuse walls thicker than the shape they are the wall of."""
+    """Refuse walls that leave no room inside."""
     smallest = min(value for value in (section.outer, section.width, section.height, math.inf) if value)
     for name, limit in (
         ("wall", smallest / 2),
@@ -99,6 +106,19 @@ def _check_dimensions(section: Section) -> None:
             raise DescriptionError(
                 [((name,), f"found {value} m, expected less than {limit} m for this {section.shape}")]
             )
+
+
+def _check_properties(section: Section) -> None:
+    """Refuse dimensions whose fourth powers leave the range of numbers."""
+    try:
+        properties = astuple(section_properties(section))
+    except OverflowError:
+        properties = (math.inf,)
+    if not all(value is None or 0 < value < math.inf for value in properties):
+        name = GIVEN[0] if section.shape is None else DIMENSIONS[section.shape][0]
+        raise DescriptionError(
+            [((name,), f"found {getattr(section, name)}: its section properties leave the range of numbers")]
+        )
 
 
 def section_properties(section: Section) -> SectionProperties:
@@ -122,7 +142,7 @@ def _tube(outer: float, wall: float) -> SectionProperties:
     inner = outer - 2 * wall
     area = math.pi * (outer**2 - inner**2) / 4
     second = math.pi * (outer**4 - inner**4) / 64
-    # energy shear area of a hollow circle (Cowper with nu = 0): 6 (1+m^2)^2 / (7 + 34 m^2 + 7 m^4)
+    # Cowper's hollow circle, nu = 0, m = inner / outer
     m2 = (inner / outer) ** 2
     shear = area * 6 * (1 + m2) ** 2 / (7 + 34 * m2 + 7 * m2**2)
     return SectionProperties(area, second, second, 2 * second, shear, shear)
@@ -130,7 +150,7 @@ def _tube(outer: float, wall: float) -> SectionProperties:
 
 def _circle(outer: float) -> SectionProperties:
     area, second = math.pi * outer**2 / 4, math.pi * outer**4 / 64
-    return SectionProperties(area, second, second, 2 * second, 0.9 * area, 0.9 * area)
+    return SectionProperties(area, second, second, 2 * second, area * 6 / 7, area * 6 / 7)
 
 
 def _rectangle(width: float, height: float) -> SectionProperties:
@@ -161,7 +181,7 @@ def _box(width: float, height: float, wall: float) -> SectionProperties:
         width * height - inner_width * inner_height,
         (width * height**3 - inner_width * inner_height**3) / 12,
         (height * width**3 - inner_height * inner_width**3) / 12,
-        4 * enclosed**2 * wall / perimeter,
+        4 * enclosed**2 * wall / perimeter + perimeter * wall**3 / 3,
         2 * wall * width,
         2 * wall * height,
     )
@@ -179,4 +199,10 @@ def _i_shape(width: float, height: float, web: float, flange: float) -> SectionP
     )
 
 
-_SHAPES = {"tube": _tube, "circle": _circle, "box": _box, "rectangle": _rectangle, "I": _i_shape}
+_SHAPES: dict[str, Callable[..., SectionProperties]] = {
+    "tube": _tube,
+    "circle": _circle,
+    "box": _box,
+    "rectangle": _rectangle,
+    "I": _i_shape,
+}
