@@ -38,7 +38,7 @@ def path_text(path: tuple[str | int, ...]) -> str:
     text = ""
     for part in path:
         text += f"[{part}]" if isinstance(part, int) else f"{'.' if text else ''}{part[:80]}"
-    return text
+    return text if len(text) <= 120 else f"{text[:117]}..."
 
 
 class Described(BaseModel):

@@ -1,0 +1,124 @@
+"""Robots from YAML: a `Robot`, or one line that says where the file is wrong and what would be right."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from beamstiff.errors import BeamstiffError, shown, suggest
+from beamstiff.robot.description import Robot
+from beamstiff.robot.fields import DescriptionError, Problem, path_text
+from beamstiff.robot.library import robot_names, robot_path
+from beamstiff.robot.text_file import read_text
+from beamstiff.robot.yaml_text import Lines, parse_yaml
+
+VERSION = 1
+
+
+def load_robot(path: str | os.PathLike[str]) -> Robot:
+    """Return the robot that a YAML file describes.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        A file, or the name of a robot that comes with the package, such as ``ir663``.
+
+    Returns
+    -------
+    Robot
+
+    Raises
+    ------
+    BeamstiffError
+        When the file cannot be read or its robot cannot be used: one line ``FILE:LINE: key: message``.
+
+    Examples
+    --------
+    >>> load_robot("cantilever").fixed
+    ('root',)
+    """
+    file = Path(path)
+    if not file.is_file() and str(path) == file.name:
+        names = _library()
+        if file.name in names:
+            file = robot_path(file.name)
+        elif not file.suffix and not file.exists():
+            raise BeamstiffError(
+                f"{file}: no such file, and no robot of this name comes with beamstiff"
+                f"{suggest(file.name, names)}"
+            )
+    return parse_robot(read_text(file), str(file))
+
+
+def parse_robot(text: str, name: str = "<text>") -> Robot:
+    """Return the robot that a YAML text describes.
+
+    Parameters
+    ----------
+    text : str
+    name : str
+        What messages call the text: its file.
+
+    Raises
+    ------
+    BeamstiffError
+        When its robot cannot be used: one line ``NAME:LINE: key: message``.
+    """
+    data, lines = parse_yaml(text, name)
+    if not isinstance(data, dict):
+        expected = f"keys with values, the first `beamstiff: {VERSION}`"
+        raise BeamstiffError(f"{name}:{lines.at(())}: found {shown(data)}, expected {expected}")
+    if "beamstiff" not in data:
+        raise BeamstiffError(f"{name}:1: beamstiff: is missing: a robot starts with `beamstiff: {VERSION}`")
+    version, line = data["beamstiff"], lines.at(("beamstiff",))
+    if type(version) is not int or version != VERSION:
+        raise BeamstiffError(f"{name}:{line}: beamstiff: found version {shown(version)}, expected {VERSION}")
+    try:
+        return Robot(**{key: value for key, value in data.items() if key != "beamstiff"})
+    except DescriptionError as error:
+        raise BeamstiffError(_told(error.problems, data, lines, name)) from None
+
+
+def read_yaml(path_or_text: Path | str) -> tuple[Any, Lines]:
+    """Return the plain data of a YAML file (a `Path`) or text (a `str`), and the line of every key.
+
+    Raises
+    ------
+    BeamstiffError
+        See `parse_yaml` and `read_text`.
+    """
+    if isinstance(path_or_text, Path):
+        return parse_yaml(read_text(path_or_text), str(path_or_text))
+    return parse_yaml(path_or_text)
+
+
+def _library() -> list[str]:
+    try:
+        return robot_names()
+    except BeamstiffError:  # an installation without robots still reads files
+        return []
+
+
+def _told(problems: Sequence[Problem], data: Any, lines: Lines, name: str) -> str:
+    """Return the line that tells the first problem, and how many more there are."""
+    # a misspelt key also makes the right one missing: the cause first
+    path, message = min(problems, key=lambda problem: not problem[1].startswith("unknown key"))
+    where = f"{_named_path(path, data)}: " if path else ""
+    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+    return f"{name}:{lines.at(path)}: {where}{message}{more}"
+
+
+def _named_path(path: tuple[str | int, ...], data: Any) -> str:
+    """Return a key path with the names of list items: ``joints[3] (J33).stiffness.radial``."""
+    parts: list[str | int] = []
+    for part in path:
+        parts.append(part)
+        try:
+            data = data[part]
+        except (LookupError, TypeError):
+            data = None
+        if isinstance(part, int) and isinstance(data, dict) and isinstance(data.get("name"), str):
+            parts[-2:] = [f"{path_text(tuple(parts[-2:]))} ({data['name'][:40]})"]
+    return path_text(tuple(parts))
