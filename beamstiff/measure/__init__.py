@@ -1,0 +1,59 @@
+"""What was seen: measurement tables, and what is computed from raw readings before they become one."""
+
+from beamstiff.measure.doubts import doubts
+from beamstiff.measure.points import (
+    PointDisplacement,
+    displacement_from_points,
+    frame_from_points,
+    subtract_sensor_deflection,
+)
+from beamstiff.measure.reader import parse_measurements, read_measurements
+from beamstiff.measure.registration import Registration, register
+from beamstiff.measure.rows import concatenate, history_order, subset
+from beamstiff.measure.samples import (
+    AveragedStates,
+    RepeatNoise,
+    average_samples,
+    difference_of_states,
+    pooled_sigma,
+    repeated_states,
+    sigma_from_repeats,
+)
+from beamstiff.measure.table import Measurements, make_measurements
+from beamstiff.measure.wrench import (
+    transport_wrench,
+    wrench_from_dead_weight,
+    wrench_from_force,
+    wrench_from_sensor,
+)
+from beamstiff.measure.writer import measurements_to_csv, write_measurements
+
+__all__ = [
+    "AveragedStates",
+    "Measurements",
+    "PointDisplacement",
+    "Registration",
+    "RepeatNoise",
+    "average_samples",
+    "concatenate",
+    "difference_of_states",
+    "displacement_from_points",
+    "doubts",
+    "frame_from_points",
+    "history_order",
+    "make_measurements",
+    "measurements_to_csv",
+    "parse_measurements",
+    "pooled_sigma",
+    "read_measurements",
+    "register",
+    "repeated_states",
+    "sigma_from_repeats",
+    "subset",
+    "subtract_sensor_deflection",
+    "transport_wrench",
+    "wrench_from_dead_weight",
+    "wrench_from_force",
+    "wrench_from_sensor",
+    "write_measurements",
+]

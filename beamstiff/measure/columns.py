@@ -1,0 +1,235 @@
+"""The columns of a measurement table: their names, their units, and which of them a robot has."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NoReturn
+
+import numpy as np
+
+from beamstiff.errors import BeamstiffError, listed, shown, suggest
+from beamstiff.measure.table import ABSOLUTE, DISPLACEMENT, MEASURED, WRENCH, Kind
+from beamstiff.robot.description import Robot
+from beamstiff.robot.parts import Variable
+from beamstiff.se3 import Array
+from beamstiff.units import unit_factor
+
+# kind of quantity of every column that is no joint variable
+QUANTITIES: dict[str, str] = {
+    **dict.fromkeys(WRENCH[:3], "force"),
+    **dict.fromkeys(WRENCH[3:], "moment"),
+    **dict.fromkeys((*DISPLACEMENT[:3], *ABSOLUTE[:3]), "length"),
+    **dict.fromkeys((*DISPLACEMENT[3:], *ABSOLUTE[3:]), "angle"),
+    "t": "time",
+    "temperature": "temperature",
+}
+QUANTITIES |= {f"sigma_{name}": QUANTITIES[name] for name in (*DISPLACEMENT, *ABSOLUTE)}
+NODES = ("point", "load_point")
+LABELS = ("pose", "step", *NODES)
+RESERVED = (*QUANTITIES, *LABELS)
+
+# what other programs call our columns
+_SYNONYMS = {
+    "time": "t",
+    "timestamp": "t",
+    "temp": "temperature",
+    "node": "point",
+    "configuration": "pose",
+    "config": "pose",
+    "u": "dx",
+    "v": "dy",
+    "w": "dz",
+}
+KUKA_HINT = (
+    "Euler angles of a KUKA A B C table are not rotation vectors: declare '# orientation: KUKA ABC' "
+    "before the header to have them converted, or '# orientation: rotation vector' if that is what they are"
+)
+_CELL = re.compile(r"(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?")
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a file: its name, quantity ("" for labels), unit and header cell."""
+
+    name: str
+    quantity: str
+    unit: str
+    cell: str
+
+
+def fail(source: str, line: int, column: str, message: str) -> NoReturn:
+    """Raise the error of a place in a file."""
+    raise BeamstiffError(f"{source}:{line}: {column}: {message}" if column else f"{source}:{line}: {message}")
+
+
+def read_header(
+    cells: Sequence[str], robot: Robot, orientation: str | None, source: str, line: int
+) -> list[Column]:
+    """Return the columns that header cells such as ``q1 [deg]`` name.
+
+    Parameters
+    ----------
+    orientation : str or None
+        The declared meaning of columns A, B, C (or a, b, c): ``"KUKA ABC"`` or ``"rotation vector"``.
+
+    Raises
+    ------
+    BeamstiffError
+        When a column is unknown, doubled, of a wrong unit, not an input of the robot, or missing.
+    """
+    declared = {variable.name: variable for variable in robot.variables}
+    for name in declared:
+        if name in RESERVED:
+            fail(
+                source,
+                line,
+                name,
+                f"robot {robot.name!r} has a variable of this name, which is a column of its own in a "
+                "table of measurements; rename the variable",
+            )
+    columns: list[Column] = []
+    for at, cell in enumerate(cells, start=1):
+        match = _CELL.fullmatch(cell)
+        if match is None or not match["name"]:
+            fail(
+                source,
+                line,
+                f"column {at}",
+                f"found {shown(cell)}, expected a name and its unit, like dx [mm]",
+            )
+        column = _read_cell(match["name"], match["unit"], cell, declared, robot, orientation, (source, line))
+        for place, other in enumerate(columns, start=1):
+            if other.name == column.name:
+                fail(source, line, column.name, f"found twice, in columns {place} and {at}, expected once")
+        columns.append(column)
+    found = [column.name for column in columns]
+    actuated = [variable.name for variable in robot.actuated]
+    for name in actuated:
+        if name not in found:
+            fail(
+                source,
+                line,
+                name,
+                f"this column is missing, expected one for each actuated variable ({listed(actuated, 12)})",
+            )
+    return columns
+
+
+def _read_cell(
+    name: str,
+    unit: str | None,
+    cell: str,
+    declared: dict[str, Variable],
+    robot: Robot,
+    orientation: str | None,
+    place: tuple[str, int],
+) -> Column:
+    source, line = place
+    if name in declared:
+        variable = declared[name]
+        if variable.passive:
+            fail(source, line, name, "this variable is passive, solved by loop closure: leave the column out")
+        if not variable.actuated:
+            fail(
+                source,
+                line,
+                name,
+                f"this variable follows others (= {variable.equals}): leave the column out",
+            )
+        return Column(name, variable.kind, _unit(variable.kind, unit, name, place), cell)
+    if name in ("A", "B", "C"):
+        if orientation is None:
+            fail(source, line, name, KUKA_HINT)
+        name = name.lower()
+    if name in LABELS:
+        if unit is not None and unit.strip() not in ("-", "1"):
+            fail(source, line, name, f"found the unit {shown(unit)}, expected none")
+        return Column(name, "", "", cell)
+    if name not in QUANTITIES:
+        _unknown(name, robot, place)
+    return Column(name, QUANTITIES[name], _unit(QUANTITIES[name], unit, name, place), cell)
+
+
+def _unit(quantity: str, unit: str | None, name: str, place: tuple[str, int]) -> str:
+    if unit is not None:
+        try:
+            unit_factor(unit, quantity)
+        except BeamstiffError as error:
+            fail(*place, name, str(error))
+    return unit or ""
+
+
+def _unknown(name: str, robot: Robot, place: tuple[str, int]) -> NoReturn:
+    known = [*(variable.name for variable in robot.actuated), *RESERVED]
+    bare = re.split(r"[\s(/_]", name.strip())[0]
+    if re.fullmatch(r"[-+.\d\s]+([eE][-+]?\d+)?", name):
+        fail(
+            *place,
+            "",
+            f"found {shown(name)}, expected a line with the names of the columns before the numbers",
+        )
+    if ";" in name or "\t" in name:
+        fail(*place, "", f"found {shown(name)} as one column, expected one separator throughout, a comma")
+    lower = {candidate.lower(): candidate for candidate in known}
+    for spelling in (name.lower(), _SYNONYMS.get(name.lower(), ""), bare, bare.lower()):
+        if spelling in lower:
+            hint = f" (did you mean '{lower[spelling]}'?)"
+            break
+    else:
+        hint = suggest(name, known)
+    if re.search(r"\(.*\)", name):
+        hint += "; a unit stands in square brackets, like dx [mm]"
+    variables = [variable.name for variable in robot.actuated]
+    fail(
+        *place,
+        shown(name),
+        f"unknown column{hint}, expected one of {listed(variables, 12)}, fx fy fz mx my mz, dx dy dz rx "
+        "ry rz (or x y z a b c), point, load_point, pose, step, t, temperature",
+    )
+
+
+def kind_of(columns: Sequence[Column], source: str, line: int) -> Kind | None:
+    """Return the kind of measurement that the columns hold, or None where they hold none.
+
+    Raises
+    ------
+    BeamstiffError
+        When they hold both, or a standard deviation of the other kind.
+    """
+    names = [column.name for column in columns]
+    found: dict[Kind, list[str]] = {
+        kind: [name for name in names if name.removeprefix("sigma_") in MEASURED[kind]] for kind in MEASURED
+    }
+    if found["displacement"] and found["absolute"]:
+        fail(
+            source,
+            line,
+            found["absolute"][0],
+            f"found beside {found['displacement'][0]}, expected displacements (dx dy dz rx ry rz) or "
+            "absolute positions (x y z a b c), not both in one table",
+        )
+    for name in names:
+        if name.startswith("sigma_") and name.removeprefix("sigma_") not in names:
+            fail(source, line, name, f"found without the column {name.removeprefix('sigma_')}")
+    turned = [name for name in ABSOLUTE[3:] if name in names]
+    if turned and len(turned) < 3:
+        fail(
+            source, line, turned[0], f"found only {listed(turned)}, expected all of a b c (a rotation vector)"
+        )
+    return next((kind for kind, some in found.items() if some), None)
+
+
+def to_si(values: Array, column: Column) -> Array:
+    """Return the values of a column in SI; a column without a unit is in SI already (temperature in degC)."""
+    if not column.unit:
+        return values
+    factor, offset = unit_factor(column.unit, column.quantity)
+    # as `units.quantity` does: 1047 mm is 1.047 m and not 1.0470000000000002
+    if 0 < factor < 1 and offset == 0.0 and (inverse := round(1 / factor)) * factor == 1.0:
+        result: Array = np.asarray(values / inverse)
+    else:
+        with np.errstate(over="ignore"):
+            result = np.asarray(values * factor + offset)
+    return result

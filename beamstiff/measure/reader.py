@@ -1,0 +1,303 @@
+"""Reads measurements from CSV.
+
+The format: ``# key: value`` lines, a header whose cells may carry units (``q1 [deg]``, ``dx [mm]``; SI
+otherwise), one row a measured state. Columns: the actuated variables by name; ``fx fy fz mx my mz``; either
+``dx dy dz rx ry rz`` or ``x y z a b c``; optionally ``point``, ``load_point``, ``pose``, ``step``, ``t``,
+``temperature``. Empty measured cells are unmeasured. What the format leaves open is decided so:
+
+- ``sigma_dx`` (``sigma_x``, ...) is the standard deviation of ``dx`` of that row; where it is empty or
+  missing, that of the ``# sigma_position`` or ``# sigma_rotation`` line holds.
+- ``a b c`` are a rotation vector, never longer than pi. Euler angles are refused unless declared:
+  ``# orientation: KUKA ABC`` converts columns A B C (or a b c), R = Rz(A) Ry(B) Rx(C), to the rotation
+  vector; ``# orientation: rotation vector`` says that columns A B C (or a b c) are one.
+- Semicolons or tabs separate where the header has these and no comma; decimal commas only after
+  ``# decimal: comma``, since 1,234 may be either.
+- An empty cell of a wrench or joint variable is an error; of ``step``, ``t``, ``temperature`` unknown; of
+  ``point`` or ``load_point`` the TCP. A pose id is a whole number or any label; labels are numbered as they
+  appear.
+- Lines that begin with ``#`` after the header are comments; empty lines are skipped.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from beamstiff.errors import BeamstiffError, listed, shown, suggest
+from beamstiff.measure.arrays import Integers
+from beamstiff.measure.columns import NODES, RESERVED, Column, kind_of, read_header, to_si
+from beamstiff.measure.numbers import CellError, numbers
+from beamstiff.measure.table import MEASURED, WRENCH, Kind, Measurements, Names, make_measurements
+from beamstiff.measure.text import RawTable, split_table
+from beamstiff.robot.description import Robot
+from beamstiff.robot.text_file import read_text
+from beamstiff.se3 import Array, rotation_about, vector_from_rotation
+from beamstiff.units import quantity
+
+LARGEST = 1 << 30  # bytes; a table of some five million states
+SPREADSHEETS = (".xlsx", ".xls", ".xlsm", ".ods")
+SAME_POSE = 1e-2  # rad or m: readings of one configuration differ by far less, two configurations by more
+
+_WHOLE = re.compile(r"([+-]?\d{1,15})(?:\.0*)?", re.ASCII)
+_NO_LABEL = re.compile(r"|[+-]?(?:[\d.,]+(?:e[+-]?\d+)?|nan|inf|infinity)", re.ASCII | re.IGNORECASE)
+_CHOICES = {
+    "unloaded_reading": ("independent", "shared"),
+    "history": ("unloaded", "continuous"),
+    "orientation": ("rotation vector", "KUKA ABC"),
+    "decimal": ("point", "comma"),
+}
+
+
+def read_measurements(path: str | Path, robot: Robot, *, require_measured: bool = True) -> Measurements:
+    """Read a CSV table of measurements.
+
+    Parameters
+    ----------
+    path : path of the file
+    robot : Robot
+        Names the actuated variables and the nodes.
+    require_measured : bool
+        Whether a table without a single measured value is an error; a plan or a list of loads has none.
+
+    Returns
+    -------
+    Measurements
+        SI, base frame.
+
+    Raises
+    ------
+    BeamstiffError
+        When the file cannot be read as such a table: ``FILE:LINE: column: found ..., expected ...``.
+    """
+    file = Path(path)
+    if file.suffix.lower() in SPREADSHEETS:
+        raise BeamstiffError(f"{path}: found a spreadsheet, expected CSV: save it as 'CSV UTF-8'")
+    return parse_measurements(read_text(file, LARGEST), robot, str(path), require_measured=require_measured)
+
+
+def parse_measurements(
+    text: str, robot: Robot, name: str = "<text>", *, require_measured: bool = True
+) -> Measurements:
+    r"""Read measurements from the text of a table; otherwise as `read_measurements`.
+
+    Examples
+    --------
+    >>> from beamstiff.robot.description import Robot
+    >>> robot = Robot(
+    ...     name="axis",
+    ...     variables=[{"name": "q1", "type": "revolute"}],
+    ...     nodes=[{"name": "root"}, {"name": "tip"}],
+    ...     rigids=[{"name": "link", "nodes": ["root", "tip"]}],
+    ...     fixed=["root"],
+    ...     tcp="tip",
+    ... )
+    >>> table = parse_measurements("# sigma_position: 0.03 mm\nq1 [deg],fz,dz [mm]\n90,-500,-1.5\n", robot)
+    >>> float(table.displacement[0, 2]), table.sigma_position
+    (-0.0015, 3.0e-05)
+    """
+    raw = split_table(text, name)
+    choices = {key: _choice(key, raw) for key in _CHOICES}
+    columns = read_header(raw.header, robot, choices["orientation"], name, raw.header_line)
+    kind = kind_of(columns, name, raw.header_line)
+    if kind is None and require_measured:
+        raw.fail_in_header("", "found no measured column, expected dx dy dz rx ry rz or x y z a b c")
+    kind = kind or "displacement"
+    _check_choices(choices, columns, kind, raw)
+
+    cells = dict(zip((column.name for column in columns), zip(*raw.cells, strict=True), strict=True))
+    values = _values(columns, cells, raw, choices["decimal"] == "comma")
+
+    def stack(names: Sequence[str], default: float) -> Array:
+        columns = [values.get(name, np.full(len(raw.cells), default)) for name in names]
+        return np.stack(columns, axis=1) if columns else np.zeros((len(raw.cells), 0))
+
+    measured = stack(MEASURED[kind], np.nan)
+    if require_measured and np.isnan(measured).all():
+        raw.fail_in_row(0, "", "found no measured value here and below, expected at least one")
+    if kind == "absolute":
+        measured[:, 3:] = _orientation(measured[:, 3:], choices["orientation"], raw)
+    actuated = [variable.name for variable in robot.actuated]
+    q = stack(actuated, 0.0)
+    nodes = {column: _nodes(column, cells[column], robot, raw) for column in NODES if column in cells}
+    return make_measurements(
+        actuated,
+        q,
+        tcp=robot.tcp,
+        wrench=stack(WRENCH, 0.0),
+        displacement=measured if kind == "displacement" else None,
+        position=measured[:, :3] if kind == "absolute" else None,
+        rotation=measured[:, 3:] if kind == "absolute" else None,
+        sigma=stack([f"sigma_{column}" for column in MEASURED[kind]], np.nan),
+        sigma_position=_sigma("sigma_position", "length", raw),
+        sigma_rotation=_sigma("sigma_rotation", "angle", raw),
+        point=nodes.get("point"),
+        load_point=nodes.get("load_point"),
+        pose=_poses(cells["pose"], q, actuated, raw) if "pose" in cells else None,
+        step=values.get("step"),
+        time=values.get("t"),
+        temperature=values.get("temperature"),
+        rows=raw.lines,
+        shared_unloaded=choices["unloaded_reading"] == "shared",
+        continuous=choices["history"] == "continuous",
+        metadata={key: value for key, (value, _) in raw.metadata.items()},
+        source=name,
+    )
+
+
+def _values(
+    columns: Sequence[Column], cells: Mapping[str, Sequence[str]], raw: RawTable, decimal_comma: bool
+) -> dict[str, Array]:
+    """Return the numeric columns in SI; of several bad cells the uppermost is told."""
+    values: dict[str, Array] = {}
+    bad: list[tuple[int, int, str]] = []
+    for at, column in enumerate(columns):
+        if column.name in ("pose", *NODES):
+            continue
+        may_be_empty = column.name in RESERVED and column.name not in WRENCH
+        try:
+            read = numbers(cells[column.name], may_be_empty=may_be_empty, decimal_comma=decimal_comma)
+            values[column.name] = to_si(read, column)
+            _check_range(column, values[column.name], cells[column.name])
+        except CellError as error:
+            bad.append((error.row, at, str(error)))
+    if bad:
+        row, at, message = min(bad)
+        raw.fail_in_row(row, columns[at].name, message)
+    return values
+
+
+def _check_range(column: Column, values: Array, cells: Sequence[str]) -> None:
+    """Refuse what no column of this name can hold."""
+    if column.name.startswith("sigma_"):
+        wrong, expected = values <= 0, "a positive finite standard deviation"
+    elif column.name == "step":
+        wrong, expected = values != np.round(values), "a whole number"
+        wrong = wrong & ~np.isnan(values)
+    elif column.name == "temperature":
+        wrong, expected = values < -273.15, "a temperature above absolute zero"
+    else:
+        wrong, expected = np.isinf(values), "a number that is finite in SI"
+    wrong = wrong | np.isinf(values)
+    if wrong.any():
+        row = int(np.flatnonzero(wrong)[0])
+        raise CellError(row, f"found {shown(cells[row].strip())}, expected {expected}")
+
+
+def _choice(key: str, raw: RawTable) -> str | None:
+    if key not in raw.metadata:
+        return None
+    value = raw.metadata[key][0]
+    for choice in _CHOICES[key]:
+        if value.lower() == choice.lower():
+            return choice
+    options = " or ".join(_CHOICES[key])
+    raw.fail_in_metadata(key, f"found {shown(value)}, expected {options}{suggest(value, _CHOICES[key])}")
+
+
+def _check_choices(
+    choices: Mapping[str, str | None], columns: Sequence[Column], kind: Kind, raw: RawTable
+) -> None:
+    """Refuse declarations that contradict the table."""
+    names = [column.name for column in columns]
+    if choices["decimal"] == "comma" and raw.separator == ",":
+        raw.fail_in_metadata(
+            "decimal", "found comma in a table separated by commas, expected semicolons between cells"
+        )
+    if choices["unloaded_reading"] == "shared" and kind == "absolute":
+        raw.fail_in_metadata(
+            "unloaded_reading",
+            "found shared in a table of absolute positions, expected a table of differences",
+        )
+    if choices["orientation"] == "KUKA ABC":
+        if "a" not in names:
+            raw.fail_in_metadata("orientation", "found KUKA ABC, expected columns A B C beside x y z")
+        if any(f"sigma_{name}" in names for name in "abc"):
+            raw.fail_in_metadata(
+                "orientation", "found KUKA ABC with sigma_a, sigma_b or sigma_c, expected '# sigma_rotation'"
+            )
+
+
+def _sigma(key: str, kind: str, raw: RawTable) -> float | None:
+    if key not in raw.metadata:
+        return None
+    value = raw.metadata[key][0]
+    try:
+        sigma = quantity(value, kind)
+    except BeamstiffError as error:
+        raw.fail_in_metadata(key, str(error))
+    if sigma <= 0:
+        raw.fail_in_metadata(key, f"found {shown(value)}, expected a positive standard deviation")
+    return sigma
+
+
+def _orientation(angles: Array, orientation: str | None, raw: RawTable) -> Array:
+    """Return rotation vectors of the columns a b c."""
+    partly = np.isnan(angles).any(axis=1) & ~np.isnan(angles).all(axis=1)
+    if partly.any():
+        row = int(np.flatnonzero(partly)[0])
+        raw.fail_in_row(row, "a b c", "found some of the three empty, expected all or none")
+    if orientation == "KUKA ABC":
+        known = ~np.isnan(angles).any(axis=1)
+        a, b, c = angles[known].T
+        result = angles.copy()
+        result[known] = vector_from_rotation(
+            rotation_about(2, a) @ rotation_about(1, b) @ rotation_about(0, c)
+        )
+        return result
+    length = np.linalg.norm(angles, axis=1)
+    if orientation is None and (length > np.pi * (1 + 1e-9)).any():
+        row = int(np.flatnonzero(length > np.pi * (1 + 1e-9))[0])
+        raw.fail_in_row(
+            row,
+            "a b c",
+            f"found a rotation vector of {np.rad2deg(length[row]):.0f} deg, expected at most 180 deg; Euler "
+            "angles of a KUKA table need '# orientation: KUKA ABC' before the header, degrees need a [deg]",
+        )
+    return angles
+
+
+def _poses(cells: Sequence[str], q: Array, actuated: Sequence[str], raw: RawTable) -> Integers:
+    """Return the pose ids, once it is sure that rows of one id have one configuration."""
+    labels: dict[str, int] = {}
+    whole = True
+    for label in dict.fromkeys(cells):  # distinct cells only: there are far fewer than rows
+        text = label.strip()
+        number = _WHOLE.fullmatch(text)
+        if number is None and (_NO_LABEL.fullmatch(text) or len(text) > 200 or not text.isprintable()):
+            row = cells.index(label)
+            raw.fail_in_row(row, "pose", f"found {shown(text)}, expected a whole number or a label")
+        whole &= number is not None
+        labels[label] = int(number[1]) if number else -1
+    if not whole:
+        names = dict.fromkeys(label.strip() for label in labels)
+        order = {name: at for at, name in enumerate(names)}
+        labels = {label: order[label.strip()] for label in labels}
+    pose = np.fromiter((labels[cell] for cell in cells), dtype=np.int64, count=len(cells))
+    _, first, group = np.unique(pose, return_index=True, return_inverse=True)
+    away = np.abs(q - q[first[group]])
+    if (away > SAME_POSE).any():
+        row, at = (int(i) for i in np.argwhere(away > SAME_POSE)[0])
+        other = first[group[row]]
+        raw.fail_in_row(
+            row,
+            "pose",
+            f"found {actuated[at]} = {q[row, at]:.6g} in pose {cells[row].strip()}, expected "
+            f"{q[other, at]:.6g} as in line {raw.lines[other]}: one id stands for one configuration",
+        )
+    return pose
+
+
+def _nodes(name: str, cells: Sequence[str], robot: Robot, raw: RawTable) -> Names:
+    known = dict.fromkeys(node.name for node in robot.nodes)
+    nodes: dict[str, str] = {}
+    for cell in dict.fromkeys(cells):
+        node = cell.strip() or robot.tcp
+        if node not in known:
+            hint = suggest(node, known) or f", expected one of {listed(known)}"
+            row = cells.index(cell)
+            raw.fail_in_row(row, name, f"found {shown(node)}, which is no node of robot {robot.name!r}{hint}")
+        nodes[cell] = node
+    return np.array([nodes[cell] for cell in cells], dtype=np.str_)

@@ -1,0 +1,151 @@
+"""A tracker's frame carried to the base frame, from points known in both."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from beamstiff.errors import BeamstiffError
+from beamstiff.measure.arrays import finite, positive
+from beamstiff.measure.rigid_motion import check_spread, fit_rigid_motion
+from beamstiff.se3 import Array, rotate_screw, skew
+
+
+@dataclass(frozen=True, eq=False)
+class Registration:
+    """The frame of a tracker in the base frame: ``base = scale * rotation @ tracker + translation``.
+
+    Attributes
+    ----------
+    rotation : (3, 3) array
+    translation : (3,) array, m
+    scale : float
+        1 unless it was fitted.
+    residuals : (M, 3) array, m
+        Base point minus carried tracker point.
+    sigma : float
+        Standard deviation of one coordinate, m: as given, else from the residuals.
+    covariance : (6, 6) array
+        Of ``[translation, rotation vector]``, the rotation a small one about the base axes; m and rad.
+    apparent_scale, apparent_scale_std : float
+        Scale that fits best, applied or not, and its standard deviation. Far from 1 it warns of a scale
+        error.
+    """
+
+    rotation: Array
+    translation: Array
+    scale: float
+    residuals: Array
+    sigma: float
+    covariance: Array
+    apparent_scale: float
+    apparent_scale_std: float
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the residuals' norm, m."""
+        return float(np.sqrt(np.mean(np.sum(self.residuals**2, axis=-1))))
+
+    @property
+    def scale_doubtful(self) -> bool:
+        """Whether the apparent scale is off by more than 1e-6 and three standard deviations."""
+        return abs(self.apparent_scale - 1.0) > max(1e-6, 3.0 * self.apparent_scale_std)
+
+    def points(self, points: ArrayLike) -> Array:
+        """Return points (..., 3), given in the tracker's frame, in the base frame; m."""
+        return self.vectors(points) + self.translation
+
+    def vectors(self, vectors: ArrayLike) -> Array:
+        """Return displacement vectors (..., 3), given in the tracker's frame, in the base frame; m."""
+        result: Array = self.scale * finite(vectors, "vectors", 3, missing=True) @ self.rotation.T
+        return result
+
+    def displacements(self, displacements: ArrayLike) -> Array:
+        """Return displacements ``[d, r]`` (..., 6), given in the tracker's axes, in base axes; m and rad."""
+        turned = finite(displacements, "displacements", 6, missing=True) @ rotate_screw(self.rotation).T
+        result: Array = turned * np.repeat([self.scale, 1.0], 3)
+        return result
+
+    def rotations(self, rotations: ArrayLike) -> Array:
+        """Return orientations (..., 3, 3) of a body in the tracker's frame as those in the base frame."""
+        result: Array = self.rotation @ finite(rotations, "rotations", 3, 3)
+        return result
+
+
+def register(
+    tracker: ArrayLike, base: ArrayLike, *, with_scale: bool = False, sigma: float | None = None
+) -> Registration:
+    """Return the frame of a tracker in the base frame, by least squares over corresponding points.
+
+    Parameters
+    ----------
+    tracker, base : (M, 3) arrays, m
+        The same points in both frames, at least three, not on a line.
+    with_scale : bool
+        Fit a scale too. Off by default: it would hide a length error of the robot.
+    sigma : float, m
+        Standard deviation of one coordinate's difference; estimated from the residuals where not given.
+
+    Raises
+    ------
+    BeamstiffError
+        When points are few, collinear, not finite, mirrored, or in different units.
+
+    Examples
+    --------
+    >>> tracker = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    >>> register(tracker, tracker + [1.0, 2.0, 3.0]).translation.round(12)
+    array([1., 2., 3.])
+    """
+    p, b = finite(tracker, "tracker points", -1, 3), finite(base, "base points", -1, 3)
+    if p.shape != b.shape or p.ndim != 2:
+        raise BeamstiffError(
+            f"found tracker points of shape {p.shape} and base points of shape {b.shape}, expected (M, "
+            "3) in both"
+        )
+    check_spread(p, "tracker points")
+    check_spread(b, "base points")
+    motion = fit_rigid_motion(p, b, with_scale=with_scale)
+    size = np.linalg.norm(b - b.mean(axis=0)) / np.linalg.norm(p - p.mean(axis=0))
+    if not 0.5 < size < 2.0:
+        raise BeamstiffError(
+            f"found base points {size:.4g} times as far apart as the tracker points, expected the same "
+            "units (m)"
+        )
+    if motion.mirrored:
+        raise BeamstiffError(
+            "found base points that are the mirror image of the tracker points, expected a rotation: a "
+            "left-handed axis or exchanged points?"
+        )
+    scale = float(motion.best_scale) if with_scale else 1.0
+    freedom = 3 * len(p) - (7 if with_scale else 6)
+    noise = (
+        float(np.sqrt(np.sum(motion.residuals**2) / freedom)) if sigma is None else positive(sigma, "sigma")
+    )
+    carried = b - motion.residuals - motion.translation
+    jacobian = np.concatenate(
+        [np.broadcast_to(np.eye(3), (len(p), 3, 3)), -skew(carried), carried[..., None]], axis=-1
+    ).reshape(-1, 7)
+    with_all = np.linalg.inv(jacobian.T @ jacobian) * noise**2
+    without = np.linalg.inv(jacobian[:, :6].T @ jacobian[:, :6]) * noise**2
+    return Registration(
+        rotation=motion.rotation,
+        translation=motion.translation,
+        scale=scale,
+        residuals=motion.residuals,
+        sigma=noise,
+        covariance=with_all[:6, :6] if with_scale else without,
+        apparent_scale=float(motion.best_scale),
+        apparent_scale_std=float(_scale_std(p, b, motion.best_scale, motion.rotation, sigma)),
+    )
+
+
+def _scale_std(tracker: Array, base: Array, scale: Array, rotation: Array, sigma: float | None) -> float:
+    """Return the standard deviation of the best-fitting scale, from the noise beside that scale."""
+    a, b = tracker - tracker.mean(axis=0), base - base.mean(axis=0)
+    if sigma is None:
+        rest = b - scale * (a @ rotation.T)
+        sigma = float(np.sqrt(np.sum(rest**2) / (3 * len(a) - 7)))
+    return sigma / float(np.linalg.norm(a))

@@ -1,0 +1,130 @@
+"""Rows of measurement tables: some of them, those of several tables, and the order they were measured in."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from beamstiff.errors import BeamstiffError, listed
+from beamstiff.measure.arrays import Integers, equal_rows
+from beamstiff.measure.table import Measurements
+from beamstiff.se3 import Array
+
+
+def subset(measurements: Measurements, mask: ArrayLike) -> Measurements:
+    """Return some rows of a table.
+
+    Parameters
+    ----------
+    mask : (N,) array of bool, or array of int
+        Rows to keep, or their indices in the wanted order.
+
+    Raises
+    ------
+    BeamstiffError
+        When no row is left, or the mask does not fit.
+    """
+    chosen = np.asarray(mask)
+    if chosen.dtype == np.bool_:
+        if chosen.shape != (len(measurements),):
+            raise BeamstiffError(f"mask: found shape {chosen.shape}, expected ({len(measurements)},)")
+        chosen = np.flatnonzero(chosen)
+    if chosen.ndim != 1 or not len(chosen):
+        raise BeamstiffError(f"{measurements.source}: no row of {len(measurements)} is left in the selection")
+    if not np.issubdtype(chosen.dtype, np.integer):
+        raise BeamstiffError(f"mask: found values of type {chosen.dtype}, expected bool or int")
+    outside = (chosen < 0) | (chosen >= len(measurements))
+    if outside.any():
+        raise BeamstiffError(
+            f"mask: found row {chosen[outside][0]}, expected rows from 0 to {len(measurements) - 1}"
+        )
+    arrays = {f.name: getattr(measurements, f.name) for f in fields(measurements)}
+    return replace(
+        measurements, **{name: a[chosen] for name, a in arrays.items() if isinstance(a, np.ndarray)}
+    )
+
+
+def concatenate(tables: Sequence[Measurements]) -> Measurements:
+    """Return several tables as one. Poses are numbered anew: those of different files stay apart.
+
+    Where the tables' noise differs, `sigma` keeps it row by row and `sigma_position` (`_rotation`) is None.
+
+    Raises
+    ------
+    BeamstiffError
+        When there is none, or two contradict one another: other variables, another kind, another sharing of
+        unloaded readings or another history. The message names both files.
+    """
+    if not tables:
+        raise BeamstiffError("found no table of measurements, expected at least one")
+    first = tables[0]
+    for other in tables[1:]:
+        for name in ("variables", "kind", "shared_unloaded", "continuous"):
+            a, b = getattr(first, name), getattr(other, name)
+            if a != b:
+                raise BeamstiffError(
+                    f"{first.source} and {other.source}: found {name} {_text(a)} in the first and "
+                    f"{_text(b)} in the second, expected the same in both"
+                )
+    arrays: dict[str, Any] = {
+        name: np.concatenate([getattr(table, name) for table in tables])
+        for name in (f.name for f in fields(first) if isinstance(getattr(first, f.name), np.ndarray))
+    }
+    runs = np.cumsum([0, *(len(table.sources) for table in tables)])
+    arrays["run"] = np.concatenate([table.run + start for table, start in zip(tables, runs, strict=False)])
+    origin = np.repeat(np.arange(len(tables)), [len(table) for table in tables])
+    if len(tables) > 1:
+        arrays["pose"] = equal_rows(np.stack([origin, arrays["pose"]], axis=1).astype(np.float64))
+    metadata: dict[str, str] = {}
+    for key in dict.fromkeys(key for table in tables for key in table.metadata):
+        metadata[key] = "; ".join(dict.fromkeys(t.metadata[key] for t in tables if key in t.metadata))
+    return replace(
+        first,
+        **arrays,
+        sigma_position=_common([table.sigma_position for table in tables]),
+        sigma_rotation=_common([table.sigma_rotation for table in tables]),
+        metadata=metadata,
+        sources=tuple(source for table in tables for source in table.sources),
+    )
+
+
+def history_order(measurements: Measurements) -> Integers:
+    """Return the rows in the order in which the machine went through them, as indices (N,).
+
+    Runs follow one another; within a run poses are ordered by their first `time`, else by row; within a pose
+    rows by `time`, else `step`, else row. In a continuous history with `time` everywhere, time alone counts.
+    """
+    n = len(measurements)
+    row = np.arange(n, dtype=np.float64)
+    group = equal_rows(np.stack([measurements.run, measurements.pose], axis=1).astype(np.float64))
+
+    def complete(value: Array, within: Integers) -> NDArray[np.bool_]:
+        gaps = np.bincount(within, weights=np.isnan(value), minlength=1)
+        return np.asarray(gaps[within] == 0)
+
+    def first_of(value: Array) -> Array:
+        start = np.full(group.max() + 1, np.inf)
+        np.minimum.at(start, group, value)
+        return start[group]
+
+    timed_run = complete(measurements.time, measurements.run)
+    start = first_of(np.where(timed_run, measurements.time, row))
+    stepped = np.where(complete(measurements.step, group), measurements.step, row)
+    within = np.where(complete(measurements.time, group), measurements.time, stepped)
+    if measurements.continuous:
+        start = np.where(timed_run, measurements.time, start)
+    # the last key counts most; equal times are told apart by step and row
+    keys = (row, stepped, within, first_of(row), start, measurements.run)
+    return np.lexsort(keys).astype(np.int64)
+
+
+def _common(values: Sequence[float | None]) -> float | None:
+    return values[0] if len(set(values)) == 1 else None
+
+
+def _text(value: object) -> str:
+    return listed(value) if isinstance(value, tuple) else str(value)

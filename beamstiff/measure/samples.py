@@ -1,0 +1,284 @@
+"""Many samples of a state to its mean, with the spread kept; noise from repeated states."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from beamstiff.errors import BeamstiffError
+from beamstiff.measure.arrays import Integers, equal_rows, finite
+from beamstiff.measure.table import Measurements
+from beamstiff.se3 import Array
+
+# modified z-score above which a sample is an outlier, and the factors that make the median and the mean
+# absolute deviation of normal noise its standard deviation (Iglewicz & Hoaglin, How to Detect and Handle
+# Outliers, 1993)
+OUTLIER = 3.5
+_MEDIAN_DEVIATION = 1.482602218505602
+_MEAN_DEVIATION = 1.2533141373155003
+
+
+@dataclass(frozen=True, eq=False)
+class AveragedStates:
+    """States averaged over their samples; S states, D components.
+
+    Attributes
+    ----------
+    state : (S,) array of int
+        Their ids, in order of appearance.
+    mean : (S, D) array
+        NaN where nothing was sampled.
+    spread : (S, D) array
+        Standard deviation of one sample (n - 1); NaN for fewer than two.
+    sigma : (S, D) array
+        Standard deviation of the mean, ``spread / sqrt(n)``: of independent samples. Slow drift within a
+        state makes it too small; repeats (`sigma_from_repeats`) show that.
+    count : (S, D) array of int
+        Samples used.
+    rejected : (S, D) array of int
+        Samples left out as outliers.
+    """
+
+    state: Integers
+    mean: Array
+    spread: Array
+    sigma: Array
+    count: Integers
+    rejected: Integers
+
+
+def average_samples(samples: ArrayLike, state: ArrayLike, *, robust: bool = False) -> AveragedStates:
+    """Return the mean and spread of every state's samples.
+
+    Parameters
+    ----------
+    samples : (T, D) array
+        Raw readings; NaN where one dropped out. Angles must not wrap: give rotations relative to a reference.
+    state : (T,) array of int
+        State that each sample belongs to.
+    robust : bool
+        Leave out samples further from the median than 3.5 robust standard deviations, component by component.
+
+    Raises
+    ------
+    BeamstiffError
+        When there is no sample, shapes do not fit, or a sample is infinite.
+
+    Examples
+    --------
+    >>> states = average_samples([[1.0], [3.0], [7.0]], [5, 5, 6])
+    >>> states.mean.ravel(), states.spread.ravel(), states.sigma[0]
+    (array([2., 7.]), array([1.41421356, nan]), array([1.]))
+    """
+    x = finite(samples, "samples", -1, -1, missing=True)
+    ids, first, group = _groups(state, len(x), x.ndim)
+    used: NDArray[np.bool_] = ~np.isnan(x)
+    sampled = _sums(used, group, len(ids))
+    if robust:
+        used = used & ~_outliers(x, group, len(ids))
+    count = _sums(used, group, len(ids))
+    known = np.where(used, x, 0.0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        # about the first sample of each state, so that metres do not drown micrometres
+        origin = np.where(np.isnan(x[first]), 0.0, x[first])
+        shifted = np.where(used, known - origin[group], 0.0)
+        mean = _sums(shifted, group, len(ids)) / count
+        squares = _sums(np.where(used, (shifted - mean[group]) ** 2, 0.0), group, len(ids))
+        spread = np.where(count > 1, np.sqrt(squares / (count - 1)), np.nan)
+        sigma = spread / np.sqrt(count)
+    return AveragedStates(
+        state=ids,
+        mean=np.where(count > 0, mean + origin, np.nan),
+        spread=spread,
+        sigma=sigma,
+        count=count.astype(np.int64),
+        rejected=(sampled - count).astype(np.int64),
+    )
+
+
+def difference_of_states(
+    states: AveragedStates, loaded: ArrayLike, unloaded: ArrayLike
+) -> tuple[Array, Array]:
+    """Return loaded minus unloaded means (N, D) and their standard deviations (N, D).
+
+    Parameters
+    ----------
+    states : AveragedStates
+    loaded, unloaded : (N,) arrays of int
+        Ids of the states. Where one unloaded state serves several rows, their errors are correlated: give
+        ``shared_unloaded=True`` to `make_measurements`.
+
+    Raises
+    ------
+    BeamstiffError
+        When a state does not exist.
+
+    Examples
+    --------
+    >>> states = average_samples([[1.0], [3.0], [7.0], [9.0]], [0, 0, 1, 1])
+    >>> difference_of_states(states, [1], [0])
+    (array([[6.]]), array([[1.41421356]]))
+    """
+    rows = []
+    for name, ids in (("loaded", loaded), ("unloaded", unloaded)):
+        wanted = np.atleast_1d(np.asarray(ids))
+        order = np.argsort(states.state)
+        at = np.searchsorted(states.state[order], wanted).clip(max=len(order) - 1)
+        missing = states.state[order][at] != wanted
+        if missing.any():
+            raise BeamstiffError(f"{name}: found state {wanted[missing][0]}, of which there is no sample")
+        rows.append(order[at])
+    a, b = rows
+    if a.shape != b.shape:
+        raise BeamstiffError(
+            f"found {len(a)} loaded and {len(b)} unloaded states, expected one unloaded for each loaded"
+        )
+    sigma: Array = np.hypot(states.sigma[a], states.sigma[b])
+    return states.mean[a] - states.mean[b], sigma
+
+
+def pooled_sigma(values: ArrayLike, group: ArrayLike) -> tuple[Array, Integers]:
+    """Return the standard deviation of one value, pooled over groups of repeats, and its degrees of freedom.
+
+    ``sigma^2 = sum_g sum_i (x_gi - mean_g)^2 / sum_g (n_g - 1)``, component by component.
+
+    Parameters
+    ----------
+    values : (N, D) array
+        NaN where not measured.
+    group : (N,) array of int
+        Repeats of one state share an id.
+
+    Returns
+    -------
+    sigma : (D,) array
+        NaN without repeats.
+    freedom : (D,) array of int
+
+    Examples
+    --------
+    >>> pooled_sigma([[1.0], [3.0], [10.0], [10.0], [50.0]], [0, 0, 1, 1, 2])
+    (array([1.]), array([2]))
+    """
+    states = average_samples(values, group)
+    weight = np.maximum(states.count - 1, 0)
+    freedom = weight.sum(axis=0)
+    squares = np.nansum(weight * np.where(np.isnan(states.spread), 0.0, states.spread) ** 2, axis=0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.sqrt(squares / np.where(freedom > 0, freedom, np.nan)), freedom
+
+
+@dataclass(frozen=True)
+class RepeatNoise:
+    """Noise of the measured values as repeats show it.
+
+    Attributes
+    ----------
+    sigma : (6,) array, m and rad
+        Of each component; NaN where nothing was repeated.
+    sigma_position, sigma_rotation : float or None
+        Pooled over the three components each; None where nothing was repeated.
+    freedom_position, freedom_rotation : int
+        Degrees of freedom of the two: the relative standard error is ``1 / sqrt(2 freedom)``.
+    """
+
+    sigma: Array
+    sigma_position: float | None
+    sigma_rotation: float | None
+    freedom_position: int
+    freedom_rotation: int
+
+
+def repeated_states(measurements: Measurements, *, tolerance: float = 1e-6) -> Integers:
+    """Return an id for every row (N,), equal for repeats: same configuration, load, load point and point.
+
+    Parameters
+    ----------
+    tolerance : float
+        Joint variables and loads are the same when they agree to this share of the largest in their column.
+    """
+    inputs = np.concatenate([measurements.q, measurements.wrench], axis=1)
+    size = np.abs(inputs).max(axis=0)
+    rounded = np.round(inputs / np.where(size > 0, size * tolerance, 1.0))
+    names = [
+        np.unique(column, return_inverse=True)[1] for column in (measurements.point, measurements.load_point)
+    ]
+    return equal_rows(np.column_stack([rounded, *names]).astype(np.float64))
+
+
+def sigma_from_repeats(measurements: Measurements, *, tolerance: float = 1e-6) -> RepeatNoise:
+    """Return the noise of a table from the rows that repeat a state.
+
+    What differs between repeats counts as noise: with hysteresis, states reached by loading and by
+    unloading do. Where all rows of a pose share one unloaded reading, that reading's error is the same in
+    all of them and does not show.
+
+    Raises
+    ------
+    BeamstiffError
+        When no measured state is repeated.
+    """
+    group = repeated_states(measurements, tolerance=tolerance)
+    sigma, freedom = pooled_sigma(measurements.measured, group)
+    if not freedom.any():
+        raise BeamstiffError(
+            f"{measurements.source}: found no repeated state, expected some to tell the noise from"
+        )
+
+    def together(part: slice) -> tuple[float | None, int]:
+        total = int(freedom[part].sum())
+        squares = float(np.nansum(sigma[part] ** 2 * freedom[part]))
+        return (float(np.sqrt(squares / total)) if total else None), total
+
+    (position, n_position), (rotation, n_rotation) = together(slice(0, 3)), together(slice(3, 6))
+    return RepeatNoise(sigma, position, rotation, n_position, n_rotation)
+
+
+def _groups(state: ArrayLike, n: int, dimensions: int) -> tuple[Integers, Integers, Integers]:
+    ids = np.asarray(state)
+    if ids.shape != (n,) or dimensions != 2 or n == 0 or not np.issubdtype(ids.dtype, np.integer):
+        raise BeamstiffError(
+            f"state: found {ids.dtype} values of shape {ids.shape} for {n} samples, expected one whole "
+            "number a sample"
+        )
+    group = equal_rows(ids[:, None].astype(np.float64))
+    first = np.unique(group, return_index=True)[1]
+    return ids[first].astype(np.int64), first.astype(np.int64), group
+
+
+def _sums(values: ArrayLike, group: Integers, groups: int) -> Array:
+    """Return the sums (groups, D) of the rows of each group."""
+    array = np.asarray(values, dtype=np.float64)
+    result = np.zeros((groups, array.shape[1]))
+    np.add.at(result, group, array)
+    return result
+
+
+def _medians(x: Array, group: Integers, groups: int) -> Array:
+    """Return the medians (groups, D), NaN left out."""
+    result = np.full((groups, x.shape[1]), np.nan)
+    for column in range(x.shape[1]):  # a handful of components; the groups are what there are many of
+        known = ~np.isnan(x[:, column])
+        values, of = x[known, column], group[known]
+        order = np.lexsort((values, of))
+        count = np.bincount(of, minlength=groups)
+        start = np.cumsum(count) - count
+        some = count > 0
+        low, high = (start + (count - 1) // 2)[some], (start + count // 2)[some]
+        result[some, column] = (values[order[low]] + values[order[high]]) / 2
+    return result
+
+
+def _outliers(x: Array, group: Integers, groups: int) -> NDArray[np.bool_]:
+    """Return which samples (T, D) lie too far from the median of their state; in a state of two, none."""
+    away = np.abs(x - _medians(x, group, groups)[group])
+    scale = _MEDIAN_DEVIATION * _medians(away, group, groups)
+    count = _sums(~np.isnan(x), group, groups)
+    mean = _MEAN_DEVIATION * _sums(np.nan_to_num(away), group, groups) / np.maximum(count, 1)
+    # more than half of the samples equal (coarse digits): the median deviation is zero, the mean one is not
+    scale = np.where(scale > 0, scale, mean)
+    with np.errstate(invalid="ignore"):
+        result: NDArray[np.bool_] = (away > OUTLIER * scale[group]) & (count[group] > 2)
+    return result

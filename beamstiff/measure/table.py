@@ -1,0 +1,264 @@
+"""The table of measurements: one row a measured state, plain arrays in SI."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from beamstiff.errors import BeamstiffError, listed
+from beamstiff.measure.arrays import Integers, equal_rows, finite, positive
+from beamstiff.se3 import Array
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Kind = Literal["displacement", "absolute"]
+Names = NDArray[np.str_]
+
+WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
+DISPLACEMENT = ("dx", "dy", "dz", "rx", "ry", "rz")
+ABSOLUTE = ("x", "y", "z", "a", "b", "c")
+MEASURED: dict[Kind, tuple[str, ...]] = {"displacement": DISPLACEMENT, "absolute": ABSOLUTE}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Measurements:
+    """Measured states of a machine, N rows, SI, base frame.
+
+    Made by `read_measurements` or `make_measurements`.
+
+    Attributes
+    ----------
+    variables : tuple of str
+        Names of the actuated variables, the columns of `q` (A).
+    kind : "displacement" or "absolute"
+        Whether the rows hold TCP displacements (loaded minus unloaded) or absolute TCP positions.
+    q : (N, A) array, rad or m
+        Actuated variables, drive-side readings.
+    wrench : (N, 6) array, N and N m
+        Wrench ``[f, m]`` at `load_point`, base frame.
+    displacement : (N, 6) array, m and rad
+        ``[d, r]`` of `point`, r a rotation vector; NaN where not measured.
+    position, rotation : (N, 3) arrays, m and rad
+        Absolute position of `point` and rotation vector of the TCP frame; NaN where not measured.
+    sigma : (N, 6) array, m and rad
+        Standard deviation of every measured value, the row's own where known, else the table's; NaN unknown.
+    point, load_point : (N,) arrays of str
+        Nodes where the displacement was measured and the wrench applied.
+    pose : (N,) array of int
+        Rows of one configuration have one id; ids of different runs differ.
+    step : (N,) array
+        Order within the pose; NaN where not given.
+    time : (N,) array, s
+        Since the start of the run; NaN where not given.
+    temperature : (N,) array, degC
+        NaN where not given.
+    rows : (N,) array of int
+        Line of the file that each row stands in.
+    run : (N,) array of int
+        File of each row, an index into `sources`.
+    sigma_position, sigma_rotation : float or None
+        Standard deviation of a measured value (of the difference itself for displacements), m and rad, where
+        one holds for the whole table.
+    shared_unloaded : bool
+        All rows of a pose were differenced with one unloaded reading, so their errors are correlated.
+    continuous : bool
+        The load history runs on from pose to pose; otherwise each pose starts unloaded.
+    metadata : mapping of str to str
+        What the ``# key: value`` lines say.
+    sources : tuple of str
+        Files the rows come from.
+    """
+
+    variables: tuple[str, ...]
+    kind: Kind
+    q: Array
+    wrench: Array
+    displacement: Array
+    position: Array
+    rotation: Array
+    sigma: Array
+    point: Names
+    load_point: Names
+    pose: Integers
+    step: Array
+    time: Array
+    temperature: Array
+    rows: Integers
+    run: Integers
+    sigma_position: float | None
+    sigma_rotation: float | None
+    shared_unloaded: bool
+    continuous: bool
+    metadata: Mapping[str, str]
+    sources: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        """Freeze the arrays too."""
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
+        object.__setattr__(self, "metadata", dict(self.metadata))
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+    def __repr__(self) -> str:
+        return (
+            f"Measurements({self.kind}, {len(self)} rows, {len(np.unique(self.pose))} poses, "
+            f"variables {listed(self.variables)}, source {self.source!r})"
+        )
+
+    @property
+    def source(self) -> str:
+        """The file the rows come from; several are joined by " + "."""
+        return " + ".join(self.sources)
+
+    @property
+    def measured(self) -> Array:
+        """Measured values (N, 6): `displacement`, or `position` and `rotation`; NaN where not measured."""
+        if self.kind == "displacement":
+            return self.displacement
+        return np.concatenate([self.position, self.rotation], axis=1)
+
+    @property
+    def measured_mask(self) -> NDArray[np.bool_]:
+        """Which of the six values of each row were measured (N, 6)."""
+        return ~np.isnan(self.measured)
+
+    def place(self, row: int) -> str:
+        """Return where a row stands, as ``file:line``."""
+        return f"{self.sources[self.run[row]]}:{self.rows[row]}"
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the table as a pandas DataFrame, SI, named as the columns of a file; one row a state."""
+        import pandas as pd
+
+        columns: dict[str, Any] = dict(zip(self.variables, self.q.T, strict=True))
+        columns |= dict(zip(WRENCH, self.wrench.T, strict=True))
+        columns |= dict(zip(MEASURED[self.kind], self.measured.T, strict=True))
+        columns |= {f"sigma_{n}": s for n, s in zip(MEASURED[self.kind], self.sigma.T, strict=True)}
+        columns |= {"point": self.point, "load_point": self.load_point, "pose": self.pose, "step": self.step}
+        columns |= {"t": self.time, "temperature": self.temperature, "row": self.rows}
+        columns["source"] = np.array(self.sources)[self.run]
+        return pd.DataFrame(columns)
+
+
+def make_measurements(
+    variables: Sequence[str],
+    q: ArrayLike,
+    *,
+    tcp: str,
+    wrench: ArrayLike | None = None,
+    displacement: ArrayLike | None = None,
+    position: ArrayLike | None = None,
+    rotation: ArrayLike | None = None,
+    sigma: ArrayLike | None = None,
+    sigma_position: float | None = None,
+    sigma_rotation: float | None = None,
+    point: ArrayLike | None = None,
+    load_point: ArrayLike | None = None,
+    pose: ArrayLike | None = None,
+    step: ArrayLike | None = None,
+    time: ArrayLike | None = None,
+    temperature: ArrayLike | None = None,
+    rows: ArrayLike | None = None,
+    shared_unloaded: bool = False,
+    continuous: bool = False,
+    metadata: Mapping[str, str] | None = None,
+    source: str = "<arrays>",
+) -> Measurements:
+    """Return a table from arrays, with the defaults of the file format for what is not given.
+
+    Parameters
+    ----------
+    variables, q, ...
+        As the attributes of `Measurements`; N rows. NaN in measured values means not measured. A displacement
+        (N, 3) has no rotation. Without `pose`, rows of equal `q` are one pose.
+    tcp : str
+        Node that `point` and `load_point` default to.
+
+    Raises
+    ------
+    BeamstiffError
+        When there is no row, shapes do not fit, a number is not finite, sigma is not positive, or both kinds
+        of measurement are given.
+
+    Examples
+    --------
+    >>> make_measurements(["q1"], [[0.1], [0.1]], tcp="n1", displacement=[[0, 0, -1e-3]] * 2)
+    Measurements(displacement, 2 rows, 1 poses, variables q1, source '<arrays>')
+    """
+    q_array = finite(q, f"{source}: q", -1, len(variables))
+    if q_array.ndim != 2 or not len(q_array):
+        raise BeamstiffError(f"{source}: q: found shape {q_array.shape}, expected at least one row of values")
+    n = len(q_array)
+    if displacement is not None and (position is not None or rotation is not None):
+        raise BeamstiffError(
+            f"{source}: found displacements and absolute positions, expected one of the two kinds"
+        )
+    if displacement is not None:
+        displacement = finite(displacement, f"{source}: displacement", -1, missing=True)
+        if displacement.ndim == 2 and displacement.shape[1] == 3:
+            displacement = np.hstack([displacement, np.full((len(displacement), 3), np.nan)])
+
+    def column(value: ArrayLike | None, name: str, *tail: int, default: float = np.nan) -> Array:
+        array = np.full((n, *tail), default) if value is None else finite(value, name, *tail, missing=True)
+        if array.shape != (n, *tail):
+            raise BeamstiffError(f"{source}: {name}: found shape {array.shape}, expected {(n, *tail)}")
+        return array
+
+    def whole(value: ArrayLike, name: str) -> Integers:
+        array = finite(column(value, name), f"{source}: {name}")
+        if (array != np.round(array)).any():
+            raise BeamstiffError(
+                f"{source}: {name}: found {array[array != np.round(array)][0]}, expected whole numbers"
+            )
+        return array.astype(np.int64)
+
+    def names(value: ArrayLike | None) -> Names:
+        return np.broadcast_to(np.asarray(tcp if value is None else value, dtype=np.str_), (n,)).copy()
+
+    turned = np.isnan(column(rotation, "rotation", 3))
+    if (turned.any(axis=1) & ~turned.all(axis=1)).any():
+        raise BeamstiffError(
+            f"{source}: rotation: found some of three components missing, expected all or none"
+        )
+    own = column(sigma, "sigma", 6)
+    if (own <= 0).any():
+        raise BeamstiffError(
+            f"{source}: sigma: found {own[own <= 0][0]}, expected positive standard deviations"
+        )
+    table = [
+        np.nan if s is None else positive(s, f"{source}: {name}")
+        for name, s in (("sigma_position", sigma_position), ("sigma_rotation", sigma_rotation))
+    ]
+    return Measurements(
+        variables=tuple(variables),
+        kind="displacement" if position is None and rotation is None else "absolute",
+        q=q_array,
+        wrench=finite(column(wrench, "wrench", 6, default=0.0), f"{source}: wrench", 6),
+        displacement=column(displacement, "displacement", 6),
+        position=column(position, "position", 3),
+        rotation=column(rotation, "rotation", 3),
+        sigma=np.where(np.isnan(own), np.repeat(table, 3), own),
+        point=names(point),
+        load_point=names(load_point),
+        pose=equal_rows(q_array) if pose is None else whole(pose, "pose"),
+        step=column(step, "step"),
+        time=column(time, "time"),
+        temperature=column(temperature, "temperature"),
+        rows=np.arange(1, n + 1) if rows is None else whole(rows, "rows"),
+        run=np.zeros(n, dtype=np.int64),
+        sigma_position=sigma_position,
+        sigma_rotation=sigma_rotation,
+        shared_unloaded=shared_unloaded,
+        continuous=continuous,
+        metadata=metadata or {},
+        sources=(source,),
+    )

@@ -1,0 +1,153 @@
+"""Writes measurements as CSV that `read_measurements` reads back."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamstiff.errors import BeamstiffError, listed
+from beamstiff.measure.arrays import Integers
+from beamstiff.measure.table import ABSOLUTE, DISPLACEMENT, MEASURED, WRENCH, Measurements
+from beamstiff.measure.text import METADATA
+from beamstiff.robot.description import Robot
+from beamstiff.robot.text_file import write_text
+from beamstiff.se3 import Array
+from beamstiff.units import UNITS, quantity
+
+# displacements in mm, as people read them; the rest in SI, which is exact
+_UNITS = {
+    **dict.fromkeys(WRENCH[:3], "N"),
+    **dict.fromkeys(WRENCH[3:], "N*m"),
+    **dict.fromkeys(DISPLACEMENT[:3], "mm"),
+    **dict.fromkeys(ABSOLUTE[:3], "m"),
+    **dict.fromkeys((*DISPLACEMENT[3:], *ABSOLUTE[3:]), "rad"),
+}
+
+
+def write_measurements(measurements: Measurements, path: str | Path, robot: Robot) -> None:
+    """Write a table to a CSV file, whole or not at all.
+
+    Displacements are written in mm, everything else in SI, units in the header; read back, every number is
+    the same to 1e-15 relative. Columns that hold nothing are left out; without any measured value the
+    columns of the table's kind stay, empty, to be filled in.
+
+    Raises
+    ------
+    BeamstiffError
+        When the table is not of this robot, or the file cannot be written.
+    """
+    write_text(Path(path), measurements_to_csv(measurements, robot))
+
+
+def measurements_to_csv(measurements: Measurements, robot: Robot) -> str:
+    """Return the text of the file that `write_measurements` writes.
+
+    Raises
+    ------
+    BeamstiffError
+        When the table is not of this robot.
+    """
+    variables = tuple(variable.name for variable in robot.actuated)
+    if variables != measurements.variables:
+        raise BeamstiffError(
+            f"{measurements.source}: found the variables {listed(measurements.variables)}, expected "
+            f"those of robot {robot.name!r}: {listed(variables)}"
+        )
+    nodes = {node.name for node in robot.nodes}
+    for name, column in (("point", measurements.point), ("load_point", measurements.load_point)):
+        unknown = sorted(set(column.tolist()) - nodes)
+        if unknown:
+            raise BeamstiffError(
+                f"{measurements.source}: {name}: found {unknown[0]!r}, expected a node of {robot.name!r}"
+            )
+    columns = dict(_columns(measurements, robot))
+    out = io.StringIO()
+    out.writelines(f"# {line}\n" for line in _metadata(measurements))
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(zip(*columns.values(), strict=True))
+    return out.getvalue()
+
+
+def _columns(measurements: Measurements, robot: Robot) -> Iterator[tuple[str, list[str]]]:
+    for variable, q in zip(robot.actuated, measurements.q.T, strict=True):
+        yield f"{variable.name} [{UNITS[variable.kind]}]", _texts(q)
+    for name, values in zip(WRENCH, measurements.wrench.T, strict=True):
+        yield f"{name} [{_UNITS[name]}]", _texts(values)
+    names, measured = MEASURED[measurements.kind], measurements.measured
+    present: NDArray[np.bool_] = np.asarray(measurements.measured_mask.any(axis=0))
+    if not present.any():
+        present[:3] = True
+    if measurements.kind == "absolute" and present[3:].any():
+        present[3:] = True
+    table = [measurements.sigma_position] * 3 + [measurements.sigma_rotation] * 3
+    for at in np.flatnonzero(present):
+        yield _quantity(names[at], measured[:, at])
+    for at in np.flatnonzero(present):
+        own = np.where(measurements.sigma[:, at] == table[at], np.nan, measurements.sigma[:, at])
+        if not np.isnan(own).all():
+            label, texts = _quantity(names[at], own)
+            yield f"sigma_{label}", texts
+    for name, nodes in (("point", measurements.point), ("load_point", measurements.load_point)):
+        if (nodes != robot.tcp).any():
+            yield name, nodes.tolist()
+    yield "pose", _whole(measurements.pose)
+    if not np.isnan(measurements.step).all():
+        yield "step", _whole(measurements.step)
+    for label, values in (("t [s]", measurements.time), ("temperature [degC]", measurements.temperature)):
+        if not np.isnan(values).all():
+            yield label, _texts(values)
+
+
+def _quantity(name: str, values: Array) -> tuple[str, list[str]]:
+    unit = _UNITS[name]
+    if unit != "mm" or np.nanmax(np.abs(values), initial=0.0) > 1e300:
+        unit = "m" if unit == "mm" else unit
+        return f"{name} [{unit}]", _texts(values)
+    return f"{name} [mm]", [_millimetres(value) for value in values.tolist()]
+
+
+def _millimetres(value: float) -> str:
+    """Return metres as text in mm: the short decimal where it stands for the same number."""
+    if value != value:
+        return ""
+    short = f"{value * 1e3:.15g}"
+    return short if float(short) / 1e3 == value else repr(value * 1e3)
+
+
+def _texts(values: Array) -> list[str]:
+    return ["" if value != value else repr(value) for value in values.tolist()]
+
+
+def _whole(values: Array | Integers) -> list[str]:
+    return ["" if value != value else str(int(value)) for value in values.tolist()]
+
+
+def _metadata(measurements: Measurements) -> Iterator[str]:
+    for key, value in measurements.metadata.items():
+        if key not in METADATA:
+            line = f"{key}: {value}"
+            if not line.isprintable():
+                raise BeamstiffError(
+                    f"{measurements.source}: metadata {key[:60]!r}: expected one line of printable text"
+                )
+            yield line
+    for key, sigma, unit in (
+        ("sigma_position", measurements.sigma_position, "mm"),
+        ("sigma_rotation", measurements.sigma_rotation, "rad"),
+    ):
+        if sigma is not None:
+            short = f"{sigma * 1e3:.15g} mm"
+            exact = unit == "mm" and quantity(short, "length") == sigma
+            yield f"{key}: {short}" if exact else f"{key}: {sigma!r} {'m' if unit == 'mm' else unit}"
+    if (np.linalg.norm(measurements.rotation, axis=1) > np.pi).any():
+        yield "orientation: rotation vector"  # else refused: probably Euler angles
+    if measurements.shared_unloaded:
+        yield "unloaded_reading: shared"
+    if measurements.continuous:
+        yield "history: continuous"
