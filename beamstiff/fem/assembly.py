@@ -19,8 +19,8 @@ def element_blocks(structure: Structure, geometry: Geometry) -> Array:
     (P, E, 2, 2, 6, 6) array
         ``[.., i, j, :, :]`` gives the wrench at end i for a displacement of end j.
     """
-    parts = [_beam_blocks(structure, geometry), _joint_blocks(structure, geometry), _strut_blocks(structure, geometry)]
-    return np.concatenate(parts, axis=1)
+    parts = (_beam_blocks, _joint_blocks, _strut_blocks)
+    return np.concatenate([part(structure, geometry) for part in parts], axis=1)
 
 
 def _beam_blocks(structure: Structure, geometry: Geometry) -> Array:
@@ -76,7 +76,7 @@ def dense_stiffness(structure: Structure, geometry: Geometry) -> Array:
 
 
 def sparse_stiffness(structure: Structure, geometry: Geometry) -> sparse.csc_array:
-    """Return the reduced global stiffness K_C of the first pose as a sparse matrix (seed 003, eqs 21 to 23)."""
+    """Return the reduced global stiffness K_C of the first pose, sparse (seed 003, eqs 21 to 23)."""
     count, pattern = structure.unknowns.count, structure.pattern
     pointers = np.searchsorted(pattern.columns, np.arange(count + 1))
     entries = stiffness_entries(structure, geometry)[0]
@@ -100,7 +100,7 @@ def gather(structure: Structure, geometry: Geometry, unknowns: Array) -> Array:
     values = padded[:, numbering.blocks[numbering.term_block]]
     parts = (geometry.terms @ values[..., None])[..., 0]
     result = np.zeros((unknowns.shape[0], len(structure.robot.nodes), 6))
-    np.add.at(result, (slice(None), numbering.term_node), parts)
+    np.add.at(result.swapaxes(0, 1), numbering.term_node, parts.swapaxes(0, 1))
     return result
 
 
@@ -119,7 +119,7 @@ def scatter(structure: Structure, geometry: Geometry, wrenches: Array) -> Array:
     numbering = structure.unknowns
     parts = (geometry.terms.swapaxes(-1, -2) @ wrenches[:, numbering.term_node, :, None])[..., 0]
     result = np.zeros((wrenches.shape[0], numbering.count + 1))
-    np.add.at(result, (slice(None), numbering.blocks[numbering.term_block]), parts)
+    np.add.at(result.T, numbering.blocks[numbering.term_block], np.moveaxis(parts, 0, -1))
     return result[:, :-1]
 
 

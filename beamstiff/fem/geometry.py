@@ -1,10 +1,11 @@
-"""A structure put into its poses: rotations of joints and beams, and the terms that make nodes of unknowns."""
+"""A structure put into its poses: rotations of joints and beams, terms that make nodes of unknowns."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.fem.beam import beam_axes
@@ -13,6 +14,7 @@ from beamstiff.robot.kinematics import Posture
 from beamstiff.se3 import Array, displacement_transport, rotate_screw
 
 COINCIDENT = 1e-6  # m: farther apart than this, two nodes are no joint
+SHORTEST = 1e-9  # m: shorter than this, a beam or strut has no direction
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,8 @@ class Geometry:
     beam_rotation : (P, B, 3, 3) array
         Base frame from local beam axes.
     beam_length : (P, B) array, m
+    first : int
+        Number of the first pose in the whole list, for messages: large lists are placed in pieces.
     """
 
     posture: Posture
@@ -36,9 +40,10 @@ class Geometry:
     terms: Array
     beam_rotation: Array
     beam_length: Array
+    first: int = 0
 
 
-def place(structure: Structure, posture: Posture) -> Geometry:
+def place(structure: Structure, posture: Posture, first: int = 0) -> Geometry:
     """Put a structure into its poses.
 
     Parameters
@@ -46,24 +51,23 @@ def place(structure: Structure, posture: Posture) -> Geometry:
     structure : Structure
     posture : Posture
         P poses with closed loops.
+    first : int
+        Number of the first of them in the whole list, for messages.
 
     Raises
     ------
     BeamstiffError
-        When the nodes of a joint do not coincide, a beam has zero length, or `up` is parallel to its beam.
+        When a position is not finite, the nodes of a joint do not coincide, a beam has zero length, or `up`
+        is parallel to its beam.
     """
     robot, unknowns, positions = structure.robot, structure.unknowns, posture.node_positions
     rotations = posture.transforms[:, :, :3, :3]
-    gap = np.linalg.norm(
-        positions[:, structure.joint_nodes[:, 1]] - positions[:, structure.joint_nodes[:, 0]], axis=-1
-    )
-    if (gap > COINCIDENT).any():
-        pose, at = np.argwhere(gap > COINCIDENT)[0]
-        a, b = robot.joints[at].nodes
+    if (odd := _first_where(~np.isfinite(positions.sum(axis=2)))) is not None:
         raise BeamstiffError(
-            f"joint {robot.joints[at].name!r}: its nodes {a!r} and {b!r} are {1e3 * gap[pose, at]:.4g} mm apart, "
-            "expected to coincide; check the nodes' frames, or the loop that should join them"
+            f"node {robot.nodes[odd[1]].name!r}: its position at pose {first + odd[0]} is not a number; "
+            "does the pose close its loops?"
         )
+    _check_joints(structure, positions, first)
     joint_rotation = rotations[:, structure.joint_frame] @ structure.joint_axes
     arms = positions[:, unknowns.term_node] - positions[:, unknowns.term_origin]
     terms = displacement_transport(arms)
@@ -72,19 +76,44 @@ def place(structure: Structure, posture: Posture) -> Geometry:
     if jointed.size:
         turn = rotate_screw(joint_rotation[:, of_joint[jointed]])
         terms[:, jointed] = terms[:, jointed] @ turn * unknowns.term_sign[jointed, None, None]
-    ends = structure.elements[: len(structure.robot.beams)]
+    ends = structure.elements[: len(robot.beams)]
     axis = positions[:, ends[:, 1]] - positions[:, ends[:, 0]]
     length = np.linalg.norm(axis, axis=-1)
-    if (length < 1e-9).any():
-        at = int(np.argwhere(length < 1e-9)[0][1])
-        raise BeamstiffError(f"beam {robot.beams[at].name!r} has zero length at this pose: its nodes coincide")
+    if (odd := _first_where(length < SHORTEST)) is not None:
+        beam = robot.beams[odd[1]]
+        raise BeamstiffError(
+            f"beam {beam.name!r} has zero length at pose {first + odd[0]}: its nodes {beam.nodes[0]!r} and "
+            f"{beam.nodes[1]!r} coincide"
+        )
     up = np.einsum("pbij,bj->pbi", rotations[:, structure.beam_frame], np.nan_to_num(structure.beam_up))
     up[:, np.isnan(structure.beam_up).any(axis=1)] = np.nan
     across = np.linalg.norm(np.cross(axis, up), axis=-1)
-    if (across < 1e-6 * length * np.linalg.norm(up, axis=-1)).any():
-        at = int(np.argwhere(across < 1e-6 * length * np.linalg.norm(up, axis=-1))[0][1])
-        raise BeamstiffError(f"beam {robot.beams[at].name!r}: `up` is parallel to the beam, expected a direction across it")
-    return Geometry(posture, joint_rotation, terms, beam_axes(axis, up), length)
+    if (odd := _first_where(across < 1e-6 * length * np.linalg.norm(up, axis=-1))) is not None:
+        raise BeamstiffError(
+            f"beam {robot.beams[odd[1]].name!r}: `up` is parallel to the beam at pose {first + odd[0]}, "
+            "expected a direction across it"
+        )
+    return Geometry(posture, joint_rotation, terms, beam_axes(axis, up), length, first)
+
+
+def _first_where(condition: NDArray[np.bool_]) -> tuple[int, int] | None:
+    """Return pose and column of the first true entry of (P, ...), or None."""
+    found = np.argwhere(condition)
+    return (int(found[0][0]), int(found[0][1])) if found.size else None
+
+
+def _check_joints(structure: Structure, positions: Array, first: int) -> None:
+    """Refuse joints whose nodes lie apart."""
+    ends = structure.joint_nodes
+    gap = np.linalg.norm(positions[:, ends[:, 1]] - positions[:, ends[:, 0]], axis=-1)
+    if (odd := _first_where(gap > COINCIDENT)) is None:
+        return
+    joint = structure.robot.joints[odd[1]]
+    raise BeamstiffError(
+        f"joint {joint.name!r}: its nodes {joint.nodes[0]!r} and {joint.nodes[1]!r} are "
+        f"{1e3 * gap[odd]:.4g} mm apart at pose {first + odd[0]}, expected to coincide; "
+        "check the nodes' frames, or the loop that should join them"
+    )
 
 
 def strut_directions(structure: Structure, geometry: Geometry, struts: Index) -> Array:
@@ -96,11 +125,16 @@ def strut_directions(structure: Structure, geometry: Geometry, struts: Index) ->
         When a strut has zero length.
     """
     index = structure.kinematics.node_index
-    ends = np.array([[index[name] for name in structure.robot.struts[at].nodes] for at in struts]).reshape(-1, 2)
+    pairs = [[index[name] for name in structure.robot.struts[at].nodes] for at in struts]
+    ends = np.array(pairs, dtype=np.int64).reshape(-1, 2)
     positions = geometry.posture.node_positions
-    along = positions[:, ends[:, 1].astype(int)] - positions[:, ends[:, 0].astype(int)]
+    along = positions[:, ends[:, 1]] - positions[:, ends[:, 0]]
     length = np.linalg.norm(along, axis=-1, keepdims=True)
-    if (length < 1e-9).any():
-        name = structure.robot.struts[struts[int(np.argwhere(length < 1e-9)[0][1])]].name
-        raise BeamstiffError(f"strut {name!r} has zero length at this pose: its nodes coincide")
-    return along / length
+    if (odd := _first_where(length[..., 0] < SHORTEST)) is not None:
+        strut = structure.robot.struts[struts[odd[1]]]
+        raise BeamstiffError(
+            f"strut {strut.name!r} has zero length at pose {geometry.first + odd[0]}: its nodes "
+            f"{strut.nodes[0]!r} and {strut.nodes[1]!r} coincide"
+        )
+    unit: Array = along / length
+    return unit

@@ -21,7 +21,7 @@ def gravity_wrenches(structure: Structure, geometry: Geometry) -> Array:
     beams = beam_weight(structure, geometry)
     for end in (0, 1):
         nodes = structure.elements[: len(robot.beams), end]
-        np.add.at(result, (slice(None), nodes), beams[:, :, end])
+        np.add.at(result.swapaxes(0, 1), nodes, beams[:, :, end].swapaxes(0, 1))
     index = structure.kinematics.node_index
     rotations = geometry.posture.transforms[:, :, :3, :3]
     for mass in robot.masses:

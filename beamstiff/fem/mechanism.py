@@ -88,7 +88,8 @@ def mechanism_error(structure: Structure, geometry: Geometry, pose: int, motion:
         joints += [f"{joint.name}.{kind}" for kind in dict.fromkeys(np.array(JOINT_DIRECTIONS)[gives])]
     what = f"{'turns about' if turning else 'moves along'} ({direction})"
     through = f", through {listed(joints)}" if joints else ""
-    where = f" at pose {pose}" if geometry.terms.shape[0] > 1 else ""
+    single = geometry.first == 0 and geometry.terms.shape[0] == 1
+    where = "" if single else f" at pose {geometry.first + pose}"
     return BeamstiffError(
         f"robot {robot.name!r} is a mechanism{where}: node {nodes[0]!r} {what} freely{through}; "
         f"moving nodes: {listed(nodes)}"

@@ -1,4 +1,4 @@
-"""The answer of the whole structure to loads: nodal displacements, member forces, strain energy by component."""
+"""The answer of the whole structure to loads: nodal displacements, member forces, strain energy."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from beamstiff.errors import BeamstiffError
+from beamstiff.errors import BeamstiffError, suggest
 from beamstiff.fem.assembly import dense_stiffness, element_blocks, gather, scatter
 from beamstiff.fem.beam import uniform_load
 from beamstiff.fem.constraints import constraint_rows, has_constraints, null_space
@@ -14,6 +14,7 @@ from beamstiff.fem.geometry import Geometry, place
 from beamstiff.fem.loads import gravity_wrenches
 from beamstiff.fem.mechanism import diagonal_scale, mechanism_error, unstable_pose
 from beamstiff.fem.structure import Structure
+from beamstiff.fem.unknowns import turning_nodes
 from beamstiff.robot.kinematics import Posture
 from beamstiff.robot.parts import JOINT_DIRECTIONS
 from beamstiff.se3 import Array, displacement_transport, rotate_screw
@@ -72,8 +73,6 @@ def nodal_loads(structure: Structure, poses: int, wrenches: dict[str, Array]) ->
     BeamstiffError
         When a node does not exist.
     """
-    from beamstiff.errors import suggest
-
     index = structure.kinematics.node_index
     loads = np.zeros((poses, len(structure.robot.nodes), 6))
     for name, wrench in wrenches.items():
@@ -151,11 +150,12 @@ def solve_unknowns(structure: Structure, geometry: Geometry, force: Array) -> Ar
 
 def _check_moments(structure: Structure, loads: Array) -> None:
     """Refuse moments on nodes that only struts hold: they have no rotation."""
-    robot = structure.robot
-    turning = {name for item in (*robot.beams, *robot.rigids, *robot.joints) for name in item.nodes} | set(robot.fixed)
-    for at, node in enumerate(robot.nodes):
+    turning = turning_nodes(structure.robot)
+    for at, node in enumerate(structure.robot.nodes):
         if node.name not in turning and (loads[:, at, 3:] != 0.0).any():
-            raise BeamstiffError(f"a moment acts on node {node.name!r}, which struts alone hold: it has no rotation")
+            raise BeamstiffError(
+                f"a moment acts on node {node.name!r}, which struts alone hold: it has no rotation"
+            )
 
 
 def _beam_forces(structure: Structure, geometry: Geometry, forces: Array, gravity: bool) -> Array:
@@ -165,13 +165,15 @@ def _beam_forces(structure: Structure, geometry: Geometry, forces: Array, gravit
     if not gravity:
         return local
     per_metre = structure.beam_density * structure.beam_properties["A"]
-    load = np.einsum("pbji,bj->pbi", geometry.beam_rotation, per_metre[:, None] * np.array(structure.robot.gravity))
+    load = np.einsum(
+        "pbji,bj->pbi", geometry.beam_rotation, per_metre[:, None] * np.array(structure.robot.gravity)
+    )
     nodal = uniform_load(load, geometry.beam_length)
     return local - nodal.reshape(local.shape)
 
 
 def transmitted_wrenches(response: Response, loads: Array) -> Array:
-    """Return the wrench that each joint on the tree passes on, by equilibrium of what hangs on it.
+    """Return the wrench that each joint passes on, by equilibrium of what hangs on it.
 
     Parameters
     ----------
@@ -182,8 +184,8 @@ def transmitted_wrenches(response: Response, loads: Array) -> Array:
     Returns
     -------
     (P, J, 6) array
-        Wrench of the first node's side on the second's, joint frame; rigid directions included, and equal to
-        stiffness times relative displacement in the finite ones. NaN never: joints that close loops are refused.
+        Wrench of the second node's side on the first's, joint frame; rigid directions included, and equal to
+        stiffness times relative displacement in the finite ones.
 
     Raises
     ------
@@ -192,26 +194,28 @@ def transmitted_wrenches(response: Response, loads: Array) -> Array:
     """
     structure, geometry = response.structure, response.geometry
     unknowns = structure.unknowns
-    if has_constraints(structure) or unknowns.chord_joints.size:
+    if has_constraints(structure):
         raise BeamstiffError(
-            f"robot {structure.robot.name!r}: joints or rigids close a loop, so that equilibrium alone does not give their forces"
+            f"robot {structure.robot.name!r}: rigid parts close a loop, so that equilibrium alone does not "
+            "give the forces of its joints"
         )
     forces = np.einsum(
         "peijab,pejb->peia", element_blocks(structure, geometry), response.displacement[:, structure.elements]
     )
     rest = loads.copy()
     for end in (0, 1):
-        np.subtract.at(rest, (slice(None), structure.elements[:, end]), forces[:, :, end])
+        np.subtract.at(rest.swapaxes(0, 1), structure.elements[:, end], forces[:, :, end].swapaxes(0, 1))
+    # what hangs on a joint pulls at it: carry each node's rest to every joint on its way to the root
+    joint = unknowns.block_joint[unknowns.term_block]
+    elastic = np.flatnonzero(joint >= 0)
+    passed = np.array([unknowns.term_node, joint, unknowns.term_origin, unknowns.term_sign])[:, elastic]
+    node, joint, origin, sign = np.concatenate([passed, unknowns.rigid_joint_terms], axis=1)
     positions = geometry.posture.node_positions
+    carry = displacement_transport(positions[:, node] - positions[:, origin]).swapaxes(-1, -2)
+    pulls = sign[:, None] * (carry @ rest[:, node, :, None])[..., 0]
     result = np.zeros((positions.shape[0], len(structure.robot.joints), 6))
-    for term in range(unknowns.term_node.size):
-        joint = unknowns.block_joint[unknowns.term_block[term]]
-        if joint < 0:
-            continue
-        node = unknowns.term_node[term]
-        arm = positions[:, node] - positions[:, unknowns.term_origin[term]]
-        carried = (displacement_transport(arm).swapaxes(-1, -2) @ rest[:, node, :, None])[..., 0]
-        result[:, joint] += unknowns.term_sign[term] * carried
+    np.add.at(result.swapaxes(0, 1), joint, pulls.swapaxes(0, 1))
     turn = rotate_screw(geometry.joint_rotation).swapaxes(-1, -2)
-    # what hangs on the joint pulls with `result`: in equilibrium the joint passes exactly that on
-    return (turn @ result[..., None])[..., 0]
+    local: Array = (turn @ result[..., None])[..., 0]
+    local[:, structure.chords] = structure.chord_values * response.joint_displacement[:, structure.chords]
+    return local

@@ -1,4 +1,4 @@
-"""A robot compiled for the stiffness path: element tables, unknowns and the sparse pattern, once per graph."""
+"""A robot compiled for the stiffness path: element tables, unknowns and sparse pattern, once per graph."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.fem.beam import beam_axes
-from beamstiff.fem.unknowns import Unknowns, joint_values, number_unknowns
+from beamstiff.fem.unknowns import Unknowns, joint_unknowns, joint_values, number_unknowns
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import FREE, RIGID
 from beamstiff.robot.kinematics import Kinematics, compile_kinematics
@@ -50,12 +50,12 @@ class Structure:
     Attributes
     ----------
     elements : (E, 2) int array
-        Nodes of the elements that carry stiffness between nodes: the beams, then the joints `chords` that close
-        loops (their finite directions), then the `struts`.
+        Nodes of the elements that carry stiffness between nodes: the beams, then the joints `chords` that
+        close loops (their finite directions), then the `struts`.
     chords, struts : int arrays
         Which joints and struts of the robot these are.
     springs : (S,) int array, spring_values : (S,) array
-        Unknowns that carry a spring of their own (finite directions of the joints on the tree), N/m or N m/rad.
+        Unknowns that carry a spring of their own (finite directions of joints on the tree), N/m or N m/rad.
     joint_axes : (J, 3, 3) array
         Rotation of each joint's frame (first axis along the joint) against its robot frame.
     """
@@ -102,7 +102,8 @@ def compile_structure(robot: Robot) -> Structure:
     # rigid directions of loop-closing joints are constraints, not springs
     finite = np.where(values == RIGID, FREE, values)
     chords = np.array([at for at in unknowns.chord_joints if finite[at].any()], dtype=np.int64)
-    struts = np.array([at for at, strut in enumerate(robot.struts) if strut.stiffness not in (RIGID, FREE)], dtype=np.int64)
+    elastic = [at for at, strut in enumerate(robot.struts) if strut.stiffness not in (RIGID, FREE)]
+    struts = np.array(elastic, dtype=np.int64)
     elements = np.concatenate(
         [
             ends([beam.nodes for beam in robot.beams]),
@@ -110,12 +111,10 @@ def compile_structure(robot: Robot) -> Structure:
             ends([robot.struts[at].nodes for at in struts]),
         ]
     )
-    number = {(name, direction): at for at, (name, direction) in enumerate(unknowns.labels)}
     springs = [
-        (number[robot.joints[at].name, direction], finite[at, direction], at)
-        for at in unknowns.tree_joints
-        for direction in range(6)
-        if finite[at, direction] != FREE
+        (number, finite[joint, direction], joint)
+        for (joint, direction), number in joint_unknowns(unknowns).items()
+        if finite[joint, direction] != FREE
     ]
     sections = [section_properties(robot.sections[beam.section]) for beam in robot.beams]
     materials = [robot.materials[beam.material] for beam in robot.beams]
@@ -133,7 +132,7 @@ def compile_structure(robot: Robot) -> Structure:
         elements=elements,
         beam_properties=properties,
         beam_up=np.array([beam.up or (np.nan,) * 3 for beam in robot.beams], dtype=np.float64).reshape(-1, 3),
-        beam_frame=np.array([kinematics.node_frame[index[beam.nodes[0]]] for beam in robot.beams], dtype=np.int64),
+        beam_frame=kinematics.node_frame[elements[: len(robot.beams), 0]],
         beam_density=np.array([material.density for material in materials], dtype=np.float64),
         chords=chords,
         chord_values=finite[chords],
@@ -153,7 +152,8 @@ def compile_structure(robot: Robot) -> Structure:
 
 def _find_pattern(elements: Index, unknowns: Unknowns, springs: Index) -> Pattern:
     """Find once which products of element blocks and terms there are, and where their entries go."""
-    terms_of: list[list[int]] = [[] for _ in range(int(max(elements.max(initial=-1), unknowns.term_node.max(initial=-1))) + 1)]
+    nodes = 1 + int(max(elements.max(initial=-1), unknowns.term_node.max(initial=-1)))
+    terms_of: list[list[int]] = [[] for _ in range(nodes)]
     for term, node in enumerate(unknowns.term_node):
         terms_of[node].append(term)
     products = [
@@ -164,11 +164,11 @@ def _find_pattern(elements: Index, unknowns: Unknowns, springs: Index) -> Patter
         for s in terms_of[ends[i]]
         for t in terms_of[ends[j]]
     ]
-    columns = np.array(products, dtype=np.int64).reshape(-1, 5).T
+    element, end_i, end_j, term_i, term_j = np.array(products, dtype=np.int64).reshape(-1, 5).T
     count = unknowns.count
     term_unknowns = unknowns.blocks[unknowns.term_block]
-    row = np.broadcast_to(term_unknowns[columns[3]][:, :, None], (columns.shape[1], 6, 6)).reshape(-1)
-    column = np.broadcast_to(term_unknowns[columns[4]][:, None, :], (columns.shape[1], 6, 6)).reshape(-1)
+    row = np.broadcast_to(term_unknowns[term_i][:, :, None], (element.size, 6, 6)).reshape(-1)
+    column = np.broadcast_to(term_unknowns[term_j][:, None, :], (element.size, 6, 6)).reshape(-1)
     place = np.where((row >= 0) & (column >= 0), column * count + row, -1)
     # every unknown has a diagonal entry, also one that nothing resists: a mechanism must show as a zero pivot
     place = np.concatenate([place, springs * (count + 1), np.arange(count) * (count + 1)])
@@ -177,4 +177,14 @@ def _find_pattern(elements: Index, unknowns: Unknowns, springs: Index) -> Patter
     sorted_place = place[order]
     starts = np.flatnonzero(np.diff(sorted_place, prepend=-1))
     entries = sorted_place[starts]
-    return Pattern(*columns, order=order, starts=starts, rows=entries % max(count, 1), columns=entries // max(count, 1))
+    return Pattern(
+        element,
+        end_i,
+        end_j,
+        term_i,
+        term_j,
+        order=order,
+        starts=starts,
+        rows=entries % max(count, 1),
+        columns=entries // max(count, 1),
+    )

@@ -43,6 +43,9 @@ class Unknowns:
     term_node, term_block, term_origin, term_sign : (T,) int arrays
         Terms, sorted by node: the node, the block, the node from which the arm is drawn, and -1 where the way
         to the root passes a joint from its second node to its first.
+    rigid_joint_terms : (4, .) int array
+        The same (node, joint, origin, sign) for joints of the tree that are rigid in all directions, so have
+        no block: what hangs on them.
     tree_joints, chord_joints : (.,) int arrays
         Joints that carry unknowns, and joints that close a loop.
     chord_rigids : (.,) int array
@@ -59,6 +62,7 @@ class Unknowns:
     term_block: Index
     term_origin: Index
     term_sign: Index
+    rigid_joint_terms: Index
     tree_joints: Index
     chord_joints: Index
     chord_rigids: Index
@@ -70,8 +74,25 @@ def joint_values(joint: Joint) -> NDArray[np.float64]:
     return np.array([getattr(joint.stiffness, kind) for kind in JOINT_DIRECTIONS])
 
 
+def turning_nodes(robot: Robot) -> set[str]:
+    """Return the nodes that have a rotation: all but those that only struts hold."""
+    ends = [item.nodes for item in robot.beams] + [item.nodes for item in robot.rigids]
+    ends += [item.nodes for item in robot.joints]
+    return {name for pair in ends for name in pair} | set(robot.fixed)
+
+
+def joint_unknowns(unknowns: Unknowns) -> dict[tuple[int, int], int]:
+    """Return the unknown of every joint (its index) and direction 0..5 that has one."""
+    return {
+        (int(joint), direction): int(number)
+        for joint, block in zip(unknowns.block_joint, unknowns.blocks, strict=True)
+        for direction, number in enumerate(block)
+        if joint >= 0 and number >= 0
+    }
+
+
 def number_unknowns(robot: Robot) -> Unknowns:
-    """Number the unknowns of a robot's structure.
+    """Return the numbering of the unknowns of a robot's structure.
 
     Raises
     ------
@@ -85,7 +106,9 @@ def number_unknowns(robot: Robot) -> Unknowns:
     blocks: list[list[int]] = []
     block_joint: list[int] = []
     labels: list[tuple[str, int]] = []
-    paths: dict[int, list[tuple[int, int, int]]] = {}  # node -> (block, origin, sign) on its way to the root
+    # node -> (block, origin, sign) on its way to the root
+    paths: dict[int, list[tuple[int, int, int]]] = {}
+    rigid: dict[int, list[tuple[int, int, int]]] = {}  # the same with rigid joints in place of blocks
     held: list[int] = []
 
     def new_block(label: str, directions: list[bool], joint: int) -> int:
@@ -96,9 +119,11 @@ def number_unknowns(robot: Robot) -> Unknowns:
         block_joint.append(joint)
         return len(blocks) - 1
 
-    turning = {index[name] for item in (*robot.beams, *robot.rigids, *robot.joints) for name in item.nodes}
-    if index[robot.tcp] not in turning | fixed:
-        raise BeamstiffError(f"tcp: node {robot.tcp!r} is held by struts alone and has no rotation; attach a rigid or beam")
+    turning = {index[name] for name in turning_nodes(robot)}
+    if index[robot.tcp] not in turning:
+        raise BeamstiffError(
+            f"tcp: node {robot.tcp!r} is held by struts alone and has no rotation; attach a rigid or beam"
+        )
     # roots: fixed nodes first, then the TCP (its displacement is then an unknown), then the order of the file
     for root in [*sorted(fixed), index[robot.tcp], *range(len(robot.nodes))]:
         if root in paths:
@@ -108,24 +133,30 @@ def number_unknowns(robot: Robot) -> Unknowns:
         else:
             six = [True] * 3 + [root in turning] * 3
             paths[root] = [(new_block(robot.nodes[root].name, six, -1), root, 1)]
+        rigid[root] = []
         front = deque([root])
         while front:
             node = front.popleft()
             for neighbour, joint, sign in tree[node]:
                 if neighbour in paths:
                     continue
-                paths[neighbour] = list(paths[node])
+                paths[neighbour], rigid[neighbour] = list(paths[node]), list(rigid[node])
                 if joint >= 0:
                     values = joint_values(robot.joints[joint])
                     if (values != RIGID).any():
                         directions = [bool(value != RIGID) for value in values]
                         block = new_block(robot.joints[joint].name, directions, joint)
                         paths[neighbour].append((block, neighbour, sign))
-                if neighbour in fixed and paths[neighbour]:
-                    held.append(neighbour)
+                    else:
+                        rigid[neighbour].append((joint, neighbour, sign))
+                if neighbour in fixed:
+                    rigid[neighbour] = []  # the ground takes what hangs here
+                    if paths[neighbour]:
+                        held.append(neighbour)
                 front.append(neighbour)
     terms = [(node, *term) for node in range(len(robot.nodes)) for term in paths[node]]
     columns = np.array(terms, dtype=np.int64).reshape(-1, 4).T
+    rigid_terms = [(node, *term) for node in range(len(robot.nodes)) for term in rigid[node]]
     return Unknowns(
         count=len(labels),
         blocks=np.array(blocks, dtype=np.int64).reshape(-1, 6),
@@ -135,6 +166,7 @@ def number_unknowns(robot: Robot) -> Unknowns:
         term_block=columns[1],
         term_origin=columns[2],
         term_sign=columns[3],
+        rigid_joint_terms=np.array(rigid_terms, dtype=np.int64).reshape(-1, 4).T,
         tree_joints=np.array(tree_joints, dtype=np.int64),
         chord_joints=np.array(chord_joints, dtype=np.int64),
         chord_rigids=np.array(chord_rigids, dtype=np.int64),
@@ -147,7 +179,7 @@ def _spanning_forest(
 ) -> tuple[list[list[tuple[int, int, int]]], list[int], list[int], list[int]]:
     """Return the tree as neighbours (node, joint or -1, sign), and what is on it and what closes loops.
 
-    Rigids come first, then joints with many rigid directions: the fewer constraint rows are left for the loops.
+    Rigids come first, then joints with many rigid directions: the fewer constraint rows are left for loops.
     """
     parent = list(range(len(robot.nodes)))
 
@@ -160,7 +192,8 @@ def _spanning_forest(
     tree: list[list[tuple[int, int, int]]] = [[] for _ in robot.nodes]
     tree_joints: list[int] = []
     chords: tuple[list[int], list[int]] = ([], [])
-    by_rigidity = sorted(range(len(robot.joints)), key=lambda at: -int((joint_values(robot.joints[at]) == RIGID).sum()))
+    rigid = [int((joint_values(joint) == RIGID).sum()) for joint in robot.joints]
+    by_rigidity = sorted(range(len(robot.joints)), key=lambda at: -rigid[at])
     edges = [(at, -1, item.nodes) for at, item in enumerate(robot.rigids)]
     edges += [(at, at, robot.joints[at].nodes) for at in by_rigidity]
     for at, joint, (first, second) in edges:
