@@ -56,7 +56,9 @@ def scaled_condition(matrix: Array) -> Array:
     return eigenvalues[:, -1] / eigenvalues[:, 0]
 
 
-def mechanism_error(structure: Structure, geometry: Geometry, pose: int, motion: Array) -> BeamstiffError:
+def mechanism_error(
+    structure: Structure, geometry: Geometry, pose: int, motion: Array, what: str = "is a mechanism"
+) -> BeamstiffError:
     """Return the error that names a free motion: the nodes that move, how, and the joints that give way.
 
     Parameters
@@ -65,6 +67,8 @@ def mechanism_error(structure: Structure, geometry: Geometry, pose: int, motion:
         Pose within `geometry`.
     motion : (n,) array
         The motion as unknowns.
+    what : str
+        What is wrong with the robot.
     """
     robot, unknowns = structure.robot, structure.unknowns
     everywhere = np.zeros((geometry.terms.shape[0], unknowns.count))
@@ -86,11 +90,11 @@ def mechanism_error(structure: Structure, geometry: Geometry, pose: int, motion:
         local = geometry.joint_rotation[pose, at].T @ relative.reshape(2, 3).T
         gives = np.abs(local.T.reshape(6) * np.array([1.0] * 3 + [size] * 3)) > 1e-3 * amount[order[0]]
         joints += [f"{joint.name}.{kind}" for kind in dict.fromkeys(np.array(JOINT_DIRECTIONS)[gives])]
-    what = f"{'turns about' if turning else 'moves along'} ({direction})"
+    moves = f"{'turns about' if turning else 'moves along'} ({direction})"
     through = f", through {listed(joints)}" if joints else ""
     single = geometry.first == 0 and geometry.terms.shape[0] == 1
     where = "" if single else f" at pose {geometry.first + pose}"
     return BeamstiffError(
-        f"robot {robot.name!r} is a mechanism{where}: node {nodes[0]!r} {what} freely{through}; "
+        f"robot {robot.name!r} {what}{where}: node {nodes[0]!r} {moves} freely{through}; "
         f"moving nodes: {listed(nodes)}"
     )

@@ -101,7 +101,7 @@ def respond(structure: Structure, posture: Posture, loads: Array, gravity: bool 
         When the structure is a mechanism, or a moment acts on a node that has no rotation.
     """
     geometry = place(structure, posture)
-    _check_moments(structure, loads)
+    check_moments(structure, loads)
     total = loads + gravity_wrenches(structure, geometry) if gravity else loads
     unknowns = solve_unknowns(structure, geometry, scatter(structure, geometry, total))
     displacement = gather(structure, geometry, unknowns)
@@ -148,7 +148,7 @@ def solve_unknowns(structure: Structure, geometry: Geometry, force: Array) -> Ar
     return unknowns if basis is None else (basis @ unknowns[..., None])[..., 0]
 
 
-def _check_moments(structure: Structure, loads: Array) -> None:
+def check_moments(structure: Structure, loads: Array) -> None:
     """Refuse moments on nodes that only struts hold: they have no rotation."""
     turning = turning_nodes(structure.robot)
     for at, node in enumerate(structure.robot.nodes):
