@@ -1,5 +1,131 @@
 """beamstiff: why the real robot does not do what the model says."""
 
+from __future__ import annotations
+
+import importlib
+import sys
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+from beamstiff._version import __version__
 from beamstiff.errors import BeamstiffError
 
-__all__ = ["BeamstiffError"]
+if TYPE_CHECKING:
+    from beamstiff.fem.condensation import tcp_compliance, tcp_stiffness
+    from beamstiff.fem.structure import compile_structure
+    from beamstiff.identify.least_squares import identify
+    from beamstiff.measure.reader import read_measurements
+    from beamstiff.measure.writer import write_measurements
+    from beamstiff.robot.description import Robot
+    from beamstiff.robot.kinematics import posture
+    from beamstiff.robot.library import robot_names
+    from beamstiff.robot.parts import (
+        Beam,
+        Frame,
+        Joint,
+        JointStiffness,
+        Loop,
+        Mass,
+        Material,
+        Node,
+        Rigid,
+        Strut,
+        Variable,
+    )
+    from beamstiff.robot.reader import load_robot
+    from beamstiff.robot.sections import Section
+    from beamstiff.robot.writer import save_robot
+
+# Imported when first used: together they take a second, `beamstiff --help` needs none of them.
+_HOME = {
+    "compile_structure": "fem.structure",
+    "identify": "identify.least_squares",
+    "load_robot": "robot.reader",
+    "posture": "robot.kinematics",
+    "read_measurements": "measure.reader",
+    "robot_names": "robot.library",
+    "save_robot": "robot.writer",
+    "tcp_compliance": "fem.condensation",
+    "tcp_stiffness": "fem.condensation",
+    "write_measurements": "measure.writer",
+    "Robot": "robot.description",
+    "Section": "robot.sections",
+    **dict.fromkeys(
+        (
+            "Beam",
+            "Frame",
+            "Joint",
+            "JointStiffness",
+            "Loop",
+            "Mass",
+            "Material",
+            "Node",
+            "Rigid",
+            "Strut",
+            "Variable",
+        ),
+        "robot.parts",
+    ),
+}
+
+__all__ = [
+    "Beam",
+    "BeamstiffError",
+    "Frame",
+    "Joint",
+    "JointStiffness",
+    "Loop",
+    "Mass",
+    "Material",
+    "Node",
+    "Rigid",
+    "Robot",
+    "Section",
+    "Strut",
+    "Variable",
+    "__version__",
+    "compile_structure",
+    "identify",
+    "load_robot",
+    "posture",
+    "read_measurements",
+    "robot_names",
+    "save_robot",
+    "tcp_compliance",
+    "tcp_stiffness",
+    "write_measurements",
+]
+
+
+class _Verb(ModuleType):
+    """A folder that is also the function of its name: `identify(...)` and `identify.result` both work."""
+
+    def __call__(self, *arguments: Any, **options: Any) -> Any:
+        """Call the function."""
+        name = self.__name__.removeprefix("beamstiff.")
+        return getattr(importlib.import_module(f"beamstiff.{_HOME[name]}"), name)(*arguments, **options)
+
+
+class _Package(ModuleType):
+    """Takes note when a folder with the name of a function is imported, by whomever."""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if name in _HOME and isinstance(value, ModuleType):
+            value.__class__ = _Verb
+        super().__setattr__(name, value)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'beamstiff' has no attribute {name!r}")
+    home = importlib.import_module(f"beamstiff.{_HOME[name]}")
+    if name not in globals():  # a folder of this name is there by now
+        globals()[name] = getattr(home, name)
+    return globals()[name]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
+
+
+sys.modules[__name__].__class__ = _Package

@@ -1,0 +1,159 @@
+"""`beamstiff deflect`: the displacement that the model predicts for each row of a table."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from beamstiff.cli.options import DataFile, Debug, Json, Quiet, RobotFile, robot_file
+from beamstiff.cli.output import check_outputs, people, say, working, write_json
+from beamstiff.report.files import write_whole
+from beamstiff.report.tables import add_rows, number, table
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from beamstiff.measure.table import Measurements
+    from beamstiff.robot.description import Robot
+    from beamstiff.se3 import Array
+
+
+def deflect(
+    robot: RobotFile,
+    data: DataFile,
+    json: Json = None,
+    out: Annotated[
+        str | None,
+        typer.Option(
+            "--out", metavar="FILE", help="Write the loads with the predicted displacements as a CSV table."
+        ),
+    ] = None,
+    quiet: Quiet = False,
+    debug: Debug = False,  # noqa: ARG001
+) -> None:
+    """Predict the displacement of each row of a table of postures and loads.
+
+    Linear, loaded minus unloaded: C wrench, base frame, at the TCP or the row's `point`, under the
+    wrench at the TCP or the row's `load_point`. Columns of measured displacements may be missing;
+    where they are there, the gap to the prediction is told.
+
+    \b
+    Examples:
+      beamstiff deflect cantilever loads.csv
+      beamstiff deflect ir663 measured.csv --json predicted.json --out predicted.csv
+
+    \b
+    A table of loads (passive joint variables are solved, missing wrench columns are 0):
+      q2 [deg],q8 [deg],fx [N],fz [N]
+      1.37,48.63,-900,0
+      12.54,33.04,0,-900
+    """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
+    from beamstiff.measure import doubts, read_measurements
+    from beamstiff.robot.reader import load_robot
+
+    description = load_robot(robot)
+    loads = read_measurements(data, description, require_measured=False)
+    check_outputs([robot_file(robot), data], json, out=out)
+    for doubt in doubts(loads, description):
+        say(f"note: {doubt}", quiet)
+    with working(f"deflecting {len(loads)} rows", quiet):
+        predicted = predict_displacements(description, loads)
+
+    console = people(quiet, json)
+    console.print(_table(description, loads, predicted))
+    console.print(gap_text(loads, predicted))
+    if out is not None:
+        write_whole(out, _csv(description, loads, predicted))
+    write_json({"displacement": predicted.tolist()}, json)
+
+
+def predict_displacements(robot: Robot, loads: Measurements) -> Array:
+    """Return the displacement ``[d, r]`` of the measured point of every row, (N, 6), base frame, m and rad.
+
+    Linear, loaded minus unloaded, undeformed geometry.
+
+    Raises
+    ------
+    BeamstiffError
+        When a pose cannot close its loops, or the structure is a mechanism.
+    """
+    import numpy as np
+
+    from beamstiff.fem.condensation import condense
+    from beamstiff.fem.structure import compile_structure
+    from beamstiff.robot.kinematics import posture
+
+    structure = compile_structure(robot)
+    poses, pose = np.unique(loads.q, axis=0, return_inverse=True)
+    observed = list(dict.fromkeys([*loads.point.tolist(), *loads.load_point.tolist()]))
+    compliance = condense(structure, posture(structure.kinematics, poses), observed).clamped
+    at = {name: 6 * number + np.arange(6) for number, name in enumerate(observed)}
+    seen = np.stack([at[name] for name in loads.point.tolist()])
+    loaded = np.stack([at[name] for name in loads.load_point.tolist()])
+    own = compliance[pose.reshape(-1)[:, None, None], seen[:, :, None], loaded[:, None, :]]
+    result: Array = (own @ loads.wrench[..., None])[..., 0]
+    return result
+
+
+def gap_text(measured: Measurements, predicted: Array) -> str:
+    """Return a sentence on the gap between measured and predicted positions; empty where none is measured."""
+    import numpy as np
+
+    known = measured.measured_mask[:, :3] & (measured.kind == "displacement")
+    rows = known.any(axis=1)
+    if not rows.any():
+        return ""
+    gap = np.where(known, measured.displacement[:, :3] - predicted[:, :3], 0.0)
+    norm = 1e3 * np.linalg.norm(gap[rows], axis=1)
+    return (
+        f"Gap between measured and predicted position: RMS {number(np.sqrt((norm**2).mean()))} mm, "
+        f"at most {number(norm.max())} mm, over {norm.size} rows."
+    )
+
+
+def _table(robot: Robot, loads: Measurements, predicted: Array) -> Table:
+    import numpy as np
+
+    from beamstiff.measure.table import DISPLACEMENT
+
+    units = ("mm",) * 3 + ("mrad",) * 3
+    seen = loads.measured_mask & (loads.kind == "displacement")
+    compared = np.flatnonzero(seen.any(axis=0)).tolist()
+    columns = [f"{name} [{unit}]" for name, unit in zip(DISPLACEMENT, units, strict=True)]
+    title = f"{robot.name}: predicted displacement, loaded minus unloaded, base frame"
+    result = table(title, "line", *columns, *(f"measured {columns[at]}" for at in compared))
+    scaled, measured = 1e3 * predicted, 1e3 * loads.displacement
+    add_rows(
+        result,
+        (
+            [
+                str(line),
+                *map(number, scaled[row]),
+                *("" if np.isnan(measured[row, at]) else number(measured[row, at]) for at in compared),
+            ]
+            for row, line in enumerate(loads.rows.tolist())
+        ),
+    )
+    return result
+
+
+def _csv(robot: Robot, loads: Measurements, predicted: Array) -> str:
+    from beamstiff.measure import make_measurements, measurements_to_csv
+
+    table_of_predictions = make_measurements(
+        loads.variables,
+        loads.q,
+        tcp=robot.tcp,
+        wrench=loads.wrench,
+        displacement=predicted,
+        point=loads.point,
+        load_point=loads.load_point,
+        pose=loads.pose,
+        step=loads.step,
+        time=loads.time,
+        temperature=loads.temperature,
+        metadata={"source": f"predicted by beamstiff, robot {robot.name}; loads of {loads.source}"},
+        source=loads.source,
+    )
+    return measurements_to_csv(table_of_predictions, robot)

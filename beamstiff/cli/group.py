@@ -1,0 +1,76 @@
+"""How every command ends: exit codes, and one line on stderr instead of a traceback."""
+
+from __future__ import annotations
+
+import sys
+import traceback
+from collections.abc import Sequence
+from typing import Any
+
+from typer.core import TyperGroup
+
+from beamstiff.cli.output import say
+from beamstiff.errors import BeamstiffError
+
+SUCCESS, FAILURE, REFUSED, INTERRUPTED = 0, 1, 2, 130
+
+
+class Commands(TyperGroup):
+    """Commands that end with 0 on success, 2 on bad input, 1 on a fault of ours, 130 on Ctrl-C."""
+
+    def main(
+        self,
+        args: Sequence[str] | None = None,
+        prog_name: str | None = None,
+        complete_var: str | None = None,
+        standalone_mode: bool = True,
+        windows_expand_args: bool = True,
+        **extra: Any,
+    ) -> Any:
+        """Run a command and exit."""
+        for stream in (sys.stdout, sys.stderr):
+            if hasattr(stream, "reconfigure"):  # an old code page shows a `?` for a sign that it lacks
+                stream.reconfigure(errors="replace")
+        arguments = sys.argv[1:] if args is None else list(args)
+        try:
+            code = super().main(
+                args=args,
+                prog_name=prog_name,
+                complete_var=complete_var,
+                standalone_mode=False,
+                windows_expand_args=windows_expand_args,
+                **extra,
+            )
+        except KeyboardInterrupt:
+            code = INTERRUPTED
+        except Exception as error:  # whatever it is, people get one line
+            code = _explain(error, debug="--debug" in arguments)
+        if code == INTERRUPTED:
+            say("interrupted")
+        if not standalone_mode:
+            return code
+        sys.exit(code if isinstance(code, int) else SUCCESS)
+
+
+def _explain(error: Exception, debug: bool) -> int:
+    """Say in one line what went wrong, and return the exit code."""
+    if debug:
+        traceback.print_exception(error)
+    if isinstance(error, BeamstiffError):
+        say(f"error: {error}")
+        return REFUSED
+    if hasattr(error, "format_message"):  # typer's own: what was typed is no valid command
+        say(f"error: {_usage(error)}")
+        return REFUSED
+    what = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+    more = "" if debug else "; --debug shows where it happened"
+    say(
+        f"internal error: {what}: a fault of beamstiff, please report it with the command and its files{more}"
+    )
+    return FAILURE
+
+
+def _usage(error: Any) -> str:
+    context = getattr(error, "ctx", None)
+    command = context.command_path if context is not None else "beamstiff"
+    return f"{error.format_message().rstrip('. ')}; see {command} --help"

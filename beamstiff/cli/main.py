@@ -1,0 +1,58 @@
+"""The command `beamstiff`."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from beamstiff._version import __version__
+from beamstiff.cli.deflect import deflect
+from beamstiff.cli.group import Commands
+from beamstiff.cli.identify import identify
+from beamstiff.cli.show import show
+from beamstiff.cli.stiffness import stiffness
+
+app = typer.Typer(
+    name="beamstiff",
+    cls=Commands,
+    add_completion=False,
+    rich_markup_mode=None,  # examples keep their lines, in pipes too
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"beamstiff {__version__}")
+        raise typer.Exit
+
+
+@app.callback(invoke_without_command=True)
+def beamstiff(
+    context: typer.Context,
+    _: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Elastostatic robot models: stiffness at the tool, and joint stiffness from measurements.
+
+    ROBOT is always a YAML file or the name of a robot that comes along (beamstiff show lists them).
+    Numbers without a unit are SI: m, rad, N, N m. Wrenches [f, m] and displacements [d, r] are at
+    the TCP, in the base frame; r is a rotation vector.
+
+    \b
+    To begin with:
+      beamstiff show ir663
+      beamstiff stiffness ir663 --q q2=10deg,q8=45deg
+
+    Exit code: 0 success, 2 bad input (one line on stderr says what), 1 a fault of beamstiff,
+    130 after Ctrl-C. Output files are written whole or not at all.
+    """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+
+
+for command in (show, stiffness, deflect, identify):
+    app.command()(command)

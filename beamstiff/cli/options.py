@@ -1,0 +1,57 @@
+"""Arguments and options that several commands share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from beamstiff.errors import BeamstiffError
+
+RobotFile = Annotated[
+    str, typer.Argument(metavar="ROBOT", help="YAML file, or the name of a robot that comes along.")
+]
+DataFile = Annotated[
+    str,
+    typer.Argument(
+        metavar="DATA",
+        help="CSV table, one row a state: joint variables, wrench, measured displacement; units in the "
+        "header, SI otherwise.",
+    ),
+]
+Json = Annotated[
+    str | None,
+    typer.Option(
+        "--json", metavar="FILE", help="Write the result as JSON, SI; - is stdout (no tables then)."
+    ),
+]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Print no tables and no notes, only errors.")]
+Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
+
+
+def robot_file(robot: str) -> Path:
+    """Return the file behind the argument ROBOT, which may be the name of a robot that comes along."""
+    from beamstiff.robot.library import robot_names, robot_path
+
+    path = Path(robot)
+    return robot_path(robot) if not path.exists() and robot in robot_names() else path
+
+
+def parse_names(texts: Sequence[str] | None) -> list[str] | None:
+    """Return the names in texts such as ``"J12.torsional,J18.torsional"``, or None where none were given.
+
+    Raises
+    ------
+    BeamstiffError
+        When a name is empty.
+    """
+    if not texts:
+        return None
+    names = [name.strip() for text in texts for name in text.split(",")]
+    if not all(names):
+        raise BeamstiffError(
+            f"--parameters: found {','.join(texts)!r}, expected names such as J12.torsional,J18.torsional"
+        )
+    return names

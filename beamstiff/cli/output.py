@@ -1,0 +1,128 @@
+"""What commands print and write: tables for people, JSON for programs, messages on stderr."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from beamstiff.errors import BeamstiffError
+from beamstiff.report.files import check_writable, write_whole
+
+STDOUT = "-"
+PIPE_WIDTH = 200  # columns where there is no terminal to fit into
+
+
+def people(quiet: bool, json_to: str | None) -> Console:
+    """Return the console for people's tables: silent when they asked for quiet, or stdout is for JSON."""
+    console = _console(quiet=quiet or json_to == STDOUT)
+    return console if console.is_terminal else _console(quiet=quiet or json_to == STDOUT, width=PIPE_WIDTH)
+
+
+def say(message: str, quiet: bool = False) -> None:
+    """Print one line on stderr, its beginning up to the colon in red where a terminal shows colours."""
+    line = str(BeamstiffError(message))  # one line, no control characters
+    head, colon, rest = line.partition(":")
+    console = _console(quiet=quiet, stderr=True)
+    console.print(f"{head}{colon}", style="red" if colon else None, end="", soft_wrap=True)
+    console.print(rest, soft_wrap=True)
+
+
+@contextmanager
+def working(what: str, quiet: bool) -> Iterator[None]:
+    """Show on stderr that long work goes on, if it is a terminal."""
+    console = _console(quiet=quiet, stderr=True)
+    if not console.is_terminal:
+        yield
+        return
+    with console.status(f"{what} ..."):
+        yield
+
+
+def check_outputs(inputs: Iterable[str | Path], json_to: str | None, **files: str | None) -> None:
+    """Refuse, before any work, outputs that cannot be written or that fall on an input or on each other.
+
+    Parameters
+    ----------
+    inputs : iterable of path
+        Files that the command reads.
+    json_to : str, optional
+        Where ``--json`` goes; ``-`` is stdout.
+    **files : str or None
+        The other output files by the name of their option.
+
+    Raises
+    ------
+    BeamstiffError
+        Naming the option and the path.
+    """
+    taken = {Path(path).resolve(): f"the input {path}" for path in inputs if Path(path).exists()}
+    wanted = {"json": None if json_to == STDOUT else json_to, **files}
+    for option, path in wanted.items():
+        if path is None:
+            continue
+        if path == STDOUT:
+            raise BeamstiffError(f"--{option}: found -, expected the name of a file")
+        check_writable(path)
+        target = Path(path).resolve()
+        if target.is_file() or not target.exists():  # /dev/null may take several
+            if target in taken:
+                raise BeamstiffError(
+                    f"--{option} {path}: would overwrite {taken[target]}, expected another file"
+                )
+            taken[target] = f"the output --{option}"
+
+
+def write_json(value: Mapping[str, Any], json_to: str | None) -> None:
+    """Write plain data as JSON to a file or, for ``-``, to stdout; nowhere for None."""
+    if json_to is None:
+        return
+    text = json_text(value) + "\n"
+    if json_to == STDOUT:
+        sys.stdout.write(text)
+        sys.stdout.flush()
+    else:
+        write_whole(json_to, text)
+
+
+def json_text(value: Any, indent: int = 0) -> str:
+    """Return JSON with one line a row of numbers; NaN and infinity are refused.
+
+    Examples
+    --------
+    >>> print(json_text({"stiffness": [[1.0, 2.0], [3.0, 4.0]], "none": None}))
+    {
+      "stiffness": [
+        [1.0, 2.0],
+        [3.0, 4.0]
+      ],
+      "none": null
+    }
+    """
+    flat = not any(isinstance(item, dict | list | tuple) for item in _items(value))
+    if not isinstance(value, dict | list | tuple) or not value or (flat and isinstance(value, list | tuple)):
+        return json.dumps(value, allow_nan=False)
+    margin = " " * (indent + 2)
+    if isinstance(value, dict):
+        lines = [
+            f"{margin}{json.dumps(str(key))}: {json_text(item, indent + 2)}" for key, item in value.items()
+        ]
+        opening, closing = "{}"
+    else:
+        lines = [margin + json_text(item, indent + 2) for item in value]
+        opening, closing = "[]"
+    return f"{opening}\n" + ",\n".join(lines) + f"\n{' ' * indent}{closing}"
+
+
+def _items(value: Any) -> Iterable[Any]:
+    return value if isinstance(value, list | tuple) else ()
+
+
+def _console(quiet: bool, stderr: bool = False, width: int | None = None) -> Console:
+    # names from files are printed as they are: no markup, no emoji codes, no guessed colours
+    return Console(stderr=stderr, quiet=quiet, width=width, markup=False, emoji=False, highlight=False)

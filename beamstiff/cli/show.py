@@ -1,0 +1,74 @@
+"""`beamstiff show`: what a robot file means."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from beamstiff.cli.options import Debug, Json, Quiet, robot_file
+from beamstiff.cli.output import check_outputs, people, working, write_json
+
+if TYPE_CHECKING:
+    from rich.console import Console, RenderableType
+
+
+def show(
+    robot: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="ROBOT",
+            help="YAML file, or the name of a robot that comes along; without it these are listed.",
+        ),
+    ] = None,
+    json: Json = None,
+    samples: Annotated[
+        int,
+        typer.Option(
+            "--samples", metavar="N", min=1, max=1_000_000, help="Postures sampled for the reach of the TCP."
+        ),
+    ] = 1000,
+    seed: Annotated[
+        int, typer.Option("--seed", metavar="N", min=0, help="Seed of the sampled postures.")
+    ] = 0,
+    quiet: Quiet = False,
+    debug: Debug = False,  # noqa: ARG001
+) -> None:
+    """Show what a robot file means: variables, frames, loops, nodes, stiffness, mass and reach.
+
+    Positions are in the base frame. The reach is that of postures drawn evenly within the limits of
+    the actuated variables (turning joints without limits: -180 to 180 deg), as far as their loops
+    close. Mass, unknowns and condition hold for the reference posture: the middle of the limits, or
+    the first sample that closes. A file that is wrong is refused with the line and the reason.
+
+    \b
+    Examples:
+      beamstiff show
+      beamstiff show ir663
+      beamstiff show robot.yaml --json robot.json
+    """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
+    if robot is None:
+        from beamstiff.robot.library import robot_names
+
+        check_outputs([], json)
+        people(quiet, json).print(
+            "\n".join(["Robots that come along:", *(f"  {name}" for name in robot_names())])
+        )
+        write_json({"robots": robot_names()}, json)
+        return
+    from beamstiff.report.overview import describe
+    from beamstiff.report.overview_tables import overview_tables
+    from beamstiff.robot.reader import load_robot
+
+    description = load_robot(robot)
+    check_outputs([robot_file(robot)], json)
+    with working("sampling the reach", quiet):
+        facts = describe(description, samples, seed)
+    _print(people(quiet, json), overview_tables(facts))
+    write_json(facts, json)
+
+
+def _print(console: Console, parts: list[RenderableType]) -> None:
+    for part in parts:
+        console.print(part)
+        console.print()

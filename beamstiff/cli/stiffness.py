@@ -1,0 +1,106 @@
+"""`beamstiff stiffness`: the 6x6 stiffness and compliance at the tool."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from beamstiff.cli.options import Debug, Json, Quiet, RobotFile, robot_file
+from beamstiff.cli.output import check_outputs, people, working, write_json
+from beamstiff.report.tables import millimetres, number, table
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from beamstiff.robot.description import Robot
+    from beamstiff.se3 import Array
+
+FORCES = ("fx [N]", "fy [N]", "fz [N]", "mx [N m]", "my [N m]", "mz [N m]")
+MOTIONS = ("dx [m]", "dy [m]", "dz [m]", "rx [rad]", "ry [rad]", "rz [rad]")
+ROUNDING = 1e-12
+
+
+def stiffness(
+    robot: RobotFile,
+    q: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--q",
+            metavar="NAME=VALUE,...",
+            help="Actuated joint variables; a number is rad or m. Those not named are 0, passive ones are "
+            "solved.",
+        ),
+    ] = None,
+    json: Json = None,
+    quiet: Quiet = False,
+    debug: Debug = False,  # noqa: ARG001
+) -> None:
+    """Print the 6 x 6 stiffness and compliance at the TCP in one posture.
+
+    Stiffness K: wrench = K displacement, compliance C = K^-1: displacement = C wrench. Base frame,
+    wrench [f, m] and displacement [d, r] at the TCP, SI. Undeformed geometry, without gravity. A
+    mechanism is refused and its free motion named; so is a TCP that does not give way at all in
+    some direction, such as that of a rigid-link arm in a singular posture.
+
+    \b
+    Examples:
+      beamstiff stiffness cantilever
+      beamstiff stiffness ir663 --q q2=10deg,q8=45deg
+      beamstiff stiffness robot.yaml --q q1=0.3 --json stiffness.json
+    """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
+    from beamstiff.cli.variables import note_limits, parse_variables
+    from beamstiff.fem.condensation import tcp_compliance, tcp_stiffness
+    from beamstiff.fem.structure import compile_structure
+    from beamstiff.robot.kinematics import posture
+    from beamstiff.robot.reader import load_robot
+
+    description = load_robot(robot)
+    values = parse_variables(description, q or [])
+    check_outputs([robot_file(robot)], json)
+    with working("condensing the structure", quiet):
+        structure = compile_structure(description)
+        kinematics = structure.kinematics
+        where = posture(kinematics, values)
+        compliance = tcp_compliance(structure, where)
+        stiff = tcp_stiffness(compliance, f"robot {description.name!r}")[0]
+    tcp = where.node_positions[0, kinematics.node_index[description.tcp]]
+    variables = dict(zip(kinematics.coupling.names, where.values[0].tolist(), strict=True))
+    note_limits(description, variables, quiet)
+
+    console = people(quiet, json)
+    console.print(_posture_table(description, variables, tcp))
+    console.print(_matrix_table("Stiffness at the TCP: row = K column", FORCES, MOTIONS, stiff))
+    console.print(_matrix_table("Compliance at the TCP: row = C column", MOTIONS, FORCES, compliance[0]))
+    write_json(
+        {
+            "stiffness": stiff.tolist(),
+            "compliance": compliance[0].tolist(),
+            "tcp": tcp.tolist(),
+            "variables": variables,
+        },
+        json,
+    )
+
+
+def _posture_table(robot: Robot, variables: dict[str, float], tcp: Array) -> Table:
+    from beamstiff.cli.variables import shown_value
+
+    result = table(f"{robot.name}: posture", "", "value", "", left=3)
+    for variable in robot.variables:
+        how = "" if variable.actuated else "solved" if variable.passive else f"= {variable.equals}"
+        result.add_row(variable.name, shown_value(robot, variable.name, variables[variable.name]), how)
+    result.add_row("TCP x, y, z", ", ".join(millimetres(tcp)) + " mm", "")
+    return result
+
+
+def _matrix_table(title: str, rows: tuple[str, ...], columns: tuple[str, ...], matrix: Array) -> Table:
+    import numpy as np
+
+    # what is rounding beside the diagonal is shown as 0; JSON holds it as it is
+    size = np.sqrt(np.abs(np.diagonal(matrix)))
+    shown = np.where(np.abs(matrix) > ROUNDING * size[:, None] * size, matrix, 0.0)
+    result = table(title, "", *columns)
+    for name, row in zip(rows, shown, strict=True):
+        result.add_row(name, *map(number, row))
+    return result

@@ -1,0 +1,191 @@
+"""What a robot file means, as plain data: its parts, how they hang together, and numbers that follow."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from beamstiff.errors import BeamstiffError
+from beamstiff.fem.assembly import dense_stiffness
+from beamstiff.fem.condensation import tcp_compliance
+from beamstiff.fem.constraints import constraint_rows, has_constraints, null_space
+from beamstiff.fem.geometry import Geometry, place
+from beamstiff.fem.loads import total_mass
+from beamstiff.fem.mechanism import scaled_condition
+from beamstiff.fem.structure import Structure, compile_structure
+from beamstiff.robot.closure import close_loops
+from beamstiff.robot.coupling import variable_kinds
+from beamstiff.robot.description import Robot
+from beamstiff.robot.fields import stiffness_text
+from beamstiff.robot.graph import structural_loops, structure_graph, support_tree
+from beamstiff.robot.kinematics import Kinematics, Posture, forward, posture_at
+from beamstiff.robot.parts import STIFFNESS_KINDS, Variable
+from beamstiff.se3 import Array
+
+MOST_UNKNOWNS = 3000  # the condition is found from a dense matrix
+
+
+def describe(robot: Robot, samples: int = 1000, seed: int = 0) -> dict[str, Any]:
+    """Return what a robot file means as plain data, SI, base frame.
+
+    Parameters
+    ----------
+    robot : Robot
+    samples : int
+        Postures drawn for the reach, evenly within the limits of the actuated variables.
+    seed : int
+        Of the samples.
+
+    Raises
+    ------
+    BeamstiffError
+        When no posture closes the loops, or the structure is a mechanism.
+
+    Examples
+    --------
+    >>> from beamstiff.robot.reader import load_robot
+    >>> facts = describe(load_robot("cantilever"))
+    >>> facts["unknowns"], facts["reach"]["upper"]
+    (6, [1.0, 0.0, 0.0])
+    """
+    structure = compile_structure(robot)
+    kinematics = structure.kinematics
+    q = _samples(robot, samples, seed)
+    closure = close_loops(kinematics, q, strict=False)
+    if not closure.closed.any():
+        raise BeamstiffError(
+            f"robot {robot.name!r}: none of {len(q)} postures closes the loops: {closure.reasons[0]}"
+        )
+    first = int(np.argmax(closure.closed))
+    reference = posture_at(kinematics, closure.values[first : first + 1])
+    tcp_compliance(structure, reference)  # a mechanism is named here
+    geometry = place(structure, reference)
+    values = dict(zip(kinematics.coupling.names, reference.values[0].tolist(), strict=True))
+    return {
+        "name": robot.name,
+        "gravity": list(robot.gravity),
+        "variables": [_variable(robot, item, values[item.name]) for item in robot.variables],
+        "frames": _frames(kinematics, reference),
+        "loops": [
+            {"name": item.name, "a": item.a, "b": item.b, "constrain": item.constrain} for item in robot.loops
+        ],
+        "nodes": _nodes(robot, reference),
+        "beams": [
+            {"name": item.name, "nodes": list(item.nodes), "length": length, "section": item.section}
+            for item, length in zip(robot.beams, geometry.beam_length[0].tolist(), strict=True)
+        ],
+        "rigids": [{"name": item.name, "nodes": list(item.nodes)} for item in robot.rigids],
+        "joints": [
+            {
+                "name": item.name,
+                "nodes": list(item.nodes),
+                "variable": item.variable,
+                "stiffness": {
+                    kind: stiffness_text(getattr(item.stiffness, kind)) for kind in STIFFNESS_KINDS
+                },
+            }
+            for item in robot.joints
+        ],
+        "struts": [
+            {"name": item.name, "nodes": list(item.nodes), "stiffness": stiffness_text(item.stiffness)}
+            for item in robot.struts
+        ],
+        "structural_loops": structural_loops(structure_graph(robot)),
+        "tcp": {"node": robot.tcp, "position": _tcp(kinematics, reference.transforms)[0].tolist()},
+        "identify": list(robot.identify),
+        "mass": float(total_mass(structure, geometry)[0]),
+        "unknowns": structure.unknowns.count,
+        "condition": _condition(structure, geometry),
+        "reach": {**_reach(kinematics, closure.values[closure.closed]), "samples": len(q), "seed": seed},
+    }
+
+
+def _samples(robot: Robot, count: int, seed: int) -> Array:
+    """Return joint values (1 + count, A): the middle of the limits, then samples within them."""
+    limits = np.array([_range(variable) for variable in robot.actuated], dtype=np.float64).reshape(-1, 2)
+    drawn = np.random.default_rng(seed).uniform(limits[:, 0], limits[:, 1], (count, len(limits)))
+    return np.concatenate([limits.mean(axis=1)[None], drawn])
+
+
+def _range(variable: Variable) -> tuple[float, float]:
+    if variable.limits is not None:
+        return variable.limits
+    return (-np.pi, np.pi) if variable.kind == "angle" else (0.0, 0.0)
+
+
+def _tcp(kinematics: Kinematics, transforms: Array) -> Array:
+    """Return the position of the TCP, (P, 3); other nodes, of which there may be many, are not placed."""
+    at = kinematics.node_index[kinematics.robot.tcp]
+    frames = transforms[:, kinematics.node_frame[at]]
+    result: Array = frames[:, :3, :3] @ kinematics.node_at[at] + frames[:, :3, 3]
+    return result
+
+
+def _reach(kinematics: Kinematics, values: Array) -> dict[str, Any]:
+    points = _tcp(kinematics, forward(kinematics, values))
+    return {
+        "lower": points.min(axis=0).tolist(),
+        "upper": points.max(axis=0).tolist(),
+        "farthest": float(np.linalg.norm(points, axis=1).max()),
+        "closing": len(points),
+    }
+
+
+def _condition(structure: Structure, geometry: Geometry) -> float | None:
+    """Return the condition number of the reduced stiffness scaled to unit diagonal; None for large ones."""
+    unknowns = structure.unknowns
+    if not 0 < unknowns.count <= MOST_UNKNOWNS:
+        return None
+    stiffness = dense_stiffness(structure, geometry)
+    if has_constraints(structure):
+        size = max(float(np.ptp(geometry.posture.node_positions[0], axis=0).max()), 1e-3)
+        units = np.array([size if direction < 3 else 1.0 for _, direction in unknowns.labels])
+        basis = null_space(constraint_rows(structure, geometry), units, f"robot {structure.robot.name!r}")
+        stiffness = basis.swapaxes(-1, -2) @ stiffness @ basis
+    return float(scaled_condition(stiffness)[0]) if stiffness.size else None
+
+
+def _variable(robot: Robot, variable: Variable, value: float) -> dict[str, Any]:
+    turning = variable_kinds(robot)[variable.name] == "angle"
+    return {
+        "name": variable.name,
+        "type": "revolute" if turning else "prismatic",
+        "role": "actuated" if variable.actuated else "passive" if variable.passive else "coupled",
+        "equals": variable.equals,
+        "limits": None if variable.limits is None else list(variable.limits),
+        "reference": value,
+    }
+
+
+def _frames(kinematics: Kinematics, reference: Posture) -> list[dict[str, Any]]:
+    at = kinematics.frame_index
+    return [
+        {
+            "name": frame.name,
+            "parent": frame.parent,
+            "position": reference.transforms[0, at[frame.name], :3, 3].tolist(),
+            "rotation": reference.transforms[0, at[frame.name], :3, :3].tolist(),
+        }
+        for frame in kinematics.robot.frames
+    ]
+
+
+def _nodes(robot: Robot, reference: Posture) -> list[dict[str, Any]]:
+    """Return every node with the one it hangs on, on the shortest way to a fixed node, and through what."""
+    graph = structure_graph(robot)
+    tree = support_tree(graph, robot.fixed)
+    rows = []
+    for node, position in zip(robot.nodes, reference.node_positions[0].tolist(), strict=True):
+        above = next(iter(tree.predecessors(node.name)), None)
+        rows.append(
+            {
+                "name": node.name,
+                "frame": node.frame,
+                "position": position,
+                "fixed": node.name in robot.fixed,
+                "hangs_on": above,
+                "through": [] if above is None else sorted(graph[above][node.name]),
+            }
+        )
+    return rows

@@ -1,0 +1,143 @@
+"""What a robot file means, as tables for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import degrees
+from typing import Any
+
+from rich.console import RenderableType
+from rich.table import Table
+from rich.tree import Tree
+
+from beamstiff.report.tables import MOST_ROWS, add_rows, millimetres, number, table
+
+MOST_LOOPS = 5
+
+
+def overview_tables(facts: dict[str, Any]) -> list[RenderableType]:
+    """Return tables of what `overview.describe` found; those without rows are left out."""
+    before = [_variables(facts), _frames(facts), _loops(facts)]
+    after = [_beams(facts), _springs(facts)]
+    return [
+        f"Robot {facts['name']}",
+        *(item for item in before if item.row_count),
+        _tree(facts),
+        *(item for item in after if item.row_count),
+        _summary(facts),
+    ]
+
+
+def _variables(facts: dict[str, Any]) -> Table:
+    result = table("Joint variables", "name", "type", "role", "limits", "reference", left=5)
+    add_rows(result, map(_variable, facts["variables"]))
+    return result
+
+
+def _variable(item: dict[str, Any]) -> list[str]:
+    turning = item["type"] == "revolute"
+    unit = "deg" if turning else "mm"
+
+    def shown(value: float) -> str:
+        return f"{degrees(value) if turning else 1e3 * value:.6g}"
+
+    role = f"coupled: {item['equals']}" if item["equals"] else item["role"]
+    limits = "none" if item["role"] == "actuated" else ""
+    if item["limits"] is not None:
+        limits = f"{' to '.join(map(shown, item['limits']))} {unit}"
+    return [item["name"], item["type"], role, limits, f"{shown(item['reference'])} {unit}"]
+
+
+def _frames(facts: dict[str, Any]) -> Table:
+    result = table("Frames at the reference, mm, base frame", "name", "parent", "x", "y", "z", left=2)
+    rows = ([item["name"], item["parent"], *millimetres(item["position"])] for item in facts["frames"])
+    add_rows(result, rows)
+    return result
+
+
+def _loops(facts: dict[str, Any]) -> Table:
+    result = table("Loops that the passive variables close", "name", "between", "constrains", left=3)
+    add_rows(
+        result, ([item["name"], f"{item['a']}, {item['b']}", item["constrain"]] for item in facts["loops"])
+    )
+    return result
+
+
+def _beams(facts: dict[str, Any]) -> Table:
+    result = table("Beams", "name", "nodes", "section", "length, mm", left=3)
+    rows = (
+        [item["name"], ", ".join(item["nodes"]), item["section"], *millimetres([item["length"]])]
+        for item in facts["beams"]
+    )
+    add_rows(result, rows)
+    return result
+
+
+def _springs(facts: dict[str, Any]) -> Table:
+    kinds = ("axial", "radial", "torsional", "tilting")
+    result = table("Joints and struts, N/m and N m/rad", "name", "variable", *kinds, left=2)
+
+    def shown(value: float | str) -> str:
+        return value if isinstance(value, str) else number(value)
+
+    joints = (
+        [item["name"], item["variable"] or "", *(shown(item["stiffness"][kind]) for kind in kinds)]
+        for item in facts["joints"]
+    )
+    struts = ([item["name"], "", shown(item["stiffness"]), "", "", ""] for item in facts["struts"])
+    add_rows(result, [*joints, *struts])
+    return result
+
+
+def _tree(facts: dict[str, Any]) -> Tree:
+    """Return what hangs where: from the fixed nodes outward, with the elements that hold each node."""
+    tree = Tree("What hangs where (node by the element that holds it; x y z at the reference, mm)")
+    nodes = {item["name"]: item for item in facts["nodes"]}
+    below: dict[str | None, list[str]] = {}
+    for name, item in nodes.items():
+        below.setdefault(item["hangs_on"], []).append(name)
+    branches: dict[str | None, Tree] = {None: tree}
+    waiting = below.get(None, [])
+    for name in waiting:
+        if len(branches) > MOST_ROWS:
+            tree.add(f"... {len(nodes) - MOST_ROWS} more nodes")
+            break
+        item = nodes[name]
+        held = f" by {', '.join(item['through'])}" if item["through"] else ""
+        marks = " [fixed]" * item["fixed"] + " [TCP]" * (name == facts["tcp"]["node"])
+        label = f"{name}{held}: {' '.join(millimetres(item['position']))}{marks}"
+        branches[name] = branches[item["hangs_on"]].add(label)
+        waiting += below.get(name, [])  # grows while it is gone through: nearest to the base first
+    return tree
+
+
+def _summary(facts: dict[str, Any]) -> Table:
+    result = table("Summary", "", "", left=2)
+    result.show_header = False
+    add_rows(result, _summary_rows(facts))
+    return result
+
+
+def _summary_rows(facts: dict[str, Any]) -> Iterator[list[str]]:
+    kinds = ("nodes", "beams", "rigids", "joints", "struts")
+    yield ["structure", ", ".join(_counted(len(facts[kind]), kind[:-1]) for kind in kinds if facts[kind])]
+    loops = [" - ".join(loop) for loop in facts["structural_loops"]]
+    if len(loops) > MOST_LOOPS:
+        loops[MOST_LOOPS:] = [f"{len(loops) - MOST_LOOPS} more"]
+    yield ["closed loops of the structure", "; ".join(loops) or "none"]
+    full = 6 * len(facts["nodes"])
+    yield ["unknowns", f"{facts['unknowns']} (of {full}: fixed nodes and rigid directions have none)"]
+    condition = "not computed" if facts["condition"] is None else number(facts["condition"])
+    yield ["condition of the scaled stiffness", condition]
+    yield ["mass of beams and masses", f"{facts['mass']:.4g} kg"]
+    yield ["TCP", f"{facts['tcp']['node']} at {', '.join(millimetres(facts['tcp']['position']))} mm"]
+    reach = facts["reach"]
+    ends = zip("xyz", millimetres(reach["lower"]), millimetres(reach["upper"]), strict=True)
+    yield ["reach of the TCP", ", ".join(f"{axis} {low} to {high}" for axis, low, high in ends) + " mm"]
+    yield ["", f"farthest from the base: {millimetres([reach['farthest']])[0]} mm"]
+    yield ["", f"{reach['closing']} of {reach['samples']} sampled postures close (seed {reach['seed']})"]
+    yield ["identify", ", ".join(facts["identify"]) or "nothing listed"]
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"
