@@ -41,5 +41,5 @@ lint: venv
 	done; exit $$failed
 
 clean:
-	rm -rf .venv build dist .pytest_cache .hypothesis .mypy_cache .ruff_cache .import_linter_cache examples/out
+	rm -rf .venv build dist .pytest_cache .hypothesis .mypy_cache .ruff_cache .import_linter_cache examples/output
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
