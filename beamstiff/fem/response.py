@@ -132,20 +132,46 @@ def solve_unknowns(structure: Structure, geometry: Geometry, force: Array) -> Ar
         When the structure is a mechanism; the free motion is named.
     """
     stiffness = dense_stiffness(structure, geometry)
+    return solve_constrained(structure, geometry, stiffness, force[..., None])[..., 0]
+
+
+def solve_constrained(
+    structure: Structure, geometry: Geometry, stiffness: Array, force: Array, fault: str = "is a mechanism"
+) -> Array:
+    """Return the unknowns (P, n, c) of ``stiffness z = force`` under the constraints of rigid loops.
+
+    Parameters
+    ----------
+    stiffness : (P, n, n) array
+        Not symmetric where moments act on a loaded machine.
+    force : (P, n, c) array
+    fault : str
+        What is wrong with a robot whose stiffness is not positive definite, for the message.
+
+    Raises
+    ------
+    BeamstiffError
+        When the stiffness is not positive definite; the motion without resistance is named.
+    """
     basis = None
     if has_constraints(structure):
-        size = max(float(np.ptp(geometry.posture.node_positions.reshape(-1, 3), axis=0).max()), 1e-3)
-        units = np.array([size if direction < 3 else 1.0 for _, direction in structure.unknowns.labels])
+        units = unknown_sizes(structure, geometry)
         basis = null_space(constraint_rows(structure, geometry), units, f"robot {structure.robot.name!r}")
         stiffness = basis.swapaxes(-1, -2) @ stiffness @ basis
-        force = (basis.swapaxes(-1, -2) @ force[..., None])[..., 0]
-    if (unstable := unstable_pose(stiffness)) is not None:
+        force = basis.swapaxes(-1, -2) @ force
+    if (unstable := unstable_pose(0.5 * (stiffness + stiffness.swapaxes(-1, -2)))) is not None:
         pose, motion = unstable
-        raise mechanism_error(structure, geometry, pose, motion if basis is None else basis[pose] @ motion)
-    scale = diagonal_scale(stiffness)
-    solved = np.linalg.solve(scale[:, :, None] * stiffness * scale[:, None, :], (scale * force)[..., None])
-    unknowns = scale * solved[..., 0]
-    return unknowns if basis is None else (basis @ unknowns[..., None])[..., 0]
+        full = motion if basis is None else basis[pose] @ motion
+        raise mechanism_error(structure, geometry, pose, full, fault)
+    scale = diagonal_scale(stiffness)[:, :, None]
+    solved = scale * np.linalg.solve(scale * stiffness * scale.swapaxes(-1, -2), scale * force)
+    return solved if basis is None else basis @ solved
+
+
+def unknown_sizes(structure: Structure, geometry: Geometry) -> Array:
+    """Return the size of a unit of each unknown, (n,), so that metres and radians compare."""
+    size = max(float(np.ptp(geometry.posture.node_positions.reshape(-1, 3), axis=0).max()), 1e-3)
+    return np.array([size if direction < 3 else 1.0 for _, direction in structure.unknowns.labels])
 
 
 def check_moments(structure: Structure, loads: Array) -> None:

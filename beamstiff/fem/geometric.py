@@ -1,0 +1,348 @@
+"""The stiffness of the loaded machine: geometric stiffness, and the complementary stiffness of serial robots.
+
+In equilibrium under nodal wrenches F the tangent stiffness in the unknowns z is::
+
+    K_t = T^T (K + K_1) T + diag(k) - H,     H_ji = sum over nodes of r . dJ_j/dz_i,     r = F - f(u)
+
+K_1 is the initial stress matrix of the elements (`initial_stress`), r what rigids and joints carry at a node,
+and J_j = [v_j; a_j] the node's twist for unknown j. An unknown i that moves what j moves, and j itself, gives
+``dJ_j/dz_i = [a_i x v_j; a_i x a_j]``, one that comes after j ``[a_j x v_i; 0]``, and two rotations of one
+block (a rotation vector) half of both. All is of first order in the load, on the undeformed geometry. Loads
+keep their direction and go with their nodes.
+
+With rigid links and springs about the axes, H is K_C of seed 000 (eq. 9; Chen and Kao, Int. J. Robotics Res.
+19 (2000) 835) and ``K_X = J^-T (K_theta - K_C) J^-1`` (eq. 10), which is not symmetric when moments act.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from beamstiff.errors import BeamstiffError
+from beamstiff.fem.assembly import dense_stiffness, element_blocks, gather, node_map, scatter
+from beamstiff.fem.condensation import CHUNK
+from beamstiff.fem.constraints import constraint_rows, has_constraints
+from beamstiff.fem.geometry import Geometry, place, strut_directions
+from beamstiff.fem.initial_stress import (
+    arm_initial_stress,
+    beam_initial_stress,
+    joint_initial_stress,
+    strut_initial_stress,
+)
+from beamstiff.fem.loads import beam_weight, gravity_wrenches
+from beamstiff.fem.mechanism import unstable_pose
+from beamstiff.fem.response import check_moments, solve_constrained, solve_unknowns, unknown_sizes
+from beamstiff.fem.structure import Structure
+from beamstiff.fem.unknowns import joint_values
+from beamstiff.robot.fields import RIGID
+from beamstiff.robot.forward import chain_to, screws_of
+from beamstiff.robot.frames import MOTIONS
+from beamstiff.robot.kinematics import Posture
+from beamstiff.se3 import Array, displacement_transport, rotate_screw, skew
+
+MOST_ENTRIES = 20_000_000  # of the nodes' initial stress matrices, at a time
+
+
+def loaded_compliance(
+    structure: Structure, posture: Posture, loads: Array, gravity: bool = False, chunk: int = CHUNK
+) -> Array:
+    """Return the compliance at the TCP of the loaded machine, for a small wrench on top of the loads.
+
+    Parameters
+    ----------
+    structure : Structure
+    posture : Posture
+        P poses with closed loops.
+    loads : (P, N, 6) array, N and N m
+        Wrench ``[f, m]`` on every node, base frame (`response.nodal_loads` makes it).
+    gravity : bool
+        Add the dead weight.
+
+    Returns
+    -------
+    (P, 6, 6) array
+        ``[d, r] = C [f, m]``, base frame; not symmetric when moments are among the loads (seed 000, eq. 10).
+
+    Raises
+    ------
+    BeamstiffError
+        When the structure is a mechanism, or the loads make it buckle: a motion, which is named, meets no
+        resistance. Where moments act, the symmetric part of the stiffness decides.
+
+    Examples
+    --------
+    >>> from beamstiff.fem.response import nodal_loads
+    >>> from beamstiff.fem.structure import compile_structure
+    >>> from beamstiff.robot.kinematics import posture
+    >>> from beamstiff.robot.reader import load_robot
+    >>> structure = compile_structure(load_robot("cantilever"))
+    >>> pose, push = posture(structure.kinematics, np.zeros((1, 0))), [-1e4, 0, 0, 0, 0, 0]
+    >>> softer = loaded_compliance(structure, pose, nodal_loads(structure, 1, {structure.robot.tcp: push}))
+    >>> bool(softer[0, 1, 1] > loaded_compliance(structure, pose, nodal_loads(structure, 1, {}))[0, 1, 1])
+    True
+    """
+    poses, nodes = posture.node_positions.shape[:2]
+    if poses == 0:
+        raise BeamstiffError("no poses: expected at least one")
+    if loads.shape != (poses, nodes, 6) or not np.isfinite(loads).all():
+        raise BeamstiffError(
+            f"found loads of shape {loads.shape}, expected finite numbers of shape {(poses, nodes, 6)}"
+        )
+    check_moments(structure, loads)
+    tcp = structure.kinematics.node_index[structure.robot.tcp]
+    parts = []
+    chunk = max(1, min(chunk, MOST_ENTRIES // (6 * nodes) ** 2))
+    for start in range(0, poses, chunk):
+        some = slice(start, start + chunk)
+        part = Posture(posture.values[some], posture.transforms[some], posture.node_positions[some])
+        geometry = place(structure, part, start)
+        stiffness = tangent_stiffness(structure, geometry, loads[some], gravity)
+        watch = node_map(structure, geometry, tcp)
+        moved = solve_constrained(
+            structure, geometry, stiffness, watch.swapaxes(-1, -2), "buckles under its load"
+        )
+        parts.append(watch @ moved)
+    return np.concatenate(parts)
+
+
+def loaded_stiffness(compliance: Array, robot: str = "robot") -> Array:
+    """Return the stiffness at the TCP, (..., 6, 6), from the compliance of the loaded machine.
+
+    Raises
+    ------
+    BeamstiffError
+        When the compliance is singular: some direction of the TCP does not give way at all.
+    """
+    symmetric = 0.5 * (compliance + compliance.swapaxes(-1, -2))
+    if (stuck := unstable_pose(symmetric.reshape(-1, 6, 6))) is not None:
+        raise BeamstiffError(
+            f"{robot}: singular compliance at pose {stuck[0]}: the TCP does not give way to some wrench; its "
+            "stiffness there is infinite, use the compliance instead"
+        )
+    size = np.sqrt(np.diagonal(compliance, axis1=-2, axis2=-1))
+    scaled = np.linalg.inv(compliance / (size[..., :, None] * size[..., None, :]))
+    result: Array = scaled / (size[..., :, None] * size[..., None, :])
+    return result
+
+
+def tangent_stiffness(structure: Structure, geometry: Geometry, loads: Array, gravity: bool = False) -> Array:
+    """Return K_t (P, n, n) in the unknowns, without the constraints of rigid loops (see the module).
+
+    Parameters
+    ----------
+    loads : (P, N, 6) array
+        Wrench ``[f, m]`` on every node, base frame.
+    gravity : bool
+        Add the dead weight.
+    """
+    total = loads + gravity_wrenches(structure, geometry) if gravity else loads
+    unknowns = solve_unknowns(structure, geometry, scatter(structure, geometry, total))
+    forces = _element_forces(structure, geometry, unknowns)
+    rest = total.copy()
+    for end in (0, 1):
+        for element, node in enumerate(structure.elements[:, end].tolist()):
+            rest[:, node] -= forces[:, element, end]
+    poses, nodes = rest.shape[:2]
+    stress = np.zeros((poses, nodes, 6, nodes, 6))
+    _add_elements(stress, structure, geometry, forces, gravity)
+    if gravity:
+        _add_payloads(stress, structure, geometry)
+    if has_constraints(structure):
+        rest = rest - _add_constraints(stress, structure, geometry, rest, unknowns)
+    stiffness = dense_stiffness(structure, geometry) - _path_stiffness(structure, geometry, rest)
+    if stress.any():
+        maps = [node_map(structure, geometry, node) for node in range(nodes)]
+        everywhere = np.concatenate(maps, axis=1)
+        nodal = stress.reshape(poses, 6 * nodes, 6 * nodes)
+        stiffness = stiffness + everywhere.swapaxes(-1, -2) @ nodal @ everywhere
+    return stiffness
+
+
+def _element_forces(structure: Structure, geometry: Geometry, unknowns: Array) -> Array:
+    """Return the wrenches on the ends of all elements, (P, E, 2, 6), base frame."""
+    at_ends = gather(structure, geometry, unknowns)[:, structure.elements]
+    forces: Array = np.einsum("peijab,pejb->peia", element_blocks(structure, geometry), at_ends)
+    return forces
+
+
+def _add_elements(
+    stress: Array, structure: Structure, geometry: Geometry, forces: Array, gravity: bool
+) -> None:
+    """Add the initial stress of beams, loop-closing joints and struts to (P, N, 6, N, 6)."""
+    beams, chords = len(structure.robot.beams), len(structure.chords)
+    ends, load = forces[:, :beams], np.zeros((len(forces), beams, 3))
+    if gravity:
+        ends = ends - beam_weight(structure, geometry)
+        per_metre = structure.beam_density * structure.beam_properties["A"]
+        load = load + per_metre[:, None] * np.array(structure.robot.gravity)
+    rotation = geometry.beam_rotation
+    back = rotate_screw(rotation).swapaxes(-1, -2)
+    local_load = (rotation.swapaxes(-1, -2) @ load[..., None])[..., 0]
+    local = beam_initial_stress(
+        geometry.beam_length, (back[:, :, None] @ ends[..., None])[..., 0], local_load
+    )
+    turn = np.zeros((*rotation.shape[:2], 12, 12))
+    for at in (0, 6):
+        turn[..., at : at + 6, at : at + 6] = rotate_screw(rotation)
+    along = strut_directions(structure, geometry, structure.struts)
+    strut_ends = structure.elements[beams + chords :]
+    positions = geometry.posture.node_positions
+    length = np.linalg.norm(positions[:, strut_ends[:, 1]] - positions[:, strut_ends[:, 0]], axis=-1)
+    pull = np.einsum("psa,psa->ps", along, forces[:, beams + chords :, 1, :3])
+    blocks = [
+        turn @ local @ turn.swapaxes(-1, -2),
+        joint_initial_stress(forces[:, beams : beams + chords, 1]),
+        strut_initial_stress(along, length, pull),
+    ]
+    blocks_by_element = np.moveaxis(np.concatenate(blocks, axis=1), 1, 0)
+    for (first, second), block in zip(structure.elements.tolist(), blocks_by_element, strict=True):
+        _add_between(stress, first, second, block)
+
+
+def _add_between(stress: Array, first: int, second: int, block: Array) -> None:
+    """Add a matrix (P, 12, 12) between two nodes."""
+    for i, row in enumerate((first, second)):
+        for j, column in enumerate((first, second)):
+            stress[:, row, :, column] += block[:, 6 * i : 6 * i + 6, 6 * j : 6 * j + 6]
+
+
+def _add_payloads(stress: Array, structure: Structure, geometry: Geometry) -> None:
+    """Add the turning arms of the masses that are off their nodes."""
+    rotations = geometry.posture.transforms[:, :, :3, :3]
+    for mass in structure.robot.masses:
+        node = structure.kinematics.node_index[mass.node]
+        arm = rotations[:, structure.kinematics.node_frame[node]] @ np.array(mass.at)
+        weight = mass.mass * np.array(structure.robot.gravity)
+        stress[:, node, 3:, node, 3:] += arm_initial_stress(weight, arm)
+
+
+def _add_constraints(
+    stress: Array, structure: Structure, geometry: Geometry, rest: Array, unknowns: Array
+) -> Array:
+    """Add what the forces in rigid loops do, and return these forces as wrenches of the nodes (P, N, 6).
+
+    The forces are Lagrange multipliers of the constraint rows, ``K z + G^T l = f``; where rows are redundant,
+    the smallest that do. The order is that of `constraint_rows`.
+    """
+    robot, numbering = structure.robot, structure.unknowns
+    index, positions = structure.kinematics.node_index, geometry.posture.node_positions
+    missing = scatter(structure, geometry, rest)
+    missing[:, structure.springs] -= structure.spring_values * unknowns[:, structure.springs]
+    units = unknown_sizes(structure, geometry)
+    columns = (constraint_rows(structure, geometry) * units).swapaxes(-1, -2)
+    forces = (np.linalg.pinv(columns, rcond=1e-9) @ (units * missing)[..., None])[..., 0]
+    rigid_of = [joint_values(robot.joints[at]) == RIGID for at in numbering.chord_joints]
+    rigid_struts = [at for at, strut in enumerate(robot.struts) if strut.stiffness == RIGID]
+    sizes = [6] * (numbering.held.size + numbering.chord_rigids.size)
+    sizes += [int(rigid.sum()) for rigid in rigid_of] + [1] * len(rigid_struts)
+    parts = iter(np.split(forces, np.cumsum(sizes)[:-1], axis=1))
+    wrenches = np.zeros_like(rest)
+    for node in numbering.held:
+        wrenches[:, node] += next(parts)
+    for at in numbering.chord_rigids:
+        a, b = (index[name] for name in robot.rigids[at].nodes)
+        wrench, arm = next(parts), positions[:, b] - positions[:, a]
+        wrenches[:, b] += wrench
+        wrenches[:, a] -= (displacement_transport(arm).swapaxes(-1, -2) @ wrench[..., None])[..., 0]
+        stress[:, a, 3:, a, 3:] += arm_initial_stress(wrench[:, :3], arm)
+    for at, rigid in zip(numbering.chord_joints, rigid_of, strict=True):
+        local = np.zeros((len(rest), 6))
+        local[:, rigid] = next(parts)
+        wrench = (rotate_screw(geometry.joint_rotation[:, at]) @ local[..., None])[..., 0]
+        a, b = structure.joint_nodes[at]
+        wrenches[:, b] += wrench
+        wrenches[:, a] -= wrench
+        _add_between(stress, a, b, joint_initial_stress(wrench))
+    for at in rigid_struts:
+        along = strut_directions(structure, geometry, np.array([at]))[:, 0]
+        a, b = (index[name] for name in robot.struts[at].nodes)
+        pull = next(parts)
+        wrenches[:, b, :3] += pull * along
+        wrenches[:, a, :3] -= pull * along
+        length = np.linalg.norm(positions[:, b] - positions[:, a], axis=-1)
+        _add_between(stress, a, b, strut_initial_stress(along, length, pull[:, 0]))
+    return wrenches
+
+
+def _path_stiffness(structure: Structure, geometry: Geometry, rest: Array) -> Array:
+    """Return H (P, n, n): the work of the rest wrenches on the second derivatives of the nodes' poses."""
+    numbering, terms = structure.unknowns, geometry.terms
+    count = numbering.count
+    result = np.zeros((len(rest), count + 1, count + 1))
+    loaded = rest.any(axis=(0, 2))
+    for node in np.flatnonzero(loaded):
+        path = np.flatnonzero(numbering.term_node == node)  # from the root on
+        pull, twist = skew(rest[:, node, :3]), skew(rest[:, node, 3:])
+        for place_t, t in enumerate(path):
+            row = numbering.blocks[numbering.term_block[t]]
+            by_force = terms[:, t, :3].swapaxes(-1, -2) @ pull  # v_j . (f x .)
+            by_moment = terms[:, t, 3:].swapaxes(-1, -2) @ twist
+            for s in path[:place_t]:
+                column = numbering.blocks[numbering.term_block[s]]
+                axes = terms[:, s, 3:]
+                both = by_force @ axes
+                result[:, row[:, None], column] += both + by_moment @ axes
+                result[:, column[:, None], row] += both.swapaxes(-1, -2)
+            axes = terms[:, t, 3:]
+            own, spin = by_force @ axes, 0.5 * by_moment @ axes
+            turning = 0.5 * (own + own.swapaxes(-1, -2)) + spin
+            # a joint displaces along axes that turn with its first node: where the way meets the joint
+            # from its second node, the rotation carries the displacement
+            if numbering.term_sign[t] > 0:
+                turning[:, :3] = turning[:, :, :3] = 0.0
+            else:
+                turning[:, :3, 3:] = own[:, :3, 3:]
+                turning[:, 3:, :3] = own[:, :3, 3:].swapaxes(-1, -2)
+            result[:, row[:, None], row] += turning
+    return result[:, :-1, :-1]
+
+
+def complementary_stiffness(structure: Structure, posture: Posture, wrench: Array) -> Array:
+    """Return K_C of a serial robot under a wrench at its TCP, columns ``dJ^T/dtheta_i w`` (seed 000, eq. 9).
+
+    Parameters
+    ----------
+    structure : Structure
+    posture : Posture
+        P poses.
+    wrench : (6,) or (P, 6) array, N and N m
+        ``[f, m]`` at the TCP, base frame; it keeps its direction.
+
+    Returns
+    -------
+    (P, A, A) array, N m/rad
+        In the order of ``robot.actuated``. Not symmetric when a moment acts.
+
+    Raises
+    ------
+    BeamstiffError
+        When the robot has closed loops: `loaded_compliance` is for all robots.
+    """
+    kinematics = structure.kinematics
+    if kinematics.loops:
+        raise BeamstiffError(
+            f"robot {structure.robot.name!r} has closed loops: K_C in joint space is for serial robots, use "
+            "the compliance of the loaded machine instead"
+        )
+    poses = len(posture.values)
+    wrench = np.broadcast_to(np.asarray(wrench, dtype=np.float64), (poses, 6))
+    tcp = kinematics.node_index[structure.robot.tcp]
+    chain = chain_to(kinematics, int(kinematics.node_frame[tcp]))
+    screws = screws_of(kinematics, posture.values, posture.transforms, chain)
+    directions = kinematics.coupling.matrix[:, : kinematics.coupling.actuated]
+    result = np.zeros((poses, len(screws), len(screws)))
+    twists = np.zeros((poses, len(screws), 6))
+    rates = np.zeros((len(screws), directions.shape[1]))
+    for at, screw in enumerate(screws):
+        axis, arm = screw.axis.T, posture.node_positions[:, tcp] - screw.point.T
+        turns = MOTIONS[screw.motion][1] == "turn"
+        twists[:, at, :3] = np.cross(axis, arm) if turns else axis
+        twists[:, at, 3:] = axis if turns else 0.0
+        rates[at] = kinematics.coefficients[screw.frame, screw.motion] @ directions
+    velocity, axes = twists[..., :3], twists[..., 3:]
+    by_force = np.einsum("pja,pab,pib->pji", velocity, skew(wrench[:, :3]), axes)  # w . [a_i x v_j; .]
+    by_moment = np.einsum("pja,pab,pib->pji", axes, skew(wrench[:, 3:]), axes)
+    upstream = np.tril(np.ones((len(screws), len(screws))))  # i before j, or j itself
+    result = upstream * (by_force + by_moment) + (1 - upstream) * by_force.swapaxes(-1, -2)
+    complementary: Array = rates.T @ result @ rates
+    return complementary
