@@ -102,6 +102,8 @@ def parse_measurements(
     choices = {key: _choice(key, raw) for key in _CHOICES}
     columns = read_header(raw.header, robot, choices["orientation"], name, raw.header_line)
     kind = kind_of(columns, name, raw.header_line)
+    if not raw.cells:
+        raw.fail_in_header("", "found a header without rows, expected at least one row of measurements")
     if kind is None and require_measured:
         raw.fail_in_header("", "found no measured column, expected dx dy dz rx ry rz or x y z a b c")
     kind = kind or "displacement"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -96,14 +96,6 @@ class Measurements:
     continuous: bool
     metadata: Mapping[str, str]
     sources: tuple[str, ...]
-
-    def __post_init__(self) -> None:
-        """Freeze the arrays too."""
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if isinstance(value, np.ndarray):
-                value.setflags(write=False)
-        object.__setattr__(self, "metadata", dict(self.metadata))
 
     def __len__(self) -> int:
         return len(self.q)
@@ -259,6 +251,6 @@ def make_measurements(
         sigma_rotation=sigma_rotation,
         shared_unloaded=shared_unloaded,
         continuous=continuous,
-        metadata=metadata or {},
+        metadata=dict(metadata or {}),
         sources=(source,),
     )

@@ -25,7 +25,7 @@ class RawTable:
     metadata : dict of str to (value, line)
     separator : str
     header : list of str, and `header_line`
-    cells : list of N lists, each as long as the header
+    cells : list of N lists, each as long as the header; maybe none
     lines : list of N line numbers
     """
 
@@ -59,7 +59,7 @@ def split_table(text: str, source: str) -> RawTable:
     Raises
     ------
     BeamstiffError
-        When there is no header, no row, or a row that is longer or shorter than the header.
+        When there is no header, or a row that is longer or shorter than the header.
     """
     lines = re.split(r"\r\n|\n|\r", text.removeprefix("\ufeff"))
     metadata: dict[str, tuple[str, int]] = {}
@@ -97,10 +97,6 @@ def split_table(text: str, source: str) -> RawTable:
                 _ragged(row, header, separator, source, number)
         cells.append(row)
         numbers.append(number)
-    if not cells:
-        fail(
-            source, header_line, "", "found a header without rows, expected at least one row of measurements"
-        )
     return RawTable(source, metadata, separator, header, header_line, cells, numbers)
 
 
