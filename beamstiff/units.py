@@ -180,6 +180,8 @@ def number(value: object) -> float:
     BeamstiffError
         When it is not a number, or is NaN or infinite.
     """
+    if type(value) is float and math.isfinite(value):  # most values of a large file
+        return value
     if isinstance(value, bool) or not isinstance(value, Real | str):
         raise BeamstiffError(f"found {shown(value)}, expected a number")
     if isinstance(value, str) and not (len(value) <= _LONGEST and _NUMBER.match(value)):

@@ -1,0 +1,133 @@
+"""Robots to YAML that people read: one line a part, SI numbers exact, what is default left out."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from beamstiff.errors import BeamstiffError, shown
+from beamstiff.robot.description import Robot
+from beamstiff.robot.fields import Described, stiffness_text
+from beamstiff.robot.parts import AXES, Joint, JointStiffness, Strut
+from beamstiff.robot.reader import VERSION
+from beamstiff.robot.text_file import write_text
+
+_BARE = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*\Z")
+_RESOLVER: Any = yaml.resolver.Resolver()
+_ESCAPES = {'"': '\\"', "\\": "\\\\"}
+
+
+def robot_to_yaml(robot: Robot) -> str:
+    """Return the YAML text of a robot; `parse_robot` makes the same robot of it.
+
+    Raises
+    ------
+    BeamstiffError
+        When the robot holds a number that is none, such as NaN.
+
+    Examples
+    --------
+    >>> from beamstiff.robot.parts import Node
+    >>> print(
+    ...     robot_to_yaml(
+    ...         Robot(name="point", nodes=[Node(name="n0", at=[1e-5, 0, 1])], fixed=["n0"], tcp="n0")
+    ...     )
+    ... )
+    beamstiff: 1
+    name: point
+    nodes:
+      - {name: n0, at: [1.0e-05, 0, 1]}
+    fixed: [n0]
+    tcp: n0
+    """
+    return "\n".join([f"beamstiff: {VERSION}", *_rows(robot)]) + "\n"
+
+
+def save_robot(robot: Robot, path: str | os.PathLike[str]) -> None:
+    """Write a robot to a YAML file, in one step: an old file stays as it is when anything goes wrong.
+
+    Raises
+    ------
+    BeamstiffError
+        When the file cannot be written.
+    """
+    write_text(Path(path), robot_to_yaml(robot))
+
+
+def _rows(robot: Robot) -> Iterator[str]:
+    for name, value in _written_fields(robot).items():
+        if isinstance(value, Mapping):
+            yield f"{name}:"
+            yield from (f"  {_text(key)}: {_flow(item)}" for key, item in value.items())
+        elif isinstance(value, tuple) and value and isinstance(value[0], Described):
+            yield f"{name}:"
+            yield from (f"  - {_flow(item)}" for item in value)
+        else:
+            yield f"{name}: {_flow(value)}"
+
+
+def _written_fields(part: Described) -> dict[str, object]:
+    """Return the fields that differ from their default, stiffness in words where it is rigid or free."""
+    # a rigid direction that was given as such may not be left out: a passive joint must name its own axis
+    kept = part.model_fields_set if isinstance(part, JointStiffness) else set()
+    fields: dict[str, object] = {}
+    for name, field in type(part).model_fields.items():
+        value = getattr(part, name)
+        if value == field.get_default(call_default_factory=True) and name not in kept:
+            continue
+        if isinstance(part, JointStiffness | Strut) and isinstance(value, float):
+            value = stiffness_text(value)
+        elif isinstance(part, Joint) and name == "axis":
+            value = next((letter for letter, axis in AXES.items() if axis == value), value)
+        fields[name] = value
+    return fields
+
+
+def _flow(value: object) -> str:
+    """Return a value in YAML's flow style."""
+    match value:
+        case bool():
+            return str(value).lower()
+        case str():
+            return _text(value)
+        case float():
+            return _number(value)
+        case Described():
+            return (
+                f"{{{', '.join(f'{name}: {_flow(item)}' for name, item in _written_fields(value).items())}}}"
+            )
+        case tuple():
+            return f"[{', '.join(map(_flow, value))}]"
+    raise BeamstiffError(f"a robot with {shown(value)} in it cannot be written")
+
+
+def _number(value: float) -> str:
+    """Return the shortest text that is read back as the same number, by YAML 1.1 readers too."""
+    if not math.isfinite(value):
+        raise BeamstiffError(f"a robot with the number {value} in it cannot be written")
+    if value.is_integer() and abs(value) < 1e6 and repr(value) != "-0.0":
+        return str(int(value))
+    if value == 0.0 or 1e-4 <= abs(value) < 1e6:
+        return repr(value)
+    return np.format_float_scientific(value, trim="0")  # 1.0e-05: 1e-05 is text in YAML 1.1
+
+
+def _text(value: str) -> str:
+    """Return a text, quoted where some YAML reader would make anything else of it."""
+    if _BARE.match(value) and _RESOLVER.resolve(yaml.ScalarNode, value, (True, False)).endswith(":str"):
+        return value
+    return f'"{"".join(map(_escaped, value))}"'
+
+
+def _escaped(character: str) -> str:
+    if character.isprintable() or character in _ESCAPES:
+        return _ESCAPES.get(character, character)
+    code = ord(character)
+    return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"
