@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 from beamstiff.errors import BeamstiffError
 from beamstiff.identify.problem import Problem, state_problem
 from beamstiff.identify.result import Identification, Parameter
-from beamstiff.measure.table import Measurements, subset
+from beamstiff.measure.table import Integers, Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.robot.stiffness import parameter_unit
 from beamstiff.se3 import Array
@@ -67,7 +67,7 @@ def identify(
         covariance=covariance,
         stiffness=stiffness,
         rms=position_rms(problem, stiffness),
-        rms_held_out=_held_out(robot, measurements, names, folds),
+        rms_held_out=_held_out(problem, measurements.pose, folds),
         chi_square=chi_square,
         evaluations=evaluations,
         predicted=predicted,
@@ -107,20 +107,22 @@ def _parameter(robot: Robot, name: str, value: float, log_std: float) -> Paramet
     return Parameter(name, unit, None, None, False, lower_bound=value / (1 + 1.645 * log_std))
 
 
-def _held_out(robot: Robot, measurements: Measurements, names: Sequence[str], folds: int) -> float | None:
-    """Return the RMS on poses not fitted, m."""
-    poses = np.unique(measurements.pose)
+def _held_out(problem: Problem, pose: Integers, folds: int) -> float | None:
+    """Return the RMS on poses not fitted, m; None where the other poses are too few to fit without them."""
+    poses = np.unique(pose)
     if poses.size < 3:
         return None
     square, count = 0.0, 0
     for fold in range(min(folds, poses.size)):
-        out = np.isin(measurements.pose, poses[fold::folds])
+        out = np.isin(pose, poses[fold::folds])[:, None]
+        training = replace(problem, used=problem.used & ~out)
+        testing = replace(problem, used=problem.used & out)
+        if training.count < problem.model.start.size:
+            return None
         try:
-            training = state_problem(robot, subset(measurements, ~out), names)
             stiffness, _ = fit(training)
         except BeamstiffError:
             return None
-        testing = replace(state_problem(robot, subset(measurements, out), names))
         rows = int(testing.used[:, :3].any(axis=1).sum())
         square += position_rms(testing, stiffness) ** 2 * rows
         count += rows
