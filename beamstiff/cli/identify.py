@@ -78,7 +78,7 @@ def identify(
         found = fit(description, measured, names)
 
     console = people(quiet, json)
-    console.print(identification_table(found, f"{description.name}: identified stiffness"))
+    console.print(identification_table(found, description, f"{description.name}: identified stiffness"))
     console.print(identification_text(found, measured))
     if out is not None:
         write_whole(out, _yaml(description, found, data))

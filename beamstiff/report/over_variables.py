@@ -55,7 +55,7 @@ def figure_over_variables(
         axes[0, column].set_title(panel.title, fontsize="medium")
         axes[1, column].set_xlabel(variable)
     axes[0, 0].set_ylabel(displacement)
-    axes[1, 0].set_ylabel("measured - predicted, mm")
+    axes[1, 0].set_ylabel("gap, mm")
     handles, labels = axes[0, 0].get_legend_handles_labels()
     more, names = axes[1, 0].get_legend_handles_labels()
     figure.legend(handles + more, labels + names, loc="outside lower center", ncols=4, frameon=False)
@@ -83,5 +83,5 @@ def _draw_gap(axes: Axes, panel: Panel, sigma: float | None) -> None:
     axes.axhline(0.0, color="black", linewidth=0.8)
     gap = panel.measured - panel.predicted
     axes.vlines(panel.at, np.minimum(gap, 0.0), np.maximum(gap, 0.0), color=ORANGE, linewidth=2)
-    axes.plot(panel.at, gap, "D", color=ORANGE, markersize=5, label="gap")
+    axes.plot(panel.at, gap, "D", color=ORANGE, markersize=5, label="gap: measured - predicted")
     plain(axes)
