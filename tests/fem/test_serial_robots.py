@@ -1,0 +1,193 @@
+"""Serial robots with rigid links: C = J diag(1/k) J^T, and with joints that give way in six directions
+C = sum J_i C_i J_i^T.
+
+Sources: Salisbury, Active stiffness control of a manipulator in Cartesian coordinates, CDC 1980; Khalil & Dombre,
+Modeling, Identification and Control of Robots (2002), section 3.2 (frames) and ch. 15. Here J comes from the
+frames' axes, multiplied out anew.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from beamstiff.errors import BeamstiffError
+from beamstiff.fem.condensation import tcp_compliance, tcp_stiffness
+from beamstiff.fem.response import nodal_loads, respond, transmitted_wrenches
+from beamstiff.fem.structure import Structure, compile_structure
+from beamstiff.robot.description import Robot
+from beamstiff.robot.kinematics import posture, twist_jacobian
+from beamstiff.robot.parts import Frame, Joint, Node, Rigid, Variable
+from tests.fem.builders import FREE, stiffness
+
+TOLERANCE = 1e-10
+KINDS = (0, 1, 1, 2, 3, 3)  # of the six directions, first axis along the joint: axial, radial, torsional, tilting
+
+
+def serial_robot(
+    parameters: np.ndarray, prismatic: np.ndarray, values: np.ndarray, tool: np.ndarray, turned_round: bool = False
+) -> Robot:
+    """Return a chain of rigid links; row i of `parameters` is (alpha, d, theta, r), of `values` the four kinds."""
+    count = len(parameters)
+    variables, frames, joints = [], [], []
+    nodes, rigids = [Node(name="ground")], []
+    for at, (alpha, d, theta, r) in enumerate(parameters):
+        name = f"q{at + 1}"
+        variables.append(Variable(name=name, type="prismatic" if prismatic[at] else "revolute"))
+        moving = {"theta": float(theta), "r": name} if prismatic[at] else {"theta": name, "r": float(r)}
+        frames.append(
+            Frame(name=f"f{at + 1}", parent=f"f{at}" if at else "base", alpha=float(alpha), d=float(d), **moving)
+        )
+        # on a frame that slides along its own axis z the node before it lies on that axis too, but does not move:
+        # both nodes belong to the frame, as the joint's two sides at this pose
+        nodes += [Node(name=f"a{at + 1}", frame=f"f{at + 1}"), Node(name=f"b{at + 1}", frame=f"f{at + 1}")]
+        rigids.append((f"b{at}" if at else "ground", f"a{at + 1}"))
+        ends = (f"b{at + 1}", f"a{at + 1}") if turned_round else (f"a{at + 1}", f"b{at + 1}")
+        joints.append(
+            Joint(name=f"J{at + 1}", nodes=ends, frame=f"f{at + 1}", variable=name, stiffness=stiffness(*values[at]))
+        )
+    nodes.append(Node(name="tool", frame=f"f{count}", at=tuple(tool)))
+    rigids.append((f"b{count}", "tool"))
+    return Robot(
+        name="serial",
+        variables=variables,
+        frames=frames,
+        nodes=nodes,
+        rigids=[Rigid(name=f"{i}-{j}", nodes=(i, j)) for i, j in rigids],
+        joints=joints,
+        fixed=["ground"],
+        tcp="tool",
+    )
+
+
+def multiplied_out(parameters: np.ndarray, prismatic: np.ndarray, q: np.ndarray, tool: np.ndarray) -> np.ndarray:
+    """Return the frames (n, 3, 4) at one pose and the tool (3,), from the elementary motions."""
+    T, frames = np.eye(4), []
+    for (alpha, d, theta, r), slides, value in zip(parameters, prismatic, q, strict=True):
+        theta, r = (theta, value) if slides else (value, r)
+        ca, sa, ct, s_t = np.cos(alpha), np.sin(alpha), np.cos(theta), np.sin(theta)
+        first = np.array([[1, 0, 0, d], [0, ca, -sa, 0], [0, sa, ca, 0], [0, 0, 0, 1]])
+        second = np.array([[ct, -s_t, 0, 0], [s_t, ct, 0, 0], [0, 0, 1, r], [0, 0, 0, 1]])
+        T = T @ first @ second
+        frames.append(T)
+    return np.array(frames), T[:3, :3] @ tool + T[:3, 3]
+
+
+def six_directions(frame: np.ndarray, point: np.ndarray) -> np.ndarray:
+    """Return J_i (6, 6): the tool's twist for unit motion of the joint along and about its z, x and y axes."""
+    z, x, y = frame[:3, 2], frame[:3, 0], frame[:3, 1]
+    arm = point - frame[:3, 3]
+    columns = [np.concatenate([axis, np.zeros(3)]) for axis in (z, x, y)]
+    columns += [np.concatenate([np.cross(axis, arm), axis]) for axis in (z, x, y)]
+    return np.array(columns).T
+
+
+def drawn(seed: int, joints: int = 6, poses: int = 3) -> tuple[np.ndarray, ...]:
+    """Return random (parameters, prismatic, tool, q, rng)."""
+    rng = np.random.default_rng(seed)
+    parameters = rng.uniform(-1.5, 1.5, (joints, 4))
+    prismatic = rng.random(joints) < 0.3
+    return parameters, prismatic, rng.uniform(-0.5, 0.5, 3), rng.uniform(-1.5, 1.5, (poses, joints)), rng
+
+
+def largest_error(found: np.ndarray, expected: np.ndarray) -> float:
+    """Return the error of compliances (P, 6, 6), relative to the largest translation, coupling and rotation."""
+    blocks = [(..., slice(3 * i, 3 * i + 3), slice(3 * j, 3 * j + 3)) for i in (0, 1) for j in (0, 1)]
+    return max(float(np.abs(found[at] - expected[at]).max() / np.abs(expected[at]).max()) for at in blocks)
+
+
+def compliance_of(robot: Robot, q: np.ndarray) -> tuple[Structure, np.ndarray]:
+    structure = compile_structure(robot)
+    return structure, tcp_compliance(structure, posture(structure.kinematics, q))
+
+
+@given(seed=st.integers(0, 2**32 - 1), turned_round=st.booleans())
+def test_drive_springs_alone(seed: int, turned_round: bool) -> None:
+    parameters, prismatic, tool, q, rng = drawn(seed)
+    k = 10.0 ** rng.uniform(4, 8, 6)
+    values = np.full((6, 4), np.inf)
+    values[np.arange(6), np.where(prismatic, 0, 2)] = k
+    structure, C = compliance_of(serial_robot(parameters, prismatic, values, tool, turned_round), q)
+    assert structure.unknowns.count == 6
+    J = twist_jacobian(structure.kinematics, posture(structure.kinematics, q), "tool")
+    assert largest_error(C, J @ np.diag(1 / k) @ J.swapaxes(-1, -2)) <= TOLERANCE
+    for pose in range(len(q)):
+        frames, point = multiplied_out(parameters, prismatic, q[pose], tool)
+        columns = [six_directions(frames[at], point)[:, 0 if prismatic[at] else 3] for at in range(6)]
+        by_hand = sum(np.outer(column, column) / k[at] for at, column in enumerate(columns))
+        assert largest_error(C[pose], by_hand) <= TOLERANCE
+
+
+@given(seed=st.integers(0, 2**32 - 1), turned_round=st.booleans())
+def test_joints_that_give_way_in_six_directions(seed: int, turned_round: bool) -> None:
+    parameters, prismatic, tool, q, rng = drawn(seed, joints=4)
+    values = 10.0 ** rng.uniform(4, 9, (4, 4))
+    values[rng.random((4, 4)) < 0.4] = np.inf
+    values[0, 0] = 1e6  # something gives way
+    values[0, 3] = 1e6
+    _, C = compliance_of(serial_robot(parameters, prismatic, values, tool, turned_round), q)
+    for pose in range(len(q)):
+        frames, point = multiplied_out(parameters, prismatic, q[pose], tool)
+        by_hand = np.zeros((6, 6))
+        for at in range(4):
+            J = six_directions(frames[at], point)
+            by_hand += J @ np.diag(1 / values[at, KINDS]) @ J.T
+        assert largest_error(C[pose], by_hand) <= TOLERANCE
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+def test_stiffness_is_the_congruence_of_the_drive_springs(seed: int) -> None:
+    """K = J^-T diag(k) J^-1 (seed 000): away from singular postures."""
+    parameters, _, tool, q, rng = drawn(seed)
+    k = 10.0 ** rng.uniform(5, 7, 6)
+    values = np.full((6, 4), np.inf)
+    values[:, 2] = k
+    revolute = np.zeros(6, dtype=bool)
+    structure, C = compliance_of(serial_robot(parameters, revolute, values, tool), q)
+    J = twist_jacobian(structure.kinematics, posture(structure.kinematics, q), "tool")
+    regular = np.linalg.cond(J) < 30
+    inverse = np.linalg.inv(J[regular])
+    expected = inverse.swapaxes(-1, -2) @ np.diag(k) @ inverse
+    if regular.any():
+        assert largest_error(tcp_stiffness(C[regular]), expected) <= 1e-8  # cond(J)^2 digits are lost on the way
+
+
+@given(seed=st.integers(0, 2**32 - 1), turned_round=st.booleans(), heavy=st.booleans())
+def test_joint_torques_are_the_transposed_jacobian_of_the_wrench(seed: int, turned_round: bool, heavy: bool) -> None:
+    """tau = J^T w; and in directions that are rigid or free as well, tau_i = J_i^T w by equilibrium alone."""
+    parameters, prismatic, tool, q, rng = drawn(seed, joints=4, poses=2)
+    values = 10.0 ** rng.uniform(4, 9, (4, 4))
+    values[rng.random((4, 4)) < 0.5] = np.inf
+    if heavy:
+        values[1] = np.inf  # a joint that is rigid in all directions passes its wrench on as well
+    structure = compile_structure(serial_robot(parameters, prismatic, values, tool, turned_round))
+    wrench = rng.normal(size=6) * 100
+    loads = nodal_loads(structure, 2, {"tool": wrench})
+    response = respond(structure, posture(structure.kinematics, q), loads)
+    passed = transmitted_wrenches(response, loads)
+    sign = -1.0 if turned_round else 1.0
+    for pose in range(2):
+        frames, point = multiplied_out(parameters, prismatic, q[pose], tool)
+        for at in range(4):
+            along, radial, tilting = passed[pose, at, [0, 3]], passed[pose, at, 1:3], passed[pose, at, 4:]
+            expected = sign * six_directions(frames[at], point).T @ wrench
+            size = np.abs(expected).max()
+            assert np.abs(along - expected[[0, 3]]).max() <= TOLERANCE * size
+            # the two axes across are any two: compare sizes
+            assert abs(np.linalg.norm(radial) - np.linalg.norm(expected[1:3])) <= TOLERANCE * size
+            assert abs(np.linalg.norm(tilting) - np.linalg.norm(expected[4:])) <= TOLERANCE * size
+            finite = np.isfinite(values[at, KINDS])
+            spring = values[at, KINDS][finite] * response.joint_displacement[pose, at, finite]
+            assert np.abs(spring - passed[pose, at, finite]).max(initial=0.0) <= 1e-8 * size
+
+
+def test_a_free_direction_of_a_serial_robot_is_a_mechanism_in_that_direction() -> None:
+    parameters, _, tool, q, _ = drawn(1)
+    values = np.full((6, 4), np.inf)
+    values[:, 2] = 1e6
+    values[3, 2] = FREE
+    robot = serial_robot(parameters, np.zeros(6, dtype=bool), values, tool)
+    with pytest.raises(BeamstiffError, match=r"'serial' is a mechanism at pose 0: .* through J4\.torsional"):
+        compliance_of(robot, q)
