@@ -81,7 +81,8 @@ def null_space(rows: Array, scale: Array, what: str) -> Array:
     scaled = rows * scale
     _, singular, right = np.linalg.svd(scaled, full_matrices=True)
     largest = singular.max(axis=1, initial=0.0, keepdims=True)
-    rank = (singular > RANK_TOLERANCE * np.maximum(largest, np.finfo(float).tiny)).sum(axis=1)
+    # a loop of rigids alone leaves rows of rounding errors: nothing to compare with but the machine's size
+    rank = (singular > RANK_TOLERANCE * np.maximum(largest, scale.max(initial=1.0))).sum(axis=1)
     if poses and (rank != rank[0]).any():
         odd = int(np.argmax(rank != np.bincount(rank).argmax()))
         raise BeamstiffError(f"{what}: pose {odd} is a singular position of a loop of rigid parts; leave it out")

@@ -21,7 +21,7 @@ import numpy as np
 from beamstiff.errors import BeamstiffError
 from beamstiff.fem.assembly import dense_stiffness, element_blocks, gather, node_map, scatter
 from beamstiff.fem.condensation import CHUNK
-from beamstiff.fem.constraints import constraint_rows, has_constraints
+from beamstiff.fem.constraints import RANK_TOLERANCE, constraint_rows, has_constraints
 from beamstiff.fem.geometry import Geometry, place, strut_directions
 from beamstiff.fem.initial_stress import (
     arm_initial_stress,
@@ -229,8 +229,10 @@ def _add_constraints(
     missing = scatter(structure, geometry, rest)
     missing[:, structure.springs] -= structure.spring_values * unknowns[:, structure.springs]
     units = unknown_sizes(structure, geometry)
-    columns = (constraint_rows(structure, geometry) * units).swapaxes(-1, -2)
-    forces = (np.linalg.pinv(columns, rcond=1e-9) @ (units * missing)[..., None])[..., 0]
+    left, singular, right = np.linalg.svd(constraint_rows(structure, geometry) * units, full_matrices=False)
+    largest = singular.max(axis=1, initial=units.max(initial=1.0), keepdims=True)
+    inverse = np.where(singular > RANK_TOLERANCE * largest, 1 / np.maximum(singular, RANK_TOLERANCE), 0.0)
+    forces = (left @ (inverse[..., None] * (right @ (units * missing)[..., None])))[..., 0]
     rigid_of = [joint_values(robot.joints[at]) == RIGID for at in numbering.chord_joints]
     rigid_struts = [at for at, strut in enumerate(robot.struts) if strut.stiffness == RIGID]
     sizes = [6] * (numbering.held.size + numbering.chord_rigids.size)
