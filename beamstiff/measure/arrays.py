@@ -93,8 +93,7 @@ def equal_rows(values: Array) -> Integers:
     """
     if values.shape[1] == 0:
         return np.zeros(len(values), dtype=np.int64)
-    # + 0.0 turns -0.0, equal but of other bits, into 0.0
-    _, first, group = np.unique(values + 0.0, axis=0, return_index=True, return_inverse=True)
+    _, first, group = np.unique(values, axis=0, return_index=True, return_inverse=True)
     rank = np.empty(len(first), dtype=np.int64)
     rank[np.argsort(first)] = np.arange(len(first))
     return rank[group.reshape(-1)]

@@ -226,7 +226,7 @@ def to_si(values: Array, column: Column) -> Array:
     if not column.unit:
         return values
     factor, offset = unit_factor(column.unit, column.quantity)
-    # as `units.quantity` does: 1047 mm is 1.047 m and not 1.0470000000000002
+    # as `units.quantity` does: 13 mm is 0.013 m and not 0.013000000000000001
     if 0 < factor < 1 and offset == 0.0 and (inverse := round(1 / factor)) * factor == 1.0:
         result: Array = np.asarray(values / inverse)
     else:

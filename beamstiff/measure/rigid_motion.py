@@ -96,7 +96,7 @@ def fit_rigid_motion(start: Array, end: Array, *, with_scale: bool = False) -> R
     # squared residuals of the best rotation and of the best reflection, each with its own scale
     left = np.sum(b**2, axis=(-2, -1))
     proper, improper = left - fitted**2 / size, left - np.sum(values, axis=-1) ** 2 / size
-    mirrored = (hand < 0) & (proper > 100 * np.maximum(improper, 0.0)) & (proper > 1e-6 * left)
+    mirrored = (proper > 100 * np.maximum(improper, 0.0)) & (proper > 1e-6 * left)
     return RigidMotion(rotation, translation, residuals, best_scale, mirrored)
 
 

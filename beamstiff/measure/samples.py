@@ -272,7 +272,7 @@ def _medians(x: Array, group: Integers, groups: int) -> Array:
 
 
 def _outliers(x: Array, group: Integers, groups: int) -> NDArray[np.bool_]:
-    """Return which samples (T, D) lie too far from the median of their state; in a state of two, none."""
+    """Return which samples (T, D) lie too far from the median of their state."""
     away = np.abs(x - _medians(x, group, groups)[group])
     scale = _MEDIAN_DEVIATION * _medians(away, group, groups)
     count = _sums(~np.isnan(x), group, groups)
@@ -280,5 +280,5 @@ def _outliers(x: Array, group: Integers, groups: int) -> NDArray[np.bool_]:
     # more than half of the samples equal (coarse digits): the median deviation is zero, the mean one is not
     scale = np.where(scale > 0, scale, mean)
     with np.errstate(invalid="ignore"):
-        result: NDArray[np.bool_] = (away > OUTLIER * scale[group]) & (count[group] > 2)
+        result: NDArray[np.bool_] = away > OUTLIER * scale[group]
     return result

@@ -83,8 +83,6 @@ def _columns(measurements: Measurements, robot: Robot) -> Iterator[tuple[str, li
     present: NDArray[np.bool_] = np.asarray(measurements.measured_mask.any(axis=0))
     if not present.any():
         present[:3] = True
-    if measurements.kind == "absolute" and present[3:].any():
-        present[3:] = True
     table = [measurements.sigma_position] * 3 + [measurements.sigma_rotation] * 3
     for at in np.flatnonzero(present):
         yield _quantity(names[at], measured[:, at])

@@ -69,8 +69,8 @@ def test_a_plain_number_is_si(arm: Robot) -> None:
 
 
 def test_millimetres_are_exact_decimals(arm: Robot) -> None:
-    # 1047 * 0.001 is 1.0470000000000002
-    assert parse_measurements("q1,d2 [mm],dx\n0,1047,0\n", arm).q[0, 1] == 1.047
+    # 13 * 0.001 is 0.013000000000000001
+    assert parse_measurements("q1,d2 [mm],dx\n0,13,0\n", arm).q[0, 1] == 0.013
 
 
 def test_declarations_of_reading_and_history(arm: Robot) -> None:
