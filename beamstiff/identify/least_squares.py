@@ -11,7 +11,8 @@ from scipy.optimize import least_squares
 from beamstiff.errors import BeamstiffError
 from beamstiff.identify.problem import Problem, state_problem
 from beamstiff.identify.result import Identification, Parameter
-from beamstiff.measure.table import Integers, Measurements
+from beamstiff.measure.arrays import Integers
+from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.robot.stiffness import parameter_unit
 from beamstiff.se3 import Array
