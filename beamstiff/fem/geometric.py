@@ -175,24 +175,27 @@ def _add_elements(
         ends = ends - beam_weight(structure, geometry)
         per_metre = structure.beam_density * structure.beam_properties["A"]
         load = load + per_metre[:, None] * np.array(structure.robot.gravity)
-    rotation = geometry.beam_rotation
+    rotation, length, properties = geometry.beam_rotation, geometry.beam_length, structure.beam_properties
     back = rotate_screw(rotation).swapaxes(-1, -2)
+    local_ends = (back[:, :, None] @ ends[..., None])[..., 0]
     local_load = (rotation.swapaxes(-1, -2) @ load[..., None])[..., 0]
-    local = beam_initial_stress(
-        geometry.beam_length, (back[:, :, None] @ ends[..., None])[..., 0], local_load
-    )
+    shear = [
+        12 * properties["E"] * properties[second] / (properties["G"] * properties[area] * length**2)
+        for second, area in (("Iy", "Az"), ("Iz", "Ay"))
+    ]
+    local = beam_initial_stress(length, local_ends, local_load, np.stack(shear, axis=-1))
     turn = np.zeros((*rotation.shape[:2], 12, 12))
     for at in (0, 6):
         turn[..., at : at + 6, at : at + 6] = rotate_screw(rotation)
     along = strut_directions(structure, geometry, structure.struts)
     strut_ends = structure.elements[beams + chords :]
     positions = geometry.posture.node_positions
-    length = np.linalg.norm(positions[:, strut_ends[:, 1]] - positions[:, strut_ends[:, 0]], axis=-1)
+    strut_length = np.linalg.norm(positions[:, strut_ends[:, 1]] - positions[:, strut_ends[:, 0]], axis=-1)
     pull = np.einsum("psa,psa->ps", along, forces[:, beams + chords :, 1, :3])
     blocks = [
         turn @ local @ turn.swapaxes(-1, -2),
         joint_initial_stress(forces[:, beams : beams + chords, 1]),
-        strut_initial_stress(along, length, pull),
+        strut_initial_stress(along, strut_length, pull),
     ]
     blocks_by_element = np.moveaxis(np.concatenate(blocks, axis=1), 1, 0)
     for (first, second), block in zip(structure.elements.tolist(), blocks_by_element, strict=True):

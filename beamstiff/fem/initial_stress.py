@@ -31,8 +31,10 @@ TURN_A[:, 3:6] = TURN_B[:, 9:12] = APART[:, 6:9] = np.eye(3)
 APART[:, 0:3] = -np.eye(3)
 
 
-def beam_initial_stress(length: Array, ends: Array, load: Array) -> Array:
+def beam_initial_stress(length: Array, ends: Array, load: Array, shear: Array) -> Array:
     """Return the initial stress matrix of beams in local axes.
+
+    One element is exact to first order in the wrench: its shapes are those of the unloaded beam.
 
     Parameters
     ----------
@@ -41,6 +43,8 @@ def beam_initial_stress(length: Array, ends: Array, load: Array) -> Array:
         Wrenches on the ends in equilibrium with `load`, local axes, N and N m.
     load : (..., 3) array, N/m
         Dead load along the beam, local axes; its resultant acts on the nodes, its couples follow the chord.
+    shear : (..., 2) array
+        Shear parameters ``12 E I / (G A_s L^2)`` of bending about y (Iy, Az) and about z (Iz, Ay).
 
     Returns
     -------
@@ -66,7 +70,7 @@ def beam_initial_stress(length: Array, ends: Array, load: Array) -> Array:
     bow = -skew(np.array([1.0, 0.0, 0.0])) @ (bent_a - bent_b)  # (ta - tb) cross x
     form = form - length[..., None, None] ** 2 / 12 * _triple(load, turn, bow)
     for point, weight in GAUSS:
-        form = form + weight * span * _inside(point, length, ends, load, bent_a, bent_b, stretch)
+        form = form + weight * span * _inside(point, length, ends, load, shear, bent_a, bent_b, stretch)
     stiffness = form + _transpose(form)
     stiffness[..., 3:6, 3:6] -= 0.5 * skew(couple_a)
     stiffness[..., 9:12, 9:12] -= 0.5 * skew(couple_b)
@@ -74,26 +78,34 @@ def beam_initial_stress(length: Array, ends: Array, load: Array) -> Array:
 
 
 def _inside(
-    point: float, length: Array, ends: Array, load: Array, bent_a: Array, bent_b: Array, stretch: Array
+    point: float,
+    length: Array,
+    ends: Array,
+    load: Array,
+    shear: Array,
+    bent_a: Array,
+    bent_b: Array,
+    stretch: Array,
 ) -> Array:
     """Return the quadratic form of the strains of second order at a point, for a metre, (..., 12, 12)."""
-    at = (point * length)[..., None]
+    x, at = np.array([1.0, 0.0, 0.0]), (point * length)[..., None]
     force = -ends[..., 0, :3] - at * load
-    shear = force[..., 1:]
-    x = np.array([1.0, 0.0, 0.0])
     moment = -ends[..., 0, 3:] + at * np.cross(x, ends[..., 0, :3]) + 0.5 * at**2 * np.cross(x, load)
-    # linear twist, cubic deflection
-    shape_a = np.array([1 - point, *[1 - 4 * point + 3 * point**2] * 2])[:, None]
-    shape_b = np.array([point, *[3 * point**2 - 2 * point] * 2])[:, None]
-    slope_a = np.array([-1.0, *[6 * point - 4] * 2])[:, None]
-    slope_b = np.array([1.0, *[6 * point - 2] * 2])[:, None]
-    bent = shape_a * bent_a + shape_b * bent_b
-    curved = (slope_a * bent_a + slope_b * bent_b) / length[..., None, None]
+    # linear twist; cubic deflection, quadratic rotation and constant shear (Przemieniecki 1968, ch. 5)
+    near, far, near_slope, far_slope = np.ones((4, *shear.shape[:-1], 3, 1))
+    near[..., 0, 0], far[..., 0, 0], near_slope[..., 0, 0] = 1 - point, point, -1
+    near[..., 1:, 0] = (3 * point**2 - (4 + shear) * point + 1 + shear) / (1 + shear)
+    far[..., 1:, 0] = (3 * point**2 - (2 - shear) * point) / (1 + shear)
+    near_slope[..., 1:, 0] = (6 * point - 4 - shear) / (1 + shear)
+    far_slope[..., 1:, 0] = (6 * point - 2 + shear) / (1 + shear)
+    bent = near * bent_a + far * bent_b
+    curved = (near_slope * bent_a + far_slope * bent_b) / length[..., None, None]
+    across = -skew(x) @ bent  # bent cross x
+    half = 0.5 * shear / (1 + shear)
+    slip = skew(x) @ (np.concatenate([0 * half[..., :1], half], axis=-1)[..., None] * (bent_a + bent_b))
     form = -0.5 * _triple(moment, bent, curved)
-    form = form + 0.5 * force[..., 0, None, None] * (_transpose(bent[..., 1:, :]) @ bent[..., 1:, :])
-    form = form - 0.5 * _outer(bent[..., 0, :], _along(shear, bent[..., 1:, :]))
-    across = np.stack([bent[..., 2, :], -bent[..., 1, :]], axis=-2)  # bent cross x
-    return form - _outer(_along(shear, across), stretch)
+    form = form - _triple(force, bent, across + slip) + 0.5 * _triple(force, bent, across)
+    return form - _outer(_along(force, across), stretch)
 
 
 def joint_initial_stress(wrench: Array) -> Array:

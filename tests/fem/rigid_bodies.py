@@ -1,7 +1,7 @@
-"""A second way to the stiffness of a loaded machine of rigid bodies and springs, sharing no code with the package.
+"""A second way to the stiffness of a loaded machine of rigid bodies and springs, sharing no code with it.
 
 Every node is a body with a position and a rotation vector of its own, absolute. What connects two of them is
-measured exactly at any displacement, and the equilibrium is differentiated: once by complex step, and once more
+measured exactly at any displacement, and the equilibrium is differentiated: once by complex step, and again
 by central differences. Rigid directions are constraints with Lagrange multipliers (their null space by SVD).
 """
 

@@ -1,0 +1,206 @@
+"""Columns and beams under load against closed forms: Timoshenko and Gere, Theory of Elastic Stability.
+
+Articles are those of its second edition. At the critical load the tangent stiffness stops being positive
+definite; the elements approach it with the fourth power of their length, in lateral buckling with the second.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pytest
+
+from beamstiff.errors import BeamstiffError
+from beamstiff.fem.geometric import loaded_compliance, tangent_stiffness
+from beamstiff.fem.geometry import place
+from beamstiff.fem.response import nodal_loads
+from beamstiff.fem.structure import Structure, compile_structure
+from beamstiff.robot.description import Robot
+from beamstiff.robot.parts import Material
+from beamstiff.robot.sections import Section
+from beamstiff.se3 import Array
+from tests.fem.builders import FREE, RIGID, at_rest, frame, some_rotation, turned
+
+LENGTH = 2.0
+STEEL = Material(E=210e9, G=80e9, density=7850.0)
+ROD = Section(A=1e-4, Iy=2e-8, Iz=1e-8, J=2e-8)
+BLADE = Section(A=1e-4, Iy=1e-5, Iz=1e-9, J=2e-9)
+EI = STEEL.E * 1e-8
+BLADE_EI, BLADE_GJ = STEEL.E * 1e-9, STEEL.G * 2e-9
+
+# directions of (axial, radial, torsional, tilting)
+HINGE, ROLLER = (RIGID, RIGID, RIGID, FREE), (FREE, RIGID, RIGID, FREE)
+SLIDING_CLAMP = (FREE, RIGID, FREE, RIGID)
+X = (1.0, 0.0, 0.0)
+
+
+def line(elements: int, section: Section, tcp: int, supports: Sequence[Sequence[float]] = ()) -> Robot:
+    """Return a beam along x, clamped at its start, or held at both ends by joints of the given stiffness."""
+    points = [(LENGTH * at / elements, 0.0, 0.0) for at in range(elements + 1)]
+    ends = (0, elements) if len(supports) == 2 else (elements,)
+    joints = [
+        (len(points) + at, end, X, how) for at, (end, how) in enumerate(zip(ends, supports, strict=False))
+    ]
+    points += [points[end] for end in ends[: len(supports)]]
+    fixed = [joint[0] for joint in joints] + ([0] if len(supports) < 2 else [])
+    return frame(
+        points,
+        beams=[(at, at + 1) for at in range(elements)],
+        joints=joints,
+        fixed=fixed,
+        tcp=tcp,
+        section=section,
+        material=STEEL,
+        up=(0, 1, 0),
+    )
+
+
+def loaded(robot: Robot, loads: Mapping[str, Sequence[float]], factor: float) -> Array:
+    structure = compile_structure(robot)
+    return loaded_compliance(structure, at_rest(structure), factor * wrenches(structure, loads))[0]
+
+
+def wrenches(structure: Structure, loads: Mapping[str, Sequence[float]]) -> Array:
+    return nodal_loads(structure, 1, {name: np.asarray(load, dtype=float) for name, load in loads.items()})
+
+
+def critical_factor(robot: Robot, loads: Mapping[str, Sequence[float]]) -> float:
+    """Return by how much the loads can be multiplied before the robot buckles, from an eigenvalue problem."""
+    structure = compile_structure(robot)
+    geometry, load = place(structure, at_rest(structure)), wrenches(structure, loads)
+    unloaded = tangent_stiffness(structure, geometry, 0 * load)[0]
+    by_load = tangent_stiffness(structure, geometry, load)[0] - unloaded
+    factor = 1 / np.linalg.eigvals(np.linalg.solve(unloaded, -by_load)).real.max()
+    loaded(robot, loads, (1 - 1e-6) * factor)
+    with pytest.raises(BeamstiffError, match="buckles under its load"):
+        loaded(robot, loads, (1 + 1e-6) * factor)
+    return float(factor)
+
+
+PUSH = (-1.0, 0, 0, 0, 0, 0)
+EULER = np.pi**2 * EI / LENGTH**2
+
+
+@pytest.mark.parametrize(("elements", "error"), [(2, 7.6e-3), (4, 5.2e-4), (8, 3.3e-5)])
+def test_a_pinned_column_buckles_at_eulers_load(elements: int, error: float) -> None:
+    robot = line(elements, ROD, tcp=1, supports=(HINGE, ROLLER))
+    found = critical_factor(robot, {f"n{elements}": PUSH})
+    assert EULER < found < (1 + error) * EULER  # from above, as a displacement method must; art. 2.1
+
+
+@pytest.mark.parametrize(("elements", "error"), [(1, 7.6e-3), (2, 5.2e-4), (4, 3.3e-5)])
+def test_a_cantilever_column_buckles_at_a_quarter_of_it(elements: int, error: float) -> None:
+    robot = turned(line(elements, ROD, tcp=elements), some_rotation(1))
+    push = (*(some_rotation(1) @ PUSH[:3]), 0, 0, 0)
+    found = critical_factor(robot, {f"n{elements}": push})
+    assert EULER / 4 < found < (1 + error) * EULER / 4  # art. 2.1
+
+
+def test_the_stiffness_of_a_column_goes_to_zero_at_the_critical_load() -> None:
+    robot = line(8, ROD, tcp=8)
+    critical = critical_factor(robot, {"n8": PUSH})
+    lateral = [1 / loaded(robot, {"n8": PUSH}, share * critical)[1, 1] for share in (0.0, 0.9, 0.99, 0.999)]
+    slope = np.diff(lateral[1:]) / np.diff([0.9, 0.99, 0.999])
+    assert (np.diff(lateral) < 0).all()
+    assert lateral[-1] < 2e-3 * lateral[0]
+    assert lateral[-1] + slope[-1] * 0.001 == pytest.approx(0.0, abs=1e-5 * lateral[0])
+
+
+def test_beyond_the_critical_load_the_buckling_motion_is_named() -> None:
+    robot = line(4, ROD, tcp=4)
+    message = r"'frame' buckles under its load: node 'n4' .* \(-?0.00, .*moving nodes: n4, n3, n2, n1"
+    with pytest.raises(BeamstiffError, match=message):
+        loaded(robot, {"n4": PUSH}, 0.3 * EULER)
+
+
+@pytest.mark.parametrize("share", [0.2, 0.6, 0.9, -0.5, -3.0])
+def test_a_beam_column_under_a_load_at_its_middle(share: float) -> None:
+    """Q L^3/48EI times 3 (tan u - u)/u^3, u = L/2 sqrt(P/EI); in tension 3 (u - tanh u)/u^3. Art. 1.3."""
+    u = LENGTH / 2 * np.sqrt(abs(share) * EULER / EI)
+    factor = 3 * (np.tan(u) - u) / u**3 if share > 0 else 3 * (u - np.tanh(u)) / u**3
+    exact = LENGTH**3 / (48 * EI) * factor
+    errors = []
+    for elements in (4, 8, 16):
+        robot = line(elements, ROD, tcp=elements // 2, supports=(HINGE, ROLLER))
+        found = loaded(robot, {f"n{elements}": PUSH}, share * EULER)[1, 1]
+        errors.append(abs(found / exact - 1))
+    assert errors[-1] < 2e-5 / (1 - max(share, 0.0))
+    assert errors[1] / errors[2] == pytest.approx(16, rel=0.1)
+
+
+def test_a_cantilever_column_under_a_lateral_load_at_its_tip() -> None:
+    """Deflection H/P (tan(kL)/k - L), k^2 = P/EI; the slope it gives is H/P (1/cos(kL) - 1). Art. 1.4."""
+    force = 0.7 * EULER / 4
+    k = np.sqrt(force / EI)
+    found = loaded(line(8, ROD, tcp=8), {"n8": PUSH}, force)
+    assert found[1, 1] == pytest.approx((np.tan(k * LENGTH) / k - LENGTH) / force, rel=1e-5)
+    assert found[5, 1] == pytest.approx((1 / np.cos(k * LENGTH) - 1) / force, rel=1e-5)
+
+
+def test_a_mast_buckles_under_its_own_weight() -> None:
+    """At q L^3 = 7.837 EI. Art. 2.12 (Greenhill 1881)."""
+
+    def stands(gravity: float) -> bool:
+        points = [(0, 0, LENGTH * at / 4) for at in range(5)]
+        robot = frame(
+            points,
+            beams=[(at, at + 1) for at in range(4)],
+            section=ROD,
+            material=STEEL,
+            up=(0, 1, 0),
+            gravity=(0, 0, -gravity),
+        )
+        structure = compile_structure(robot)
+        try:
+            loaded_compliance(structure, at_rest(structure), nodal_loads(structure, 1, {}), gravity=True)
+        except BeamstiffError:
+            return False
+        return True
+
+    critical = 7.837 * EI / LENGTH**3 / (7850 * 1e-4)
+    assert stands(critical)
+    assert not stands(1.0005 * critical)
+
+
+def extrapolated(coarse: float, fine: float) -> float:
+    """Return what halved elements converge to, with the second power of their length."""
+    return fine + (fine - coarse) / 3
+
+
+def test_a_blade_under_a_load_at_its_tip_buckles_sideways() -> None:
+    """At 4.013 sqrt(EI GJ)/L^2. Art. 6.3 (Prandtl, Michell 1899)."""
+    unit = np.sqrt(BLADE_EI * BLADE_GJ) / LENGTH**2
+    found = [
+        critical_factor(line(elements, BLADE, tcp=elements), {f"n{elements}": (0, 0, -1.0, 0, 0, 0)})
+        for elements in (8, 16)
+    ]
+    assert extrapolated(*found) == pytest.approx(4.0126 * unit, rel=1e-4)
+
+
+def test_a_blade_in_pure_bending_between_forks_buckles_sideways() -> None:
+    """At M = pi sqrt(EI GJ)/L. Art. 6.2."""
+    expected = np.pi * np.sqrt(BLADE_EI * BLADE_GJ) / LENGTH
+    found = []
+    for elements in (8, 16):
+        robot = line(elements, BLADE, tcp=1, supports=(HINGE, ROLLER))
+        bend = {"n0": (0, 0, 0, 0, 1.0, 0), f"n{elements}": (0, 0, 0, 0, -1.0, 0)}
+        found.append(critical_factor(robot, bend))
+    assert extrapolated(*found) == pytest.approx(expected, rel=1e-4)
+
+
+def test_a_blade_between_forks_under_a_load_at_its_middle_buckles_sideways() -> None:
+    """At 16.94 sqrt(EI GJ)/L^2. Art. 6.4."""
+    unit = np.sqrt(BLADE_EI * BLADE_GJ) / LENGTH**2
+    found = []
+    for elements in (8, 16):
+        robot = line(elements, BLADE, tcp=1, supports=(HINGE, ROLLER))
+        found.append(critical_factor(robot, {f"n{elements // 2}": (0, 0, -1.0, 0, 0, 0)}))
+    assert extrapolated(*found) == pytest.approx(16.94 * unit, abs=0.005 * unit)
+
+
+def test_a_clamped_shaft_buckles_under_torque() -> None:
+    """At M = 8.987 EI/L = 2.861 pi EI/L. Art. 2.21 (Greenhill 1883)."""
+    robot = line(16, Section(A=1e-4, Iy=1e-8, Iz=1e-8, J=2e-8), tcp=8, supports=(SLIDING_CLAMP,))
+    expected = 8.987 * EI / LENGTH
+    assert critical_factor(robot, {"n16": (0, 0, 0, 1.0, 0, 0)}) == pytest.approx(expected, rel=2e-4)
