@@ -8,9 +8,12 @@ import typer
 
 from beamstiff.cli.options import Debug, Json, Quiet, robot_file
 from beamstiff.cli.output import check_outputs, people, working, write_json
+from beamstiff.errors import BeamstiffError
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
+
+MOST_SAMPLES = 100_000
 
 
 def show(
@@ -24,13 +27,9 @@ def show(
     json: Json = None,
     samples: Annotated[
         int,
-        typer.Option(
-            "--samples", metavar="N", min=1, max=1_000_000, help="Postures sampled for the reach of the TCP."
-        ),
+        typer.Option("--samples", metavar="N", help="Postures sampled for the reach of the TCP."),
     ] = 1000,
-    seed: Annotated[
-        int, typer.Option("--seed", metavar="N", min=0, help="Seed of the sampled postures.")
-    ] = 0,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Seed of the sampled postures.")] = 0,
     quiet: Quiet = False,
     debug: Debug = False,  # noqa: ARG001
 ) -> None:
@@ -60,6 +59,10 @@ def show(
     from beamstiff.report.overview_tables import overview_tables
     from beamstiff.robot.reader import load_robot
 
+    if not 1 <= samples <= MOST_SAMPLES:
+        raise BeamstiffError(f"--samples: found {samples}, expected 1 to {MOST_SAMPLES}")
+    if seed < 0:
+        raise BeamstiffError(f"--seed: found {seed}, expected 0 or more")
     description = load_robot(robot)
     check_outputs([robot_file(robot)], json)
     with working("sampling the reach", quiet):

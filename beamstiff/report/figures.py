@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 from pathlib import Path
 
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -67,5 +68,6 @@ def save_figure(figure: Figure, path: str | Path, dpi: int = 150) -> None:
     data = io.BytesIO()
     # no date and no random ids: the same figure gives the same file
     metadata = {"png": {}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}[ending]
-    figure.savefig(data, format=ending, dpi=dpi, metadata=metadata)
+    with rc_context({"svg.hashsalt": "beamstiff"}):
+        figure.savefig(data, format=ending, dpi=dpi, metadata=metadata)
     write_whole(path, data.getvalue())

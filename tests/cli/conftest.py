@@ -1,0 +1,64 @@
+"""A command run in an empty folder, and a small robot whose answers are known by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from beamstiff.cli.main import app
+
+# A rigid arm of 1 m on one elastic joint about z: along x at q1 = 0, along y at q1 = 90 deg.
+CRANE = """\
+beamstiff: 1
+name: crane
+variables:
+  - {name: q1, type: revolute, limits: ["-170 deg", "170 deg"]}
+frames:
+  - {name: f1, theta: q1}
+nodes:
+  - {name: foot}
+  - {name: hub, frame: f1}
+  - {name: tip, frame: f1, at: ["1 m", 0, 0]}
+rigids: [{name: arm, nodes: [hub, tip]}]
+joints:
+  - {name: J1, nodes: [foot, hub], frame: f1, axis: z, variable: q1,
+     stiffness: {axial: "4e6 N/m", radial: "2e6 N/m", torsional: "1e6 N*m/rad", tilting: "8e6 N*m/rad"}}
+fixed: [foot]
+tcp: tip
+identify: [J1.torsional]
+"""
+
+# What the crane does under these loads: across the arm 1/radial + 1 m^2/torsional, along it 1/radial.
+CRANE_DATA = """\
+# sigma_position: 0.01 mm
+q1 [deg],fx,fy,dx [mm],dy [mm]
+0,0,1000,0,1.5
+0,1000,0,0.5,0
+90,1000,0,1.5,0
+45,1000,1000,0.5,0.5
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return an empty folder, the present one, that holds `crane.yaml` and `crane.csv`."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "120")
+    (tmp_path / "crane.yaml").write_text(CRANE, encoding="utf-8")
+    (tmp_path / "crane.csv").write_text(CRANE_DATA, encoding="utf-8")
+    return tmp_path
+
+
+@pytest.fixture
+def run(folder: Path) -> Callable[..., Any]:
+    """Return a function that runs `beamstiff` with arguments; its result has exit_code, stdout, stderr."""
+
+    def invoke(*arguments: str) -> Any:
+        assert folder.is_dir()
+        return CliRunner().invoke(app, [*arguments], prog_name="beamstiff")
+
+    return invoke

@@ -1,0 +1,240 @@
+"""Bad input of every kind ends with 2, one line on stderr, nothing on stdout, and no file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+Run = Callable[..., Any]
+
+IDENTIFY = ("identify", "crane.yaml", "crane.csv")
+
+
+def refused(run: Run, folder: Path, *arguments: str) -> str:
+    """Run a command that has to be refused, and return what it says."""
+    before = sorted(folder.rglob("*"))
+    result = run(*arguments)
+    assert (result.exit_code, result.stdout) == (2, ""), result.output
+    assert result.stderr.endswith("\n")
+    assert result.stderr.count("\n") == 1, result.stderr
+    assert result.stderr.startswith("error: ")
+    assert "Traceback" not in result.stderr
+    assert sorted(folder.rglob("*")) == before
+    return str(result.stderr)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["stifness", "crane.yaml"], ["stifness", "stiffness", "--help"]),
+        (["stiffness"], ["ROBOT", "beamstiff stiffness --help"]),
+        (["deflect", "crane.yaml"], ["DATA"]),
+        (["stiffness", "crane.yaml", "more.yaml"], ["more.yaml"]),
+        (["stiffness", "crane.yaml", "--jsn", "a.json"], ["--jsn", "--json"]),
+        (["stiffness", "crane.yaml", "--json"], ["--json"]),
+        (["show", "crane.yaml", "--samples", "many"], ["--samples", "integer"]),
+        (["show", "crane.yaml", "--samples", "0"], ["--samples: found 0", "1 to 100000"]),
+        (["show", "crane.yaml", "--seed", "-1"], ["--seed: found -1", "0 or more"]),
+        (["stiffness", "crane.yaml", "--q", "q1"], ["--q", "'q1'", "name=value"]),
+        (["stiffness", "crane.yaml", "--q", ""], ["--q", "name=value"]),
+        (["stiffness", "crane.yaml", "--q", "q1=1,"], ["--q", "name=value"]),
+        (["stiffness", "crane.yaml", "--q", "q1=0,3"], ["--q", "'3'", "name=value"]),
+        (["stiffness", "crane.yaml", "--q", "q1=10 deg,q1=0"], ["--q", "q1 is given twice"]),
+        (["stiffness", "crane.yaml", "--q", "q2=0"], ["--q", "unknown joint variable 'q2'", "expected q1"]),
+        (["stiffness", "kr240-2", "--q", "q11=0"], ["--q", "'q11'", "did you mean 'q1'"]),
+        (["stiffness", "crane.yaml", "--q", "q1=10mm"], ["--q: q1", "'mm'", "angle"]),
+        (["stiffness", "crane.yaml", "--q", "q1=ten"], ["--q: q1", "'ten'"]),
+        (["stiffness", "crane.yaml", "--q", "q1=nan"], ["--q: q1", "nan"]),
+        (["stiffness", "crane.yaml", "--q", "q1=1e999"], ["--q: q1", "1e999"]),
+        (["stiffness", "ir663", "--q", "th3=0.3"], ["--q", "'th3'", "solved by loop closure"]),
+        (["stiffness", "ir663", "--q", "q2=90deg"], ["four_bar", "cannot close"]),
+        (["stiffness", "kr240-2"], ["kr240-2", "singular compliance"]),
+        (["stiffness", "ir666"], ["ir666", "did you mean 'ir663'"]),
+        (["stiffness", "no.yaml"], ["no.yaml", "no such file"]),
+        (["deflect", "crane.yaml", "no.csv"], ["no.csv", "no such file"]),
+        (["stiffness", "."], [".", "folder"]),
+        (["deflect", "crane.yaml", "."], [".", "folder"]),
+        (["stiffness", "crane.csv"], ["crane.csv"]),
+        (["deflect", "crane.yaml", "crane.yaml"], ["crane.yaml"]),
+        (["stiffness", "a\0b.yaml"], ["b.yaml"]),
+        ([*IDENTIFY, "--parameters", "J1.tosional"], ["'J1.tosional'", "did you mean 'J1.torsional'"]),
+        ([*IDENTIFY, "--parameters", "J1.torsional,"], ["--parameters", "J1.torsional"]),
+        ([*IDENTIFY, "--parameters", "J1.torsional,J1.torsional"], ["'J1.torsional'", "twice"]),
+        ([*IDENTIFY, "--figure", "fit.jpeg"], ["fit.jpeg", "png, svg, pdf"]),
+        ([*IDENTIFY, "--figure", "fit"], ["fit", "png, svg, pdf"]),
+    ],
+    ids=lambda value: " ".join(value).replace("\0", "NUL") if isinstance(value, list) else None,
+)
+def test_what_was_typed_is_refused(run: Run, folder: Path, arguments: list[str], says: list[str]) -> None:
+    line = refused(run, folder, *arguments)
+    assert all(part in line for part in says), line
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["--json", "missing/out.json"], ["missing/out.json", "no folder"]),
+        (["--json", "."], [".", "folder"]),
+        (["--json", ""], ["folder"]),
+        (["--json", "crane.csv/out.json"], ["crane.csv/out.json", "no folder"]),
+        (["--json", "crane.yaml"], ["--json", "would overwrite the input"]),
+        (["--json", "./sub/../crane.csv"], ["crane.csv"]),
+        (["--json", "a" * 300], ["cannot be written"]),
+        (["--json", "a\0b"], ["cannot be written"]),
+        (["--out", "crane.yaml"], ["--out crane.yaml", "would overwrite the input"]),
+        (["--out", "-"], ["--out", "expected the name of a file"]),
+        (["--json", "same.txt", "--out", "same.txt"], ["same.txt", "would overwrite the output --json"]),
+        (["--json", "good.json", "--out", "missing/out.yaml"], ["missing/out.yaml"]),
+        (["--json", "good.json", "--figure", "missing/fit.png"], ["missing/fit.png"]),
+    ],
+    ids=lambda value: " ".join(value).replace("\0", "NUL")[:40] if isinstance(value, list) else None,
+)
+def test_outputs_that_cannot_be_are_refused_before_any_is_written(
+    run: Run, folder: Path, options: list[str], says: list[str]
+) -> None:
+    before = [(folder / name).read_bytes() for name in ("crane.yaml", "crane.csv")]
+    line = refused(run, folder, *IDENTIFY, *options)
+    assert all(part in line for part in says), line
+    assert [(folder / name).read_bytes() for name in ("crane.yaml", "crane.csv")] == before
+
+
+ALIAS_BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
+    f"{new}: &{new} [{', '.join([f'*{old}'] * 9)}]\n" for old, new in zip("abcdefgh", "bcdefghi", strict=True)
+)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        (None, b"", ["broken.yaml", "empty"]),
+        (None, b"\x00\x01\x02\xff", ["broken.yaml", "binary"]),
+        (None, b"name: \xff\xfe", ["broken.yaml"]),
+        (None, b"beamstiff: 1\nname: [", ["broken.yaml:"]),
+        (None, b"- just\n- a list\n", ["broken.yaml:1"]),
+        (None, b"beamstiff: 1\nname: !!python/object/apply:os.system ['touch pwned']\n", ["broken.yaml:2"]),
+        (None, ALIAS_BOMB.encode(), ["broken.yaml"]),
+        ("beamstiff: 1", "beamstiff: 2", ["broken.yaml:1", "beamstiff", "2"]),
+        ("tcp: tip", "tcq: tip", ["broken.yaml:16", "tcq: unknown key", "did you mean 'tcp'"]),
+        ("tcp: tip\n", "", ["tcp"]),
+        ("tcp: tip", "tcp: top", ["'top'", "did you mean 'tip'"]),
+        ("fixed: [foot]", "fixed: [feet]", ["broken.yaml:15", "unknown node 'feet'"]),
+        ("theta: q1", "theta: q2", ["q2"]),
+        ("theta: q1", "theta: q1 * q1", ["q1 * q1"]),
+        ("theta: q1", "parent: f1, theta: q1", ["f1"]),
+        ("name: hub, frame: f1", "name: foot, frame: f1", ["foot"]),
+        ('["1 m", 0, 0]', '["1 kg", 0, 0]', ["'kg'", "length"]),
+        ('["1 m", 0, 0]', "[.nan, 0, 0]", ["nan"]),
+        ('["1 m", 0, 0]', "[1e999, 0, 0]", ["1e999"]),
+        ('["1 m", 0, 0]', "[1, 0]", ["nodes[2] (tip)"]),
+        ('torsional: "1e6 N*m/rad"', 'torsional: "-1e6 N*m/rad"', ["torsional", "-1e6"]),
+        ('torsional: "1e6 N*m/rad"', 'torsional: "1e6 N*m"', ["N*m/rad"]),
+        ('torsional: "1e6 N*m/rad"', "torsional: stiff", ["'stiff'", "rigid"]),
+        ('torsional: "1e6 N*m/rad"', "torsional: free", ["'J1.torsional' is free"]),
+        ("nodes: [hub, tip]", "nodes: [hub, hub]", ["arm"]),
+        ("rigids: [{name: arm, nodes: [hub, tip]}]", "", ["tip"]),
+        (
+            "rigids: [{name: arm, nodes: [hub, tip]}]",
+            "rigids: [{name: arm, nodes: [hub, tip]}]\nrigids: []",
+            ["rigids"],
+        ),
+        ('["1 m", 0, 0]}', '["1 m", 0, 0]}\n  - {name: far, at: [9, 9, 9]}', ["far"]),
+        ("identify: [J1.torsional]", "identify: [J1.turning]", ["'J1.turning'"]),
+    ],
+)
+def test_a_broken_robot_is_refused(
+    run: Run, folder: Path, old: str | None, new: str | bytes, says: list[str]
+) -> None:
+    text = (folder / "crane.yaml").read_text(encoding="utf-8")
+    content = new if isinstance(new, bytes) else text.replace(str(old), new).encode()
+    assert content != text.encode()
+    (folder / "broken.yaml").write_bytes(content)
+    for command in (
+        ["stiffness", "broken.yaml", "--json", "a.json"],
+        ["show", "broken.yaml", "--json", "a.json"],
+    ):
+        line = refused(run, folder, *command)
+        assert all(part in line for part in says), line
+
+
+def test_a_beam_of_no_length_and_one_of_a_negative_section_are_refused(run: Run, folder: Path) -> None:
+    beam = (
+        "beamstiff: 1\nname: beam\nmaterials: {steel: {E: 2.1e11, G: 8e10}}\n"
+        "sections: {rod: {A: 1e-4, Iy: 1e-9, Iz: 1e-9, J: 2e-9}}\n"
+        "nodes: [{name: a}, {name: b, at: [1, 0, 0]}]\n"
+        "beams: [{name: rod1, nodes: [a, b], section: rod, material: steel}]\nfixed: [a]\ntcp: b\n"
+    )
+    for old, new, says in (
+        ("[1, 0, 0]", "[0, 0, 0]", ["rod1", "length"]),
+        ("Iy: 1e-9", "Iy: -1e-9", ["Iy", "-1e-09"]),
+        ("A: 1e-4", "A: .nan", ["A", "nan"]),
+        ("E: 2.1e11", "E: 0", ["E"]),
+    ):
+        (folder / "broken.yaml").write_text(beam.replace(old, new))
+        line = refused(run, folder, "stiffness", "broken.yaml")
+        assert all(part in line for part in ["broken.yaml" if new != "[0, 0, 0]" else "", *says]), line
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (b"", ["broken.csv", "empty"]),
+        (b"\x00\xff\x00", ["broken.csv", "binary"]),
+        (b"q1,fy,dy [mm]\n", ["broken.csv"]),
+        (b"fy,dy [mm]\n1000,1.5\n", ["broken.csv:1", "q1"]),
+        (b"q1,fq,dy [mm]\n0,1000,1.5\n", ["broken.csv:1", "fq"]),
+        (b"q1,fy,dy [mm]\n0,1000\n", ["broken.csv:2"]),
+        (b"q1,fy,dy [mm]\n0,1000,1.5,7\n", ["broken.csv:2"]),
+        (b"q1,fy,dy [mm]\n0,much,1.5\n", ["broken.csv:2", "fy", "'much'"]),
+        (b"q1,fy,dy [mm]\n0,1000,nan\n", ["broken.csv:2", "dy", "nan"]),
+        (b"q1,fy,dy [mm]\n0,inf,1.5\n", ["broken.csv:2", "fy", "inf"]),
+        (b"q1,fy,dy [kg]\n0,1000,1.5\n", ["broken.csv:1", "kg"]),
+        (b"q1,fy,fy,dy [mm]\n0,1000,1000,1.5\n", ["broken.csv:1", "fy"]),
+        (b"q1,fy,dy [mm],x [mm]\n0,1000,1.5,1000\n", ["broken.csv:1"]),
+        (b"# sigma_position: -1 mm\nq1,fy,dy [mm]\n0,1000,1.5\n", ["broken.csv:1", "sigma_position"]),
+        (b"q1,fy,dy [mm],point\n0,1000,1.5,top\n", ["broken.csv:2", "'top'"]),
+        (b"q1,A [deg],B [deg],C [deg],x\n0,1,2,3,1\n", ["broken.csv:1", "Euler"]),
+        (b"q1,fy\n0,1000\n", ["broken.csv", "measured"]),
+        (b"q1,fy,x [mm],y [mm]\n0,1000,1000,1.5\n", ["broken.csv", "absolute"]),
+        (b"q1,fy,dy [mm]\n0,0,0\n", ["broken.csv"]),
+        (b"q1,fx,dx [mm]\n0,1000,0.5\n", ["J1.torsional"]),
+    ],
+)
+def test_broken_measurements_are_refused(run: Run, folder: Path, content: bytes, says: list[str]) -> None:
+    (folder / "broken.csv").write_bytes(content)
+    line = refused(run, folder, "identify", "crane.yaml", "broken.csv", "--json", "a.json", "--out", "a.yaml")
+    assert all(part in line for part in says), line
+
+
+def test_a_mechanism_is_refused_and_its_motion_named(run: Run, folder: Path) -> None:
+    text = (folder / "crane.yaml").read_text().replace('torsional: "1e6 N*m/rad"', "torsional: free")
+    (folder / "loose.yaml").write_text(text.replace("identify: [J1.torsional]", ""))
+    (folder / "loads.csv").write_text("q1,fy\n0,1000\n")
+    for command in (
+        ["stiffness", "loose.yaml"],
+        ["show", "loose.yaml"],
+        ["deflect", "loose.yaml", "loads.csv"],
+    ):
+        line = refused(run, folder, *command)
+        assert all(
+            part in line for part in ["'crane' is a mechanism", "(0.00, 1.00, 0.00)", "J1.torsional"]
+        ), line
+
+
+def test_fewer_values_than_parameters_are_refused(run: Run, folder: Path) -> None:
+    (folder / "short.csv").write_text("q1,fy,dy [mm]\n0,1000,1.5\n")
+    line = refused(
+        run, folder, "identify", "crane.yaml", "short.csv", "--parameters", "J1.torsional,J1.radial"
+    )
+    assert "short.csv" in line
+    assert "J1.radial" in line
+
+
+def test_a_robot_that_lists_nothing_to_identify_is_refused_with_a_hint(run: Run, folder: Path) -> None:
+    text = (folder / "crane.yaml").read_text().replace("identify: [J1.torsional]", "")
+    (folder / "plain.yaml").write_text(text)
+    line = refused(run, folder, "identify", "plain.yaml", "crane.csv")
+    assert "identify" in line
+    assert "J1.torsional" in line

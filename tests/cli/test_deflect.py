@@ -1,0 +1,65 @@
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from beamstiff import load_robot, read_measurements
+
+Run = Callable[..., Any]
+
+# by hand, from the crane's stiffness: across the arm 1 kN moves 0.5 mm + 1 mm and turns 1 mrad
+BY_HAND = 1e-3 * np.array(
+    [[0, 1.5, 0, 0, 0, 1], [0.5, 0, 0, 0, 0, 0], [1.5, 0, 0, 0, 0, -1], [0.5, 0.5, 0, 0, 0, 0]]
+)
+
+
+def test_every_row_gets_the_displacement_computed_by_hand(run: Run) -> None:
+    result = run("deflect", "crane.yaml", "crane.csv", "--json", "-")
+    assert (result.exit_code, result.stderr) == (0, "")
+    answer = json.loads(result.stdout)
+    assert list(answer) == ["displacement"]
+    np.testing.assert_allclose(answer["displacement"], BY_HAND, atol=1e-15)
+
+
+def test_loads_alone_are_enough(run: Run, folder: Path) -> None:
+    (folder / "loads.csv").write_text("q1 [deg],fy [kN]\n0,1\n0,-2\n")
+    answer = json.loads(run("deflect", "crane.yaml", "loads.csv", "--json", "-").stdout)
+    np.testing.assert_allclose(answer["displacement"], [BY_HAND[0], -2 * BY_HAND[0]], atol=1e-15)
+
+
+def test_point_and_load_point_need_not_be_the_tcp(run: Run, folder: Path) -> None:
+    (folder / "loads.csv").write_text(
+        "q1,fy,point,load_point\n0,1000,hub,tip\n0,1000,tip,hub\n0,1000,hub,hub\n"
+    )
+    answer = json.loads(run("deflect", "crane.yaml", "loads.csv", "--json", "-").stdout)
+    # at the hub: 0.5 mm from the radial stiffness; the load at the tip turns it, a load at the hub does not
+    expected = 1e-3 * np.array([[0, 0.5, 0, 0, 0, 1], [0, 0.5, 0, 0, 0, 0], [0, 0.5, 0, 0, 0, 0]])
+    np.testing.assert_allclose(answer["displacement"], expected, atol=1e-15)
+
+
+def test_the_table_written_is_read_back_as_measurements(run: Run, folder: Path) -> None:
+    assert run("deflect", "crane.yaml", "crane.csv", "--out", "predicted.csv").exit_code == 0
+    table = read_measurements(folder / "predicted.csv", load_robot(folder / "crane.yaml"))
+    np.testing.assert_allclose(table.displacement, BY_HAND, atol=1e-15)
+    np.testing.assert_allclose(np.degrees(table.q[:, 0]), [0, 0, 90, 45], atol=1e-12)
+    assert "crane.csv" in table.metadata["source"]
+
+
+def test_people_see_measured_beside_predicted_and_the_gap(run: Run, folder: Path) -> None:
+    table = (folder / "crane.csv").read_text().replace("90,1000,0,1.5,0", "90,1000,0,1.6,0")
+    (folder / "crane.csv").write_text(table)
+    result = run("deflect", "crane.yaml", "crane.csv")
+    assert "measured dx [mm]" in result.stdout
+    assert "RMS 0.05 mm, at most 0.1 mm, over 4 rows" in result.stdout
+
+
+def test_a_likely_mistake_of_unit_is_noted(run: Run, folder: Path) -> None:
+    (folder / "loads.csv").write_text("q1,fy\n90,1000\n")
+    result = run("deflect", "crane.yaml", "loads.csv")
+    assert result.exit_code == 0
+    assert result.stderr.startswith("note: loads.csv:2: q1: 90 rad is more than two turns")
+    assert result.stderr.count("\n") == 1

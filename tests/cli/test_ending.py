@@ -1,0 +1,179 @@
+"""How commands end: exit codes, Ctrl-C, pipes, colours, faults of ours."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from beamstiff import __version__
+
+Run = Callable[..., Any]
+COMMAND = [sys.executable, "-m", "beamstiff"]
+
+
+def shell(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Run the command in a process of its own, its output through pipes."""
+    return subprocess.run(
+        [*COMMAND, *arguments],
+        env=os.environ | environment,
+        capture_output=True,
+        encoding="utf-8",
+        timeout=120,
+        check=False,
+    )
+
+
+def test_a_process_ends_with_0_on_success_and_2_on_bad_input(folder: Path) -> None:
+    good = shell("stiffness", "crane.yaml", "--json", "good.json")
+    assert (good.returncode, good.stderr) == (0, "")
+    assert json.loads((folder / "good.json").read_text())["tcp"] == [1.0, 0.0, 0.0]
+    bad = shell("stiffness", "crane.yml", "--json", "bad.json")
+    assert (bad.returncode, bad.stdout) == (2, "")
+    assert bad.stderr == "error: crane.yml: no such file (did you mean 'crane.yaml'?)\n"
+    assert not (folder / "bad.json").exists()
+
+
+def test_the_installed_script_is_the_same_command() -> None:
+    script = Path(sys.executable).with_name("beamstiff")
+    if not script.exists():
+        pytest.skip("beamstiff is not installed as a script here")
+    result = subprocess.run([script, "--version"], capture_output=True, text=True, check=True)
+    assert result.stdout == f"beamstiff {__version__}\n"
+
+
+def test_a_fault_of_ours_ends_with_1_and_one_line(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise ZeroDivisionError("in two\nlines")
+
+    monkeypatch.setattr("beamstiff.robot.reader.parse_robot", fail)
+    result = run("stiffness", "crane.yaml", "--json", "a.json")
+    assert (result.exit_code, result.stdout) == (1, "")
+    assert result.stderr.startswith(
+        "internal error: ZeroDivisionError: in two lines: a fault of beamstiff, please report"
+    )
+    assert result.stderr.count("\n") == 1
+    assert not Path("a.json").exists()
+
+    result = run("stiffness", "crane.yaml", "--debug")
+    assert result.exit_code == 1
+    assert "Traceback (most recent call last)" in result.stderr
+
+
+def test_debug_shows_where_bad_input_was_found(run: Run) -> None:
+    result = run("stiffness", "crane.yaml", "--q", "q1=x", "--debug")
+    assert result.exit_code == 2
+    assert "Traceback" in result.stderr
+    assert result.stderr.splitlines()[-1].startswith("error: --q: q1")
+
+
+def test_ctrl_c_while_a_file_is_written_leaves_the_old_one(
+    run: Run, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (folder / "out.json").write_text("old")
+    before = sorted(folder.iterdir())
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("beamstiff.report.files.os.replace", interrupt)
+    result = run("stiffness", "crane.yaml", "--json", "out.json")
+    assert (result.exit_code, result.stderr) == (130, "interrupted\n")
+    assert (folder / "out.json").read_text() == "old"
+    assert sorted(folder.iterdir()) == before
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
+def test_ctrl_c_ends_a_process_with_130_and_no_traceback(folder: Path) -> None:
+    os.mkfifo(folder / "slow.yaml")
+    process = subprocess.Popen(
+        [*COMMAND, "stiffness", "./slow.yaml", "--json", "out.json"],
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    with (folder / "slow.yaml").open("w"):  # opens once the process reads, and then it waits for us
+        process.send_signal(signal.SIGINT)
+        stdout, stderr = process.communicate(timeout=60)
+    assert (process.returncode, stdout, stderr) == (130, "", "interrupted\n")
+    assert not (folder / "out.json").exists()
+
+
+def test_pipes_get_no_colours_and_whole_lines(folder: Path) -> None:
+    assert folder.is_dir()
+    good, bad = (
+        shell("stiffness", "crane.yaml", COLUMNS="40"),
+        shell("stiffness", "crane.yaml", "--q", "x" * 300),
+    )
+    assert "\x1b" not in good.stdout + bad.stderr
+    assert any("fx [N]" in line and "mz [N m]" in line for line in good.stdout.splitlines())
+    assert bad.stderr.count("\n") == 1
+
+
+def test_colours_are_for_terminals_that_want_them(folder: Path) -> None:
+    assert folder.is_dir()
+    wanted = shell("stiffness", "crane.yml", FORCE_COLOR="1", TERM="xterm", NO_COLOR="")
+    refused = shell("stiffness", "crane.yml", FORCE_COLOR="1", TERM="xterm", NO_COLOR="1")
+    assert "\x1b[31m" in wanted.stderr
+    assert "\x1b[3" not in refused.stderr
+
+
+def test_an_old_code_page_loses_signs_but_not_the_answer(folder: Path) -> None:
+    assert folder.is_dir()
+    result = shell("show", "crane.yaml", PYTHONIOENCODING="ascii", PYTHONUTF8="0")
+    assert (result.returncode, result.stderr) == (0, "")
+    assert "tip by arm" in result.stdout
+
+
+@pytest.mark.skipif(os.name == "nt", reason="needs a POSIX shell")
+def test_a_reader_that_goes_away_causes_no_traceback(folder: Path) -> None:
+    assert folder.is_dir()
+    for arguments in ("show ir663", "stiffness crane.yaml --json -"):
+        line = f"'{sys.executable}' -m beamstiff {arguments} | true"
+        result = subprocess.run(line, shell=True, capture_output=True, text=True, timeout=120, check=False)
+        assert result.stderr == ""
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_a_full_disk_is_told_in_one_line(run: Run) -> None:
+    result = run("stiffness", "crane.yaml", "--quiet", "--json", "/dev/full")
+    assert result.exit_code == 2
+    assert result.stderr == "error: /dev/full: cannot be written: No space left on device\n"
+
+
+@pytest.mark.parametrize("arguments", [[], ["--help"], ["-h"]])
+def test_help_names_the_commands_and_the_exit_codes(run: Run, arguments: list[str]) -> None:
+    result = run(*arguments)
+    assert (result.exit_code, result.stderr) == (0, "")
+    for word in ("show", "stiffness", "deflect", "identify", "Exit code", "base frame"):
+        assert word in result.stdout
+
+
+@pytest.mark.parametrize("command", ["show", "stiffness", "deflect", "identify"])
+def test_the_help_of_every_command_teaches(run: Run, command: str) -> None:
+    text = run(command, "--help").stdout
+    assert "Example" in text
+    assert f"beamstiff {command} " in text
+    assert "base frame" in " ".join(text.lower().split())
+    assert all(option in text for option in ("--json FILE", "--quiet", "--debug"))
+
+
+def test_the_version_is_that_of_the_package(run: Run) -> None:
+    assert run("--version").stdout == f"beamstiff {__version__}\n"
+
+
+def test_help_needs_none_of_the_heavy_libraries() -> None:
+    script = (
+        "import sys, beamstiff.cli.main as main\n"
+        "heavy = {'numpy', 'scipy', 'pandas', 'matplotlib', 'networkx', 'pint'} & set(sys.modules)\n"
+        "import json; print(json.dumps(sorted(heavy)))"
+    )
+    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert json.loads(result.stdout) == []

@@ -1,0 +1,102 @@
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from beamstiff import load_robot
+
+Run = Callable[..., Any]
+
+
+@pytest.fixture
+def wrong_start(folder: Path) -> str:
+    """Return the crane with a wrong torsional stiffness, which its data are to put right."""
+    text = (folder / "crane.yaml").read_text().replace('torsional: "1e6', 'torsional: "3e5')
+    (folder / "wrong.yaml").write_text(text)
+    return "wrong.yaml"
+
+
+def test_the_stiffness_that_made_the_data_is_found(run: Run, wrong_start: str) -> None:
+    result = run("identify", wrong_start, "crane.csv", "--json", "-")
+    assert (result.exit_code, result.stderr) == (0, "")
+    answer = json.loads(result.stdout)
+    assert list(answer) == ["parameters", "degenerate", "rms_mm", "rms_held_out_mm"]
+    assert list(answer["parameters"]) == ["J1.torsional"]
+    found = answer["parameters"]["J1.torsional"]
+    assert found["value"] == pytest.approx(1e6, rel=1e-6)
+    # two rows bear on k with 1 mm each, read to 0.01 mm
+    assert found["std"] == pytest.approx(1e6 * 0.01 / 2**0.5, rel=1e-6)
+    assert (found["unit"], found["identifiable"]) == ("N*m/rad", True)
+    assert answer["degenerate"] == []
+    assert answer["rms_mm"] == pytest.approx(0, abs=1e-6)
+    assert answer["rms_held_out_mm"] == pytest.approx(0, abs=1e-6)
+
+
+def test_parameters_may_be_chosen(run: Run, wrong_start: str) -> None:
+    result = run(
+        "identify", wrong_start, "crane.csv", "--parameters", "J1.torsional,J1.radial", "--json", "-"
+    )
+    found = json.loads(result.stdout)["parameters"]
+    assert {name: item["value"] for name, item in found.items()} == pytest.approx(
+        {"J1.torsional": 1e6, "J1.radial": 2e6}, rel=1e-6
+    )
+    again = run(
+        "identify",
+        wrong_start,
+        "crane.csv",
+        "--parameters",
+        "J1.torsional",
+        "--parameters",
+        "J1.radial",
+        "--json",
+        "-",
+    )
+    assert again.stdout == result.stdout
+
+
+def test_what_the_data_do_not_bound_gets_a_lower_bound_and_no_value(run: Run, folder: Path) -> None:
+    stiff = (folder / "crane.csv").read_text().replace("1.5", "0.5")  # as if the joint did not turn at all
+    (folder / "stiff.csv").write_text(stiff)
+    result = run("identify", "crane.yaml", "stiff.csv", "--json", "found.json")
+    found = json.loads((folder / "found.json").read_text())["parameters"]["J1.torsional"]
+    assert (found["value"], found["std"], found["identifiable"]) == (None, None, False)
+    # 1.645 standard deviations of the compliance: two rows of 1 kN at 1 m, read to 0.01 mm
+    assert found["lower_bound"] == pytest.approx(1e3 / (1.645 * 1e-5 / 2**0.5), rel=1e-3)
+    assert "do not bound J1.torsional from above" in " ".join(result.stdout.split())
+
+
+def test_the_robot_written_carries_the_identified_stiffness(run: Run, folder: Path, wrong_start: str) -> None:
+    assert run("identify", wrong_start, "crane.csv", "--out", "found.yaml").exit_code == 0
+    before, after = load_robot(folder / wrong_start), load_robot(folder / "found.yaml")
+    assert after.parameter("J1.torsional") == pytest.approx(1e6, rel=1e-6)
+    assert after.with_parameters({"J1.torsional": 3e5}) == before
+    assert (folder / "found.yaml").read_text().startswith("# Stiffness of J1.torsional identified")
+
+
+@pytest.mark.parametrize(("name", "head"), [("a.png", b"\x89PNG"), ("a.svg", b"<?xml"), ("a.PDF", b"%PDF")])
+def test_the_figure_is_of_the_kind_that_its_name_says(run: Run, folder: Path, name: str, head: bytes) -> None:
+    assert run("identify", "crane.yaml", "crane.csv", "--figure", name).exit_code == 0
+    assert (folder / name).read_bytes().startswith(head)
+
+
+def test_people_get_start_value_uncertainty_and_gap(run: Run, wrong_start: str) -> None:
+    text = " ".join(run("identify", wrong_start, "crane.csv").stdout.split())
+    for part in (
+        "J1.torsional 3e+05 1e+06 7071 0.7 %",
+        "RMS 0.000 mm over the 4 rows fitted",
+        "0.000 mm on poses",
+    ):
+        assert part in text
+
+
+def test_a_practice_campaign_is_identified(run: Run, shared_path: Callable[[str], Path]) -> None:
+    robot, data = shared_path("practice/kr240.yaml"), shared_path("practice/set-00a8e433.csv")
+    result = run("identify", str(robot), str(data), "--json", "-")
+    assert result.exit_code == 0
+    answer = json.loads(result.stdout, parse_constant=pytest.fail)
+    assert set(answer["parameters"]) == set(load_robot(robot).identify)
+    assert 0 < answer["rms_mm"] < answer["rms_held_out_mm"] * 1.5

@@ -1,0 +1,120 @@
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from math import pi
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from beamstiff import robot_names
+
+Run = Callable[..., Any]
+
+
+@pytest.fixture
+def facts(run: Run) -> Callable[..., dict[str, Any]]:
+    """Return a function that shows a robot as JSON."""
+
+    def show(*arguments: str) -> dict[str, Any]:
+        result = run("show", *arguments, "--json", "-")
+        assert (result.exit_code, result.stderr) == (0, "")
+        answer: dict[str, Any] = json.loads(result.stdout, parse_constant=pytest.fail)
+        return answer
+
+    return show
+
+
+def test_without_a_robot_those_that_come_along_are_listed(run: Run) -> None:
+    assert run("show").stdout.split()[4:] == robot_names()
+    assert json.loads(run("show", "--json", "-").stdout) == {"robots": robot_names()}
+
+
+@pytest.mark.parametrize("name", robot_names())
+def test_every_shipped_robot_is_shown(run: Run, facts: Callable[..., dict[str, Any]], name: str) -> None:
+    assert run("show", name).exit_code == 0
+    answer = facts(name)
+    assert answer["name"] == name
+    assert answer["reach"]["closing"] > 0
+    assert 1 <= answer["condition"] < 1e10
+
+
+def test_the_ir663_is_described_as_in_its_paper(facts: Callable[..., dict[str, Any]]) -> None:
+    answer = facts("ir663")
+    assert [len(answer[kind]) for kind in ("nodes", "beams", "joints", "loops", "frames")] == [11, 6, 5, 1, 7]
+    assert [item["role"] for item in answer["variables"]] == ["actuated", "actuated", "passive", "passive"]
+    # the four-bar is the one closed loop of the structure: all nodes but the foot and the tool
+    assert [sorted(loop) for loop in answer["structural_loops"]] == [
+        sorted(item["name"] for item in answer["nodes"] if item["name"] not in ("n0", "n7"))
+    ]
+    by_name = {item["name"]: item for item in answer["nodes"]}
+    assert (by_name["n0"]["hangs_on"], by_name["n0"]["fixed"]) == (None, True)
+    assert (by_name["n7"]["hangs_on"], by_name["n7"]["through"]) == ("n10b", ["arm"])
+    stiffness = {item["name"]: item["stiffness"] for item in answer["joints"]}
+    assert (stiffness["J33"]["torsional"], stiffness["J33"]["tilting"]) == ("free", "rigid")
+    # six unknowns for each of the ten nodes that are not fixed; each joint's rigid directions have none, and
+    # there are five joints with axial and both tilting rigid: 60 - 15
+    assert answer["unknowns"] == 45
+
+
+def test_mass_and_length_of_a_tube(facts: Callable[..., dict[str, Any]]) -> None:
+    answer = facts("cantilever")
+    assert answer["mass"] == pytest.approx(7850 * pi / 4 * (0.060**2 - 0.052**2), rel=1e-12)
+    assert answer["beams"][0]["length"] == 1.0
+    assert answer["unknowns"] == 6
+
+
+def test_the_reach_of_an_arm_of_one_metre(facts: Callable[..., dict[str, Any]]) -> None:
+    reach = facts("crane.yaml", "--samples", "20000", "--seed", "3")["reach"]
+    # a circle of 1 m but for 10 deg either side of -x
+    np.testing.assert_allclose(reach["lower"], [-np.cos(np.radians(10)), -1, 0], atol=1e-3)
+    np.testing.assert_allclose(reach["upper"], [1, 1, 0], atol=1e-3)
+    assert reach["farthest"] == pytest.approx(1.0, rel=1e-12)
+    assert (reach["closing"], reach["seed"]) == (reach["samples"], 3)
+
+
+def test_the_seed_makes_the_samples(facts: Callable[..., dict[str, Any]]) -> None:
+    same, again, other = (facts("crane.yaml", "--seed", seed)["reach"] for seed in ("1", "1", "2"))
+    assert same == again
+    assert same["lower"] != other["lower"]
+
+
+def test_a_robot_is_shown_to_people(run: Run) -> None:
+    text = run("show", "crane.yaml").stdout
+    for part in ("-170 to 170 deg", "hub by J1: 0.000 0.000 0.000", "tip by arm: 1000.000 0.000 0.000 [TCP]"):
+        assert part in text
+    for part in (
+        "J1     q1         4e+06    2e+06       1e+06     8e+06",
+        "J1.torsional",
+        "3 nodes, 1 rigid, 1 joint",
+    ):
+        assert part in text
+
+
+def test_a_large_robot_is_cut_for_people_and_whole_in_json(
+    run: Run, facts: Callable[..., Any], folder: Path
+) -> None:
+    count = 100
+    nodes = "".join(f"  - {{name: n{at}, at: [{at}, 0, 0]}}\n" for at in range(count))
+    beams = "".join(
+        f"  - {{name: b{at}, nodes: [n{at}, n{at + 1}], section: rod, material: steel}}\n"
+        for at in range(count - 1)
+    )
+    (folder / "long.yaml").write_text(
+        "beamstiff: 1\nname: long\nmaterials: {steel: {E: 2.1e11, G: 8e10}}\n"
+        "sections: {rod: {shape: circle, outer: 0.1}}\n"
+        f"nodes:\n{nodes}beams:\n{beams}fixed: [n0]\ntcp: n{count - 1}\n"
+    )
+    text = run("show", "long.yaml").stdout
+    assert "... 59 more" in text
+    assert "... 60 more nodes" in text
+    assert len(text.splitlines()) < 120
+    assert [len(facts("long.yaml")[kind]) for kind in ("nodes", "beams")] == [count, count - 1]
+
+
+def test_names_from_the_file_are_printed_as_they_are(run: Run, folder: Path) -> None:
+    text = (folder / "crane.yaml").read_text().replace("tip", '"[bold]:smile:"')
+    (folder / "odd.yaml").write_text(text)
+    assert "[bold]:smile: by arm" in run("show", "odd.yaml").stdout

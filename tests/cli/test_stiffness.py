@@ -1,0 +1,86 @@
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from math import pi
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+Run = Callable[..., Any]
+
+
+def test_the_json_of_a_cantilever_holds_the_closed_forms(run: Run) -> None:
+    result = run("stiffness", "cantilever", "--json", "-")
+    assert (result.exit_code, result.stderr) == (0, "")
+    answer = json.loads(result.stdout)
+    assert list(answer) == ["stiffness", "compliance", "tcp", "variables"]
+    assert (answer["tcp"], answer["variables"]) == ([1.0, 0.0, 0.0], {})
+    outer, inner, E, G = 0.060, 0.052, 210e9, 80e9
+    A, I = pi / 4 * (outer**2 - inner**2), pi / 64 * (outer**4 - inner**4)  # noqa: E741
+    compliance = np.array(answer["compliance"])
+    closed = [1 / (E * A), 1 / (3 * E * I), 1 / (3 * E * I), 1 / (2 * G * I), 1 / (E * I), 1 / (E * I)]
+    np.testing.assert_allclose(np.diagonal(compliance), closed, rtol=1e-9)
+    np.testing.assert_allclose(np.array(answer["stiffness"]) @ compliance, np.eye(6), atol=1e-9)
+
+
+@pytest.mark.parametrize("q", [["--q", "q1=90deg"], ["--q", "q1 = 1.5707963267948966"], ["--q", "q1=100gon"]])
+def test_joint_values_take_units(run: Run, q: list[str]) -> None:
+    answer = json.loads(run("stiffness", "crane.yaml", *q, "--json", "-").stdout)
+    np.testing.assert_allclose(answer["tcp"], [0, 1, 0], atol=1e-15)
+    assert answer["variables"]["q1"] == pytest.approx(pi / 2, rel=1e-15)
+    # the arm along y: 1000 N along x turn the hub by 1000 N m / 1e6 N m/rad and push it by 1000 / 2e6 m
+    np.testing.assert_allclose(answer["compliance"][0][0], 1 / 2e6 + 1 / 1e6, rtol=1e-12)
+    np.testing.assert_allclose(answer["compliance"][1][1], 1 / 2e6, rtol=1e-12)
+
+
+def test_joints_not_named_are_zero(run: Run) -> None:
+    plain = json.loads(run("stiffness", "crane.yaml", "--json", "-").stdout)
+    named = json.loads(run("stiffness", "crane.yaml", "--q", "q1=0", "--json", "-").stdout)
+    assert plain == named
+    assert plain["variables"] == {"q1": 0.0}
+
+
+def test_passive_variables_are_solved_and_told(run: Run) -> None:
+    answer = json.loads(
+        run("stiffness", "ir663", "--q", "q2=1.37deg", "--q", "q8=48.63deg", "--json", "-").stdout
+    )
+    assert list(answer["variables"]) == ["q2", "q8", "th3", "th9"]
+    # SEEDS of the shipped robot: 900 N along x move the tool by 0.96 mm here
+    assert 900 * answer["compliance"][0][0] == pytest.approx(0.96e-3, abs=0.005e-3)
+
+
+def test_people_get_tables_that_say_units_and_frame(run: Run) -> None:
+    result = run("stiffness", "crane.yaml", "--q", "q1=30deg")
+    assert result.exit_code == 0
+    for text in (
+        "crane",
+        "30 deg",
+        "866.025, 500.000, 0.000 mm",
+        "Stiffness at the TCP",
+        "dx [m]",
+        "mz [N m]",
+    ):
+        assert text in result.stdout
+    assert "e-17" not in result.stdout  # rounding is shown as 0
+
+
+def test_json_goes_to_a_file_beside_the_tables(run: Run, folder: Path) -> None:
+    result = run("stiffness", "crane.yaml", "--json", "out.json")
+    assert "Compliance" in result.stdout
+    printed = run("stiffness", "crane.yaml", "--json", "-").stdout
+    assert (folder / "out.json").read_text(encoding="utf-8") == printed
+
+
+def test_quiet_prints_nothing(run: Run, folder: Path) -> None:
+    result = run("stiffness", "crane.yaml", "--quiet", "--q", "q1=200deg", "--json", "out.json")
+    assert (result.exit_code, result.output) == (0, "")
+    assert json.loads((folder / "out.json").read_text())["variables"]["q1"] == pytest.approx(200 * pi / 180)
+
+
+def test_a_value_outside_its_limits_is_noted(run: Run) -> None:
+    result = run("stiffness", "crane.yaml", "--q", "q1=200deg")
+    assert result.exit_code == 0
+    assert result.stderr == "note: q1 = 200 deg is outside its limits -170 deg to 170 deg\n"

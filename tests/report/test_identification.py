@@ -1,0 +1,79 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from beamstiff import Robot
+from beamstiff.identify.result import Identification, Parameter
+from beamstiff.measure import Measurements, make_measurements
+from beamstiff.report.identification import identification_table, identification_text
+
+FOUND = Identification(
+    parameters=(
+        Parameter("J1.torsional", "N*m/rad", 1.5e6, 3e4, True),
+        Parameter("J1.radial", "N/m", None, None, False, lower_bound=4e8),
+    ),
+    covariance=np.eye(2),
+    stiffness=np.array([1.5e6, 1e16]),
+    rms=0.1e-3,
+    rms_held_out=0.15e-3,
+    chi_square=1.0,
+    evaluations=7,
+    predicted=np.zeros((2, 6)),
+)
+
+
+@pytest.fixture
+def robot() -> Robot:
+    stiffness = {"radial": "rigid", "torsional": 1e6}
+    parts: dict[str, Any] = {
+        "nodes": [{"name": "a"}, {"name": "b"}],
+        "joints": [{"name": "J1", "nodes": ["a", "b"], "frame": "base", "stiffness": stiffness}],
+    }
+    return Robot(name="joint", **parts, fixed=["a"], tcp="b")
+
+
+def measured(sigma: float | None) -> Measurements:
+    return make_measurements(
+        ["q1"], [[0.0], [1.0]], tcp="b", displacement=np.zeros((2, 3)), sigma_position=sigma
+    )
+
+
+def printed(found: Identification, robot: Robot) -> list[list[str]]:
+    console = Console(width=200)
+    with console.capture() as capture:
+        console.print(identification_table(found, robot))
+    return [line.split() for line in capture.get().splitlines()]
+
+
+def test_the_table_has_the_start_the_value_and_its_uncertainty(robot: Robot) -> None:
+    rows = printed(FOUND, robot)
+    assert ["J1.torsional", "1e+06", "1.5e+06", "3e+04", "2.0", "%", "N*m/rad"] in rows
+
+
+def test_what_is_not_bounded_shows_its_lower_bound_and_no_value(robot: Robot) -> None:
+    assert ["J1.radial", "rigid", ">", "4e+08", "-", "-", "N/m"] in printed(FOUND, robot)
+    assert "do not bound J1.radial from above" in identification_text(FOUND, measured(1e-5))
+
+
+@pytest.mark.parametrize(
+    ("chi_square", "sigma", "says"),
+    [
+        (1.0, 35e-6, "1.00 times what the stated noise (0.035 mm) would: noise explains it"),
+        (13.69, 35e-6, "3.7 times what the stated noise (0.035 mm) would: the model lacks something"),
+        (1.0, None, "states no sigma_position"),
+    ],
+)
+def test_the_gap_is_compared_with_the_noise(chi_square: float, sigma: float | None, says: str) -> None:
+    text = identification_text(replace(FOUND, chi_square=chi_square), measured(sigma))
+    assert says in text
+    assert "RMS 0.100 mm over the 2 rows fitted, 0.150 mm on poses left out" in text
+
+
+def test_too_few_poses_to_hold_out_are_told() -> None:
+    text = identification_text(replace(FOUND, rms_held_out=None), measured(None))
+    assert "too few poses" in text

@@ -1,0 +1,46 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+import beamstiff
+
+
+def in_a_fresh_process(script: str) -> str:
+    return subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
+
+
+@pytest.mark.parametrize("name", beamstiff.__all__)
+def test_every_public_name_is_there_and_documented(name: str) -> None:
+    value = getattr(beamstiff, name)
+    assert name == "__version__" or value.__doc__
+    assert name in dir(beamstiff)
+
+
+def test_an_unknown_name_is_no_attribute() -> None:
+    with pytest.raises(AttributeError, match=r"beamstiff.*'identity'"):
+        _ = beamstiff.identity
+
+
+def test_importing_the_package_brings_no_heavy_library() -> None:
+    script = (
+        "import sys, beamstiff; print(sorted({'numpy', 'scipy', 'pandas', 'pydantic'} & set(sys.modules)))"
+    )
+    assert in_a_fresh_process(script) == "[]\n"
+
+
+@pytest.mark.parametrize(
+    "first",
+    [
+        "from beamstiff import identify",
+        "import beamstiff; identify = beamstiff.identify",
+        "import beamstiff.identify.result; from beamstiff import identify",
+        "from beamstiff.identify.least_squares import fit; from beamstiff import identify",
+        "import beamstiff.identify as identify",
+    ],
+)
+def test_identify_is_a_function_and_a_folder_whatever_comes_first(first: str) -> None:
+    script = f"{first}\nimport beamstiff.identify.result as r\nprint(callable(identify), r.Identification.__name__)"
+    assert in_a_fresh_process(script) == "True Identification\n"
