@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import reprlib
 from collections.abc import Iterable
+from itertools import islice
 
 _MOST_COMPARED = 1000
 
@@ -38,14 +39,18 @@ def suggest(name: object, candidates: Iterable[str]) -> str:
     --------
     >>> suggest("tosional", ["axial", "torsional"])
     " (did you mean 'torsional'?)"
+    >>> suggest("TCP", ["tcp", "fixed"])
+    " (did you mean 'tcp'?)"
     >>> suggest("xyz", ["axial", "torsional"])
     ''
     """
-    wanted, known = str(name)[:200], list(candidates)
+    wanted = str(name)[:200].casefold()
+    known = {candidate.casefold(): candidate for candidate in candidates}
     if len(known) > _MOST_COMPARED:  # comparing all of 50,000 node names would take seconds
-        known = [candidate for candidate in known if _differs_in_one_place(wanted, candidate)]
-    close = difflib.get_close_matches(wanted, known[:_MOST_COMPARED], n=1, cutoff=0.6)
-    return f" (did you mean '{close[0]}'?)" if close else ""
+        near = (folded for folded in known if _differs_in_one_place(wanted, folded))
+        known = {folded: known[folded] for folded in islice(near, _MOST_COMPARED)}
+    close = difflib.get_close_matches(wanted, known, n=1, cutoff=0.6)
+    return f" (did you mean '{known[close[0]]}'?)" if close else ""
 
 
 def _differs_in_one_place(one: str, other: str) -> bool:

@@ -81,7 +81,8 @@ kilopound_force_per_square_inch = 1e3 * psi = ksi
 # [0-9], not \\d: float() reads the digits of every script, a person checking the file may not
 NUMBER = r"[+-]?(?:[0-9]+(?:_[0-9]+)*\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 _NUMBER = re.compile(rf"\s*{NUMBER}\s*\Z")
-_QUANTITY = re.compile(rf"\s*(?P<number>{NUMBER})\s*(?P<unit>[^0-9\s].*?)?\s*\Z")
+_QUANTITY = re.compile(rf"\s*(?P<number>{NUMBER})\s*(?P<unit>[A-Za-zµμ°%].*?)?\s*\Z")
+_DECIMAL_COMMA = re.compile(r"\s*[+-]?[0-9]+,[0-9]")
 # letters, operators and one-digit exponents: nothing that a unit parser could evaluate at length
 _FACTOR = r"[A-Za-zµμ%][A-Za-zµμ_]*(?:\s*\*\*\s*-?[0-9])?"
 _UNIT = re.compile(rf"{_FACTOR}(?:\s*[*/]\s*{_FACTOR})*\Z")
@@ -220,10 +221,10 @@ def quantity(value: object, kind: str) -> float:
     if not isinstance(value, str):
         return number(value)
     match = _QUANTITY.match(value) if len(value) <= _LONGEST else None
-    if match is None or (match["unit"] or "").startswith(","):
+    if match is None:
         unit = UNITS[kind]
         with_unit = f" with a unit of {kind} such as {unit}" if unit else ""
-        point = ": decimals follow a point, not a comma" if match else ""
+        point = ": decimals follow a point, not a comma" if _DECIMAL_COMMA.match(value) else ""
         raise BeamstiffError(f"found {shown(value)}, expected a number{with_unit}{point}")
     magnitude = number(match["number"])
     if match["unit"] is None:

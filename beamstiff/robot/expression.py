@@ -154,9 +154,10 @@ def _coefficient_factor(text: str, unit: str, kind: str, variable_kind: str) -> 
         return 1.0
     ratio = f"{UNITS[kind]}/{UNITS[variable_kind]}"
     if "/" not in unit:
+        article = {"angle": "an", "length": "a"}
         raise BeamstiffError(
-            f"found {shown(text)}: a {variable_kind} where a {kind} is expected; "
-            f"give the coefficient a unit such as {ratio}"
+            f"found {shown(text)}: {article[variable_kind]} {variable_kind} where {article[kind]} {kind} is "
+            f"expected; give the coefficient a unit such as {ratio}"
         )
     top, bottom = unit.split("/", 1)
     return unit_factor(top, kind)[0] / unit_factor(bottom, variable_kind)[0]

@@ -42,11 +42,11 @@ def load_robot(path: str | os.PathLike[str]) -> Robot:
     ('root',)
     """
     file = Path(path)
-    if not file.is_file() and str(path) == file.name:
+    if str(path) == file.name and not os.path.isfile(file):
         names = _library()
         if file.name in names:
             file = robot_path(file.name)
-        elif not file.suffix and not file.exists():
+        elif not file.suffix and not os.path.exists(file):
             raise BeamstiffError(
                 f"{file}: no such file, and no robot of this name comes with beamstiff"
                 f"{suggest(file.name, names)}"
@@ -78,7 +78,9 @@ def _parsed(text: str, name: str) -> Robot:
         expected = f"keys with values, the first `beamstiff: {VERSION}`"
         raise BeamstiffError(f"{name}:{lines.at(())}: found {shown(data)}, expected {expected}")
     if "beamstiff" not in data:
-        raise BeamstiffError(f"{name}:1: beamstiff: is missing: a robot starts with `beamstiff: {VERSION}`")
+        raise BeamstiffError(
+            f"{name}:{lines.at(())}: beamstiff: is missing: a robot starts with `beamstiff: {VERSION}`"
+        )
     version, line = data["beamstiff"], lines.at(("beamstiff",))
     if type(version) is not int or version != VERSION:
         raise BeamstiffError(f"{name}:{line}: beamstiff: found version {shown(version)}, expected {VERSION}")

@@ -26,7 +26,7 @@ def read_text(path: Path, largest: int = LARGEST) -> str:
     BeamstiffError
         When the file is missing, unreadable, too large, empty or no UTF-8 text.
     """
-    if _is_folder(path):
+    if os.path.isdir(path):
         raise BeamstiffError(f"{path}: is a folder, expected a file")
     try:
         with path.open("rb") as file:
@@ -64,7 +64,7 @@ def write_text(path: Path, text: str) -> None:
     BeamstiffError
         When it cannot be written; what was there before is still there then.
     """
-    if _is_folder(path):
+    if os.path.isdir(path):
         raise BeamstiffError(f"{path}: is a folder, expected the name of a file to write")
     try:
         target = path.resolve()  # a link stays a link
@@ -82,13 +82,6 @@ def write_text(path: Path, text: str) -> None:
             raise
     except (OSError, ValueError, RuntimeError) as error:  # RuntimeError: a loop of links
         raise BeamstiffError(f"{path}: cannot be written: {_reason(error)}") from None
-
-
-def _is_folder(path: Path) -> bool:
-    try:
-        return path.is_dir()
-    except (OSError, ValueError):
-        return False
 
 
 def _reason(error: Exception) -> str:
