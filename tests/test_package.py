@@ -42,5 +42,5 @@ def test_importing_the_package_brings_no_heavy_library() -> None:
     ],
 )
 def test_identify_is_a_function_and_a_folder_whatever_comes_first(first: str) -> None:
-    script = f"{first}\nimport beamstiff.identify.result as r\nprint(callable(identify), r.Identification.__name__)"
-    assert in_a_fresh_process(script) == "True Identification\n"
+    script = f"{first}\nimport beamstiff.identify.result as r\nprint(callable(identify), r.__name__)"
+    assert in_a_fresh_process(script) == "True beamstiff.identify.result\n"

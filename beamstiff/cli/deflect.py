@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from beamstiff.se3 import Array
 
 
+ROUNDING = 1e-12
+
+
 def deflect(
     robot: RobotFile,
     data: DataFile,
@@ -123,7 +126,7 @@ def _table(robot: Robot, loads: Measurements, predicted: Array) -> Table:
     columns = [f"{name} [{unit}]" for name, unit in zip(DISPLACEMENT, units, strict=True)]
     title = f"{robot.name}: predicted displacement, loaded minus unloaded, base frame"
     result = table(title, "line", *columns, *(f"measured {columns[at]}" for at in compared))
-    scaled, measured = 1e3 * predicted, 1e3 * loads.displacement
+    scaled, measured = 1e3 * without_rounding(predicted), 1e3 * loads.displacement
     add_rows(
         result,
         (
@@ -136,6 +139,15 @@ def _table(robot: Robot, loads: Measurements, predicted: Array) -> Table:
         ),
     )
     return result
+
+
+def without_rounding(displacement: Array) -> Array:
+    """Return displacements with what is rounding beside the largest of their kind set to 0."""
+    import numpy as np
+
+    parts = np.abs(displacement).reshape(-1, 2, 3)
+    largest = np.repeat(parts.max(axis=(0, 2), initial=0.0), 3)
+    return np.where(np.abs(displacement) > ROUNDING * largest, displacement, 0.0)
 
 
 def _csv(robot: Robot, loads: Measurements, predicted: Array) -> str:

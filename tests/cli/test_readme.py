@@ -1,0 +1,101 @@
+"""What the README shows is what happens."""
+
+from __future__ import annotations
+
+import doctest
+import json
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from beamstiff import load_robot, read_measurements
+from beamstiff.cli.main import app
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+README = (REPOSITORY / "README.md").read_text(encoding="utf-8")
+
+
+def block(mark: str) -> str:
+    """Return the code block after a comment that marks it."""
+    found = re.search(rf"<!-- {mark} -->\n```\w*\n(.*?)```", README, re.DOTALL)
+    assert found is not None, f"README.md: no block marked {mark}"
+    return found[1]
+
+
+@pytest.fixture
+def crane(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return a folder, the present one, with the robot and the table of the README."""
+    (tmp_path / "crane.yaml").write_text(block("robot"), encoding="utf-8")
+    (tmp_path / "crane.csv").write_text(block("data"), encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_the_demo_prints_what_the_readme_shows(tmp_path: Path) -> None:
+    figure = tmp_path / "figure.png"
+    printed = subprocess.run(
+        [sys.executable, str(REPOSITORY / "examples" / "demo.py"), str(figure)],
+        capture_output=True,
+        encoding="utf-8",
+        check=True,
+        env=os.environ | {"COLUMNS": "80", "NO_COLOR": "1"},
+    ).stdout
+    shown = printed.replace(str(figure), "examples/output/ir663_identification.png")
+    assert [line.rstrip() for line in shown.splitlines()] == block("demo").splitlines()
+
+
+def test_the_python_of_the_readme_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(REPOSITORY)
+    session = re.search(r"```pycon\n(.*?)```", README, re.DOTALL)
+    assert session is not None
+    example = doctest.DocTestParser().get_doctest(session[1], {}, "README.md", "README.md", 0)
+    runner = doctest.DocTestRunner(verbose=False)
+    runner.run(example)
+    assert runner.summarize(verbose=False) == (0, len(example.examples))
+    assert len(example.examples) > 5
+
+
+def test_robot_and_table_of_the_readme_are_read(crane: Path) -> None:
+    robot = load_robot(crane / "crane.yaml")
+    table = read_measurements(crane / "crane.csv", robot)
+    assert (robot.name, len(table)) == ("crane", 6)
+    assert len(block("robot").splitlines()) <= 32
+    assert len(block("data").splitlines()) <= 10
+
+
+def test_the_table_of_the_readme_is_what_its_robot_does(crane: Path) -> None:
+    runner, files = CliRunner(), [str(crane / "crane.yaml"), str(crane / "crane.csv")]
+    found = json.loads(runner.invoke(app, ["identify", *files, "--json", "-"]).stdout)
+    stiffness = {name: item["value"] for name, item in found["parameters"].items()}
+    # the table is rounded to 0.01 mm of some tenths: a few percent
+    assert stiffness == pytest.approx({"J1.torsional": 2e6, "J2.torsional": 1e6}, rel=0.1)
+    assert found["rms_mm"] < 0.01
+
+
+def commands() -> list[str]:
+    blocks = re.findall(r"```\n(.*?)```", README, re.DOTALL)
+    return [line for text in blocks for line in text.splitlines() if line.startswith("beamstiff ")]
+
+
+@pytest.mark.parametrize("command", commands())
+def test_the_commands_of_the_readme_work(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    arguments = [
+        str(REPOSITORY / word) if word.startswith("examples/") else word for word in shlex.split(command)[1:]
+    ]
+    result = CliRunner().invoke(app, arguments)
+    assert (result.exit_code, result.stderr) == (0, "")
+
+
+def test_the_readme_names_every_command() -> None:
+    for command in app.registered_commands:
+        assert command.callback is not None
+        assert f"`beamstiff {command.callback.__name__} " in README
