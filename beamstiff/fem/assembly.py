@@ -53,26 +53,53 @@ def _between_ends(block: Array) -> Array:
 
 def stiffness_entries(structure: Structure, geometry: Geometry) -> Array:
     """Return the entries of the reduced global stiffness in the structure's pattern, (P, nnz)."""
-    pattern = structure.pattern
-    poses = geometry.terms.shape[0]
-    blocks = element_blocks(structure, geometry)[:, pattern.element, pattern.end_i, pattern.end_j]
-    left = geometry.terms[:, pattern.term_i].swapaxes(-1, -2)
-    products = (left @ blocks @ geometry.terms[:, pattern.term_j]).reshape(poses, -1)
-    springs = np.broadcast_to(structure.spring_values, (poses, structure.springs.size))
-    diagonal = np.zeros((poses, structure.unknowns.count))
-    values = np.concatenate([products, springs, diagonal], axis=1)
-    if pattern.starts.size == 0:
-        return np.zeros((poses, 0))
-    result: Array = np.add.reduceat(values[:, pattern.order], pattern.starts, axis=1)
-    return result
+    return _add_up(structure, _products(structure, geometry))
 
 
 def dense_stiffness(structure: Structure, geometry: Geometry) -> Array:
     """Return the reduced global stiffness of every pose, (P, n, n)."""
-    count = structure.unknowns.count
-    matrix = np.zeros((geometry.terms.shape[0], count, count))
-    matrix[:, structure.pattern.rows, structure.pattern.columns] = stiffness_entries(structure, geometry)
-    return matrix
+    return assemble(structure, geometry)[0]
+
+
+def assemble(structure: Structure, geometry: Geometry) -> tuple[Array, Array]:
+    """Return the reduced global stiffness of every pose (P, n, n), and how large what went into it is (P, n).
+
+    The latter is the largest stiffness of like dimension that each element has to offer at an unknown,
+    summed: what is left of it in the stiffness, turned into the base frame, is known to some 1e-16 of it.
+    """
+    count, pattern = structure.unknowns.count, structure.pattern
+    products = _products(structure, geometry)
+    poses = products.shape[0]
+    matrix = np.zeros((poses, count, count))
+    matrix[:, pattern.rows, pattern.columns] = _add_up(structure, products)
+    own = (pattern.end_i == pattern.end_j) & (pattern.term_i == pattern.term_j)
+    triples = np.abs(products[:, own]).reshape(poses, -1, 2, 3, 2, 3)
+    largest = np.stack([triples[:, :, at, :, at].max(axis=(2, 3)) for at in (0, 1)], axis=2)
+    numbers = structure.unknowns.blocks[structure.unknowns.term_block[pattern.term_i[own]]]
+    size = np.zeros((poses, count + 1))
+    np.add.at(size.T, numbers, np.moveaxis(largest.repeat(3, axis=2), 0, -1))
+    size[:, structure.springs] += structure.spring_values
+    return matrix, size[:, :-1]
+
+
+def _products(structure: Structure, geometry: Geometry) -> Array:
+    """Return the products of element blocks and terms in the structure's pattern, (P, M, 6, 6)."""
+    pattern = structure.pattern
+    blocks = element_blocks(structure, geometry)[:, pattern.element, pattern.end_i, pattern.end_j]
+    left = geometry.terms[:, pattern.term_i].swapaxes(-1, -2)
+    result: Array = left @ blocks @ geometry.terms[:, pattern.term_j]
+    return result
+
+
+def _add_up(structure: Structure, products: Array) -> Array:
+    pattern, poses = structure.pattern, products.shape[0]
+    if pattern.starts.size == 0:
+        return np.zeros((poses, 0))
+    springs = np.broadcast_to(structure.spring_values, (poses, structure.springs.size))
+    diagonal = np.zeros((poses, structure.unknowns.count))
+    values = np.concatenate([products.reshape(poses, -1), springs, diagonal], axis=1)
+    result: Array = np.add.reduceat(values[:, pattern.order], pattern.starts, axis=1)
+    return result
 
 
 def sparse_stiffness(structure: Structure, geometry: Geometry) -> sparse.csc_array:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamstiff.errors import BeamstiffError, suggest
-from beamstiff.fem.assembly import dense_stiffness, element_blocks, gather, scatter
+from beamstiff.fem.assembly import assemble, element_blocks, gather, scatter
 from beamstiff.fem.beam import uniform_load
 from beamstiff.fem.constraints import constraint_rows, has_constraints, null_space
 from beamstiff.fem.geometry import Geometry, place
@@ -131,12 +131,17 @@ def solve_unknowns(structure: Structure, geometry: Geometry, force: Array) -> Ar
     BeamstiffError
         When the structure is a mechanism; the free motion is named.
     """
-    stiffness = dense_stiffness(structure, geometry)
-    return solve_constrained(structure, geometry, stiffness, force[..., None])[..., 0]
+    stiffness, size = assemble(structure, geometry)
+    return solve_constrained(structure, geometry, stiffness, force[..., None], size=size)[..., 0]
 
 
 def solve_constrained(
-    structure: Structure, geometry: Geometry, stiffness: Array, force: Array, fault: str = "is a mechanism"
+    structure: Structure,
+    geometry: Geometry,
+    stiffness: Array,
+    force: Array,
+    fault: str = "is a mechanism",
+    size: Array | None = None,
 ) -> Array:
     """Return the unknowns (P, n, c) of ``stiffness z = force`` under the constraints of rigid loops.
 
@@ -147,6 +152,8 @@ def solve_constrained(
     force : (P, n, c) array
     fault : str
         What is wrong with a robot whose stiffness is not positive definite, for the message.
+    size : (P, n) array, optional
+        How large what went into the stiffness is, see `assembly.assemble`.
 
     Raises
     ------
@@ -159,7 +166,8 @@ def solve_constrained(
         basis = null_space(constraint_rows(structure, geometry), units, f"robot {structure.robot.name!r}")
         stiffness = basis.swapaxes(-1, -2) @ stiffness @ basis
         force = basis.swapaxes(-1, -2) @ force
-    if (unstable := unstable_pose(0.5 * (stiffness + stiffness.swapaxes(-1, -2)))) is not None:
+        size = None if size is None else (size[:, None] @ basis**2)[:, 0]
+    if (unstable := unstable_pose(0.5 * (stiffness + stiffness.swapaxes(-1, -2)), size)) is not None:
         pose, motion = unstable
         full = motion if basis is None else basis[pose] @ motion
         raise mechanism_error(structure, geometry, pose, full, fault)

@@ -156,14 +156,15 @@ def _find_pattern(elements: Index, unknowns: Unknowns, springs: Index) -> Patter
     terms_of: list[list[int]] = [[] for _ in range(nodes)]
     for term, node in enumerate(unknowns.term_node):
         terms_of[node].append(term)
-    products = [
-        (element, i, j, s, t)
-        for element, ends in enumerate(elements.tolist())
-        for i in (0, 1)
-        for j in (0, 1)
-        for s in terms_of[ends[i]]
-        for t in terms_of[ends[j]]
-    ]
+    products = []
+    for at, (a, b) in enumerate(elements.tolist()):
+        # what moves both ends moves them as one body: it strains nothing, its sums leave rounding errors
+        blocks = [{int(unknowns.term_block[term]) for term in terms_of[node]} for node in (a, b)]
+        moving = [
+            [term for term in terms_of[node] if unknowns.term_block[term] not in blocks[0] & blocks[1]]
+            for node in (a, b)
+        ]
+        products += [(at, i, j, s, t) for i in (0, 1) for j in (0, 1) for s in moving[i] for t in moving[j]]
     element, end_i, end_j, term_i, term_j = np.array(products, dtype=np.int64).reshape(-1, 5).T
     count = unknowns.count
     term_unknowns = unknowns.blocks[unknowns.term_block]

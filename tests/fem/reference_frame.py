@@ -39,7 +39,8 @@ class ReferenceFrame:
         stiffness, rows = self.system()
         size = stiffness.shape[0]
         # unit diagonal: newtons against newton metres, soft against stiff
-        scale = 1 / np.sqrt(np.maximum(np.diag(stiffness), 1e-12 * np.diag(stiffness).max()))
+        diagonal = np.diag(stiffness)
+        scale = 1 / np.sqrt(np.maximum(diagonal, 1e-6 * diagonal.max() or 1.0))
         rows = independent(rows * scale)
         saddle = np.block([[scale[:, None] * stiffness * scale, rows.T], [rows, np.zeros((len(rows),) * 2)]])
         right = np.concatenate([scale * loads.reshape(-1), np.zeros(len(rows))])
@@ -53,7 +54,8 @@ class ReferenceFrame:
             return 1.0
         reduced = basis.T @ stiffness @ basis
         diagonal = np.diag(reduced)
-        scale = 1 / np.sqrt(np.where(diagonal > 1e-14 * diagonal.max(), diagonal, 1.0))
+        largest = np.diag(stiffness).max() or 1.0
+        scale = 1 / np.sqrt(np.where(diagonal > 1e-14 * largest, diagonal, largest))
         return float(linalg.eigvalsh(scale[:, None] * reduced * scale)[0])
 
     def system(self) -> tuple[Array, Array]:

@@ -59,7 +59,7 @@ def equilibrium(points: np.ndarray, pairs: list[tuple[int, int]]) -> tuple[np.nd
 def test_simple_space_trusses_by_the_method_of_joints(seed: int, more: int) -> None:
     points, pairs = random_truss(seed, more)
     A, lengths = equilibrium(points, pairs)
-    assume(np.linalg.cond(A) < 1e3)
+    assume(np.linalg.cond(A) < 100)
     rng = np.random.default_rng(seed + 1)
     load, EA = rng.normal(size=3 * more) * 1e3, rng.uniform(1e6, 1e8, len(pairs))
     tension = np.linalg.solve(A, load)
@@ -80,7 +80,7 @@ def test_rigid_struts_do_not_give_way(seed: int) -> None:
     """With some struts rigid, virtual work has their share left out; with all, nothing moves."""
     points, pairs = random_truss(seed, 3)
     A, lengths = equilibrium(points, pairs)
-    assume(np.linalg.cond(A) < 1e3)
+    assume(np.linalg.cond(A) < 100)
     rng = np.random.default_rng(seed + 1)
     load, EA = rng.normal(size=9) * 1e3, rng.uniform(1e6, 1e8, len(pairs))
     rigid = rng.random(len(pairs)) < 0.5
