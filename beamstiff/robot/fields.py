@@ -63,6 +63,8 @@ def _problems(error: ValidationError, model: type[BaseModel]) -> list[Problem]:
             problems += [((*path, *sub), message) for sub, message in inner.problems]
         elif isinstance(inner, BeamstiffError):
             problems.append((path, str(inner)))
+        elif item["type"] == "too_short" and len(item["input"]) >= item["ctx"]["min_length"]:
+            continue  # long enough, but for items with faults of their own
         elif item["type"] == "missing" and isinstance(path[-1], int):  # of a pair or a vector
             problems.append((path[:-1], f"found {shown(item['input'])}, expected more values in the list"))
         else:
