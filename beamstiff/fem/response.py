@@ -14,7 +14,7 @@ from beamstiff.fem.geometry import Geometry, place
 from beamstiff.fem.loads import gravity_wrenches
 from beamstiff.fem.mechanism import diagonal_scale, mechanism_error, unstable_pose
 from beamstiff.fem.structure import Structure
-from beamstiff.fem.unknowns import turning_nodes
+from beamstiff.fem.unknowns import joint_unknowns, turning_nodes
 from beamstiff.robot.kinematics import Posture
 from beamstiff.robot.parts import JOINT_DIRECTIONS
 from beamstiff.se3 import Array, displacement_transport, rotate_screw
@@ -57,8 +57,12 @@ class Response:
             name, direction = structure.unknowns.labels[spring]
             key = f"{name}.{JOINT_DIRECTIONS[direction]}"
             energy[key] = energy.get(key, 0.0) + self.spring_energy[:, at]
+        squares = self.joint_displacement[:, structure.chords] ** 2
         for at, chord in enumerate(structure.chords):
-            energy[robot.joints[chord].name] = self.element_energy[:, beams + at]
+            for direction in np.flatnonzero(structure.chord_values[at]):
+                key = f"{robot.joints[chord].name}.{JOINT_DIRECTIONS[direction]}"
+                part = 0.5 * structure.chord_values[at, direction] * squares[:, at, direction]
+                energy[key] = energy.get(key, 0.0) + part
         for at, strut in enumerate(structure.struts):
             energy[robot.struts[strut].name] = self.element_energy[:, beams + chords + at]
         total = np.sum(list(energy.values()), axis=0)
@@ -101,26 +105,37 @@ def respond(structure: Structure, posture: Posture, loads: Array, gravity: bool 
         When the structure is a mechanism, or a moment acts on a node that has no rotation.
     """
     geometry = place(structure, posture)
-    check_moments(structure, loads)
     total = loads + gravity_wrenches(structure, geometry) if gravity else loads
+    check_moments(structure, total)
     unknowns = solve_unknowns(structure, geometry, scatter(structure, geometry, total))
     displacement = gather(structure, geometry, unknowns)
     ends = structure.elements
     at_ends = displacement[:, ends]  # (P, E, 2, 6)
     forces = np.einsum("peijab,pejb->peia", element_blocks(structure, geometry), at_ends)
     energy = 0.5 * np.einsum("peia,peia->pe", forces, at_ends)
-    a, b = structure.joint_nodes.T
-    relative = displacement[:, b] - displacement[:, a]
-    turn = rotate_screw(geometry.joint_rotation).swapaxes(-1, -2)
     return Response(
         structure,
         geometry,
         displacement,
         _beam_forces(structure, geometry, forces[:, : len(structure.robot.beams)], gravity),
-        (turn @ relative[..., None])[..., 0],
+        _joint_displacement(structure, geometry, displacement, unknowns),
         energy,
         0.5 * structure.spring_values * unknowns[:, structure.springs] ** 2,
     )
+
+
+def _joint_displacement(
+    structure: Structure, geometry: Geometry, displacement: Array, unknowns: Array
+) -> Array:
+    """Return the relative displacement of all joints in their frames, (P, J, 6)."""
+    a, b = structure.joint_nodes.T
+    relative = displacement[:, b] - displacement[:, a]
+    local: Array = (rotate_screw(geometry.joint_rotation).swapaxes(-1, -2) @ relative[..., None])[..., 0]
+    # on the tree it is among the unknowns: the difference of two large displacements would lose digits
+    local[:, structure.unknowns.tree_joints] = 0.0
+    for (joint, direction), number in joint_unknowns(structure.unknowns).items():
+        local[:, joint, direction] = unknowns[:, number]
+    return local
 
 
 def solve_unknowns(structure: Structure, geometry: Geometry, force: Array) -> Array:
