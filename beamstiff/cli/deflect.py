@@ -58,14 +58,16 @@ def deflect(
     description = load_robot(robot)
     loads = read_measurements(data, description, require_measured=False)
     check_outputs([robot_file(robot), data], json, out=out)
-    for doubt in doubts(loads, description):
-        say(f"note: {doubt}", quiet)
     with working(f"deflecting {len(loads)} rows", quiet):
+        notes = doubts(loads, description)
         predicted = predict_displacements(description, loads)
+        gap = gap_text(loads, predicted)
 
+    for note in notes:
+        say(f"note: {note}", quiet)
     console = people(quiet, json)
     console.print(_table(description, loads, predicted))
-    console.print(gap_text(loads, predicted))
+    console.print(gap)
     if out is not None:
         write_whole(out, _csv(description, loads, predicted))
     write_json({"displacement": predicted.tolist()}, json)

@@ -62,6 +62,9 @@ def _explain(error: Exception, debug: bool) -> int:
     if hasattr(error, "format_message"):  # typer's own: what was typed is no valid command
         say(f"error: {_usage(error)}")
         return REFUSED
+    if isinstance(error, MemoryError):
+        say("error: not enough memory for a robot or table of this size")
+        return FAILURE
     what = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
     more = "" if debug else "; --debug shows where it happened"
     say(
@@ -73,4 +76,4 @@ def _explain(error: Exception, debug: bool) -> int:
 def _usage(error: Any) -> str:
     context = getattr(error, "ctx", None)
     command = context.command_path if context is not None else "beamstiff"
-    return f"{error.format_message().rstrip('. ')}; see {command} --help"
+    return f"{error.format_message().rstrip('. ')} (see {command} --help)"

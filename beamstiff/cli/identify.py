@@ -72,11 +72,12 @@ def identify(
         from beamstiff.report.figures import check_format
 
         check_format(figure)
-    for doubt in doubts(measured, description):
-        say(f"note: {doubt}", quiet)
     with working(f"identifying from {len(measured)} rows", quiet):
+        notes = doubts(measured, description)
         found = fit(description, measured, names)
 
+    for note in notes:
+        say(f"note: {note}", quiet)
     console = people(quiet, json)
     console.print(identification_table(found, description, f"{description.name}: identified stiffness"))
     console.print(identification_text(found, measured))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -35,13 +35,27 @@ def say(message: str, quiet: bool = False) -> None:
 
 @contextmanager
 def working(what: str, quiet: bool) -> Iterator[None]:
-    """Show on stderr that long work goes on, if it is a terminal."""
+    """Show on stderr that long work goes on, if it is a terminal; numbers that overflow are bad input.
+
+    Raises
+    ------
+    BeamstiffError
+        When a number grows beyond what a computer's numbers hold.
+    """
+    import numpy as np
+
     console = _console(quiet=quiet, stderr=True)
-    if not console.is_terminal:
-        yield
-        return
-    with console.status(f"{what} ..."):
-        yield
+    try:
+        with (
+            console.status(f"{what} ...") if console.is_terminal else nullcontext(),
+            np.errstate(over="raise"),
+        ):
+            yield
+    except FloatingPointError as error:
+        raise BeamstiffError(
+            f"{what}: numbers out of range ({error}), expected lengths, loads and stiffness of a real machine; "
+            "check their units"
+        ) from None
 
 
 def check_outputs(inputs: Iterable[str | Path], json_to: str | None, **files: str | None) -> None:

@@ -238,3 +238,18 @@ def test_a_robot_that_lists_nothing_to_identify_is_refused_with_a_hint(run: Run,
     line = refused(run, folder, "identify", "plain.yaml", "crane.csv")
     assert "identify" in line
     assert "J1.torsional" in line
+
+
+@pytest.mark.parametrize("command", ["stiffness", "show"])
+@pytest.mark.parametrize("length", ["1e160", "1e300"])
+def test_numbers_that_overflow_are_refused(run: Run, folder: Path, command: str, length: str) -> None:
+    (folder / "huge.yaml").write_text((folder / "crane.yaml").read_text().replace('"1 m"', length))
+    assert "numbers out of range" in refused(run, folder, command, "huge.yaml", "--json", "a.json")
+
+
+@pytest.mark.parametrize("command", ["deflect", "identify"])
+def test_loads_and_displacements_that_overflow_are_refused(run: Run, folder: Path, command: str) -> None:
+    (folder / "huge.csv").write_text("q1,fy,dy\n0,1e308,1e300\n0,1,1e300\n1,1e3,1\n")
+    assert "numbers out of range" in refused(
+        run, folder, command, "crane.yaml", "huge.csv", "--json", "a.json"
+    )
