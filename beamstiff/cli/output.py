@@ -53,8 +53,8 @@ def working(what: str, quiet: bool) -> Iterator[None]:
             yield
     except FloatingPointError as error:
         raise BeamstiffError(
-            f"{what}: numbers out of range ({error}), expected lengths, loads and stiffness of a real machine; "
-            "check their units"
+            f"{what}: numbers out of range ({error}), expected lengths, loads and stiffness of a real "
+            "machine; check their units"
         ) from None
 
 
