@@ -1,0 +1,157 @@
+"""Poses to look at: grids over two joint variables, and random ones within the limits, loops closed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from beamstiff.errors import BeamstiffError, listed, suggest
+from beamstiff.robot.closure import close_loops
+from beamstiff.robot.description import Robot
+from beamstiff.robot.kinematics import Kinematics, Posture, actuated_values, posture_at
+from beamstiff.se3 import Array
+
+Mask = NDArray[np.bool_]
+
+ROUNDS = 50  # of drawing random poses, before too few of them are said to close
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Poses over two actuated variables, the others held; n values of the first, m of the second.
+
+    Attributes
+    ----------
+    names : (str, str)
+    first, second : (n,), (m,) arrays, rad or m
+        Growing values.
+    q : (n * m, A) array, rad or m
+        The second variable runs fastest.
+    turns : (bool, bool)
+        Whether each variable is an angle.
+    """
+
+    names: tuple[str, str]
+    first: Array
+    second: Array
+    q: Array
+    turns: tuple[bool, bool]
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """The shape (n, m) of what is shown over the grid."""
+        return self.first.size, self.second.size
+
+
+def joint_grid(robot: Robot, over: Mapping[str, ArrayLike], held: Mapping[str, float] | None = None) -> Grid:
+    """Return the poses of a grid over two actuated variables.
+
+    Parameters
+    ----------
+    robot : Robot
+    over : mapping of two names to values, rad or m
+        In growing order, at least two.
+    held : mapping of str to float, rad or m
+        The other variables; those not named are 0.
+
+    Raises
+    ------
+    BeamstiffError
+        When these are not two actuated variables, a name is unknown or values do not grow.
+
+    Examples
+    --------
+    >>> from beamstiff.robot.reader import load_robot
+    >>> grid = joint_grid(load_robot("kr240-2"), {"q2": [0, 1, 2], "q3": [-1, 0]}, {"q5": 0.8})
+    >>> grid.shape, grid.q[1]
+    ((3, 2), array([0. , 0. , 0. , 0. , 0.8, 0. ]))
+    """
+    names, held = list(over), dict(held or {})
+    if len(names) != 2:
+        raise BeamstiffError(f"a map needs two joint variables, found {listed(names) or 'none'}")
+    if twice := [name for name in names if name in held]:
+        raise BeamstiffError(f"{twice[0]} is on an axis of the map and held: expected one of the two")
+    axes = []
+    for name in names:
+        axis = np.asarray(over[name], dtype=np.float64)
+        if axis.ndim != 1 or axis.size < 2 or not (np.diff(axis) > 0).all():
+            raise BeamstiffError(f"{name}: expected at least two growing values, found {axis.tolist()!s:.60}")
+        axes.append(axis)
+    first, second = (values.reshape(-1) for values in np.meshgrid(*axes, indexing="ij"))
+    q = actuated_values(robot, {**held, names[0]: first, names[1]: second})
+    kinds = {variable.name: variable.kind for variable in robot.actuated}
+    turns = (kinds[names[0]] == "angle", kinds[names[1]] == "angle")
+    return Grid((names[0], names[1]), axes[0], axes[1], q, turns)
+
+
+def closed_posture(kinematics: Kinematics, q: Array) -> tuple[Posture, Mask]:
+    """Return the machine at those of the poses (P, A) whose loops close, and which these are (P,)."""
+    values, closed, _ = close_loops(kinematics, q, strict=False)
+    return posture_at(kinematics, values[closed]), closed
+
+
+def spread(closed: Mask, values: Array) -> Array:
+    """Return values of the closed poses at their places among all, NaN elsewhere."""
+    result = np.full((closed.size, *values.shape[1:]), np.nan)
+    result[closed] = values
+    return result
+
+
+def joint_ranges(robot: Robot) -> tuple[Array, Array]:
+    """Return lower and upper ends (A,) of the actuated variables: their limits, else a full turn.
+
+    Raises
+    ------
+    BeamstiffError
+        When a prismatic variable has no limits.
+    """
+    ends = []
+    for variable in robot.actuated:
+        if variable.limits is None and variable.kind == "length":
+            raise BeamstiffError(
+                f"variable {variable.name!r} of robot {robot.name!r} is a length without limits: give it "
+                "limits, to know which poses there are"
+            )
+        ends.append(variable.limits or (-np.pi, np.pi))
+    lower, upper = np.array(ends, dtype=np.float64).reshape(-1, 2).T
+    return lower, upper
+
+
+def random_poses(kinematics: Kinematics, count: int, random: np.random.Generator) -> Array:
+    """Return poses (count, A) drawn evenly within the joint limits, those whose loops close.
+
+    Raises
+    ------
+    BeamstiffError
+        When hardly any pose within the limits closes its loops.
+    """
+    lower, upper = joint_ranges(kinematics.robot)
+    found = np.zeros((0, lower.size))
+    for _ in range(ROUNDS):
+        drawn = random.uniform(lower, upper, (max(2 * (count - len(found)), 16), lower.size))
+        found = np.concatenate([found, drawn[close_loops(kinematics, drawn, strict=False).closed]])
+        if len(found) >= count:
+            return found[:count]
+    raise BeamstiffError(
+        f"robot {kinematics.robot.name!r}: only {len(found)} of {count} poses found whose loops close within "
+        "the limits of the joints; check the limits, or the guess of the passive variables"
+    )
+
+
+def check_node(kinematics: Kinematics, node: str | None) -> str:
+    """Return the node's name, that of the TCP where none is given.
+
+    Raises
+    ------
+    BeamstiffError
+        When there is no such node.
+    """
+    name = kinematics.robot.tcp if node is None else node
+    if name not in kinematics.node_index:
+        raise BeamstiffError(
+            f"robot {kinematics.robot.name!r} has no node {name!r}{suggest(name, kinematics.node_names)}"
+        )
+    return name
