@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,12 +11,13 @@ from contourpy import contour_generator
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.plan.dexterity import DexterityMap, normalised_jacobian
-from beamstiff.plan.poses import Grid, Mask, check_node
+from beamstiff.plan.poses import Grid, check_node
 from beamstiff.robot.kinematics import Kinematics, posture
 from beamstiff.se3 import Array
 
 NO_PART = 0.02  # of the largest share: a joint that takes less part in a singular motion is left out
 SHORTEST = 3  # points of a line
+NEWTON = 4  # steps
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +27,7 @@ class SingularLine:
     Attributes
     ----------
     points : (p, 2) array, rad or m
-        Values of the grid's two variables, interpolated between its points.
+        Values of the grid's two variables.
     joints : tuple of str
         Variables that can move together and leave the tool where it is: for a 6R robot with a spherical
         wrist, q1 and wrist axes where the wrist's centre lies on axis 1, q2, q3 and wrist axes where the arm
@@ -61,28 +64,44 @@ def singular_lines(
     # masked where loops do not close
     field = np.ma.masked_invalid(dexterity.determinant.T)
     name, found = check_node(kinematics, node), []
+
+    def jacobian(points: Array) -> Array:
+        return _jacobian(kinematics, grid, points, dexterity.length, name)
+
     for line in contour_generator(grid.first, grid.second, field).lines(0.0):
-        points = np.asarray(line, dtype=np.float64)
-        in_play = _in_play(kinematics, grid, points, dexterity.length, name)
+        points = _refined(np.asarray(line, dtype=np.float64), jacobian, grid)
+        motion = np.abs(np.linalg.svd(jacobian(points))[2][:, -1])
+        in_play = motion > NO_PART * motion.max(axis=1, keepdims=True)
         # where two lines cross, a contour may turn from one into the other
-        turns = 1 + np.flatnonzero((np.diff(in_play.astype(np.int8), axis=0) != 0).any(axis=1))
+        turns = 1 + np.flatnonzero((in_play[1:] != in_play[:-1]).any(axis=1))
         for part in np.split(np.arange(len(points)), turns):
             if len(part) >= SHORTEST:
-                found.append(SingularLine(points[part], tuple(_names(kinematics)[in_play[part[0]]].tolist())))
+                joints = tuple(itertools.compress(_names(kinematics), in_play[part[0]].tolist()))
+                found.append(SingularLine(points[part], joints))
     return found
 
 
-def _in_play(kinematics: Kinematics, grid: Grid, points: Array, length: float, node: str) -> Mask:
-    """Return which variables take part in the motion that the Jacobian loses at each point, (p, A)."""
-    names = _names(kinematics).tolist()
+def _jacobian(kinematics: Kinematics, grid: Grid, points: Array, length: float, node: str) -> Array:
+    """Return the normalised Jacobian (p, 6, 6) at points of the map between those of the grid."""
     q = np.repeat(grid.q[:1], len(points), axis=0)
     for axis, name in enumerate(grid.names):
-        q[:, names.index(name)] = points[:, axis]
-    jacobian = normalised_jacobian(kinematics, posture(kinematics, q), length, node)
-    motion = np.abs(np.linalg.svd(jacobian)[2][:, -1])
-    part: Mask = motion > NO_PART * motion.max(axis=1, keepdims=True)
-    return part
+        q[:, _names(kinematics).index(name)] = points[:, axis]
+    return normalised_jacobian(kinematics, posture(kinematics, q), length, node)
 
 
-def _names(kinematics: Kinematics) -> np.ndarray:
-    return np.array([variable.name for variable in kinematics.robot.actuated])
+def _refined(points: Array, jacobian: Callable[[Array], Array], grid: Grid) -> Array:
+    """Return points of a contour, straight between grid lines, moved onto the line by Newton's method."""
+    step = 1e-6 * np.eye(2)
+    cell = np.array([np.diff(grid.first).max(), np.diff(grid.second).max()])
+    for _ in range(NEWTON):
+        around = [np.linalg.det(jacobian(points + shift)) for shift in (0 * step[0], *step, *-step)]
+        gradient = np.stack([around[1] - around[3], around[2] - around[4]], axis=1) / 2e-6
+        steepness = (gradient**2).sum(axis=1, keepdims=True)
+        move = -around[0][:, None] * gradient / np.where(steepness > 0.0, steepness, 1.0)
+        # where lines cross the determinant is flat, and a step would leave the neighbourhood
+        points = points + np.where((np.abs(move) < cell).all(axis=1, keepdims=True), move, 0.0)
+    return points
+
+
+def _names(kinematics: Kinematics) -> list[str]:
+    return [variable.name for variable in kinematics.robot.actuated]
