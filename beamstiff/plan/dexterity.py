@@ -66,11 +66,12 @@ def inverse_condition(matrix: Array) -> Array:
     np.float64(0.8165)
     """
     values = np.linalg.svd(matrix, compute_uv=False)
-    largest = values.max(axis=-1, keepdims=True)
-    relative = values / np.where(largest > 0.0, largest, 1.0)
-    with np.errstate(divide="ignore"):  # a singular matrix has an infinite condition number
-        inverse = 1 / np.sqrt((1 / relative**2).sum(-1))
-    result: Array = values.shape[-1] * inverse / np.sqrt(np.maximum((relative**2).sum(-1), 1.0))
+    largest, smallest = values[..., :1], values[..., -1:]
+    # both sums relative to their largest term: no overflow, and 0 for a singular matrix
+    ahead = np.divide(values, largest, out=np.ones_like(values), where=largest > 0.0)
+    behind = np.divide(smallest, values, out=np.ones_like(values), where=values > 0.0)
+    ratio = np.divide(smallest, largest, out=np.zeros_like(largest), where=largest > 0.0)[..., 0]
+    result: Array = values.shape[-1] * ratio / np.sqrt((ahead**2).sum(-1) * (behind**2).sum(-1))
     return result
 
 
