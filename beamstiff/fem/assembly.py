@@ -8,7 +8,7 @@ from scipy import sparse
 from beamstiff.fem.beam import beam_stiffness
 from beamstiff.fem.geometry import Geometry, strut_directions
 from beamstiff.fem.structure import Structure
-from beamstiff.se3 import Array, rotate_screw
+from beamstiff.se3 import Array, displacement_transport, rotate_screw
 
 
 def element_blocks(structure: Structure, geometry: Geometry) -> Array:
@@ -108,6 +108,34 @@ def sparse_stiffness(structure: Structure, geometry: Geometry) -> sparse.csc_arr
     pointers = np.searchsorted(pattern.columns, np.arange(count + 1))
     entries = stiffness_entries(structure, geometry)[0]
     return sparse.csc_array((entries, pattern.rows, pointers), shape=(count, count))
+
+
+def element_forces(structure: Structure, geometry: Geometry, displacement: Array) -> tuple[Array, Array]:
+    """Return the wrenches on the ends of all elements and their strain energy.
+
+    Only the deformation counts, second end against the first carried along: what moves an element as a whole
+    leaves no rounding errors of its stiffness behind.
+
+    Parameters
+    ----------
+    displacement : (P, N, 6) array
+        ``[d, r]`` of all nodes, base frame.
+
+    Returns
+    -------
+    forces : (P, E, 2, 6) array, N and N m, base frame
+    energy : (P, E) array, J
+    """
+    first, second = structure.elements.T
+    positions = geometry.posture.node_positions
+    arm = positions[:, second] - positions[:, first]
+    beams = len(structure.robot.beams)
+    arm[:, beams:] = 0.0  # joints have none, and struts no stiffness against rotation
+    carried = (displacement_transport(arm) @ displacement[:, first, :, None])[..., 0]
+    deformation = displacement[:, second] - carried
+    blocks = element_blocks(structure, geometry)[:, :, :, 1]
+    forces: Array = (blocks @ deformation[:, :, None, :, None])[..., 0]
+    return forces, 0.5 * np.einsum("pea,pea->pe", deformation, forces[:, :, 1])
 
 
 def gather(structure: Structure, geometry: Geometry, unknowns: Array) -> Array:

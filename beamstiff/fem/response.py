@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamstiff.errors import BeamstiffError, suggest
-from beamstiff.fem.assembly import assemble, element_blocks, gather, scatter
+from beamstiff.fem.assembly import assemble, element_forces, gather, scatter
 from beamstiff.fem.beam import uniform_load
 from beamstiff.fem.constraints import constraint_rows, has_constraints, null_space
 from beamstiff.fem.geometry import Geometry, place
@@ -109,10 +109,7 @@ def respond(structure: Structure, posture: Posture, loads: Array, gravity: bool 
     check_moments(structure, total)
     unknowns = solve_unknowns(structure, geometry, scatter(structure, geometry, total))
     displacement = gather(structure, geometry, unknowns)
-    ends = structure.elements
-    at_ends = displacement[:, ends]  # (P, E, 2, 6)
-    forces = np.einsum("peijab,pejb->peia", element_blocks(structure, geometry), at_ends)
-    energy = 0.5 * np.einsum("peia,peia->pe", forces, at_ends)
+    forces, energy = element_forces(structure, geometry, displacement)
     return Response(
         structure,
         geometry,
@@ -248,9 +245,7 @@ def transmitted_wrenches(response: Response, loads: Array) -> Array:
             f"robot {structure.robot.name!r}: rigid parts close a loop, so that equilibrium alone does not "
             "give the forces of its joints"
         )
-    forces = np.einsum(
-        "peijab,pejb->peia", element_blocks(structure, geometry), response.displacement[:, structure.elements]
-    )
+    forces, _ = element_forces(structure, geometry, response.displacement)
     rest = loads.copy()
     for end in (0, 1):
         np.subtract.at(rest.swapaxes(0, 1), structure.elements[:, end], forces[:, :, end].swapaxes(0, 1))
