@@ -36,13 +36,12 @@ from beamstiff.robot.writer import robot_to_yaml, save_robot
 finite = st.floats(-1e300, 1e300)
 positive = st.floats(1e-300, 1e300)
 ordinary = st.floats(1e-3, 1e3)
-HOSTILE = (
-    r"""
-7 1.5 1e5 1e-05 0x1F 010 1_000 .5 - + . ... --- 1:30 2026-01-31 true True null ~ yes no on off y N nan .nan .inf
-inf << = a: :a #a [a] {a} , &a *a !a !!str | > ' " \ it's %a @a `a % é 日本 Ω rigid C:\x41
-""".split()
-    + ["a: b", "a #b", "- a", "? a", "a, b", "| a", 'say "so"', "a  b", "base x"]
-)
+# words that some YAML reader takes for something else
+WORDS = r"""
+7 1.5 1e5 1e-05 0x1F 010 1_000 .5 - + . ... --- 1:30 2026-01-31 true True null ~ yes no on off y N
+nan .nan .inf inf << = a: :a #a [a] {a} , &a *a !a !!str | > ' " \ it's %a @a `a % é 日本 Ω rigid C:\x41
+"""
+HOSTILE = [*WORDS.split(), "a: b", "a #b", "- a", "? a", "a, b", "| a", 'say "so"', "a  b", "base x"]
 names = st.sampled_from(HOSTILE) | st.text(min_size=1, max_size=20).filter(
     lambda text: text.isprintable() and text == text.strip()
 )
