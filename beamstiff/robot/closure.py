@@ -207,8 +207,9 @@ def _check_determined(system: LoopSystem, start: Array) -> None:
         names = system.kinematics.coupling.free[system.actuated :]
         loose = [name for name, share in zip(names, motion, strict=True) if share > 1e-6]
         raise BeamstiffError(
-            f"robot {system.kinematics.robot.name!r}: the passive variables {listed(loose)} are not determined "
-            f"by its loops {listed(loop.name for loop in system.kinematics.loops)}: constrain more or lock some"
+            f"robot {system.kinematics.robot.name!r}: the passive variables {listed(loose)} are not "
+            f"determined by its loops {listed(loop.name for loop in system.kinematics.loops)}: "
+            "constrain more or lock some"
         )
 
 

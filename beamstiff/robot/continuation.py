@@ -119,6 +119,7 @@ def continuation(
     active = np.arange(len(free))
     while active.size:
         share = np.minimum(stride[active], 1.0 - done[active])
+        arriving = done[active] + share > 1.0 - 1e-12
         trial = free[active]
         change = (share[:, None] * way[active]) / system.scale[:first]
         to_passive = jacobian[active][:, :, first:]
@@ -126,7 +127,7 @@ def continuation(
         step = least_squares(to_passive, -moved)
         step /= np.maximum(1.0, np.abs(step).max(axis=1, initial=0.0))[:, None]
         trial[:, :first] = np.where(
-            (done[active] + share >= 1.0)[:, None],
+            arriving[:, None],
             target[active],
             start[active] + (done[active] + share)[:, None] * way[active],
         )
@@ -138,7 +139,7 @@ def continuation(
         fine &= assembly.same_branch(trial_jacobian[:, :, first:], to_passive)
         taken = active[fine]
         free[taken], gaps[taken], jacobian[taken] = trial[fine], trial_gaps[fine], trial_jacobian[fine]
-        done[taken] += share[fine]
+        done[taken] = np.where(arriving, 1.0, done[active] + share)[fine]
         stride[active] = np.where(fine, 2.0 * share, 0.5 * share)
         active = active[(done[active] < 1.0) & (stride[active] > SMALLEST_STRIDE)]
     arrived = done >= 1.0

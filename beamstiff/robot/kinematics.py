@@ -207,7 +207,7 @@ def twist_jacobian(kinematics: Kinematics, posture: Posture, node: str) -> Array
     BeamstiffError
         When there is no such node, or a loop leaves passive variables undetermined at a pose.
     """
-    at = _node(kinematics, node)
+    at = node_at(kinematics, node)
     chain = chain_to(kinematics, int(kinematics.node_frame[at]))
     screws = screws_of(kinematics, posture.values, posture.transforms, chain)
     point = posture.node_positions[:, at].T
@@ -222,13 +222,14 @@ def twist_jacobian(kinematics: Kinematics, posture: Posture, node: str) -> Array
 
 def pose_of(kinematics: Kinematics, posture: Posture, node: str) -> Array:
     """Return the transforms (P, 4, 4) base <- node: orientation of the node's frame, position of the node."""
-    at = _node(kinematics, node)
+    at = node_at(kinematics, node)
     transforms = posture.transforms[:, kinematics.node_frame[at]].copy()
     transforms[:, :3, 3] = posture.node_positions[:, at]
     return transforms
 
 
-def _node(kinematics: Kinematics, name: str) -> int:
+def node_at(kinematics: Kinematics, name: str) -> int:
+    """Return the number of a node, by its name."""
     if name not in kinematics.node_index:
         raise BeamstiffError(
             f"robot {kinematics.robot.name!r} has no node {name!r}{suggest(name, kinematics.node_names)}"

@@ -70,6 +70,8 @@ def _frames_between(kinematics: Kinematics) -> tuple[int, ...]:
     ways = [
         chain_to(kinematics, frame) for loop in kinematics.loops for frame in (loop.frame_a, loop.frame_b)
     ]
+    if not ways:
+        return (0,)
     shared = 0
     while all(len(way) > shared + 1 and way[shared + 1] == ways[0][shared + 1] for way in ways):
         shared += 1
@@ -125,7 +127,7 @@ def equations_at(
             angle = vector_from_rotation(turn.transpose(2, 1, 0))
             turning = np.moveaxis(_into(a, relative[3:]), -1, 0)
             gap = np.concatenate([gap, angle.T])
-            rate = np.concatenate([rate, np.moveaxis(_rotation_vector_rate(angle) @ turning, 0, -1)])
+            rate = np.concatenate([rate, np.moveaxis(rotation_vector_rate(angle) @ turning, 0, -1)])
         gaps[part], jacobian[part] = gap[: ROWS[loop.constrain]], rate[: ROWS[loop.constrain]]
     return np.ascontiguousarray(gaps.T), np.ascontiguousarray(np.moveaxis(jacobian, -1, 0))
 
@@ -136,7 +138,7 @@ def _into(body: Body, vectors: Array) -> Array:
     return np.array([(x * vectors).sum(axis=0), (y * vectors).sum(axis=0), (z * vectors).sum(axis=0)])
 
 
-def _rotation_vector_rate(vector: Array) -> Array:
+def rotation_vector_rate(vector: Array) -> Array:
     """Return G with ``d(vector)/dt = G w`` for a rotation vector (..., 3) turning at w, fixed frame.
 
     The inverse left Jacobian of SO(3): ``1 - S/2 + (1/t^2 - cot(t/2)/(2t)) S^2`` (Chirikjian 2012, 10.86).
