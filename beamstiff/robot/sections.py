@@ -2,9 +2,9 @@
 
 Sources: second moments, and torsion of circles and tubes, are elementary. Torsion of the rectangle:
 Timoshenko and Goodier, Theory of Elasticity, 3rd ed., art. 109 (the series, exact); of the box: Bredt and the
-wall's own torsion, EN 10210-2 with sharp corners (some 5 % low at worst); of the I: a sum of strips (Roark
-table 10.7). Shear areas with Poisson's ratio 0: circle 6/7 A, tube, rectangle 5/6 A (Cowper, J. Appl. Mech.
-33 (1966) 335); box and I: the walls along the force alone.
+wall's own torsion, EN 10210-2 with sharp corners (some 6 % low at worst); of the I: its three rectangles
+apart (a lower bound). Shear areas with Poisson's ratio 0: circle 6/7 A, tube, rectangle 5/6 A (Cowper,
+J. Appl. Mech. 33 (1966) 335); box and I: the walls along the force alone.
 """
 
 from __future__ import annotations
@@ -193,7 +193,8 @@ def _i_shape(width: float, height: float, web: float, flange: float) -> SectionP
         2 * width * flange + inner * web,
         (width * height**3 - (width - web) * inner**3) / 12,
         (2 * flange * width**3 + inner * web**3) / 12,
-        (2 * width * flange**3 + (height - flange) * web**3) / 3,
+        # not sums of b t^3 / 3: with thick walls those exceed the polar moment
+        2 * _torsion_of_rectangle(width, flange) + _torsion_of_rectangle(inner, web),
         2 * width * flange * 5 / 6,
         height * web,
     )
