@@ -65,7 +65,7 @@ def inverse_geometry(
     start: ArrayLike | None = None,
     seed: int = 0,
     tolerance: float = 1e-9,
-    restarts: int = 12,
+    restarts: int = 40,
 ) -> InverseResult:
     """Return actuated values that bring a node to the targets, within the limits of the actuated variables.
 
@@ -136,11 +136,14 @@ def inverse_geometry(
         todo = np.flatnonzero(~result.reached)
         if not todo.size or not actuated:
             break
-        found, found_cost = _approach(
-            task, todo, first[todo] if attempt == 0 else pool[order[todo, attempt]], tolerance
-        )
+        begin = first[todo] if attempt == 0 else pool[order[todo, attempt]]
+        found, found_cost = _approach(task, todo, begin, tolerance, patient=False)
         better = found_cost < cost[todo]
         best[todo[better]], cost[todo[better]] = found[better], found_cost[better]
+        result = _result(task, best[:, :actuated], tolerance)
+    todo = np.flatnonzero(~result.reached)
+    if todo.size and actuated:  # out of reach: as close as it gets
+        best[todo], _ = _approach(task, todo, best[todo], tolerance, patient=True)
         result = _result(task, best[:, :actuated], tolerance)
     return result
 
@@ -221,8 +224,13 @@ def _result(task: _Task, q: Array, tolerance: float) -> InverseResult:
     return InverseResult(q, reached, position_error, rotation_error)
 
 
-def _approach(task: _Task, which: NDArray[np.intp], start: Array, tolerance: float) -> tuple[Array, Array]:
-    """Levenberg-Marquardt from closed postures (K, A + Q): the closest ones and their squared errors."""
+def _approach(
+    task: _Task, which: NDArray[np.intp], start: Array, tolerance: float, patient: bool
+) -> tuple[Array, Array]:
+    """Levenberg-Marquardt from closed postures (K, A + Q): the closest ones and their squared errors.
+
+    Unless `patient`, what comes closer but slowly is given up: another start will do better.
+    """
     system, actuated = task.system, len(task.lower)
     scale, free = system.scale, start.copy()
     error, jacobian, rates, _ = _errors(task, which, free)
@@ -230,7 +238,8 @@ def _approach(task: _Task, which: NDArray[np.intp], start: Array, tolerance: flo
     damping = np.full(len(free), 1e-2)
     enough = (1e-3 * min(tolerance, tolerance / task.kinematics.size)) ** 2
     active = np.flatnonzero(cost > enough)
-    for _ in range(ITERATIONS):
+    earlier = cost.copy()
+    for iteration in range(ITERATIONS):
         if not active.size:
             break
         q = free[active, :actuated]
@@ -259,7 +268,11 @@ def _approach(task: _Task, which: NDArray[np.intp], start: Array, tolerance: flo
         jacobian[taken], rates[taken] = new_jacobian[fine], new_rates[fine]
         damping[active] = np.where(fine, np.maximum(0.2 * damping[active], 1e-9), 8.0 * damping[active])
         at_rest = np.abs(moved).max(axis=1) < 1e-14
-        active = active[(cost[active] > enough) & (damping[active] < 1e12) & ~at_rest]
+        going = (cost[active] > enough) & (damping[active] < 1e12) & ~at_rest
+        if not patient and iteration % 6 == 5:
+            going &= cost[active] < 0.7 * earlier[active]
+            earlier[active] = cost[active]
+        active = active[going]
     return free, cost
 
 
