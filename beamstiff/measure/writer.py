@@ -82,7 +82,7 @@ def _columns(measurements: Measurements, robot: Robot) -> Iterator[tuple[str, li
     names, measured = MEASURED[measurements.kind], measurements.measured
     present: NDArray[np.bool_] = np.asarray(measurements.measured_mask.any(axis=0))
     if not present.any():
-        present[:3] = True
+        present[:3], present[3:] = True, measurements.sigma_rotation is not None
     table = [measurements.sigma_position] * 3 + [measurements.sigma_rotation] * 3
     for at in np.flatnonzero(present):
         yield _quantity(names[at], measured[:, at])
