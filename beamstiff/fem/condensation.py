@@ -5,37 +5,63 @@ With the ports' displacements e and the wrench w on the observed nodes, all else
 
     (S + diag k) e = B w + g          u = B^T e + C_clamped w + d_clamped
 
-so that the compliance at the observed nodes is ``C(k) = C_clamped + B^T (S + diag k)^-1 B``. Without ports it is
-``C_clamped``.
+so that the compliance at the observed nodes is ``C(k) = C_clamped + B^T (S + diag k)^-1 B``. Without ports it
+is ``C_clamped``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
-from beamstiff.errors import BeamstiffError
-from beamstiff.fem.assembly import dense_stiffness, node_map, scatter
-from beamstiff.fem.constraints import constraint_rows, has_constraints, imposed, joint_rows, null_space, strut_row
+from beamstiff.errors import BeamstiffError, suggest
+from beamstiff.fem.assembly import assemble, node_map, scatter
+from beamstiff.fem.constraints import (
+    beam_rows,
+    constraint_rows,
+    has_constraints,
+    imposed,
+    joint_rows,
+    null_space,
+    ranks,
+    strut_row,
+    unknown_sizes,
+)
 from beamstiff.fem.geometry import Geometry, place
 from beamstiff.fem.loads import gravity_wrenches
 from beamstiff.fem.mechanism import diagonal_scale, mechanism_error, unstable_pose
 from beamstiff.fem.structure import Structure
+from beamstiff.fem.unknowns import joint_unknowns
 from beamstiff.robot.kinematics import Posture
 from beamstiff.se3 import Array
 
+ROUNDING = 1e-11  # of the stiffness that meets at a port
 CHUNK = 512  # poses at a time: the matrices of a chunk stay in the processor's cache
 
 
 @dataclass(frozen=True)
 class Port:
-    """A direction whose stiffness is left open: `direction` 0..5 of a joint, or a strut (direction -1)."""
+    """A direction whose stiffness is left open.
+
+    Attributes
+    ----------
+    name : str
+        Of the stiffness parameter it belongs to.
+    kind : "joint", "strut" or "beam"
+    index : int
+        Of the joint, strut or beam in the robot.
+    direction : int
+        0..5: of the joint's frame, or of the beam's local axes (second end against the first carried along).
+    """
 
     name: str
+    kind: Literal["joint", "strut", "beam"]
     index: int
-    direction: int
+    direction: int = 0
 
 
 @dataclass(frozen=True)
@@ -62,7 +88,11 @@ class Condensed:
 
 
 def condense(
-    structure: Structure, posture: Posture, observed: Sequence[str], ports: Sequence[Port] = (), chunk: int = CHUNK
+    structure: Structure,
+    posture: Posture,
+    observed: Sequence[str],
+    ports: Sequence[Port] = (),
+    chunk: int = CHUNK,
 ) -> Condensed:
     """Condense a structure to its ports and observed nodes at every pose.
 
@@ -75,65 +105,92 @@ def condense(
         Names of nodes; six components each, in this order.
     ports : sequence of Port
         Directions whose stiffness is left open (their present values are not used).
+    chunk : int
+        How many poses at a time.
 
     Raises
     ------
     BeamstiffError
-        When the structure, with its ports held, is a mechanism at a pose; the motion is named.
+        When the structure, with its ports held, is a mechanism at a pose; the motion is named. When there is
+        no such node, or a port cannot move.
     """
+    index = structure.kinematics.node_index
+    for name in observed:
+        if name not in index:
+            raise BeamstiffError(f"robot {structure.robot.name!r} has no node {name!r}{suggest(name, index)}")
     open_structure = without_ports(structure, ports)
     poses = posture.values.shape[0]
+    if poses == 0:
+        raise BeamstiffError("no poses: expected at least one")
     parts = []
     for start in range(0, poses, chunk):
-        some = Posture(
-            posture.values[start : start + chunk],
-            posture.transforms[start : start + chunk],
-            posture.node_positions[start : start + chunk],
-        )
-        parts.append(_condense_chunk(open_structure, place(open_structure, some), observed, ports))
-    if not parts:
-        raise BeamstiffError("no poses: expected at least one")
-    return Condensed(*(np.concatenate([getattr(part, name) for part in parts]) for name in Condensed.__dataclass_fields__))
+        some = slice(start, start + chunk)
+        part = Posture(posture.values[some], posture.transforms[some], posture.node_positions[some])
+        parts.append(_condense_chunk(open_structure, place(open_structure, part, start), observed, ports))
+    return _joined(parts, np.arange(poses))
+
+
+def _joined(parts: Sequence[Condensed], number: NDArray[np.int64]) -> Condensed:
+    """Return one of many, with the poses in the order of their numbers."""
+    order = np.argsort(number)
+    names = [item.name for item in fields(Condensed)]
+    return Condensed(*(np.concatenate([getattr(part, name) for part in parts])[order] for name in names))
 
 
 def without_ports(structure: Structure, ports: Sequence[Port]) -> Structure:
     """Return the structure with the springs of the ports taken out, exactly."""
-    springs, struts, chords = (
-        structure.spring_values.copy(), structure.strut_values.copy(), structure.chord_values.copy(),
-    )  # fmt: skip
-    labels = structure.unknowns.labels
+    springs, struts = structure.spring_values.copy(), structure.strut_values.copy()
+    chords, number = structure.chord_values.copy(), joint_unknowns(structure.unknowns)
+    # a beam whose six directions are ports carries nothing itself
+    beams = structure.beam_properties | {name: structure.beam_properties[name].copy() for name in ("E", "J")}
     for port in ports:
-        if port.direction < 0:
+        if port.kind == "strut":
             struts[structure.struts == port.index] = 0.0
-            continue
-        name = structure.robot.joints[port.index].name
-        for at, unknown in enumerate(structure.springs):
-            if labels[unknown] == (name, port.direction):
-                springs[at] = 0.0
-        chords[structure.chords == port.index, port.direction] = 0.0
-    return replace(structure, spring_values=springs, strut_values=struts, chord_values=chords)
+        elif port.kind == "beam":
+            beams["E"][port.index] = beams["J"][port.index] = 0.0
+        else:
+            springs[structure.springs == number.get((port.index, port.direction), -1)] = 0.0
+            chords[structure.chords == port.index, port.direction] = 0.0
+    return replace(
+        structure, spring_values=springs, strut_values=struts, chord_values=chords, beam_properties=beams
+    )
 
 
 def _condense_chunk(
     structure: Structure, geometry: Geometry, observed: Sequence[str], ports: Sequence[Port]
 ) -> Condensed:
+    if has_constraints(structure):
+        rank = ranks(constraint_rows(structure, geometry), unknown_sizes(structure))
+        if (
+            rank != rank[0]
+        ).any():  # singular positions of a loop move in more ways: pose by pose, each is exact
+            groups = [np.flatnonzero(rank == value) for value in np.unique(rank)]
+            parts = [_condense_chunk(structure, geometry.only(some), observed, ports) for some in groups]
+            return _joined(parts, np.concatenate(groups))
     index = structure.kinematics.node_index
     maps = [node_map(structure, geometry, index[name]) for name in observed]
     watch = np.concatenate(maps, axis=1)  # u_observed = watch @ z
     dead = scatter(structure, geometry, gravity_wrenches(structure, geometry))
-    stiffness = dense_stiffness(structure, geometry)
+    stiffness, size = assemble(structure, geometry)
     rest, moved = _split(structure, geometry, ports)
-    if isinstance(rest, np.ndarray) and rest.ndim == 1:
+    if rest.ndim == 1:
+        size_r, size_p = size[:, rest], size[:, moved]
         k_rr = stiffness[:, rest[:, None], rest]
         k_rp, k_pp = stiffness[:, rest[:, None], moved], stiffness[:, moved[:, None], moved]
-        watch_r, watch_p, dead_r, dead_p = watch[:, :, rest], watch[:, :, moved], dead[:, rest], dead[:, moved]
+        watch_r, watch_p, dead_r, dead_p = (
+            watch[:, :, rest],
+            watch[:, :, moved],
+            dead[:, rest],
+            dead[:, moved],
+        )
     else:
         rest_t, moved_t = rest.swapaxes(-1, -2), moved.swapaxes(-1, -2)
+        size_r, size_p = ((size[:, None] @ basis**2)[:, 0] for basis in (rest, moved))
         along_rest, along_moved = stiffness @ rest, stiffness @ moved
         k_rr, k_rp, k_pp = rest_t @ along_rest, rest_t @ along_moved, moved_t @ along_moved
         watch_r, watch_p = watch @ rest, watch @ moved
         dead_r, dead_p = (rest_t @ dead[..., None])[..., 0], (moved_t @ dead[..., None])[..., 0]
-    if (unstable := unstable_pose(k_rr)) is not None:
+    if (unstable := unstable_pose(k_rr, size_r)) is not None:
         pose, motion = unstable
         if rest.ndim == 1:
             full = np.zeros(structure.unknowns.count)
@@ -147,8 +204,11 @@ def _condense_chunk(
     p, o = k_rp.shape[2], watch.shape[1]
     to_ports, to_watch, to_dead = solved[:, :, :p], solved[:, :, p : p + o], solved[:, :, p + o]
     k_pr = k_rp.swapaxes(-1, -2)
+    port_stiffness = _symmetric(k_pp - k_pr @ to_ports)
+    # where nothing but its own spring holds a port, rounding must not: it may be set free later
+    left = np.abs(port_stiffness) > ROUNDING * np.sqrt(size_p[:, :, None] * size_p[:, None, :])
     return Condensed(
-        port_stiffness=_symmetric(k_pp - k_pr @ to_ports),
+        port_stiffness=np.where(left, port_stiffness, 0.0),
         port_map=(watch_p - watch_r @ to_ports).swapaxes(-1, -2),
         clamped=_symmetric(watch_r @ to_watch),
         port_dead=dead_p - (k_pr @ to_dead[..., None])[..., 0],
@@ -156,39 +216,38 @@ def _condense_chunk(
     )
 
 
-def _split(structure: Structure, geometry: Geometry, ports: Sequence[Port]) -> tuple[np.ndarray, np.ndarray]:
-    """Return how the unknowns follow from the rest and the ports: indices where they are unknowns, else bases.
+def _split(
+    structure: Structure, geometry: Geometry, ports: Sequence[Port]
+) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return how the unknowns follow from the rest and the ports: indices where they are unknowns or bases.
 
-    ``z = rest @ y + moved @ e``; where every port is an unknown of its own and no loop of rigid parts constrains
-    them, `rest` and `moved` are plain index arrays.
+    ``z = rest @ y + moved @ e``; where every port is an unknown of its own and no loop of rigid parts
+    constrains them, `rest` and `moved` are plain index arrays.
     """
-    unknowns, robot = structure.unknowns, structure.robot
-    number = {label: at for at, label in enumerate(unknowns.labels)}
-    own = [
-        number.get((robot.joints[port.index].name, port.direction), -1) if port.direction >= 0 else -1 for port in ports
-    ]
+    unknowns, what = structure.unknowns, f"robot {structure.robot.name!r}"
+    number = joint_unknowns(unknowns)
+    own = [number.get((port.index, port.direction), -1) if port.kind == "joint" else -1 for port in ports]
     constrained = has_constraints(structure)
     if not constrained and all(at >= 0 for at in own):
         moved = np.array(own, dtype=np.int64)
         return np.setdiff1d(np.arange(unknowns.count), moved), moved
-    positions = geometry.posture.node_positions
-    size = max(float(np.ptp(positions.reshape(-1, 3), axis=0).max()), 1e-3)
-    scale = np.array([size if direction < 3 else 1.0 for _, direction in unknowns.labels])
-    rows = [
-        strut_row(structure, geometry, port.index)
-        if port.direction < 0
-        else joint_rows(structure, geometry, port.index)[:, port.direction : port.direction + 1]
-        for port in ports
-    ]
-    empty = np.zeros((positions.shape[0], 0, unknowns.count))
-    port_rows = np.concatenate([empty, *rows], axis=1)
+    poses, scale = geometry.number.size, unknown_sizes(structure)
+    rows = [_port_row(structure, geometry, port) for port in ports]
+    port_rows = np.concatenate([np.zeros((poses, 0, unknowns.count)), *rows], axis=1)
     fixed_rows = constraint_rows(structure, geometry)
-    both = np.concatenate([fixed_rows, port_rows], axis=1)
-    rest = null_space(both, scale, f"robot {robot.name!r}")
-    basis = null_space(fixed_rows, scale, f"robot {robot.name!r}") if constrained else np.broadcast_to(
-        np.diag(scale), (positions.shape[0], scale.size, scale.size)
-    )
-    return rest, imposed(port_rows, basis, scale, [port.name for port in ports])
+    basis = np.broadcast_to(np.diag(scale), (poses, scale.size, scale.size))
+    if constrained:
+        basis = null_space(fixed_rows, scale, what)
+    moved_basis = imposed(port_rows, basis, [port.name for port in ports])
+    return null_space(np.concatenate([fixed_rows, port_rows], axis=1), scale, what), moved_basis
+
+
+def _port_row(structure: Structure, geometry: Geometry, port: Port) -> Array:
+    """Return the displacement of a port as a row on the unknowns, (P, 1, n)."""
+    if port.kind == "strut":
+        return strut_row(structure, geometry, port.index)
+    rows = (joint_rows if port.kind == "joint" else beam_rows)(structure, geometry, port.index)
+    return rows[:, port.direction : port.direction + 1]
 
 
 def _symmetric(matrix: Array) -> Array:
@@ -201,6 +260,7 @@ def tcp_compliance(structure: Structure, posture: Posture, chunk: int = CHUNK) -
     Examples
     --------
     >>> from beamstiff import load_robot
+    >>> from beamstiff.fem.structure import compile_structure
     >>> from beamstiff.robot.kinematics import posture
     >>> structure = compile_structure(load_robot("cantilever"))
     >>> tcp_compliance(structure, posture(structure.kinematics, np.zeros((1, 0)))).shape
@@ -222,8 +282,8 @@ def tcp_stiffness(compliance: Array, robot: str = "robot") -> Array:
         names = ("fx", "fy", "fz", "mx", "my", "mz")
         most = names[int(np.argmax(np.abs(motion)))]
         raise BeamstiffError(
-            f"{robot}: singular compliance at pose {pose}: the TCP does not give way to some wrench (mostly {most}); "
-            "its stiffness there is infinite, use the compliance instead"
+            f"{robot}: singular compliance at pose {pose}: the TCP does not give way to some wrench (mostly "
+            f"{most}); its stiffness there is infinite, use the compliance instead"
         )
     scale = diagonal_scale(compliance)
     inverse = np.linalg.inv(scale[..., :, None] * compliance * scale[..., None, :])

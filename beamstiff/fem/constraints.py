@@ -1,14 +1,15 @@
 """What closes a loop of rigid parts: constraint rows on the unknowns, and their exact null space.
 
-``G z = 0`` holds for fixed nodes met on the way, rigids and rigid joint directions that close a loop, and rigid
-struts. Redundant rows (a planar loop of rigid links has them) are found by rank, not by a penalty.
+``G z = 0`` holds for fixed nodes met on the way, rigids and rigid joint directions that close a loop, and
+rigid struts. Redundant rows (a planar loop of rigid links has them) are found by rank, not by a penalty.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from beamstiff.errors import BeamstiffError
+from beamstiff.errors import BeamstiffError, listed
 from beamstiff.fem.assembly import node_map
 from beamstiff.fem.geometry import Geometry, strut_directions
 from beamstiff.fem.structure import Structure
@@ -17,6 +18,7 @@ from beamstiff.robot.fields import RIGID
 from beamstiff.se3 import Array, displacement_transport, rotate_screw
 
 RANK_TOLERANCE = 1e-9
+ROUNDING = 1e-13  # of a basis whose columns have length one
 
 
 def has_constraints(structure: Structure) -> bool:
@@ -53,12 +55,39 @@ def joint_rows(structure: Structure, geometry: Geometry, joint: int) -> Array:
     return rotate_screw(geometry.joint_rotation[:, joint]).swapaxes(-1, -2) @ relative
 
 
+def beam_rows(structure: Structure, geometry: Geometry, beam: int) -> Array:
+    """Return the deformation of a beam, second end against the first carried along, local axes, (P, 6, n)."""
+    a, b = structure.elements[beam]
+    positions = geometry.posture.node_positions
+    carry = displacement_transport(positions[:, b] - positions[:, a])
+    relative = node_map(structure, geometry, int(b)) - carry @ node_map(structure, geometry, int(a))
+    return rotate_screw(geometry.beam_rotation[:, beam]).swapaxes(-1, -2) @ relative
+
+
 def strut_row(structure: Structure, geometry: Geometry, strut: int) -> Array:
     """Return the elongation of a strut as a row on the unknowns, (P, 1, n)."""
     a, b = (structure.kinematics.node_index[name] for name in structure.robot.struts[strut].nodes)
     along = strut_directions(structure, geometry, np.array([strut]))
     relative = (node_map(structure, geometry, b) - node_map(structure, geometry, a))[:, :3]
     return along @ relative
+
+
+def unknown_sizes(structure: Structure) -> Array:
+    """Return the size of a unit of each unknown, (n,), so that metres and radians compare."""
+    size = structure.kinematics.size
+    return np.array([size if direction < 3 else 1.0 for _, direction in structure.unknowns.labels])
+
+
+def ranks(rows: Array, scale: Array) -> NDArray[np.int64]:
+    """Return the rank of the rows of each pose, (P,): it falls in a singular position of a loop."""
+    return _count_ranks(np.asarray(np.linalg.svd(rows * scale, compute_uv=False), dtype=np.float64), scale)
+
+
+def _count_ranks(singular: Array, scale: Array) -> NDArray[np.int64]:
+    # a loop of rigids alone leaves rows of rounding errors: nothing to compare with but the machine's size
+    largest = singular.max(axis=1, initial=scale.max(initial=1.0), keepdims=True)
+    counts: NDArray[np.int64] = (singular > RANK_TOLERANCE * largest).sum(axis=1)
+    return counts
 
 
 def null_space(rows: Array, scale: Array, what: str) -> Array:
@@ -77,33 +106,40 @@ def null_space(rows: Array, scale: Array, what: str) -> Array:
     BeamstiffError
         When the rank differs between poses: some of them are singular positions of a rigid loop.
     """
-    poses, _, count = rows.shape
-    scaled = rows * scale
-    _, singular, right = np.linalg.svd(scaled, full_matrices=True)
-    largest = singular.max(axis=1, initial=0.0, keepdims=True)
-    # a loop of rigids alone leaves rows of rounding errors: nothing to compare with but the machine's size
-    rank = (singular > RANK_TOLERANCE * np.maximum(largest, scale.max(initial=1.0))).sum(axis=1)
-    if poses and (rank != rank[0]).any():
+    _, singular, right = np.linalg.svd(rows * scale, full_matrices=True)
+    rank = _count_ranks(singular, scale)
+    if rank.size and (rank != rank[0]).any():
         odd = int(np.argmax(rank != np.bincount(rank).argmax()))
-        raise BeamstiffError(f"{what}: pose {odd} is a singular position of a loop of rigid parts; leave it out")
-    keep = int(rank[0]) if poses else 0
-    return right[:, keep:].swapaxes(-1, -2) * scale[:, None]
+        raise BeamstiffError(
+            f"{what}: pose {odd} is a singular position of a loop of rigid parts; leave it out"
+        )
+    free = right[:, int(rank[0]) if rank.size else 0 :]
+    # rounding errors would carry the stiffness of what does not move into what moves
+    free[np.abs(free) < ROUNDING] = 0.0
+    basis: Array = free.swapaxes(-1, -2) * scale[:, None]
+    return basis
 
 
-def imposed(rows: Array, basis: Array, scale: Array, names: list[str]) -> Array:
+def imposed(rows: Array, basis: Array, names: list[str]) -> Array:
     """Return W with ``rows @ W = I`` inside the span of `basis`, (P, n, p): unit motion of each row.
 
     Raises
     ------
     BeamstiffError
-        When a row cannot move because rigid parts hold it.
+        When a row cannot move without the others because rigid parts hold it.
     """
     inside = rows @ basis
-    _, singular, _ = np.linalg.svd(inside, full_matrices=False)
-    if inside.shape[2] < len(names) or (singular.min(initial=np.inf) <= RANK_TOLERANCE * singular.max(initial=0.0)):
-        stuck = [name for at, name in enumerate(names) if np.abs(inside[:, at]).max(initial=0.0) <= 1e-9 * scale.max()]
+    size = np.linalg.norm(inside, axis=2, keepdims=True)
+    stuck = (size[..., 0] <= RANK_TOLERANCE * np.linalg.norm(basis, axis=(1, 2))[:, None]).any(axis=0)
+    left, singular, _ = np.linalg.svd(inside / np.where(size > 0.0, size, 1.0), full_matrices=True)
+    missing = len(names) - (singular > RANK_TOLERANCE).sum(axis=1)
+    if stuck.any() or missing.any():
+        pose = int(np.argmax(missing))
+        together = (np.abs(left[pose, :, len(names) - missing[pose] :]) > RANK_TOLERANCE**0.5).any(axis=1)
+        which = [name for name, odd in zip(names, stuck if stuck.any() else together, strict=True) if odd]
+        how = "cannot move at all" if stuck.any() else "cannot move without one another"
         raise BeamstiffError(
-            f"the directions {', '.join(stuck or names)} cannot move on their own: rigid parts of their loops hold them"
+            f"the directions {listed(dict.fromkeys(which))} {how}: rigid parts of their loops hold them"
         )
-    inverse: Array = np.linalg.pinv(inside)
-    return basis @ inverse
+    moved: Array = basis @ np.linalg.pinv(inside)
+    return moved

@@ -21,7 +21,7 @@ import numpy as np
 from beamstiff.errors import BeamstiffError
 from beamstiff.fem.assembly import dense_stiffness, element_blocks, gather, node_map, scatter
 from beamstiff.fem.condensation import CHUNK
-from beamstiff.fem.constraints import RANK_TOLERANCE, constraint_rows, has_constraints
+from beamstiff.fem.constraints import RANK_TOLERANCE, constraint_rows, has_constraints, unknown_sizes
 from beamstiff.fem.geometry import Geometry, place, strut_directions
 from beamstiff.fem.initial_stress import (
     arm_initial_stress,
@@ -31,7 +31,7 @@ from beamstiff.fem.initial_stress import (
 )
 from beamstiff.fem.loads import beam_weight, gravity_wrenches
 from beamstiff.fem.mechanism import unstable_pose
-from beamstiff.fem.response import check_moments, solve_constrained, solve_unknowns, unknown_sizes
+from beamstiff.fem.response import check_moments, solve_constrained, solve_unknowns
 from beamstiff.fem.structure import Structure
 from beamstiff.fem.unknowns import joint_values
 from beamstiff.robot.fields import RIGID
@@ -231,7 +231,7 @@ def _add_constraints(
     index, positions = structure.kinematics.node_index, geometry.posture.node_positions
     missing = scatter(structure, geometry, rest)
     missing[:, structure.springs] -= structure.spring_values * unknowns[:, structure.springs]
-    units = unknown_sizes(structure, geometry)
+    units = unknown_sizes(structure)
     left, singular, right = np.linalg.svd(constraint_rows(structure, geometry) * units, full_matrices=False)
     largest = singular.max(axis=1, initial=units.max(initial=1.0), keepdims=True)
     inverse = np.where(singular > RANK_TOLERANCE * largest, 1 / np.maximum(singular, RANK_TOLERANCE), 0.0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,8 +31,8 @@ class Geometry:
     beam_rotation : (P, B, 3, 3) array
         Base frame from local beam axes.
     beam_length : (P, B) array, m
-    first : int
-        Number of the first pose in the whole list, for messages: large lists are placed in pieces.
+    number : (P,) int array
+        Number of each pose in the whole list, for messages: long lists are placed in pieces.
     """
 
     posture: Posture
@@ -40,7 +40,13 @@ class Geometry:
     terms: Array
     beam_rotation: Array
     beam_length: Array
-    first: int = 0
+    number: Index
+
+    def only(self, poses: Index) -> Geometry:
+        """Return the same for some of the poses."""
+        posture = Posture(*(getattr(self.posture, item.name)[poses] for item in fields(Posture)))
+        rest = (getattr(self, item.name)[poses] for item in fields(Geometry)[1:])
+        return Geometry(posture, *rest)
 
 
 def place(structure: Structure, posture: Posture, first: int = 0) -> Geometry:
@@ -93,7 +99,8 @@ def place(structure: Structure, posture: Posture, first: int = 0) -> Geometry:
             f"beam {robot.beams[odd[1]].name!r}: `up` is parallel to the beam at pose {first + odd[0]}, "
             "expected a direction across it"
         )
-    return Geometry(posture, joint_rotation, terms, beam_axes(axis, up), length, first)
+    number = first + np.arange(len(positions))
+    return Geometry(posture, joint_rotation, terms, beam_axes(axis, up), length, number)
 
 
 def _first_where(condition: NDArray[np.bool_]) -> tuple[int, int] | None:
@@ -133,7 +140,7 @@ def strut_directions(structure: Structure, geometry: Geometry, struts: Index) ->
     if (odd := _first_where(length[..., 0] < SHORTEST)) is not None:
         strut = structure.robot.struts[struts[odd[1]]]
         raise BeamstiffError(
-            f"strut {strut.name!r} has zero length at pose {geometry.first + odd[0]}: its nodes "
+            f"strut {strut.name!r} has zero length at pose {geometry.number[odd[0]]}: its nodes "
             f"{strut.nodes[0]!r} and {strut.nodes[1]!r} coincide"
         )
     unit: Array = along / length

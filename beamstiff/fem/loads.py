@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from beamstiff.errors import BeamstiffError
 from beamstiff.fem.beam import uniform_load
 from beamstiff.fem.geometry import Geometry
 from beamstiff.fem.structure import Structure
+from beamstiff.fem.unknowns import turning_nodes
 from beamstiff.se3 import Array
 
 
@@ -14,6 +16,11 @@ def gravity_wrenches(structure: Structure, geometry: Geometry) -> Array:
     """Return the wrench of the dead weight on every node, (P, N, 6), base frame, N and N m.
 
     Beams carry ``rho A g`` a metre (seed 003: equivalent nodal loads); a mass off its node adds ``at x m g``.
+
+    Raises
+    ------
+    BeamstiffError
+        When a mass is off a node that only struts hold and that has no rotation.
     """
     robot, positions = structure.robot, geometry.posture.node_positions
     gravity = np.array(robot.gravity)
@@ -24,7 +31,12 @@ def gravity_wrenches(structure: Structure, geometry: Geometry) -> Array:
         np.add.at(result.swapaxes(0, 1), nodes, beams[:, :, end].swapaxes(0, 1))
     index = structure.kinematics.node_index
     rotations = geometry.posture.transforms[:, :, :3, :3]
+    turning = turning_nodes(robot)
     for mass in robot.masses:
+        if mass.node not in turning and any(mass.at):
+            raise BeamstiffError(
+                f"the mass on node {mass.node!r} is off it, but struts alone hold that: it has no rotation"
+            )
         node = index[mass.node]
         arm = rotations[:, structure.kinematics.node_frame[node]] @ np.array(mass.at)
         weight = mass.mass * gravity

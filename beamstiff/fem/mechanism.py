@@ -47,7 +47,8 @@ def unstable_pose(matrix: Array, size: Array | None = None) -> tuple[int, Array]
     finite = np.isfinite(scaled).all(axis=(1, 2))
     if not finite.all():
         raise BeamstiffError(
-            f"the stiffness at pose {int(np.argmin(finite))} is beyond the range of numbers; check the units"
+            f"found values that are not finite at pose {int(np.argmin(finite))}, expected a stiffness or "
+            "compliance in the range of numbers; check the units"
         )
     try:
         pivots = np.diagonal(np.linalg.cholesky(scaled), axis1=-2, axis2=-1) ** 2
@@ -88,8 +89,7 @@ def mechanism_error(
     moved = gather(structure, geometry, everywhere)[pose]
     positions = geometry.posture.node_positions[pose]
     size = max(float(np.ptp(positions, axis=0).max()), 1e-3)
-    single = geometry.first == 0 and geometry.terms.shape[0] == 1
-    where = "" if single else f" at pose {geometry.first + pose}"
+    where = f" at pose {geometry.number[pose]}" if geometry.number[pose] or len(geometry.number) > 1 else ""
     resisting = _resisting(structure, geometry, pose, motion, moved, size)
     if what == "is a mechanism" and resisting:
         return BeamstiffError(

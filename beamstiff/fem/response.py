@@ -9,7 +9,7 @@ import numpy as np
 from beamstiff.errors import BeamstiffError, suggest
 from beamstiff.fem.assembly import assemble, element_forces, gather, scatter
 from beamstiff.fem.beam import uniform_load
-from beamstiff.fem.constraints import constraint_rows, has_constraints, null_space
+from beamstiff.fem.constraints import constraint_rows, has_constraints, null_space, ranks, unknown_sizes
 from beamstiff.fem.geometry import Geometry, place
 from beamstiff.fem.loads import gravity_wrenches
 from beamstiff.fem.mechanism import diagonal_scale, mechanism_error, unstable_pose
@@ -105,8 +105,8 @@ def respond(structure: Structure, posture: Posture, loads: Array, gravity: bool 
         When the structure is a mechanism, or a moment acts on a node that has no rotation.
     """
     geometry = place(structure, posture)
+    check_moments(structure, loads)
     total = loads + gravity_wrenches(structure, geometry) if gravity else loads
-    check_moments(structure, total)
     unknowns = solve_unknowns(structure, geometry, scatter(structure, geometry, total))
     displacement = gather(structure, geometry, unknowns)
     forces, energy = element_forces(structure, geometry, displacement)
@@ -174,8 +174,18 @@ def solve_constrained(
     """
     basis = None
     if has_constraints(structure):
-        units = unknown_sizes(structure, geometry)
-        basis = null_space(constraint_rows(structure, geometry), units, f"robot {structure.robot.name!r}")
+        rows, units = constraint_rows(structure, geometry), unknown_sizes(structure)
+        rank = ranks(rows, units)
+        if (
+            rank != rank[:1]
+        ).any():  # singular positions of a loop move in more ways: pose by pose, each is exact
+            result = np.zeros_like(force)
+            for value in np.unique(rank):
+                some = np.flatnonzero(rank == value)
+                part, least = geometry.only(some), None if size is None else size[some]
+                result[some] = solve_constrained(structure, part, stiffness[some], force[some], fault, least)
+            return result
+        basis = null_space(rows, units, f"robot {structure.robot.name!r}")
         stiffness = basis.swapaxes(-1, -2) @ stiffness @ basis
         force = basis.swapaxes(-1, -2) @ force
         size = None if size is None else (size[:, None] @ basis**2)[:, 0]
@@ -186,12 +196,6 @@ def solve_constrained(
     scale = diagonal_scale(stiffness)[:, :, None]
     solved = scale * np.linalg.solve(scale * stiffness * scale.swapaxes(-1, -2), scale * force)
     return solved if basis is None else basis @ solved
-
-
-def unknown_sizes(structure: Structure, geometry: Geometry) -> Array:
-    """Return the size of a unit of each unknown, (n,), so that metres and radians compare."""
-    size = max(float(np.ptp(geometry.posture.node_positions.reshape(-1, 3), axis=0).max()), 1e-3)
-    return np.array([size if direction < 3 else 1.0 for _, direction in structure.unknowns.labels])
 
 
 def check_moments(structure: Structure, loads: Array) -> None:

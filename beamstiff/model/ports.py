@@ -1,7 +1,7 @@
-"""The port-reduced evaluator: predictions of all rows, and their exact derivatives, from stiffness values alone.
+"""The port-reduced evaluator: predictions of all rows and their derivatives, from stiffness values alone.
 
-The beams do not change when only joint stiffness does: each pose is condensed once to the ports (the directions
-whose stiffness is open), and an evaluation is a small dense problem::
+The beams do not change when only joint stiffness does: each pose is condensed once to the ports (the
+directions whose stiffness is open), and an evaluation is a small dense problem::
 
     d = C_clamped w + B_d^T (S + diag k)^-1 (B_w w + g)        dd/dk_j = -(B_d^T M^-1)_j (M^-1 (B_w w + g))_j
 
@@ -16,9 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from beamstiff.errors import BeamstiffError, suggest
+from beamstiff.errors import BeamstiffError, listed, suggest
 from beamstiff.fem.condensation import Port, condense
+from beamstiff.fem.mechanism import unstable_pose
 from beamstiff.fem.structure import compile_structure
+from beamstiff.fem.unknowns import turning_nodes
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import FREE, RIGID
@@ -87,24 +89,31 @@ class PortModel:
         opened = (inverse @ self.force[..., None])[..., 0]
         carried = inverse @ self.motion
         by_port = -carried * opened[..., None]
-        result = np.zeros((self.pose.size, 6, len(self.parameters)))
-        np.add.at(result, (slice(None), slice(None), self.port_parameter), by_port.swapaxes(-1, -2))
+        owner = np.eye(len(self.parameters))[self.port_parameter]
+        result = by_port.swapaxes(-1, -2) @ owner
         return self.clamped + np.einsum("npa,np->na", self.motion, opened), result
 
     def _inverse(self, stiffness: Array) -> Array:
         values = np.asarray(stiffness, dtype=np.float64)
         if values.shape != (len(self.parameters),) or not np.isfinite(values).all() or (values < 0).any():
-            raise BeamstiffError(f"found the stiffness values {values.tolist()}, expected {len(self.parameters)} finite and positive ones")
+            raise BeamstiffError(
+                f"found the stiffness values {values.tolist()}, expected {len(self.parameters)} finite and "
+                "positive ones"
+            )
         matrix = self.port_stiffness.copy()
         ports = np.arange(self.port_parameter.size)
         matrix[:, ports, ports] += values[self.port_parameter]
-        diagonal = matrix[:, ports, ports]
-        if (diagonal <= 0.0).any():
-            port = int(np.argwhere(diagonal <= 0.0)[0][1])
-            raise BeamstiffError(f"{self.parameters[self.port_parameter[port]]}: without stiffness the robot is a mechanism")
-        scale = 1.0 / np.sqrt(diagonal)
-        inverse: Array = np.linalg.inv(scale[:, :, None] * matrix * scale[:, None, :])
-        return scale[:, :, None] * inverse * scale[:, None, :]
+        if (unstable := unstable_pose(matrix)) is not None:
+            pose, motion = unstable
+            moving = np.abs(motion) > 1e-3 * np.abs(motion).max()
+            names = dict.fromkeys(self.parameters[owner] for owner in self.port_parameter[moving])
+            raise BeamstiffError(
+                f"{listed(names)}: with so little stiffness the robot is a mechanism at pose {pose}"
+            )
+        scale = 1.0 / np.sqrt(matrix[:, ports, ports])
+        inverse = np.linalg.inv(scale[:, :, None] * matrix * scale[:, None, :])
+        result: Array = scale[:, :, None] * inverse * scale[:, None, :]
+        return result
 
 
 def find_ports(robot: Robot, parameters: Sequence[str]) -> tuple[list[Port], Index]:
@@ -122,29 +131,36 @@ def find_ports(robot: Robot, parameters: Sequence[str]) -> tuple[list[Port], Ind
     owner: list[int] = []
     for number, name in enumerate(parameters):
         if name not in known:
-            raise BeamstiffError(f"robot {robot.name!r} has no stiffness parameter {name!r}{suggest(name, known)}")
+            raise BeamstiffError(
+                f"robot {robot.name!r} has no stiffness parameter {name!r}{suggest(name, known)}"
+            )
         if name in parameters[:number]:
             raise BeamstiffError(f"the stiffness parameter {name!r} is named twice")
         if name in struts:
-            ports.append(Port(name, struts[name], -1))
+            ports.append(Port(name, "strut", struts[name]))
             owner.append(number)
             continue
         joint, kind = name.rsplit(".", 1)
+        if joint not in joints:
+            raise BeamstiffError(f"{name}: only the stiffness of joints and struts can be left open")
         for direction in (at for at, what in enumerate(JOINT_DIRECTIONS) if what == kind):
-            ports.append(Port(name, joints[joint], direction))
+            ports.append(Port(name, "joint", joints[joint], direction))
             owner.append(number)
     return ports, np.array(owner, dtype=np.int64)
 
 
 def opened(robot: Robot, parameters: Sequence[str]) -> Robot:
-    """Return the robot with a number in place of `rigid` or `free` for every parameter, so that it is a port."""
+    """Return the robot with a number for every parameter that is `rigid` or `free`, so that it is a port."""
     known = stiffness_parameters(robot)
     values: Mapping[str, float] = {name: 1.0 for name in parameters if known.get(name) in (RIGID, FREE)}
     return robot.with_parameters(values) if values else robot
 
 
 def reduce_to_ports(
-    robot: Robot, measurements: Measurements, parameters: Sequence[str] | None = None, gravity: bool | None = None
+    robot: Robot,
+    measurements: Measurements,
+    parameters: Sequence[str] | None = None,
+    gravity: bool | None = None,
 ) -> PortModel:
     """Reduce a robot to the ports of `parameters` for the rows of a measurement table.
 
@@ -165,10 +181,18 @@ def reduce_to_ports(
     """
     names = tuple(parameters if parameters is not None else robot.identify)
     if not names:
-        raise BeamstiffError(f"robot {robot.name!r} names no parameters under `identify`; name some, such as J1.torsional")
+        raise BeamstiffError(
+            f"robot {robot.name!r} names no parameters under `identify`; name some, such as J1.torsional"
+        )
     ports, owner = find_ports(robot, names)
     open_robot = opened(robot, names)
     structure = compile_structure(open_robot)
+    turning = turning_nodes(robot)
+    for row, node in enumerate(measurements.load_point):
+        if node not in turning and measurements.wrench[row, 3:].any():
+            raise BeamstiffError(
+                f"row {row}: a moment acts on node {node!r}, which struts alone hold: it has no rotation"
+            )
     poses, pose = np.unique(measurements.q, axis=0, return_inverse=True)
     pose = pose.reshape(-1).astype(np.int64)
     observed = list(dict.fromkeys([*measurements.point, *measurements.load_point]))
@@ -182,7 +206,9 @@ def reduce_to_ports(
     from_load = maps[rows[:, None], :, loaded].swapaxes(-1, -2)
     force = (from_load @ measurements.wrench[..., None])[..., 0]
     clamped = np.einsum(
-        "nab,nb->na", condensed.clamped[pose][rows[:, None, None], seen[:, :, None], loaded[:, None, :]], measurements.wrench
+        "nab,nb->na",
+        condensed.clamped[pose][rows[:, None, None], seen[:, :, None], loaded[:, None, :]],
+        measurements.wrench,
     )
     if gravity if gravity is not None else measurements.kind == "absolute":
         force = force + condensed.port_dead[pose]
@@ -197,4 +223,3 @@ def reduce_to_ports(
         motion=motion,
         clamped=clamped,
     )
-

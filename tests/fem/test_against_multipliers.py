@@ -15,7 +15,7 @@ from tests.fem.builders import RIGID, SECTION, STEEL, frame, relative_error, sol
 from tests.fem.random_frames import RandomFrame, beam_frame, machine_frame
 
 TOLERANCE = 1e-9
-FIRM = 1e-6  # the smallest scaled stiffness with which 1e-9 can be expected of double precision
+FIRM = 1e-5  # the smallest scaled stiffness with which 1e-9 can be expected of double precision
 seeds = st.integers(0, 2**32 - 1)
 
 
