@@ -169,7 +169,7 @@ def _torsion_of_rectangle(width: float, height: float) -> float:
     """Return Saint-Venant's torsion constant: a b^3 (1/3 - 64/pi^5 b/a sum tanh(n pi a/2b)/n^5), n odd."""
     a, b = max(width, height), min(width, height)
     n = np.arange(1, 400, 2)
-    series = float(np.sum(np.tanh(n * math.pi * a / (2 * b)) / n**5.0))
+    series = float(np.sum(np.tanh(n * (math.pi / 2 * (a / b))) / n**5.0))
     return a * b**3 * (1 / 3 - 64 / math.pi**5 * (b / a) * series)
 
 

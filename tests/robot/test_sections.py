@@ -253,6 +253,11 @@ def test_given_properties_are_taken_as_they_are() -> None:
     assert section_properties(section) == SectionProperties(21e-4, 1e-6, 2e-6, 3e-6, None, 0.5e-3)
 
 
+def test_a_rectangle_as_thin_as_numbers_get_is_refused_without_a_warning() -> None:
+    with pytest.raises(BeamstiffError, match="leave the range of numbers"):
+        Section(shape="rectangle", width=1e-320, height=0.1)
+
+
 @pytest.mark.parametrize("outer", [1e200, 1e-200])
 def test_sizes_whose_fourth_power_is_no_number_are_refused(outer: float) -> None:
     with pytest.raises(BeamstiffError, match="leave the range of numbers"):
