@@ -54,10 +54,12 @@ def _duplicates(robot: Robot) -> Iterator[Problem]:
     for at, frame in enumerate(robot.frames):
         if frame.name == "base":
             yield ("frames", at, "name"), "the name 'base' is the fixed frame's own"
-    of_joints = {f"{joint.name}.{kind}" for joint in robot.joints for kind in STIFFNESS_KINDS}
+    # a strut's stiffness goes by the strut's name alone
+    others = {f"{joint.name}.{kind}" for joint in robot.joints for kind in STIFFNESS_KINDS}
+    others |= {f"{beam.name}.E" for beam in robot.beams}
     for at, strut in enumerate(robot.struts):
-        if strut.name in of_joints:
-            yield ("struts", at, "name"), f"{strut.name!r} is also the name of a joint's stiffness: rename it"
+        if strut.name in others:
+            yield ("struts", at, "name"), f"{strut.name!r} is also the name of another stiffness: rename it"
 
 
 def _names(robot: Robot) -> Iterator[Problem]:

@@ -68,6 +68,9 @@ def write_text(path: Path, text: str) -> None:
         raise BeamstiffError(f"{path}: is a folder, expected the name of a file to write")
     try:
         target = path.resolve()  # a link stays a link
+        if target.exists() and not target.is_file():  # /dev/stdout is written to, not replaced
+            target.write_text(text, encoding="utf-8", newline="\n")
+            return
         part = target.with_name(f".{target.name[:100]}.{uuid.uuid4().hex[:12]}.part")
         try:
             with part.open("x", encoding="utf-8", newline="\n") as file:

@@ -139,7 +139,12 @@ SPOILED = {
     "strut with a joint's stiffness name": (
         "{name: rod, nodes",
         "{name: J2.axial, nodes",
-        "struts[1] (J2.axial).name: 'J2.axial' is also the name of a joint's stiffness: rename it",
+        "struts[1] (J2.axial).name: 'J2.axial' is also the name of another stiffness: rename it",
+    ),
+    "strut with a beam's stiffness name": (
+        "{name: rod, nodes",
+        "{name: arm.E, nodes",
+        "struts[1] (arm.E).name: 'arm.E' is also the name of another stiffness: rename it",
     ),
     "frame called base": (
         "{name: f9, parent",

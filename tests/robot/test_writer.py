@@ -4,6 +4,7 @@ import math
 import os
 import stat
 import sys
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -297,6 +298,20 @@ def test_permissions_and_links_stay(everything: str, tmp_path: Path) -> None:
     assert link.is_symlink()
     assert stat.S_IMODE(path.stat().st_mode) == 0o640
     assert load_robot(path) == robot
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes of POSIX")
+def test_pipes_and_devices_are_written_to_and_not_replaced(everything: str, tmp_path: Path) -> None:
+    pipe, robot, received = tmp_path / "pipe", parse_robot(everything), list[str]()
+    os.mkfifo(pipe)
+    other_end = threading.Thread(
+        target=lambda: received.append(pipe.read_text(encoding="utf-8")), daemon=True
+    )
+    other_end.start()
+    save_robot(robot, pipe)
+    other_end.join(10)
+    assert received == [robot_to_yaml(robot)]
+    assert pipe.is_fifo()
 
 
 @pytest.mark.parametrize("fault", [OSError(28, "No space left on device"), KeyboardInterrupt()])
