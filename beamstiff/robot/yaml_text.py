@@ -105,7 +105,7 @@ def parse_yaml(text: str, name: str = "<text>") -> tuple[Any, Lines]:
 def _not_valid(error: yaml.MarkedYAMLError, text: str, name: str) -> str:
     mark = error.problem_mark or error.context_mark
     line = mark.line + 1 if mark else 1
-    message = f"{name}:{line}: not valid YAML: {error.problem or 'cannot be read'}"
+    message = f"{name}:{line}: not valid YAML: {(error.problem or 'cannot be read')[:200]}"
     if error.context:
         message += f" {error.context}"
         if error.context_mark and error.context_mark.line + 1 != line:
@@ -178,7 +178,7 @@ class _Builder:
     def take_key(self, event: yaml.ScalarEvent) -> None:
         key, inside = event.value, self.open[-1]
         if event.anchor is not None:
-            self.refuse(f"found the anchor &{event.anchor} on a key, expected anchors on values only")
+            self.refuse(f"found the anchor &{event.anchor[:40]} on a key, expected anchors on values only")
         if not key.strip():
             self.refuse("found an empty key, expected a name before the colon")
         if key == "<<" and event.implicit[0]:
@@ -202,13 +202,14 @@ class _Builder:
             self.anchors[event.anchor] = None
 
     def take_alias(self, anchor: str) -> None:
+        name = anchor[:40]
         if self.awaits_key():
-            self.refuse(f"found the alias *{anchor} as a key, expected text")
+            self.refuse(f"found the alias *{name} as a key, expected text")
         if anchor not in self.anchors:
-            self.refuse(f"found the alias *{anchor}, but no anchor &{anchor} before it")
+            self.refuse(f"found the alias *{name}, but no anchor &{name} before it")
         anchored = self.anchors[anchor]
         if anchored is None:
-            self.refuse(f"the alias *{anchor} holds itself")
+            self.refuse(f"the alias *{name} holds itself")
         value, places, size = anchored
         self.repeated += size
         if self.repeated > MOST_REPEATED:

@@ -153,6 +153,10 @@ def test_anchors_stand_for_what_they_name() -> None:
         ("a: !!int 5", "t.yaml:1: a: found the tag '!!int', expected plain values"),
         ("a: 1\n--- \nb: 2", "t.yaml:2: found a second document (---), expected one robot a file"),
         ("a: *b", "t.yaml:1: a: found the alias *b, but no anchor &b before it"),
+        (
+            f"a: *{'x' * 5000}",
+            f"t.yaml:1: a: found the alias *{'x' * 40}, but no anchor &{'x' * 40} before it",
+        ),
         ("a: &b [*b]", "t.yaml:1: a[0]: the alias *b holds itself"),
         ("a: &b {c: {d: [*b]}}", "t.yaml:1: a.c.d[0]: the alias *b holds itself"),
         ("[" * 41 + "]" * 41, "nested deeper than 40 levels"),
