@@ -1,0 +1,259 @@
+"""Static condensation: to the TCP as in seed 003 (eqs 24 to 27; Guyan, AIAA J. 3 (1965) 380), and to ports.
+
+``K_eq = K_EE - K_ER K_RR^-1 K_RE`` and ``F_eq = F_E - K_ER K_RR^-1 F_R`` from the full matrix; ports against the
+assembly of the whole structure with the stiffness values put in, and against the Sherman-Morrison-Woodbury formula.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import assume, event, given
+from hypothesis import strategies as st
+
+from beamstiff.errors import BeamstiffError
+from beamstiff.fem.assembly import dense_stiffness
+from beamstiff.fem.beam import beam_stiffness
+from beamstiff.fem.condensation import Condensed, Port, condense, tcp_compliance, tcp_stiffness
+from beamstiff.fem.constraints import has_constraints
+from beamstiff.fem.geometry import place
+from beamstiff.fem.loads import gravity_wrenches
+from beamstiff.fem.response import nodal_loads, respond
+from beamstiff.fem.structure import Structure, compile_structure
+from beamstiff.robot.description import Robot
+from tests.fem.builders import FREE, RIGID, at_rest, compliance, frame, relative_error
+from tests.fem.random_frames import RandomFrame, beam_frame, machine_frame
+from tests.fem.test_identities import FIRM, TOLERANCE, closing, machine, seeds, sizes
+
+LEAST = 1e-7  # m and rad: the sag of a machine of rigid parts is rounding
+KINDS = ("axial", "radial", "torsional", "tilting")
+DIRECTIONS = {0: (0,), 1: (1, 2), 2: (3,), 3: (4, 5)}
+
+
+def condensed(robot: Robot, observed: list[str], ports: list[Port] | tuple[()] = ()) -> Condensed:
+    structure = compile_structure(robot)
+    return condense(structure, at_rest(structure), observed, ports)
+
+
+@given(seed=seeds, more=sizes, loops=closing)
+def test_tcp_stiffness_and_equivalent_wrench_of_seed_003(seed: int, more: int, loops: int) -> None:
+    made = beam_frame(seed, more, loops)
+    assume(made.reference().softness() > FIRM)
+    robot = made.robot()
+    structure = compile_structure(robot)
+    geometry = place(structure, at_rest(structure))
+    # the whole stiffness by reordering: with beams alone the unknowns are the nodes' own displacements
+    K, rows = made.reference().system()
+    tcp = structure.kinematics.node_index[robot.tcp]
+    E = 6 * tcp + np.arange(6)
+    R = np.setdiff1d(np.arange(len(K)), np.concatenate([E, np.arange(6)]))  # less the fixed node 0
+    assert len(rows) == 6
+    F = gravity_wrenches(structure, geometry)[0].reshape(-1)
+    inner = np.linalg.solve(K[np.ix_(R, R)], np.column_stack([K[np.ix_(R, E)], F[R]]))
+    K_eq = K[np.ix_(E, E)] - K[np.ix_(E, R)] @ inner[:, :-1]
+    F_eq = F[E] - K[np.ix_(E, R)] @ inner[:, -1]
+    result = condensed(robot, [robot.tcp])
+    direct = np.sqrt(np.outer(np.diag(K_eq), np.diag(K_eq)))
+    found = tcp_stiffness(result.clamped, robot.name)[0]
+    assert (np.abs(found - K_eq) / direct).max() <= 1e-7  # inverted twice
+    assert relative_error(result.clamped[0], np.linalg.inv(K_eq)) <= 1e-8
+    assert relative_error(result.clamped_dead[0], np.linalg.solve(K_eq, F_eq)) <= 1e-8
+    assert relative_error(tcp_compliance(structure, at_rest(structure))[0], result.clamped[0]) == 0
+
+
+@given(seed=seeds, more=sizes, loops=closing)
+def test_compliance_at_several_nodes_is_the_response_to_unit_wrenches_there(
+    seed: int, more: int, loops: int
+) -> None:
+    made = machine(seed, more, loops)
+    robot = made.robot()
+    structure = compile_structure(robot)
+    observed = [f"n{at}" for at in made.turning()[-3:]]
+    result = condense(structure, at_rest(structure), observed)
+    at = [structure.kinematics.node_index[name] for name in observed]
+    size = 6 * len(observed)
+    expected = np.zeros((size, size))
+    for column in range(size):
+        loads = nodal_loads(structure, 1, {observed[column // 6]: np.eye(6)[column % 6]})
+        expected[:, column] = respond(structure, at_rest(structure), loads).displacement[0, at].reshape(-1)
+    assert relative_error(result.clamped[0], expected) <= TOLERANCE
+    assert (result.clamped[0] == result.clamped[0].T).all()
+    nothing = nodal_loads(structure, 1, {})
+    sag = respond(structure, at_rest(structure), nothing, gravity=True).displacement[0, at].reshape(-1)
+    assert np.abs(result.clamped_dead[0] - sag).max() <= TOLERANCE * max(np.abs(sag).max(), LEAST)
+
+
+def opened(
+    made: RandomFrame, rng: np.random.Generator, share: float
+) -> tuple[dict[str, float], list[Port], list[str]]:
+    """Return new values of some stiffness parameters, their ports, and the parameter of each port."""
+    values, ports, owners = {}, [], []
+    for at, (_, _, _, kinds) in enumerate(made.joints):
+        for kind, value in enumerate(kinds):
+            if value not in (RIGID, FREE) and rng.random() < share:
+                name = f"j{at}.{KINDS[kind]}"
+                values[name] = 10.0 ** rng.uniform(4, 9)
+                for direction in DIRECTIONS[kind]:
+                    ports.append(Port(name, "joint", at, direction))
+                    owners.append(name)
+    for at, (_, _, value) in enumerate(made.struts):
+        if value != RIGID and rng.random() < share:
+            values[f"t{at}"] = 10.0 ** rng.uniform(5, 8)
+            ports.append(Port(f"t{at}", "strut", at))
+            owners.append(f"t{at}")
+    return values, ports, owners
+
+
+def put_together(result: Condensed, stiffness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return C(k) and the sag of the observed nodes from what was condensed, at stiffness (p,) or (p, p)."""
+    S, B = result.port_stiffness[0], result.port_map[0]
+    M = S + (np.diag(stiffness) if stiffness.ndim == 1 else stiffness)
+    C = result.clamped[0] + B.T @ np.linalg.solve(M, B)
+    return C, result.clamped_dead[0] + B.T @ np.linalg.solve(M, result.port_dead[0])
+
+
+@given(
+    seed=seeds, more=sizes, loops=closing, rigid_loops=st.booleans(), rigid=st.sampled_from([0.0, 0.3, 0.6])
+)
+def test_ports_give_the_whole_structure_at_any_stiffness(
+    seed: int, more: int, loops: int, rigid_loops: bool, rigid: float
+) -> None:
+    """Coordinate ports on the tree, ports of joints that close loops, struts, with rigid loops and without.
+
+    Rigid loops tie many ports together: mostly one parameter at a time there.
+    """
+    made = machine_frame(seed, more, loops, rigid=rigid, free=0.1, rigid_loops=rigid_loops)
+    rng = np.random.default_rng(seed)
+    values, ports, owners = opened(made, rng, 0.7)
+    if rigid_loops and values and rng.random() < 0.8:
+        values = dict(list(values.items())[:1])
+        ports = [port for port in ports if port.name in values]
+        owners = [port.name for port in ports]
+    assume(ports)
+    robot = made.robot()
+    changed = robot.with_parameters(values)
+    observed = [robot.tcp, f"n{made.turning()[0]}"]
+    for at, (i, j, axis, kinds) in enumerate(made.joints):
+        new = [values.get(f"j{at}.{kind}", old) for kind, old in zip(KINDS, kinds, strict=True)]
+        made.joints[at] = (i, j, axis, np.array(new))
+    made.struts = [(i, j, values.get(f"t{at}", old)) for at, (i, j, old) in enumerate(made.struts)]
+    assume(made.reference().softness() > FIRM)
+    try:
+        result = condensed(robot, observed, ports)
+    except BeamstiffError as refused:  # rigid parts tie the ports to one another, or hold both sides of one
+        assert "rigid parts of their loops hold them" in str(refused)
+        event("refused")
+        return
+    event(f"constraints: {has_constraints(compile_structure(robot))}")
+    event(f"coordinates: {all(port.kind == 'joint' for port in ports)}")
+    C, sag = put_together(result, np.array([values[name] for name in owners]))
+    whole = condensed(changed, observed)
+    assert relative_error(C, whole.clamped[0]) <= TOLERANCE
+    assert np.abs(sag - whole.clamped_dead[0]).max() <= TOLERANCE * max(np.abs(sag).max(), LEAST)
+    # the present values of what is left open do not enter
+    again = condensed(changed, observed, ports)
+    assert relative_error(again.port_stiffness, result.port_stiffness) <= TOLERANCE
+    assert relative_error(again.clamped, result.clamped) <= TOLERANCE
+
+
+@given(seed=seeds, more=sizes, loops=closing)
+def test_a_beam_as_six_ports(seed: int, more: int, loops: int) -> None:
+    """Its far end against the near one carried along: with its own stiffness put back the structure is whole."""
+    made = beam_frame(seed, more, loops)
+    assume(made.reference().softness() > FIRM)
+    robot = made.robot()
+    structure = compile_structure(robot)
+    which = seed % len(made.beams)
+    ports = [Port(f"b{which}.E", "beam", which, direction) for direction in range(6)]
+    properties = {name: values[which] for name, values in structure.beam_properties.items()}
+    length = place(structure, at_rest(structure)).beam_length[0, which]
+    own = beam_stiffness(length, **properties)[6:, 6:]
+    C, _ = put_together(condensed(robot, [robot.tcp], ports), own)
+    assert relative_error(C, compliance(robot)) <= TOLERANCE
+
+
+@given(seed=seeds, more=sizes, loops=closing)
+def test_one_more_spring_by_sherman_morrison_and_woodbury(seed: int, more: int, loops: int) -> None:
+    """A strut added to a structure: C - C n n^T C / (1/k + n^T C n)."""
+    made = machine(seed, more, loops)
+    robot = made.robot()
+    tcp = int(robot.tcp[1:])
+    rng = np.random.default_rng(seed)
+    made.points.append(made.points[tcp] + rng.normal(size=3))
+    made.fixed.append(len(made.points) - 1)
+    k = 10.0 ** rng.uniform(5, 9)
+    made.struts.append((tcp, len(made.points) - 1, k))
+    n = np.zeros(6)
+    n[:3] = made.points[-1] - made.points[tcp]
+    n /= np.linalg.norm(n)
+    C = compliance(robot)
+    expected = C - np.outer(C @ n, C @ n) / (1 / k + n @ C @ n)
+    assert relative_error(compliance(made.robot(tcp)), expected) <= TOLERANCE
+
+
+@given(seed=seeds)
+def test_closed_chain_of_springs_is_its_two_halves_in_parallel(seed: int) -> None:
+    """Two serial chains with rigid links that carry one plate: K = K_1 + K_2, the force method's sum."""
+    rng = np.random.default_rng(seed)
+    halves, parts = [], []
+    for first in (0, 1):
+        made = RandomFrame(np.random.default_rng(seed + first))
+        made.points[0] = rng.uniform(-1, 1, 3)
+        node = 0
+        for _ in range(3):
+            twin = made.node(made.points[node].copy())
+            made.joint(node, twin, rigid=0.0, free=0.0)
+            node = made.node()
+            made.rigids.append((twin, node))
+        made.points[node] = np.array([0.3, 0.2, 0.1])
+        halves.append(made)
+        parts.append(np.linalg.inv(compliance(made.robot())))
+    one, two = halves
+    shift = len(one.points)
+    one.points += two.points
+    one.rigids += [(i + shift, j + shift) for i, j in two.rigids]
+    one.joints += [(i + shift, j + shift, axis, kinds) for i, j, axis, kinds in two.joints]
+    one.fixed.append(shift)
+    one.rigids.append((shift - 1, len(one.points) - 1))  # the plate: both ends lie at one point
+    assume(max(np.linalg.cond(part) for part in parts) < 1e5)
+    together = compliance(one.robot())
+    assert relative_error(together, np.linalg.inv(parts[0] + parts[1])) <= 1e-8
+
+
+def test_compliance_of_the_reduced_stiffness_is_its_inverse_at_the_tcp() -> None:
+    """Where the TCP's displacement is among the unknowns, C is a block of the inverse of the reduced K."""
+    made = beam_frame(3)
+    robot = made.robot()
+    structure: Structure = compile_structure(robot)
+    K = dense_stiffness(structure, place(structure, at_rest(structure)))[0]
+    own = [at for at, (name, _) in enumerate(structure.unknowns.labels) if name == robot.tcp]
+    expected = np.linalg.inv(K)[np.ix_(own, own)]
+    assert relative_error(tcp_compliance(structure, at_rest(structure))[0], expected) <= TOLERANCE
+
+
+def test_an_unknown_node_is_named_with_a_suggestion() -> None:
+    robot = frame([(0, 0, 0), (1, 0, 0)], beams=[(0, 1)])
+    with pytest.raises(BeamstiffError, match=r"robot 'frame' has no node 'n10' \(did you mean 'n1'\?\)"):
+        condensed(robot, ["n10"])
+
+
+def test_ports_that_rigid_parts_tie_together_are_named() -> None:
+    """Two bodies joined by two parallel hinges on one axis: their torsions are one motion."""
+    points = [(0, 0, 0), (0, 0, 1), (0, 0, 0), (0, 0, 1), (1, 0, 0)]
+    hinge = (RIGID, RIGID, 1e5, RIGID)
+    robot = frame(
+        points,
+        rigids=[(2, 3), (3, 4)],
+        joints=[(0, 2, (0, 0, 1), hinge), (1, 3, (0, 0, 1), hinge)],
+        fixed=(0, 1),
+    )
+    ports = [Port(f"j{at}.torsional", "joint", at, 3) for at in (0, 1)]
+    message = (
+        r"j0\.torsional, j1\.torsional cannot move without one another: rigid parts of their loops hold them"
+    )
+    with pytest.raises(BeamstiffError, match=message):
+        condensed(robot, ["n4"], ports)
+    with pytest.raises(BeamstiffError, match=r"j0\.tilting cannot move at all: rigid parts"):
+        condensed(robot, ["n4"], [Port("j0.tilting", "joint", 0, 4)])
+    C, _ = put_together(condensed(robot, ["n4"], ports[:1]), np.array([1e5]))
+    assert C[5, 5] == pytest.approx(1 / 2e5, rel=1e-12)
