@@ -236,7 +236,7 @@ def _check_determined(names: Sequence[str], total: Array) -> None:
     unseen = [name for name, value in zip(names, shown, strict=True) if value <= SINGULAR * shown.max()]
     if unseen:
         raise BeamstiffError(
-            f"{unseen[0]} moves next to nothing that these tests measure: measure rotations too, load it more, "
+            f"{unseen[0]} moves next to nothing that these tests measure: measure rotations, load it more, "
             "or leave it out"
         )
     scale = 1 / np.sqrt(shown)

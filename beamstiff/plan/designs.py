@@ -37,6 +37,8 @@ PASSES = 50  # of exchanges, at most
 STEPS = 400  # of Frank and Wolfe's method
 SMOOTH = 32.0  # E is the limit of ``tr(M^-p)^(-1/p)``; the power with which its gradient is taken
 AT_ONCE = 4_000_000  # entries of the matrices compared at a time
+# criteria by which tests are taken at first; while a direction is not seen at all, E tells nothing
+GREEDY: tuple[Criterion, ...] = ("A", "D")
 RIDGE = 1e-9  # of the mean information, so that the first tests have a criterion at all
 
 
@@ -134,16 +136,12 @@ def choose_tests(
     scale = float(np.trace(information.mean(axis=0))) / len(names)
     scaled = information / scale
     ridge = RIDGE * np.diag(np.diagonal(scaled.mean(axis=0)))
-    taken = np.bincount(np.asarray(start, dtype=np.int64), minlength=len(scaled))
-    chosen = list(map(int, start))
-    total = scaled[chosen].sum(axis=0) + ridge
-    while len(chosen) < count:
-        # while some direction is not seen at all, the least eigenvalue tells nothing
-        best, _ = _best_addition(total, scaled, taken < repeats, "A" if criterion == "E" else criterion)
-        chosen.append(best)
-        taken[best] += 1
-        total = total + scaled[best]
-    chosen = _exchange(chosen, taken, scaled, ridge, criterion, repeats)
+    # two ways to begin: an exchange ends in a local optimum
+    found = [
+        _exchange(_greedy(start, count, scaled, ridge, by, repeats), scaled, ridge, criterion, repeats)
+        for by in GREEDY
+    ]
+    chosen = max(found, key=lambda choice: float(criterion_of(scaled[choice].sum(axis=0), criterion)))
     total = scaled[chosen].sum(axis=0)
     value = float(criterion_of(total, criterion))
     if value <= 1e-12 * criterion_of(scaled.sum(axis=0), criterion):
@@ -197,16 +195,27 @@ def _best_addition(
     return int(candidates[best]), float(values[best])
 
 
+def _greedy(
+    start: Sequence[int], count: int, information: Array, ridge: Array, criterion: Criterion, repeats: int
+) -> list[int]:
+    """Return tests taken one by one, each where it helps most."""
+    chosen = list(map(int, start))
+    taken = np.bincount(np.array(chosen, dtype=np.int64), minlength=len(information))
+    total = information[chosen].sum(axis=0) + ridge
+    while len(chosen) < count:
+        best, _ = _best_addition(total, information, taken < repeats, criterion)
+        chosen.append(best)
+        taken[best] += 1
+        total = total + information[best]
+    return chosen
+
+
 def _exchange(
-    chosen: list[int],
-    taken: NDArray[np.int64],
-    information: Array,
-    ridge: Array,
-    criterion: Criterion,
-    repeats: int,
+    chosen: list[int], information: Array, ridge: Array, criterion: Criterion, repeats: int
 ) -> list[int]:
     """Return the choice after exchanging its tests one after the other while that improves it."""
-    chosen, taken = list(chosen), taken.copy()
+    chosen = list(chosen)
+    taken = np.bincount(np.array(chosen, dtype=np.int64), minlength=len(information))
     value = float(criterion_of(information[chosen].sum(axis=0) + ridge, criterion))
     for _ in range(PASSES):
         improved = False

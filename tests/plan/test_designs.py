@@ -65,7 +65,6 @@ def test_small_sets_against_all_choices(criterion: Criterion, seed: int, repeats
     design = choose_tests(information, 4, NAMES, criterion, repeats)
     assert np.bincount(design.chosen).max() <= repeats
     assert design.value <= best * (1 + 1e-9)
-    assert design.value >= 0.85 * best  # an exchange ends in a local optimum
     assert design.efficiency <= design.value / best * (1 + 1e-9)  # the certificate never promises too much
     assert design.efficiency > 0.5
 
