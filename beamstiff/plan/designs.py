@@ -50,7 +50,7 @@ class Design:
     ----------
     criterion : "D", "A" or "E"
     chosen : (n,) int array
-        Candidates, in the order in which they were taken; one may stand there several times.
+        Candidates; one may stand there several times.
     value : float
         The criterion.
     efficiency : float
@@ -141,7 +141,8 @@ def choose_tests(
         _exchange(_greedy(start, count, scaled, ridge, by, repeats), scaled, ridge, criterion, repeats)
         for by in GREEDY
     ]
-    chosen = max(found, key=lambda choice: float(criterion_of(scaled[choice].sum(axis=0), criterion)))
+    values = criterion_of(np.array([scaled[choice].sum(axis=0) for choice in found]), criterion)
+    chosen = found[int(np.argmax(values > (1 - 1e-9) * values.max()))]  # the first of equals
     total = scaled[chosen].sum(axis=0)
     value = float(criterion_of(total, criterion))
     if value <= 1e-12 * criterion_of(scaled.sum(axis=0), criterion):
