@@ -36,7 +36,7 @@ class Assembly:
     jacobian : (M, Q) array
         Derivative of the gaps by the passive variables there, scaled.
     blocks : tuple of (rows, columns)
-        Parts of the Jacobian that have a branch of their own.
+        Parts of the Jacobian that have a branch of their own; none where any branch will do.
     """
 
     free: Array

@@ -12,7 +12,7 @@ import numpy as np
 
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.robot.branch import NEAR_SINGULAR, Assembly, assembly_at, scattered
-from beamstiff.robot.continuation import close_in_branch
+from beamstiff.robot.continuation import close_in_branch, spread
 from beamstiff.robot.forward import body_of, screws_of
 from beamstiff.robot.frames import Kinematics, all_values
 from beamstiff.robot.loops import LoopSystem, equations_at, loop_equations, loop_system
@@ -20,6 +20,7 @@ from beamstiff.robot.newton import Mask, newton
 from beamstiff.se3 import Array
 
 HELD = 1e-6  # gap per motion, in machine sizes and rad, that no passive motion makes up for
+SCATTERED = 48  # starts where the guess does not lead to a closed posture
 
 
 class Closure(NamedTuple):
@@ -62,12 +63,8 @@ def close_loops(kinematics: Kinematics, q: Array, strict: bool = True) -> Closur
         return Closure(all_values(kinematics, free), np.ones(poses, dtype=np.bool_), ("",) * poses)
     system = loop_system(kinematics)
     free[:, joined.actuated :] = _start(kinematics)[joined.actuated :]
-    assembly = kinematics.assembly or _assembly_among(system, free)
-    if assembly is None:
-        free, gaps, _, closed = newton(system, free)
-        flipped = np.zeros(poses, dtype=np.bool_)
-    else:
-        free, gaps, closed, flipped = close_in_branch(system, assembly, free)
+    assembly = kinematics.assembly or _assembly_near(system, free) or _any_assembly(free[0], system)
+    free, gaps, closed, flipped = close_in_branch(system, assembly, free)
     reasons = [""] * poses
     for pose in np.flatnonzero(~closed):
         reasons[pose] = _reason(system, free[pose], gaps[pose], int(pose), bool(flipped[pose]))
@@ -136,8 +133,7 @@ def find_assembly(kinematics: Kinematics) -> Assembly | None:
     """
     system, start = loop_system(kinematics), _start(kinematics)
     _check_determined(system, start)
-    free, _, _, closed = newton(system, start[None])
-    return assembly_at(system, free[0]) if closed[0] else None
+    return _assembly_near(system, start[None])
 
 
 def _start(kinematics: Kinematics) -> Array:
@@ -153,16 +149,29 @@ def _start(kinematics: Kinematics) -> Array:
     return np.array(start, dtype=np.float64)
 
 
-def _assembly_among(system: LoopSystem, free: Array) -> Assembly | None:
-    """Return the assembly at the pose which closes nearest to the declared guess of the passive variables."""
-    found, _, _, closed = newton(system, free)
+def _assembly_near(system: LoopSystem, free: Array) -> Assembly | None:
+    """Return the assembly at that of some postures (P, A + Q) which closes nearest to where it starts.
+
+    Where none closes from there, from starts all over the passive variables: a guess may be far off.
+    """
     first = system.actuated
-    away = np.abs((found - free)[:, first:] / system.scale[first:]).max(axis=1, initial=0.0)
-    for pose in np.argsort(np.where(closed, away, np.inf))[: min(8, int(closed.sum()))]:
-        assembly = assembly_at(system, found[pose])
-        if assembly is not None:
-            return assembly
+    few = free[np.unique(np.linspace(0, len(free) - 1, 32).astype(np.intp))]
+    shifts = np.random.default_rng(0).uniform(-1.0, 1.0, (SCATTERED, free.shape[1] - first)) * spread(system)
+    anywhere = np.repeat(few, SCATTERED, axis=0)
+    anywhere[:, first:] += np.tile(shifts, (len(few), 1))
+    for start, origin in ((free, free), (anywhere, np.repeat(few, SCATTERED, axis=0))):
+        found, _, _, closed = newton(system, start)
+        away = np.abs((found - origin)[:, first:] / system.scale[first:]).max(axis=1, initial=0.0)
+        for pose in np.argsort(np.where(closed, away, np.inf))[: min(8, int(closed.sum()))]:
+            assembly = assembly_at(system, found[pose])
+            if assembly is not None:
+                return assembly
     return None
+
+
+def _any_assembly(start: Array, system: LoopSystem) -> Assembly:
+    """Return an assembly without branches, for poses so singular that they have none."""
+    return Assembly(start, np.zeros((system.rows[-1].stop, len(start) - system.actuated)), ())
 
 
 def _reason(system: LoopSystem, free: Array, gaps: Array, pose: int, flipped: bool) -> str:

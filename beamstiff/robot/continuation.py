@@ -49,12 +49,14 @@ def close_in_branch(system: LoopSystem, assembly: Assembly, free: Array) -> Atte
     best, gaps, jacobian, closed = newton(system, start)
     good = closed & (assembly.same_branch(jacobian) | _meeting(jacobian))
     flipped = closed & ~good
-    while not good.all():
+    while assembly.blocks and not good.all():
         todo = np.flatnonzero(~good)
         origin = _nearest(system, assembly, best, good, todo)
-        found, found_gaps, arrived = continuation(system, assembly, origin, free[todo, :first])
+        found, arrived = continuation(system, assembly, origin, free[todo, :first])
         taken = todo[arrived]
-        best[taken], gaps[taken], good[taken] = found[arrived], found_gaps[arrived], True
+        # to the last digit: strides stop when they are close enough for the next one
+        best[taken], gaps[taken], _, _ = newton(system, found[arrived], iterations=3)
+        good[taken] = True
         # those that could not be reached may be from the poses just won
         if arrived.sum() < 0.1 * len(todo):
             break
@@ -85,9 +87,7 @@ def _nearest(
     return chosen
 
 
-def continuation(
-    system: LoopSystem, assembly: Assembly, origin: Array, target: Array
-) -> tuple[Array, Array, Mask]:
+def continuation(system: LoopSystem, assembly: Assembly, origin: Array, target: Array) -> tuple[Array, Mask]:
     """Follow closed postures along straight lines of the actuated variables.
 
     Every pose takes strides of its own: doubled when a stride closes in the same branch without a jump,
@@ -104,7 +104,6 @@ def continuation(
     -------
     free : (P, A + Q) array
         Where each got to.
-    gaps : (P, M) array
     arrived : (P,) bool array
     """
     first = system.actuated
@@ -114,7 +113,7 @@ def continuation(
     free[:, :first][:, ~system.moving] = target[:, ~system.moving]
     way[:, ~system.moving] = 0.0
     start = free[:, :first].copy()
-    gaps, jacobian = loop_equations(system, free)
+    _, jacobian = loop_equations(system, free)
     done, stride = np.zeros(len(free)), np.full(len(free), 0.5)
     active = np.arange(len(free))
     while active.size:
@@ -133,25 +132,23 @@ def continuation(
         )
         trial[:, first:] += step * scale
         trial, _, _, closed = newton(system, trial, iterations=8)
-        trial_gaps, trial_jacobian = loop_equations(system, trial)
+        _, trial_jacobian = loop_equations(system, trial)
         jump = np.abs((trial - free[active])[:, first:] / scale).max(axis=1, initial=0.0)
         fine = closed & (jump < 2 * LARGEST_STEP)
         fine &= assembly.same_branch(trial_jacobian[:, :, first:], to_passive)
         taken = active[fine]
-        free[taken], gaps[taken], jacobian[taken] = trial[fine], trial_gaps[fine], trial_jacobian[fine]
+        free[taken], jacobian[taken] = trial[fine], trial_jacobian[fine]
         done[taken] = np.where(arriving, 1.0, done[active] + share)[fine]
         stride[active] = np.where(fine, 2.0 * share, 0.5 * share)
         active = active[(done[active] < 1.0) & (stride[active] > SMALLEST_STRIDE)]
-    arrived = done >= 1.0
-    return free, gaps, arrived
+    return free, done >= 1.0
 
 
 def _other_starts(system: LoopSystem, assembly: Assembly, attempt: Attempt) -> Attempt:
     """Try starts all over the passive variables at the poses that are not closed; keeps the smallest gaps."""
     first = system.actuated
     free, gaps, closed, flipped = attempt
-    scale = system.scale[first:]
-    spread = np.where(scale == 1.0, np.pi, 0.5 * scale)
+    width = spread(system)
     random = np.random.default_rng(0)
     for _ in range(STARTS):
         todo = np.flatnonzero(~closed)
@@ -159,15 +156,21 @@ def _other_starts(system: LoopSystem, assembly: Assembly, attempt: Attempt) -> A
             break
         start = free[todo]
         # the same start for all poses: what one pose gets does not depend on the others
-        start[:, first:] = assembly.free[first:] + random.uniform(-spread, spread)
+        start[:, first:] = assembly.free[first:] + random.uniform(-width, width)
         found, found_gaps, jacobian, shut = newton(system, start)
-        right = shut & assembly.same_branch(jacobian)
+        right = shut & (assembly.same_branch(jacobian) | _meeting(jacobian))
         nearer = ~shut & ~flipped[todo] & (_norm(found_gaps) < _norm(gaps[todo]))
         flipped[todo] |= shut & ~right
         taken = right | nearer
         free[todo[taken]], gaps[todo[taken]] = found[taken], found_gaps[taken]
         closed[todo[right]] = True
     return Attempt(free, gaps, closed, flipped & ~closed)
+
+
+def spread(system: LoopSystem) -> Array:
+    """Return how far from a guess to seek passive variables, (Q,): half a turn, half the machine's size."""
+    passive = slice(system.actuated, None)
+    return np.where(system.prismatic[passive], 0.5 * system.scale[passive], np.pi)
 
 
 def _norm(gaps: Array) -> Array:

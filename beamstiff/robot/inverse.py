@@ -183,7 +183,7 @@ def _free_of(kinematics: Kinematics, values: Array) -> Array:
 def _pool(task: _Task, seed: int) -> Array:
     """Return closed postures (K, A + Q) all over the limits, to start from."""
     kinematics, actuated = task.kinematics, len(task.lower)
-    reach = np.where(task.system.scale[:actuated] == 1.0, np.pi, kinematics.size)
+    reach = np.where(task.system.prismatic[:actuated], kinematics.size, np.pi)
     low = np.where(np.isfinite(task.lower), task.lower, -reach)
     high = np.where(np.isfinite(task.upper), task.upper, reach)
     random = np.random.default_rng(seed)

@@ -32,6 +32,8 @@ class LoopSystem:
         Frames between the ends of the loops, the last one that all share first.
     rows : tuple of slice
         Rows of each loop.
+    prismatic : (A + Q,) bool array
+        Which free variables are lengths.
     scale : (A + Q,) array
         One rad, or one machine size, for each free variable.
     actuated : int
@@ -43,6 +45,7 @@ class LoopSystem:
     kinematics: Kinematics
     frames: tuple[int, ...]
     rows: tuple[slice, ...]
+    prismatic: NDArray[np.bool_]
     scale: Array
     actuated: int
     moving: NDArray[np.bool_]
@@ -53,12 +56,13 @@ def loop_system(kinematics: Kinematics) -> LoopSystem:
     frames = _frames_between(kinematics)
     joined = kinematics.coupling
     ends = np.cumsum([0, *(ROWS[loop.constrain] for loop in kinematics.loops)])
-    prismatic = [kinematics.prismatic[joined.names.index(name)] for name in joined.free]
+    prismatic = kinematics.prismatic[[joined.names.index(name) for name in joined.free]]
     driving = np.abs(kinematics.coefficients[list(frames[1:])]).sum(axis=(0, 1)) @ np.abs(joined.matrix)
     return LoopSystem(
         kinematics=kinematics,
         frames=frames,
         rows=tuple(slice(int(a), int(b)) for a, b in itertools.pairwise(ends)),
+        prismatic=prismatic,
         scale=np.where(prismatic, kinematics.size, 1.0),
         actuated=joined.actuated,
         moving=driving[: joined.actuated] > 0.0,

@@ -11,6 +11,7 @@ from beamstiff.se3 import Array
 TOLERANCE = 1e-12  # machine sizes, rad
 LARGEST_STEP = 0.3  # rad
 LARGEST_SHIFT = 0.1  # machine sizes
+DAMPING = 0.03  # of the gap
 
 Mask = NDArray[np.bool_]
 
@@ -34,7 +35,7 @@ def newton(system: LoopSystem, free: Array, iterations: int = 80) -> tuple[Array
     """
     first = system.actuated
     scale = system.scale[first:]
-    limit = np.where(scale == 1.0, LARGEST_STEP, LARGEST_SHIFT)
+    limit = np.where(system.prismatic[first:], LARGEST_SHIFT, LARGEST_STEP)
     free = free.copy()
     gaps, jacobian = loop_equations(system, free)
     jacobian = jacobian[:, :, first:].copy()
@@ -45,7 +46,9 @@ def newton(system: LoopSystem, free: Array, iterations: int = 80) -> tuple[Array
     for iteration in range(iterations):
         if not active.size:
             break
-        step = least_squares(jacobian[active], gaps[active])
+        # Levenberg's damping in measure with the gap: a direction that hardly moves the gap must not take up
+        # the whole limited step; it fades fast enough to keep the end quadratic
+        step = least_squares(jacobian[active], gaps[active], damping=DAMPING * size[active])
         largest = np.abs(step / limit).max(axis=1, initial=0.0)
         step *= (part[active] / np.maximum(1.0, largest))[:, None]
         trial = free[active]
@@ -66,8 +69,8 @@ def newton(system: LoopSystem, free: Array, iterations: int = 80) -> tuple[Array
     return free, gaps, jacobian, size < TOLERANCE
 
 
-def least_squares(matrix: Array, right: Array) -> Array:
-    """Return x (P, Q) that minimises ``|matrix x - right|``, pose by pose, with matrix (P, M, Q).
+def least_squares(matrix: Array, right: Array, damping: Array | None = None) -> Array:
+    """Return x (P, Q) that minimises ``|matrix x - right|^2 + |damping x|^2``, with matrix (P, M, Q).
 
     Modified Gram-Schmidt of [matrix, right] is as stable as Householder's reflections (Bjorck 1967), and runs
     over all poses at a stretch. A column that depends on those before it gets x = 0.
@@ -75,6 +78,9 @@ def least_squares(matrix: Array, right: Array) -> Array:
     a = np.array(matrix.transpose(2, 1, 0), order="C")
     b = np.array(right.T, order="C")
     columns, _, poses = a.shape
+    if damping is not None:
+        a = np.concatenate([a, np.eye(columns)[:, :, None] * damping], axis=1)
+        b = np.concatenate([b, np.zeros((columns, poses))])
     upper, x = np.zeros((columns, columns, poses)), np.zeros((columns, poses))
     largest = np.sqrt((a**2).sum(axis=1).max(axis=0, initial=0.0))
     for k in range(columns):
