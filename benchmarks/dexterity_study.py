@@ -204,8 +204,9 @@ def print_dexterity(console: Console) -> None:
     torque = np.einsum("pab,a->pb", twist_jacobian(kinematics, pose, robot.tcp), WRENCH)
     k_c = np.abs(complementary_stiffness(structure, pose, np.array(WRENCH))).max()
     console.print(
-        f"Under this wrench joint 1 carries {np.abs(torque[:, 0]).max():.1e} N m at most in 200 random poses:\n"
-        f"it cannot be identified from it. K_C is at most {k_c:.0f} N m/rad there; joints have 4.7e5 and more.\n"
+        f"Under this wrench joint 1 carries {np.abs(torque[:, 0]).max():.1e} N m at most in 200 random poses: "
+        "it cannot be identified\n"
+        f"from it. K_C is at most {k_c:.0f} N m/rad there; the joints have 4.7e5 and more.\n"
     )
 
 
@@ -222,7 +223,7 @@ def print_enough(console: Console) -> None:
         table.add_row(str(count), f"{worst:.2%}", f"{worst * np.sqrt(count):.3f}")
     console.print(table)
     console.print(
-        f"From {curve.knee} tests on more only average the noise; 1 % takes {curve.tests_for(0.01)} of them.\n"
+        f"From {curve.knee} tests on more only average the noise; 1 % takes {curve.tests_for(0.01)}.\n"
     )
 
 
