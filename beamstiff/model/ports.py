@@ -188,14 +188,15 @@ def reduce_to_ports(
     open_robot = opened(robot, names)
     structure = compile_structure(open_robot)
     turning = turning_nodes(robot)
-    for row, node in enumerate(measurements.load_point):
+    for row, node in enumerate(measurements.load_point.tolist()):
         if node not in turning and measurements.wrench[row, 3:].any():
             raise BeamstiffError(
-                f"row {row}: a moment acts on node {node!r}, which struts alone hold: it has no rotation"
+                f"{measurements.place(row)}: a moment acts on node {node!r}, which struts alone hold: "
+                "it has no rotation"
             )
     poses, pose = np.unique(measurements.q, axis=0, return_inverse=True)
     pose = pose.reshape(-1).astype(np.int64)
-    observed = list(dict.fromkeys([*measurements.point, *measurements.load_point]))
+    observed = list(dict.fromkeys([*measurements.point.tolist(), *measurements.load_point.tolist()]))
     condensed = condense(structure, posture(structure.kinematics, poses), observed, ports)
     at = {name: 6 * number + np.arange(6) for number, name in enumerate(observed)}
     seen = np.array([at[name] for name in measurements.point])
