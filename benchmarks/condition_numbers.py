@@ -1,7 +1,7 @@
 """Print how well conditioned the stiffness of the robots that come along is, over random poses.
 
 Run as `python benchmarks/condition_numbers.py [POSES]`. The poses lie within the limits; the reduced global
-stiffness is scaled to unit diagonal. The IR-663's paper, with 1e15 for rigid and 1e-10 for free, has some 1e25.
+stiffness is scaled to unit diagonal. The IR-663's paper, with 1e15 for rigid and 1e-10 for free, has 1e25.
 """
 
 from __future__ import annotations
