@@ -150,7 +150,9 @@ def coupled_arm() -> Robot:
     )
 
 
-def ir663(a: str = "f10", b: str = "f11", constrain: str = "position", **guess: float) -> Robot:
+def ir663(
+    a: str = "f10", b: str = "f11", constrain: str = "position", lever: float = D10, **guess: float
+) -> Robot:
     """Return the four-bar of the IR-663 on its axis 1; the lever d10 lies along y of frame 3."""
     guesses = {"th3": np.radians(26), "th9": np.radians(-137), **guess}
     return machine(
@@ -166,7 +168,7 @@ def ir663(a: str = "f10", b: str = "f11", constrain: str = "position", **guess: 
             Frame(name="f3", parent="f2", d=D3, theta="th3"),
             Frame(name="f8", parent="f1", alpha="-90 deg", theta="q8"),
             Frame(name="f9", parent="f8", d=D9, theta="th9"),
-            Frame(name="f10", parent="f3", gamma="90 deg", d=D10, theta="th10" if "th10" in guess else 0.0),
+            Frame(name="f10", parent="f3", gamma="90 deg", d=lever, theta="th10" if "th10" in guess else 0.0),
             Frame(name="f11", parent="f9", d=D11),
         ],
         tool=("f3", (0, REACH, 0)),
@@ -180,9 +182,9 @@ def four_bar_points(q2: Array, q8: Array) -> tuple[Array, Array]:
     return D3 * np.stack([np.sin(q2), np.cos(q2)], 1), D9 * np.stack([np.cos(q8), -np.sin(q8)], 1)
 
 
-def four_bar_th3(q2: Array, q8: Array, branch: int) -> Array:
+def four_bar_th3(q2: Array, q8: Array, branch: int, lever: float = D10) -> Array:
     """Return theta3 along the lever d10 (Marie et al., A.1, A.2, the two signs set right)."""
-    z2, w = -D10, -D11
+    z2, w = -lever, -D11
     x, y = D9 * np.cos(q2 - q8), D3 - D9 * np.sin(q2 - q8)
     return _arctangent(2 * z2 * x, -2 * z2 * y, w**2 - x**2 - y**2 - z2**2, branch)
 
@@ -288,4 +290,24 @@ def screw_driven_ir663() -> Robot:
             Loop(name="screw8", a="e8", b="nut8", constrain="plane"),
         ],
         nodes=[Node(name="e2", frame="f2", at=(0.4, 0, 0)), Node(name="e8", frame="f8", at=(0.3, 0, 0))],
+    )
+
+
+def telescope() -> Robot:
+    """Return a hand moved in polar coordinates, followed by a passive slide on a post beside it."""
+    return machine(
+        [
+            revolute("q1"),
+            prismatic("reach"),
+            revolute("bearing", passive=True),
+            prismatic("slide", passive=True, guess=1.0),
+        ],
+        [
+            Frame(name="arm", theta="q1"),
+            Frame(name="hand", parent="arm", d="reach + 2"),
+            Frame(name="post", d=0.7, theta="bearing"),
+            Frame(name="nut", parent="post", d="slide"),
+        ],
+        tool=("hand", (0, 0, 0)),
+        loops=[Loop(name="telescope", a="hand", b="nut", constrain="plane")],
     )

@@ -33,11 +33,11 @@ from tests.robot.machines import (
     four_bar_th3,
     ir663,
     machine,
-    prismatic,
     revolute,
     screw_driven_ir663,
     slider_crank,
     slider_crank_theta2,
+    telescope,
 )
 
 Array = NDArray[np.float64]
@@ -359,23 +359,7 @@ def test_a_loop_that_holds_an_actuated_joint_is_refused() -> None:
 
 def test_prismatic_passive_joints_close_too() -> None:
     """A passive slide and hinge measure the distance and bearing of a hand moved in polar coordinates."""
-    robot = machine(
-        [
-            revolute("q1"),
-            prismatic("reach"),
-            revolute("bearing", passive=True),
-            prismatic("slide", passive=True, guess=1.0),
-        ],
-        [
-            Frame(name="arm", theta="q1"),
-            Frame(name="hand", parent="arm", d="reach + 2"),
-            Frame(name="post", d=0.7, theta="bearing"),
-            Frame(name="nut", parent="post", d="slide"),
-        ],
-        tool=("hand", (0, 0, 0)),
-        loops=[Loop(name="telescope", a="hand", b="nut", constrain="plane")],
-    )
-    kinematics = compile_kinematics(robot)
+    kinematics = compile_kinematics(telescope())
     q = np.random.default_rng(5).uniform([-1.0, -0.5], [1.0, 0.5], (100, 2))
     values = posture(kinematics, q).values
     x, y = (q[:, 1] + 2) * np.cos(q[:, 0]) - 0.7, (q[:, 1] + 2) * np.sin(q[:, 0])
