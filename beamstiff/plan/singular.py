@@ -17,6 +17,7 @@ from beamstiff.se3 import Array
 
 NO_PART = 0.02  # of the largest share: a joint that takes less part in a singular motion is left out
 SHORTEST = 3  # points of a line
+ALIKE = 0.7  # cosine between the motions lost at neighbouring points of one line
 NEWTON = 4  # steps
 
 
@@ -70,14 +71,16 @@ def singular_lines(
 
     for line in contour_generator(grid.first, grid.second, field).lines(0.0):
         points = _refined(np.asarray(line, dtype=np.float64), jacobian, grid)
-        motion = np.abs(np.linalg.svd(jacobian(points))[2][:, -1])
-        in_play = motion > NO_PART * motion.max(axis=1, keepdims=True)
-        # where two lines cross, a contour may turn from one into the other
-        turns = 1 + np.flatnonzero((in_play[1:] != in_play[:-1]).any(axis=1))
-        for part in np.split(np.arange(len(points)), turns):
+        motion = np.linalg.svd(jacobian(points))[2][:, -1]
+        # where two lines cross, a contour may turn from one into the other: another motion
+        alike = np.abs((motion[1:] * motion[:-1]).sum(axis=1))
+        for part in np.split(np.arange(len(points)), 1 + np.flatnonzero(alike < ALIKE)):
             if len(part) >= SHORTEST:
-                joints = tuple(itertools.compress(_names(kinematics), in_play[part[0]].tolist()))
-                found.append(SingularLine(points[part], joints))
+                share = np.abs(motion[part]) / np.abs(motion[part]).max(axis=1, keepdims=True)
+                in_play = (np.median(share, axis=0) > NO_PART).tolist()
+                found.append(
+                    SingularLine(points[part], tuple(itertools.compress(_names(kinematics), in_play)))
+                )
     return found
 
 
