@@ -25,7 +25,7 @@ def three_robots(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_a_checkout_offers_the_files_of_its_robots_folder() -> None:
-    files = sorted((REPOSITORY / "robots").glob("*.yaml"))
+    files = sorted((REPOSITORY / "robots").glob("*.yaml"), key=lambda file: file.stem)
     assert library._robots_folder(library._PACKAGE) == REPOSITORY / "robots"
     assert library.robot_names() == [file.stem for file in files]
     assert [library.robot_path(file.stem) for file in files] == files
@@ -68,6 +68,6 @@ def test_a_wheel_carries_the_robots(tmp_path: Path) -> None:
     environment = os.environ | {"PYTHONPATH": str(tmp_path)}
     command = [sys.executable, "-c", script]
     run = subprocess.run(command, env=environment, cwd=tmp_path, check=True, capture_output=True, text=True)
-    files = sorted((REPOSITORY / "robots").glob("*.yaml"))
+    files = sorted((REPOSITORY / "robots").glob("*.yaml"), key=lambda file: file.stem)
     assert (tmp_path / "beamstiff" / "robots" / "README.md").is_file()
     assert run.stdout.split() == [str(tmp_path / "beamstiff" / "robots" / file.name) for file in files]
