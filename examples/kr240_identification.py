@@ -120,7 +120,8 @@ def main(folder: Path = OUTPUT) -> None:
         turn = np.degrees(np.abs(seen[name] - predicted[name])[:, 3:]).mean()
         console.print(
             f"{name} tests: gap {gap.mean():.3f} mm in the mean, {gap.max():.3f} at most, "
-            f"of {size.mean():.2f} mm, so {1 - gap.sum() / size.sum():.1%} predicted; rotations to {turn:.4f} deg"
+            f"of {size.mean():.2f} mm, so {1 - gap.sum() / size.sum():.1%} predicted; "
+            f"rotations to {turn:.4f} deg"
         )
     console.print(
         "The paper: 0.1 mm in the mean, 0.6 at most, about 80 % predicted, rotations to 0.005 to 0.01 deg.\n"
