@@ -205,8 +205,8 @@ def print_dexterity(console: Console) -> None:
     k_c = np.abs(complementary_stiffness(structure, pose, np.array(WRENCH))).max()
     first = np.abs(torque[:, 0]).max()
     console.print(
-        f"Under this wrench joint 1 carries {first:.1e} N m at most in 200 random poses: it cannot be identified\n"
-        f"from it. K_C is at most {k_c:.0f} N m/rad there; the joints have 4.7e5 and more.\n"
+        f"Under this wrench joint 1 carries {first:.1e} N m at most in 200 random poses: it cannot be\n"
+        f"identified from it. K_C is at most {k_c:.0f} N m/rad there; the joints have 4.7e5 and more.\n"
     )
 
 
