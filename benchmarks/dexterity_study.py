@@ -91,7 +91,9 @@ def worst_of_random(
         random = np.random.default_rng(seed)
         poses = draw(tests, random)  # type: ignore[operator]
         table = candidate_tests(robot, poses, loads)
-        rows = np.arange(tests) * len(loads) + random.integers(len(loads), size=tests)
+        rows = np.arange(tests) * len(loads) + random.permutation(
+            np.arange(tests) % len(loads)
+        )  # all as often
         _, of_test = information(robot, table, noise, parameters)
         found.append(np.sqrt(np.diagonal(np.linalg.inv(of_test[rows].sum(axis=0)))).max())
     return float(np.mean(found))
