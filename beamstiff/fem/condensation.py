@@ -33,14 +33,14 @@ from beamstiff.fem.constraints import (
 )
 from beamstiff.fem.geometry import Geometry, place
 from beamstiff.fem.loads import gravity_wrenches
-from beamstiff.fem.mechanism import diagonal_scale, mechanism_error, unstable_pose
+from beamstiff.fem.mechanism import mechanism_error, solve_stable
 from beamstiff.fem.structure import Structure
 from beamstiff.fem.unknowns import joint_unknowns
 from beamstiff.robot.kinematics import Posture
 from beamstiff.se3 import Array
 
 ROUNDING = 1e-11  # of the stiffness that meets at a port
-CHUNK = 512  # poses at a time: the matrices of a chunk stay in the processor's cache
+CHUNK = 128  # poses at a time: the matrices of a chunk stay in the processor's cache
 
 
 @dataclass(frozen=True)
@@ -190,7 +190,9 @@ def _condense_chunk(
         k_rr, k_rp, k_pp = rest_t @ along_rest, rest_t @ along_moved, moved_t @ along_moved
         watch_r, watch_p = watch @ rest, watch @ moved
         dead_r, dead_p = (rest_t @ dead[..., None])[..., 0], (moved_t @ dead[..., None])[..., 0]
-    if (unstable := unstable_pose(k_rr, size_r)) is not None:
+    right = np.concatenate([k_rp, watch_r.swapaxes(-1, -2), dead_r[..., None]], axis=2)
+    solved, unstable = solve_stable(k_rr, right, size_r)
+    if unstable is not None:
         pose, motion = unstable
         if rest.ndim == 1:
             full = np.zeros(structure.unknowns.count)
@@ -198,9 +200,6 @@ def _condense_chunk(
         else:
             full = rest[pose] @ motion
         raise mechanism_error(structure, geometry, pose, full)
-    scale = diagonal_scale(k_rr)[:, :, None]
-    right = np.concatenate([k_rp, watch_r.swapaxes(-1, -2), dead_r[..., None]], axis=2)
-    solved = scale * np.linalg.solve(scale * k_rr * scale.swapaxes(-1, -2), scale * right)
     p, o = k_rp.shape[2], watch.shape[1]
     to_ports, to_watch, to_dead = solved[:, :, :p], solved[:, :, p : p + o], solved[:, :, p + o]
     k_pr = k_rp.swapaxes(-1, -2)
@@ -277,7 +276,9 @@ def tcp_stiffness(compliance: Array, robot: str = "robot") -> Array:
     BeamstiffError
         When the compliance is singular: some direction of the TCP does not give way at all.
     """
-    if (unstable := unstable_pose(compliance.reshape(-1, 6, 6))) is not None:
+    flat = compliance.reshape(-1, 6, 6)
+    inverse, unstable = solve_stable(flat, np.broadcast_to(np.eye(6), flat.shape))
+    if unstable is not None:
         pose, motion = unstable
         names = ("fx", "fy", "fz", "mx", "my", "mz")
         most = names[int(np.argmax(np.abs(motion)))]
@@ -285,6 +286,4 @@ def tcp_stiffness(compliance: Array, robot: str = "robot") -> Array:
             f"{robot}: singular compliance at pose {pose}: the TCP does not give way to some wrench (mostly "
             f"{most}); its stiffness there is infinite, use the compliance instead"
         )
-    scale = diagonal_scale(compliance)
-    inverse = np.linalg.inv(scale[..., :, None] * compliance * scale[..., None, :])
-    return _symmetric(scale[..., :, None] * inverse * scale[..., None, :])
+    return _symmetric(inverse).reshape(compliance.shape)

@@ -1,8 +1,11 @@
-"""Positive definite or a mechanism: found from scaled pivots before any solve, and named as a motion."""
+"""Positive definite or a mechanism: found before any answer is given, and named as a motion."""
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
+from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.fem.assembly import element_blocks, gather
@@ -11,10 +14,14 @@ from beamstiff.fem.structure import Structure
 from beamstiff.robot.parts import JOINT_DIRECTIONS
 from beamstiff.se3 import Array
 
-# a pivot of the scaled matrix below this is rounding, not stiffness
-PIVOT_TOLERANCE = 1e-10
+# a motion whose scaled stiffness is below this is a mechanism, or known to less than five digits
+SOFTEST = 1e-10
+# the same of a loaded machine, which may come near its critical load
+SOFTEST_LOADED = 1e-13
+# a random load moves a motion that soft by more than this share of what it could
+PROBED = 0.05
 # a part strained by a motion has more than this share of the energy that motions of that size could give it
-STRAINED = 1e-8
+STRAINED = 1e-13
 
 
 def diagonal_scale(matrix: Array) -> Array:
@@ -24,22 +31,49 @@ def diagonal_scale(matrix: Array) -> Array:
 
 
 def unstable_pose(matrix: Array, size: Array | None = None) -> tuple[int, Array] | None:
-    """Return the first pose whose stiffness is not positive definite, with its softest motion.
+    """Return the first pose whose stiffness is not positive definite, with its softest motion (n,), or None.
+
+    The arguments are those of `solve_stable`.
+    """
+    return solve_stable(matrix, np.zeros((*matrix.shape[:2], 0)), size)[1]
+
+
+def solve_stable(
+    matrix: Array,
+    right: Array,
+    size: Array | None = None,
+    symmetric: bool = True,
+    softest: float = SOFTEST,
+) -> tuple[Array, tuple[int, Array] | None]:
+    """Return the solutions of ``K x = b``, if the symmetric part of K is positive definite at all poses.
 
     Parameters
     ----------
     matrix : (P, n, n) array
-        Symmetric stiffness.
+        Stiffness.
+    right : (P, n, c) array
     size : (P, n) array, optional
         How large what went into the diagonal is (`assembly.assemble`), so that what rounding left of it does
         not pass for stiffness; default the diagonal.
+    symmetric : bool
+        Whether K is symmetric.
+    softest : float
+        The scaled stiffness below which a motion counts as free.
 
     Returns
     -------
-    None, or (pose, motion) with motion an (n,) array
+    solution : (P, n, c) array
+        Not to be used if there is an unstable pose.
+    unstable : None or (pose, motion)
+        The first pose whose stiffness is not positive definite, and its softest motion (n,).
+
+    Raises
+    ------
+    BeamstiffError
+        When a stiffness is not finite.
     """
     if matrix.shape[-1] == 0 or matrix.shape[0] == 0:
-        return None
+        return np.zeros_like(right), None
     diagonal = np.diagonal(matrix, axis1=-2, axis2=-1)
     size = diagonal if size is None else np.maximum(size, diagonal)
     scale = 1.0 / np.sqrt(np.where(size > 0.0, size, 1.0))
@@ -50,16 +84,32 @@ def unstable_pose(matrix: Array, size: Array | None = None) -> tuple[int, Array]
             f"found values that are not finite at pose {int(np.argmin(finite))}, expected a stiffness or "
             "compliance in the range of numbers; check the units"
         )
+    even = scaled if symmetric else 0.5 * (scaled + scaled.swapaxes(-1, -2))
     try:
-        pivots = np.diagonal(np.linalg.cholesky(scaled), axis1=-2, axis2=-1) ** 2
-        bad = (pivots < PIVOT_TOLERANCE).any(axis=1)
+        pivots = np.diagonal(np.linalg.cholesky(even), axis1=-2, axis2=-1) ** 2
+        bad = pivots.min(axis=1) < softest
     except np.linalg.LinAlgError:
-        bad = np.linalg.eigvalsh(scaled)[:, 0] < PIVOT_TOLERANCE
+        bad = np.linalg.eigvalsh(even)[:, 0] < softest
+    solution = np.zeros_like(right)
     if not bad.any():
-        return None
+        # pivots alone miss a soft motion that lies across the unknowns: some loads find it
+        probes = np.broadcast_to(_probes(matrix.shape[-1]), (matrix.shape[0], matrix.shape[-1], 4))
+        solved = np.linalg.solve(scaled, np.concatenate([scale[:, :, None] * right, probes], axis=2))
+        solution = scale[:, :, None] * solved[:, :, :-4]
+        moved = np.linalg.norm(solved[:, :, -4:], axis=1).max(axis=1)
+        doubtful = np.flatnonzero(moved > PROBED / softest)
+        bad[doubtful] = np.linalg.eigvalsh(even[doubtful])[:, 0] < softest
+    if not bad.any():
+        return solution, None
     pose = int(np.argmax(bad))
-    _, vectors = np.linalg.eigh(scaled[pose])
-    return pose, scale[pose] * vectors[:, 0]
+    _, vectors = np.linalg.eigh(even[pose])
+    return solution, (pose, scale[pose] * vectors[:, 0])
+
+
+@cache
+def _probes(count: int) -> NDArray[np.float64]:
+    """Return four random loads, the same every time."""
+    return np.random.default_rng(0).standard_normal((count, 4))
 
 
 def scaled_condition(matrix: Array) -> Array:
@@ -94,15 +144,16 @@ def mechanism_error(
     if what == "is a mechanism" and resisting:
         return BeamstiffError(
             f"robot {robot.name!r}: the stiffness of {listed(resisting)} is lost beside parts more than "
-            f"{1 / PIVOT_TOLERANCE:.0e} times stiffer{where}; make those rigid, or this free"
+            f"{1 / SOFTEST:.0e} times stiffer{where}; make those rigid, or this free"
         )
     amount = np.linalg.norm(moved[:, :3], axis=1) + size * np.linalg.norm(moved[:, 3:], axis=1)
-    order = np.argsort(-amount)
+    order = np.argsort(-np.round(amount / amount.max(), 6), kind="stable")
     nodes = [robot.nodes[at].name for at in order if amount[at] > 1e-3 * amount[order[0]]]
     most = moved[order[0]]
-    turning = size * np.linalg.norm(most[3:]) > np.linalg.norm(most[:3])
+    turning = size * np.linalg.norm(most[3:]) > 1.001 * np.linalg.norm(most[:3])
     vector = most[3:] if turning else most[:3]
-    direction = ", ".join(f"{value:.2f}" for value in vector / np.linalg.norm(vector))
+    vector = vector / vector[np.argmax(np.round(np.abs(vector), 6))]  # one of two opposite ones
+    direction = ", ".join(f"{value:.2f}" for value in np.round(vector / np.linalg.norm(vector), 2) + 0.0)
     joints = []
     for at, joint in enumerate(robot.joints):
         a, b = structure.joint_nodes[at]
@@ -134,6 +185,6 @@ def _resisting(
     stiff = structure.spring_values > 0.0
     for spring, joint in zip(structure.springs[stiff], structure.spring_joint[stiff], strict=True):
         direction = labels[spring][1]
-        if motion[spring] ** 2 > STRAINED * amount[direction] ** 2:
+        if abs(motion[spring]) > 1e-8 * amount[direction]:
             names.append(f"{robot.joints[joint].name}.{JOINT_DIRECTIONS[direction]}")
     return list(dict.fromkeys(names))

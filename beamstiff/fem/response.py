@@ -12,7 +12,7 @@ from beamstiff.fem.beam import uniform_load
 from beamstiff.fem.constraints import constraint_rows, has_constraints, null_space, ranks, unknown_sizes
 from beamstiff.fem.geometry import Geometry, place
 from beamstiff.fem.loads import gravity_wrenches
-from beamstiff.fem.mechanism import diagonal_scale, mechanism_error, unstable_pose
+from beamstiff.fem.mechanism import SOFTEST, SOFTEST_LOADED, mechanism_error, solve_stable
 from beamstiff.fem.structure import Structure
 from beamstiff.fem.unknowns import joint_unknowns, turning_nodes
 from beamstiff.robot.kinematics import Posture
@@ -165,7 +165,7 @@ def solve_constrained(
     fault : str
         What is wrong with a robot whose stiffness is not positive definite, for the message.
     size : (P, n) array, optional
-        How large what went into the stiffness is, see `assembly.assemble`.
+        How large what went into the stiffness is, see `assembly.assemble`; none for a loaded machine.
 
     Raises
     ------
@@ -189,12 +189,12 @@ def solve_constrained(
         stiffness = basis.swapaxes(-1, -2) @ stiffness @ basis
         force = basis.swapaxes(-1, -2) @ force
         size = None if size is None else (size[:, None] @ basis**2)[:, 0]
-    if (unstable := unstable_pose(0.5 * (stiffness + stiffness.swapaxes(-1, -2)), size)) is not None:
+    softest = SOFTEST if size is not None else SOFTEST_LOADED
+    solved, unstable = solve_stable(stiffness, force, size, symmetric=False, softest=softest)
+    if unstable is not None:
         pose, motion = unstable
         full = motion if basis is None else basis[pose] @ motion
         raise mechanism_error(structure, geometry, pose, full, fault)
-    scale = diagonal_scale(stiffness)[:, :, None]
-    solved = scale * np.linalg.solve(scale * stiffness * scale.swapaxes(-1, -2), scale * force)
     return solved if basis is None else basis @ solved
 
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError, listed, suggest
 from beamstiff.fem.condensation import Port, condense
-from beamstiff.fem.mechanism import unstable_pose
+from beamstiff.fem.mechanism import solve_stable
 from beamstiff.fem.structure import compile_structure
 from beamstiff.fem.unknowns import turning_nodes
 from beamstiff.measure.table import Measurements
@@ -103,17 +103,15 @@ class PortModel:
         matrix = self.port_stiffness.copy()
         ports = np.arange(self.port_parameter.size)
         matrix[:, ports, ports] += values[self.port_parameter]
-        if (unstable := unstable_pose(matrix)) is not None:
+        inverse, unstable = solve_stable(matrix, np.broadcast_to(np.eye(ports.size), matrix.shape))
+        if unstable is not None:
             pose, motion = unstable
             moving = np.abs(motion) > 1e-3 * np.abs(motion).max()
             names = dict.fromkeys(self.parameters[owner] for owner in self.port_parameter[moving])
             raise BeamstiffError(
                 f"{listed(names)}: with so little stiffness the robot is a mechanism at pose {pose}"
             )
-        scale = 1.0 / np.sqrt(matrix[:, ports, ports])
-        inverse = np.linalg.inv(scale[:, :, None] * matrix * scale[:, None, :])
-        result: Array = scale[:, :, None] * inverse * scale[:, None, :]
-        return result
+        return inverse
 
 
 def find_ports(robot: Robot, parameters: Sequence[str]) -> tuple[list[Port], Index]:

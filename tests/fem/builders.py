@@ -1,4 +1,4 @@
-"""Frames for the tests, written as lists of points and pairs of them, and the shortest way to their answers."""
+"""Frames for the tests, written as lists of points and pairs of them, and short ways to their answers."""
 
 from __future__ import annotations
 
@@ -45,8 +45,8 @@ def frame(
 ) -> Robot:
     """Return a frame at rest in the base frame; node k is called ``nk``, beam k ``bk`` and so on.
 
-    A joint is (node, node, axis, (axial, radial, torsional, tilting)), a strut (node, node, stiffness), a mass
-    (node, kg, offset). `section`, `material` and `up` hold for all beams, or list one a beam.
+    A joint is (node, node, axis, (axial, radial, torsional, tilting)), a strut (node, node, stiffness), a
+    mass (node, kg, offset). `section`, `material` and `up` hold for all beams, or list one a beam.
     """
     count = len(beams)
     sections = [section] * count if isinstance(section, Section) else list(section)

@@ -41,10 +41,13 @@ class RandomFrame:
     def beam(self, i: int, j: int) -> None:
         rng = self.rng
         A, Iy, Iz, J = 10.0 ** rng.uniform([-3.5, -6.5, -6.5, -6.5], [-2, -5, -5, -5])
-        shear = {"Ay": A * rng.uniform(0.3, 0.9), "Az": A * rng.uniform(0.3, 0.9)} if rng.random() < 0.5 else {}
+        Ay, Az = A * rng.uniform(0.3, 0.9, 2)
+        shear = {"Ay": Ay, "Az": Az} if rng.random() < 0.5 else {}
         self.beams.append(self.pair(i, j))
         self.sections.append(Section(A=A, Iy=Iy, Iz=Iz, J=J, **shear))
-        self.materials.append(Material(E=rng.uniform(0.5, 2) * 1e11, G=rng.uniform(2, 8) * 1e10, density=7850.0))
+        self.materials.append(
+            Material(E=rng.uniform(0.5, 2) * 1e11, G=rng.uniform(2, 8) * 1e10, density=7850.0)
+        )
         axis = self.points[j] - self.points[i]
         across = np.cross(axis, rng.normal(size=3))
         self.ups.append(across / np.linalg.norm(across) + 0.5 * axis)
@@ -107,7 +110,9 @@ class RandomFrame:
             )
         ]
         joints = [(i, j, axis, kinds[[0, 1, 1, 2, 3, 3]]) for i, j, axis, kinds in self.joints]
-        return ReferenceFrame(np.array(self.points), self.fixed, beams, list(self.rigids), joints, list(self.struts))
+        return ReferenceFrame(
+            np.array(self.points), self.fixed, beams, list(self.rigids), joints, list(self.struts)
+        )
 
 
 def beam_frame(seed: int, more: int = 5, loops: int = 3) -> RandomFrame:
@@ -124,10 +129,10 @@ def beam_frame(seed: int, more: int = 5, loops: int = 3) -> RandomFrame:
 def machine_frame(
     seed: int, more: int = 6, loops: int = 3, rigid: float = 0.3, free: float = 0.15, rigid_loops: bool = True
 ) -> RandomFrame:
-    """Return a structure of beams, rigids, joints and struts: a tree of `more` parts and `loops` parts that close loops.
+    """Return a structure of all kinds of parts: a tree of `more` of them, and `loops` that close loops.
 
-    Rigids and joints that close loops among rigid parts are in it if `rigid_loops`; some of their constraints are then
-    redundant.
+    Rigids and joints that close loops among rigid parts are in it if `rigid_loops`; some of their
+    constraints are then redundant.
     """
     made = RandomFrame(np.random.default_rng(seed))
     rng = made.rng

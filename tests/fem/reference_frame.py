@@ -1,10 +1,10 @@
 """A second way to the same answers, sharing no code and no matrix with the package.
 
-Every node has its six displacements in the base frame (dense). A beam's stiffness comes from its flexibility as a
-cantilever, not from the slope-deflection matrix; rigids, rigid directions of joints, rigid struts and supports are
-Lagrange multipliers (Felippa, Introduction to Finite Element Methods, ch. 8 and 9). Rows that depend on
-others are left out by a pivoted QR; the saddle point system is solved by LU with refinement in extended
-precision.
+Every node has its six displacements in the base frame (dense). A beam's stiffness comes from its
+flexibility as a cantilever, not from the slope-deflection matrix; rigids, rigid directions of joints, rigid
+struts and supports are Lagrange multipliers (Felippa, Introduction to Finite Element Methods, ch. 8 and 9).
+Rows that depend on others are left out by a pivoted QR; the saddle point system is solved by LU with
+refinement in extended precision.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class ReferenceFrame:
         return (scale * refined(saddle, right)[:size]).reshape(-1, 6)
 
     def softness(self) -> float:
-        """Return the smallest stiffness of a motion that the constraints allow, scaled; about 0 is a mechanism."""
+        """Return the smallest scaled stiffness of a motion the constraints allow; 0 is a mechanism."""
         stiffness, rows = self.system()
         basis = linalg.null_space(rows, rcond=1e-10) if len(rows) else np.eye(len(stiffness))
         if basis.shape[1] == 0:
@@ -107,7 +107,7 @@ class ReferenceFrame:
 def beam_end_stiffness(
     axis: Array, up: Array, E: float, G: float, A: float, Iy: float, Iz: float, J: float, Ay: float, Az: float
 ) -> Array:
-    """Return the stiffness (6, 6) of a beam's far end with the near one clamped, base frame: its flexibility inverted."""
+    """Return the stiffness (6, 6) of a beam's far end, the near one clamped: its flexibility inverted."""
     length = float(np.linalg.norm(axis))
     flexibility = np.zeros((6, 6))
     flexibility[0, 0] = length / (E * A)

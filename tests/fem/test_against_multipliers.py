@@ -1,4 +1,4 @@
-"""Random structures against a dense formulation with Lagrange multipliers that shares no code: `reference_frame`.
+"""Random structures against a dense formulation with Lagrange multipliers, `reference_frame`.
 
 Rigids, joints with directions rigid, finite and free, struts, loops of them and redundant loops.
 """
@@ -6,6 +6,7 @@ Rigids, joints with directions rigid, finite and free, struts, loops of them and
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import assume, event, given
 from hypothesis import strategies as st
 
@@ -52,26 +53,28 @@ def test_machines_with_loops_of_rigid_parts(seed: int, more: int, loops: int, ri
 
 @given(seed=seeds, more=st.integers(1, 8), loops=st.integers(0, 4))
 def test_what_moves_freely_there_is_refused_here(seed: int, more: int, loops: int) -> None:
-    """Many free directions: what the reference finds to be a mechanism is an error that says so, and nothing else is."""
+    """Many free directions: what the reference finds to be a mechanism is refused, and nothing else is."""
     made = machine_frame(seed, more, loops, rigid=0.4, free=0.5)
     softness = made.reference().softness()
     assume(softness > FIRM or softness < 1e-13)
     event(f"mechanism: {softness < 1e-13}")
-    try:
-        error = disagreement(made)
-    except BeamstiffError as refused:
-        assert softness < 1e-13, f"{softness}: {refused}"
-        assert "is a mechanism: node" in str(refused)
+    if softness < 1e-13:
+        with pytest.raises(BeamstiffError, match="is a mechanism: node"):
+            disagreement(made)
     else:
-        assert softness > FIRM
-        assert error <= TOLERANCE
+        assert disagreement(made) <= TOLERANCE
 
 
 def test_the_reference_knows_the_cantilever() -> None:
     """That the second formulation is right too: P L^3 / 3 E I."""
     made = RandomFrame(np.random.default_rng(0))
     made.beam(0, made.node(np.array([2.0, 0, 0])))
-    made.sections[0], made.materials[0], made.ups[0], made.beams[0] = SECTION, STEEL, np.array([0, 1.0, 0]), (0, 1)
+    made.sections, made.materials, made.ups, made.beams = (
+        [SECTION],
+        [STEEL],
+        [np.array([0, 1.0, 0])],
+        [(0, 1)],
+    )
     loads = np.zeros((2, 6))
     loads[1, 1] = 10.0
     expected = 10 * 2**3 / (3 * STEEL.E * SECTION.Iz)

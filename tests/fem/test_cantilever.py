@@ -1,7 +1,7 @@
 """A cantilever under each of six end loads.
 
-Sources: Gere, Mechanics of Materials, 6th ed., appendix G (bending) and sections 2.2 and 3.3 (extension, torsion);
-shear after Timoshenko, Phil. Mag. 41 (1921) 744.
+Sources: Gere, Mechanics of Materials, 6th ed., appendix G (bending) and sections 2.2 and 3.3 (extension,
+torsion); shear after Timoshenko, Phil. Mag. 41 (1921) 744.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Bents, out of their plane and in space, by Castigliano's theorem: one integral of moments a leg.
 
-Source: Timoshenko & Young, Theory of Structures, 2nd ed., ch. 8; the L-bend's a^3/3EI + b^3/3EI + a b^2/GJ is in every
-text (for instance Boresi & Schmidt, Advanced Mechanics of Materials, 6th ed., section 5.4).
+Source: Timoshenko & Young, Theory of Structures, 2nd ed., ch. 8; the L-bend's a^3/3EI + b^3/3EI + a b^2/GJ
+is in every text (for instance Boresi & Schmidt, Advanced Mechanics of Materials, 6th ed., section 5.4).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def test_L_bend_loaded_across_its_plane(elements: int) -> None:
 
 
 def test_L_bend_loaded_in_its_plane() -> None:
-    """Along the second leg: a^3/3EI + b/EA; along the first: b^3/3EI + a b^2/EI + a/EA, with a^2 b/2EI between."""
+    """Along the second leg a^3/3EI + b/EA, along the first b^3/3EI + a b^2/EI + a/EA; a^2 b/2EI between."""
     robot = frame([(0, 0, 0), (a, 0, 0), (a, b, 0)], beams=[(0, 1), (1, 2)], section=ROUND)
     C = compliance(robot)
     assert C[1, 1] == pytest.approx(a**3 / (3 * EI) + b / EA, rel=TOLERANCE)

@@ -1,7 +1,7 @@
 """Frame3DD, example B: a pyramid of shear beams under its own weight and a load at the top (N, mm).
 
-The numbers are the program's printed results, with geometric stiffness switched on there; a linear solver gives
-0.0141272, -0.0502277 and -0.0223740 mm, 3.59e-5 and 8.1e-6 rad.
+The numbers are the program's printed results, with geometric stiffness switched on there; a linear solver
+gives 0.0141272, -0.0502277 and -0.0223740 mm, 3.59e-5 and 8.1e-6 rad.
 """
 
 from __future__ import annotations

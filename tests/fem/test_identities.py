@@ -73,7 +73,9 @@ def rigid_motions(points: np.ndarray) -> np.ndarray:
 
 
 @given(seed=seeds, more=sizes, loops=closing)
-def test_an_unsupported_frame_has_six_motions_without_energy_and_no_more(seed: int, more: int, loops: int) -> None:
+def test_an_unsupported_frame_has_six_motions_without_energy_and_no_more(
+    seed: int, more: int, loops: int
+) -> None:
     made = beam_frame(seed, more, loops)
     K = unsupported_stiffness(compile_structure(made.robot()))
     assert np.abs(K - K.T).max() <= 1e-14 * np.abs(K).max()
@@ -86,7 +88,9 @@ def test_an_unsupported_frame_has_six_motions_without_energy_and_no_more(seed: i
 
 
 @given(seed=seeds, more=sizes, loops=closing)
-def test_joints_struts_and_shear_beams_resist_no_rigid_motion_either(seed: int, more: int, loops: int) -> None:
+def test_joints_struts_and_shear_beams_resist_no_rigid_motion_either(
+    seed: int, more: int, loops: int
+) -> None:
     made = machine_frame(seed, more, loops)
     structure = compile_structure(made.robot())
     K = unsupported_stiffness(structure)
@@ -106,7 +110,7 @@ def test_the_reduced_stiffness_is_symmetric_and_positive_definite(seed: int, mor
 
 @given(seed=seeds, elements=st.integers(1, 6), load=st.sampled_from(["stretch", "twist", "y", "z"]))
 def test_patch_of_unequal_elements_shows_constant_strain(seed: int, elements: int, load: str) -> None:
-    """A straight row of elements under stretch, twist and pure bending: every node lies on the exact field."""
+    """A row of elements under stretch, twist and pure bending: every node lies on the exact field."""
     rng = np.random.default_rng(seed)
     at = np.concatenate([[0.0], np.cumsum(rng.uniform(0.05, 1.0, elements))])
     made = frame([(x, 0, 0) for x in at], beams=[(k, k + 1) for k in range(elements)], up=(0, 1, 0))

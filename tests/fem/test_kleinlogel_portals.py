@@ -1,7 +1,7 @@
 """Portal frames: Kleinlogel & Haselbach, Rigid Frame Formulas, frames with fixed and with hinged feet.
 
-With k = (I_girder / I_column) (h / l), N1 = k + 2, N2 = 6 k + 1 for fixed feet and N = 2 k + 3 for hinged ones. The
-formulas leave the members' extension out; so does a rigid strut beside each member.
+With k = (I_girder / I_column) (h / l), N1 = k + 2, N2 = 6 k + 1 for fixed feet and N = 2 k + 3 for hinged
+ones. The formulas leave the members' extension out; so does a rigid strut beside each member.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def test_sway_of_the_portal_with_hinged_feet() -> None:
 
 @pytest.mark.parametrize("hinged", [False, True])
 def test_uniform_load_on_the_girder(hinged: bool) -> None:
-    """Fixed feet: M_A = q l^2 / 12 N1, M_B = -q l^2 / 6 N1; hinged: M_B = -q l^2 / 4 N. The load is its weight."""
+    """Its weight. Fixed feet: M_A = q l^2 / 12 N1, M_B = -q l^2 / 6 N1; hinged: M_B = -q l^2 / 4 N."""
     response = solve(portal(hinged), {}, gravity=True)
     q = 9.81 * STEEL.density * GIRDER.A
     corner = q * WIDTH**2 / (4 * (2 * K + 3)) if hinged else q * WIDTH**2 / (6 * (K + 2))

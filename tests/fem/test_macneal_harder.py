@@ -1,5 +1,5 @@
-"""MacNeal & Harder, A proposed standard set of problems to test finite element accuracy, Finite Elem. Anal. Des. 1
-(1985) 3-20: straight, twisted and curved cantilevers under unit tip loads (inch, pound).
+"""MacNeal & Harder, A proposed standard set of problems to test finite element accuracy, Finite Elem. Anal.
+Des. 1 (1985) 3-20: straight, twisted and curved cantilevers under unit tip loads (inch, pound).
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def test_straight_beam(elements: int) -> None:
 
 
 def twisted(elements: int) -> np.ndarray:
-    """Return the deflections under load a (across the root's thin side, 0.32) and load b (its wide one, 1.1)."""
+    """Return the deflections under loads a (across the root's thin side, 0.32) and b (its wide one, 1.1)."""
     length, twist = 12.0, math.pi / 2
     middle = (np.arange(elements) + 0.5) / elements * twist
     robot = frame(
@@ -73,7 +73,7 @@ RADIUS, DEPTH, THICKNESS = 4.22, 0.2, 0.1
 
 
 def curved_section() -> Section:
-    """Return the rectangle with the torsion constant of Roark's table 10.7, case 4, which the printed result has.
+    """Return the rectangle with the torsion constant of Roark's table 10.7, case 4, as the printed result.
 
     The exact series makes it 0.1 % softer, and the deflection out of plane 0.5006.
     """
@@ -103,7 +103,7 @@ def tip(elements: int) -> np.ndarray:
 
 
 def by_castigliano() -> np.ndarray:
-    """Return the same of the smooth ring: integrals of sin^2 and (1 - cos)^2 over a quarter (Roark, table 9.4)."""
+    """Return the same of the smooth ring: integrals of sin^2 and (1 - cos)^2 over a quarter."""
     made = material(1e7, 0.25)
     section = section_properties(curved_section())
     E, G, quarter = made.E, made.G, math.pi / 4
@@ -117,7 +117,7 @@ def by_castigliano() -> np.ndarray:
 
 
 def test_curved_beam_converges_to_the_printed_digits() -> None:
-    """Straight beams converge to 0.0886 in plane and 0.5004 out of plane; published solids: 0.08734 and 0.5022."""
+    """Straight beams converge to 0.0886 in plane, 0.5004 out of it; published solids: 0.08734, 0.5022."""
     for elements in (60, 120):
         assert [f"{value:.4f}" for value in tip(elements)] == ["0.0886", "0.5004"]
     assert tip(120) == pytest.approx([0.08734, 0.5022], rel=0.015)

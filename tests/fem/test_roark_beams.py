@@ -1,8 +1,9 @@
-"""Straight beams between supports: Young & Budynas, Roark's Formulas for Stress and Strain, 8th ed., table 8.1.
+"""Straight beams between supports: Roark's Formulas for Stress and Strain, 8th ed., table 8.1.
 
-Cases 1 (concentrated load at `a` from the left end) and 2 (uniform load), with the ends guided, simply supported
-and fixed; the supports are joints with free directions between the beam's end and a fixed node. Shear terms:
-table 8.1's beams with w L^2 / (8 G As) and the like added (Timoshenko, Strength of Materials I, art. 39).
+Cases 1 (concentrated load at `a` from the left end) and 2 (uniform load), with the ends guided, simply
+supported and fixed; the supports are joints with free directions between the beam's end and a fixed node.
+Shear terms: table 8.1's beams with w L^2 / (8 G As) and the like added (Timoshenko, Strength of Materials
+I, art. 39).
 """
 
 from __future__ import annotations
@@ -136,7 +137,7 @@ def test_own_weight_of_a_shear_beam_in_the_middle(case: str) -> None:
 @pytest.mark.parametrize("elements", [1, 2, 5])
 @pytest.mark.parametrize("section", [SECTION, SHEAR_SECTION], ids=["euler-bernoulli", "timoshenko"])
 def test_own_weight_of_a_cantilever(section: Section, elements: int) -> None:
-    """Case 2a: q L^4 / 8 E I + q L^2 / 2 G As at the tip; q L and q L^2 / 2 at the root, nothing at the tip."""
+    """Case 2a: q L^4 / 8 E I + q L^2 / 2 G As at the tip, without force there; q L, q L^2 / 2 at the root."""
     points = [(LENGTH * at / elements, 0, 0) for at in range(elements + 1)]
     beams = [(at, at + 1) for at in range(elements)]
     robot = frame(points, beams=beams, section=section, up=(0, 1, 0))

@@ -1,9 +1,9 @@
 """Serial robots with rigid links: C = J diag(1/k) J^T, and with joints that give way in six directions
 C = sum J_i C_i J_i^T.
 
-Sources: Salisbury, Active stiffness control of a manipulator in Cartesian coordinates, CDC 1980; Khalil & Dombre,
-Modeling, Identification and Control of Robots (2002), section 3.2 (frames) and ch. 15. Here J comes from the
-frames' axes, multiplied out anew.
+Sources: Salisbury, Active stiffness control of a manipulator in Cartesian coordinates, CDC 1980; Khalil &
+Dombre, Modeling, Identification and Control of Robots (2002), section 3.2 (frames) and ch. 15. Here J comes
+from the frames' axes, multiplied out anew.
 """
 
 from __future__ import annotations
@@ -23,13 +23,18 @@ from beamstiff.robot.parts import Frame, Joint, Node, Rigid, Variable
 from tests.fem.builders import FREE, stiffness
 
 TOLERANCE = 1e-10
-KINDS = (0, 1, 1, 2, 3, 3)  # of the six directions, first axis along the joint: axial, radial, torsional, tilting
+# axial, radial, torsional or tilting: kind of each of the six directions, first axis along the joint
+KINDS = (0, 1, 1, 2, 3, 3)
 
 
 def serial_robot(
-    parameters: np.ndarray, prismatic: np.ndarray, values: np.ndarray, tool: np.ndarray, turned_round: bool = False
+    parameters: np.ndarray,
+    prismatic: np.ndarray,
+    values: np.ndarray,
+    tool: np.ndarray,
+    turned_round: bool = False,
 ) -> Robot:
-    """Return a chain of rigid links; row i of `parameters` is (alpha, d, theta, r), of `values` the four kinds."""
+    """Return a chain of rigid links; rows of `parameters` are (alpha, d, theta, r), of `values` kinds."""
     count = len(parameters)
     variables, frames, joints = [], [], []
     nodes, rigids = [Node(name="ground")], []
@@ -38,15 +43,22 @@ def serial_robot(
         variables.append(Variable(name=name, type="prismatic" if prismatic[at] else "revolute"))
         moving = {"theta": float(theta), "r": name} if prismatic[at] else {"theta": name, "r": float(r)}
         frames.append(
-            Frame(name=f"f{at + 1}", parent=f"f{at}" if at else "base", alpha=float(alpha), d=float(d), **moving)
+            Frame(
+                name=f"f{at + 1}", parent=f"f{at}" if at else "base", alpha=float(alpha), d=float(d), **moving
+            )
         )
-        # on a frame that slides along its own axis z the node before it lies on that axis too, but does not move:
-        # both nodes belong to the frame, as the joint's two sides at this pose
+        # both sides of the joint lie in its frame: of one that slides, too, which is where they meet
         nodes += [Node(name=f"a{at + 1}", frame=f"f{at + 1}"), Node(name=f"b{at + 1}", frame=f"f{at + 1}")]
         rigids.append((f"b{at}" if at else "ground", f"a{at + 1}"))
         ends = (f"b{at + 1}", f"a{at + 1}") if turned_round else (f"a{at + 1}", f"b{at + 1}")
         joints.append(
-            Joint(name=f"J{at + 1}", nodes=ends, frame=f"f{at + 1}", variable=name, stiffness=stiffness(*values[at]))
+            Joint(
+                name=f"J{at + 1}",
+                nodes=ends,
+                frame=f"f{at + 1}",
+                variable=name,
+                stiffness=stiffness(*values[at]),
+            )
         )
     nodes.append(Node(name="tool", frame=f"f{count}", at=tuple(tool)))
     rigids.append((f"b{count}", "tool"))
@@ -62,7 +74,9 @@ def serial_robot(
     )
 
 
-def multiplied_out(parameters: np.ndarray, prismatic: np.ndarray, q: np.ndarray, tool: np.ndarray) -> np.ndarray:
+def multiplied_out(
+    parameters: np.ndarray, prismatic: np.ndarray, q: np.ndarray, tool: np.ndarray
+) -> np.ndarray:
     """Return the frames (n, 3, 4) at one pose and the tool (3,), from the elementary motions."""
     T, frames = np.eye(4), []
     for (alpha, d, theta, r), slides, value in zip(parameters, prismatic, q, strict=True):
@@ -76,7 +90,7 @@ def multiplied_out(parameters: np.ndarray, prismatic: np.ndarray, q: np.ndarray,
 
 
 def six_directions(frame: np.ndarray, point: np.ndarray) -> np.ndarray:
-    """Return J_i (6, 6): the tool's twist for unit motion of the joint along and about its z, x and y axes."""
+    """Return J_i (6, 6): the tool's twist for unit motion of the joint along and about its z, x, y axes."""
     z, x, y = frame[:3, 2], frame[:3, 0], frame[:3, 1]
     arm = point - frame[:3, 3]
     columns = [np.concatenate([axis, np.zeros(3)]) for axis in (z, x, y)]
@@ -93,7 +107,7 @@ def drawn(seed: int, joints: int = 6, poses: int = 3) -> tuple[np.ndarray, ...]:
 
 
 def largest_error(found: np.ndarray, expected: np.ndarray) -> float:
-    """Return the error of compliances (P, 6, 6), relative to the largest translation, coupling and rotation."""
+    """Return the error of compliances (P, 6, 6), by their largest translation, coupling and rotation."""
     blocks = [(..., slice(3 * i, 3 * i + 3), slice(3 * j, 3 * j + 3)) for i in (0, 1) for j in (0, 1)]
     sizes = [np.abs(expected[at]).max() or 1.0 for at in blocks]  # sliding joints alone turn nothing
     errors = [np.abs(found[at] - expected[at]).max() for at in blocks]
@@ -153,11 +167,14 @@ def test_stiffness_is_the_congruence_of_the_drive_springs(seed: int) -> None:
     inverse = np.linalg.inv(J[regular])
     expected = inverse.swapaxes(-1, -2) @ np.diag(k) @ inverse
     if regular.any():
-        assert largest_error(tcp_stiffness(C[regular]), expected) <= 1e-8  # cond(J)^2 digits are lost on the way
+        # cond(J)^2 digits are lost on the way
+        assert largest_error(tcp_stiffness(C[regular]), expected) <= 1e-8
 
 
 @given(seed=st.integers(0, 2**32 - 1), turned_round=st.booleans(), heavy=st.booleans())
-def test_joint_torques_are_the_transposed_jacobian_of_the_wrench(seed: int, turned_round: bool, heavy: bool) -> None:
+def test_joint_torques_are_the_transposed_jacobian_of_the_wrench(
+    seed: int, turned_round: bool, heavy: bool
+) -> None:
     """tau = J^T w; and in directions that are rigid or free as well, tau_i = J_i^T w by equilibrium alone."""
     parameters, prismatic, tool, q, rng = drawn(seed, joints=4, poses=2)
     values = 10.0 ** rng.uniform(4, 9, (4, 4))

@@ -1,4 +1,4 @@
-"""Every linear frame of the shared benchmark list, read from its file: each source is named there, case by case."""
+"""Every linear frame of the shared benchmark list, read from its file, which names the source of each."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ def with_a_beam(points: np.ndarray, **parts: object) -> Robot:
 
 
 def test_tripod() -> None:
-    """Three legs of length s to an apex at height h over a circle: k = EA/s; 3 k (h/s)^2 down, 3/2 k (r/s)^2 aside."""
+    """Three legs of length s to an apex over a circle, k = EA/s: 3 k (h/s)^2 down, 3/2 k (r/s)^2 aside."""
     r, h, k = 0.6, 1.1, 4e7
     angles = 2 * np.pi * np.arange(3) / 3
     feet = np.stack([r * np.cos(angles), r * np.sin(angles), np.zeros(3)], axis=1)
