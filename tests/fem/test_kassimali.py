@@ -1,4 +1,4 @@
-"""Kassimali, Matrix Analysis of Structures, 2nd ed., examples 6.6 (plane frame), 8.1 (space truss); kip, in."""
+"""Kassimali, Matrix Analysis of Structures, 2nd ed., examples 6.6 (frame) and 8.1 (space truss); kip, in."""
 
 from __future__ import annotations
 

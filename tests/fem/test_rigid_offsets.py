@@ -55,7 +55,7 @@ def test_stiffness_of_a_beam_between_rigid_ends() -> None:
 @pytest.mark.parametrize("arm", [(0.3, 0, 0), (0, 0.2, 0), (0.1, -0.4, 0.25)])
 @pytest.mark.parametrize("rigids", [1, 4])
 def test_tool_on_a_rigid_arm(arm: tuple[float, ...], rigids: int) -> None:
-    """C at the end of a rigid arm is X C X^T: forces have a lever on the beam's tip, which carries the arm."""
+    """C at the end of a rigid arm is X C X^T: a force has a lever on the tip, which carries the arm."""
     tip = np.array([LENGTH, 0, 0])
     points = [(0, 0, 0), *(tip + np.array(arm) * at / rigids for at in range(rigids + 1))]
     chain = [(at, at + 1) if at % 2 else (at + 1, at) for at in range(1, rigids + 1)]
