@@ -39,6 +39,7 @@ from beamstiff.fem.unknowns import joint_unknowns
 from beamstiff.robot.kinematics import Posture
 from beamstiff.se3 import Array
 
+STIFFEST = 1e-10  # a scaled compliance below this is rounding
 ROUNDING = 1e-11  # of the stiffness that meets at a port
 CHUNK = 128  # poses at a time: the matrices of a chunk stay in the processor's cache
 
@@ -277,7 +278,7 @@ def tcp_stiffness(compliance: Array, robot: str = "robot") -> Array:
         When the compliance is singular: some direction of the TCP does not give way at all.
     """
     flat = compliance.reshape(-1, 6, 6)
-    inverse, unstable = solve_stable(flat, np.broadcast_to(np.eye(6), flat.shape))
+    inverse, unstable = solve_stable(flat, np.broadcast_to(np.eye(6), flat.shape), softest=STIFFEST)
     if unstable is not None:
         pose, motion = unstable
         names = ("fx", "fy", "fz", "mx", "my", "mz")

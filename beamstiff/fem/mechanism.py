@@ -14,10 +14,10 @@ from beamstiff.fem.structure import Structure
 from beamstiff.robot.parts import JOINT_DIRECTIONS
 from beamstiff.se3 import Array
 
-# a motion whose scaled stiffness is below this is a mechanism, or known to less than five digits
-SOFTEST = 1e-10
-# the same of a loaded machine, which may come near its critical load
-SOFTEST_LOADED = 1e-13
+# a motion whose scaled stiffness is below this is free: what is left of its stiffness is rounding
+SOFTEST = 1e-13
+# by how much rounding may change a deflection under its own load
+KNOWN = 1e-6
 # a random load moves a motion that soft by more than this share of what it could
 PROBED = 0.05
 # a part strained by a motion has more than this share of the energy that motions of that size could give it
@@ -65,7 +65,8 @@ def solve_stable(
     solution : (P, n, c) array
         Not to be used if there is an unstable pose.
     unstable : None or (pose, motion)
-        The first pose whose stiffness is not positive definite, and its softest motion (n,).
+        The first pose whose stiffness is not positive definite, and its softest motion (n,); or at which a
+        load's deflection is rounding, and the deflection.
 
     Raises
     ------
@@ -78,11 +79,10 @@ def solve_stable(
     size = diagonal if size is None else np.maximum(size, diagonal)
     scale = 1.0 / np.sqrt(np.where(size > 0.0, size, 1.0))
     scaled = scale[:, :, None] * matrix * scale[:, None, :]
-    finite = np.isfinite(scaled).all(axis=(1, 2))
-    if not finite.all():
+    if not np.isfinite(scaled).all():
         raise BeamstiffError(
-            f"found values that are not finite at pose {int(np.argmin(finite))}, expected a stiffness or "
-            "compliance in the range of numbers; check the units"
+            "found a stiffness or compliance that is not a finite number, expected one in the range of "
+            "numbers; check the units"
         )
     even = scaled if symmetric else 0.5 * (scaled + scaled.swapaxes(-1, -2))
     try:
@@ -93,17 +93,33 @@ def solve_stable(
     solution = np.zeros_like(right)
     if not bad.any():
         # pivots alone miss a soft motion that lies across the unknowns: some loads find it
-        probes = np.broadcast_to(_probes(matrix.shape[-1]), (matrix.shape[0], matrix.shape[-1], 4))
-        solved = np.linalg.solve(scaled, np.concatenate([scale[:, :, None] * right, probes], axis=2))
-        solution = scale[:, :, None] * solved[:, :, :-4]
+        loads = scale[:, :, None] * right
+        probes = np.broadcast_to(_probes(matrix.shape[-1]), (*matrix.shape[:2], 4))
+        solved = np.linalg.solve(scaled, np.concatenate([loads, probes], axis=2))
         moved = np.linalg.norm(solved[:, :, -4:], axis=1).max(axis=1)
         doubtful = np.flatnonzero(moved > PROBED / softest)
         bad[doubtful] = np.linalg.eigvalsh(even[doubtful])[:, 0] < softest
-    if not bad.any():
-        return solution, None
-    pose = int(np.argmax(bad))
-    _, vectors = np.linalg.eigh(even[pose])
-    return solution, (pose, scale[pose] * vectors[:, 0])
+        solved = solved[:, :, :-4]
+        solution = scale[:, :, None] * solved
+    if bad.any():
+        pose = int(np.argmax(bad))
+        _, vectors = np.linalg.eigh(even[pose])
+        return solution, (pose, scale[pose] * vectors[:, 0])
+    if symmetric and (unknown := _rounded_away(solved, loads)) is not None:
+        return solution, (unknown[0], solution[unknown])
+    return solution, None
+
+
+def _rounded_away(solved: Array, right: Array) -> tuple[int, slice, int] | None:
+    """Return pose and column of a deflection that rounding of the stiffness changes too much, or None.
+
+    A relative error e_i in ``K_ii = 1`` changes the work ``b x`` by ``e_i x_i^2``.
+    """
+    work = np.abs(np.einsum("pnc,pnc->pc", solved, right))
+    squares = solved * solved
+    noise = np.finfo(float).eps * np.sqrt(np.einsum("pnc,pnc->pc", squares, squares))
+    found = np.argwhere(noise > KNOWN * work)
+    return (int(found[0][0]), slice(None), int(found[0][1])) if found.size else None
 
 
 @cache
@@ -143,8 +159,8 @@ def mechanism_error(
     resisting = _resisting(structure, geometry, pose, motion, moved, size)
     if what == "is a mechanism" and resisting:
         return BeamstiffError(
-            f"robot {robot.name!r}: the stiffness of {listed(resisting)} is lost beside parts more than "
-            f"{1 / SOFTEST:.0e} times stiffer{where}; make those rigid, or this free"
+            f"robot {robot.name!r}: the stiffness of {listed(resisting)} is lost beside parts some 1e10 "
+            f"times stiffer{where}; make those rigid, or this free"
         )
     amount = np.linalg.norm(moved[:, :3], axis=1) + size * np.linalg.norm(moved[:, 3:], axis=1)
     order = np.argsort(-np.round(amount / amount.max(), 6), kind="stable")
@@ -172,7 +188,7 @@ def mechanism_error(
 def _resisting(
     structure: Structure, geometry: Geometry, pose: int, motion: Array, moved: Array, size: float
 ) -> list[str]:
-    """Return the parts that a motion strains: a mechanism strains none, however soft they are."""
+    """Return the parts that a motion strains most: a mechanism strains none, however soft they are."""
     robot, labels = structure.robot, structure.unknowns.labels
     reach = max(float(np.abs(moved[:, :3]).max()), size * float(np.abs(moved[:, 3:]).max()))
     amount = np.repeat([reach, reach / size], 3)  # of the motion, as displacement and rotation
@@ -181,10 +197,11 @@ def _resisting(
     most = np.einsum("a,eijab,b->e", amount, np.abs(blocks), amount)
     parts = [beam.name for beam in robot.beams] + [robot.joints[at].name for at in structure.chords]
     parts += [robot.struts[at].name for at in structure.struts]
-    names = [parts[at] for at in np.flatnonzero(energy > STRAINED * most)]
-    stiff = structure.spring_values > 0.0
-    for spring, joint in zip(structure.springs[stiff], structure.spring_joint[stiff], strict=True):
-        direction = labels[spring][1]
-        if abs(motion[spring]) > 1e-8 * amount[direction]:
-            names.append(f"{robot.joints[joint].name}.{JOINT_DIRECTIONS[direction]}")
-    return list(dict.fromkeys(names))
+    shares = [(float(energy[at]), parts[at]) for at in np.flatnonzero(energy > STRAINED * most)]
+    for at, joint in enumerate(structure.spring_joint):
+        spring, direction = structure.springs[at], labels[structure.springs[at]][1]
+        share = float(structure.spring_values[at] * motion[spring] ** 2)
+        if share > 0.0 and abs(motion[spring]) > 1e-8 * amount[direction]:
+            shares.append((share, f"{robot.joints[joint].name}.{JOINT_DIRECTIONS[direction]}"))
+    shares.sort(reverse=True)
+    return list(dict.fromkeys(name for share, name in shares if share > 0.01 * shares[0][0]))

@@ -12,7 +12,7 @@ from beamstiff.fem.beam import uniform_load
 from beamstiff.fem.constraints import constraint_rows, has_constraints, null_space, ranks, unknown_sizes
 from beamstiff.fem.geometry import Geometry, place
 from beamstiff.fem.loads import gravity_wrenches
-from beamstiff.fem.mechanism import SOFTEST, SOFTEST_LOADED, mechanism_error, solve_stable
+from beamstiff.fem.mechanism import mechanism_error, solve_stable
 from beamstiff.fem.structure import Structure
 from beamstiff.fem.unknowns import joint_unknowns, turning_nodes
 from beamstiff.robot.kinematics import Posture
@@ -189,8 +189,7 @@ def solve_constrained(
         stiffness = basis.swapaxes(-1, -2) @ stiffness @ basis
         force = basis.swapaxes(-1, -2) @ force
         size = None if size is None else (size[:, None] @ basis**2)[:, 0]
-    softest = SOFTEST if size is not None else SOFTEST_LOADED
-    solved, unstable = solve_stable(stiffness, force, size, symmetric=False, softest=softest)
+    solved, unstable = solve_stable(stiffness, force, size, symmetric=size is not None)
     if unstable is not None:
         pose, motion = unstable
         full = motion if basis is None else basis[pose] @ motion

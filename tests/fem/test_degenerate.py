@@ -232,7 +232,7 @@ def test_springs_in_parallel_1e25_apart(pair: tuple[float, float]) -> None:
     assert compliance(robot)[0, 0] == pytest.approx(1e-15, rel=1e-12)
 
 
-LOST = "is lost beside parts more than 1e+10 times stiffer"
+LOST = "is lost beside parts some 1e10 times stiffer"
 
 
 def answer(robot: Robot, load: Sequence[float]) -> np.ndarray | str:
@@ -294,7 +294,7 @@ def in_series(parts: str, first: float, second: float) -> tuple[Robot, float]:
 def test_parts_in_series_at_any_ratio_are_exact_or_refused(
     parts: str, first: float, second: float, seed: int
 ) -> None:
-    """Up to 1e30 apart, turned in space: no answer is off by more than a hundred thousandth."""
+    """Up to 1e30 apart, turned in space: no answer is off by more than some millionths."""
     robot, expected = in_series(parts, 10.0**first, 10.0**second)
     rotation = some_rotation(seed)
     along = np.concatenate([rotation @ [1, 0, 0], np.zeros(3)])
@@ -304,7 +304,7 @@ def test_parts_in_series_at_any_ratio_are_exact_or_refused(
         assert LOST in found
         assert abs(first - second) > 5
     else:
-        assert abs(along @ found / expected - 1) <= 1e-5
+        assert abs(along @ found / expected - 1) <= 5e-6
 
 
 # ---------------------------------------------------------------- bad parts and bad places
@@ -334,7 +334,7 @@ def test_numbers_that_leave_the_range_on_the_way() -> None:
     huge = frame([(0, 0, 0), (1e-3, 0, 0)], beams=[(0, 1)], material=Material(E=1e307, G=1e307))
     with (
         np.errstate(all="ignore"),
-        pytest.raises(BeamstiffError, match="found values that are not finite at pose 0"),
+        pytest.raises(BeamstiffError, match="found a stiffness or compliance that is not a finite number"),
     ):
         compliance(huge)
 
@@ -441,7 +441,7 @@ def test_singular_compliance_has_no_stiffness() -> None:
         BeamstiffError, match=r"frame: singular compliance at pose 0: .* to some wrench \(mostly "
     ):
         tcp_stiffness(C, robot.name)
-    with pytest.raises(BeamstiffError, match="found values that are not finite at pose 1"):
+    with pytest.raises(BeamstiffError, match="found a stiffness or compliance that is not a finite number"):
         tcp_stiffness(np.stack([np.eye(6), np.full((6, 6), np.nan)]))
 
 
