@@ -55,9 +55,12 @@ def identify(
     unloaded = [name for name, value in zip(names, np.diagonal(information), strict=True) if value <= 0.0]
     if unloaded:
         raise BeamstiffError(
-            f"{measurements.source}: {unloaded[0]} is never loaded: its stiffness cannot be identified from these rows"
+            f"{measurements.source}: {unloaded[0]} is never loaded: its stiffness cannot be identified "
+            "from these rows"
         )
-    covariance = factor * np.linalg.pinv(information / np.outer(scale, scale), hermitian=True) / np.outer(scale, scale)
+    covariance = (
+        factor * np.linalg.pinv(information / np.outer(scale, scale), hermitian=True) / np.outer(scale, scale)
+    )
     found = tuple(
         _parameter(robot, name, value, float(np.sqrt(covariance[at, at])))
         for at, (name, value) in enumerate(zip(names, stiffness, strict=True))
@@ -77,11 +80,18 @@ def identify(
 
 def fit(problem: Problem) -> tuple[Array, int]:
     """Return the stiffness values (m,) of the least weighted squares, and the number of evaluations."""
-    start = np.log(problem.model.start)
+    start: Array = np.log(problem.model.start)
+
+    def residuals(theta: Array) -> Array:
+        return problem.residuals(np.exp(theta))
+
+    def jacobian(theta: Array) -> Array:
+        return problem.jacobian(np.exp(theta))[1]
+
     solution = least_squares(
-        lambda theta: problem.residuals(np.exp(theta)),
+        residuals,
         start,
-        jac=lambda theta: problem.jacobian(np.exp(theta))[1],
+        jac=jacobian,
         bounds=(start - np.log(SPAN), start + np.log(SPAN)),
         x_scale="jac",
         xtol=1e-12,

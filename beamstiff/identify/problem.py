@@ -51,10 +51,12 @@ class Problem:
 
     def residuals(self, stiffness: Array) -> Array:
         """Return the whitened residuals, (count,)."""
-        return self._whiten(np.where(self.used, self.measured - self.model.predict(stiffness), 0.0))[self.used]
+        return self._whiten(np.where(self.used, self.measured - self.model.predict(stiffness), 0.0))[
+            self.used
+        ]
 
     def jacobian(self, stiffness: Array) -> tuple[Array, Array]:
-        """Return whitened residuals (count,) and their derivatives (count, m) by the logarithm of the stiffness."""
+        """Return whitened residuals (count,) and their derivatives (count, m) by the log of the stiffness."""
         predicted, by_stiffness = self.model.derivatives(stiffness)
         residual = self._whiten(np.where(self.used, self.measured - predicted, 0.0))[self.used]
         by_log = np.where(self.used[..., None], -by_stiffness * stiffness, 0.0)
@@ -64,8 +66,8 @@ class Problem:
     def _whiten(self, values: Array) -> Array:
         """Scale by the noise, and decorrelate the rows that were differenced with one unloaded reading.
 
-        For n rows that share a reading the covariance is ``sigma^2 (I + 1 1^T) / 2``: its inverse root takes the
-        mean out and puts it back with its own weight.
+        For n rows that share a reading the covariance is ``sigma^2 (I + 1 1^T) / 2``: its inverse root takes
+        the mean out and puts it back with its own weight.
         """
         scaled = values / self.sigma
         for group in np.unique(self.groups[self.groups >= 0]):
@@ -75,11 +77,15 @@ class Problem:
                 n = int(at.sum())
                 if n:
                     mean = scaled[at, component].mean()
-                    scaled[at, component] = np.sqrt(2.0) * (scaled[at, component] - mean) + mean / np.sqrt((1 + n) / 2)
+                    scaled[at, component] = np.sqrt(2.0) * (scaled[at, component] - mean) + mean / np.sqrt(
+                        (1 + n) / 2
+                    )
         return scaled
 
 
-def state_problem(robot: Robot, measurements: Measurements, parameters: Sequence[str] | None = None) -> Problem:
+def state_problem(
+    robot: Robot, measurements: Measurements, parameters: Sequence[str] | None = None
+) -> Problem:
     """Return the identification problem of a robot and its measured displacements.
 
     Parameters
@@ -97,11 +103,14 @@ def state_problem(robot: Robot, measurements: Measurements, parameters: Sequence
     """
     if measurements.kind != "displacement":
         raise BeamstiffError(
-            f"{measurements.source}: holds absolute positions; identify needs displacements dx dy dz (loaded minus unloaded)"
+            f"{measurements.source}: holds absolute positions; "
+            "identify needs displacements dx dy dz (loaded minus unloaded)"
         )
     model = reduce_to_ports(robot, measurements, parameters)
     if not (np.abs(measurements.wrench) > 0).any():
-        raise BeamstiffError(f"{measurements.source}: all loads are zero; without load no stiffness can be identified")
+        raise BeamstiffError(
+            f"{measurements.source}: all loads are zero; without load no stiffness can be identified"
+        )
     measured = measurements.displacement.copy()
     sigma_position, sigma_rotation = measurements.sigma_position, measurements.sigma_rotation
     if sigma_rotation is None:
@@ -110,10 +119,13 @@ def state_problem(robot: Robot, measurements: Measurements, parameters: Sequence
     sigma = np.array([sigma_position or 1e-5] * 3 + [sigma_rotation or 1e-5] * 3)
     used = ~np.isnan(measured)
     if not known and sigma_rotation is not None:
-        raise BeamstiffError(f"{measurements.source}: sigma_rotation is given, expected sigma_position as well")
+        raise BeamstiffError(
+            f"{measurements.source}: sigma_rotation is given, expected sigma_position as well"
+        )
     if used.sum() < len(model.parameters):
         raise BeamstiffError(
-            f"{measurements.source}: {int(used.sum())} measured components for {len(model.parameters)} parameters "
+            f"{measurements.source}: {int(used.sum())} measured components for "
+            f"{len(model.parameters)} parameters "
             f"({', '.join(model.parameters)}); measure more, or identify fewer"
         )
     groups = measurements.pose if measurements.shared_unloaded else np.full(len(measurements.pose), -1)

@@ -39,7 +39,8 @@ class Identification:
     rms_held_out : float or None
         The same on poses left out of the fit (k-fold by pose), m; None with fewer than three poses.
     chi_square : float
-        Sum of squared whitened residuals over the degrees of freedom; near 1 when noise explains the residual.
+        Sum of squared whitened residuals over the degrees of freedom; near 1 when noise explains
+        the residual.
     evaluations : int
         Evaluations of the model.
     predicted : (N, 6) array

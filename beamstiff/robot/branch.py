@@ -94,11 +94,11 @@ def _blocks(system: LoopSystem, free: Array, jacobian: Array) -> tuple[Block, ..
         columns = np.flatnonzero(loop_of[independent][row_of] == at)
         needs[np.ix_(columns, columns)] = True
     count, block_of = connected_components(csr_array(needs), directed=True, connection="strong")
-    blocks = []
+    blocks: list[Block] = []
     for block in range(count):
         columns = np.flatnonzero(block_of == block)
-        rows = independent[row_of[columns]]
+        rows: NDArray[np.intp] = independent[row_of[columns]].astype(np.intp)
         whole = [at for at in redundant if (loop_of[rows] == at).any()]
-        rows = np.union1d(rows, np.flatnonzero(np.isin(loop_of, whole)))
+        rows = np.union1d(rows, np.flatnonzero(np.isin(loop_of, whole))).astype(np.intp)
         blocks.append((rows, columns))
     return tuple(blocks)

@@ -94,7 +94,9 @@ class Robot(Described):
             joint.model_copy(update={"stiffness": _stiffness_with(joint, values)}) for joint in self.joints
         )
         struts = tuple(_strut_with(strut, values) for strut in self.struts)
-        return self.model_copy(update={"joints": joints, "struts": struts})
+        beams, materials = _beams_with(self, values)
+        update = {"joints": joints, "struts": struts, "beams": beams, "materials": materials}
+        return self.model_copy(update=update)
 
 
 def _stiffness_with(joint: Joint, values: Mapping[str, float]) -> JointStiffness:
@@ -106,6 +108,25 @@ def _stiffness_with(joint: Joint, values: Mapping[str, float]) -> JointStiffness
         return JointStiffness(**changed)
     except BeamstiffError as error:
         raise BeamstiffError(f"{joint.name}.{error}") from None
+
+
+def _beams_with(robot: Robot, values: Mapping[str, float]) -> tuple[tuple[Beam, ...], dict[str, Material]]:
+    """Give every beam whose modulus changes a material of its own."""
+    beams, materials = [], dict(robot.materials)
+    for beam in robot.beams:
+        material = robot.materials[beam.material]
+        modulus = values.get(f"{beam.name}.E", material.E)
+        if modulus != material.E:
+            own = f"{beam.material} of {beam.name}"
+            try:
+                materials[own] = Material(
+                    E=modulus, G=material.G * modulus / material.E, density=material.density
+                )
+            except BeamstiffError as error:
+                raise BeamstiffError(f"{beam.name}.{error}") from None
+            beam = beam.model_copy(update={"material": own})
+        beams.append(beam)
+    return tuple(beams), materials
 
 
 def _strut_with(strut: Strut, values: Mapping[str, float]) -> Strut:

@@ -11,19 +11,24 @@ if TYPE_CHECKING:
 
 
 def stiffness_parameters(robot: Robot) -> dict[str, float]:
-    """Return every stiffness of the joints and struts by its name, SI (inf is rigid, 0 is free)."""
+    """Return every stiffness by its name, SI: of joints and struts (inf is rigid, 0 is free), and beams' E.
+
+    ``"J12.torsional"`` is a joint's, ``"screw2"`` a strut's, ``"arm.E"`` the modulus of a beam (its G follows
+    in proportion), which stands for the stiffness of the whole link.
+    """
     parameters = {
         f"{joint.name}.{kind}": getattr(joint.stiffness, kind)
         for joint in robot.joints
         for kind in STIFFNESS_KINDS
     }
-    return parameters | {strut.name: strut.stiffness for strut in robot.struts}
+    parameters |= {strut.name: strut.stiffness for strut in robot.struts}
+    return parameters | {f"{beam.name}.E": robot.materials[beam.material].E for beam in robot.beams}
 
 
 def parameter_unit(robot: Robot, name: str) -> str:
-    """Return the SI unit of a stiffness parameter: ``N/m`` or ``N*m/rad``."""
-    return (
-        "N*m/rad"
-        if name.endswith((".torsional", ".tilting")) and name in stiffness_parameters(robot)
-        else "N/m"
-    )
+    """Return the SI unit of a stiffness parameter: ``N/m``, ``N*m/rad`` or ``Pa``."""
+    if name in {f"{beam.name}.E" for beam in robot.beams}:
+        return "Pa"
+    if name in {f"{joint.name}.{kind}" for joint in robot.joints for kind in ("torsional", "tilting")}:
+        return "N*m/rad"
+    return "N/m"
