@@ -6,7 +6,7 @@ closed, from the most promising of many seeded starts. A target that was not rea
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -118,6 +118,7 @@ def inverse_geometry(
     upper = np.array([np.inf if v.limits is None else v.limits[1] for v in robot.actuated])
     at = node_at(kinematics, robot.tcp if node is None else node)
     task = _Task(kinematics, loop_system(kinematics), at, positions, rotations, lower, upper)
+    unlimited = replace(task, lower=np.full(len(lower), -np.inf), upper=np.full(len(upper), np.inf))
     poses, actuated = len(positions), len(lower)
     pool = _pool(task, seed)
     order = _most_promising(task, pool, restarts + 1, seed)
@@ -137,6 +138,8 @@ def inverse_geometry(
         if not todo.size or not actuated:
             break
         begin = first[todo] if attempt == 0 else pool[order[todo, attempt]]
+        if attempt % 2 and not kinematics.loops:  # a limit in the way is passed a turn later
+            begin = _turned_within(task, _approach(unlimited, todo, begin, tolerance, patient=False)[0])
         found, found_cost = _approach(task, todo, begin, tolerance, patient=False)
         better = found_cost < cost[todo]
         best[todo[better]], cost[todo[better]] = found[better], found_cost[better]
@@ -204,6 +207,15 @@ def _most_promising(task: _Task, pool: Array, count: int, seed: int) -> NDArray[
     near = np.argsort(away, axis=1, kind="stable")[:, : (count + 1) // 2]
     anywhere = np.random.default_rng([seed, 1]).integers(len(pool), size=count - near.shape[1])
     return np.concatenate([near, np.broadcast_to(anywhere, (len(near), len(anywhere)))], axis=1)
+
+
+def _turned_within(task: _Task, free: Array) -> Array:
+    """Return values (K, A) with whole turns taken off the revolute variables, within the limits."""
+    limited = np.isfinite(task.lower) & np.isfinite(task.upper)
+    middle = 0.5 * (np.where(limited, task.lower, 0.0) + np.where(limited, task.upper, 0.0))
+    turns = np.where(task.system.prismatic[: len(middle)], 0.0, np.round((free - middle) / (2 * np.pi)))
+    within: Array = np.clip(free - 2 * np.pi * turns, task.lower, task.upper)
+    return within
 
 
 def _name(task: _Task) -> str:
