@@ -65,7 +65,7 @@ def inverse_geometry(
     start: ArrayLike | None = None,
     seed: int = 0,
     tolerance: float = 1e-9,
-    restarts: int = 40,
+    restarts: int = 120,
 ) -> InverseResult:
     """Return actuated values that bring a node to the targets, within the limits of the actuated variables.
 

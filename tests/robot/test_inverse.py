@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -195,6 +195,7 @@ def test_the_reach_of_kr240_is_its_stretched_arm() -> None:
 @settings(max_examples=20)
 @given(st.lists(st.floats(-2.8, 2.8), min_size=6, max_size=6), st.integers(0, 5))
 def test_any_pose_of_a_six_axis_robot_is_reached(q: list[float], seed: int) -> None:
+    assume(abs(q[4]) > 1e-4)  # nearer to the wrist's singular line no step of 1e-9 rad is told from rounding
     robot = kr240((-2.9, 2.9))
     target = poses(robot, np.array([q]))
     result = inverse_geometry(compile_kinematics(robot), target, seed=seed)
