@@ -8,7 +8,7 @@ import typer
 
 from beamstiff.cli.options import DataFile, Debug, Json, Quiet, RobotFile, robot_file
 from beamstiff.cli.output import check_outputs, people, say, working, write_json
-from beamstiff.report.files import write_whole
+from beamstiff.files import write_whole
 from beamstiff.report.tables import add_rows, number, table
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import typer
 from beamstiff.cli.options import DataFile, Debug, Json, Quiet, RobotFile, parse_names, robot_file
 from beamstiff.cli.output import check_outputs, people, say, working, write_json
 from beamstiff.errors import BeamstiffError
-from beamstiff.report.files import write_whole
+from beamstiff.files import write_whole
 
 if TYPE_CHECKING:
     from beamstiff.identify.result import Identification

@@ -12,7 +12,7 @@ from typing import Any
 from rich.console import Console
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.report.files import check_writable, write_whole
+from beamstiff.files import check_writable, write_whole
 
 STDOUT = "-"
 PIPE_WIDTH = 200  # columns where there is no terminal to fit into

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError, listed
+from beamstiff.files import write_whole
 from beamstiff.measure.arrays import Integers
 from beamstiff.measure.table import ABSOLUTE, DISPLACEMENT, MEASURED, WRENCH, Measurements
 from beamstiff.measure.text import METADATA
 from beamstiff.robot.description import Robot
-from beamstiff.robot.text_file import write_text
 from beamstiff.se3 import Array
 from beamstiff.units import UNITS, quantity
 
@@ -41,7 +41,7 @@ def write_measurements(measurements: Measurements, path: str | Path, robot: Robo
     BeamstiffError
         When the table is not of this robot, or the file cannot be written.
     """
-    write_text(Path(path), measurements_to_csv(measurements, robot))
+    write_whole(path, measurements_to_csv(measurements, robot))
 
 
 def measurements_to_csv(measurements: Measurements, robot: Robot) -> str:

@@ -15,7 +15,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.report.files import write_whole
+from beamstiff.files import write_whole
 
 FORMATS = ("png", "svg", "pdf")
 BLUE, ORANGE, GREEN, GREY = "#0072B2", "#D55E00", "#009E73", "#777777"

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from beamstiff.errors import BeamstiffError, shown, suggest
+from beamstiff.files import read_text
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import DescriptionError, Problem, path_text
 from beamstiff.robot.library import robot_names, robot_path
-from beamstiff.robot.text_file import read_text
 from beamstiff.robot.yaml_text import Lines, parse_yaml
 
 VERSION = 1

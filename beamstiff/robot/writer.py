@@ -13,11 +13,11 @@ import numpy as np
 import yaml
 
 from beamstiff.errors import BeamstiffError, shown
+from beamstiff.files import write_whole
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import Described, stiffness_text
 from beamstiff.robot.parts import AXES, Joint, JointStiffness, Strut
 from beamstiff.robot.reader import VERSION
-from beamstiff.robot.text_file import write_text
 
 _BARE = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*\Z")
 _RESOLVER: Any = yaml.resolver.Resolver()
@@ -58,7 +58,7 @@ def save_robot(robot: Robot, path: str | os.PathLike[str]) -> None:
     BeamstiffError
         When the file cannot be written.
     """
-    write_text(Path(path), robot_to_yaml(robot))
+    write_whole(Path(path), robot_to_yaml(robot))
 
 
 def _rows(robot: Robot) -> Iterator[str]:

@@ -15,8 +15,8 @@ from typing import Any, NoReturn, TypeAlias
 import yaml
 
 from beamstiff.errors import BeamstiffError, shown
+from beamstiff.files import LARGEST
 from beamstiff.robot.fields import path_text
-from beamstiff.robot.text_file import LARGEST
 
 DEEPEST = 40  # levels; a robot has five
 MOST_VALUES = 10_000_000

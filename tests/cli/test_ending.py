@@ -83,7 +83,7 @@ def test_ctrl_c_while_a_file_is_written_leaves_the_old_one(
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("beamstiff.report.files.os.replace", interrupt)
+    monkeypatch.setattr("beamstiff.files.os.replace", interrupt)
     result = run("stiffness", "crane.yaml", "--json", "out.json")
     assert (result.exit_code, result.stderr) == (130, "interrupted\n")
     assert (folder / "out.json").read_text() == "old"
@@ -145,7 +145,7 @@ def test_a_reader_that_goes_away_causes_no_traceback(folder: Path) -> None:
 def test_a_full_disk_is_told_in_one_line(run: Run) -> None:
     result = run("stiffness", "crane.yaml", "--quiet", "--json", "/dev/full")
     assert result.exit_code == 2
-    assert result.stderr == "error: /dev/full: cannot be written: No space left on device\n"
+    assert result.stderr == "error: /dev/full: cannot be written: no space left on device\n"
 
 
 @pytest.mark.parametrize("arguments", [[], ["--help"], ["-h"]])

@@ -4,7 +4,6 @@ import math
 import os
 import stat
 import sys
-import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -298,56 +297,6 @@ def test_permissions_and_links_stay(everything: str, tmp_path: Path) -> None:
     assert link.is_symlink()
     assert stat.S_IMODE(path.stat().st_mode) == 0o640
     assert load_robot(path) == robot
-
-
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes of POSIX")
-def test_pipes_and_devices_are_written_to_and_not_replaced(everything: str, tmp_path: Path) -> None:
-    pipe, robot, received = tmp_path / "pipe", parse_robot(everything), list[str]()
-    os.mkfifo(pipe)
-    other_end = threading.Thread(
-        target=lambda: received.append(pipe.read_text(encoding="utf-8")), daemon=True
-    )
-    other_end.start()
-    save_robot(robot, pipe)
-    other_end.join(10)
-    assert received == [robot_to_yaml(robot)]
-    assert pipe.is_fifo()
-
-
-@pytest.mark.parametrize("fault", [OSError(28, "No space left on device"), KeyboardInterrupt()])
-def test_a_write_that_fails_leaves_the_old_file_and_no_other(
-    fault: BaseException, everything: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = tmp_path / "robot.yaml"
-    path.write_text("old", encoding="utf-8")
-
-    def fail(_: int) -> None:
-        raise fault
-
-    monkeypatch.setattr(os, "fsync", fail)
-    expected: Any = BeamstiffError if isinstance(fault, OSError) else KeyboardInterrupt
-    with pytest.raises(expected) as error:
-        save_robot(parse_robot(everything), path)
-    if isinstance(fault, OSError):
-        assert str(error.value) == f"{path}: cannot be written: no space left on device"
-    assert path.read_text(encoding="utf-8") == "old"
-    assert [entry.name for entry in tmp_path.iterdir()] == ["robot.yaml"]
-
-
-def test_places_that_cannot_be_written_are_named(everything: str, tmp_path: Path) -> None:
-    robot = parse_robot(everything)
-    (tmp_path / "file").touch()
-    for path, expected in (
-        (tmp_path, "is a folder, expected the name of a file to write"),
-        (tmp_path / "nowhere" / "robot.yaml", "cannot be written: no such file or directory"),
-        (tmp_path / "file" / "robot.yaml", "cannot be written: "),
-        (tmp_path / "a\0b.yaml", "cannot be written: "),
-        (tmp_path / ("x" * 5000), "cannot be written: "),
-    ):
-        with pytest.raises(BeamstiffError) as error:
-            save_robot(robot, path)
-        assert expected in str(error.value)
-        assert str(error.value).isprintable()
 
 
 def test_the_robots_that_come_along_are_written_and_read(shared_path: Callable[[str], Path]) -> None:

@@ -2,12 +2,13 @@ from __future__ import annotations
 
 import os
 import stat
+import threading
 from pathlib import Path
 
 import pytest
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.report.files import check_writable, write_whole
+from beamstiff.files import check_writable, write_whole
 
 
 def test_text_is_written_in_utf8_and_bytes_as_they_are(tmp_path: Path) -> None:
@@ -56,15 +57,56 @@ def test_a_device_is_written_to_and_not_replaced() -> None:
     assert Path("/dev/null").is_char_device()
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes of POSIX")
+def test_a_pipe_is_written_to_and_not_replaced(tmp_path: Path) -> None:
+    pipe, received = tmp_path / "pipe", list[bytes]()
+    os.mkfifo(pipe)
+    other_end = threading.Thread(target=lambda: received.append(pipe.read_bytes()), daemon=True)
+    other_end.start()
+    write_whole(pipe, "content")
+    other_end.join(10)
+    assert received == [b"content"]
+    assert pipe.is_fifo()
+
+
+@pytest.mark.skipif(
+    not hasattr(os, "geteuid") or os.geteuid() == 0, reason="the administrator may write everything"
+)
+def test_a_file_that_may_not_be_written_to_is_not_replaced_either(tmp_path: Path) -> None:
+    path = tmp_path / "file"
+    path.write_text("old")
+    path.chmod(0o400)
+    for attempt in (check_writable, lambda path: write_whole(path, "new")):
+        with pytest.raises(BeamstiffError, match="cannot be written: the file is read-only"):
+            attempt(path)
+    assert path.read_text() == "old"
+
+
+def test_text_that_is_no_utf8_is_refused_and_leaves_the_old_file(tmp_path: Path) -> None:
+    path = tmp_path / "file"
+    path.write_text("old")
+    with pytest.raises(BeamstiffError, match=r"cannot be written: .*surrogates"):
+        write_whole(path, "\udc80")
+    assert path.read_text() == "old"
+
+
 @pytest.mark.parametrize(
     ("name", "reason"),
-    [("missing/file", "there is no folder"), (".", "is a folder"), ("x" * 300, "too long"), ("a\0b", "null")],
+    [
+        ("missing/file", "there is no folder"),
+        ("file/file", "there is no folder"),
+        (".", "is a folder"),
+        ("x" * 300, "too long"),
+        ("a\0b", "null"),
+    ],
 )
 def test_a_path_that_cannot_be_is_refused_by_name(tmp_path: Path, name: str, reason: str) -> None:
+    (tmp_path / "file").touch()
     for attempt in (check_writable, lambda path: write_whole(path, "content")):
-        with pytest.raises(BeamstiffError, match=f"cannot be written: .*{reason}"):
+        with pytest.raises(BeamstiffError, match=f"cannot be written: .*{reason}") as error:
             attempt(tmp_path / name)
-    assert list(tmp_path.iterdir()) == []
+        assert str(error.value).isprintable()
+    assert [item.name for item in tmp_path.iterdir()] == ["file"]
 
 
 def test_a_loop_of_links_is_refused(tmp_path: Path) -> None:
@@ -74,9 +116,10 @@ def test_a_loop_of_links_is_refused(tmp_path: Path) -> None:
         write_whole(tmp_path / "a", "content")
 
 
+@pytest.mark.parametrize("moment", ["fsync", "replace"])
 @pytest.mark.parametrize("fault", [KeyboardInterrupt, MemoryError, OSError(28, "No space left on device")])
-def test_what_goes_wrong_leaves_the_old_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: type[BaseException] | BaseException
+def test_what_goes_wrong_leaves_the_old_file_and_no_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: type[BaseException] | BaseException, moment: str
 ) -> None:
     path = tmp_path / "file"
     path.write_text("old")
@@ -84,7 +127,7 @@ def test_what_goes_wrong_leaves_the_old_file(
     def fail(*_: object) -> None:
         raise fault
 
-    monkeypatch.setattr(os, "replace", fail)
+    monkeypatch.setattr(os, moment, fail)
     with pytest.raises((KeyboardInterrupt, MemoryError, BeamstiffError)):
         write_whole(path, "new")
     assert path.read_text() == "old"
