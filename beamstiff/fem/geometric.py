@@ -19,7 +19,7 @@ from __future__ import annotations
 import numpy as np
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.fem.assembly import dense_stiffness, element_blocks, gather, node_map, scatter
+from beamstiff.fem.assembly import dense_stiffness, element_forces, gather, node_map, scatter
 from beamstiff.fem.condensation import CHUNK
 from beamstiff.fem.constraints import RANK_TOLERANCE, constraint_rows, has_constraints, unknown_sizes
 from beamstiff.fem.geometry import Geometry, place, strut_directions
@@ -137,7 +137,7 @@ def tangent_stiffness(structure: Structure, geometry: Geometry, loads: Array, gr
     """
     total = loads + gravity_wrenches(structure, geometry) if gravity else loads
     unknowns = solve_unknowns(structure, geometry, scatter(structure, geometry, total))
-    forces = _element_forces(structure, geometry, unknowns)
+    forces, _ = element_forces(structure, geometry, gather(structure, geometry, unknowns))
     rest = total.copy()
     for end in (0, 1):
         for element, node in enumerate(structure.elements[:, end].tolist()):
@@ -156,13 +156,6 @@ def tangent_stiffness(structure: Structure, geometry: Geometry, loads: Array, gr
         nodal = stress.reshape(poses, 6 * nodes, 6 * nodes)
         stiffness = stiffness + everywhere.swapaxes(-1, -2) @ nodal @ everywhere
     return stiffness
-
-
-def _element_forces(structure: Structure, geometry: Geometry, unknowns: Array) -> Array:
-    """Return the wrenches on the ends of all elements, (P, E, 2, 6), base frame."""
-    at_ends = gather(structure, geometry, unknowns)[:, structure.elements]
-    forces: Array = np.einsum("peijab,pejb->peia", element_blocks(structure, geometry), at_ends)
-    return forces
 
 
 def _add_elements(
