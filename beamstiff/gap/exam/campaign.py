@@ -1,0 +1,101 @@
+"""What the exam draws: the effect that a machine really has, and the campaign in which it is measured."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamstiff.errors import BeamstiffError
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Names = NDArray[np.str_]
+
+
+@dataclass(frozen=True)
+class Truth:
+    """An effect as the simulated machine has it: the label that the diagnosis must find.
+
+    Attributes
+    ----------
+    effect : str
+        Name of the effect, as in the table of effects; or of one outside that table.
+    component : str or None
+        Where it sits.
+    form : str
+        Constitutive form, for instance ``"iwan"``.
+    parameters : mapping of str to float
+        The simulator's own parameters of that form, SI.
+    """
+
+    effect: str
+    component: str | None
+    form: str
+    parameters: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def label(self) -> str:
+        """``effect:component``, null for none."""
+        return f"{self.effect}:{'null' if self.component is None else self.component}"
+
+
+@dataclass(frozen=True, eq=False)
+class Campaign:
+    """Which states are measured, in which order, and how well; N rows, A actuated variables.
+
+    Attributes
+    ----------
+    q : (N, A) array, rad or m
+        Drive-side readings, in the order of ``robot.actuated``.
+    wrench : (N, 6) array, N and N m
+        As read, at `load_point`, base frame.
+    pose : (N,) array of int
+    step : (N,) array of int
+        Order within the pose; rows of equal pose and step are one state seen at several points.
+    time : (N,) array, s
+    temperature : (N,) array, degC
+    point, load_point : (N,) array of str
+        Nodes.
+    kind : "displacement" or "absolute"
+    sigma_position, sigma_rotation : float, m and rad
+        True noise of a value in the table, per component; 0 for none.
+    claimed_position, claimed_rotation : float or None, m and rad
+        What the table says of its noise.
+    shared_unloaded : bool
+        The rows of a pose are differenced with one unloaded reading of their point.
+    rotations : bool
+        Whether rotations are measured as well.
+    """
+
+    q: Array
+    wrench: Array
+    pose: Integers
+    step: Integers
+    time: Array
+    temperature: Array
+    point: Names
+    load_point: Names
+    kind: Literal["displacement", "absolute"] = "displacement"
+    sigma_position: float = 0.0
+    sigma_rotation: float = 0.0
+    claimed_position: float | None = None
+    claimed_rotation: float | None = None
+    shared_unloaded: bool = False
+    rotations: bool = True
+
+    def __post_init__(self) -> None:
+        rows = len(self.q)
+        shapes = {"wrench": (rows, 6)} | {
+            name: (rows,) for name in ("pose", "step", "time", "temperature", "point", "load_point")
+        }
+        for name, shape in shapes.items():
+            if np.shape(getattr(self, name)) != shape:
+                found = np.shape(getattr(self, name))
+                raise BeamstiffError(f"campaign: {name}: found shape {found}, expected {shape}")
+
+    def __len__(self) -> int:
+        return len(self.q)
