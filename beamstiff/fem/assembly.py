@@ -126,16 +126,60 @@ def element_forces(structure: Structure, geometry: Geometry, displacement: Array
     forces : (P, E, 2, 6) array, N and N m, base frame
     energy : (P, E) array, J
     """
+    deformation = _deformation(structure, geometry, displacement)
+    blocks = element_blocks(structure, geometry)[:, :, :, 1]
+    forces: Array = (blocks @ deformation[:, :, None, :, None])[..., 0]
+    return forces, 0.5 * np.einsum("pea,pea->pe", deformation, forces[:, :, 1])
+
+
+def stiffness_between(structure: Structure, geometry: Geometry, motions: Array) -> tuple[Array, Array]:
+    """Return the stiffness against motions of the unknowns, and the forces they meet.
+
+    As `element_forces` it takes the deformation alone, so that a motion that strains nothing meets no
+    stiffness, however stiff the parts are that it moves.
+
+    Parameters
+    ----------
+    motions : (P, n, c) array
+
+    Returns
+    -------
+    stiffness : (P, c, c) array
+        Twice the energy of one motion with another, ``Z^T K Z``.
+    forces : (P, n, c) array
+        ``K Z``.
+    """
+    first, second = structure.elements.T
+    blocks = element_blocks(structure, geometry)
+    own = motions[:, structure.springs]
+    forces = np.zeros_like(motions)
+    strains, held = [], []
+    for at in range(motions.shape[2]):
+        strain = _deformation(structure, geometry, gather(structure, geometry, motions[:, :, at]))
+        ends = (blocks[:, :, :, 1] @ strain[:, :, None, :, None])[..., 0]
+        nodal = np.zeros((len(motions), len(structure.robot.nodes), 6))
+        np.add.at(nodal.swapaxes(0, 1), first, ends[:, :, 0].swapaxes(0, 1))
+        np.add.at(nodal.swapaxes(0, 1), second, ends[:, :, 1].swapaxes(0, 1))
+        forces[:, :, at] = scatter(structure, geometry, nodal)
+        strains.append(strain)
+        held.append(ends[:, :, 1])
+    forces[:, structure.springs] += structure.spring_values[:, None] * own
+    stiffness: Array = own.swapaxes(-1, -2) @ (structure.spring_values[:, None] * own)
+    if strains:
+        stiffness = stiffness + np.einsum("peac,pead->pcd", np.stack(strains, -1), np.stack(held, -1))
+    return stiffness, forces
+
+
+def _deformation(structure: Structure, geometry: Geometry, displacement: Array) -> Array:
+    """Return the deformation of all elements, second end against the first carried along, (P, E, 6)."""
     first, second = structure.elements.T
     positions = geometry.posture.node_positions
     arm = positions[:, second] - positions[:, first]
     beams = len(structure.robot.beams)
     arm[:, beams:] = 0.0  # joints have none, and struts no stiffness against rotation
     carried = (displacement_transport(arm) @ displacement[:, first, :, None])[..., 0]
-    deformation = displacement[:, second] - carried
-    blocks = element_blocks(structure, geometry)[:, :, :, 1]
-    forces: Array = (blocks @ deformation[:, :, None, :, None])[..., 0]
-    return forces, 0.5 * np.einsum("pea,pea->pe", deformation, forces[:, :, 1])
+    deformation: Array = displacement[:, second] - carried
+    return deformation
 
 
 def gather(structure: Structure, geometry: Geometry, unknowns: Array) -> Array:

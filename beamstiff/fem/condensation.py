@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError, suggest
-from beamstiff.fem.assembly import assemble, node_map, scatter
+from beamstiff.fem.assembly import assemble, node_map, scatter, stiffness_between
 from beamstiff.fem.constraints import (
     beam_rows,
     constraint_rows,
@@ -204,7 +204,12 @@ def _condense_chunk(
     p, o = k_rp.shape[2], watch.shape[1]
     to_ports, to_watch, to_dead = solved[:, :, :p], solved[:, :, p : p + o], solved[:, :, p + o]
     k_pr = k_rp.swapaxes(-1, -2)
-    port_stiffness = _symmetric(k_pp - k_pr @ to_ports)
+    if rest.ndim == 1 or p == 0:
+        port_stiffness = _symmetric(k_pp - k_pr @ to_ports)
+    else:  # bases mix stiff and soft unknowns: differences of their stiffness would be rounding
+        _, unbalanced = stiffness_between(structure, geometry, moved - rest @ to_ports)
+        to_ports = to_ports + solve_stable(k_rr, rest.swapaxes(-1, -2) @ unbalanced, size_r)[0]
+        port_stiffness = _symmetric(stiffness_between(structure, geometry, moved - rest @ to_ports)[0])
     # where nothing but its own spring holds a port, rounding must not: it may be set free later
     left = np.abs(port_stiffness) > ROUNDING * np.sqrt(size_p[:, :, None] * size_p[:, None, :])
     return Condensed(

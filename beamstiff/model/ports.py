@@ -1,35 +1,40 @@
 """The port-reduced evaluator: predictions of all rows and their derivatives, from stiffness values alone.
 
-The beams do not change when only joint stiffness does: each pose is condensed once to the ports (the
+What is left open may change without anything else changing: each pose is condensed once to the ports (the
 directions whose stiffness is open), and an evaluation is a small dense problem::
 
-    d = C_clamped w + B_d^T (S + diag k)^-1 (B_w w + g)        dd/dk_j = -(B_d^T M^-1)_j (M^-1 (B_w w + g))_j
+    d = C_clamped w + B_d^T M^-1 (B_w w + g)        dd/dk_j = -(M^-1 B_d)^T Phi_j M^-1 (B_w w + g)
 
-with M = S + diag k (DESIGN: ports; the derivative of an inverse, term by term).
+with ``M = S + sum_j k_j Phi_j``; Phi_j has a one for each direction of a spring, and for a beam the stiffness
+of its second end per unit of its modulus (DESIGN: ports; the derivative of an inverse, term by term).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from beamstiff.errors import BeamstiffError, listed, suggest
+from beamstiff.fem.beam import beam_stiffness
 from beamstiff.fem.condensation import Port, condense
+from beamstiff.fem.geometry import place
 from beamstiff.fem.mechanism import solve_stable
-from beamstiff.fem.structure import compile_structure
+from beamstiff.fem.structure import Structure, compile_structure
 from beamstiff.fem.unknowns import turning_nodes
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import FREE, RIGID
-from beamstiff.robot.kinematics import posture
+from beamstiff.robot.kinematics import Posture, posture
 from beamstiff.robot.parts import JOINT_DIRECTIONS
 from beamstiff.robot.stiffness import stiffness_parameters
 from beamstiff.se3 import Array
 
 Index = NDArray[np.int64]
+# springs this stiff beside what else meets at their port leave nothing to doubt: no search for mechanisms
+SOUND = 1e-6
 
 
 @dataclass(frozen=True)
@@ -41,9 +46,9 @@ class PortModel:
     parameters : tuple of str
         Names of the open stiffness values (m), such as ``"J12.torsional"``.
     start : (m,) array
-        Their values in the robot, N/m or N m/rad; 1 where the robot says rigid or free.
-    port_parameter : (p,) int array
-        Which parameter each port belongs to (a radial stiffness acts in two directions).
+        Their values in the robot, N/m, N m/rad or Pa; 1 where the robot says rigid or free.
+    springs : (m, p, p) array
+        Phi: stiffness at the ports per unit of each value.
     port_stiffness : (P, p, p) array
         S, by pose.
     pose : (N,) int array
@@ -58,7 +63,7 @@ class PortModel:
 
     parameters: tuple[str, ...]
     start: Array
-    port_parameter: Index
+    springs: Array
     port_stiffness: Array
     pose: Index
     force: Array
@@ -71,27 +76,41 @@ class PortModel:
         Parameters
         ----------
         stiffness : (m,) array
-            Values of `parameters`, N/m or N m/rad; zero is free.
+            Values of `parameters`, N/m, N m/rad or Pa; zero is free.
 
         Raises
         ------
         BeamstiffError
-            When a value is negative or not finite.
+            When a value is negative or not finite, or so small that the robot is a mechanism.
         """
-        inverse = self._inverse(stiffness)[self.pose]
-        opened = (inverse @ self.force[..., None])[..., 0]
+        opened = (self._inverse(stiffness)[self.pose] @ self.force[..., None])[..., 0]
         result: Array = self.clamped + np.einsum("npa,np->na", self.motion, opened)
         return result
 
     def derivatives(self, stiffness: Array) -> tuple[Array, Array]:
-        """Return predictions (N, 6) and their derivatives (N, 6, m) with respect to the stiffness values."""
+        """Return predictions (N, 6) and their derivatives (N, 6, m) with respect to the stiffness values.
+
+        By the logarithms they are ``k`` times, by the compliances ``-k^2`` times that.
+        """
         inverse = self._inverse(stiffness)[self.pose]
         opened = (inverse @ self.force[..., None])[..., 0]
         carried = inverse @ self.motion
-        by_port = -carried * opened[..., None]
-        owner = np.eye(len(self.parameters))[self.port_parameter]
-        result = by_port.swapaxes(-1, -2) @ owner
-        return self.clamped + np.einsum("npa,np->na", self.motion, opened), result
+        stretched = np.tensordot(opened, self.springs, ([1], [2]))  # (N, m, p)
+        by_value: Array = -carried.swapaxes(-1, -2) @ stretched.swapaxes(-1, -2)
+        return self.clamped + np.einsum("npa,np->na", self.motion, opened), by_value
+
+    def rows(self, chosen: ArrayLike) -> PortModel:
+        """Return the model of some rows: a mask or indices."""
+        at = np.asarray(chosen)
+        poses, pose = np.unique(self.pose[at], return_inverse=True)
+        return replace(
+            self,
+            port_stiffness=self.port_stiffness[poses],
+            pose=pose.reshape(-1).astype(np.int64),
+            force=self.force[at],
+            motion=self.motion[at],
+            clamped=self.clamped[at],
+        )
 
     def _inverse(self, stiffness: Array) -> Array:
         values = np.asarray(stiffness, dtype=np.float64)
@@ -100,16 +119,21 @@ class PortModel:
                 f"found the stiffness values {values.tolist()}, expected {len(self.parameters)} finite and "
                 "positive ones"
             )
-        matrix = self.port_stiffness.copy()
-        ports = np.arange(self.port_parameter.size)
-        matrix[:, ports, ports] += values[self.port_parameter]
-        inverse, unstable = solve_stable(matrix, np.broadcast_to(np.eye(ports.size), matrix.shape))
+        own = np.tensordot(values, self.springs, 1)
+        matrix = self.port_stiffness + own
+        present = np.diagonal(own)
+        if (present > SOUND * np.diagonal(matrix, axis1=1, axis2=2)).all():
+            size = 1.0 / np.sqrt(np.diagonal(matrix, axis1=1, axis2=2))
+            both: Array = size[:, :, None] * size[:, None, :]
+            return both * np.linalg.inv(both * matrix)
+        inverse, unstable = solve_stable(matrix, np.broadcast_to(np.eye(len(present)), matrix.shape))
         if unstable is not None:
             pose, motion = unstable
             moving = np.abs(motion) > 1e-3 * np.abs(motion).max()
-            names = dict.fromkeys(self.parameters[owner] for owner in self.port_parameter[moving])
+            owners = np.flatnonzero(self.springs[:, moving][:, :, moving].any(axis=(1, 2)))
             raise BeamstiffError(
-                f"{listed(names)}: with so little stiffness the robot is a mechanism at pose {pose}"
+                f"{listed([self.parameters[owner] for owner in owners])}: with so little stiffness the robot "
+                f"is a mechanism at pose {pose}"
             )
         return inverse
 
@@ -123,8 +147,9 @@ def find_ports(robot: Robot, parameters: Sequence[str]) -> tuple[list[Port], Ind
         When a parameter does not exist or is named twice.
     """
     known = stiffness_parameters(robot)
-    joints = {joint.name: at for at, joint in enumerate(robot.joints)}
     struts = {strut.name: at for at, strut in enumerate(robot.struts)}
+    joints = {joint.name: at for at, joint in enumerate(robot.joints)}
+    beams = {f"{beam.name}.E": at for at, beam in enumerate(robot.beams)}
     ports: list[Port] = []
     owner: list[int] = []
     for number, name in enumerate(parameters):
@@ -135,16 +160,32 @@ def find_ports(robot: Robot, parameters: Sequence[str]) -> tuple[list[Port], Ind
         if name in parameters[:number]:
             raise BeamstiffError(f"the stiffness parameter {name!r} is named twice")
         if name in struts:
-            ports.append(Port(name, "strut", struts[name]))
-            owner.append(number)
-            continue
-        joint, kind = name.rsplit(".", 1)
-        if joint not in joints:
-            raise BeamstiffError(f"{name}: only the stiffness of joints and struts can be left open")
-        for direction in (at for at, what in enumerate(JOINT_DIRECTIONS) if what == kind):
-            ports.append(Port(name, "joint", joints[joint], direction))
-            owner.append(number)
+            found = [Port(name, "strut", struts[name])]
+        elif name in beams:
+            found = [Port(name, "beam", beams[name], direction) for direction in range(6)]
+        else:
+            joint, kind = name.rsplit(".", 1)
+            directions = [at for at, what in enumerate(JOINT_DIRECTIONS) if what == kind]
+            found = [Port(name, "joint", joints[joint], direction) for direction in directions]
+        ports += found
+        owner += [number] * len(found)
     return ports, np.array(owner, dtype=np.int64)
+
+
+def unit_springs(structure: Structure, posture: Posture, ports: Sequence[Port], owner: Index) -> Array:
+    """Return Phi (m, p, p): the stiffness at the ports for one unit of each parameter."""
+    result = np.zeros((int(owner.max()) + 1, len(ports), len(ports)))
+    diagonal = [at for at, port in enumerate(ports) if port.kind != "beam"]
+    result[owner[diagonal], diagonal, diagonal] = 1.0
+    bends = [at for at, port in enumerate(ports) if port.kind == "beam" and port.direction == 0]
+    if bends:
+        first = Posture(posture.values[:1], posture.transforms[:1], posture.node_positions[:1])
+        lengths = place(structure, first).beam_length[0]
+        full = beam_stiffness(lengths, **structure.beam_properties)  # (B, 12, 12)
+        for at in bends:
+            beam, some = ports[at].index, slice(at, at + 6)
+            result[owner[at], some, some] = full[beam, 6:, 6:] / structure.beam_properties["E"][beam]
+    return result
 
 
 def opened(robot: Robot, parameters: Sequence[str]) -> Robot:
@@ -195,7 +236,8 @@ def reduce_to_ports(
     poses, pose = np.unique(measurements.q, axis=0, return_inverse=True)
     pose = pose.reshape(-1).astype(np.int64)
     observed = list(dict.fromkeys([*measurements.point.tolist(), *measurements.load_point.tolist()]))
-    condensed = condense(structure, posture(structure.kinematics, poses), observed, ports)
+    at_poses = posture(structure.kinematics, poses)
+    condensed = condense(structure, at_poses, observed, ports)
     at = {name: 6 * number + np.arange(6) for number, name in enumerate(observed)}
     seen = np.array([at[name] for name in measurements.point])
     loaded = np.array([at[name] for name in measurements.load_point])
@@ -215,7 +257,7 @@ def reduce_to_ports(
     return PortModel(
         parameters=names,
         start=np.array([stiffness_parameters(open_robot)[name] for name in names]),
-        port_parameter=owner,
+        springs=unit_springs(structure, at_poses, ports, owner),
         port_stiffness=condensed.port_stiffness,
         pose=pose,
         force=force,
