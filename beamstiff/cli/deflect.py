@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamstiff.cli.options import DataFile, Debug, Json, Quiet, RobotFile, robot_file
+from beamstiff.cli.options import DataFile, Debug, Json, Preload, Quiet, RobotFile, robot_file
 from beamstiff.cli.output import check_outputs, people, say, working, write_json
 from beamstiff.files import write_whole
 from beamstiff.report.tables import add_rows, number, table
@@ -25,6 +25,7 @@ ROUNDING = 1e-12
 def deflect(
     robot: RobotFile,
     data: DataFile,
+    preload: Preload = False,
     json: Json = None,
     out: Annotated[
         str | None,
@@ -41,10 +42,15 @@ def deflect(
     wrench at the TCP or the row's `load_point`. Columns of measured displacements may be missing;
     where they are there, the gap to the prediction is told.
 
+    --preload adds the geometric stiffness K_C on the undeformed geometry: the displacement under
+    gravity, payload and the row's wrench, less that under gravity and payload, each with the
+    stiffness that its own loads leave. A load under which the machine buckles is refused.
+
     \b
     Examples:
       beamstiff deflect cantilever loads.csv
       beamstiff deflect ir663 measured.csv --json predicted.json --out predicted.csv
+      beamstiff deflect kr240-2 loads.csv --preload
 
     \b
     A table of loads (passive joint variables are solved, missing wrench columns are 0):
@@ -53,6 +59,7 @@ def deflect(
       12.54,33.04,0,-900
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
     from beamstiff.measure import doubts, read_measurements
+    from beamstiff.model.linear import predict_displacements
     from beamstiff.robot.reader import load_robot
 
     description = load_robot(robot)
@@ -60,45 +67,17 @@ def deflect(
     check_outputs([robot_file(robot), data], json, out=out)
     with working(f"deflecting {len(loads)} rows", quiet):
         notes = doubts(loads, description)
-        predicted = predict_displacements(description, loads)
+        predicted = predict_displacements(description, loads, preload)
         gap = gap_text(loads, predicted)
 
     for note in notes:
         say(f"note: {note}", quiet)
     console = people(quiet, json)
-    console.print(_table(description, loads, predicted))
+    console.print(_table(description, loads, predicted, preload))
     console.print(gap)
     if out is not None:
-        write_whole(out, _csv(description, loads, predicted))
+        write_whole(out, _csv(description, loads, predicted, preload))
     write_json({"displacement": predicted.tolist()}, json)
-
-
-def predict_displacements(robot: Robot, loads: Measurements) -> Array:
-    """Return the displacement ``[d, r]`` of the measured point of every row, (N, 6), base frame, m and rad.
-
-    Linear, loaded minus unloaded, undeformed geometry.
-
-    Raises
-    ------
-    BeamstiffError
-        When a pose cannot close its loops, or the structure is a mechanism.
-    """
-    import numpy as np
-
-    from beamstiff.fem.condensation import condense
-    from beamstiff.fem.structure import compile_structure
-    from beamstiff.robot.kinematics import posture
-
-    structure = compile_structure(robot)
-    poses, pose = np.unique(loads.q, axis=0, return_inverse=True)
-    observed = list(dict.fromkeys([*loads.point.tolist(), *loads.load_point.tolist()]))
-    compliance = condense(structure, posture(structure.kinematics, poses), observed).clamped
-    at = {name: 6 * number + np.arange(6) for number, name in enumerate(observed)}
-    seen = np.stack([at[name] for name in loads.point.tolist()])
-    loaded = np.stack([at[name] for name in loads.load_point.tolist()])
-    own = compliance[pose.reshape(-1)[:, None, None], seen[:, :, None], loaded[:, None, :]]
-    result: Array = (own @ loads.wrench[..., None])[..., 0]
-    return result
 
 
 def gap_text(measured: Measurements, predicted: Array) -> str:
@@ -117,7 +96,7 @@ def gap_text(measured: Measurements, predicted: Array) -> str:
     )
 
 
-def _table(robot: Robot, loads: Measurements, predicted: Array) -> Table:
+def _table(robot: Robot, loads: Measurements, predicted: Array, preload: bool) -> Table:
     import numpy as np
 
     from beamstiff.measure.table import DISPLACEMENT
@@ -127,6 +106,7 @@ def _table(robot: Robot, loads: Measurements, predicted: Array) -> Table:
     compared = np.flatnonzero(seen.any(axis=0)).tolist()
     columns = [f"{name} [{unit}]" for name, unit in zip(DISPLACEMENT, units, strict=True)]
     title = f"{robot.name}: predicted displacement, loaded minus unloaded, base frame"
+    title += ", with gravity and K_C" if preload else ""
     result = table(title, "line", *columns, *(f"measured {columns[at]}" for at in compared))
     scaled, measured = 1e3 * without_rounding(predicted), 1e3 * loads.displacement
     add_rows(
@@ -152,9 +132,10 @@ def without_rounding(displacement: Array) -> Array:
     return np.where(np.abs(displacement) > ROUNDING * largest, displacement, 0.0)
 
 
-def _csv(robot: Robot, loads: Measurements, predicted: Array) -> str:
+def _csv(robot: Robot, loads: Measurements, predicted: Array, preload: bool) -> str:
     from beamstiff.measure import make_measurements, measurements_to_csv
 
+    how = "predicted by beamstiff" + (" with --preload" if preload else "")
     table_of_predictions = make_measurements(
         loads.variables,
         loads.q,
@@ -167,7 +148,7 @@ def _csv(robot: Robot, loads: Measurements, predicted: Array) -> str:
         step=loads.step,
         time=loads.time,
         temperature=loads.temperature,
-        metadata={"source": f"predicted by beamstiff, robot {robot.name}; loads of {loads.source}"},
+        metadata={"source": f"{how}, robot {robot.name}; loads of {loads.source}"},
         source=loads.source,
     )
     return measurements_to_csv(table_of_predictions, robot)

@@ -27,6 +27,10 @@ Json = Annotated[
         "--json", metavar="FILE", help="Write the result as JSON, SI; - is stdout (no tables then)."
     ),
 ]
+Preload = Annotated[
+    bool,
+    typer.Option("--preload", help="Let gravity, payload and the load itself stiffen or soften the machine."),
+]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print no tables and no notes, only errors.")]
 Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
 

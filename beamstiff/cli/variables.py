@@ -1,12 +1,13 @@
-"""Joint variables on the command line: read from `--q`, shown in degrees and millimetres."""
+"""Joint variables and wrenches on the command line: read from options, shown in degrees and millimetres."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from math import degrees
 
 from beamstiff.cli.output import say
 from beamstiff.errors import BeamstiffError
+from beamstiff.measure.table import WRENCH
 from beamstiff.robot.coupling import variable_kinds
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import actuated_values
@@ -23,14 +24,7 @@ def parse_variables(robot: Robot, texts: Sequence[str]) -> dict[str, float]:
     """
     kinds = variable_kinds(robot)
     values: dict[str, float] = {}
-    for part in (part.strip() for text in texts for part in text.split(",")):
-        name, equals, value = (word.strip() for word in part.partition("="))
-        if not (name and equals and value):
-            raise BeamstiffError(
-                f"--q: found {part!r}, expected name=value such as q1=10deg, parts separated by commas"
-            )
-        if name in values:
-            raise BeamstiffError(f"--q: {name} is given twice")
+    for name, value in _parts("--q", texts, "q1=10deg"):
         try:
             actuated_values(robot, {name: 0.0})
         except BeamstiffError as error:
@@ -40,6 +34,40 @@ def parse_variables(robot: Robot, texts: Sequence[str]) -> dict[str, float]:
         except BeamstiffError as error:
             raise BeamstiffError(f"--q: {name}: {error}") from None
     return values
+
+
+def parse_wrench(texts: Sequence[str]) -> list[float]:
+    """Return a wrench ``[f, m]``, N and N m, from texts such as ``"fz=-900N,mx=20"``; what is not named is 0.
+
+    Raises
+    ------
+    BeamstiffError
+        When a part is not ``name=value``, a name is unknown or given twice, or a unit is wrong.
+    """
+    wrench = dict.fromkeys(WRENCH, 0.0)
+    for name, value in _parts("--wrench", texts, "fz=-900N"):
+        if name not in wrench:
+            raise BeamstiffError(f"--wrench: unknown component {name!r}, expected {', '.join(WRENCH)}")
+        try:
+            wrench[name] = quantity(value, "force" if name.startswith("f") else "moment")
+        except BeamstiffError as error:
+            raise BeamstiffError(f"--wrench: {name}: {error}") from None
+    return list(wrench.values())
+
+
+def _parts(option: str, texts: Sequence[str], example: str) -> Iterator[tuple[str, str]]:
+    """Yield name and value of every part of texts such as ``"q1=10deg,q2=0.3"``."""
+    seen: set[str] = set()
+    for part in (part.strip() for text in texts for part in text.split(",")):
+        name, equals, value = (word.strip() for word in part.partition("="))
+        if not (name and equals and value):
+            raise BeamstiffError(
+                f"{option}: found {part!r}, expected name=value such as {example}, parts separated by commas"
+            )
+        if name in seen:
+            raise BeamstiffError(f"{option}: {name} is given twice")
+        seen.add(name)
+        yield name, value
 
 
 def note_limits(robot: Robot, values: Mapping[str, float], quiet: bool) -> None:

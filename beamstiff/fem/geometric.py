@@ -16,6 +16,8 @@ With rigid links and springs about the axes, H is K_C of seed 000 (eq. 9; Chen a
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from beamstiff.errors import BeamstiffError
@@ -40,6 +42,7 @@ from beamstiff.robot.frames import MOTIONS
 from beamstiff.robot.kinematics import Posture
 from beamstiff.se3 import Array, displacement_transport, rotate_screw, skew
 
+BUCKLES = "buckles under its load"
 MOST_ENTRIES = 20_000_000  # of the nodes' initial stress matrices, at a time
 
 
@@ -81,6 +84,52 @@ def loaded_compliance(
     >>> bool(softer[0, 1, 1] > loaded_compliance(structure, pose, nodal_loads(structure, 1, {}))[0, 1, 1])
     True
     """
+    tcp, parts = structure.kinematics.node_index[structure.robot.tcp], []
+    for geometry, some in _chunks(structure, posture, loads, chunk):
+        stiffness = tangent_stiffness(structure, geometry, some, gravity)
+        watch = node_map(structure, geometry, tcp)
+        moved = solve_constrained(structure, geometry, stiffness, watch.swapaxes(-1, -2), BUCKLES)
+        parts.append(watch @ moved)
+    return np.concatenate(parts)
+
+
+def loaded_displacement(
+    structure: Structure, posture: Posture, loads: Array, gravity: bool = False, chunk: int = CHUNK
+) -> Array:
+    """Return the displacement of all nodes under loads that also stiffen or soften: ``K_t z = f``.
+
+    The posture is that of the machine without any load. With rigid links this is the equilibrium to second
+    order in the loads, but for the curved ways of the nodes: displacements are those of the tangents.
+
+    Parameters
+    ----------
+    structure, posture, loads, gravity
+        As of `loaded_compliance`.
+
+    Returns
+    -------
+    (P, N, 6) array
+        ``[d, r]`` of every node, base frame, m and rad.
+
+    Raises
+    ------
+    BeamstiffError
+        When the structure is a mechanism, or the loads make it buckle.
+    """
+    parts = []
+    for geometry, some in _chunks(structure, posture, loads, chunk):
+        stiffness = tangent_stiffness(structure, geometry, some, gravity)
+        total = some + gravity_wrenches(structure, geometry) if gravity else some
+        force = scatter(structure, geometry, total)[..., None]
+        moved = solve_constrained(structure, geometry, stiffness, force, BUCKLES)[..., 0]
+        parts.append(gather(structure, geometry, moved))
+    return np.concatenate(parts)
+
+
+def _chunks(
+    structure: Structure, posture: Posture, loads: Array, chunk: int
+) -> Iterator[tuple[Geometry, Array]]:
+    """Yield some of the poses at a time, with their loads."""
     poses, nodes = posture.node_positions.shape[:2]
     if poses == 0:
         raise BeamstiffError("no poses: expected at least one")
@@ -89,20 +138,11 @@ def loaded_compliance(
             f"found loads of shape {loads.shape}, expected finite numbers of shape {(poses, nodes, 6)}"
         )
     check_moments(structure, loads)
-    tcp = structure.kinematics.node_index[structure.robot.tcp]
-    parts = []
     chunk = max(1, min(chunk, MOST_ENTRIES // (6 * nodes) ** 2))
     for start in range(0, poses, chunk):
         some = slice(start, start + chunk)
         part = Posture(posture.values[some], posture.transforms[some], posture.node_positions[some])
-        geometry = place(structure, part, start)
-        stiffness = tangent_stiffness(structure, geometry, loads[some], gravity)
-        watch = node_map(structure, geometry, tcp)
-        moved = solve_constrained(
-            structure, geometry, stiffness, watch.swapaxes(-1, -2), "buckles under its load"
-        )
-        parts.append(watch @ moved)
-    return np.concatenate(parts)
+        yield place(structure, part, start), loads[some]
 
 
 def loaded_stiffness(compliance: Array, robot: str = "robot") -> Array:

@@ -31,6 +31,15 @@ def test_loads_alone_are_enough(run: Run, folder: Path) -> None:
     np.testing.assert_allclose(answer["displacement"], [BY_HAND[0], -2 * BY_HAND[0]], atol=1e-15)
 
 
+def test_preload_takes_in_what_the_load_does_to_the_stiffness(run: Run, folder: Path) -> None:
+    (folder / "loads.csv").write_text("q1,fx [kN],fy [kN]\n0,-100,1\n0,100,1\n")
+    answer = json.loads(run("deflect", "crane.yaml", "loads.csv", "--preload", "--json", "-").stdout)
+    turns = [1e3 / (1e6 - 1e5), 1e3 / (1e6 + 1e5)]
+    np.testing.assert_allclose(np.array(answer["displacement"])[:, 5], turns, rtol=1e-9)
+    assert run("deflect", "crane.yaml", "loads.csv", "--preload", "--out", "predicted.csv").exit_code == 0
+    assert "--preload" in (folder / "predicted.csv").read_text().splitlines()[0]
+
+
 def test_point_and_load_point_need_not_be_the_tcp(run: Run, folder: Path) -> None:
     (folder / "loads.csv").write_text(
         "q1,fy,point,load_point\n0,1000,hub,tip\n0,1000,tip,hub\n0,1000,hub,hub\n"

@@ -80,6 +80,38 @@ def test_quiet_prints_nothing(run: Run, folder: Path) -> None:
     assert json.loads((folder / "out.json").read_text())["variables"]["q1"] == pytest.approx(200 * pi / 180)
 
 
+def test_preload_lets_a_push_along_the_arm_soften_it_and_a_pull_stiffen_it(run: Run) -> None:
+    push = 1e5  # N on an arm of 1 m and a spring of 1e6 N m/rad; gravity is along the joint's axis
+    for q, wrench, load in (("0", "fx=-100kN", -push), ("90deg", "fy=1e5N", push)):
+        result = run(
+            "stiffness", "crane.yaml", "--q", f"q1={q}", "--preload", "--wrench", wrench, "--json", "-"
+        )
+        assert (result.exit_code, result.stderr) == (0, "")
+        answer = json.loads(result.stdout)
+        assert list(answer) == ["stiffness", "compliance", "tcp", "variables"]
+        across = 1 if q == "0" else 0
+        assert answer["compliance"][5][5] == pytest.approx(1 / (1e6 + load), rel=1e-9)
+        assert answer["compliance"][across][across] == pytest.approx(1 / 2e6 + 1 / (1e6 + load), rel=1e-9)
+        np.testing.assert_allclose(
+            np.array(answer["stiffness"]) @ np.array(answer["compliance"]), np.eye(6), atol=1e-9
+        )
+
+
+def test_preload_counts_the_payload(run: Run, folder: Path) -> None:
+    """An arm that hangs: its payload stiffens it like a pendulum."""
+    text = (
+        (folder / "crane.yaml").read_text().replace("tcp: tip", "tcp: tip\nmasses: [{node: tip, mass: 2 t}]")
+    )
+    (folder / "hanging.yaml").write_text(text.replace("name: crane", "name: crane\ngravity: [9.81, 0, 0]"))
+    plain, loaded = (
+        json.loads(run("stiffness", "hanging.yaml", *option, "--json", "-").stdout)["compliance"][5][5]
+        for option in ([], ["--preload"])
+    )
+    assert plain == pytest.approx(1 / 1e6, rel=1e-12)
+    assert loaded == pytest.approx(1 / (1e6 + 2000 * 9.81), rel=1e-9)
+    assert "Tangent stiffness of the loaded machine" in run("stiffness", "hanging.yaml", "--preload").stdout
+
+
 def test_a_value_outside_its_limits_is_noted(run: Run) -> None:
     result = run("stiffness", "crane.yaml", "--q", "q1=200deg")
     assert result.exit_code == 0

@@ -1,0 +1,98 @@
+"""The displacement of every row of a table of loads, for a robot whose stiffness is known."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from beamstiff.errors import BeamstiffError
+from beamstiff.fem.condensation import condense
+from beamstiff.fem.geometric import loaded_displacement
+from beamstiff.fem.structure import Structure, compile_structure
+from beamstiff.fem.unknowns import turning_nodes
+from beamstiff.measure.arrays import Integers
+from beamstiff.measure.table import Measurements
+from beamstiff.robot.description import Robot
+from beamstiff.robot.kinematics import Posture, posture
+from beamstiff.se3 import Array
+
+
+def predict_displacements(robot: Robot, loads: Measurements, preload: bool = False) -> Array:
+    """Return the displacement of the measured point of every row, loaded minus unloaded.
+
+    Without `preload` it is ``C w`` on the undeformed geometry. With it, both states are solved with the
+    stiffness that their loads leave (geometric stiffness, K_C of seed 000, eqs 9 and 10), the loaded one
+    under dead weight, payload and the row's wrench, the unloaded one under dead weight and payload::
+
+        d = K_t(g + w)^-1 (g + w) - K_t(g)^-1 g
+
+    Parameters
+    ----------
+    robot : Robot
+    loads : Measurements
+        N rows: joint values, wrench at `load_point`, measured `point`.
+    preload : bool
+        Take into account how gravity and the load itself change the stiffness.
+
+    Returns
+    -------
+    (N, 6) array
+        ``[d, r]``, base frame, m and rad.
+
+    Raises
+    ------
+    BeamstiffError
+        When a pose cannot close its loops, the structure is a mechanism, or buckles under its load.
+
+    Examples
+    --------
+    >>> from beamstiff.measure import make_measurements
+    >>> from beamstiff.robot.reader import load_robot
+    >>> robot = load_robot("kr240-2")
+    >>> names = [variable.name for variable in robot.actuated]
+    >>> wrench = [[900, 0, -2000, 0, 0, 0]]
+    >>> push = make_measurements(names, [[0, 0.5, -1, 0, 0.5, 0]], tcp=robot.tcp, wrench=wrench)
+    >>> for preload in (False, True):
+    ...     print((1e3 * predict_displacements(robot, push, preload)[0, 0]).round(4))
+    2.0386
+    2.0405
+    """
+    _refuse_idle_moments(robot, loads)
+    structure = compile_structure(robot)
+    poses, pose = np.unique(loads.q, axis=0, return_inverse=True)
+    where, number = posture(structure.kinematics, poses), pose.reshape(-1).astype(np.int64)
+    return (_with_preload if preload else _by_compliance)(structure, where, number, loads)
+
+
+def _by_compliance(structure: Structure, where: Posture, pose: Integers, loads: Measurements) -> Array:
+    observed = list(dict.fromkeys([*loads.point.tolist(), *loads.load_point.tolist()]))
+    compliance = condense(structure, where, observed).clamped
+    at = {name: 6 * number + np.arange(6) for number, name in enumerate(observed)}
+    seen = np.stack([at[name] for name in loads.point.tolist()])
+    loaded = np.stack([at[name] for name in loads.load_point.tolist()])
+    own = compliance[pose[:, None, None], seen[:, :, None], loaded[:, None, :]]
+    result: Array = (own @ loads.wrench[..., None])[..., 0]
+    return result
+
+
+def _with_preload(structure: Structure, where: Posture, pose: Integers, loads: Measurements) -> Array:
+    index, rows = structure.kinematics.node_index, np.arange(len(loads))
+    of_row = Posture(where.values[pose], where.transforms[pose], where.node_positions[pose])
+    wrenches = np.zeros((len(loads), len(structure.robot.nodes), 6))
+    wrenches[rows, [index[name] for name in loads.load_point.tolist()]] = loads.wrench
+    loaded = loaded_displacement(structure, of_row, wrenches, gravity=True)
+    nothing = np.zeros((len(where.values), *wrenches.shape[1:]))
+    unloaded = loaded_displacement(structure, where, nothing, gravity=True)[pose]
+    seen = [index[name] for name in loads.point.tolist()]
+    result: Array = (loaded - unloaded)[rows, seen]
+    return result
+
+
+def _refuse_idle_moments(robot: Robot, loads: Measurements) -> None:
+    """Refuse moments on nodes that only struts hold, which have no rotation."""
+    held = np.isin(loads.load_point, list(turning_nodes(robot)))
+    if (idle := ~held & loads.wrench[:, 3:].any(axis=1)).any():
+        row = int(np.argmax(idle))
+        raise BeamstiffError(
+            f"{loads.place(row)}: a moment acts on node {str(loads.load_point[row])!r}, which struts alone "
+            "hold: it has no rotation"
+        )
