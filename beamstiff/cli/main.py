@@ -10,6 +10,7 @@ from beamstiff._version import __version__
 from beamstiff.cli.deflect import deflect
 from beamstiff.cli.group import Commands
 from beamstiff.cli.identify import identify
+from beamstiff.cli.plan import plan
 from beamstiff.cli.show import show
 from beamstiff.cli.stiffness import stiffness
 
@@ -54,5 +55,5 @@ def beamstiff(
         typer.echo(context.get_help())
 
 
-for command in (show, stiffness, deflect, identify):
+for command in (show, stiffness, deflect, identify, plan):
     app.command()(command)

@@ -36,7 +36,7 @@ def parse_variables(robot: Robot, texts: Sequence[str]) -> dict[str, float]:
     return values
 
 
-def parse_wrench(texts: Sequence[str]) -> list[float]:
+def parse_wrench(texts: Sequence[str], option: str = "--wrench") -> list[float]:
     """Return a wrench ``[f, m]``, N and N m, from texts such as ``"fz=-900N,mx=20"``; what is not named is 0.
 
     Raises
@@ -45,13 +45,13 @@ def parse_wrench(texts: Sequence[str]) -> list[float]:
         When a part is not ``name=value``, a name is unknown or given twice, or a unit is wrong.
     """
     wrench = dict.fromkeys(WRENCH, 0.0)
-    for name, value in _parts("--wrench", texts, "fz=-900N"):
+    for name, value in _parts(option, texts, "fz=-900N"):
         if name not in wrench:
-            raise BeamstiffError(f"--wrench: unknown component {name!r}, expected {', '.join(WRENCH)}")
+            raise BeamstiffError(f"{option}: unknown component {name!r}, expected {', '.join(WRENCH)}")
         try:
             wrench[name] = quantity(value, "force" if name.startswith("f") else "moment")
         except BeamstiffError as error:
-            raise BeamstiffError(f"--wrench: {name}: {error}") from None
+            raise BeamstiffError(f"{option}: {name}: {error}") from None
     return list(wrench.values())
 
 

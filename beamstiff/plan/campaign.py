@@ -89,14 +89,33 @@ def plan_campaign(
         poses = candidate_poses(compile_kinematics(robot), candidates, seed, region)
     tests = candidate_tests(robot, poses, loads)
     names, of_test = information(robot, tests, noise, parameters)
-    if not whole_poses:
-        design = choose_tests(of_test, count, names, criterion, repeats)
-        rows = design.chosen
-    else:
-        at = int(tests.pose.max()) + 1
-        rows_of_pose = np.arange(len(tests)).reshape(at, -1)
-        design = choose_tests(of_test[rows_of_pose].sum(axis=1), count, names, criterion, repeats)
-        rows = rows_of_pose[design.chosen].reshape(-1)
+    if whole_poses:
+        of_test = by_pose(tests, of_test)
+    return campaign_of(tests, choose_tests(of_test, count, names, criterion, repeats), noise, whole_poses)
+
+
+def by_pose(tests: Measurements, information: Array) -> Array:
+    """Return the information (P, m, m) of whole poses from that of the tests of `candidate_tests`."""
+    poses, (_, m, _) = int(tests.pose.max()) + 1, information.shape
+    together: Array = information.reshape(poses, -1, m, m).sum(axis=1)
+    return together
+
+
+def campaign_of(tests: Measurements, design: Design, noise: Noise, whole_poses: bool = False) -> Campaign:
+    """Return the campaign of a design.
+
+    Parameters
+    ----------
+    tests : Measurements
+        The candidates, as from `candidate_tests`.
+    design : Design
+        What is chosen of them, or of their poses.
+    noise : Noise
+    whole_poses : bool
+    """
+    rows = design.chosen
+    if whole_poses:
+        rows = np.arange(len(tests)).reshape(int(tests.pose.max()) + 1, -1)[rows].reshape(-1)
     return Campaign(_in_order(subset(tests, rows), noise), design, noise)
 
 
@@ -140,9 +159,10 @@ def write_plan(campaign: Campaign, path: str | Path, robot: Robot) -> None:
         When the file cannot be written, or the campaign is another robot's.
     """
     design, count = campaign.design, len(campaign.tests)
+    efficient = np.floor(1000 * design.efficiency) / 10
     says = {
         "robot": robot.name,
-        "plan": f"{count} tests, {design.criterion}-efficient to {design.efficiency:.1%} or more",
+        "plan": f"{count} tests, {design.criterion}-efficient to at least {efficient:g}%",
         "expected relative standard errors": ", ".join(
             f"{name} {error:.2%}" for name, error in design.standard_errors.items()
         ),

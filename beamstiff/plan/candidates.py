@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.fem.condensation import tcp_compliance
@@ -199,6 +199,49 @@ def information(
         When a parameter does not exist or is rigid or free in the robot, or the tests together leave one
         undetermined: it is named.
     """
+    names, found, idle = _information(robot, tests, noise, parameters)
+    problem = _undetermined(names, found.sum(axis=0), idle)
+    if problem is not None:
+        raise BeamstiffError(problem[0])
+    return names, found
+
+
+def identifiable(
+    robot: Robot, tests: Measurements, noise: Noise, parameters: Sequence[str] | None = None
+) -> tuple[tuple[str, ...], Array, dict[str, str]]:
+    """Return what `information` does, of the parameters that the tests determine, and why not of the others.
+
+    Of parameters that act only together, all but the first count as known.
+
+    Returns
+    -------
+    names : tuple of str (m)
+    information : (N, m, m) array
+    left_out : dict of str to str
+        Parameters that these tests cannot tell, each with the reason.
+
+    Raises
+    ------
+    BeamstiffError
+        When nothing is left, or a parameter does not exist or is rigid or free in the robot.
+    """
+    names, found, idle = _information(robot, tests, noise, parameters)
+    left_out: dict[str, str] = {}
+    while (problem := _undetermined(names, found.sum(axis=0), idle)) is not None:
+        message, why = problem
+        keep = [at for at, name in enumerate(names) if name not in why]
+        if not keep:
+            raise BeamstiffError(message)
+        left_out |= why
+        names, idle = tuple(names[at] for at in keep), idle[keep]
+        found = found[:, keep][:, :, keep]
+    return names, found, left_out
+
+
+def _information(
+    robot: Robot, tests: Measurements, noise: Noise, parameters: Sequence[str] | None
+) -> tuple[tuple[str, ...], Array, NDArray[np.bool_]]:
+    """Return names, information and which of the parameters no test loads."""
     known = stiffness_parameters(robot)
     for name in parameters if parameters is not None else robot.identify:
         if known.get(name, 1.0) in (RIGID, FREE):
@@ -220,31 +263,35 @@ def information(
     root = np.linalg.cholesky(covariance[:, used, used])
     whitened = np.linalg.solve(root, sensitivity[:, used])
     found: Array = whitened.swapaxes(-1, -2) @ whitened
-    idle = ~sensitivity.any(axis=(0, 1))
+    return model.parameters, found, np.logical_not(sensitivity.any(axis=(0, 1)))
+
+
+def _undetermined(
+    names: Sequence[str], total: Array, idle: NDArray[np.bool_]
+) -> tuple[str, dict[str, str]] | None:
+    """Return what all tests together leave undetermined: a message, and the parameters to leave out."""
     if idle.any():
-        name = model.parameters[int(np.argmax(idle))]
-        raise BeamstiffError(
-            f"{name} is never loaded by these tests: its stiffness cannot be found from them"
+        never = [name for name, unloaded in zip(names, idle, strict=True) if unloaded]
+        return (
+            f"{never[0]} is never loaded by these tests: its stiffness cannot be found from them",
+            dict.fromkeys(never, "is never loaded by these tests"),
         )
-    _check_determined(model.parameters, found.sum(axis=0))
-    return model.parameters, found
-
-
-def _check_determined(names: Sequence[str], total: Array) -> None:
-    """Refuse parameters that all tests together leave undetermined."""
     shown = np.diagonal(total)
     unseen = [name for name, value in zip(names, shown, strict=True) if value <= SINGULAR * shown.max()]
     if unseen:
-        raise BeamstiffError(
+        return (
             f"{unseen[0]} moves next to nothing that these tests measure: measure rotations, load it more, "
-            "or leave it out"
+            "or leave it out",
+            dict.fromkeys(unseen, "moves next to nothing that these tests measure"),
         )
     scale = 1 / np.sqrt(shown)
     values, vectors = np.linalg.eigh(scale[:, None] * total * scale)
-    if values[0] < SINGULAR * values[-1]:
-        part = np.abs(vectors[:, 0])
-        group = [name for name, share in zip(names, part, strict=True) if share > 0.05 * part.max()]
-        raise BeamstiffError(
-            f"the parameters {listed(group)} act only together in all these tests: load other directions, "
-            "measure rotations, or find fewer of them"
-        )
+    if values[0] >= SINGULAR * values[-1]:
+        return None
+    part = np.abs(vectors[:, 0])
+    group = [name for name, share in zip(names, part, strict=True) if share > 0.05 * part.max()]
+    return (
+        f"the parameters {listed(group)} act only together in all these tests: load other directions, "
+        "measure rotations, or find fewer of them",
+        {group[-1]: f"acts only together with {listed(group[:-1])}"},
+    )

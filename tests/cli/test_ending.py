@@ -152,11 +152,11 @@ def test_a_full_disk_is_told_in_one_line(run: Run) -> None:
 def test_help_names_the_commands_and_the_exit_codes(run: Run, arguments: list[str]) -> None:
     result = run(*arguments)
     assert (result.exit_code, result.stderr) == (0, "")
-    for word in ("show", "stiffness", "deflect", "identify", "Exit code", "base frame"):
+    for word in ("show", "stiffness", "deflect", "identify", "plan", "Exit code", "base frame"):
         assert word in result.stdout
 
 
-@pytest.mark.parametrize("command", ["show", "stiffness", "deflect", "identify"])
+@pytest.mark.parametrize("command", ["show", "stiffness", "deflect", "identify", "plan"])
 def test_the_help_of_every_command_teaches(run: Run, command: str) -> None:
     text = run(command, "--help").stdout
     assert "Example" in text

@@ -14,7 +14,14 @@ from beamstiff.fem.condensation import tcp_compliance
 from beamstiff.fem.structure import compile_structure
 from beamstiff.measure.reader import read_measurements
 from beamstiff.plan.campaign import plan_campaign, write_plan
-from beamstiff.plan.candidates import Noise, candidate_poses, candidate_tests, force_loads, information
+from beamstiff.plan.candidates import (
+    Noise,
+    candidate_poses,
+    candidate_tests,
+    force_loads,
+    identifiable,
+    information,
+)
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.robot.reader import load_robot
@@ -132,7 +139,7 @@ def test_the_plan_is_a_table_that_is_read_back_when_filled_in(tmp_path: Path) ->
     for cell in ("q1 [rad]", "fz [N]", "dx [mm]", "rz [rad]", "pose", "step"):
         assert cell in header.split(",")
     assert any(line.startswith("# sigma_rotation: 5e-05 rad") for line in lines)
-    assert any(line.startswith("# plan: 12 tests, D-efficient to 9") for line in lines)
+    assert any(line.startswith("# plan: 12 tests, D-efficient to at least 9") for line in lines)
     with pytest.raises(BeamstiffError, match="no measured value"):
         read_measurements(path, KR240)
     # someone fills in what they measured
@@ -212,6 +219,25 @@ def test_springs_that_act_only_together_are_named() -> None:
     with pytest.raises(BeamstiffError, match=r"the parameters J12\.radial, J33\.radial act only together"):
         plan_campaign(
             robot, 10, force_loads(900.0, ["x", "z"]), Noise(3e-5), candidates=50, parameters=parameters
+        )
+
+
+def test_what_cannot_be_told_is_left_out_with_the_reason_and_the_rest_is_as_alone() -> None:
+    tests = candidate_tests(KR240, candidate_poses(compile_kinematics(KR240), 20, seed=3), LOADS)
+    names, found, left_out = identifiable(KR240, tests, Noise(3e-5))
+    assert (names, list(left_out)) == (KR240.identify[:5], ["J6.torsional"])
+    assert found == pytest.approx(information(KR240, tests, Noise(3e-5), KR240.identify[:5])[1], rel=1e-9)
+    robot = IR663.with_parameters({"J12.radial": 2e8, "J33.radial": 3e8})
+    tests = candidate_tests(
+        robot, candidate_poses(compile_kinematics(robot), 20, seed=3), force_loads(900.0, ["x", "z"])
+    )
+    parameters = ["J12.torsional", "J12.radial", "J33.radial"]
+    names, _, left_out = identifiable(robot, tests, Noise(3e-5), parameters)
+    assert names == ("J12.torsional", "J12.radial")
+    assert left_out == {"J33.radial": "acts only together with J12.radial"}
+    with pytest.raises(BeamstiffError, match=r"J1\.torsional is never loaded"):
+        identifiable(
+            KR240, candidate_tests(KR240, np.ones((1, 6)), [[0, 0, 1, 0, 0, 0]]), NOISE, ["J1.torsional"]
         )
 
 

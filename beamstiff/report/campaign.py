@@ -1,0 +1,106 @@
+"""A planned campaign told to people: what it is expected to find, and what more tests would."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from rich.table import Table
+
+from beamstiff.errors import listed
+from beamstiff.plan.at_random import AtRandom
+from beamstiff.plan.campaign import Campaign
+from beamstiff.plan.enough import Enough
+from beamstiff.report.tables import number, table
+from beamstiff.robot.description import Robot
+from beamstiff.robot.stiffness import parameter_unit
+
+CRITERIA = {
+    "D": "the volume of the confidence ellipsoid",
+    "A": "the mean variance",
+    "E": "the least known combination of parameters",
+}
+WANTED = (0.05, 0.02, 0.01)  # worst relative standard errors for which the number of tests is told
+HARDLY = 0.5  # a relative standard error above this bounds a stiffness hardly at all
+
+
+def campaign_table(campaign: Campaign, robot: Robot) -> Table:
+    """Return a table: every parameter with its present value and the standard error to expect."""
+    title = f"{robot.name}: expected of {len(campaign.tests)} tests"
+    result = table(title, "parameter", "present value", "expected std", "std/value", "unit")
+    result.columns[-1].justify = "left"
+    for name, error in campaign.design.standard_errors.items():
+        value = robot.parameter(name)
+        unit = parameter_unit(robot, name)
+        result.add_row(name, number(value), number(error * value), percent(error), unit)
+    return result
+
+
+def campaign_text(
+    campaign: Campaign,
+    candidates: int,
+    drawn: AtRandom,
+    enough: Enough,
+    left_out: Mapping[str, str],
+    unit: str = "tests",
+) -> str:
+    """Return sentences: how good the choice is, against random ones, how many are enough, what is not found.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    candidates : int
+        How many there were to choose from.
+    drawn : AtRandom
+        Random choices of as many.
+    enough : Enough
+        Choices of growing size.
+    left_out : mapping of str to str
+        Parameters that cannot be found, and why not.
+    unit : str
+        What is chosen: tests, or poses with all their loads.
+    """
+    design, count = campaign.design, len(campaign.design.chosen)
+    poses = len(np.unique(campaign.tests.pose))
+    lines = []
+    if left_out:
+        why = "; ".join(f"{name} {reason}" for name, reason in left_out.items())
+        lines.append(f"Cannot be identified: {why}.")
+    if hardly := [name for name, error in design.standard_errors.items() if error > HARDLY]:
+        lines.append(f"Hardly bounded: {listed(hardly)}. Load more, measure better or make more tests.")
+    share = np.floor(1000 * design.efficiency) / 10
+    lines.append(
+        f"{len(campaign.tests)} tests at {poses} poses, chosen from {candidates} {unit}. Criterion "
+        f"{design.criterion} ({CRITERIA[design.criterion]}; larger is better): {number(design.value)}, at "
+        f"least {share:g} % of what any choice of {count} {unit} could have."
+    )
+    lines.append(
+        f"Worst standard error: {percent(design.worst)} of the value. {_against(campaign, drawn, unit)}"
+    )
+    fewer = " or fewer" if enough.knee == enough.counts[0] else ""
+    sizes = ", ".join(f"{percent(error)} {enough.tests_for(error)}" for error in WANTED)
+    lines.append(
+        f"How many are enough: from {enough.knee} {unit}{fewer} on, more of them only average the noise. "
+        f"{unit.capitalize()} for a worst standard error, about: {sizes}."
+    )
+    return "\n".join(lines)
+
+
+def percent(share: float) -> str:
+    """Return a share as people read it, two digits.
+
+    Examples
+    --------
+    >>> percent(0.0234), percent(5.87)
+    ('2.3 %', '587 %')
+    """
+    return f"{100 * share:.2g} %" if share < 1 else f"{100 * share:.0f} %"
+
+
+def _against(campaign: Campaign, drawn: AtRandom, unit: str) -> str:
+    median = float(np.median(drawn.worst))
+    head = f"Of {drawn.worst.size} random choices of {len(campaign.design.chosen)} {unit}"
+    if not np.isfinite(median):
+        return f"{head}, most do not determine all parameters."
+    gain = campaign.design.value / float(np.median(drawn.values))
+    return f"{head} the median has {percent(median)}, and a criterion {gain:.2g} times lower."

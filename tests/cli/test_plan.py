@@ -1,0 +1,201 @@
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from beamstiff import load_robot, read_measurements
+from beamstiff.errors import BeamstiffError
+from tests.cli.test_bad_input import refused
+
+Run = Callable[..., Any]
+
+CRANE = ("plan", "crane.yaml", "--candidates", "40")
+
+
+def test_the_expected_error_is_that_of_a_crane_by_hand(run: Run) -> None:
+    """A force across the arm of 1 m turns it by F / k: one reading of F / k, read to sigma."""
+    answer = json.loads(
+        run(
+            *CRANE,
+            "--tests",
+            "9",
+            "--force",
+            "2kN",
+            "--load",
+            "mz=2000",
+            "--sigma-position",
+            "0.01mm",
+            "--json",
+            "-",
+        ).stdout
+    )
+    assert list(answer) == [
+        "parameters", "left_out", "criterion", "value", "efficiency", "random", "enough", "seed", "tests"
+    ]  # fmt: skip
+    found = answer["parameters"]["J1.torsional"]
+    # each test: the tip moves by 2000 N m / 1e6 N m/rad * 1 m = 2 mm, relative error 0.01 / 2, nine of them
+    assert found["relative_std"] == pytest.approx(0.01 / 2 / 3, rel=1e-9)
+    assert found["std"] == pytest.approx(1e6 * 0.01 / 2 / 3, rel=1e-9)
+    assert (found["value"], found["unit"]) == (1e6, "N*m/rad")
+    assert answer["efficiency"] == pytest.approx(1.0, rel=1e-6)
+    assert [len(answer["tests"]), answer["tests"][0]["wrench"]] == [9, [0, 0, 0, 0, 0, 2000]]
+
+
+def test_loads_across_the_arm_are_chosen_and_not_along_it_or_its_axis(run: Run) -> None:
+    answer = json.loads(run(*CRANE, "--tests", "6", "--json", "-").stdout)
+    for test in answer["tests"]:
+        across = np.array([-np.sin(test["q"]["q1"]), np.cos(test["q"]["q1"])])
+        assert abs(across @ test["wrench"][:2]) > 900
+        assert test["wrench"][2:] == [0, 0, 0, 0]
+    assert answer["random"]["median_worst"] > 1.2 * answer["parameters"]["J1.torsional"]["relative_std"]
+
+
+def test_the_table_written_is_filled_in_and_identified(run: Run, folder: Path) -> None:
+    """A crane that is softer than the plan took it to be is found within the errors that the plan expects."""
+    assert (
+        run(*CRANE, "--tests", "5", "--directions", "x,-y", "--out", "plan.csv", "--seed", "3").exit_code == 0
+    )
+    crane = load_robot(folder / "crane.yaml")
+    with pytest.raises(BeamstiffError, match="no measured value"):
+        read_measurements(folder / "plan.csv", crane)
+    softer = crane.with_parameters({"J1.torsional": 7e5})
+    lines = (folder / "plan.csv").read_text().splitlines()
+    head = next(at for at, line in enumerate(lines) if not line.startswith("#"))
+    names = lines[head].split(",")
+    assert {"dx [mm]", "dy [mm]", "dz [mm]"} <= set(names)
+    assert "rx [rad]" not in names
+    for at in range(head + 1, len(lines)):
+        cells = dict(zip(names, lines[at].split(","), strict=True))
+        assert cells["dx [mm]"] == cells["dy [mm]"] == ""
+        q, force = float(cells["q1 [rad]"]), np.array([float(cells["fx [N]"]), float(cells["fy [N]"])])
+        across = np.array([-np.sin(q), np.cos(q)])
+        moved = force / softer.parameter("J1.radial") + across * (across @ force) / 7e5
+        cells |= {"dx [mm]": f"{1e3 * moved[0]:.17g}", "dy [mm]": f"{1e3 * moved[1]:.17g}", "dz [mm]": "0"}
+        lines[at] = ",".join(cells.values())
+    (folder / "filled.csv").write_text("\n".join(lines) + "\n")
+    answer = json.loads(run("identify", "crane.yaml", "filled.csv", "--json", "-").stdout)
+    assert answer["parameters"]["J1.torsional"]["value"] == pytest.approx(7e5, rel=1e-6)
+
+
+def test_whole_poses_take_all_loads(run: Run) -> None:
+    answer = json.loads(run(*CRANE, "--poses", "3", "--directions", "x,y", "--json", "-").stdout)
+    assert len(answer["tests"]) == 6
+    assert [test["pose"] for test in answer["tests"]] == [0, 0, 1, 1, 2, 2]
+
+
+def test_what_cannot_be_identified_is_told_and_the_rest_is_planned(run: Run) -> None:
+    result = run("plan", "kr240-2", "--candidates", "60", "--json", "plan.json")
+    assert result.exit_code == 0
+    assert "Cannot be identified: J6.torsional is never loaded by these tests." in result.stdout
+    answer = json.loads(Path("plan.json").read_text())
+    assert list(answer["left_out"]) == ["J6.torsional"]
+    assert list(answer["parameters"]) == [f"J{at}.torsional" for at in range(1, 6)]
+    more = ["--moment", "200Nm", "--sigma-rotation", "0.05mrad"]
+    answer = json.loads(run("plan", "kr240-2", "--candidates", "60", *more, "--json", "-").stdout)
+    assert (answer["left_out"], len(answer["parameters"])) == ({}, 6)
+
+
+@pytest.mark.parametrize("criterion", ["D", "a", "E"])
+def test_people_see_errors_certificate_random_choices_and_how_many_are_enough(
+    run: Run, criterion: str
+) -> None:
+    result = run("plan", "ir663", "--candidates", "80", "--criterion", criterion)
+    assert result.exit_code == 0
+    assert result.stderr == "note: --out FILE writes the tests as a table to fill in\n"
+    text = " ".join(result.stdout.split())
+    for part in (
+        "J12.torsional 1.72e+06",
+        "20 tests at",
+        "chosen from 240 tests",
+        f"Criterion {criterion.upper()} (",
+        "of what any choice of 20 tests could have",
+        "Of 200 random choices of 20 tests the median has",
+        "more of them only average the noise",
+        "Tests for a worst standard error, about: 5 %",
+    ):
+        assert part in text
+
+
+def test_the_seed_makes_the_plan(run: Run) -> None:
+    same, again, other = (run(*CRANE, "--seed", seed, "--json", "-").stdout for seed in ("1", "1", "2"))
+    assert same == again
+    assert same != other
+
+
+def test_the_region_holds_the_tcp(run: Run) -> None:
+    answer = json.loads(run(*CRANE, "--region", "x=0.2:700mm,y=-2:0", "--json", "-").stdout)
+    q = np.array([test["q"]["q1"] for test in answer["tests"]])
+    assert ((np.cos(q) >= 0.2) & (np.cos(q) <= 0.7) & (np.sin(q) <= 0)).all()
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["--tests", "0"], ["--tests: found 0", "1 to 500"]),
+        (["--poses", "501"], ["--poses: found 501", "1 to 500"]),
+        (["--tests", "121"], ["120 candidates for 121 tests"]),
+        (["--candidates", "0"], ["--candidates: found 0"]),
+        (["--seed", "-1"], ["--seed: found -1"]),
+        (["--criterion", "G"], ["--criterion: found 'G'", "D, A, E"]),
+        (["--force", "900 kg"], ["--force", "'kg'", "force"]),
+        (["--force", "-900N"], ["--force: found '-900N'", "--directions"]),
+        (["--force", "0"], ["--force and --moment", "expected a load"]),
+        (["--moment", "5 N"], ["--moment", "'N'", "moment"]),
+        (["--directions", "x,u"], ["--directions", "'u'", "x, y or z"]),
+        (["--directions", ""], ["--directions"]),
+        (["--load", "fx"], ["--load: found 'fx'", "fz=-900N"]),
+        (["--load", "fx=0"], ["load of zero"]),
+        (["--load", "fu=1"], ["--load", "'fu'", "fx, fy"]),
+        (["--sigma-position", "0"], ["--sigma-position", "positive"]),
+        (["--sigma-position", "1 deg"], ["--sigma-position", "'deg'"]),
+        (["--sigma-rotation", "nan"], ["--sigma-rotation", "nan"]),
+        (["--parameters", "J1.tosional"], ["J1.tosional"]),
+        (["--parameters", "J1.torsional,J1.torsional"], ["twice"]),
+        (["--region", "x=1"], ["--region: found 'x=1'", "two ends"]),
+        (["--region", "u=1:2"], ["--region: found 'u=1:2'"]),
+        (["--region", "x=2:1"], ["--region: found 'x=2:1'", "lower end first"]),
+        (["--region", "z=5:6"], ["in the region", "make it larger"]),
+        (["--load", "fz=1000"], ["J1.torsional", "never loaded"]),
+        (["--json", "crane.yaml"], ["would overwrite the input"]),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else None,
+)
+def test_a_plan_that_cannot_be_is_refused_in_one_line(
+    run: Run, folder: Path, options: list[str], says: list[str]
+) -> None:
+    line = refused(run, folder, *CRANE, "--out", "plan.csv", *options)
+    assert all(part in line for part in says), line
+
+
+def test_a_robot_that_names_nothing_to_identify_is_refused(run: Run, folder: Path) -> None:
+    assert "identify" in refused(run, folder, "plan", "cantilever", "--out", "plan.csv")
+
+
+def test_an_interruption_leaves_no_plan(run: Run, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = sorted(folder.iterdir())
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("beamstiff.files.os.replace", interrupt)
+    assert run(*CRANE, "--out", "plan.csv").exit_code == 130
+    assert sorted(folder.iterdir()) == before
+
+
+def test_progress_is_for_terminals_only(folder: Path) -> None:
+    assert folder.is_dir()
+    for wanted in ("0", "1"):
+        environment = {"FORCE_COLOR": "1", "TERM": "xterm"} if wanted == "1" else {}
+        result = subprocess.run(
+            [sys.executable, "-m", "beamstiff", *CRANE, "--out", "plan.csv"],
+            env=os.environ | environment, capture_output=True, text=True, check=True,
+        )  # fmt: skip
+        assert ("choosing 20 of 120 tests" in result.stderr) == (wanted == "1")
