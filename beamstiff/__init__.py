@@ -13,7 +13,7 @@ from beamstiff.errors import BeamstiffError
 if TYPE_CHECKING:
     from beamstiff.fem.condensation import tcp_compliance, tcp_stiffness
     from beamstiff.fem.structure import compile_structure
-    from beamstiff.identify.least_squares import identify
+    from beamstiff.identify.stiffness import identify
     from beamstiff.measure.reader import read_measurements
     from beamstiff.measure.writer import write_measurements
     from beamstiff.robot.description import Robot
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 # Imported when first used: together they take a second, `beamstiff --help` needs none of them.
 _HOME = {
     "compile_structure": "fem.structure",
-    "identify": "identify.least_squares",
+    "identify": "identify.stiffness",
     "load_robot": "robot.reader",
     "posture": "robot.kinematics",
     "read_measurements": "measure.reader",

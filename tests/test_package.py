@@ -37,7 +37,7 @@ def test_importing_the_package_brings_no_heavy_library() -> None:
         "from beamstiff import identify",
         "import beamstiff; identify = beamstiff.identify",
         "import beamstiff.identify.result; from beamstiff import identify",
-        "from beamstiff.identify.least_squares import fit; from beamstiff import identify",
+        "from beamstiff.identify.stiffness import identify as fit; from beamstiff import identify",
         "import beamstiff.identify as identify",
     ],
 )

@@ -59,7 +59,7 @@ def identify(
       beamstiff identify robot.yaml data.csv --parameters J1.torsional,J2.torsional \\
           --json found.json --out identified.yaml --figure fit.png
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
-    from beamstiff.identify.least_squares import identify as fit
+    from beamstiff.identify.stiffness import identify as fit
     from beamstiff.measure import doubts, read_measurements
     from beamstiff.report.identification import identification_table, identification_text
     from beamstiff.robot.reader import load_robot

@@ -1,21 +1,27 @@
-"""The identification problem: whitened residuals of all measured components, with exact derivatives.
-
-Parameters are the logarithms of stiffness values: stiffness is positive, and its uncertainty is a factor.
-"""
+"""The identification problem: whitened residuals of all measured components, with exact derivatives."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+from scipy import sparse
 
-from beamstiff.errors import BeamstiffError
+from beamstiff.errors import BeamstiffError, listed
+from beamstiff.measure.arrays import Integers, equal_rows
+from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements
 from beamstiff.model.ports import PortModel, reduce_to_ports
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
+
+Components = Literal["position", "rotation", "both"]
+
+# where no noise is stated all components count alike; how much they scatter is then read from the residual
+UNIT_NOISE = 1e-5
 
 
 @dataclass(frozen=True)
@@ -27,14 +33,23 @@ class Problem:
     model : PortModel
         m open stiffness values, N rows.
     measured : (N, 6) array
-        Displacement ``[d, r]``; NaN where not measured or not used.
+        Displacement ``[d, r]``.
     used : (N, 6) bool array
-    sigma : (6,) array
-        Standard deviation of each component, m and rad.
+        Which of them count; n in all.
+    sigma : (N, 6) array
+        Standard deviation of each, m and rad.
     sigma_known : bool
         Whether the noise was stated; if not, it is estimated from the residual.
-    groups : (N,) int array
-        Rows that share one unloaded reading; -1 where every row has its own.
+    sharing : (N,) int array
+        Rows that share one unloaded reading have one number; -1 where a row has its own.
+    pose, load : (N,) int arrays
+        Rows of one pose, and of one load whatever its pose, have one number.
+    whitening : (n, n) sparse array
+        W, with ``W cov W^T = 1``.
+    source : str
+        Where the rows come from, for messages.
+    notes : tuple of str
+        What was left aside, in sentences.
     """
 
     model: PortModel
@@ -42,91 +57,175 @@ class Problem:
     used: NDArray[np.bool_]
     sigma: Array
     sigma_known: bool
-    groups: NDArray[np.int64]
+    sharing: Integers
+    pose: Integers
+    load: Integers
+    whitening: sparse.csr_array
+    source: str
+    notes: tuple[str, ...] = ()
 
     @property
     def count(self) -> int:
-        """Number of measured components used."""
+        """Number n of measured components used."""
         return int(self.used.sum())
 
     def residuals(self, stiffness: Array) -> Array:
-        """Return the whitened residuals, (count,)."""
-        return self._whiten(np.where(self.used, self.measured - self.model.predict(stiffness), 0.0))[
-            self.used
-        ]
+        """Return the whitened residuals, (n,)."""
+        result: Array = self.whitening @ (self.measured - self.model.predict(stiffness))[self.used]
+        return result
 
     def jacobian(self, stiffness: Array) -> tuple[Array, Array]:
-        """Return whitened residuals (count,) and their derivatives (count, m) by the log of the stiffness."""
+        """Return whitened residuals (n,) and their derivatives (n, m) by the logarithm of the stiffness."""
         predicted, by_stiffness = self.model.derivatives(stiffness)
-        residual = self._whiten(np.where(self.used, self.measured - predicted, 0.0))[self.used]
-        by_log = np.where(self.used[..., None], -by_stiffness * stiffness, 0.0)
-        columns = [self._whiten(by_log[..., at])[self.used] for at in range(stiffness.size)]
-        return residual, np.stack(columns, axis=-1) if columns else np.zeros((residual.size, 0))
+        residual: Array = self.whitening @ (self.measured - predicted)[self.used]
+        jacobian: Array = self.whitening @ (-by_stiffness[self.used] * stiffness)
+        return residual, jacobian
 
-    def _whiten(self, values: Array) -> Array:
-        """Scale by the noise, and decorrelate the rows that were differenced with one unloaded reading.
+    def rows(self, chosen: ArrayLike, apart: ArrayLike | None = None) -> Problem:
+        """Return the problem of some rows.
 
-        For n rows that share a reading the covariance is ``sigma^2 (I + 1 1^T) / 2``: its inverse root takes
-        the mean out and puts it back with its own weight.
+        Parameters
+        ----------
+        chosen : (N,) bool array, or array of int
+            A mask, or indices; a row may come several times.
+        apart : array of int, optional
+            With indices: rows that share an unloaded reading share it only where these numbers are equal too
+            (for a pose that was drawn twice).
         """
-        scaled = values / self.sigma
-        for group in np.unique(self.groups[self.groups >= 0]):
-            rows = self.groups == group
-            for component in range(6):
-                at = rows & self.used[:, component]
-                n = int(at.sum())
-                if n:
-                    mean = scaled[at, component].mean()
-                    scaled[at, component] = np.sqrt(2.0) * (scaled[at, component] - mean) + mean / np.sqrt(
-                        (1 + n) / 2
-                    )
-        return scaled
+        at = np.asarray(chosen)
+        at = np.flatnonzero(at) if at.dtype == np.bool_ else at
+        sharing = self.sharing[at]
+        if apart is not None and (sharing >= 0).any():
+            both = equal_rows(np.stack([sharing, np.asarray(apart)], axis=1).astype(np.float64))
+            sharing = np.where(sharing >= 0, both, -1)
+        used, sigma = self.used[at], self.sigma[at]
+        return replace(
+            self,
+            model=self.model.rows(at),
+            measured=self.measured[at],
+            used=used,
+            sigma=sigma,
+            sharing=sharing,
+            pose=self.pose[at],
+            load=self.load[at],
+            whitening=whitening(sigma, used, sharing),
+        )
+
+
+def whitening(sigma: Array, used: NDArray[np.bool_], sharing: Integers) -> sparse.csr_array:
+    """Return W with ``W cov W^T = 1`` for the used components, (n, n).
+
+    For components that share an unloaded reading the covariance is ``D (1 + 1 1^T) D / 2``, D their standard
+    deviations: its inverse root takes their mean out and puts it back with its own weight.
+
+    Parameters
+    ----------
+    sigma : (N, 6) array
+    used : (N, 6) bool array
+    sharing : (N,) int array
+        Number of the shared reading, -1 for none.
+    """
+    inverse = 1.0 / sigma[used]
+    diagonal = sparse.diags_array(inverse, format="csr")
+    if not (sharing >= 0).any():
+        return diagonal
+    number = np.full(used.shape, -1)
+    number[used] = np.arange(inverse.size)
+    rows, columns, values = [], [], []
+    for group in np.unique(sharing):
+        for component in range(6):
+            at = number[sharing == group, component]
+            at = at[at >= 0]
+            n = at.size
+            block = np.eye(n)
+            if group >= 0 and n:
+                mean = np.full((n, n), 1.0 / n)
+                block = np.sqrt(2.0) * (np.eye(n) - mean) + mean / np.sqrt((1 + n) / 2)
+            elif n:
+                rows.append(at)
+                columns.append(at)
+                values.append(np.ones(n))
+                continue
+            rows.append(np.repeat(at, n))
+            columns.append(np.tile(at, n))
+            values.append(block.ravel())
+    places = (np.concatenate(rows), np.concatenate(columns))
+    turned = sparse.csr_array((np.concatenate(values), places), shape=(inverse.size, inverse.size))
+    return (turned @ diagonal).tocsr()
 
 
 def state_problem(
-    robot: Robot, measurements: Measurements, parameters: Sequence[str] | None = None
+    robot: Robot,
+    data: Measurements | Sequence[Measurements],
+    parameters: Sequence[str] | None = None,
+    components: Components = "both",
 ) -> Problem:
     """Return the identification problem of a robot and its measured displacements.
 
     Parameters
     ----------
     robot : Robot
-    measurements : Measurements
+    data : Measurements, or several
         Displacements, loaded minus unloaded.
     parameters : sequence of str, optional
         Stiffness values to identify; default ``robot.identify``.
+    components : "position", "rotation" or "both"
+        Which measured components count; each by its noise.
 
     Raises
     ------
     BeamstiffError
-        When the rows are absolute positions, carry no load, or are fewer than the parameters.
+        When the rows are absolute positions, carry no load, state noise for some values only, or are fewer
+        than the parameters.
     """
+    measurements = data if isinstance(data, Measurements) else concatenate(data)
+    source = measurements.source
     if measurements.kind != "displacement":
         raise BeamstiffError(
-            f"{measurements.source}: holds absolute positions; "
-            "identify needs displacements dx dy dz (loaded minus unloaded)"
+            f"{source}: holds absolute positions; identify needs displacements dx dy dz (loaded minus "
+            "unloaded); `calibrate` takes positions"
+        )
+    if not measurements.wrench.any():
+        raise BeamstiffError(f"{source}: all loads are zero; without load no stiffness can be identified")
+    used = measurements.measured_mask.copy()
+    used[:, 3:] &= components != "position"
+    used[:, :3] &= components != "rotation"
+    notes = []
+    sigma = measurements.sigma
+    stated = np.isfinite(sigma) & used
+    if components == "both" and used[:, 3:].any() and not stated[:, 3:].any():
+        used[:, 3:] = False  # metres and radians compare only by their noise
+        notes.append("the rotations are not used: the table does not say their noise (sigma_rotation)")
+    if not used.any():
+        what = "measured displacements" if components == "both" else f"measured components of {components}"
+        raise BeamstiffError(f"{source}: found no {what}")
+    if not measurements.wrench[used.any(axis=1)].any():
+        raise BeamstiffError(f"{source}: all measured rows are without load; no stiffness can be identified")
+    stated &= used
+    if stated.any() and (stated != used).any():
+        row = int(np.argmax((stated != used).any(axis=1)))
+        raise BeamstiffError(
+            f"{measurements.place(row)}: the noise of this row is not stated (sigma_position, "
+            "sigma_rotation), that of others is; expected it for all, or for none"
         )
     model = reduce_to_ports(robot, measurements, parameters)
-    if not (np.abs(measurements.wrench) > 0).any():
-        raise BeamstiffError(
-            f"{measurements.source}: all loads are zero; without load no stiffness can be identified"
-        )
-    measured = measurements.displacement.copy()
-    sigma_position, sigma_rotation = measurements.sigma_position, measurements.sigma_rotation
-    if sigma_rotation is None:
-        measured[:, 3:] = np.nan  # metres and radians compare only by their noise
-    known = sigma_position is not None
-    sigma = np.array([sigma_position or 1e-5] * 3 + [sigma_rotation or 1e-5] * 3)
-    used = ~np.isnan(measured)
-    if not known and sigma_rotation is not None:
-        raise BeamstiffError(
-            f"{measurements.source}: sigma_rotation is given, expected sigma_position as well"
-        )
     if used.sum() < len(model.parameters):
         raise BeamstiffError(
-            f"{measurements.source}: {int(used.sum())} measured components for "
-            f"{len(model.parameters)} parameters "
-            f"({', '.join(model.parameters)}); measure more, or identify fewer"
+            f"{source}: {int(used.sum())} measured components for {len(model.parameters)} parameters "
+            f"({listed(model.parameters)}); measure more, or identify fewer"
         )
-    groups = measurements.pose if measurements.shared_unloaded else np.full(len(measurements.pose), -1)
-    return Problem(model, measured, used, sigma, known, np.asarray(groups, dtype=np.int64))
+    sharing = measurements.pose if measurements.shared_unloaded else np.full(len(measurements), -1)
+    spread = np.where(used, sigma, 1.0) if stated.any() else np.full(used.shape, UNIT_NOISE)
+    return Problem(
+        model=model,
+        measured=np.where(used, measurements.displacement, 0.0),
+        used=used,
+        sigma=spread,
+        sigma_known=bool(stated.any()),
+        sharing=sharing,
+        pose=measurements.pose,
+        load=equal_rows(measurements.wrench),
+        whitening=whitening(spread, used, sharing),
+        source=source,
+        notes=tuple(notes),
+    )

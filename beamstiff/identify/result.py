@@ -5,14 +5,28 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """An identified stiffness: value and standard deviation, N/m or N m/rad.
+    """An identified stiffness.
 
-    `value` is None where the data do not bound the stiffness from above; `lower_bound` then holds with 95 %.
+    Attributes
+    ----------
+    name, unit : str
+    value, std : float or None, in `unit`
+        None where the data do not bound the stiffness from above, or tell only a combination of it.
+    identifiable : bool
+    interval : (low, high) or None
+        95 %.
+    lower_bound : float or None
+        Of a stiffness without value: with 97.5 % it is above; 0 where nothing is known.
+    reason : str
+        Why there is no value; else empty.
     """
 
     name: str
@@ -20,7 +34,36 @@ class Parameter:
     value: float | None
     std: float | None
     identifiable: bool
+    interval: tuple[float, float] | None = None
     lower_bound: float | None = None
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class Combination:
+    """Parameters that only act together, and the sum of theirs that is known.
+
+    Attributes
+    ----------
+    parameters : tuple of str
+    relation : str
+        ``"1/J12.radial + 1/J33.radial"``, or nothing where the combination is no sum.
+    value, std : float or None, SI
+        Of the relation.
+    kind : str
+        "series", "parallel", "sum" or "mixed".
+    unit : str
+    separate : str
+        What measurement would tell them apart, in words; empty where none was sought.
+    """
+
+    parameters: tuple[str, ...]
+    relation: str
+    value: float | None
+    std: float | None
+    kind: str
+    unit: str
+    separate: str = ""
 
 
 @dataclass(frozen=True)
@@ -29,47 +72,110 @@ class Identification:
 
     Attributes
     ----------
-    parameters : tuple of Parameter
+    parameters : tuple of Parameter (m)
+    degenerate : tuple of Combination
     covariance : (m, m) array
-        Of the logarithms of the stiffness values, in the order of `parameters`.
+        Of the logarithms of the stiffness values, in the order of `parameters`; infinite variance of what is
+        not identifiable by itself.
     stiffness : (m,) array
         Values at the optimum, also of those that are not identifiable.
-    rms : float
-        Root mean square of the position residual's norm over the fitted rows, m.
-    rms_held_out : float or None
-        The same on poses left out of the fit (k-fold by pose), m; None with fewer than three poses.
+    robot : Robot
+        With these values.
+    rms : float, m
+        Root mean square of the position residual's norm over the fitted rows.
+    rms_held_out, rms_held_out_load : float or None, m
+        The same on poses, and on loads, left out of the fit; None with fewer than three.
     chi_square : float
         Sum of squared whitened residuals over the degrees of freedom; near 1 when noise explains
         the residual.
+    method : str
     evaluations : int
-        Evaluations of the model.
-    predicted : (N, 6) array
-        Displacement of every row at the optimum, m and rad.
+    message : str
+        Why the method stopped.
+    interrupted : bool
+        Stopped by hand: the best so far.
+    predicted : (N, 6) array, m and rad
+        Displacement of every row at the optimum.
+    notes : tuple of str
+        What was left aside, and why, in sentences.
     """
 
     parameters: tuple[Parameter, ...]
+    degenerate: tuple[Combination, ...]
     covariance: Array
     stiffness: Array
+    robot: Robot
     rms: float
     rms_held_out: float | None
+    rms_held_out_load: float | None
     chi_square: float
+    method: str
     evaluations: int
+    message: str
+    interrupted: bool
     predicted: Array
+    notes: tuple[str, ...] = ()
+
+    def __getitem__(self, name: str) -> Parameter:
+        """Return a parameter by its name."""
+        return next(item for item in self.parameters if item.name == name)
+
+    @property
+    def correlation(self) -> Array:
+        """Correlation of the logarithms of the stiffness values, (m, m); NaN where there is no variance."""
+        std = np.sqrt(np.diagonal(self.covariance))
+        std = np.where(np.isfinite(std), std, np.nan)
+        result: Array = self.covariance / np.outer(std, std)
+        return result
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result as plain data, in the contract's form (``beamstiff identify --json``)."""
+        names = [item.name for item in self.parameters]
         return {
-            "parameters": {
-                item.name: {
+            "parameters": {item.name: _parameter(item) for item in self.parameters},
+            "degenerate": [
+                {
+                    "parameters": list(item.parameters),
+                    "relation": item.relation,
                     "value": item.value,
                     "std": item.std,
+                    "kind": item.kind,
                     "unit": item.unit,
-                    "identifiable": item.identifiable,
-                    **({} if item.lower_bound is None else {"lower_bound": item.lower_bound}),
+                    "separate": item.separate,
                 }
-                for item in self.parameters
-            },
-            "degenerate": [],
+                for item in self.degenerate
+            ],
             "rms_mm": 1e3 * self.rms,
-            "rms_held_out_mm": None if self.rms_held_out is None else 1e3 * self.rms_held_out,
+            "rms_held_out_mm": _mm(self.rms_held_out),
+            "rms_held_out_load_mm": _mm(self.rms_held_out_load),
+            "chi_square": self.chi_square,
+            "correlation": {"names": names, "values": [[_plain(v) for v in row] for row in self.correlation]},
+            "method": self.method,
+            "evaluations": self.evaluations,
+            "interrupted": self.interrupted,
+            "notes": list(self.notes),
         }
+
+
+def _parameter(item: Parameter) -> dict[str, Any]:
+    result: dict[str, Any] = {
+        "value": item.value,
+        "std": item.std,
+        "unit": item.unit,
+        "identifiable": item.identifiable,
+    }
+    if item.interval is not None:
+        result["interval"] = [_plain(limit) for limit in item.interval]
+    if item.lower_bound is not None:
+        result["lower_bound"] = item.lower_bound
+    if item.reason:
+        result["reason"] = item.reason
+    return result
+
+
+def _plain(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _mm(value: float | None) -> float | None:
+    return None if value is None else 1e3 * value

@@ -59,6 +59,8 @@ class PortModel:
         B at the row's measured point.
     clamped : (N, 6) array
         Displacement of the row with all ports held.
+    lever : (p,) array, m
+        The machine's size for ports that turn, 1 for those that slide: by it moments compare with forces.
     """
 
     parameters: tuple[str, ...]
@@ -69,6 +71,7 @@ class PortModel:
     force: Array
     motion: Array
     clamped: Array
+    lever: Array
 
     def predict(self, stiffness: Array) -> Array:
         """Return the displacement ``[d, r]`` of every row, (N, 6), base frame.
@@ -83,7 +86,7 @@ class PortModel:
         BeamstiffError
             When a value is negative or not finite, or so small that the robot is a mechanism.
         """
-        opened = (self._inverse(stiffness)[self.pose] @ self.force[..., None])[..., 0]
+        opened = (self.inverse(stiffness)[self.pose] @ self.force[..., None])[..., 0]
         result: Array = self.clamped + np.einsum("npa,np->na", self.motion, opened)
         return result
 
@@ -92,7 +95,7 @@ class PortModel:
 
         By the logarithms they are ``k`` times, by the compliances ``-k^2`` times that.
         """
-        inverse = self._inverse(stiffness)[self.pose]
+        inverse = self.inverse(stiffness)[self.pose]
         opened = (inverse @ self.force[..., None])[..., 0]
         carried = inverse @ self.motion
         stretched = np.tensordot(opened, self.springs, ([1], [2]))  # (N, m, p)
@@ -112,7 +115,8 @@ class PortModel:
             clamped=self.clamped[at],
         )
 
-    def _inverse(self, stiffness: Array) -> Array:
+    def inverse(self, stiffness: Array) -> Array:
+        """Return ``(S + sum k_j Phi_j)^-1`` of every pose, (P, p, p)."""
         values = np.asarray(stiffness, dtype=np.float64)
         if values.shape != (len(self.parameters),) or not np.isfinite(values).all() or (values < 0).any():
             raise BeamstiffError(
@@ -263,4 +267,5 @@ def reduce_to_ports(
         force=force,
         motion=motion,
         clamped=clamped,
+        lever=np.array([structure.kinematics.size if port.direction > 2 else 1.0 for port in ports]),
     )

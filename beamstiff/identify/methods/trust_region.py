@@ -1,0 +1,54 @@
+"""Trust region and Levenberg-Marquardt, by scipy, on the residuals with exact derivatives."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from beamstiff.errors import BeamstiffError
+from beamstiff.identify.minimise import Effort, Search
+from beamstiff.se3 import Array
+
+TOLERANCE = 1e-12
+
+
+def run(method: str, search: Search, begin: Array, effort: Effort) -> str:
+    """Minimise from `begin`; "levenberg-marquardt" knows neither bounds nor robust losses."""
+    objective = search.objective
+    known: dict[bytes, tuple[Array, Array]] = {}
+    if begin.size == 0:
+        search.cost(begin)
+        return "nothing to seek"
+
+    def evaluate(theta: Array) -> tuple[Array, Array]:
+        key = theta.tobytes()
+        if key not in known:
+            known.clear()
+            residuals, jacobian = objective.jacobian(theta)
+            search.note(theta, objective.cost_of(residuals))
+            known[key] = residuals, jacobian
+        return known[key]
+
+    def residuals(theta: Array) -> Array:
+        return evaluate(theta)[0]
+
+    def jacobian(theta: Array) -> Array:
+        return evaluate(theta)[1]
+
+    options: dict[str, Any] = {"x_scale": "jac", "xtol": TOLERANCE, "ftol": TOLERANCE, "gtol": TOLERANCE}
+    parameters = objective.parameters
+    if method == "levenberg-marquardt":
+        if objective.loss != "linear":
+            raise BeamstiffError("levenberg-marquardt: knows no robust loss; use trust-region")
+        options["method"] = "lm"
+    else:
+        options["bounds"] = (parameters.lower, parameters.upper)
+        options["loss"] = "linear" if objective.loss == "linear" else objective.rho
+        options["f_scale"] = objective.scale
+        begin = np.clip(begin, parameters.lower + 1e-9, parameters.upper - 1e-9)
+    solution = least_squares(residuals, begin, jac=jacobian, max_nfev=effort.evaluations, **options)
+    if ((solution.x < parameters.lower) | (solution.x > parameters.upper)).any():
+        raise BeamstiffError("levenberg-marquardt: left the bounds, which it does not know; use trust-region")
+    return str(solution.message)

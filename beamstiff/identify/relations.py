@@ -1,0 +1,135 @@
+"""Springs that only act together, as one: 1/k = sum of 1/k_i in series, k = sum of k_i in parallel."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+Kind = Literal["series", "parallel"]
+
+
+@dataclass(frozen=True)
+class Spring:
+    """A spring by itself: the stiffness parameter of this name."""
+
+    name: str
+
+    @property
+    def members(self) -> tuple[str, ...]:
+        """Names of the parameters in it."""
+        return (self.name,)
+
+    def stiffness(self, values: Mapping[str, float]) -> float:
+        """Return its stiffness."""
+        return values[self.name]
+
+    def slopes(self, values: Mapping[str, float]) -> dict[str, float]:  # noqa: ARG002
+        """Return the derivative of its stiffness by each member's."""
+        return {self.name: 1.0}
+
+    def text(self) -> str:
+        """Return its stiffness as a formula."""
+        return self.name
+
+
+@dataclass(frozen=True)
+class Joined:
+    """Springs that act as one, in the units of the first.
+
+    In series ``1/k = 1/k_1 + r_2/k_2 + ...``, in parallel ``k = k_1 + r_2 k_2 + ...``; the ratios are 1 where
+    the springs carry the same load (have the same deformation), or squares of lever arms.
+    """
+
+    kind: Kind
+    parts: tuple[Spring | Joined, ...]
+    ratios: tuple[float, ...]
+
+    @property
+    def members(self) -> tuple[str, ...]:
+        """Names of the parameters in it."""
+        return tuple(name for part in self.parts for name in part.members)
+
+    def value(self, values: Mapping[str, float]) -> float:
+        """Return the sum that is known: of compliances in series, of stiffness in parallel."""
+        power = -1 if self.kind == "series" else 1
+        return sum(r * p.stiffness(values) ** power for p, r in zip(self.parts, self.ratios, strict=True))
+
+    def stiffness(self, values: Mapping[str, float]) -> float:
+        """Return the stiffness of all of them together."""
+        value = self.value(values)
+        return 1.0 / value if self.kind == "series" else value
+
+    def value_slopes(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return the derivative of the sum that is known by each member's stiffness."""
+        outer = -1.0 / self.stiffness(values) ** 2 if self.kind == "series" else 1.0
+        return {name: outer * slope for name, slope in self.slopes(values).items()}
+
+    def slopes(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return the derivative of the stiffness by each member's."""
+        whole, result = self.stiffness(values), {}
+        for part, ratio in zip(self.parts, self.ratios, strict=True):
+            outer = ratio if self.kind == "parallel" else ratio * (whole / part.stiffness(values)) ** 2
+            for name, slope in part.slopes(values).items():
+                result[name] = outer * slope
+        return result
+
+    def text(self) -> str:
+        """Return the sum that is known as a formula: ``1/J12.radial + 1/J33.radial``."""
+        terms = []
+        for part, ratio in zip(self.parts, self.ratios, strict=True):
+            joined = isinstance(part, Joined)  # of the other kind: `join` makes one sum of like kinds
+            if self.kind == "series":
+                terms.append(f"{ratio:.6g}/({part.text()})" if joined else f"{ratio:.6g}/{part.text()}")
+            else:
+                inner = f"1/({part.text()})" if joined else part.text()
+                terms.append(inner if ratio == 1 else f"{ratio:.6g}*{inner}")
+        return " + ".join(terms)
+
+
+@dataclass(frozen=True)
+class Sum:
+    """A sum of compliances that is known though its terms are not: ``sum of coefficient / k``."""
+
+    parts: tuple[Spring | Joined, ...]
+    coefficients: tuple[float, ...]
+
+    @property
+    def members(self) -> tuple[str, ...]:
+        """Names of the parameters in it."""
+        return tuple(name for part in self.parts for name in part.members)
+
+    def value(self, values: Mapping[str, float]) -> float:
+        """Return the sum."""
+        return sum(c / p.stiffness(values) for p, c in zip(self.parts, self.coefficients, strict=True))
+
+    def value_slopes(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return the derivative of the sum by each member's stiffness."""
+        result = {}
+        for part, coefficient in zip(self.parts, self.coefficients, strict=True):
+            for name, slope in part.slopes(values).items():
+                result[name] = -coefficient * slope / part.stiffness(values) ** 2
+        return result
+
+    def text(self) -> str:
+        """Return the sum as a formula: ``1/J1.tilting + 0.25/J2.axial``."""
+        result = ""
+        for part, coefficient in zip(self.parts, self.coefficients, strict=True):
+            name = f"({part.text()})" if isinstance(part, Joined) else part.text()
+            sign = "-" if coefficient < 0 else "+"
+            result += f" {sign} {abs(coefficient):.6g}/{name}" if result else f"{coefficient:.6g}/{name}"
+        return result
+
+
+def join(kind: Kind, a: Spring | Joined, b: Spring | Joined, ratio: float) -> Joined:
+    """Return two as one, `b` counting `ratio` times; sums within sums of the same kind become one sum."""
+    parts: list[Spring | Joined] = []
+    ratios: list[float] = []
+    for item, factor in ((a, 1.0), (b, ratio)):
+        if isinstance(item, Joined) and item.kind == kind:
+            parts += item.parts
+            ratios += [factor * r for r in item.ratios]
+        else:
+            parts.append(item)
+            ratios.append(factor)
+    return Joined(kind, tuple(parts), tuple(ratios))
