@@ -1,0 +1,111 @@
+"""The robots that are examined: two that come along, a third serial one, and arms of random proportions."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from beamstiff.robot.description import Robot
+from beamstiff.robot.fields import RIGID
+from beamstiff.robot.library import robot_path
+from beamstiff.robot.parts import Mass
+from beamstiff.robot.reader import load_robot
+
+RANDOM_ARM = "random-arm"
+ROBOTS = ("kr240-2", "kr500", RANDOM_ARM, "ir663")
+WEIGHTS = (0.35, 0.15, 0.25, 0.25)
+
+# N m/rad, axis 2 of an arm with 1 m reach; the KR240-2 (2.7 m) has 6.6e6 (its paper, table 2), which fixes it
+MAIN_AXIS = 3e5
+_LIMITS = ((-170, 170), (-20, 130), (-160, 70), (-180, 180), (-115, 115), (-350, 350))
+
+
+def exam_robot(name: str, rng: np.random.Generator) -> Robot:
+    """Return the robot of this name: drawn anew for `RANDOM_ARM`, else the one that comes along."""
+    return random_arm(rng) if name == RANDOM_ARM else load_robot(robot_path(name))
+
+
+def random_arm(rng: np.random.Generator) -> Robot:
+    """Return a six-axis arm with rigid links, its proportions and drive stiffness drawn.
+
+    Reach from 0.9 to 3 m; offsets at the shoulder, the elbow, and in half of the cases at the wrist, which
+    then has no common centre. Drive stiffness grows with the reach as it does from small arms to large
+    ones, and each axis' own is scattered by a factor of two.
+
+    Examples
+    --------
+    >>> arm = random_arm(np.random.default_rng(3))
+    >>> arm.name, len(arm.joints), arm.identify[0]
+    ('random-arm', 6, 'J1.torsional')
+    """
+    reach = rng.uniform(0.9, 3.0)
+    upper = reach * rng.uniform(0.38, 0.5)
+    fore = reach * rng.uniform(0.32, 0.42)
+    flange = reach * rng.uniform(0.06, 0.13)
+    height, shoulder = reach * rng.uniform(0.2, 0.35), reach * rng.uniform(0.0, 0.18)
+    elbow = reach * rng.uniform(-0.06, 0.08)
+    wrist = reach * rng.uniform(0.03, 0.06) if rng.random() < 0.5 else 0.0
+    frames: list[dict[str, Any]] = [
+        {"name": "f1", "theta": "q1", "r": height},
+        {"name": "f2", "parent": "f1", "alpha": "90 deg", "d": shoulder, "theta": "q2"},
+        {"name": "f3", "parent": "f2", "d": upper, "theta": "q3"},
+        {"name": "f4", "parent": "f3", "alpha": "-90 deg", "d": elbow, "theta": "q4", "r": fore},
+        {"name": "f5", "parent": "f4", "alpha": "90 deg", "theta": "q5", "d": wrist},
+        {"name": "f6", "parent": "f5", "alpha": "-90 deg", "theta": "q6", "r": flange},
+    ]
+    # where each joint lies, seen from the link before it
+    ends = [(0.0, 0.0, height), (shoulder, 0.0, 0.0), (upper, 0.0, 0.0), (elbow, fore, 0.0)]
+    ends += [(wrist, 0.0, 0.0), (0.0, flange, 0.0)]
+    nodes: list[dict[str, Any]] = [{"name": "n0"}]
+    links, joints = [], []
+    main = MAIN_AXIS * reach**3.3 * rng.uniform(0.6, 1.6)
+    share = np.array([1.5, 1.0, 1.6, 12.0, 12.0, 14.0]) * np.exp(rng.uniform(-0.7, 0.7, 6))
+    for at, end in enumerate(ends, start=1):
+        parent = "base" if at == 1 else f"f{at - 1}"
+        nodes += [
+            {"name": f"n{at}a", "frame": parent, "at": end},
+            {"name": f"n{at}b", "frame": f"f{at}"},
+        ]
+        links.append({"name": f"link{at - 1}", "nodes": ["n0" if at == 1 else f"n{at - 1}b", f"n{at}a"]})
+        joints.append(
+            {
+                "name": f"J{at}",
+                "nodes": [f"n{at}a", f"n{at}b"],
+                "frame": f"f{at}",
+                "axis": "z",
+                "variable": f"q{at}",
+                "stiffness": {"torsional": float(main / share[at - 1])},
+            }
+        )
+    return Robot.model_validate(
+        {
+            "name": RANDOM_ARM,
+            "variables": [
+                {"name": f"q{at}", "type": "revolute", "limits": [f"{limit} deg" for limit in limits]}
+                for at, limits in enumerate(_LIMITS, start=1)
+            ],
+            "frames": frames,
+            "nodes": nodes,
+            "rigids": links,
+            "joints": joints,
+            "fixed": ["n0"],
+            "tcp": "n6b",
+            "identify": [f"J{at}.torsional" for at in range(1, 7)],
+        }
+    )
+
+
+def with_stiff_drive(robot: Robot, rng: np.random.Generator) -> Robot:
+    """Return the robot with one drive rigid and no longer identified; as it is where it has but one."""
+    drives = [name for name in robot.identify if name.endswith(".torsional")]
+    if len(drives) < 2:
+        return robot
+    stiff = drives[int(rng.integers(len(drives)))]
+    left = tuple(name for name in robot.identify if name != stiff)
+    return robot.with_parameters({stiff: RIGID}).model_copy(update={"identify": left})
+
+
+def with_payload(robot: Robot, mass: float, at: tuple[float, float, float]) -> Robot:
+    """Return the robot with a mass at its TCP, kg; `at` in the frame of the TCP's node, m."""
+    return robot.model_copy(update={"masses": (*robot.masses, Mass(node=robot.tcp, mass=mass, at=at))})

@@ -1,0 +1,226 @@
+"""An exam of the diagnosis told to people: what was reached beside what was asked, the worst class first."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+
+from matplotlib.figure import Figure as Drawing
+from rich.table import Table
+
+from beamstiff.gap.exam import score
+from beamstiff.gap.exam.calibration import calibration_error, reliability
+from beamstiff.gap.exam.names import EFFECTS, FAILED, NONE, UNKNOWN
+from beamstiff.gap.exam.rates import Figure
+from beamstiff.gap.exam.record import Record
+from beamstiff.gap.exam.table import Row, banded, controls, effect_figures, groups, headline
+from beamstiff.report.figures import BLUE, GREY, new_figure, plain
+from beamstiff.report.tables import table
+
+Records = Sequence[Record]
+
+MARKS = {"aim": "aim reached", "required": "reached", "missed": "MISSED", None: ""}
+SHARES = ("detected", "exact", "family", "place", "covered", "unknown")
+
+
+def exam_tables(records: Records) -> Iterator[Table]:
+    """Return all tables of an exam, in the order in which people read them."""
+    yield headline_table(headline(records), f"Diagnosis examined: {_cases(records)}")
+    yield effects_table(records)
+    yield groups_table(records)
+    yield bands_table(records)
+    yield reliability_table(records)
+    yield confusion_table(records)
+    yield control_table(controls(records))
+
+
+def plan_tables(records: Records) -> Iterator[Table]:
+    """Return what a campaign could find: effects, the hardest to find first; then by size, and nulls."""
+    result = table(
+        f"What this plan could find: {_cases(records)}, sizes all over the realistic range",
+        "effect",
+        "cases",
+        "gap/noise",
+        "gap seen",
+        "exact",
+        "set holds it",
+        "set size",
+    )
+    singles = score.by_effect(score.of_kind(records, "single"))
+    for effect, cases in sorted(singles.items(), key=lambda item: (_rate(score.coverage(item[1])), item[0])):
+        gaps = sorted(record.gap for record in cases)
+        found = effect_figures(cases)
+        result.add_row(
+            effect,
+            str(len(cases)),
+            f"{gaps[len(gaps) // 2]:.2g}",
+            *(_share(found[name]) for name in ("detected", "exact", "covered")),
+            _plain(found["set_size"]),
+        )
+    yield result
+    yield bands_table(records)
+    alarms = score.false_alarms(records)
+    yield headline_table(
+        [row for row in headline(records) if row.figure.count], f"{alarms.count} nulls among them"
+    )
+
+
+def headline_table(rows: Iterable[Row], title: str) -> Table:
+    """Return the figures, each with its 95 % interval, beside what is required and aimed at."""
+    result = table(title, "figure", "reached", "95 %", "cases", "required", "aim", "")
+    for row in rows:
+        sign = ">=" if row.better == "high" else "<="
+        asked = ["" if value is None else f"{sign} {value:g}" for value in (row.required, row.aim)]
+        reached = _share(row.figure) if row.share else _plain(row.figure)
+        result.add_row(row.name, reached, _interval(row), str(row.figure.count), *asked, MARKS[row.met])
+    return result
+
+
+def control_table(rows: Iterable[Row]) -> Table:
+    """Return the controls: what chance and plain methods get exactly right."""
+    result = table("Controls: exact cause and place, single effects", "control", "reached", "95 %", "cases")
+    for row in rows:
+        result.add_row(row.name, _share(row.figure), _interval(row), str(row.figure.count))
+    return result
+
+
+def effects_table(records: Records) -> Table:
+    """Return a row for each effect, gap at least the noise, the worst first."""
+    names = ("seen", "exact", "family", "place", "set holds it", "unknown", "set size", "shrink differs")
+    result = table("By effect, gap >= 1 sigma, the worst first", "effect", "cases", *names)
+    for effect, cases in score.worst_first(records):
+        result.add_row(effect, str(len(cases)), *_cells(cases))
+    return result
+
+
+def bands_table(records: Records) -> Table:
+    """Return a row for each band of gap over noise, single effects."""
+    names = ("seen", "exact", "family", "place", "set holds it", "unknown", "set size", "shrink differs")
+    result = table("By gap over noise, single effects", "gap/noise", "cases", *names)
+    for band, cases in banded(records):
+        result.add_row(band, str(len(cases)), *_cells(cases))
+    return result
+
+
+def groups_table(records: Records) -> Table:
+    """Return the main figures by design, robot, readings, data and claimed noise."""
+    result = table(
+        "By sort of case (singles with gap >= 1 sigma)",
+        "cases",
+        "all",
+        "nulls",
+        "alarms",
+        "singles",
+        "exact",
+        "family",
+        "set holds it",
+        "of names",
+        "set size",
+        "calibration",
+    )
+    for group in groups(records):
+        singles = score.clear_singles(group.records)
+        nulls = score.false_alarms(group.records)
+        result.add_row(
+            group.name,
+            str(len(group.records)),
+            str(nulls.count),
+            _share(nulls),
+            str(len(singles)),
+            _share(score.exact(singles)),
+            _share(score.right_family(singles)),
+            _share(score.coverage(singles)),
+            _share(score.coverage_of_names(singles)),
+            _plain(score.set_size(singles)),
+            _plain(calibration_error(group.records)),
+        )
+    return result
+
+
+def reliability_table(records: Records) -> Table:
+    """Return, for verdicts by their probability, how many are right."""
+    result = table("Reliability of the probabilities", "said", "mean said", "right", "95 %", "cases")
+    for item in reliability(records):
+        row = Row("", item.right)
+        result.add_row(
+            f"{item.low:.1f} to {item.high:.1f}",
+            f"{item.said:.3f}",
+            _share(item.right),
+            _interval(row),
+            str(item.right.count),
+        )
+    return result
+
+
+def confusion_table(records: Records) -> Table:
+    """Return how often each effect (rows, the truth) got each verdict; empty columns are left out."""
+    rows = score.confusion(records)
+    order = (*EFFECTS, NONE, UNKNOWN, FAILED)
+    given = {verdict for row in rows.values() for verdict in row}
+    columns = [name for name in (*order, *sorted(given - set(order))) if name in given]
+    result = table("Confusion: truth down, verdict across", "truth", *columns)
+    truths = [name for name in (*order, "removed", "outside") if name in rows]
+    for truth in [*truths, *sorted(set(rows) - set(truths))]:
+        result.add_row(truth, *(str(rows[truth][name]) if rows[truth][name] else "." for name in columns))
+    return result
+
+
+def reliability_figure(records: Records) -> Drawing:
+    """Draw the share of right verdicts over the probability said, with 95 % intervals and the counts."""
+    bins = reliability(records)
+    figure = new_figure(5.2, 5.6)
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=[4, 1])
+    plain(above)
+    plain(below)
+    above.plot([0, 1], [0, 1], color=GREY, linewidth=1, label="as said")
+    said = [item.said for item in bins]
+    right = [item.right.value or 0.0 for item in bins]
+    spread = [
+        [value - (item.right.low or 0.0) for value, item in zip(right, bins, strict=True)],
+        [(item.right.high or 0.0) - value for value, item in zip(right, bins, strict=True)],
+    ]
+    if bins:
+        above.errorbar(said, right, yerr=spread, fmt="o", color=BLUE, capsize=3, label="examined, 95 %")
+    above.set(xlim=(0, 1), ylim=(0, 1), ylabel="share of verdicts that are right", title="Reliability")
+    above.legend(loc="upper left", frameon=False)
+    below.bar(
+        [item.low for item in bins],
+        [item.right.count for item in bins],
+        width=[item.high - item.low for item in bins],
+        align="edge",
+        color=BLUE,
+    )
+    below.set(xlabel="probability said of the verdict", ylabel="cases")
+    return figure
+
+
+def _cells(cases: Records) -> list[str]:
+    found = effect_figures(cases)
+    return [
+        *(_share(found[name]) for name in SHARES),
+        _plain(found["set_size"]),
+        _plain(found["shrink_difference"]),
+    ]
+
+
+def _cases(records: Records) -> str:
+    broken = sum(record.error is not None for record in records)
+    return f"{len(records)} cases" + (f", {broken} of them broke off" if broken else "")
+
+
+def _rate(figure: Figure) -> float:
+    return -1.0 if figure.value is None else figure.value
+
+
+def _share(figure: Figure) -> str:
+    return "-" if figure.value is None else f"{100 * figure.value:.1f} %"
+
+
+def _plain(figure: Figure) -> str:
+    return "-" if figure.value is None else f"{figure.value:.3f}"
+
+
+def _interval(row: Row) -> str:
+    low, high = row.figure.low, row.figure.high
+    if low is None or high is None:
+        return ""
+    return f"{100 * low:.1f} to {100 * high:.1f}" if row.share else f"{low:.3f} to {high:.3f}"

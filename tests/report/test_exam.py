@@ -1,0 +1,68 @@
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+from rich.table import Table
+
+from beamstiff.gap.exam.names import NONE, UNKNOWN
+from beamstiff.gap.exam.record import Record
+from beamstiff.report.exam import exam_tables, plan_tables, reliability_figure
+from beamstiff.report.figures import save_figure
+from tests.gap.exam.answered import answered
+
+
+@pytest.fixture
+def records() -> list[Record]:
+    return [
+        answered("backlash:q3", "backlash:q3", p=0.95),
+        answered("backlash:q3", "hardening:q3", p=0.55),
+        answered("hysteresis:q2", "hysteresis:q2", p=0.9, gap=5.0),
+        answered("load-error", NONE, p=0.7, gap=0.5),
+        answered("none", NONE, p=0.9),
+        answered("none", UNKNOWN, p=0.6, error="ValueError: broke"),
+        answered("warm-up:q1", UNKNOWN, p=0.9, kind="outside"),
+        answered("backlash:q3", UNKNOWN, p=0.9, kind="removed", withheld=("backlash",)),
+        answered("backlash:q3 hardening:q2", "backlash:q3", also=["hardening:q2"]),
+    ]
+
+
+def shown(tables: list[Table]) -> str:
+    console = Console(file=io.StringIO(), width=200)
+    for table in tables:
+        console.print(table)
+    return console.file.getvalue()  # type: ignore[attr-defined,no-any-return]
+
+
+def test_the_tables_show_figures_beside_what_is_asked_the_worst_class_first(records: list[Record]) -> None:
+    text = shown(list(exam_tables(records)))
+    assert "Diagnosis examined: 9 cases, 1 of them broke off" in text
+    row = next(line for line in text.splitlines() if line.startswith("false alarms"))
+    assert row.split()[5:] == ["50.0", "%", "9.5", "to", "90.5", "2", "<=", "0.05", "<=", "0.02", "MISSED"]
+    worst = text.split("the worst first")[1]
+    assert worst.index("backlash") < worst.index("hysteresis")
+    assert "Confusion" in text
+
+
+def test_a_plan_is_told_by_effect_the_hardest_to_find_first(records: list[Record]) -> None:
+    text = shown(list(plan_tables(records)))
+    assert text.index("load-error") < text.index("backlash") < text.index("hysteresis")
+
+
+def test_no_case_at_all_is_shown_as_empty_tables() -> None:
+    assert "false alarms" in shown(list(exam_tables([])))
+
+
+@pytest.mark.parametrize("ending", ["png", "svg"])
+def test_the_reliability_diagram_is_drawn(records: list[Record], tmp_path: Path, ending: str) -> None:
+    figure = reliability_figure(records)
+    save_figure(figure, tmp_path / f"a.{ending}")
+    points = figure.axes[0].containers[0].lines[0].get_xydata()  # type: ignore[attr-defined]
+    assert len(points) == 5 - 1  # 0.5, 0.6, 0.7 and 0.9 of said; pairs left out
+    assert (tmp_path / f"a.{ending}").stat().st_size > 1000
+
+
+def test_a_diagram_of_nothing_is_empty_not_wrong(tmp_path: Path) -> None:
+    save_figure(reliability_figure([]), tmp_path / "a.png")
