@@ -55,7 +55,7 @@ def identification_text(found: Identification, measured: Measurements) -> str:
         lines.insert(
             0,
             f"These data do not bound {listed(unbounded)} from above: rigid would fit nearly as well. "
-            "> is the lower bound that holds with 95 %.",
+            "> is the lower bound that holds with 97.5 %.",
         )
     return "\n".join(lines)
 

@@ -24,7 +24,8 @@ def test_the_stiffness_that_made_the_data_is_found(run: Run, wrong_start: str) -
     result = run("identify", wrong_start, "crane.csv", "--json", "-")
     assert (result.exit_code, result.stderr) == (0, "")
     answer = json.loads(result.stdout)
-    assert list(answer) == ["parameters", "degenerate", "rms_mm", "rms_held_out_mm"]
+    # the contract's keys, and more
+    assert {"parameters", "degenerate", "rms_mm", "rms_held_out_mm"} <= set(answer)
     assert list(answer["parameters"]) == ["J1.torsional"]
     found = answer["parameters"]["J1.torsional"]
     assert found["value"] == pytest.approx(1e6, rel=1e-6)
@@ -64,8 +65,8 @@ def test_what_the_data_do_not_bound_gets_a_lower_bound_and_no_value(run: Run, fo
     result = run("identify", "crane.yaml", "stiff.csv", "--json", "found.json")
     found = json.loads((folder / "found.json").read_text())["parameters"]["J1.torsional"]
     assert (found["value"], found["std"], found["identifiable"]) == (None, None, False)
-    # 1.645 standard deviations of the compliance: two rows of 1 kN at 1 m, read to 0.01 mm
-    assert found["lower_bound"] == pytest.approx(1e3 / (1.645 * 1e-5 / 2**0.5), rel=1e-3)
+    # 1.96 standard deviations of the compliance: two rows of 1 kN at 1 m, read to 0.01 mm
+    assert found["lower_bound"] == pytest.approx(1e3 / (1.960 * 1e-5 / 2**0.5), rel=1e-3)
     assert "do not bound J1.torsional from above" in " ".join(result.stdout.split())
 
 

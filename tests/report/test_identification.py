@@ -12,29 +12,42 @@ from beamstiff.identify.result import Identification, Parameter
 from beamstiff.measure import Measurements, make_measurements
 from beamstiff.report.identification import identification_table, identification_text
 
+PARTS: dict[str, Any] = {
+    "nodes": [{"name": "a"}, {"name": "b"}],
+    "joints": [
+        {
+            "name": "J1",
+            "nodes": ["a", "b"],
+            "frame": "base",
+            "stiffness": {"radial": "rigid", "torsional": 1e6},
+        }
+    ],
+}
+JOINT = Robot(name="joint", **PARTS, fixed=["a"], tcp="b")
 FOUND = Identification(
     parameters=(
         Parameter("J1.torsional", "N*m/rad", 1.5e6, 3e4, True),
         Parameter("J1.radial", "N/m", None, None, False, lower_bound=4e8),
     ),
+    degenerate=(),
     covariance=np.eye(2),
     stiffness=np.array([1.5e6, 1e16]),
+    robot=JOINT,
     rms=0.1e-3,
     rms_held_out=0.15e-3,
+    rms_held_out_load=None,
     chi_square=1.0,
+    method="trust-region",
     evaluations=7,
+    message="converged",
+    interrupted=False,
     predicted=np.zeros((2, 6)),
 )
 
 
 @pytest.fixture
 def robot() -> Robot:
-    stiffness = {"radial": "rigid", "torsional": 1e6}
-    parts: dict[str, Any] = {
-        "nodes": [{"name": "a"}, {"name": "b"}],
-        "joints": [{"name": "J1", "nodes": ["a", "b"], "frame": "base", "stiffness": stiffness}],
-    }
-    return Robot(name="joint", **parts, fixed=["a"], tcp="b")
+    return JOINT
 
 
 def measured(sigma: float | None) -> Measurements:
