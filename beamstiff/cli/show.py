@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from beamstiff.cli.options import Debug, Json, Quiet, robot_file
-from beamstiff.cli.output import check_outputs, people, working, write_json
+from beamstiff.cli.output import check_outputs, people, say, working, write_json
 from beamstiff.errors import BeamstiffError
 
 if TYPE_CHECKING:
@@ -38,7 +38,8 @@ def show(
     Positions are in the base frame. The reach is that of postures drawn evenly within the limits of
     the actuated variables (turning joints without limits: -180 to 180 deg), as far as their loops
     close. Mass, unknowns and condition hold for the reference posture: the middle of the limits, or
-    the first sample that closes. A file that is wrong is refused with the line and the reason.
+    the first sample that closes. A note says where loops close there far from the declared guess.
+    A file that is wrong is refused with the line and the reason.
 
     \b
     Examples:
@@ -55,6 +56,7 @@ def show(
         )
         write_json({"robots": robot_names()}, json)
         return
+    from beamstiff.cli.variables import shown_value
     from beamstiff.report.overview import describe
     from beamstiff.report.overview_tables import overview_tables
     from beamstiff.robot.reader import load_robot
@@ -67,6 +69,14 @@ def show(
     check_outputs([robot_file(robot)], json)
     with working("sampling the reach", quiet):
         facts = describe(description, samples, seed)
+    for item in facts["far_from_guess"]:
+        name = item["variable"]
+        guess, found = (shown_value(description, name, item[key]) for key in ("guess", "reference"))
+        say(
+            f"note: the loops close at {name} = {found}, far from its guess {guess}: look whether this is "
+            "the assembly meant, and give a guess closer to it",
+            quiet,
+        )
     _print(people(quiet, json), overview_tables(facts))
     write_json(facts, json)
 

@@ -80,15 +80,6 @@ def read_header(
         When a column is unknown, doubled, of a wrong unit, not an input of the robot, or missing.
     """
     declared = {variable.name: variable for variable in robot.variables}
-    for name in declared:
-        if name in RESERVED:
-            fail(
-                source,
-                line,
-                name,
-                f"robot {robot.name!r} has a variable of this name, which is a column of its own in a "
-                "table of measurements; rename the variable",
-            )
     columns: list[Column] = []
     for at, cell in enumerate(cells, start=1):
         match = _CELL.fullmatch(cell)

@@ -14,7 +14,7 @@ from beamstiff.fem.geometry import Geometry, place
 from beamstiff.fem.loads import total_mass
 from beamstiff.fem.mechanism import scaled_condition
 from beamstiff.fem.structure import Structure, compile_structure
-from beamstiff.robot.closure import close_loops
+from beamstiff.robot.closure import close_loops, declared_start
 from beamstiff.robot.coupling import variable_kinds
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import stiffness_text
@@ -23,6 +23,7 @@ from beamstiff.robot.kinematics import Kinematics, Posture, forward, posture_at
 from beamstiff.robot.parts import STIFFNESS_KINDS, Variable
 from beamstiff.se3 import Array
 
+FAR_TURN, FAR_SHARE = np.radians(30.0), 0.1  # from a guess: an angle, and a share of the machine's size
 MOST_UNKNOWNS = 3000  # the condition is found from a dense matrix
 
 
@@ -70,6 +71,7 @@ def describe(robot: Robot, samples: int = 1000, seed: int = 0) -> dict[str, Any]
         "loops": [
             {"name": item.name, "a": item.a, "b": item.b, "constrain": item.constrain} for item in robot.loops
         ],
+        "far_from_guess": _far_from_guess(kinematics, values),
         "nodes": _nodes(robot, reference),
         "beams": [
             {"name": item.name, "nodes": list(item.nodes), "length": length, "section": item.section}
@@ -112,6 +114,21 @@ def _range(variable: Variable) -> tuple[float, float]:
     if variable.limits is not None:
         return variable.limits
     return (-np.pi, np.pi) if variable.kind == "angle" else (0.0, 0.0)
+
+
+def _far_from_guess(kinematics: Kinematics, values: dict[str, float]) -> list[dict[str, Any]]:
+    """Return the passive variables that close the loops far from their guess: another assembly, perhaps."""
+    joined, limits = kinematics.coupling, (FAR_TURN, FAR_SHARE * kinematics.size)
+    guesses = dict(zip(joined.free, declared_start(kinematics).tolist(), strict=True))
+    found = []
+    for name in joined.free[joined.actuated :]:
+        prismatic = bool(kinematics.prismatic[joined.names.index(name)])
+        away = values[name] - guesses[name]
+        if not prismatic:
+            away = (away + np.pi) % (2 * np.pi) - np.pi
+        if abs(away) > limits[prismatic]:
+            found.append({"variable": name, "guess": guesses[name], "reference": values[name]})
+    return found
 
 
 def _tcp(kinematics: Kinematics, transforms: Array) -> Array:

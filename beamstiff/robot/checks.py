@@ -20,6 +20,13 @@ from beamstiff.robot.sections import section_properties
 from beamstiff.robot.stiffness import stiffness_parameters
 
 ELEMENTS = ("beams", "rigids", "joints", "struts")
+# columns of a table of measurements, which no variable may be called; `measure.columns` has the same ones
+_WRENCH, _MOVED = ("fx", "fy", "fz", "mx", "my", "mz"), ("dx", "dy", "dz", "rx", "ry", "rz")
+_PLACED = ("x", "y", "z", "a", "b", "c")
+_LABELS = ("t", "temperature", "pose", "step", "point", "load_point")
+TABLE_COLUMNS = frozenset(
+    (*_WRENCH, *_MOVED, *_PLACED, *(f"sigma_{name}" for name in _MOVED + _PLACED), *_LABELS)
+)
 _MOST_PROBLEMS = 100
 _ZERO_LENGTH = 1e-9  # m
 _COINCIDENT = 1e-6  # m: the nodes of a joint; wider, for coordinates are rounded
@@ -51,6 +58,12 @@ def _duplicates(robot: Robot) -> Iterator[Problem]:
                 used = elements[item.name]
                 yield (field, at, "name"), f"duplicate name {item.name!r}, already used in {used}"
             elements[item.name] = field
+    for at, variable in enumerate(robot.variables):
+        if variable.name in TABLE_COLUMNS:
+            yield (
+                ("variables", at, "name"),
+                f"{variable.name!r} is a column of its own in a table of measurements: rename the variable",
+            )
     for at, frame in enumerate(robot.frames):
         if frame.name == "base":
             yield ("frames", at, "name"), "the name 'base' is the fixed frame's own"

@@ -62,7 +62,7 @@ def close_loops(kinematics: Kinematics, q: Array, strict: bool = True) -> Closur
     if not kinematics.loops or poses == 0:
         return Closure(all_values(kinematics, free), np.ones(poses, dtype=np.bool_), ("",) * poses)
     system = loop_system(kinematics)
-    free[:, joined.actuated :] = _start(kinematics)[joined.actuated :]
+    free[:, joined.actuated :] = declared_start(kinematics)[joined.actuated :]
     assembly = kinematics.assembly or _assembly_near(system, free) or _any_assembly(free[0], system)
     free, gaps, closed, flipped = close_in_branch(system, assembly, free)
     reasons = [""] * poses
@@ -131,13 +131,13 @@ def find_assembly(kinematics: Kinematics) -> Assembly | None:
     BeamstiffError
         When there are passive variables that the loops do not determine in any posture.
     """
-    system, start = loop_system(kinematics), _start(kinematics)
+    system, start = loop_system(kinematics), declared_start(kinematics)
     _check_determined(system, start)
     return _assembly_near(system, start[None])
 
 
-def _start(kinematics: Kinematics) -> Array:
-    """Return the declared guess of every free variable: its guess, the middle of its limits, or zero."""
+def declared_start(kinematics: Kinematics) -> Array:
+    """Return the declared guess of every free variable, (A + Q,): else the middle of its limits, or 0."""
     declared = {variable.name: variable for variable in kinematics.robot.variables}
     start = []
     for name in kinematics.coupling.free:

@@ -138,6 +138,7 @@ ALIAS_BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
         ("tcp: tip", "tcp: top", ["'top'", "did you mean 'tip'"]),
         ("fixed: [foot]", "fixed: [feet]", ["broken.yaml:15", "unknown node 'feet'"]),
         ("theta: q1", "theta: q2", ["q2"]),
+        ("name: q1", "name: fx", ["broken.yaml:4", "'fx' is a column", "rename the variable"]),
         ("theta: q1", "theta: q1 * q1", ["q1 * q1"]),
         ("theta: q1", "parent: f1, theta: q1", ["f1"]),
         ("name: hub, frame: f1", "name: foot, frame: f1", ["foot"]),

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from beamstiff import robot_names
+from beamstiff.robot.library import robot_path
 
 Run = Callable[..., Any]
 
@@ -57,6 +58,24 @@ def test_the_ir663_is_described_as_in_its_paper(facts: Callable[..., dict[str, A
     # six unknowns for each of the ten nodes that are not fixed; each joint's rigid directions have none, and
     # there are five joints with axial and both tilting rigid: 60 - 15
     assert answer["unknowns"] == 45
+
+
+def test_loops_that_close_far_from_their_guess_are_told(run: Run, folder: Path) -> None:
+    """The same four-bar from guesses 3 and 33 degrees away, and from one a whole turn away."""
+    text = robot_path("ir663").read_text(encoding="utf-8")
+    for guess, notes in (("20 deg", 0), ("-10.5 deg", 1), ("382.8 deg", 0)):
+        changed = text.replace('"22.8 deg"', f'"{guess}"')
+        assert (changed != text) == (guess != "22.8 deg")
+        (folder / "four_bar.yaml").write_text(changed, encoding="utf-8")
+        result = run("show", "four_bar.yaml", "--json", "facts.json")
+        assert result.exit_code == 0
+        assert result.stderr.count("\n") == notes
+        far = json.loads((folder / "facts.json").read_text())["far_from_guess"]
+        assert [item["variable"] for item in far] == ["th3"] * notes
+        if notes:
+            assert result.stderr.startswith(
+                f"note: the loops close at th3 = 22.7557 deg, far from its guess {guess}: look whether"
+            )
 
 
 def test_mass_and_length_of_a_tube(facts: Callable[..., dict[str, Any]]) -> None:

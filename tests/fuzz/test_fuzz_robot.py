@@ -41,20 +41,20 @@ sections:
     outer: 300 mm
     wall: 1.2e-2
 variables:
-- name: x
+- name: q
   type: prismatic
   limits:
   - -1.5
   - 1500 mm
-- {name: y, equals: "0.5*x + 1 mm"}
+- {name: p, equals: "0.5*q + 1 mm"}
 frames:
 - name: slide
-  d: x
+  d: q
   gamma: 90 deg
 - name: tool
   parent: slide
-  b: y
-  theta: "2 rad/m * x"
+  b: p
+  theta: "2 rad/m * q"
 nodes:
 - name: foot
 - name: head
@@ -81,7 +81,7 @@ joints:
   nodes: [head, carriage]
   frame: slide
   axis: X
-  variable: x
+  variable: q
   stiffness:
     axial: 2e8 N/m
     radial: 1e9

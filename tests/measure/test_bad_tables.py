@@ -8,6 +8,8 @@ import pytest
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure import parse_measurements, read_measurements
+from beamstiff.measure.columns import RESERVED
+from beamstiff.robot.checks import TABLE_COLUMNS
 from beamstiff.robot.description import Robot
 
 # name: text, what the message must hold; the file is called table.csv
@@ -208,18 +210,20 @@ def test_passive_variables_are_refused_with_a_hint(four_bar: Robot) -> None:
         parse_measurements("q1,th2,dx\n1,2,3\n", four_bar, "t.csv")
 
 
-def test_a_robot_whose_variable_is_called_like_a_column_is_refused() -> None:
-    gantry = Robot(
-        name="gantry",
-        variables=[{"name": "x", "type": "prismatic"}],
-        frames=[{"name": "f1", "d": "x"}],
-        nodes=[{"name": "root"}, {"name": "tip", "frame": "f1"}],
-        rigids=[{"name": "slide", "nodes": ["root", "tip"]}],
-        fixed=["root"],
-        tcp="tip",
-    )
-    with pytest.raises(BeamstiffError, match=r"x: robot 'gantry' has a variable of this name.*rename"):
-        parse_measurements("x,dx\n1,2\n", gantry)
+@pytest.mark.parametrize("name", ["x", "fx", "rz", "t", "step", "load_point", "sigma_dx", "c"])
+def test_a_robot_whose_variable_is_called_like_a_column_is_refused(name: str) -> None:
+    with pytest.raises(BeamstiffError, match=rf"variables\[0\].*'{name}' is a column of its own.*rename"):
+        Robot(
+            name="gantry",
+            variables=[{"name": name, "type": "prismatic"}],
+            nodes=[{"name": "root"}],
+            fixed=["root"],
+            tcp="root",
+        )
+
+
+def test_robots_know_all_columns_of_tables() -> None:
+    assert set(RESERVED) == TABLE_COLUMNS
 
 
 FILES: dict[str, tuple[bytes, str]] = {

@@ -40,26 +40,8 @@ def test_it_is_called_as_its_file_and_survives_writing(robot: Robot, request: py
     assert parse_robot(robot_to_yaml(robot)) == robot
 
 
-def test_its_drives_have_limits_and_no_name_of_a_measured_column(robot: Robot) -> None:
+def test_its_drives_have_limits(robot: Robot) -> None:
     assert all(variable.limits is not None for variable in robot.actuated)
-    columns = {
-        *"xyzabct",
-        "fx",
-        "fy",
-        "fz",
-        "mx",
-        "my",
-        "mz",
-        "dx",
-        "dy",
-        "dz",
-        "rx",
-        "ry",
-        "rz",
-        "pose",
-        "step",
-    }
-    assert not {variable.name for variable in robot.actuated} & columns
 
 
 def test_it_stands_at_random_poses_and_in_every_corner(robot: Robot) -> None:

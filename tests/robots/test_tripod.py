@@ -31,7 +31,7 @@ def test_the_platforms_pose_is_that_from_which_the_lengths_were_taken() -> None:
         [random.uniform(-0.2, 0.2, 500), random.uniform(-0.2, 0.2, 500), random.uniform(1.15, 1.3, 500)]
     )
     found = at(ROBOT, lengths(*pose))
-    for name, expected in zip(("a", "b", "depth"), pose, strict=True):
+    for name, expected in zip(("tilt_x", "tilt_y", "depth"), pose, strict=True):
         assert np.abs(values(found, name) - expected).max() < 1e-12
 
 
