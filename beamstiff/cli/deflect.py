@@ -124,12 +124,11 @@ def _table(robot: Robot, loads: Measurements, predicted: Array, preload: bool) -
 
 
 def without_rounding(displacement: Array) -> Array:
-    """Return displacements with what is rounding beside the largest of their kind set to 0."""
+    """Return displacements with what is rounding beside the largest of them (m, rad) set to 0."""
     import numpy as np
 
-    parts = np.abs(displacement).reshape(-1, 2, 3)
-    largest = np.repeat(parts.max(axis=(0, 2), initial=0.0), 3)
-    return np.where(np.abs(displacement) > ROUNDING * largest, displacement, 0.0)
+    size = np.abs(displacement)
+    return np.where(size > ROUNDING * size.max(initial=0.0), displacement, 0.0)
 
 
 def _csv(robot: Robot, loads: Measurements, predicted: Array, preload: bool) -> str:

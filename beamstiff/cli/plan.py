@@ -8,7 +8,7 @@ import typer
 
 from beamstiff.cli.options import Debug, Json, Quiet, RobotFile, parse_names, robot_file
 from beamstiff.cli.output import check_outputs, people, say, working, write_json
-from beamstiff.errors import BeamstiffError, suggest
+from beamstiff.errors import BeamstiffError
 
 if TYPE_CHECKING:
     from beamstiff.measure.table import Measurements
@@ -229,7 +229,7 @@ def _region(text: str | None) -> list[tuple[float, float]] | None:
         if axis not in ends or not (colon and low and high):
             raise BeamstiffError(
                 f"--region: found {part.strip()!r}, expected an axis x, y or z with two ends such as "
-                f"z=300mm:1.8m{suggest(axis, ends)}"
+                "z=300mm:1.8m"
             )
         ends[axis] = (_size("--region", low, "length"), _size("--region", high, "length"))
         if ends[axis][0] >= ends[axis][1]:

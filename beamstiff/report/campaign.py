@@ -10,6 +10,7 @@ from rich.table import Table
 from beamstiff.errors import listed
 from beamstiff.plan.at_random import AtRandom
 from beamstiff.plan.campaign import Campaign
+from beamstiff.plan.candidates import Noise
 from beamstiff.plan.enough import Enough
 from beamstiff.report.tables import number, table
 from beamstiff.robot.description import Robot
@@ -21,6 +22,7 @@ CRITERIA = {
     "E": "the least known combination of parameters",
 }
 WANTED = (0.05, 0.02, 0.01)  # worst relative standard errors for which the number of tests is told
+MOST_TESTS = 100_000  # nobody makes more
 HARDLY = 0.5  # a relative standard error above this bounds a stiffness hardly at all
 
 
@@ -65,22 +67,28 @@ def campaign_text(
     lines = []
     if left_out:
         why = "; ".join(f"{name} {reason}" for name, reason in left_out.items())
-        lines.append(f"Cannot be identified: {why}.")
+        lines.append(
+            f"Cannot be identified: {why}. Other loads, moments or measured rotations may show them."
+        )
     if hardly := [name for name, error in design.standard_errors.items() if error > HARDLY]:
         lines.append(f"Hardly bounded: {listed(hardly)}. Load more, measure better or make more tests.")
     share = np.floor(1000 * design.efficiency) / 10
     lines.append(
-        f"{len(campaign.tests)} tests at {poses} poses, chosen from {candidates} {unit}. Criterion "
+        f"{len(campaign.tests)} tests at {poses} poses, chosen from {candidates} {unit}, read to "
+        f"{_noise(campaign.noise)}. Criterion "
         f"{design.criterion} ({CRITERIA[design.criterion]}; larger is better): {number(design.value)}, at "
         f"least {share:g} % of what any choice of {count} {unit} could have."
     )
     lines.append(
         f"Worst standard error: {percent(design.worst)} of the value. {_against(campaign, drawn, unit)}"
     )
-    fewer = " or fewer" if enough.knee == enough.counts[0] else ""
-    sizes = ", ".join(f"{percent(error)} {enough.tests_for(error)}" for error in WANTED)
+    fewer = " (or fewer)" if enough.knee == enough.counts[0] else ""
+    counts = ((error, enough.tests_for(error)) for error in WANTED)
+    sizes = ", ".join(
+        f"{percent(error)} {count if count < MOST_TESTS else f'> {MOST_TESTS}'}" for error, count in counts
+    )
     lines.append(
-        f"How many are enough: from {enough.knee} {unit}{fewer} on, more of them only average the noise. "
+        f"How many are enough: from {enough.knee} {unit} on{fewer}, more of them only average the noise. "
         f"{unit.capitalize()} for a worst standard error, about: {sizes}."
     )
     return "\n".join(lines)
@@ -91,10 +99,17 @@ def percent(share: float) -> str:
 
     Examples
     --------
-    >>> percent(0.0234), percent(5.87)
-    ('2.3 %', '587 %')
+    >>> percent(0.0234), percent(5.87), percent(1e5)
+    ('2.3 %', '587 %', '> 1000 %')
     """
+    if share > 10:
+        return "> 1000 %"
     return f"{100 * share:.2g} %" if share < 1 else f"{100 * share:.0f} %"
+
+
+def _noise(noise: Noise) -> str:
+    position = f"{1e3 * noise.position:.3g} mm"
+    return position if noise.rotation is None else f"{position} and {1e3 * noise.rotation:.3g} mrad"
 
 
 def _against(campaign: Campaign, drawn: AtRandom, unit: str) -> str:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from beamstiff import load_robot, read_measurements
+from beamstiff.cli.deflect import without_rounding
 
 Run = Callable[..., Any]
 
@@ -72,3 +73,9 @@ def test_a_likely_mistake_of_unit_is_noted(run: Run, folder: Path) -> None:
     assert result.exit_code == 0
     assert result.stderr.startswith("note: loads.csv:2: q1: 90 rad is more than two turns")
     assert result.stderr.count("\n") == 1
+
+
+def test_a_rotation_that_is_rounding_is_shown_as_none() -> None:
+    moved = np.array([[1e-3, 0, 2e-9, 3e-19, 0, -1e-18], [0, 1e-4, 0, 0, 0, 1e-9]])
+    expected = np.array([[1e-3, 0, 2e-9, 0, 0, 0], [0, 1e-4, 0, 0, 0, 1e-9]])
+    np.testing.assert_array_equal(without_rounding(moved), expected)
