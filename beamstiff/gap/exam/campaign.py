@@ -89,9 +89,8 @@ class Campaign:
 
     def __post_init__(self) -> None:
         rows = len(self.q)
-        shapes = {"wrench": (rows, 6)} | {
-            name: (rows,) for name in ("pose", "step", "time", "temperature", "point", "load_point")
-        }
+        one = ("pose", "step", "time", "temperature", "point", "load_point")
+        shapes: dict[str, tuple[int, ...]] = {"wrench": (rows, 6), **dict.fromkeys(one, (rows,))}
         for name, shape in shapes.items():
             if np.shape(getattr(self, name)) != shape:
                 found = np.shape(getattr(self, name))

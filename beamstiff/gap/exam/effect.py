@@ -1,0 +1,112 @@
+"""What an effect of the simulated machines is, and how its places and sizes are drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from beamstiff.gap.exam.campaign import Array, Truth
+from beamstiff.gap.exam.machine import drives_of, joints_of, own_stiffness
+from beamstiff.gap.exam.placing import Placed, place, skeleton_of
+from beamstiff.gap.exam.reality import Reality
+from beamstiff.robot.description import Robot
+
+WIDE = np.deg2rad(60.0)  # stroke to either side where a variable has no limits
+LONG = 0.4  # m, likewise of a prismatic one
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is to be drawn: the parameters of a form at a component, of a size in [0, 1]."""
+
+    rng: np.random.Generator
+    robot: Robot
+    component: str | None
+    form: str
+    size: float
+
+
+@dataclass(frozen=True)
+class Effect:
+    """An effect that a simulated machine can have.
+
+    Attributes
+    ----------
+    name : str
+    forms : tuple of str
+        Constitutive forms.
+    places : callable
+        Components that the effect can sit at on a robot; none where it cannot.
+    draw : callable
+        Parameters, none of which is a joint's own stiffness: that is the machine's.
+    impose : callable
+        A reality with the effect.
+    """
+
+    name: str
+    forms: tuple[str, ...]
+    places: Callable[[Robot], Sequence[str | None]]
+    draw: Callable[[Asked], dict[str, float]]
+    impose: Callable[[Truth, Reality], Reality]
+
+
+def between(size: float, low: float, high: float) -> float:
+    """Return the value at `size` in [0, 1] of the way from low to high, evenly by ratio."""
+    return float(low * (high / low) ** size)
+
+
+def sign(rng: np.random.Generator) -> float:
+    """Return 1 or -1."""
+    return float(rng.choice([-1.0, 1.0]))
+
+
+def direction(rng: np.random.Generator) -> Array:
+    """Return a unit vector (3,), evenly distributed."""
+    v = rng.standard_normal(3)
+    unit: Array = v / np.linalg.norm(v)
+    return unit
+
+
+def nowhere(robot: Robot) -> list[str | None]:  # noqa: ARG001
+    """Return the one place of effects that have no component."""
+    return [None]
+
+
+def drives(robot: Robot) -> list[str | None]:
+    """Return the joints whose own direction is a spring."""
+    return list(drives_of(robot))
+
+
+def turning_drives(robot: Robot) -> list[str | None]:
+    """Return the revolute drives that are actuated variables."""
+    turning = {v.name for v in robot.actuated if v.type == "revolute"}
+    return [name for name in drives_of(robot) if name in turning]
+
+
+def stiffness_of(robot: Robot, component: str | None) -> float:
+    """Return the stiffness of a component's (first) joint in its own direction, SI."""
+    return own_stiffness(robot, *joints_of(robot, str(component))[0])
+
+
+def turns(robot: Robot, component: str | None) -> bool:
+    """Return whether a component's own direction is a rotation."""
+    return joints_of(robot, str(component))[0][1] == 3
+
+
+def stroke(robot: Robot, variable: str | None) -> tuple[float, float]:
+    """Return the middle and half the width of a variable's range, rad or m."""
+    found = next((v for v in robot.variables if v.name == variable), None)
+    if found is None:
+        return 0.0, float(WIDE)
+    if found.limits is None:
+        return found.guess, LONG if found.type == "prismatic" else float(WIDE)
+    low, high = found.limits
+    return 0.5 * (low + high), 0.5 * (high - low)
+
+
+def in_the_middle(robot: Robot, **moved: float) -> Placed:
+    """Return the robot in the middle of its range, one pose, with some variables moved from there."""
+    q = np.array([[stroke(robot, v.name)[0] + moved.get(v.name, 0.0) for v in robot.actuated]])
+    return place(skeleton_of(robot), q)

@@ -1,0 +1,245 @@
+"""Equilibrium of the deformed machine: Newton's method on displacements, rotations and holding forces.
+
+Unknowns are the displacement and spin of every body and one multiplier a rigid direction. Rotations are
+updated on the rotation group. The tangent is complete but for terms of second order in the relative rotation
+of a spring, so that corrections shrink by orders of magnitude a step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamstiff.errors import BeamstiffError
+from beamstiff.gap.exam.campaign import Array, Integers
+from beamstiff.gap.exam.laws import Law, Memory, Situation
+from beamstiff.gap.exam.layout import Layout, Topology
+from beamstiff.gap.exam.rotations import cross_matrix, turn
+from beamstiff.gap.exam.strain import State, Strain, geometric, strain_of
+
+STILL = 1e-11  # m or rad: largest correction of the last step
+MOST = 60
+HOLD_SCALE = 1e7  # N/m: makes rows of rigid directions as large as those of springs
+SLACK = 1e-10  # against redundant rigid directions, of the scaled system
+
+
+@dataclass(frozen=True, eq=False)
+class Load:
+    """What acts on the machine besides its weight; P states.
+
+    Attributes
+    ----------
+    body : (P,) int array
+    arm : (P, 3) array, m
+        Point of action from the body's reference point, before the body turns.
+    wrench : (P, 6) array, N and N m
+        Keeps its direction.
+    """
+
+    body: Integers
+    arm: Array
+    wrench: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """What the rows of the strains are: rigid, governed by a law, or linear."""
+
+    rigid: NDArray[np.bool_]
+    laws: tuple[tuple[int, Law], ...]
+    rods: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """Equilibrium states, the laws' memories after, and the largest unbalanced force of each, (P,), N."""
+
+    state: State
+    memory: tuple[Memory, ...]
+    unbalanced: Array
+
+
+def rows_of(topology: Topology) -> Rows:
+    """Return what the rows of a machine's strains are."""
+    machine = topology.machine
+    members = 6 * len(topology.members)
+    rigid = np.zeros(members + len(machine.rods), dtype=np.bool_)
+    laws: list[tuple[int, Law]] = []
+    for at, hinge in enumerate(machine.hinges):
+        laws += [(6 * at + direction, law) for direction, law in hinge.laws.items()]
+        if hinge.stiffness.ndim == 1:
+            rigid[6 * at : 6 * at + 6] = np.isinf(hinge.stiffness)
+    rods = np.zeros(len(machine.rods))
+    for at, rod in enumerate(machine.rods):
+        if rod.law is not None:
+            laws.append((members + at, rod.law))
+        else:
+            rigid[members + at] = np.isinf(rod.stiffness)
+            rods[at] = 0.0 if np.isinf(rod.stiffness) else rod.stiffness
+    rigid[[row for row, _ in laws]] = False
+    return Rows(rigid, tuple(laws), rods)
+
+
+def at_rest(topology: Topology, rows: Rows, poses: int) -> State:
+    """Return the machine before it deforms."""
+    turned = np.tile(np.eye(3), (poses, topology.bodies, 1, 1))
+    return State(np.zeros((poses, topology.bodies, 3)), turned, np.zeros((poses, int(rows.rigid.sum()))))
+
+
+def some(thing: Any, rows: Any) -> Any:
+    """Return some of the states of a dataclass of arrays."""
+    return type(thing)(*(getattr(thing, f.name)[rows] for f in fields(thing)))
+
+
+def equilibrium(
+    topology: Topology,
+    layout: Layout,
+    load: Load,
+    situation: Situation,
+    start: State,
+    memory: tuple[Memory, ...],
+) -> Solved:
+    """Return the equilibrium under weight and load, from a start that may be another load's equilibrium.
+
+    Raises
+    ------
+    BeamstiffError
+        When a state does not come to rest: the machine buckles or is a mechanism.
+    """
+    rows = rows_of(topology)
+    poses = len(start.moved)
+    moved, turned, hold = start.moved.copy(), start.turned.copy(), start.hold.copy()
+    active = np.arange(poses)
+    last, pace = np.full(poses, np.inf), np.ones(poses)
+    for iteration in range(MOST):
+        state = State(moved[active], turned[active], hold[active])
+        here, push = layout.at(active), some(load, active)
+        strain = strain_of(topology, here, state)
+        kept = tuple(tuple(part[active] for part in old) for old in memory)
+        force, tangent, _ = _answer(rows, here, strain, situation.at(active), kept)
+        step_body, step_hold = _step(topology, rows, here, push, state, strain, force, tangent)
+        size = np.abs(step_body).max(axis=(1, 2))
+        if not np.isfinite(size).all() or size.max() > 1e3:
+            break
+        # where a law's corners make the steps swing to and fro, shorter ones settle
+        swings = (size > 0.7 * last[active]) & (iteration > 6)
+        pace[active] = np.where(
+            swings, np.maximum(0.5 * pace[active], 0.1), np.minimum(2 * pace[active], 1.0)
+        )
+        part = pace[active][:, None, None] * np.minimum(1.0, 0.3 / np.maximum(size, 1e-300))[:, None, None]
+        step_body = part * step_body
+        moved[active] += step_body[..., :3]
+        turned[active] = turn(step_body[..., 3:]) @ turned[active]
+        hold[active] += part[:, :, 0] * step_hold
+        last[active] = size
+        active = active[size > STILL]
+        if not len(active):
+            break
+    if len(active):
+        raise BeamstiffError(
+            f"{topology.machine.robot.name}: {len(active)} of {poses} states of the true machine do not come "
+            "to rest: it buckles or is a mechanism"
+        )
+    state = State(moved, turned, hold)
+    strain = strain_of(topology, layout, state)
+    force, _, after = _answer(rows, layout, strain, situation, memory)
+    unbalanced = np.abs(_unbalanced(topology, rows, layout, load, state, strain, force)).max(axis=1)
+    return Solved(state, after, unbalanced)
+
+
+def _answer(
+    rows: Rows, layout: Layout, strain: Strain, situation: Situation, memory: tuple[Memory, ...]
+) -> tuple[Array, Array, tuple[Memory, ...]]:
+    """Return forces (P, M), tangent (P, M, M) and the laws' memories for given strains."""
+    poses, count = strain.rows.shape
+    members = count - len(rows.rods)
+    tangent = np.zeros((poses, count, count))
+    tangent[:, :members, :members] = layout.stiffness
+    at = np.arange(members, count)
+    tangent[:, at, at] = rows.rods
+    force = (tangent @ strain.rows[..., None])[..., 0]
+    after = []
+    for (row, law), old in zip(rows.laws, memory, strict=True):
+        extra, slope, new = law.respond(strain.rows[:, row], situation, old)
+        force[:, row] += extra
+        tangent[:, row, row] += slope
+        after.append(new)
+    return force, tangent, tuple(after)
+
+
+def _unbalanced(
+    topology: Topology, rows: Rows, layout: Layout, load: Load, state: State, strain: Strain, force: Array
+) -> Array:
+    """Return what is missing to equilibrium on every body but the ground, (P, 6 (B - 1))."""
+    held = force.copy()
+    held[:, rows.rigid] = state.hold
+    resisting = (np.swapaxes(strain.rates, -1, -2) @ held[..., None])[..., 0]
+    acting = np.zeros((len(force), topology.bodies, 6))
+    arms = _turned(state, topology.loads, layout.load_arm)
+    for at, body in enumerate(topology.loads):
+        acting[:, body, :3] += layout.load[:, at]
+        acting[:, body, 3:] += np.cross(arms[:, at], layout.load[:, at]) + layout.load_moment[:, at]
+    poses = np.arange(len(force))
+    arm = (state.turned[poses, load.body] @ load.arm[..., None])[..., 0]
+    acting[poses, load.body] += load.wrench
+    acting[poses, load.body, 3:] += np.cross(arm, load.wrench[:, :3])
+    missing: Array = acting.reshape(len(force), -1) - resisting
+    return missing[:, 6:]
+
+
+def _turned(state: State, bodies: Integers, arms: Array) -> Array:
+    turned: Array = (state.turned[:, bodies] @ arms[..., None])[..., 0]
+    return turned
+
+
+def _step(
+    topology: Topology,
+    rows: Rows,
+    layout: Layout,
+    load: Load,
+    state: State,
+    strain: Strain,
+    force: Array,
+    tangent: Array,
+) -> tuple[Array, Array]:
+    """Return Newton's corrections of the bodies (P, B, 6) and of the holding forces (P, C)."""
+    poses, n = len(force), 6 * (topology.bodies - 1)
+    held = force.copy()
+    held[:, rows.rigid] = state.hold
+    K = np.swapaxes(strain.rates, -1, -2) @ (tangent @ strain.rates)
+    K += geometric(topology, layout, state, strain, held)
+    blocks = K.reshape(poses, topology.bodies, 6, topology.bodies, 6)
+    arms = _turned(state, topology.loads, layout.load_arm)
+    for at, body in enumerate(topology.loads):
+        blocks[:, body, 3:, body, 3:] -= cross_matrix(layout.load[:, at]) @ cross_matrix(arms[:, at])
+    every = np.arange(poses)
+    arm = (state.turned[every, load.body] @ load.arm[..., None])[..., 0]
+    blocks[every, load.body, 3:, load.body, 3:] -= cross_matrix(load.wrench[:, :3]) @ cross_matrix(arm)
+    for body in np.flatnonzero(topology.locked):
+        blocks[:, body, 3:, body, 3:] += HOLD_SCALE * np.eye(3)
+
+    rates = HOLD_SCALE * strain.rates[:, rows.rigid, 6:]
+    count = rates.shape[1]
+    system = np.zeros((poses, n + count, n + count))
+    system[:, :n, :n] = K[:, 6:, 6:]
+    system[:, n:, :n] = rates
+    system[:, :n, n:] = np.swapaxes(rates, -1, -2)
+    holding = np.arange(n, n + count)
+    system[:, holding, holding] = -SLACK * HOLD_SCALE
+    right = np.concatenate(
+        [
+            _unbalanced(topology, rows, layout, load, state, strain, force),
+            -HOLD_SCALE * strain.rows[:, rows.rigid],
+        ],
+        axis=1,
+    )
+    try:
+        solution = np.linalg.solve(system, right[..., None])[..., 0]
+    except np.linalg.LinAlgError:
+        raise BeamstiffError(f"{topology.machine.robot.name}: the true machine is a mechanism") from None
+    moves = np.zeros((poses, topology.bodies, 6))
+    moves[:, 1:] = solution[:, :n].reshape(poses, -1, 6)
+    return moves, HOLD_SCALE * solution[:, n:]

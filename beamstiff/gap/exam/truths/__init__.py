@@ -1,0 +1,114 @@
+"""Effects as the simulated machines have them: one file an effect, those outside the table in `outside_*`."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from beamstiff.errors import BeamstiffError, suggest
+from beamstiff.gap.exam.campaign import Truth
+from beamstiff.gap.exam.effect import Asked, Effect
+from beamstiff.gap.exam.reality import Reality
+from beamstiff.gap.exam.truths import (
+    actuator_lever,
+    backlash,
+    base_compliance,
+    bearing_tilt,
+    frame_misalignment,
+    geometry_error,
+    gravity_compensator,
+    hardening,
+    hysteresis,
+    joint_compliance,
+    joint_coupling,
+    link_bending,
+    load_error,
+    outliers,
+    outside_drives,
+    outside_structure,
+    payload_error,
+    thermal_drift,
+    tool_compliance,
+    tool_offset,
+)
+from beamstiff.robot.description import Robot
+
+INSIDE: tuple[Effect, ...] = tuple(
+    module.EFFECT
+    for module in (
+        link_bending,
+        bearing_tilt,
+        base_compliance,
+        tool_compliance,
+        actuator_lever,
+        backlash,
+        joint_compliance,
+        hardening,
+        hysteresis,
+        joint_coupling,
+        gravity_compensator,
+        geometry_error,
+        tool_offset,
+        load_error,
+        frame_misalignment,
+        payload_error,
+        thermal_drift,
+        outliers,
+    )
+)
+OUTSIDE: tuple[Effect, ...] = (*outside_drives.EFFECTS, *outside_structure.EFFECTS)
+EFFECTS = {effect.name: effect for effect in (*INSIDE, *OUTSIDE)}
+
+
+def components(robot: Robot, effect: str) -> list[str | None]:
+    """Return the components that an effect can sit at on a robot; empty where it cannot."""
+    return list(_known(effect).places(robot))
+
+
+def draw_truth(
+    rng: np.random.Generator,
+    robot: Robot,
+    effect: str,
+    size: float | None = None,
+    component: str | None = None,
+    form: str | None = None,
+) -> Truth:
+    """Return an effect drawn at random: its component, form and parameters.
+
+    Parameters
+    ----------
+    rng : Generator
+    robot : Robot
+        As the model has it.
+    effect : str
+    size : float or None
+        From 0, hardly to be seen, to 1, the largest realistic one; drawn evenly by default.
+    component, form : str or None
+        Given instead of drawn.
+
+    Raises
+    ------
+    BeamstiffError
+        When the effect is unknown, or cannot sit on this robot or at this component.
+    """
+    known = _known(effect)
+    possible = list(known.places(robot))
+    if not possible or (component is not None and component not in possible):
+        where = f"at {component!r}" if component else "anywhere"
+        raise BeamstiffError(f"robot {robot.name!r} cannot have the effect {effect!r} {where}")
+    place = possible[int(rng.integers(len(possible)))] if component is None else component
+    kind = known.forms[int(rng.integers(len(known.forms)))] if form is None else form
+    if kind not in known.forms:
+        raise BeamstiffError(f"effect {effect!r}: found the form {kind!r}, expected one of {known.forms}")
+    measure = float(rng.uniform()) if size is None else size
+    return Truth(effect, place, kind, known.draw(Asked(rng, robot, place, kind, measure)))
+
+
+def imposed(truth: Truth, reality: Reality) -> Reality:
+    """Return a reality with one more effect."""
+    return _known(truth.effect).impose(truth, reality)
+
+
+def _known(effect: str) -> Effect:
+    if effect not in EFFECTS:
+        raise BeamstiffError(f"unknown effect {effect!r}{suggest(effect, EFFECTS)}")
+    return EFFECTS[effect]
