@@ -11,9 +11,12 @@ import numpy as np
 
 from beamstiff.errors import BeamstiffError, listed, suggest
 from beamstiff.identify.objective import Objective
+from beamstiff.identify.parameters import SPAN, Parameters
 from beamstiff.se3 import Array
 
 Progress = Callable[[int, float], None]
+
+LEAST = 5  # candidates in a population: fewer do not mix
 
 # where each method lives: imported when it is used
 METHODS = {
@@ -31,6 +34,7 @@ METHODS = {
     "genetic": "genetic",
 }
 GLOBAL = ("isres", "crs2", "esch", "mlsl", "genetic")
+FACTOR = 1e3  # the global methods search this far from the start, either way, where no bound is given
 
 
 @dataclass(frozen=True)
@@ -80,6 +84,14 @@ class Search:
         self.note(theta, cost)
         return cost
 
+    def costs(self, thetas: Array) -> Array:
+        """Return the costs (K,) of several candidates (K, t)."""
+        costs = self.objective.costs(thetas)
+        at = int(np.argmin(costs))
+        self.evaluations += len(thetas) - 1
+        self.note(thetas[at], float(costs[at]))
+        return costs
+
     def gradient(self, theta: Array) -> tuple[float, Array]:
         """Return the cost and its derivatives."""
         cost, gradient = self.objective.gradient(theta)
@@ -94,16 +106,33 @@ class Effort:
     Attributes
     ----------
     evaluations : int
-        At most.
+        At most; the trust region that polishes what a global method found may take as many again.
     seed : int
         Of the global methods.
     population : int or None
         Of the global methods; default theirs.
+
+    Raises
+    ------
+    BeamstiffError
+        When one of them makes no sense.
     """
 
     evaluations: int = 20_000
     seed: int = 0
     population: int | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what is no effort."""
+        for name, value, least in (
+            ("evaluations", self.evaluations, 1),
+            ("seed", self.seed, 0),
+            ("population", LEAST if self.population is None else self.population, LEAST),
+        ):
+            if int(value) != value or value < least:
+                raise BeamstiffError(
+                    f"effort: found {name} = {value}, expected a whole number from {least} on"
+                )
 
 
 class Method(Protocol):
@@ -128,7 +157,7 @@ def minimise(
     objective : Objective
     method : str
     begin : (t,) array, optional
-        Default the start values.
+        Where to start, logarithms; default the start values.
     effort : Effort, optional
     progress : callable, optional
         Called with the number of evaluations and the least cost after each.
@@ -138,20 +167,32 @@ def minimise(
     Raises
     ------
     BeamstiffError
-        When there is no such method, or nothing was found.
+        When there is no such method, it cannot do what is asked, or nothing was found.
+
+    Notes
+    -----
+    Ctrl-C ends the search with the best values so far; before the first evaluation it is passed on. Global
+    methods search `searched`; what they find is polished within the bounds proper.
     """
     if method not in METHODS:
         raise BeamstiffError(
             f"there is no method {method!r}{suggest(method, METHODS)}; known: {listed(METHODS)}"
         )
     search = Search(objective, progress)
-    start = objective.parameters.begin if begin is None else begin
+    start = objective.parameters.begin if begin is None else np.asarray(begin, dtype=np.float64)
+    if start.shape != objective.parameters.first.shape or not np.isfinite(start).all():
+        raise BeamstiffError(
+            f"begin: found {start.tolist()!s:.60}, expected {objective.parameters.first.size} finite "
+            "logarithms of stiffness values"
+        )
     effort = Effort() if effort is None else effort
     message, interrupted = "", False
     try:
         message = _run(method, search, start, effort)
-        if polish and method in GLOBAL:
-            message += "; " + _run("trust-region", search, search.best, effort)
+        if method in GLOBAL and np.isfinite(search.best_cost) and start.size:
+            message += _at_edge(objective.parameters, start, search.best)
+            if polish:
+                message += "; polished: " + _run("trust-region", search, search.best, effort)
     except KeyboardInterrupt:
         if not np.isfinite(search.best_cost):
             raise
@@ -161,6 +202,30 @@ def minimise(
     return Minimum(search.best, search.best_cost, search.evaluations, message, interrupted)
 
 
+def searched(parameters: Parameters, begin: Array) -> tuple[Array, Array]:
+    """Return the span of theta, two (t,) arrays, that global methods search.
+
+    The user's bounds where there are any, else a factor of 1e3 from `begin` either way: within the factor of
+    1e8 that bounds a descent most candidates are as good as rigid, or fall apart.
+    """
+    log_start, reach = np.log(parameters.start)[parameters.first], np.log(SPAN) * (1 - 1e-9)
+    lower, upper = parameters.lower, parameters.upper
+    low = np.where(lower < log_start - reach, np.maximum(lower, begin - np.log(FACTOR)), lower)
+    high = np.where(upper > log_start + reach, np.minimum(upper, begin + np.log(FACTOR)), upper)
+    return low, high
+
+
+def _at_edge(parameters: Parameters, begin: Array, theta: Array) -> str:
+    """Return a remark where the best found lies at the edge of what was searched."""
+    low, high = searched(parameters, begin)
+    edge = np.minimum(theta - low, high - theta) < 1e-3 * (high - low)
+    names = [parameters.names[at] for at in parameters.first[edge]]
+    return f"; at the edge of the values searched: {listed(names)}" if names else ""
+
+
 def _run(method: str, search: Search, begin: Array, effort: Effort) -> str:
+    if begin.size == 0:
+        search.cost(begin)
+        return "nothing to seek"
     run: Method = import_module(f"beamstiff.identify.methods.{METHODS[method]}").run
     return run(method, search, begin, effort)

@@ -37,6 +37,8 @@ def _cauchy(z: Array) -> Array:
     return np.stack([np.log1p(z), 1 / (1 + z), -1 / (1 + z) ** 2])
 
 
+AT_ONCE = 100_000  # numbers an array of the evaluation of several candidates may hold: it stays in the cache
+
 # rho and its two derivatives by z, the square of the residual in units of the scale
 LOSSES: dict[str, Callable[[Array], Array]] = {
     "linear": _linear,
@@ -66,9 +68,9 @@ class Objective:
     scale: float = 2.0
 
     def residuals(self, theta: Array) -> Array:
-        """Return the whitened residuals and then the priors', (n + m,)."""
+        """Return the whitened residuals and then the priors', (..., n + m), at theta (..., t)."""
         stiffness = self.parameters.stiffness(theta)
-        return np.concatenate([self.problem.residuals(stiffness), self.parameters.prior(stiffness)])
+        return np.concatenate([self.problem.residuals(stiffness), self.parameters.prior(stiffness)], axis=-1)
 
     def jacobian(self, theta: Array) -> tuple[Array, Array]:
         """Return residuals (n + m,) and their derivatives (n + m, t)."""
@@ -79,9 +81,9 @@ class Objective:
         return np.concatenate([residual, self.parameters.prior(stiffness)]), both
 
     def rho(self, z: Array) -> Array:
-        """Return rho, rho' and rho'' (3, n + m) of squared residuals in units of the scale; of priors, z."""
+        """Return rho, rho' and rho'' (3, ..., n + m) of squares z (..., n + m); of priors, z."""
         n = self.problem.count
-        return np.concatenate([LOSSES[self.loss](z[:n]), _linear(z[n:])], axis=1)
+        return np.concatenate([LOSSES[self.loss](z[..., :n]), _linear(z[..., n:])], axis=-1)
 
     def weights(self, residuals: Array) -> Array:
         """Return rho' of each residual, (n + m,): what it counts; priors count in full."""
@@ -92,6 +94,14 @@ class Objective:
         """Return F(theta)."""
         return self.cost_of(self.residuals(theta))
 
+    def costs(self, thetas: Array) -> Array:
+        """Return F of several candidates (K, t) at once, (K,)."""
+        model = self.problem.model
+        size = max(self.problem.used.size, len(model.port_stiffness) * len(model.lever) ** 2)
+        some = max(1, AT_ONCE // size)
+        blocks = [self.residuals(thetas[at : at + some]) for at in range(0, len(thetas), some)]
+        return np.concatenate([self._costs_of(residuals) for residuals in blocks])
+
     def gradient(self, theta: Array) -> tuple[float, Array]:
         """Return F(theta) and its derivatives (t,)."""
         residuals, jacobian = self.jacobian(theta)
@@ -99,4 +109,11 @@ class Objective:
 
     def cost_of(self, residuals: Array) -> float:
         """Return F from the residuals (n + m,)."""
-        return 0.5 * self.scale**2 * float(self.rho((residuals / self.scale) ** 2)[0].sum())
+        return float(self._costs_of(residuals))
+
+    def _costs_of(self, residuals: Array) -> Array:
+        if self.loss == "linear":
+            result: Array = 0.5 * np.einsum("...n,...n->...", residuals, residuals)
+            return result
+        result = 0.5 * self.scale**2 * self.rho((residuals / self.scale) ** 2)[0].sum(axis=-1)
+        return result

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -41,7 +42,7 @@ class Parameters:
     known: Array
     known_std: Array
 
-    @property
+    @cached_property
     def first(self) -> Integers:
         """The first stiffness that each free value moves, (t,)."""
         number, first = np.unique(self.tied, return_index=True)
@@ -53,7 +54,7 @@ class Parameters:
         result: Array = np.clip(np.log(self.start)[self.first], self.lower, self.upper)
         return result
 
-    @property
+    @cached_property
     def sums(self) -> Array:
         """Which free value moves which stiffness, (m, t); derivatives by log k times it are by theta."""
         result = np.zeros((self.start.size, self.first.size))
@@ -62,14 +63,15 @@ class Parameters:
         return result
 
     def stiffness(self, theta: Array) -> Array:
-        """Return the stiffness values (m,) at theta (t,)."""
+        """Return the stiffness values (..., m) at theta (..., t)."""
         log_start = np.log(self.start)
-        shift = np.append(theta - log_start[self.first], 0.0)  # the last for those that stay
-        result: Array = np.exp(log_start + shift[self.tied])
+        shift = theta - log_start[self.first]
+        shift = np.concatenate([shift, np.zeros((*shift.shape[:-1], 1))], axis=-1)  # for those that stay
+        result: Array = np.exp(log_start + shift[..., self.tied])
         return result
 
     def prior(self, stiffness: Array) -> Array:
-        """Return how far the values are from what was known, in standard deviations, (m,)."""
+        """Return how far the values (..., m) are from what was known, in standard deviations."""
         result: Array = (self.known - np.log(stiffness)) / self.known_std
         return result
 

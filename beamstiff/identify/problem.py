@@ -70,8 +70,9 @@ class Problem:
         return int(self.used.sum())
 
     def residuals(self, stiffness: Array) -> Array:
-        """Return the whitened residuals, (n,)."""
-        result: Array = self.whitening @ (self.measured - self.model.predict(stiffness))[self.used]
+        """Return the whitened residuals, (..., n), for stiffness values (..., m)."""
+        gap = (self.measured - self.model.predict(stiffness))[..., self.used]
+        result: Array = (self.whitening @ gap.T).T
         return result
 
     def jacobian(self, stiffness: Array) -> tuple[Array, Array]:

@@ -7,12 +7,16 @@ directions whose stiffness is open), and an evaluation is a small dense problem:
 
 with ``M = S + sum_j k_j Phi_j``; Phi_j has a one for each direction of a spring, and for a beam the stiffness
 of its second end per unit of its modulus (DESIGN: ports; the derivative of an inverse, term by term).
+
+Where statics alone gives the forces at the ports (S = 0: serial robots, a four-bar in its plane) they act in
+series, and d is linear in the compliances: ``d = C_clamped w + sum_j B_d^T Phi_j^+ (B_w w + g) / k_j``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -35,6 +39,7 @@ from beamstiff.se3 import Array
 Index = NDArray[np.int64]
 # springs this stiff beside what else meets at their port leave nothing to doubt: no search for mechanisms
 SOUND = 1e-6
+SMALLEST = 1e-290  # its inverse is still a number
 
 
 @dataclass(frozen=True)
@@ -74,33 +79,69 @@ class PortModel:
     lever: Array
 
     def predict(self, stiffness: Array) -> Array:
-        """Return the displacement ``[d, r]`` of every row, (N, 6), base frame.
+        """Return the displacement ``[d, r]`` of every row, (..., N, 6), base frame.
 
         Parameters
         ----------
-        stiffness : (m,) array
-            Values of `parameters`, N/m, N m/rad or Pa; zero is free.
+        stiffness : (..., m) array
+            Values of `parameters`, N/m, N m/rad or Pa; zero is free. Several candidates at once along the
+            leading axes.
 
         Raises
         ------
         BeamstiffError
             When a value is negative or not finite, or so small that the robot is a mechanism.
         """
-        opened = (self.inverse(stiffness)[self.pose] @ self.force[..., None])[..., 0]
-        result: Array = self.clamped + np.einsum("npa,np->na", self.motion, opened)
+        if (compliance := self._in_series(stiffness)) is not None:
+            shares = self.by_compliance
+            assert shares is not None
+            moved: Array = (compliance @ shares.reshape(-1, shares.shape[-1]).T).reshape(
+                *compliance.shape[:-1], *self.clamped.shape
+            )
+            return self.clamped + moved
+        opened = (self.inverse(stiffness)[..., self.pose, :, :] @ self.force[..., None])[..., 0]
+        result: Array = self.clamped + np.einsum("npa,...np->...na", self.motion, opened)
         return result
 
     def derivatives(self, stiffness: Array) -> tuple[Array, Array]:
-        """Return predictions (N, 6) and their derivatives (N, 6, m) with respect to the stiffness values.
+        """Return predictions (N, 6) and their derivatives (N, 6, m) by the stiffness values (m,).
 
         By the logarithms they are ``k`` times, by the compliances ``-k^2`` times that.
         """
+        if (compliance := self._in_series(stiffness)) is not None:
+            assert self.by_compliance is not None
+            return self.predict(stiffness), -self.by_compliance * compliance**2
         inverse = self.inverse(stiffness)[self.pose]
         opened = (inverse @ self.force[..., None])[..., 0]
         carried = inverse @ self.motion
         stretched = np.tensordot(opened, self.springs, ([1], [2]))  # (N, m, p)
         by_value: Array = -carried.swapaxes(-1, -2) @ stretched.swapaxes(-1, -2)
         return self.clamped + np.einsum("npa,np->na", self.motion, opened), by_value
+
+    @cached_property
+    def by_compliance(self) -> Array | None:
+        """Displacement per unit of each compliance, (N, 6, m), where the forces at the ports are static.
+
+        None where they depend on the stiffness.
+        """
+        owned: NDArray[np.bool_] = (self.springs != 0).any(axis=2)  # (m, p)
+        if self.port_stiffness.any() or (owned.sum(axis=0) != 1).any():
+            return None
+        flexibility = np.zeros_like(self.springs)
+        for of_spring, spring, ports in zip(flexibility, self.springs, owned, strict=True):
+            of_spring[np.ix_(ports, ports)] = np.linalg.inv(spring[np.ix_(ports, ports)])
+        stretched = np.tensordot(self.force, flexibility, ([1], [2]))  # (N, m, p)
+        return self.motion.swapaxes(-1, -2) @ stretched.swapaxes(-1, -2)
+
+    def _in_series(self, stiffness: Array) -> Array | None:
+        """Return the compliances (..., m), if they are all that counts and the values are in order."""
+        values = np.asarray(stiffness, dtype=np.float64)
+        if self.by_compliance is None or values.shape[-1:] != (len(self.parameters),):
+            return None
+        if not ((values > SMALLEST) & np.isfinite(values)).all():
+            return None
+        compliance: Array = 1.0 / values
+        return compliance
 
     def rows(self, chosen: ArrayLike) -> PortModel:
         """Return the model of some rows: a mask or indices."""
@@ -116,21 +157,24 @@ class PortModel:
         )
 
     def inverse(self, stiffness: Array) -> Array:
-        """Return ``(S + sum k_j Phi_j)^-1`` of every pose, (P, p, p)."""
+        """Return ``(S + sum k_j Phi_j)^-1`` of every pose, (..., P, p, p), for stiffness values (..., m)."""
         values = np.asarray(stiffness, dtype=np.float64)
-        if values.shape != (len(self.parameters),) or not np.isfinite(values).all() or (values < 0).any():
+        shape = (*values.shape[:-1], len(self.parameters))
+        if values.shape != shape or not np.isfinite(values).all() or (values < 0).any():
             raise BeamstiffError(
                 f"found the stiffness values {values.tolist()}, expected {len(self.parameters)} finite and "
                 "positive ones"
             )
-        own = np.tensordot(values, self.springs, 1)
+        own = np.tensordot(values, self.springs, 1)[..., None, :, :]
         matrix = self.port_stiffness + own
-        present = np.diagonal(own)
-        if (present > SOUND * np.diagonal(matrix, axis1=1, axis2=2)).all():
-            size = 1.0 / np.sqrt(np.diagonal(matrix, axis1=1, axis2=2))
-            both: Array = size[:, :, None] * size[:, None, :]
+        diagonal = np.diagonal(matrix, axis1=-2, axis2=-1)
+        if (np.diagonal(own, axis1=-2, axis2=-1) > SOUND * diagonal).all():
+            size = 1.0 / np.sqrt(diagonal)
+            both: Array = size[..., :, None] * size[..., None, :]
             return both * np.linalg.inv(both * matrix)
-        inverse, unstable = solve_stable(matrix, np.broadcast_to(np.eye(len(present)), matrix.shape))
+        if values.ndim > 1:
+            return np.stack([self.inverse(candidate) for candidate in values])
+        inverse, unstable = solve_stable(matrix, np.broadcast_to(np.eye(matrix.shape[-1]), matrix.shape))
         if unstable is not None:
             pose, motion = unstable
             moving = np.abs(motion) > 1e-3 * np.abs(motion).max()

@@ -18,9 +18,6 @@ def run(method: str, search: Search, begin: Array, effort: Effort) -> str:
     """Minimise from `begin`; "levenberg-marquardt" knows neither bounds nor robust losses."""
     objective = search.objective
     known: dict[bytes, tuple[Array, Array]] = {}
-    if begin.size == 0:
-        search.cost(begin)
-        return "nothing to seek"
 
     def evaluate(theta: Array) -> tuple[Array, Array]:
         key = theta.tobytes()
