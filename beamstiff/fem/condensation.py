@@ -237,7 +237,7 @@ def _split(
         moved = np.array(own, dtype=np.int64)
         return np.setdiff1d(np.arange(unknowns.count), moved), moved
     poses, scale = geometry.number.size, unknown_sizes(structure)
-    rows = [_port_row(structure, geometry, port) for port in ports]
+    rows = [port_row(structure, geometry, port) for port in ports]
     port_rows = np.concatenate([np.zeros((poses, 0, unknowns.count)), *rows], axis=1)
     fixed_rows = constraint_rows(structure, geometry)
     basis = np.broadcast_to(np.diag(scale), (poses, scale.size, scale.size))
@@ -247,7 +247,7 @@ def _split(
     return null_space(np.concatenate([fixed_rows, port_rows], axis=1), scale, what), moved_basis
 
 
-def _port_row(structure: Structure, geometry: Geometry, port: Port) -> Array:
+def port_row(structure: Structure, geometry: Geometry, port: Port) -> Array:
     """Return the displacement of a port as a row on the unknowns, (P, 1, n)."""
     if port.kind == "strut":
         return strut_row(structure, geometry, port.index)

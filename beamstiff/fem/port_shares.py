@@ -1,0 +1,147 @@
+"""Ports that rigid parts let move only together: springs in parallel, perhaps at unlike lever arms.
+
+With the displacements e of all ports a fixed share E of those of some independent ones, ``e = E y``, springs
+Phi at the ports are ``E^T Phi E`` at the independent ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import qr
+
+from beamstiff.errors import BeamstiffError, listed
+from beamstiff.fem.condensation import Port, port_row
+from beamstiff.fem.constraints import (
+    RANK_TOLERANCE,
+    constraint_rows,
+    has_constraints,
+    null_space,
+    unknown_sizes,
+)
+from beamstiff.fem.geometry import place
+from beamstiff.fem.structure import Structure
+from beamstiff.fem.unknowns import joint_unknowns
+from beamstiff.robot.kinematics import Posture
+from beamstiff.se3 import Array
+
+SAME_SHARE = 1e-9  # relative difference of shares from pose to pose that is rounding
+
+
+def independent_ports(
+    structure: Structure, posture: Posture, ports: Sequence[Port]
+) -> tuple[NDArray[np.int64], Array]:
+    """Return which ports to condense to where rigid parts let some move only together: springs in parallel.
+
+    Returns
+    -------
+    independent : (r,) int array
+        Of `ports`.
+    share : (p, r) array
+        What each port moves per unit of the independent ones.
+
+    Raises
+    ------
+    BeamstiffError
+        When those shares change from pose to pose.
+
+    Examples
+    --------
+    Two springs side by side, of which one reaches twice as far as the other:
+
+    >>> from beamstiff.fem.structure import compile_structure
+    >>> from beamstiff.robot.description import Robot
+    >>> from beamstiff.robot.kinematics import posture
+    >>> robot = Robot(
+    ...     name="lever",
+    ...     fixed=["a", "b", "c"],
+    ...     tcp="tip",
+    ...     nodes=[
+    ...         {"name": name, "at": [x, y, 0]}
+    ...         for name, x, y in (
+    ...             ("a", 0, 0),
+    ...             ("hub", 0, 0),
+    ...             ("b", 1, 1),
+    ...             ("c", 2, 1),
+    ...             ("mid", 1, 0),
+    ...             ("tip", 2, 0),
+    ...         )
+    ...     ],
+    ...     rigids=[{"name": "r1", "nodes": ["hub", "mid"]}, {"name": "r2", "nodes": ["hub", "tip"]}],
+    ...     joints=[
+    ...         {
+    ...             "name": "J",
+    ...             "nodes": ["a", "hub"],
+    ...             "frame": "base",
+    ...             "axis": [0, 0, 1],
+    ...             "stiffness": {"torsional": 1.0},
+    ...         }
+    ...     ],
+    ...     struts=[
+    ...         {"name": "s1", "nodes": ["b", "mid"], "stiffness": 1.0},
+    ...         {"name": "s2", "nodes": ["c", "tip"], "stiffness": 1.0},
+    ...     ],
+    ... )
+    >>> structure = compile_structure(robot)
+    >>> where = posture(structure.kinematics, np.zeros((1, 0)))
+    >>> independent, share = independent_ports(
+    ...     structure, where, [Port("s1", "strut", 0), Port("s2", "strut", 1)]
+    ... )
+    >>> independent.tolist(), np.abs(share / share[0]).round(6).ravel().tolist()
+    ([0], [1.0, 2.0])
+    """
+    everything = np.arange(len(ports)), np.eye(len(ports))
+    number = joint_unknowns(structure.unknowns)
+    own = all(port.kind == "joint" and (port.index, port.direction) in number for port in ports)
+    if own and not has_constraints(structure):
+        return everything
+
+    def found(some: Posture) -> tuple[NDArray[np.int64], Array]:
+        geometry, scale = place(structure, some), unknown_sizes(structure)
+        poses = geometry.number.size
+        rows = np.concatenate([port_row(structure, geometry, port) for port in ports], axis=1)
+        basis = np.broadcast_to(np.diag(scale), (poses, scale.size, scale.size))
+        if has_constraints(structure):
+            basis = null_space(constraint_rows(structure, geometry), scale, f"robot {structure.robot.name!r}")
+        return shares(rows, basis)
+
+    first = Posture(posture.values[:1], posture.transforms[:1], posture.node_positions[:1])
+    if found(first)[0].size == len(ports):
+        return everything
+    independent, share = found(posture)
+    change = np.abs(share - share[0]).max(axis=(0, 2)) > SAME_SHARE * np.abs(share[0]).max(axis=1)
+    if change.any():
+        names = [port.name for port, odd in zip(ports, change, strict=True) if odd]
+        raise BeamstiffError(
+            f"the directions {listed(dict.fromkeys(names))} cannot move without others, by shares that "
+            "change from pose to pose: leave them out, or fewer of their loop open"
+        )
+    return independent, share[0]
+
+
+def shares(rows: Array, basis: Array) -> tuple[NDArray[np.int64], Array]:
+    """Return which rows can move by themselves, and what all of them do when those move.
+
+    Parameters
+    ----------
+    rows : (P, p, n) array
+    basis : (P, n, g) array
+        Motions that are possible.
+
+    Returns
+    -------
+    independent : (r,) int array
+        Rows, the same at all poses; r is the rank at the first.
+    share : (P, p, r) array
+        ``rows @ z = share @ (rows[independent] @ z)`` for every z in the span of `basis`.
+    """
+    inside = rows @ basis
+    size = np.maximum(np.linalg.norm(inside, axis=2, keepdims=True), np.finfo(float).tiny)
+    unit = inside / size
+    _, triangle, order = qr(unit[0].T, mode="economic", pivoting=True)
+    left = np.abs(np.diagonal(triangle))
+    independent = np.sort(order[: int((left > RANK_TOLERANCE**0.5).sum())]).astype(np.int64)
+    share: Array = unit @ np.linalg.pinv(unit[:, independent]) * size / size[:, independent].swapaxes(-1, -2)
+    return independent, share
