@@ -79,9 +79,12 @@ def _with_preload(structure: Structure, where: Posture, pose: Integers, loads: M
     of_row = Posture(where.values[pose], where.transforms[pose], where.node_positions[pose])
     wrenches = np.zeros((len(loads), len(structure.robot.nodes), 6))
     wrenches[rows, [index[name] for name in loads.load_point.tolist()]] = loads.wrench
-    loaded = loaded_displacement(structure, of_row, wrenches, gravity=True)
     nothing = np.zeros((len(where.values), *wrenches.shape[1:]))
     unloaded = loaded_displacement(structure, where, nothing, gravity=True)[pose]
+    try:
+        loaded = loaded_displacement(structure, of_row, wrenches, gravity=True)
+    except BeamstiffError as error:
+        raise BeamstiffError(f"{loads.source}: {error} (poses are the rows here, the first is 0)") from None
     seen = [index[name] for name in loads.point.tolist()]
     result: Array = (loaded - unloaded)[rows, seen]
     return result
