@@ -8,6 +8,7 @@ import typer
 
 from beamstiff._version import __version__
 from beamstiff.cli.deflect import deflect
+from beamstiff.cli.exam import exam
 from beamstiff.cli.group import Commands
 from beamstiff.cli.identify import identify
 from beamstiff.cli.plan import plan
@@ -55,5 +56,5 @@ def beamstiff(
         typer.echo(context.get_help())
 
 
-for command in (show, stiffness, deflect, identify, plan):
+for command in (show, stiffness, deflect, identify, plan, exam):
     app.command()(command)

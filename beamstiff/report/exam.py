@@ -12,7 +12,7 @@ from beamstiff.gap.exam.calibration import calibration_error, reliability
 from beamstiff.gap.exam.names import EFFECTS, FAILED, NONE, UNKNOWN
 from beamstiff.gap.exam.rates import Figure
 from beamstiff.gap.exam.record import Record
-from beamstiff.gap.exam.table import Row, banded, controls, effect_figures, groups, headline
+from beamstiff.gap.exam.table import Row, banded, by_design, controls, effect_figures, groups, headline
 from beamstiff.report.figures import BLUE, GREY, new_figure, plain
 from beamstiff.report.tables import table
 
@@ -23,14 +23,17 @@ SHARES = ("detected", "exact", "family", "place", "covered", "unknown")
 
 
 def exam_tables(records: Records) -> Iterator[Table]:
-    """Return all tables of an exam, in the order in which people read them."""
-    yield headline_table(headline(records), f"Diagnosis examined: {_cases(records)}")
-    yield effects_table(records)
+    """Return all tables of an exam, in the order in which people read them; lean designs stand apart."""
+    told, lean = by_design(records)
+    yield headline_table(headline(told), f"Diagnosis examined: {_cases(told)}")
+    if lean:
+        yield headline_table(headline(lean), f"Lean designs, ten poses with one load each: {_cases(lean)}")
+    yield effects_table(told)
     yield groups_table(records)
-    yield bands_table(records)
-    yield reliability_table(records)
-    yield confusion_table(records)
-    yield control_table(controls(records))
+    yield bands_table(told)
+    yield reliability_table(told)
+    yield confusion_table(told)
+    yield control_table(controls(told))
 
 
 def plan_tables(records: Records) -> Iterator[Table]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from beamstiff.gap.exam import score
-from beamstiff.gap.exam.calibration import brier, calibration_error
+from beamstiff.gap.exam.calibration import brier, calibration_error, reliability
 from beamstiff.gap.exam.rates import Figure
 from beamstiff.gap.exam.record import Record
 
@@ -109,6 +109,12 @@ def controls(records: Records) -> list[Row]:
     return rows
 
 
+def by_design(records: Records) -> tuple[list[Record], list[Record]]:
+    """Return the cases of all but lean designs, and those of lean ones."""
+    lean = [record for record in records if record.label.design == "lean"]
+    return [record for record in records if record.label.design != "lean"], lean
+
+
 def groups(records: Records) -> list[Group]:
     """Return the cases by design, and those of all but lean designs by robot, readings, data and claim."""
     found: dict[str, list[Record]] = {}
@@ -139,18 +145,23 @@ def banded(records: Records) -> list[tuple[str, list[Record]]]:
 
 
 def table_dict(records: Records) -> dict[str, object]:
-    """Return all figures as plain data, for JSON."""
+    """Return all figures as plain data, for JSON; those by effect, band and so on without lean designs."""
+    told = by_design(records)[0]
     return {
         "cases": len(records),
         "failed": sum(record.error is not None for record in records),
         "headline": {group.name: _rows(headline(group.records)) for group in _all_and(records)},
-        "controls": _rows(controls(records)),
+        "controls": _rows(controls(told)),
         "effects": [
             {"effect": effect, "count": len(cases), **_figures(cases)}
-            for effect, cases in score.worst_first(records)
+            for effect, cases in score.worst_first(told)
         ],
-        "bands": {name: {"count": len(cases), **_figures(cases)} for name, cases in banded(records)},
-        "confusion": {truth: dict(row) for truth, row in score.confusion(records).items()},
+        "bands": {name: {"count": len(cases), **_figures(cases)} for name, cases in banded(told)},
+        "confusion": {truth: dict(row) for truth, row in score.confusion(told).items()},
+        "reliability": [
+            {"low": item.low, "high": item.high, "said": item.said, "right": _figure(item.right)}
+            for item in reliability(told)
+        ],
     }
 
 

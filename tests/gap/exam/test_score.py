@@ -196,6 +196,24 @@ def test_shuffled_labels_fall_to_chance() -> None:
     assert shuffled.low < 0.2 < shuffled.high < 0.4
 
 
+def test_a_guess_among_twenty_is_right_once_in_twenty() -> None:
+    rng = np.random.default_rng(0)
+    keys = [
+        f"{effect}:q{k}"
+        for effect in ("backlash", "hardening", "load-error", "link-bending")
+        for k in range(5)
+    ]
+    truths, verdicts = rng.integers(20, size=(2, 4000))
+    records = [answered(keys[t], keys[v]) for t, v in zip(truths, verdicts, strict=True)]
+    figure = score.exact(records)
+    assert figure.low is not None
+    assert figure.high is not None
+    assert figure.low < 1 / 20 < figure.high
+    assert score.right_family(records).value == pytest.approx((10**2 + 5**2 + 5**2) / 20**2, abs=0.03)
+    assert score.right_place(records).value == pytest.approx(1 / 5, abs=0.03)
+    assert score.chance(records) == pytest.approx(1 / 20, abs=0.002)
+
+
 def test_a_control_is_judged_where_it_was_asked() -> None:
     records = [
         answered("backlash:q3", controls={"bic": "backlash:q3"}),

@@ -1,0 +1,237 @@
+"""`beamstiff exam`: the diagnosis on simulated campaigns whose effect is withheld."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from beamstiff.cli.options import Debug, Json, Quiet, robot_file
+from beamstiff.cli.output import check_outputs, people, say, write_json
+from beamstiff.errors import BeamstiffError, listed, suggest
+
+if TYPE_CHECKING:
+    from beamstiff.gap.exam.blind import Control, Diagnose
+    from beamstiff.gap.exam.cases import Exam
+    from beamstiff.gap.exam.record import Kind, Record
+    from beamstiff.gap.exam.run import Void
+    from beamstiff.robot.description import Robot
+
+
+def exam(
+    robot: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[ROBOT]",
+            help="Examine on this robot only: YAML file, or the name of one that comes along; default: two "
+            "serial robots, arms of random proportions and the closed-loop ir663.",
+        ),
+    ] = None,
+    plan: Annotated[
+        str | None,
+        typer.Option(
+            "--plan",
+            metavar="CSV",
+            help="Examine on these poses and loads only, a table of measurements or a plan: what could "
+            "be found with it?",
+        ),
+    ] = None,
+    cases: Annotated[int, typer.Option("--cases", min=1, help="How many cases.")] = 100,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of all draws; the same cases again.")] = 0,
+    processes: Annotated[int, typer.Option("--processes", min=1, help="How many at a time.")] = 1,
+    classes: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--classes",
+            metavar="NAME,...",
+            help="Only cases of these kinds (null, single, pair, outside, removed) or single effects "
+            "(backlash, ...), in equal shares.",
+        ),
+    ] = None,
+    json: Json = None,
+    out: Annotated[
+        str | None,
+        typer.Option(
+            "--out",
+            metavar="FILE",
+            help="Keep every case's result as a line of JSON; a broken-off exam is taken up again there.",
+        ),
+    ] = None,
+    reports: Annotated[
+        str | None, typer.Option("--reports", metavar="FOLDER", help="Keep every diagnosis' report there.")
+    ] = None,
+    figure: Annotated[
+        str | None,
+        typer.Option("--figure", metavar="FILE", help="Draw the reliability diagram (.png, .svg or .pdf)."),
+    ] = None,
+    quiet: Quiet = False,
+    debug: Debug = False,  # noqa: ARG001
+) -> None:
+    """Examine the diagnosis on simulated campaigns whose effect is withheld from it.
+
+    A simulator that shares no equations with the library draws a robot, what is wrong with it (an
+    effect, none, two, one outside the library, or one whose class is taken from the library), a
+    campaign, its noise and what is claimed of the noise. The label is sealed by its SHA-256, the
+    rows are diagnosed, the report is sealed, and the label is opened. The table shows each figure
+    beside what is required, the worst class first.
+
+    \b
+    Examples:
+      beamstiff exam --cases 1720 --seed 7 --processes 4 --out results.jsonl --json table.json
+      beamstiff exam robot.yaml --plan plan.csv --cases 200
+      beamstiff exam --cases 60 --classes null,backlash,hysteresis
+    """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
+    from beamstiff.gap.exam.blind import Examiner
+    from beamstiff.gap.exam.run import run_exam
+    from beamstiff.gap.exam.table import by_design, table_dict
+    from beamstiff.report.exam import exam_tables, plan_tables, reliability_figure
+
+    inputs: list[str | Path] = [] if robot is None else [robot_file(robot)]
+    inputs += [] if plan is None else [plan]
+    check_outputs(inputs, json, out=out, figure=figure)
+    if figure is not None:
+        from beamstiff.report.figures import check_format
+
+        check_format(figure)
+    asked = _exam(robot, plan, seed, classes, quiet)
+    folder = _folder(reports)
+    examiner = Examiner(_diagnose(), controls=_controls(), reports=folder)
+    with _bar(cases, quiet) as progress:
+        records = run_exam(
+            asked,
+            cases,
+            examiner,
+            processes=processes,
+            results=None if out is None else Path(out),
+            progress=progress,
+        )
+    if not records:
+        raise BeamstiffError(
+            f"exam: none of {cases} cases could be simulated, expected another robot or plan"
+        )
+    if len(records) < cases:
+        say(f"note: {cases - len(records)} of {cases} cases could not be simulated and count nowhere", quiet)
+    console = people(quiet, json)
+    for shown in plan_tables(records) if plan else exam_tables(records):
+        console.print(shown)
+        console.print()
+    if figure is not None:
+        from beamstiff.report.figures import save_figure
+
+        save_figure(reliability_figure(by_design(records)[0]), figure)
+    write_json({"exam": asked.settings(), **table_dict(records)}, json)
+
+
+def _exam(robot: str | None, plan: str | None, seed: int, classes: Sequence[str] | None, quiet: bool) -> Exam:
+    """Return the exam that was asked for."""
+    from beamstiff.gap.exam.cases import PLAN_SHARES, SHARES, Exam
+    from beamstiff.gap.exam.names import EFFECTS
+    from beamstiff.measure.reader import read_measurements
+    from beamstiff.robot.reader import load_robot
+
+    if plan is not None and robot is None:
+        raise BeamstiffError(
+            "--plan: found a plan without a robot, expected: beamstiff exam ROBOT --plan CSV"
+        )
+    description = None if robot is None else load_robot(robot)
+    shares, effects = (PLAN_SHARES if plan else SHARES), EFFECTS
+    if classes:
+        shares, effects = parse_classes(classes)
+    if description is not None:
+        effects = _possible(description, effects, quiet)
+        if "single" in shares and classes:
+            shares = {**shares, "single": len(effects)}
+    laid_out = None
+    if plan is not None and description is not None:
+        laid_out = read_measurements(plan, description, require_measured=False)
+        if laid_out.sigma_position is None:
+            noise = 1e3 * Exam(seed).noise[0]
+            say(f"note: {plan} states no sigma_position; {noise:g} mm is assumed", quiet)
+    return Exam(seed=seed, shares=shares, effects=effects, robot=description, plan=laid_out)
+
+
+def _possible(robot: Robot, effects: tuple[str, ...], quiet: bool) -> tuple[str, ...]:
+    from beamstiff.gap.exam.cases import possible_effects
+
+    possible = possible_effects(robot, effects)
+    missing = [effect for effect in effects if effect not in possible]
+    if not possible:
+        raise BeamstiffError(f"exam: robot {robot.name!r} can have none of {listed(effects)}")
+    if missing:
+        say(f"note: robot {robot.name} cannot have {listed(missing, 20)}", quiet)
+    return possible
+
+
+def parse_classes(texts: Sequence[str]) -> tuple[dict[Kind, int], tuple[str, ...]]:
+    """Return the share of each kind of case, and the effects asked, from texts such as ``"null,backlash"``.
+
+    Every name gets an equal share; ``single`` stands for all effects.
+
+    Raises
+    ------
+    BeamstiffError
+        When a name is neither a kind nor an effect.
+
+    Examples
+    --------
+    >>> parse_classes(["null,backlash", "hysteresis"])
+    ({'null': 1, 'single': 2}, ('backlash', 'hysteresis'))
+    """
+    from beamstiff.gap.exam.names import EFFECTS
+    from beamstiff.gap.exam.record import KINDS
+
+    names = list(dict.fromkeys(name.strip() for text in texts for name in text.split(",")))
+    unknown = [name for name in names if name not in (*KINDS, *EFFECTS)]
+    if unknown:
+        known = (*KINDS, *EFFECTS)
+        raise BeamstiffError(
+            f"--classes: found {unknown[0]!r}{suggest(unknown[0], known)}, "
+            f"expected {listed(known, len(known))}"
+        )
+    effects = EFFECTS if "single" in names else tuple(name for name in names if name in EFFECTS)
+    shares: dict[Kind, int] = {kind: 1 for kind in KINDS if kind in names and kind != "single"}
+    if effects:
+        shares["single"] = len(effects)
+    return shares, effects or EFFECTS
+
+
+def _folder(reports: str | None) -> Path | None:
+    if reports is None:
+        return None
+    folder = Path(reports)
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        raise BeamstiffError(f"--reports {reports}: cannot be made: {error.strerror or error}") from None
+    return folder
+
+
+def _diagnose() -> Diagnose:
+    """Return the diagnosis; loaded only here, because it takes its time."""
+    diagnose: Diagnose = import_module("beamstiff.gap.diagnose").diagnose
+    return diagnose
+
+
+def _controls() -> dict[str, Control]:
+    """Return the plain methods that the diagnosis is compared with."""
+    return {}
+
+
+@contextmanager
+def _bar(cases: int, quiet: bool) -> Iterator[Callable[[Record | Void], None]]:
+    """Show on stderr how far the exam is, if it is a terminal."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    console = Console(stderr=True, quiet=quiet)
+    if quiet or not console.is_terminal:
+        yield lambda _: None
+        return
+    columns = (TextColumn("examining"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task("cases", total=cases)
+        yield lambda _: bar.advance(task)

@@ -1,0 +1,92 @@
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from beamstiff.cli.exam import parse_classes
+from beamstiff.errors import BeamstiffError
+from beamstiff.gap.exam.names import EFFECTS
+from tests.gap.exam.standins import always_none
+
+Run = Callable[..., Any]
+
+
+@pytest.fixture(autouse=True)
+def examined(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("beamstiff.cli.exam._diagnose", lambda: always_none)
+
+
+def test_an_exam_prints_its_table_and_writes_it(run: Run, folder: Path) -> None:
+    arguments = ["exam", "kr240-2", "--cases", "4", "--seed", "5", "--classes", "null,tool-compliance"]
+    result = run(*arguments, "--json", "table.json", "--out", "results.jsonl", "--figure", "a.png")
+    assert (result.exit_code, result.stderr) == (0, "")
+    for part in ("false alarms on null data", "<= 0.05", "aim reached", "Confusion"):
+        assert part in result.stdout
+    table = json.loads((folder / "table.json").read_text(), parse_constant=pytest.fail)
+    assert table["cases"] == 4
+    assert table["exam"]["seed"] == 5
+    assert table["headline"]["all"]["false alarms on null data"]["count"] == 2
+    lines = [json.loads(line) for line in (folder / "results.jsonl").read_text().splitlines()]
+    assert [next(iter(line)) for line in lines] == ["format", *["sealed", "record"] * 4]
+    assert (folder / "a.png").read_bytes().startswith(b"\x89PNG")
+    # again: nothing is left to do, and the table is the same
+    size = (folder / "results.jsonl").stat().st_size
+    again = run(*arguments, "--json", "again.json", "--out", "results.jsonl")
+    assert again.stdout.startswith(result.stdout[:200])
+    assert (folder / "again.json").read_text() == (folder / "table.json").read_text()
+    assert (folder / "results.jsonl").stat().st_size == size
+
+
+def test_a_plan_is_examined_on_its_own_poses_and_loads(run: Run, folder: Path) -> None:
+    (folder / "plan.csv").write_text("q1 [deg],fy,dx,dy,dz\n0,900,,,\n0,-900,,,\n60,900,,,\n120,500,,,\n")
+    result = run("exam", "crane.yaml", "--plan", "plan.csv", "--cases", "4", "--classes", "null,load-error")
+    assert result.exit_code == 0, result.output
+    assert "plan.csv states no sigma_position; 0.03 mm is assumed" in " ".join(result.stderr.split())
+    assert "What this plan could find" in result.stdout
+    assert "load-error" in result.stdout
+
+
+def test_effects_that_a_robot_cannot_have_are_left_out_and_said(run: Run) -> None:
+    result = run("exam", "crane.yaml", "--cases", "2", "--classes", "joint-coupling,load-error")
+    assert result.exit_code == 0, result.output
+    assert "crane cannot have joint-coupling" in result.stderr
+    result = run("exam", "crane.yaml", "--cases", "2", "--classes", "joint-coupling")
+    assert result.exit_code == 2
+    assert "can have none of joint-coupling" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--plan", "crane.csv"], "a plan without a robot"),
+        (["crane.yaml", "--classes", "backlsh"], "found 'backlsh' (did you mean 'backlash'?)"),
+        (["crane.yaml", "--out", "crane.yaml"], "would overwrite the input"),
+        (["crane.yaml", "--figure", "a.bmp"], "found the ending 'bmp'"),
+        (["--cases", "0"], "--cases"),
+        (["nobody"], "nobody"),
+    ],
+)
+def test_what_cannot_be_examined_is_refused_in_one_line(run: Run, arguments: list[str], message: str) -> None:
+    result = run("exam", *arguments)
+    assert result.exit_code == 2
+    assert message in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1
+
+
+def test_classes_are_kinds_and_effects_in_equal_shares() -> None:
+    assert parse_classes(["null,backlash"]) == ({"null": 1, "single": 1}, ("backlash",))
+    assert parse_classes(["single", "outside"]) == ({"outside": 1, "single": 18}, EFFECTS)
+    assert parse_classes(["pair"]) == ({"pair": 1}, EFFECTS)
+    with pytest.raises(BeamstiffError, match="expected null, single, pair"):
+        parse_classes(["", "null"])
+
+
+def test_reports_are_kept_in_a_folder(run: Run, folder: Path) -> None:
+    result = run("exam", "kr240-2", "--cases", "2", "--classes", "null", "--reports", "reports", "--quiet")
+    assert (result.exit_code, result.stdout) == (0, "")
+    names: Sequence[str] = sorted(path.name for path in (folder / "reports").iterdir())
+    assert names == ["case-000000.json", "case-000001.json"]
