@@ -15,7 +15,7 @@ from beamstiff.cli.output import check_outputs, people, say, write_json
 from beamstiff.errors import BeamstiffError, listed, suggest
 
 if TYPE_CHECKING:
-    from beamstiff.gap.exam.blind import Control, Diagnose
+    from beamstiff.gap.exam.blind import Control, Diagnose, Examiner
     from beamstiff.gap.exam.cases import Exam
     from beamstiff.gap.exam.record import Kind, Record
     from beamstiff.gap.exam.run import Void
@@ -52,6 +52,14 @@ def exam(
             "(backlash, ...), in equal shares.",
         ),
     ] = None,
+    sets: Annotated[
+        str | None,
+        typer.Option(
+            "--sets",
+            metavar="FOLDER",
+            help="Examine on the campaigns of a folder with a labels.json instead of simulated ones.",
+        ),
+    ] = None,
     json: Json = None,
     out: Annotated[
         str | None,
@@ -86,7 +94,7 @@ def exam(
       beamstiff exam --cases 60 --classes null,backlash,hysteresis
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
     from beamstiff.gap.exam.blind import Examiner
-    from beamstiff.gap.exam.run import run_exam
+    from beamstiff.gap.exam.labelled import examine_folder
     from beamstiff.gap.exam.table import by_design, table_dict
     from beamstiff.report.exam import exam_tables, plan_tables, reliability_figure
 
@@ -97,9 +105,31 @@ def exam(
         from beamstiff.report.figures import check_format
 
         check_format(figure)
-    asked = _exam(robot, plan, seed, classes, quiet)
-    folder = _folder(reports)
-    examiner = Examiner(_diagnose(), controls=_controls(), reports=folder)
+    examiner = Examiner(_diagnose(), controls=_controls(), reports=_folder(reports))
+    if sets is not None:
+        if robot is not None or plan is not None or out is not None or classes:
+            raise BeamstiffError("--sets: found other options of what to examine, expected the folder only")
+        records, settings = examine_folder(Path(sets), examiner), {"sets": sets}
+    else:
+        asked = _exam(robot, plan, seed, classes, quiet)
+        settings = asked.settings()
+        records = _simulated(asked, cases, examiner, processes, out, quiet)
+    console = people(quiet, json)
+    for shown in plan_tables(records) if plan else exam_tables(records):
+        console.print(shown)
+        console.print()
+    if figure is not None:
+        from beamstiff.report.figures import save_figure
+
+        save_figure(reliability_figure(by_design(records)[0]), figure)
+    write_json({"exam": settings, **table_dict(records)}, json)
+
+
+def _simulated(
+    asked: Exam, cases: int, examiner: Examiner, processes: int, out: str | None, quiet: bool
+) -> list[Record]:
+    from beamstiff.gap.exam.run import run_exam
+
     with _bar(cases, quiet) as progress:
         records = run_exam(
             asked,
@@ -115,15 +145,7 @@ def exam(
         )
     if len(records) < cases:
         say(f"note: {cases - len(records)} of {cases} cases could not be simulated and count nowhere", quiet)
-    console = people(quiet, json)
-    for shown in plan_tables(records) if plan else exam_tables(records):
-        console.print(shown)
-        console.print()
-    if figure is not None:
-        from beamstiff.report.figures import save_figure
-
-        save_figure(reliability_figure(by_design(records)[0]), figure)
-    write_json({"exam": asked.settings(), **table_dict(records)}, json)
+    return records
 
 
 def _exam(robot: str | None, plan: str | None, seed: int, classes: Sequence[str] | None, quiet: bool) -> Exam:

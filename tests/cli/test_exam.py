@@ -68,6 +68,8 @@ def test_effects_that_a_robot_cannot_have_are_left_out_and_said(run: Run) -> Non
         (["crane.yaml", "--figure", "a.bmp"], "found the ending 'bmp'"),
         (["--cases", "0"], "--cases"),
         (["nobody"], "nobody"),
+        (["--sets", "nowhere"], "labels.json"),
+        (["crane.yaml", "--sets", "."], "expected the folder only"),
     ],
 )
 def test_what_cannot_be_examined_is_refused_in_one_line(run: Run, arguments: list[str], message: str) -> None:
@@ -90,3 +92,17 @@ def test_reports_are_kept_in_a_folder(run: Run, folder: Path) -> None:
     assert (result.exit_code, result.stdout) == (0, "")
     names: Sequence[str] = sorted(path.name for path in (folder / "reports").iterdir())
     assert names == ["case-000000.json", "case-000001.json"]
+
+
+def test_labelled_campaigns_of_a_folder_are_examined(
+    run: Run, folder: Path, shared_path: Callable[[str], Path]
+) -> None:
+    practice = shared_path("practice/labels.json").parent
+    result = run("exam", "--sets", str(practice), "--json", "table.json")
+    assert result.exit_code == 0, result.output
+    labels = json.loads((practice / "labels.json").read_text())
+    table = json.loads((folder / "table.json").read_text())
+    assert table["cases"] == len(labels)
+    nulls = [label for label in labels.values() if label["effect"] == "none"]
+    alarms = table["headline"]["all"]["false alarms on null data"]
+    assert (alarms["value"], alarms["count"]) == (0.0, len(nulls))
