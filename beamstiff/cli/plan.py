@@ -145,7 +145,7 @@ def plan(
 
     if out is not None:
         write_plan(campaign, out, description)
-    unit = "poses" if whole else "tests"
+    unit = "pose" if whole else "test"
     console = people(quiet, json)
     console.print(campaign_table(campaign, description))
     console.print(campaign_text(campaign, len(tells), at_random, enough, left_out, unit))

@@ -12,7 +12,7 @@ from beamstiff.plan.at_random import AtRandom
 from beamstiff.plan.campaign import Campaign
 from beamstiff.plan.candidates import Noise
 from beamstiff.plan.enough import Enough
-from beamstiff.report.tables import number, table
+from beamstiff.report.tables import counted, number, table
 from beamstiff.robot.description import Robot
 from beamstiff.robot.stiffness import parameter_unit
 
@@ -28,7 +28,7 @@ HARDLY = 0.5  # a relative standard error above this bounds a stiffness hardly a
 
 def campaign_table(campaign: Campaign, robot: Robot) -> Table:
     """Return a table: every parameter with its present value and the standard error to expect."""
-    title = f"{robot.name}: expected of {len(campaign.tests)} tests"
+    title = f"{robot.name}: expected of {counted(len(campaign.tests), 'test')}"
     result = table(title, "parameter", "present value", "expected std", "std/value", "unit")
     result.columns[-1].justify = "left"
     for name, error in campaign.design.standard_errors.items():
@@ -44,7 +44,7 @@ def campaign_text(
     drawn: AtRandom,
     enough: Enough,
     left_out: Mapping[str, str],
-    unit: str = "tests",
+    unit: str = "test",
 ) -> str:
     """Return sentences: how good the choice is, against random ones, how many are enough, what is not found.
 
@@ -60,7 +60,7 @@ def campaign_text(
     left_out : mapping of str to str
         Parameters that cannot be found, and why not.
     unit : str
-        What is chosen: tests, or poses with all their loads.
+        What is chosen: a test, or a pose with all its loads.
     """
     design, count = campaign.design, len(campaign.design.chosen)
     poses = len(np.unique(campaign.tests.pose))
@@ -72,24 +72,23 @@ def campaign_text(
         )
     if hardly := [name for name, error in design.standard_errors.items() if error > HARDLY]:
         lines.append(f"Hardly bounded: {listed(hardly)}. Load more, measure better or make more tests.")
+    made, chosen = counted(len(campaign.tests), "test"), counted(count, unit)
     share = np.floor(1000 * design.efficiency) / 10
     lines.append(
-        f"{len(campaign.tests)} tests at {poses} poses, chosen from {candidates} {unit}, read to "
-        f"{_noise(campaign.noise)}. Criterion "
-        f"{design.criterion} ({CRITERIA[design.criterion]}; larger is better): {number(design.value)}, at "
-        f"least {share:g} % of what any choice of {count} {unit} could have."
+        f"{made} at {counted(poses, 'pose')}, chosen from {counted(candidates, unit)}, read to "
+        f"{_noise(campaign.noise)}. Criterion {design.criterion} ({CRITERIA[design.criterion]}; larger is "
+        f"better): {number(design.value)}, at least {share:g} % of what any choice of {chosen} could have."
     )
-    lines.append(
-        f"Worst standard error: {percent(design.worst)} of the value. {_against(campaign, drawn, unit)}"
-    )
+    against = _against(campaign, drawn, chosen)
+    lines.append(f"Worst standard error: {percent(design.worst)} of the value. {against}")
     fewer = " (or fewer)" if enough.knee == enough.counts[0] else ""
-    counts = ((error, enough.tests_for(error)) for error in WANTED)
+    needed = ((error, enough.tests_for(error)) for error in WANTED)
     sizes = ", ".join(
-        f"{percent(error)} {count if count < MOST_TESTS else f'> {MOST_TESTS}'}" for error, count in counts
+        f"{percent(error)} {size if size < MOST_TESTS else f'> {MOST_TESTS}'}" for error, size in needed
     )
     lines.append(
-        f"How many are enough: from {enough.knee} {unit} on{fewer}, more of them only average the noise. "
-        f"{unit.capitalize()} for a worst standard error, about: {sizes}."
+        f"How many are enough: from {counted(enough.knee, unit)} on{fewer}, more of them only average the "
+        f"noise. {unit.capitalize()}s for a worst standard error, about: {sizes}."
     )
     return "\n".join(lines)
 
@@ -112,9 +111,8 @@ def _noise(noise: Noise) -> str:
     return position if noise.rotation is None else f"{position} and {1e3 * noise.rotation:.3g} mrad"
 
 
-def _against(campaign: Campaign, drawn: AtRandom, unit: str) -> str:
-    median = float(np.median(drawn.worst))
-    head = f"Of {drawn.worst.size} random choices of {len(campaign.design.chosen)} {unit}"
+def _against(campaign: Campaign, drawn: AtRandom, chosen: str) -> str:
+    median, head = float(np.median(drawn.worst)), f"Of {drawn.worst.size} random choices of {chosen}"
     if not np.isfinite(median):
         return f"{head}, most do not determine all parameters."
     gain = campaign.design.value / float(np.median(drawn.values))

@@ -10,7 +10,7 @@ from rich.console import RenderableType
 from rich.table import Table
 from rich.tree import Tree
 
-from beamstiff.report.tables import MOST_ROWS, add_rows, millimetres, number, table
+from beamstiff.report.tables import MOST_ROWS, add_rows, counted, millimetres, number, table
 
 MOST_LOOPS = 5
 
@@ -120,7 +120,7 @@ def _summary(facts: dict[str, Any]) -> Table:
 
 def _summary_rows(facts: dict[str, Any]) -> Iterator[list[str]]:
     kinds = ("nodes", "beams", "rigids", "joints", "struts")
-    yield ["structure", ", ".join(_counted(len(facts[kind]), kind[:-1]) for kind in kinds if facts[kind])]
+    yield ["structure", ", ".join(counted(len(facts[kind]), kind[:-1]) for kind in kinds if facts[kind])]
     loops = [" - ".join(loop) for loop in facts["structural_loops"]]
     if len(loops) > MOST_LOOPS:
         loops[MOST_LOOPS:] = [f"{len(loops) - MOST_LOOPS} more"]
@@ -137,7 +137,3 @@ def _summary_rows(facts: dict[str, Any]) -> Iterator[list[str]]:
     yield ["", f"farthest from the base: {millimetres([reach['farthest']])[0]} mm"]
     yield ["", f"{reach['closing']} of {reach['samples']} sampled postures close (seed {reach['seed']})"]
     yield ["identify", ", ".join(facts["identify"]) or "nothing listed"]
-
-
-def _counted(count: int, what: str) -> str:
-    return f"{count} {what}{'' if count == 1 else 's'}"

@@ -54,3 +54,14 @@ def millimetres(lengths: Iterable[float]) -> list[str]:
     ['1234.568', '0.000']
     """
     return [f"{round(1e3 * length, 3) + 0.0:.3f}" for length in lengths]
+
+
+def counted(count: int, what: str) -> str:
+    """Return a number of things.
+
+    Examples
+    --------
+    >>> counted(1, "test"), counted(12, "pose")
+    ('1 test', '12 poses')
+    """
+    return f"{count} {what}{'' if count == 1 else 's'}"

@@ -47,6 +47,7 @@ def refused(run: Run, folder: Path, *arguments: str) -> str:
         (["stiffness", "kr240-2", "--q", "q11=0"], ["--q", "'q11'", "did you mean 'q1'"]),
         (["stiffness", "crane.yaml", "--q", "q1=10mm"], ["--q: q1", "'mm'", "angle"]),
         (["stiffness", "crane.yaml", "--q", "q1=ten"], ["--q: q1", "'ten'"]),
+        (["stiffness", "crane.yaml", "--q", "q1=1e300"], ["--q: q1", "'1e300'", "an angle"]),
         (["stiffness", "crane.yaml", "--q", "q1=nan"], ["--q: q1", "nan"]),
         (["stiffness", "crane.yaml", "--q", "q1=1e999"], ["--q: q1", "1e999"]),
         (["stiffness", "ir663", "--q", "th3=0.3"], ["--q", "'th3'", "solved by loop closure"]),
