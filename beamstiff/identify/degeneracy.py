@@ -18,6 +18,7 @@ from scipy.linalg import qr
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
+from beamstiff.identify.balance import balanced_stiffness
 from beamstiff.identify.problem import Problem
 from beamstiff.identify.relations import Joined, Kind, Spring, Sum, join
 from beamstiff.se3 import Array
@@ -25,7 +26,7 @@ from beamstiff.se3 import Array
 POINTS = 3  # stiffness values at which a dependence has to hold
 SPREAD = 0.5  # their standard deviation, of the logarithm
 UNLOADED = 1e-9  # of the load, or of the motion, of the whole machine
-PARALLEL = 1e-6  # sine of the angle between columns, and singular values of unit columns, that count as none
+PARALLEL = 1e-9  # sine of the angle between columns, and singular values of unit columns, that count as none
 ENTANGLED = 1e-4  # entry of the projector on what does nothing that is more than rounding
 SAME = 1e-5  # relative difference of ratios at different values
 
@@ -98,7 +99,8 @@ def find_degeneracy(problem: Problem, seed: int = 0) -> Degeneracy:
     """
     model = problem.model
     rng = np.random.default_rng(seed)
-    points = [model.start * np.exp(SPREAD * rng.standard_normal(model.start.size)) for _ in range(POINTS)]
+    balanced = balanced_stiffness(model)
+    points = [balanced * np.exp(SPREAD * rng.standard_normal(balanced.size)) for _ in range(POINTS)]
     jacobians = [problem.jacobian(stiffness)[1] for stiffness in points]
     silent = _silent(problem, points)
     dumb = {item.name for item in silent}

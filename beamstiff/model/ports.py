@@ -23,9 +23,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from beamstiff.errors import BeamstiffError, listed, suggest
 from beamstiff.fem.beam import beam_stiffness
-from beamstiff.fem.condensation import Port, condense
+from beamstiff.fem.condensation import Port, condense, without_ports
 from beamstiff.fem.geometry import place
 from beamstiff.fem.mechanism import solve_stable
+from beamstiff.fem.port_shares import independent_ports
 from beamstiff.fem.structure import Structure, compile_structure
 from beamstiff.fem.unknowns import turning_nodes
 from beamstiff.measure.table import Measurements
@@ -285,6 +286,11 @@ def reduce_to_ports(
     pose = pose.reshape(-1).astype(np.int64)
     observed = list(dict.fromkeys([*measurements.point.tolist(), *measurements.load_point.tolist()]))
     at_poses = posture(structure.kinematics, poses)
+    springs = unit_springs(structure, at_poses, ports, owner)
+    independent, share = independent_ports(structure, at_poses, ports)
+    if independent.size < len(ports):  # springs in parallel: those at the others act at the independent ones
+        structure, ports = without_ports(structure, ports), [ports[at] for at in independent]
+        springs = share.T @ springs @ share
     condensed = condense(structure, at_poses, observed, ports)
     at = {name: 6 * number + np.arange(6) for number, name in enumerate(observed)}
     seen = np.array([at[name] for name in measurements.point])
@@ -305,7 +311,7 @@ def reduce_to_ports(
     return PortModel(
         parameters=names,
         start=np.array([stiffness_parameters(open_robot)[name] for name in names]),
-        springs=unit_springs(structure, at_poses, ports, owner),
+        springs=springs,
         port_stiffness=condensed.port_stiffness,
         pose=pose,
         force=force,

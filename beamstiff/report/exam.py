@@ -27,7 +27,9 @@ def exam_tables(records: Records) -> Iterator[Table]:
     told, lean = by_design(records)
     yield headline_table(headline(told), f"Diagnosis examined: {_cases(told)}")
     if lean:
-        yield headline_table(headline(lean), f"Lean designs, ten poses with one load each: {_cases(lean)}")
+        yield headline_table(
+            headline(lean, lean=True), f"Lean designs, ten poses with one load each: {_cases(lean)}"
+        )
     yield effects_table(told)
     yield groups_table(records)
     yield bands_table(told)
@@ -155,15 +157,24 @@ def reliability_table(records: Records) -> Table:
 
 
 def confusion_table(records: Records) -> Table:
-    """Return how often each effect (rows, the truth) got each verdict; empty columns are left out."""
+    """Return how often each effect (rows, the truth) got each verdict; empty columns are left out.
+
+    Columns carry the effects' numbers, by which the rows are counted.
+    """
     rows = score.confusion(records)
     order = (*EFFECTS, NONE, UNKNOWN, FAILED)
     given = {verdict for row in rows.values() for verdict in row}
     columns = [name for name in (*order, *sorted(given - set(order))) if name in given]
-    result = table("Confusion: truth down, verdict across", "truth", *columns)
+    number = {effect: str(at) for at, effect in enumerate(EFFECTS, start=1)}
+    heads = (number.get(name, name) for name in columns)
+    result = table("Confusion, gap >= 1 sigma: truth down, verdict across", "", "truth", *heads, left=2)
     truths = [name for name in (*order, "removed", "outside") if name in rows]
     for truth in [*truths, *sorted(set(rows) - set(truths))]:
-        result.add_row(truth, *(str(rows[truth][name]) if rows[truth][name] else "." for name in columns))
+        result.add_row(
+            number.get(truth, ""),
+            truth,
+            *(str(rows[truth][name]) if rows[truth][name] else "." for name in columns),
+        )
     return result
 
 

@@ -43,7 +43,11 @@ def test_the_tables_show_figures_beside_what_is_asked_the_worst_class_first(reco
     assert row.split()[5:] == ["50.0", "%", "9.5", "to", "90.5", "2", "<=", "0.05", "<=", "0.02", "MISSED"]
     worst = text.split("the worst first")[1]
     assert worst.index("backlash") < worst.index("hysteresis")
-    assert "Confusion" in text
+    confusion = text.split("Confusion")[1].split("Controls")[0].splitlines()
+    heads = next(line for line in confusion if "truth" in line.split() and "unknown" in line.split())
+    assert heads.split() == ["truth", "7", "8", "9", "none", "unknown"]
+    backlash = next(line for line in confusion if line.startswith("7"))
+    assert backlash.split() == ["7", "backlash", "1", "1", ".", ".", "."]
 
 
 def test_a_plan_is_told_by_effect_the_hardest_to_find_first(records: list[Record]) -> None:

@@ -7,6 +7,7 @@ of a spring, so that corrections shrink by orders of magnitude a step.
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -22,6 +23,7 @@ from beamstiff.gap.exam.strain import State, Strain, geometric, strain_of
 
 STILL = 1e-11  # m or rad: largest correction of the last step
 MOST = 60
+RAMP = (0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 HOLD_SCALE = 1e7  # N/m: makes rows of rigid directions as large as those of springs
 SLACK = 1e-10  # against redundant rigid directions, of the scaled system
 
@@ -110,6 +112,38 @@ def equilibrium(
         When a state does not come to rest: the machine buckles or is a mechanism.
     """
     rows = rows_of(topology)
+    state, still = _settle(topology, rows, layout, load, situation, start, memory)
+    lost = np.flatnonzero(~still)
+    if len(lost):  # from rest, with weight and load growing
+        part, held = layout.at(lost), tuple(tuple(old[lost] for old in one) for one in memory)
+        found, standing = at_rest(topology, rows, len(lost)), ~still[lost]
+        for share in RAMP:
+            light = dataclasses.replace(part, load=share * part.load, load_moment=share * part.load_moment)
+            push = Load(load.body[lost], load.arm[lost], share * load.wrench[lost])
+            found, standing = _settle(topology, rows, light, push, situation.at(lost), found, held)
+        if not standing.all():
+            raise BeamstiffError(
+                f"{topology.machine.robot.name}: {int((~standing).sum())} of {len(still)} states of the true "
+                "machine do not come to rest: it buckles or is a mechanism"
+            )
+        for old, new in zip((state.moved, state.turned, state.hold), fields(found), strict=True):
+            old[lost] = getattr(found, new.name)
+    strain = strain_of(topology, layout, state)
+    force, _, after = _answer(rows, layout, strain, situation, memory)
+    unbalanced = np.abs(_unbalanced(topology, rows, layout, load, state, strain, force)).max(axis=1)
+    return Solved(state, after, unbalanced)
+
+
+def _settle(
+    topology: Topology,
+    rows: Rows,
+    layout: Layout,
+    load: Load,
+    situation: Situation,
+    start: State,
+    memory: tuple[Memory, ...],
+) -> tuple[State, NDArray[np.bool_]]:
+    """Return where Newton's method ends, and which states have come to rest there."""
     poses = len(start.moved)
     moved, turned, hold = start.moved.copy(), start.turned.copy(), start.hold.copy()
     active = np.arange(poses)
@@ -138,16 +172,9 @@ def equilibrium(
         active = active[size > STILL]
         if not len(active):
             break
-    if len(active):
-        raise BeamstiffError(
-            f"{topology.machine.robot.name}: {len(active)} of {poses} states of the true machine do not come "
-            "to rest: it buckles or is a mechanism"
-        )
-    state = State(moved, turned, hold)
-    strain = strain_of(topology, layout, state)
-    force, _, after = _answer(rows, layout, strain, situation, memory)
-    unbalanced = np.abs(_unbalanced(topology, rows, layout, load, state, strain, force)).max(axis=1)
-    return Solved(state, after, unbalanced)
+    still = np.ones(poses, dtype=np.bool_)
+    still[active] = False
+    return State(moved, turned, hold), still
 
 
 def _answer(

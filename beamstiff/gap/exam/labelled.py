@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.files import read_text
+from beamstiff.files import read_text, write_whole
 from beamstiff.gap.exam.blind import Examiner, asked, diagnosed
 from beamstiff.gap.exam.names import EFFECTS, NONE, key_of
 from beamstiff.gap.exam.record import Kind, Label, Record, sha256
@@ -46,6 +46,8 @@ def _record(folder: Path, name: str, at: int, given: dict[str, Any], examiner: E
     rows = read_measurements(folder / f"{name}.csv", robot)
     seal = sha256(given)
     said = diagnosed(robot, rows, (), examiner)
+    if examiner.reports is not None:
+        write_whole(examiner.reports / f"{name}.json", json.dumps(said.report, indent=1) + "\n")
     controls = {known: asked(method, robot, rows, ()) for known, method in examiner.controls.items()}
     second = given.get("eff2")
     truths = [] if given["effect"] == NONE else [key_of(given["effect"], given["component"])]

@@ -33,7 +33,7 @@ REASONS = {
     nlopt.STOPVAL_REACHED: "converged: nothing is left to explain",
     nlopt.MAXEVAL_REACHED: "stopped: the evaluations allowed are used up",
 }
-TOLERANCE = 1e-10  # of log k
+TOLERANCE = 1e-12  # of log k
 FIRST_STEP = 0.3  # BOBYQA's, in log k
 
 
@@ -93,8 +93,8 @@ def _optimiser(method: str, count: int, effort: Effort) -> Any:
     optimiser = nlopt.opt(ALGORITHMS[method], count)
     optimiser.set_maxeval(effort.evaluations)
     if method == "mlsl":
-        local = nlopt.opt(nlopt.LD_SLSQP, count)
-        local.set_xtol_abs(TOLERANCE)
+        local = nlopt.opt(nlopt.LD_MMA, count)
+        local.set_xtol_abs(1e-10)
         optimiser.set_local_optimizer(local)
     else:
         optimiser.set_xtol_abs(TOLERANCE)

@@ -38,6 +38,11 @@ def test_the_headline_asks_what_the_project_asks() -> None:
     )
 
 
+def test_of_lean_designs_only_false_alarms_and_the_set_are_asked() -> None:
+    asked = [row.name for row in headline([], lean=True) if row.required is not None]
+    assert asked == ["false alarms on null data", "the same, of verdicts that name an effect"]
+
+
 def test_cases_are_grouped_by_design_and_rich_ones_by_robot_and_readings() -> None:
     records = [
         answered("none", NONE, robot="kr240-2"),

@@ -1,0 +1,61 @@
+"""`base-compliance`: the pedestal or the floor under the machine gives way."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from beamstiff.gap.baseline import Baseline
+from beamstiff.gap.effects.effect import Effect, Quantity, Shape
+from beamstiff.gap.effects.laws import by_compliance
+
+ROTATION = 5e-8  # rad/(N m)
+TRANSLATION = 5e-9  # m/N
+COUPLING = 1e-8  # 1/N: a centre of rotation some decimetres below
+
+
+def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: ARG001
+    place = baseline.places.base
+
+    def column(*pairs: tuple[int, int]) -> np.ndarray:
+        return by_compliance(baseline, place, list(pairs))
+
+    tilt = Quantity("tilting_compliance", "rad/(N*m)", ROTATION)
+    rotations = tuple(Quantity(f"rotational_compliance_{axis}", "rad/(N*m)", ROTATION) for axis in "xyz")
+    skews = tuple(
+        Quantity(f"rotational_compliance_{pair}", "rad/(N*m)", 0.3 * ROTATION) for pair in ("xy", "xz", "yz")
+    )
+    slides = tuple(Quantity(f"translational_compliance_{axis}", "m/N", TRANSLATION) for axis in "xyz")
+    couplings = tuple(Quantity(f"coupling_{pair}", "1/N", COUPLING) for pair in ("x_ry", "y_rx"))
+    others = tuple(
+        Quantity(f"coupling_{'xyz'[a]}_r{'xyz'[b]}", "1/N", 0.5 * COUPLING)
+        for a in range(3)
+        for b in range(3)
+        if (a, b) not in ((0, 1), (1, 0))
+    )
+    turning = [column((3, 3)), column((4, 4)), column((5, 5))]
+    sliding = [column((0, 0)), column((1, 1)), column((2, 2))]
+    coupled = [column((0, 4)), column((1, 3))]
+    skewed = [column((3, 4)), column((3, 5)), column((4, 5))]
+    rest = [column((a, 3 + b)) for a in range(3) for b in range(3) if (a, b) not in ((0, 1), (1, 0))]
+    return [
+        Shape("tilt", column((3, 3), (4, 4))[..., None], (tilt,)),
+        Shape("rotation", np.stack(turning, -1), rotations),
+        Shape("soil", np.stack([*turning, *sliding, *coupled], -1), (*rotations, *slides, *couplings)),
+        Shape(
+            "all",
+            np.stack([*turning, *sliding, *coupled, *skewed, *rest], -1),
+            (*rotations, *slides, *couplings, *skews, *others),
+        ),
+    ]
+
+
+EFFECT = Effect(
+    name="base-compliance",
+    family="structure",
+    meaning="The pedestal or the floor under the machine gives way.",
+    components=lambda baseline: [None],  # noqa: ARG005
+    shapes=_shapes,
+    separation="the same load with the first joint turned by 90 degrees; a reflector on the pedestal",
+    look_alikes=("bearing-tilt",),
+    sources="1e-8 to 2e-7 rad/(N m), engineering estimate",
+)

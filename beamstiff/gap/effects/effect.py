@@ -1,0 +1,78 @@
+"""What an effect is: its meaning, where it can sit, and its shapes, first order in their parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from beamstiff.gap.baseline import Baseline
+from beamstiff.se3 import Array
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A parameter of a shape: name, unit, and its realistic size.
+
+    Attributes
+    ----------
+    name, unit : str
+    size : float
+        A middling realistic magnitude, in `unit`.
+    """
+
+    name: str
+    unit: str
+    size: float
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A way in which an effect shows: displacement of every row, linear in its parameters.
+
+    Attributes
+    ----------
+    name : str
+    columns : (N, 6, c) array, m and rad per unit
+        What each parameter adds to the prediction.
+    parameters : tuple of Quantity (c)
+    spread : float
+        Realistic magnitudes lie between the sizes divided and multiplied by this.
+    weight : float
+        Prior weight among the shapes of its effect.
+    """
+
+    name: str
+    columns: Array
+    parameters: tuple[Quantity, ...]
+    spread: float = 10.0
+    weight: float = 1.0
+
+
+@dataclass(frozen=True)
+class Effect:
+    """Something that a model can lack.
+
+    Attributes
+    ----------
+    name, family : str
+    meaning : str
+        One sentence.
+    components : callable
+        Components that a baseline's robot has: names, or None for the machine as a whole.
+    shapes : callable
+        Shapes at a component, under the baseline's rows.
+    separation : str
+        The measurement that tells it from its look-alikes, in words.
+    look_alikes : tuple of str
+    sources : str
+        Where the realistic sizes come from.
+    """
+
+    name: str
+    family: str
+    meaning: str
+    components: Callable[[Baseline], list[str | None]]
+    shapes: Callable[[Baseline, str | None], list[Shape]]
+    separation: str
+    look_alikes: tuple[str, ...] = field(default=())
+    sources: str = "engineering estimate"

@@ -1,0 +1,53 @@
+"""`hardening`: the drive's stiffness grows with its torque, as in harmonic drives and preloaded gears."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from beamstiff.gap.baseline import Baseline
+from beamstiff.gap.effects.effect import Effect, Quantity, Shape
+from beamstiff.gap.effects.laws import axis_at, by_law, drive_compliance, drives, typical_torque, unit_of
+
+KNEES = (0.1, 0.25, 0.5)  # of the largest torque: where the soft wind-up ends
+
+
+def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
+    axis = axis_at(baseline, str(component))
+    largest, unit = typical_torque(axis), unit_of(axis)
+    give = drive_compliance(axis) * largest
+    scale = Quantity("softening_at_largest_torque", unit, 0.3 * give)
+    soft = Quantity("extra_windup", unit, 0.2 * give)
+
+    def cubic(torque: np.ndarray) -> np.ndarray:
+        return np.asarray(-((torque / largest) ** 3))
+
+    def square(torque: np.ndarray) -> np.ndarray:
+        return np.asarray(-(torque / largest) * np.abs(torque / largest))
+
+    def knee(torque: np.ndarray, at: float) -> np.ndarray:
+        return np.clip(torque / (at * largest), -1.0, 1.0)
+
+    result = [
+        Shape("cubic", by_law(baseline, axis, cubic)[..., None], (scale,), spread=5.0),
+        Shape("square", by_law(baseline, axis, square)[..., None], (scale,), spread=5.0),
+    ]
+    windups = [by_law(baseline, axis, lambda torque, at=at: knee(torque, at)) for at in KNEES]  # type: ignore[misc]
+    result += [
+        Shape(f"knee at {at:g}", column[..., None], (soft,), spread=5.0)
+        for at, column in zip(KNEES, windups, strict=True)
+    ]
+    several = tuple(Quantity(f"extra_windup_{at:g}", unit, 0.15 * give) for at in KNEES)
+    result.append(Shape("several knees", np.stack(windups, -1), several, spread=5.0))
+    return result
+
+
+EFFECT = Effect(
+    name="hardening",
+    family="drive",
+    meaning="The drive is soft at small torque and stiffens as it grows.",
+    components=drives,
+    shapes=_shapes,
+    separation="four load levels in both directions of this joint's torque",
+    look_alikes=("backlash",),
+    sources="K1:K3 = 0.53 to 0.6, T1:T2 = 0.28 (Harmonic Drive CHA)",
+)

@@ -1,0 +1,83 @@
+"""`hysteresis`: friction in the drive: the answer depends on the load history.
+
+Stop operators (Prandtl and Ishlinskii; Iwan, J. Appl. Mech. 33 (1966) 893): friction r holds the drive until
+the torque has moved on by r, so that a part ``S_r`` of the torque, between -r and r, does not wind it up.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamstiff.gap.baseline import Baseline
+from beamstiff.gap.effects.effect import Effect, Quantity, Shape
+from beamstiff.gap.effects.laws import axis_at, drive_compliance, drives, typical_torque, unit_of
+from beamstiff.measure.rows import history_order
+from beamstiff.se3 import Array
+
+LIMITS = (0.04, 0.1, 0.2, 0.4)  # friction over the largest torque
+
+
+def held_torque(
+    torque: Array, start: Array, fresh: NDArray[np.bool_], order: NDArray[np.intp], limit: float
+) -> Array:
+    """Return S_r (N,): the torque that friction holds, stepping through the rows in their order.
+
+    Parameters
+    ----------
+    torque : (N,) array
+    start : (N,) array
+        Torque of the unloaded machine, from which a pose begins.
+    fresh : (N,) bool array
+        Whether a row is the first of its history.
+    order : (N,) int array
+    limit : float
+        Friction r.
+    """
+    result = np.zeros_like(torque)
+    held = before = 0.0
+    for row in order:
+        if fresh[row]:
+            held, before = 0.0, start[row]
+        held = float(np.clip(held + torque[row] - before, -limit, limit))
+        before = torque[row]
+        result[row] = held
+    return result
+
+
+def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
+    axis = axis_at(baseline, str(component))
+    rows = baseline.rows
+    order = history_order(rows)
+    fresh = np.zeros(len(rows), dtype=np.bool_)
+    groups = rows.run if rows.continuous else rows.pose
+    seen: set[int] = set()
+    for row in order.tolist():
+        fresh[row] = int(groups[row]) not in seen
+        seen.add(int(groups[row]))
+    largest, unit = typical_torque(axis), unit_of(axis)
+    give = drive_compliance(axis) * largest
+    columns = []
+    for limit in LIMITS:
+        held = held_torque(axis.load + axis.dead, axis.dead, fresh, order, limit * largest) / largest
+        columns.append(-axis.shift * held[:, None])
+    lag = Quantity("held_windup", unit, give)
+    result = [
+        Shape(f"friction {limit:g}", column[..., None], (lag,), spread=4.0)
+        for limit, column in zip(LIMITS, columns, strict=True)
+    ]
+    several = tuple(Quantity(f"held_windup_{limit:g}", unit, 0.5 * give) for limit in LIMITS)
+    result.append(Shape("distributed friction", np.stack(columns, -1), several, spread=4.0))
+    return result
+
+
+EFFECT = Effect(
+    name="hysteresis",
+    family="drive",
+    meaning="Friction in the drive makes the answer depend on the load history.",
+    components=drives,
+    shapes=_shapes,
+    separation="a closed load cycle with a return to zero load",
+    look_alikes=("load-error", "backlash"),
+    sources="below 1 to 3 arcmin (Harmonic Drive CHA)",
+)

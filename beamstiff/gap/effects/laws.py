@@ -1,0 +1,112 @@
+"""What the effects share: the torque about a joint's axis, slips that follow a law of it, axes of places."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from beamstiff.gap.baseline import Baseline, own_direction
+from beamstiff.gap.places import Place
+from beamstiff.robot.fields import FREE, RIGID
+from beamstiff.robot.parts import Joint
+from beamstiff.se3 import Array
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A joint's own direction under the rows.
+
+    Attributes
+    ----------
+    joint : Joint
+    load, dead : (N,) arrays, N m or N
+        Torque (force) about it from the row's load and from the dead weight.
+    shift : (N, 6) array
+        Displacement of the row's point per slip about it.
+    stiffness : float
+        As the robot was given; inf is rigid.
+    turns : bool
+        About the axis; else along it.
+    """
+
+    joint: Joint
+    load: Array
+    dead: Array
+    shift: Array
+    stiffness: float
+    turns: bool
+
+
+def component_of(joint: Joint) -> str:
+    """Return the name by which a joint is a component: its variable, else its own."""
+    return joint.variable or joint.name
+
+
+def joint_of(baseline: Baseline, component: str) -> Joint:
+    """Return the joint of a component."""
+    return next(joint for joint in baseline.nominal.joints if component_of(joint) == component)
+
+
+def axis_at(baseline: Baseline, component: str) -> Axis:
+    """Return a joint's own direction."""
+    joint = joint_of(baseline, component)
+    kind = own_direction(baseline.nominal, joint.name)
+    at = 3 if kind == "torsional" else 0
+    place = baseline.places.joints[joint.name]
+    stiffness = float(getattr(joint.stiffness, kind))
+    return Axis(
+        joint, place.load[:, at], place.dead[:, at], place.shift[:, :, at], stiffness, kind == "torsional"
+    )
+
+
+def drives(baseline: Baseline) -> list[str | None]:
+    """Return the components whose own direction has a finite stiffness: drives, springs."""
+    found: list[str | None] = []
+    for joint in baseline.nominal.joints:
+        value = getattr(joint.stiffness, own_direction(baseline.nominal, joint.name))
+        if joint.name in baseline.places.joints and FREE < value < RIGID:
+            found.append(component_of(joint))
+    return found
+
+
+def by_law(baseline: Baseline, axis: Axis, law: Callable[[Array], Array]) -> Array:
+    """Return the displacement (N, 6) of a slip that follows a law of the torque.
+
+    Displacements are loaded less unloaded, and the dead weight acts in both.
+    """
+    slip = law(axis.load + axis.dead)
+    if not baseline.absolute:
+        slip = slip - law(axis.dead)
+    result: Array = axis.shift * slip[:, None]
+    return result
+
+
+def by_compliance(baseline: Baseline, place: Place, pairs: list[tuple[int, int]]) -> Array:
+    """Return the displacement (N, 6) of unit symmetric compliances of a place: pairs of directions, 0..5."""
+    passed = place.load + place.dead if baseline.absolute else place.load
+    slip = np.zeros_like(passed)
+    for a, b in pairs:
+        slip[:, a] += passed[:, b]
+        if a != b:
+            slip[:, b] += passed[:, a]
+    result: Array = np.einsum("nab,nb->na", place.shift, slip)
+    return result
+
+
+def typical_torque(axis: Axis) -> float:
+    """Return the largest torque from loads, or 1 where there is none."""
+    largest = float(np.abs(axis.load).max(initial=0.0))
+    return largest or 1.0
+
+
+def drive_compliance(axis: Axis) -> float:
+    """Return the compliance of a drive as the robot was given; of rigid ones a middling value."""
+    usual = 3e-7 if axis.turns else 3e-9
+    return 1.0 / axis.stiffness if FREE < axis.stiffness < RIGID else usual
+
+
+def unit_of(axis: Axis) -> str:
+    """Return the unit of a slip: rad, or m."""
+    return "rad" if axis.turns else "m"

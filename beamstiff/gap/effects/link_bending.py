@@ -1,0 +1,114 @@
+"""`link-bending`: a link bends, stretches and twists that the model holds rigid, or stiffer than it is.
+
+Flexibility at the end of a cantilever whose flexibility ``1/EI`` varies along it (Gere & Timoshenko,
+Mechanics of Materials, the
+unit-load method): under end force F and moment M, at s from the root, the section carries
+``M + (L - s) F``, and the end turns by the integral of its flexibility times that.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from beamstiff.gap.baseline import Baseline
+from beamstiff.gap.effects.effect import Effect, Quantity, Shape
+from beamstiff.gap.places import Place
+from beamstiff.se3 import Array
+
+EI = 1e7  # N m^2, a middling link
+TWIST = 1.3  # EI / GJ of a closed steel section, nearly
+GAUSS, WEIGHTS = np.polynomial.legendre.leggauss(6)
+
+
+def _components(baseline: Baseline) -> list[str | None]:
+    return list(baseline.places.links)
+
+
+def flexibility(length: float, bending: Array, plane: str) -> Array:
+    """Return the flexibility (6, 6) at the end for unit ``1/EI`` times a weight along the link.
+
+    Parameters
+    ----------
+    length : float, m
+    bending : (6,) array
+        Weight at the Gauss points of the link.
+    plane : "xy", "xz" or "twist"
+    """
+    s = 0.5 * length * (GAUSS + 1)
+    w = 0.5 * length * WEIGHTS * bending
+    arm = length - s
+    result = np.zeros((6, 6))
+    if plane == "twist":
+        result[3, 3] = w.sum()
+        return result
+    u, r, sign = (1, 5, 1.0) if plane == "xy" else (2, 4, -1.0)
+    result[u, u], result[r, r] = w @ arm**2, w.sum()
+    result[u, r] = result[r, u] = sign * (w @ arm)
+    return result
+
+
+def _column(baseline: Baseline, place: Place, matrix: Array) -> Array:
+    passed = place.load + place.dead if baseline.absolute else place.load
+    result: Array = np.einsum("nab,bc,nc->na", place.shift, matrix, passed)
+    return result
+
+
+def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
+    place = baseline.places.links[str(component)]
+    length, even = place.length, np.ones(GAUSS.size)
+    along = 0.5 * (GAUSS + 1)
+    root, tip = 3 * (1 - along) ** 2, 3 * along**2
+
+    def both(weight: Array) -> Array:
+        return flexibility(length, weight, "xy") + flexibility(length, weight, "xz")
+
+    twist = flexibility(length, even, "twist")
+    stretch = np.zeros((6, 6))
+    stretch[0, 0] = length
+    bend = Quantity("bending_flexibility", "1/(N*m^2)", 1 / EI)
+    turn = Quantity("torsion_flexibility", "1/(N*m^2)", TWIST / EI)
+    column = {
+        "uniform": _column(baseline, place, both(even) + TWIST * twist),
+        "root": _column(baseline, place, both(root)),
+        "tip": _column(baseline, place, both(tip)),
+        "twist": _column(baseline, place, twist),
+        "xy": _column(baseline, place, flexibility(length, even, "xy")),
+        "xz": _column(baseline, place, flexibility(length, even, "xz")),
+        "skew": _column(baseline, place, _skew(length)),
+        "stretch": _column(baseline, place, stretch),
+    }
+    half = Quantity("bending_flexibility_root", "1/(N*m^2)", 0.7 / EI)
+    other = Quantity("bending_flexibility_tip", "1/(N*m^2)", 0.7 / EI)
+    sheer = Quantity("stretch_flexibility", "1/N", 5e-10)
+    y, z = (Quantity(f"bending_flexibility_{axis}", "1/(N*m^2)", 1 / EI) for axis in "yz")
+    yz = Quantity("bending_flexibility_yz", "1/(N*m^2)", 0.3 / EI)
+    names = [
+        ("uniform", ("uniform",), (bend,)),
+        ("tapered", ("root", "tip", "twist"), (half, other, turn)),
+        ("by plane", ("xy", "xz", "skew", "twist", "stretch"), (y, z, yz, turn, sheer)),
+    ]
+    return [
+        Shape(name, np.stack([column[key] for key in keys], -1), parameters)
+        for name, keys, parameters in names
+    ]
+
+
+def _skew(length: float) -> Array:
+    """Return the flexibility that couples both planes: principal axes turned against the local ones."""
+    result = np.zeros((6, 6))
+    result[1, 2] = length**3 / 3
+    result[1, 4], result[2, 5] = -(length**2) / 2, length**2 / 2
+    result[4, 5] = -length
+    return result + result.T
+
+
+EFFECT = Effect(
+    name="link-bending",
+    family="structure",
+    meaning="The link bends, stretches and twists more than the model says.",
+    components=_components,
+    shapes=_shapes,
+    separation="two reflectors on the link, at its ends",
+    look_alikes=("bearing-tilt",),
+    sources="EI 3e6 to 3e7 N m^2, engineering estimate",
+)

@@ -1,0 +1,58 @@
+"""`tool-compliance`: flange, force sensor or gripper between the last joint and the TCP give way."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from beamstiff.gap.baseline import Baseline
+from beamstiff.gap.effects.effect import Effect, Quantity, Shape
+from beamstiff.gap.effects.laws import by_compliance
+
+ROTATION = 2e-6  # rad/(N m)
+TRANSLATION = 2e-8  # m/N
+COUPLING = 2e-7  # 1/N: an elastic centre a decimetre behind the TCP
+
+
+def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: ARG001
+    place = baseline.places.flange
+
+    def column(*pairs: tuple[int, int]) -> np.ndarray:
+        return by_compliance(baseline, place, list(pairs))
+
+    even = Quantity("rotational_compliance", "rad/(N*m)", ROTATION)
+    rotations = tuple(Quantity(f"rotational_compliance_{axis}", "rad/(N*m)", ROTATION) for axis in "xyz")
+    skews = tuple(
+        Quantity(f"rotational_compliance_{pair}", "rad/(N*m)", 0.3 * ROTATION) for pair in ("xy", "xz", "yz")
+    )
+    slides = tuple(Quantity(f"translational_compliance_{axis}", "m/N", TRANSLATION) for axis in "xyz")
+    couplings = tuple(
+        Quantity(f"coupling_{'xyz'[a]}_r{'xyz'[b]}", "1/N", COUPLING) for a in range(3) for b in range(3)
+    )
+    turning = [column((3, 3)), column((4, 4)), column((5, 5))]
+    sliding = [column((0, 0)), column((1, 1)), column((2, 2))]
+    skewed = [column((3, 4)), column((3, 5)), column((4, 5))]
+    coupled = [column((a, 3 + b)) for a in range(3) for b in range(3)]
+    slide = Quantity("translational_compliance", "m/N", TRANSLATION)
+    both = [column((3, 3), (4, 4), (5, 5)), column((0, 0), (1, 1), (2, 2))]
+    return [
+        Shape("rotation", both[0][..., None], (even,)),
+        Shape("rotation and translation", np.stack(both, -1), (even, slide)),
+        Shape("by axis", np.stack([*turning, *sliding], -1), (*rotations, *slides)),
+        Shape(
+            "all",
+            np.stack([*turning, *sliding, *skewed, *coupled], -1),
+            (*rotations, *slides, *skews, *couplings),
+        ),
+    ]
+
+
+EFFECT = Effect(
+    name="tool-compliance",
+    family="structure",
+    meaning="Flange, force sensor or gripper between the last joint and the TCP give way.",
+    components=lambda baseline: [None],  # noqa: ARG005
+    shapes=_shapes,
+    separation="reflectors on flange and tool; a pure moment at the tool",
+    look_alikes=("actuator-lever", "tool-offset"),
+    sources="5e-7 to 1e-5 rad/(N m), engineering estimate",
+)

@@ -1,0 +1,290 @@
+"""Where a machine could give way: the wrench that passes through every place, and what a slip there moves.
+
+Every joint, link, the base and the flange is a place. A row's load passes a wrench q through it, linear in
+the load; a relative displacement e there moves the measured point by ``T^T e``, T the wrench at the place per
+unit wrench at the point (Betti's reciprocity; the structure stays in series with the slip). An effect is then
+a law ``e(q)``, whatever the machine: serial or with closed loops.
+
+All places are opened as ports at once (`fem.condensation`): with F the springs and R the rigid directions::
+
+    e_F = (S_FF + k_F)^-1 (B_F w + g_F)       q_F = k_F e_F       q_R = B_R w + g_R - S_RF e_F
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import networkx as nx
+import numpy as np
+from numpy.typing import NDArray
+
+from beamstiff.errors import BeamstiffError
+from beamstiff.fem.beam import beam_axes
+from beamstiff.fem.condensation import Condensed, Port, condense
+from beamstiff.fem.geometry import SHORTEST, place
+from beamstiff.fem.structure import Structure, compile_structure
+from beamstiff.fem.unknowns import joint_values
+from beamstiff.measure.table import Measurements
+from beamstiff.model.ports import opened, unit_springs
+from beamstiff.robot.description import Robot
+from beamstiff.robot.fields import RIGID
+from beamstiff.robot.kinematics import Posture, compile_kinematics, posture
+from beamstiff.robot.parts import STIFFNESS_KINDS, Joint, JointStiffness
+from beamstiff.se3 import Array, displacement_transport, rotate_screw
+
+CUT = " cut"  # what is added to the name of a link's end to name its other side; no name of a file ends so
+
+
+@dataclass(frozen=True)
+class Place:
+    """A place, for N rows, in its own axes.
+
+    Attributes
+    ----------
+    load : (N, 6) array, N and N m
+        Wrench ``[f, m]`` that the row's load passes through it.
+    dead : (N, 6) array
+        What the dead weight passes through it.
+    shift : (N, 6, 6) array
+        Displacement ``[d, r]`` of the row's point, base frame, per relative displacement of the place.
+    turn : (N, 3, 3) array
+        Its axes in the base frame, as columns.
+    length : float, m
+        Of a link; 0 for other places.
+    """
+
+    load: Array
+    dead: Array
+    shift: Array
+    turn: Array
+    length: float = 0.0
+
+
+@dataclass(frozen=True)
+class Places:
+    """All places of a machine under the rows of a table.
+
+    Attributes
+    ----------
+    joints : dict of str to Place
+        By name of the joint; first axis along the joint's axis.
+    links : dict of str to Place
+        By name of the beam or rigid, at its second end; first axis along the link.
+    base : Place
+        The whole machine against the floor, about the base frame's origin.
+    flange : Place
+        What the TCP carries against what holds it, axes of the TCP's frame.
+    held : dict of str to str
+        Places that rigid parts of their loops hold, and why the forces there are not determined.
+    """
+
+    joints: dict[str, Place]
+    links: dict[str, Place]
+    base: Place
+    flange: Place
+    held: dict[str, str]
+
+
+def find_places(robot: Robot, rows: Measurements) -> Places:
+    """Return every place of a robot under the rows of a table.
+
+    Parameters
+    ----------
+    robot : Robot
+        With the stiffness that it has.
+    rows : Measurements
+        N rows: posture, wrench, point of the load and measured point.
+
+    Raises
+    ------
+    BeamstiffError
+        When a pose cannot close its loops or the structure is a mechanism.
+    """
+    cut, links = _with_cuts(robot)
+    index = {node.name: at for at, node in enumerate(cut.nodes)}
+    poses, number = np.unique(rows.q, axis=0, return_inverse=True)
+    pose = number.reshape(-1)
+    where = posture(compile_kinematics(cut), poses)
+    names = [*(joint.name for joint in cut.joints), *(beam.name for beam in cut.beams)]
+    # in a loop the slips of its places depend on one another: there, one place at a time
+    together = [[name] for name in names] if has_loops(cut) else [names]
+    found: dict[str, Place] = {}
+    links_found: dict[str, Place] = {}
+    held: dict[str, str] = {}
+    for group in together:
+        try:
+            opened_places = _open(cut, group, rows, poses, pose)
+        except BeamstiffError as error:
+            if len(group) > 1 or len(together) == 1:
+                raise
+            held[group[0].removesuffix(CUT)] = str(error)
+            continue
+        for name, there in opened_places.items():
+            if name in links:
+                a, b = (index[node] for node in links[name])
+                along = (where.node_positions[:, b] - where.node_positions[:, a])[pose]
+                links_found[name.removesuffix(CUT)] = _turned(there, along)
+            elif name in {beam.name for beam in cut.beams}:
+                links_found[name] = there
+            else:
+                found[name] = there
+    tcp_frame = compile_kinematics(cut).node_frame[index[robot.tcp]]
+    return Places(
+        joints=found,
+        links=links_found,
+        base=_base(rows, where, index, pose),
+        flange=_flange(robot, rows, where.transforms[:, tcp_frame, :3, :3][pose]),
+        held=held,
+    )
+
+
+def has_loops(robot: Robot) -> bool:
+    """Return whether the structure closes loops (the floor counts as one node)."""
+    floor = robot.fixed[0]
+    graph: nx.MultiGraph[str] = nx.MultiGraph()
+    pairs = [beam.nodes for beam in robot.beams] + [rigid.nodes for rigid in robot.rigids]
+    pairs += [joint.nodes for joint in robot.joints] + [strut.nodes for strut in robot.struts]
+    for pair in pairs:
+        a, b = (floor if name in robot.fixed else name for name in pair)
+        graph.add_edge(a, b)
+    count = nx.number_connected_components(graph)
+    return int(graph.number_of_edges() - graph.number_of_nodes() + count) > 0
+
+
+def _open(
+    cut: Robot, names: Sequence[str], rows: Measurements, poses: Array, pose: NDArray[np.intp]
+) -> dict[str, Place]:
+    """Return some joints and beams as places, opened as ports at once."""
+    chosen = [joint for joint in cut.joints if joint.name in names]
+    structure = compile_structure(
+        opened(cut, [f"{joint.name}.{kind}" for joint in chosen for kind in STIFFNESS_KINDS])
+    )
+    where = posture(structure.kinematics, poses)
+    geometry = place(structure, where)
+    joints = [at for at, joint in enumerate(cut.joints) if joint.name in names]
+    beams = [at for at, beam in enumerate(cut.beams) if beam.name in names]
+    ports = [Port(cut.joints[at].name, "joint", at, side) for at in joints for side in range(6)]
+    ports += [Port(cut.beams[at].name, "beam", at, side) for at in beams for side in range(6)]
+    observed = list(dict.fromkeys([*rows.point.tolist(), *rows.load_point.tolist()]))
+    condensed = condense(structure, where, observed, ports)
+    wrench, dead = _passed(condensed, *_springs(cut, structure, where, ports))
+    columns = {name: 6 * at + np.arange(6) for at, name in enumerate(observed)}
+    seen = np.array([columns[name] for name in rows.point])
+    loaded = np.array([columns[name] for name in rows.load_point])
+    each = np.arange(len(pose))[:, None]
+    by_point = wrench[pose][each, seen]  # (N, 6, p)
+    passed = np.einsum("nap,na->np", wrench[pose][each, loaded], rows.wrench)
+    turns = [geometry.joint_rotation[:, at] for at in joints] + [
+        geometry.beam_rotation[:, at] for at in beams
+    ]
+    lengths = [0.0] * len(joints) + [float(geometry.beam_length[0, at]) for at in beams]
+    items = [cut.joints[at].name for at in joints] + [cut.beams[at].name for at in beams]
+    result = {}
+    for at, (name, turn, length) in enumerate(zip(items, turns, lengths, strict=True)):
+        some = slice(6 * at, 6 * at + 6)
+        result[name] = Place(passed[:, some], dead[pose, some], by_point[:, :, some], turn[pose], length)
+    return result
+
+
+def _with_cuts(robot: Robot) -> tuple[Robot, dict[str, tuple[str, str]]]:
+    """Return the robot with a rigid joint in every rigid of some length, and their ends, by its name."""
+    nodes, rigids, joints = list(robot.nodes), [], list(robot.joints)
+    by_name = {node.name: node for node in robot.nodes}
+    where = posture(compile_kinematics(robot), _any_pose(robot))
+    index = {node.name: at for at, node in enumerate(robot.nodes)}
+    links = {}
+    for rigid in robot.rigids:
+        a, b = (where.node_positions[0, index[name]] for name in rigid.nodes)
+        if np.linalg.norm(b - a) < SHORTEST:
+            rigids.append(rigid)
+            continue
+        end = by_name[rigid.nodes[1]]
+        other = end.model_copy(update={"name": end.name + CUT + rigid.name})
+        nodes.append(other)
+        rigids.append(rigid.model_copy(update={"nodes": (rigid.nodes[0], other.name)}))
+        joint = Joint.model_construct(
+            name=rigid.name + CUT,
+            nodes=(other.name, end.name),
+            frame=end.frame,
+            axis=(0.0, 0.0, 1.0),
+            variable=None,
+            stiffness=JointStiffness(),
+        )
+        joints.append(joint)
+        links[joint.name] = rigid.nodes
+    update = {"nodes": tuple(nodes), "rigids": tuple(rigids), "joints": tuple(joints)}
+    return robot.model_copy(update=update), links
+
+
+def _passed(condensed: Condensed, springs: Array, rigid: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Return wrenches at the ports per unit wrench at observed nodes (P, o, p), and the dead one (P, p)."""
+    right = np.concatenate([condensed.port_map, condensed.port_dead[..., None]], axis=2)
+    loose = ~rigid
+    own = springs[np.ix_(loose, loose)]
+    matrix = condensed.port_stiffness[:, loose][:, :, loose] + own
+    slip = np.linalg.solve(matrix, right[:, loose])
+    result = np.zeros_like(right)
+    result[:, loose] = own @ slip
+    result[:, rigid] = right[:, rigid] - condensed.port_stiffness[:, rigid][:, :, loose] @ slip
+    return result[:, :, :-1].swapaxes(1, 2), result[:, :, -1]
+
+
+def _springs(
+    robot: Robot, structure: Structure, where: Posture, ports: Sequence[Port]
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the stiffness that the ports have in the robot (p, p), and which of them are rigid (p,)."""
+    joints = [port for port in ports if port.kind == "joint"]
+    values = np.array([joint_values(robot.joints[port.index])[port.direction] for port in joints])
+    rigid = np.zeros(len(ports), dtype=np.bool_)
+    rigid[: len(joints)] = values == RIGID
+    result = np.zeros((len(ports), len(ports)))
+    beams = [port for port in ports if port.kind == "beam"]
+    if beams:
+        indices = list(dict.fromkeys(port.index for port in beams))
+        owner = np.array([indices.index(port.index) for port in beams])
+        moduli = np.array([robot.materials[robot.beams[at].material].E for at in indices])
+        result[len(joints) :, len(joints) :] = np.tensordot(
+            moduli, unit_springs(structure, where, beams, owner), 1
+        )
+    diagonal = np.arange(len(joints))
+    result[diagonal, diagonal] = np.where(rigid[: len(joints)], 0.0, values)
+    return result, rigid
+
+
+def _turned(there: Place, along: Array) -> Place:
+    """Return a place in axes whose first is along a vector (N, 3), and the rest any perpendicular."""
+    length = np.linalg.norm(along, axis=1)
+    turn = beam_axes(along, np.full(3, np.nan))
+    change = rotate_screw(turn.swapaxes(-1, -2) @ there.turn)  # components in new axes from those in old
+    return Place(
+        load=(change @ there.load[..., None])[..., 0],
+        dead=(change @ there.dead[..., None])[..., 0],
+        shift=there.shift @ change.swapaxes(-1, -2),
+        turn=turn,
+        length=float(length[0]),
+    )
+
+
+def _base(rows: Measurements, where: Posture, index: Mapping[str, int], pose: NDArray[np.intp]) -> Place:
+    """Return the floor under the whole machine, about the origin of the base frame."""
+    points, loads = ([index[name] for name in names.tolist()] for names in (rows.point, rows.load_point))
+    carry = displacement_transport(where.node_positions[pose, points])
+    by_load = displacement_transport(where.node_positions[pose, loads]).swapaxes(-1, -2)
+    passed = (by_load @ rows.wrench[..., None])[..., 0]
+    axes = np.broadcast_to(np.eye(3), (len(pose), 3, 3))
+    return Place(passed, np.zeros_like(passed), carry, axes)
+
+
+def _flange(robot: Robot, rows: Measurements, turn: Array) -> Place:
+    """Return the flange: what is loaded and seen at the TCP passes through it, the rest does not."""
+    axes = rotate_screw(turn)
+    loaded, seen = ((names == robot.tcp).astype(np.float64) for names in (rows.load_point, rows.point))
+    passed = (axes.swapaxes(-1, -2) @ rows.wrench[..., None])[..., 0] * loaded[:, None]
+    return Place(passed, np.zeros_like(passed), axes * seen[:, None, None], turn)
+
+
+def _any_pose(robot: Robot) -> Array:
+    """Return one posture (1, A), in the middle of the limits."""
+    middle = [0.0 if item.limits is None else 0.5 * sum(item.limits) for item in robot.actuated]
+    return np.array([middle])

@@ -1,0 +1,70 @@
+"""Campaigns for the tests of the simulated machines."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from beamstiff.gap.exam.campaign import Array, Campaign, Truth
+from beamstiff.gap.exam.machine import machine_of
+from beamstiff.gap.exam.reality import Reality
+from beamstiff.gap.exam.simulate import readings
+from beamstiff.gap.exam.truths import draw_truth, imposed
+from beamstiff.robot.description import Robot
+
+
+def campaign_of(robot: Robot, q: Any, wrench: Any, **other: Any) -> Campaign:
+    """Return a campaign of P poses (P, A) with S loads each: (P, S, 6), or (S, 6) for all."""
+    q, wrench = np.atleast_2d(np.asarray(q, float)), np.asarray(wrench, float)
+    if wrench.ndim == 2:
+        wrench = np.tile(wrench, (len(q), 1, 1))
+    poses, steps = wrench.shape[:2]
+    rows = poses * steps
+    columns = {
+        "q": np.repeat(q, steps, axis=0),
+        "wrench": wrench.reshape(rows, 6),
+        "pose": np.repeat(np.arange(poses), steps),
+        "step": np.tile(np.arange(steps), poses),
+        "time": 60.0 * np.arange(rows),
+        "temperature": np.full(rows, np.nan),
+        "point": np.full(rows, robot.tcp),
+        "load_point": np.full(rows, robot.tcp),
+    }
+    return Campaign(**(columns | other))
+
+
+def random_poses(robot: Robot, rng: np.random.Generator, poses: int, part: float = 0.35) -> Array:
+    """Return poses (P, A) in the middle part of the limits, angles within 1 rad of it."""
+    limits = np.array([variable.limits for variable in robot.actuated])
+    half = np.minimum(part * (limits[:, 1] - limits[:, 0]), 1.0)
+    return limits.mean(axis=1) + half * rng.uniform(-1.0, 1.0, (poses, len(limits)))
+
+
+def random_loads(rng: np.random.Generator, poses: int, factors: Any, force: float = 1000.0) -> Array:
+    """Return a direction a pose with forces and moments in it, at each of the factors, (P, S, 6)."""
+    direction = rng.standard_normal((poses, 6)) * force * np.repeat([1.0, 0.1], 3)
+    return np.asarray(direction[:, None] * np.asarray(factors, float)[None, :, None])
+
+
+def without_weight(robot: Robot) -> Robot:
+    return robot.model_copy(update={"gravity": (0.0, 0.0, 0.0)})
+
+
+def read(robot: Robot, campaign: Campaign, *truths: Truth) -> Array:
+    """Return the noise-free readings (N, 6) of a machine with some effects."""
+    reality = Reality(machine_of(robot))
+    for truth in truths:
+        reality = imposed(truth, reality)
+    return readings(reality, campaign)
+
+
+def drawn(
+    robot: Robot, effect: str, component: str | None, form: str, seed: int = 0, size: float = 0.7
+) -> Truth:
+    return draw_truth(np.random.default_rng(seed), robot, effect, size, component, form)
+
+
+def changed(truth: Truth, **parameters: float) -> Truth:
+    return dataclasses.replace(truth, parameters={**truth.parameters, **parameters})
