@@ -10,7 +10,16 @@ import numpy as np
 import pytest
 
 from beamstiff.robot.sections import Section
-from tests.fem.builders import STEEL, compliance, displacement, frame, screw, some_rotation, turned
+from tests.fem.builders import (
+    LOADS,
+    STEEL,
+    compliance,
+    displacement,
+    frame,
+    screw,
+    some_rotation,
+    turned,
+)
 
 a, b, c = 0.8, 0.5, 0.3
 ROUND = Section(A=1e-3, Iy=8e-8, Iz=8e-8, J=1.6e-7)
@@ -40,27 +49,21 @@ def test_L_bend_loaded_in_its_plane() -> None:
 BENT = frame([(0, 0, 0), (a, 0, 0), (a, b, 0), (a, b, c)], beams=[(0, 1), (1, 2), (2, 3)], section=ROUND)
 
 
-@pytest.mark.parametrize(
-    ("direction", "expected"),
-    [
-        (0, c**3 / (3 * EI) + b * c**2 / GJ + b**3 / (3 * EI) + a * c**2 / EI + a * b**2 / EI + a / EA),
-        (1, c**3 / (3 * EI) + c**2 * b / EI + b / EA + a * c**2 / GJ + a**3 / (3 * EI)),
-        (2, c / EA + b**3 / (3 * EI) + a * b**2 / GJ + a**3 / (3 * EI)),
-    ],
-    ids="xyz",
-)
-def test_bent_in_space_under_forces(direction: int, expected: float) -> None:
-    """Legs along x, y and z, as on a pipe: bending and torsion of each leg under a force at the far end."""
-    assert compliance(BENT)[direction, direction] == pytest.approx(expected, rel=TOLERANCE)
+# legs along x, y and z, as on a pipe: bending and torsion of each leg under a load at the far end
+BENT_BY_CASTIGLIANO = {
+    "fx": c**3 / (3 * EI) + b * c**2 / GJ + b**3 / (3 * EI) + a * c**2 / EI + a * b**2 / EI + a / EA,
+    "fy": c**3 / (3 * EI) + c**2 * b / EI + b / EA + a * c**2 / GJ + a**3 / (3 * EI),
+    "fz": c / EA + b**3 / (3 * EI) + a * b**2 / GJ + a**3 / (3 * EI),
+    "mx": c / EI + b / EI + a / GJ,
+    "my": c / EI + b / GJ + a / EI,
+    "mz": c / GJ + b / EI + a / EI,
+}
 
 
-@pytest.mark.parametrize(
-    ("direction", "expected"),
-    [(3, c / EI + b / EI + a / GJ), (4, c / EI + b / GJ + a / EI), (5, c / GJ + b / EI + a / EI)],
-    ids="xyz",
-)
-def test_bent_in_space_under_moments(direction: int, expected: float) -> None:
-    assert compliance(BENT)[direction, direction] == pytest.approx(expected, rel=TOLERANCE)
+@pytest.mark.parametrize("load", BENT_BY_CASTIGLIANO)
+def test_bent_in_space(load: str) -> None:
+    at = LOADS.index(load)
+    assert compliance(BENT)[at, at] == pytest.approx(BENT_BY_CASTIGLIANO[load], rel=TOLERANCE)
 
 
 @pytest.mark.parametrize("seed", range(3))
