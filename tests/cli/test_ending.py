@@ -98,6 +98,8 @@ def test_ctrl_c_ends_a_process_with_130_and_no_traceback(folder: Path) -> None:
         stderr=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
+        # tests that run in the background (nohup, some build servers) hand on a Ctrl-C that is ignored
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     with (folder / "slow.yaml").open("w"):  # opens once the process reads, and then it waits for us
         process.send_signal(signal.SIGINT)
