@@ -238,13 +238,6 @@ def test_the_mutations_leave_some_tables_readable_and_spoil_most(arm: Robot) -> 
 
 
 @given(source=st.randoms(use_true_random=False))
-@settings(max_examples=300, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
-def test_mutated_tables_are_read_or_refused(source: random.Random, arm: Robot) -> None:
-    read_or_refused(mutate(source.choice(SEEDS), source), arm)
-
-
-@pytest.mark.slow
-@given(source=st.randoms(use_true_random=False))
 @settings(max_examples=10_000, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
 def test_ten_thousand_mutated_tables_are_read_or_refused(source: random.Random, arm: Robot) -> None:
     read_or_refused(mutate(source.choice(SEEDS), source), arm)
