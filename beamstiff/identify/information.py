@@ -13,9 +13,11 @@ import numpy as np
 from scipy import stats
 
 from beamstiff.identify.objective import Objective
+from beamstiff.measure.arrays import Integers
 from beamstiff.se3 import Array
 
 LEVEL = 0.95
+CHANCE = 0.05  # of so large a residual, below which the stated noise is not believed
 
 
 @dataclass(frozen=True)
@@ -42,23 +44,49 @@ class Uncertainty:
 def uncertainty(objective: Objective, theta: Array) -> Uncertainty:
     """Return the uncertainty of theta (t,) at the optimum of an objective.
 
-    The noise is as stated; where the residual exceeds it, or none is stated, the residual tells it. Under a
-    robust loss each residual counts by its weight.
+    The noise is as stated; where the residual exceeds it, or none is stated, the residual tells it. Where it
+    exceeds it by more than chance would, the stated noise is not believed and the quantile is Student's.
+    Under a robust loss the spread is that of Huber's M-estimates (see `huber_factor`).
     """
     residuals, jacobian = objective.jacobian(theta)
-    weights = objective.weights(residuals)
     n = objective.problem.count
     own = residuals[:n]
     freedom = max(n - theta.size, 1)
-    chi_square = float(weights[:n] @ own**2) / freedom
-    factor = max(chi_square, 1.0) if objective.problem.sigma_known else chi_square
+    chi_square = float(objective.weights(residuals)[:n] @ own**2) / freedom
+    factor = chi_square if objective.loss == "linear" else huber_factor(objective, residuals, theta.size)
+    factor = max(factor, 1.0) if objective.problem.sigma_known else factor
     scale = np.ones(len(residuals))
     scale[:n] = 1.0 / max(factor, np.finfo(float).tiny)  # the priors' own spread is what it is
-    information = jacobian.T @ ((weights * scale)[:, None] * jacobian)
-    known = objective.problem.sigma_known and chi_square <= 1.0
+    information = jacobian.T @ (scale[:, None] * jacobian)
+    by_chance = stats.chi2.sf(chi_square * freedom, freedom) > CHANCE
+    known = objective.problem.sigma_known and by_chance
     tail = 0.5 * (1 + LEVEL)
     quantile = float(stats.norm.ppf(tail) if known else stats.t.ppf(tail, freedom))
     return Uncertainty(invert(information), chi_square, freedom, quantile)
+
+
+def huber_factor(objective: Objective, residuals: Array, count: int) -> float:
+    """Return by what the variance of an M-estimate exceeds that of least squares with unit noise.
+
+    ``K^2 [sum psi^2 / (n - t)] / [mean psi']^2`` with ``K = 1 + t/n var psi' / [mean psi']^2`` (Huber,
+    "Robust regression", Annals of Statistics 1, 1973; "Robust Statistics", 1981, section 7.6).
+
+    Parameters
+    ----------
+    objective : Objective
+    residuals : (n + m,) array
+    count : int
+        Number t of free values.
+    """
+    n = objective.problem.count
+    z = (residuals / objective.scale) ** 2
+    _, first, second = objective.rho(z)[:, :n]
+    psi, slope = first * residuals[:n], first + 2 * z[:n] * second
+    mean = float(slope.mean())
+    if mean <= 0.0:
+        return np.inf  # most residuals lie where the loss is flat: nothing holds the values
+    correction = 1 + count / n * float(slope.var()) / mean**2
+    return correction**2 * float(psi @ psi) / max(n - count, 1) / mean**2
 
 
 def invert(information: Array) -> Array:
@@ -79,6 +107,21 @@ def invert(information: Array) -> Array:
     return inverse
 
 
+def spread_over(covariance: Array, tied: Integers) -> Array:
+    """Return the covariance (m, m) of values of which the free one `tied[j]` moves the j-th, -1 none.
+
+    Examples
+    --------
+    >>> spread_over(np.diag([4.0, np.inf]), np.array([0, 0, -1, 1])).tolist()[0]
+    [4.0, 4.0, 0.0, 0.0]
+    """
+    free = len(covariance)
+    padded = np.zeros((free + 1, free + 1))
+    padded[:free, :free] = covariance
+    result: Array = padded[np.ix_(tied, tied)]  # -1 is the last
+    return result
+
+
 def stiffness_interval(value: float, relative_std: float, quantile: float) -> tuple[float, float]:
     """Return the 95 % interval of a stiffness from the relative standard deviation of its compliance.
 
@@ -92,3 +135,19 @@ def stiffness_interval(value: float, relative_std: float, quantile: float) -> tu
     """
     reach = quantile * relative_std
     return value / (1 + reach), value / (1 - reach) if reach < 1 else np.inf
+
+
+def sum_interval(value: float, std: float, quantile: float, kind: str) -> tuple[float, float]:
+    """Return the 95 % interval of a sum: of compliances symmetric and not below zero, of stiffness as above.
+
+    Examples
+    --------
+    >>> sum_interval(2.0, 0.5, 2.0, "series"), sum_interval(2.0, 2.0, 2.0, "series")
+    ((1.0, 3.0), (0.0, 6.0))
+    >>> low, high = sum_interval(100.0, 25.0, 2.0, "parallel")
+    >>> round(low, 6), high
+    (66.666667, 200.0)
+    """
+    if kind == "parallel":
+        return stiffness_interval(value, std / value, quantile)
+    return max(value - quantile * std, 0.0), value + quantile * std

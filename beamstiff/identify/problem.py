@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
 
 from beamstiff.errors import BeamstiffError, listed
+from beamstiff.identify.disturbance import Disturbance, disturbed_covariance, inverse_root
 from beamstiff.measure.arrays import Integers, equal_rows
 from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements
@@ -50,6 +51,8 @@ class Problem:
         Where the rows come from, for messages.
     notes : tuple of str
         What was left aside, in sentences.
+    disturbance : Disturbance or None
+        What errors of the loads and of the joint readings add to the noise.
     """
 
     model: PortModel
@@ -63,6 +66,7 @@ class Problem:
     whitening: sparse.csr_array
     source: str
     notes: tuple[str, ...] = ()
+    disturbance: Disturbance | None = None
 
     @property
     def count(self) -> int:
@@ -100,7 +104,7 @@ class Problem:
             both = equal_rows(np.stack([sharing, np.asarray(apart)], axis=1).astype(np.float64))
             sharing = np.where(sharing >= 0, both, -1)
         used, sigma = self.used[at], self.sigma[at]
-        return replace(
+        undisturbed = replace(
             self,
             model=self.model.rows(at),
             measured=self.measured[at],
@@ -110,7 +114,16 @@ class Problem:
             pose=self.pose[at],
             load=self.load[at],
             whitening=whitening(sigma, used, sharing),
+            disturbance=None,
         )
+        if self.disturbance is None:
+            return undisturbed
+        return undisturbed.disturbed(self.disturbance.rows(at))
+
+    def disturbed(self, disturbance: Disturbance) -> Problem:
+        """Return the problem with errors of its inputs added to the noise."""
+        blocks = disturbed_covariance(self.sigma, self.used, self.sharing, self.pose, disturbance)
+        return replace(self, disturbance=disturbance, whitening=inverse_root(blocks))
 
 
 def whitening(sigma: Array, used: NDArray[np.bool_], sharing: Integers) -> sparse.csr_array:

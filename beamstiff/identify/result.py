@@ -55,6 +55,8 @@ class Combination:
     unit : str
     separate : str
         What measurement would tell them apart, in words; empty where none was sought.
+    interval : (low, high) or None
+        95 %, of the value.
     """
 
     parameters: tuple[str, ...]
@@ -64,6 +66,7 @@ class Combination:
     kind: str
     unit: str
     separate: str = ""
+    interval: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -142,6 +145,7 @@ class Identification:
                     "kind": item.kind,
                     "unit": item.unit,
                     "separate": item.separate,
+                    **({} if item.interval is None else {"interval": [_plain(v) for v in item.interval]}),
                 }
                 for item in self.degenerate
             ],

@@ -2,25 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from beamstiff.errors import BeamstiffError, listed, suggest
-from beamstiff.identify.degeneracy import Degeneracy, Mixed, find_degeneracy
-from beamstiff.identify.information import Uncertainty, stiffness_interval, uncertainty
-from beamstiff.identify.minimise import Effort, Progress, minimise
-from beamstiff.identify.objective import LOSSES, Loss, Objective
-from beamstiff.identify.parameters import Parameters, state_parameters
-from beamstiff.identify.problem import Components, state_problem
+from beamstiff.errors import listed
+from beamstiff.identify.degeneracy import Mixed
+from beamstiff.identify.information import (
+    Uncertainty,
+    spread_over,
+    stiffness_interval,
+    sum_interval,
+    uncertainty,
+)
+from beamstiff.identify.input_errors import InputErrors
+from beamstiff.identify.minimise import Effort, Minimum, Progress, minimise
+from beamstiff.identify.objective import Loss
+from beamstiff.identify.parameters import Parameters
+from beamstiff.identify.problem import Components
 from beamstiff.identify.relations import Joined
 from beamstiff.identify.result import Combination, Identification, Parameter
-from beamstiff.identify.validation import held_out_rms, position_rms
+from beamstiff.identify.statement import Plan, Statement, state_identification
+from beamstiff.identify.validation import held_out, position_rms
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.robot.stiffness import parameter_unit
 from beamstiff.se3 import Array
+
+ROUNDS = 2  # of fitting again with the errors of the inputs as they are at the values found
 
 
 def identify(
@@ -35,6 +45,7 @@ def identify(
     priors: Mapping[str, tuple[float, float]] | None = None,
     loss: Loss = "linear",
     components: Components = "both",
+    errors: InputErrors | None = None,
     folds: int = 5,
     effort: Effort | None = None,
     progress: Progress | None = None,
@@ -65,6 +76,8 @@ def identify(
         How residuals count: squared, or less where they are beyond two standard deviations.
     components : "position", "rotation" or "both"
         Which readings count; each by its noise.
+    errors : InputErrors, optional
+        Of the loads and of the joint values in the table: they add to the noise of the readings.
     folds : int
         Folds of the held-out errors; 0 for none.
     effort : Effort, optional
@@ -101,96 +114,107 @@ def identify(
     >>> round(found["J2.torsional"].value / robot.parameter("J2.torsional"), 6)
     1.0
     """
-    if loss not in LOSSES:
-        raise BeamstiffError(f"there is no loss {loss!r}; known: {listed(LOSSES)}")
-    problem = state_problem(robot, measurements, _free_names(robot, parameters, fixed), components)
-    names = problem.model.parameters
-    degeneracy = find_degeneracy(problem)
-    plan = _plan(degeneracy, ties, priors or {})
-    if len(plan.silent) == len(names):
-        raise BeamstiffError(f"{problem.source}: {'; '.join(plan.silent.values())}")
-    stated = state_parameters(names, problem.model.start, plan.ties, bounds, priors, plan.held)
-    objective = Objective(problem, stated, loss)
-    found = minimise(objective, method, effort=effort, progress=progress)
-    stiffness = stated.stiffness(found.theta)
-    spread = uncertainty(objective, found.theta)
+    statement = state_identification(
+        robot,
+        measurements,
+        parameters,
+        fixed=fixed,
+        ties=ties,
+        bounds=bounds,
+        priors=priors,
+        loss=loss,
+        components=components,
+        errors=errors,
+    )
+    found = minimise(statement.objective, method, effort=effort, progress=progress)
+    spent, rounds = found.evaluations, ROUNDS if statement.response is not None else 0
+    for _ in range(rounds):  # the errors of the inputs weigh as they do at the values found
+        if found.interrupted:
+            break
+        statement = statement.weighed(statement.parameters.stiffness(found.theta))
+        found = minimise(statement.objective, begin=found.theta, effort=effort)
+        spent += found.evaluations
+    return conclude(statement, replace(found, evaluations=spent), method, folds)
+
+
+def conclude(statement: Statement, found: Minimum, method: str, folds: int = 5) -> Identification:
+    """Return what a minimum says.
+
+    Parameters
+    ----------
+    statement : Statement
+    found : Minimum
+    method : str
+        By which it was found.
+    folds : int
+        Of the held-out errors; 0 for none.
+    """
+    problem, objective = statement.problem, statement.objective
+    stiffness = statement.parameters.stiffness(found.theta)
+    told = estimate(statement, found.theta)
     by_pose = by_load = None
     if not found.interrupted:
-        by_pose = held_out_rms(objective, problem.pose, folds, found.theta)
-        by_load = held_out_rms(objective, problem.load, folds, found.theta)
-    combinations = tuple(
-        combination
-        for group in plan.groups
-        for combination in _combinations(robot, group, stated, stiffness, spread)
-    )
-    covariance = stated.sums @ spread.covariance @ stated.sums.T
-    lost = [at for at, name in enumerate(names) if name in plan.grouped or name in plan.held]
-    covariance[lost, lost] = np.inf
+        by_pose = held_out(objective, problem.pose, folds, found.theta)
+        by_load = held_out(objective, problem.load, folds, found.theta)
+    names = problem.model.parameters
     return Identification(
-        parameters=tuple(
-            _parameter(name, parameter_unit(robot, name), value, variance, spread, plan, combinations)
-            for name, value, variance in zip(
-                names, stiffness.tolist(), np.diagonal(covariance).tolist(), strict=True
-            )
-        ),
-        degenerate=combinations,
-        covariance=covariance,
+        parameters=told.parameters,
+        degenerate=told.combinations,
+        covariance=told.covariance,
         stiffness=stiffness,
-        robot=robot.with_parameters(dict(zip(names, stiffness.tolist(), strict=True))),
+        robot=statement.robot.with_parameters(dict(zip(names, stiffness.tolist(), strict=True))),
         rms=position_rms(problem, stiffness),
-        rms_held_out=by_pose,
-        rms_held_out_load=by_load,
-        chi_square=spread.chi_square,
+        rms_held_out=None if by_pose is None else by_pose.rms,
+        rms_held_out_load=None if by_load is None else by_load.rms,
+        chi_square=told.chi_square,
         method=method,
         evaluations=found.evaluations,
         message=found.message,
         interrupted=found.interrupted,
         predicted=problem.model.predict(stiffness),
-        notes=(*problem.notes, *plan.silent.values()),
+        notes=(*problem.notes, *statement.plan.silent.values()),
     )
 
 
 @dataclass(frozen=True)
-class _Plan:
-    """What is fitted: by name, which parameters stay, which move together, which only groups are known of."""
+class Estimates:
+    """Values with their uncertainty.
 
-    silent: dict[str, str]
-    groups: tuple[Joined | Mixed, ...]
-    ties: tuple[Sequence[str], ...]
-    held: frozenset[str]
+    Attributes
+    ----------
+    parameters : tuple of Parameter (m)
+    combinations : tuple of Combination
+    covariance : (m, m) array
+        Of the logarithms; infinite variance of what is not identifiable by itself.
+    chi_square : float
+    """
 
-    @property
-    def grouped(self) -> frozenset[str]:
-        return frozenset(name for group in self.groups for name in group.members)
-
-
-def _plan(found: Degeneracy, ties: Sequence[Sequence[str]], priors: Collection[str]) -> _Plan:
-    silent = {item.name: item.reason for item in found.silent if item.name not in priors}
-
-    def apart(group: Joined | Mixed) -> bool:
-        """Whether what the user knows tells the members of a group apart."""
-        one = any(set(group.members) <= set(tie) for tie in ties)
-        return one or sum(name in priors for name in group.members) >= len(group.members) - 1
-
-    every: list[Joined | Mixed] = [*found.joined, *found.mixed]
-    groups = tuple(group for group in every if not apart(group))
-    tied = {name for tie in ties for name in tie}
-    own = [group.members for group in groups if isinstance(group, Joined) and not tied & set(group.members)]
-    held = {name for group in groups if isinstance(group, Mixed) for name in group.held}
-    return _Plan(silent, groups, (*ties, *own), frozenset((held | set(silent)) - set(priors)))
+    parameters: tuple[Parameter, ...]
+    combinations: tuple[Combination, ...]
+    covariance: Array
+    chi_square: float
 
 
-def _free_names(robot: Robot, parameters: Sequence[str] | None, fixed: Sequence[str]) -> list[str] | None:
-    if not fixed:
-        return None if parameters is None else list(parameters)
-    names = list(robot.identify if parameters is None else parameters)
-    for name in fixed:
-        if name not in names:
-            raise BeamstiffError(f"fixed: {name!r} is not among the parameters{suggest(name, names)}")
-    left = [name for name in names if name not in fixed]
-    if not left:
-        raise BeamstiffError(f"all parameters ({listed(names)}) are fixed: nothing is left to identify")
-    return left
+def estimate(statement: Statement, theta: Array) -> Estimates:
+    """Return the values at an optimum theta (t,) with their uncertainty, and the sums that are known."""
+    robot, stated, plan = statement.robot, statement.parameters, statement.plan
+    stiffness = stated.stiffness(theta)
+    spread = uncertainty(statement.objective, theta)
+    combinations = tuple(
+        combination
+        for group in plan.groups
+        for combination in _combinations(robot, group, stated, stiffness, spread)
+    )
+    covariance = spread_over(spread.covariance, stated.tied)
+    lost = [at for at, name in enumerate(stated.names) if name in plan.grouped or name in plan.held]
+    covariance[lost, lost] = np.inf
+    parameters = tuple(
+        _parameter(name, parameter_unit(robot, name), value, variance, spread, plan, combinations)
+        for name, value, variance in zip(
+            stated.names, stiffness.tolist(), np.diagonal(covariance).tolist(), strict=True
+        )
+    )
+    return Estimates(parameters, combinations, covariance, spread.chi_square)
 
 
 def _combinations(
@@ -211,14 +235,16 @@ def _combinations(
         std = float(np.sqrt(by_theta[felt] @ covariance @ by_theta[felt]))
         kind = sum_.kind if isinstance(sum_, Joined) else "sum"
         inverse = {"N/m": "m/N", "N*m/rad": "rad/(N*m)", "Pa": "1/Pa"}[unit]
+        value, known = sum_.value(values), bool(np.isfinite(std))
         result.append(
             Combination(
                 sum_.members,
                 sum_.text(),
-                sum_.value(values),
-                std if np.isfinite(std) else None,
+                value,
+                std if known else None,
                 kind,
                 unit if kind == "parallel" else inverse,
+                interval=sum_interval(value, std, spread.quantile, kind) if known else None,
             )
         )
     return result
@@ -230,7 +256,7 @@ def _parameter(
     value: float,
     variance: float,
     spread: Uncertainty,
-    plan: _Plan,
+    plan: Plan,
     combinations: Sequence[Combination],
 ) -> Parameter:
     if name in plan.silent:

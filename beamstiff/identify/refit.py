@@ -1,0 +1,87 @@
+"""Fit again, close to where a fit is known: for resampled rows, other readings, rows left out.
+
+Gauss-Newton steps in the compliances within their bounds, as in `methods/linear`; here each row may count
+several times or not at all, and a robust loss is met by reweighting (Holland and Welsch, "Robust regression
+using iteratively reweighted least-squares", 1977). A few evaluations each, where a search from afar takes
+dozens.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from beamstiff.errors import BeamstiffError
+from beamstiff.identify.methods.linear import nonnegative_step
+from beamstiff.identify.objective import Objective
+from beamstiff.se3 import Array
+
+STEPS = 200
+CLOSE = 1e-12  # share of the cost that a step is expected to gain: below, it is done
+SHORTEST = 1e-6  # share of a step
+
+
+def refit(objective: Objective, begin: Array, counts: Array | None = None) -> Array:
+    """Return the optimum theta (t,) of an objective, from a start that is close.
+
+    Parameters
+    ----------
+    objective : Objective
+    begin : (t,) array
+    counts : (n,) array, optional
+        How often each whitened residual counts; default once.
+
+    Raises
+    ------
+    BeamstiffError
+        When it does not converge.
+    """
+    if begin.size == 0:
+        return begin
+    parameters, n = objective.parameters, objective.problem.count
+    low, high = np.exp(-parameters.upper), np.exp(-parameters.lower)
+    often = np.ones(n + len(parameters.names))
+    if counts is not None:
+        often[:n] = counts
+
+    def evaluate(compliance: Array) -> tuple[float, Array, Array]:
+        residuals, by_log = objective.jacobian(-np.log(compliance))
+        z = (residuals / objective.scale) ** 2
+        cost = 0.5 * objective.scale**2 * float(often @ objective.rho(z)[0])
+        root = np.sqrt(often * objective.weights(residuals))
+        return cost, root * residuals, root[:, None] * (-by_log / compliance)
+
+    compliance = np.clip(np.exp(-begin), low, high)
+    cost, residuals, slopes = evaluate(compliance)
+    for _ in range(STEPS):
+        target = _step(compliance, residuals, slopes, low, high)
+        moved = slopes @ (target - compliance)
+        gain = -float(moved @ (residuals + 0.5 * moved))
+        if gain <= CLOSE * cost:
+            break
+        share = 1.0
+        while True:
+            there = compliance + share * (target - compliance)
+            new, *rest = evaluate(there)
+            if new < cost:
+                break
+            share /= 2
+            if share < SHORTEST:
+                break
+        if new >= cost:  # as far as rounding lets it
+            break
+        compliance, cost, (residuals, slopes) = there, new, rest
+    else:
+        raise BeamstiffError(f"{objective.problem.source}: a fit did not converge in {STEPS} steps")
+    result: Array = -np.log(compliance)
+    return result
+
+
+def _step(compliance: Array, residuals: Array, slopes: Array, low: Array, high: Array) -> Array:
+    """Return the compliances within bounds that minimise ``|r + A (x - c)|``."""
+    size = np.linalg.norm(slopes, axis=0)
+    size = np.where(size > 0, size, 1.0)
+    change, _, rank, _ = np.linalg.lstsq(slopes / size, -residuals)
+    target: Array = compliance + change / size
+    if rank == len(compliance) and ((target >= low) & (target <= high)).all():
+        return target
+    return nonnegative_step(compliance, residuals, slopes, low, high)
