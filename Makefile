@@ -12,7 +12,7 @@ STAMP := .venv/.installed
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: venv demo test slow lint clean
+.PHONY: venv demo test slow figures lint clean
 
 venv: $(STAMP)
 
@@ -32,6 +32,10 @@ test: venv
 
 slow: venv
 	$(BIN)/python -m pytest -n $(JOBS) -m slow $(PYTEST_ARGS)
+
+# What the core must show: asked beside reached.
+figures: venv
+	$(BIN)/python -m benchmarks.core_figures
 
 # All four, whatever the first ones say.
 lint: venv
