@@ -37,7 +37,7 @@ def machine() -> str:
     return (
         f"{processor}, {os.cpu_count()} cores (one used), Python {platform.python_version()}, "
         f"numpy {np.__version__}, {blas['name']} {blas['version']} with "
-        f"{os.environ['OPENBLAS_NUM_THREADS']} thread, {CHUNK} poses at a time"
+        f"{os.environ.get('OPENBLAS_NUM_THREADS', 'its own number of')} threads, {CHUNK} poses at a time"
     )
 
 
