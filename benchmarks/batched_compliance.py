@@ -36,8 +36,8 @@ def machine() -> str:
     blas = np.show_config(mode="dicts")["Build Dependencies"]["blas"]
     return (
         f"{processor}, {os.cpu_count()} cores (one used), Python {platform.python_version()}, "
-        f"numpy {np.__version__}, {blas['name']} {blas['version']} with "
-        f"{os.environ.get('OPENBLAS_NUM_THREADS', 'its own number of')} threads, {CHUNK} poses at a time"
+        f"numpy {np.__version__}, {blas['name']} {blas['version']}, "
+        f"OPENBLAS_NUM_THREADS {os.environ.get('OPENBLAS_NUM_THREADS', 'unset')}, {CHUNK} poses at a time"
     )
 
 
