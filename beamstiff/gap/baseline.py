@@ -8,7 +8,7 @@ remains, and only at what these values cannot absorb.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,7 +63,11 @@ class Baseline:
         The part of it that the rows' loads make.
     tangent : (N, 6, t) array
         Derivatives by the compliances.
+    response : (N, 6, 6) array
+        Displacement of the row's point per unit wrench at its load point, linear.
     places : Places
+    fit_rows : Baseline or None
+        The baseline that was fitted, where this one is its prediction for other rows.
     """
 
     robot: Robot
@@ -78,7 +82,14 @@ class Baseline:
     predicted: Array
     loaded: Array
     tangent: Array
+    response: Array
     places: Places
+    fit_rows: Baseline | None = None
+
+    @property
+    def fit(self) -> Baseline:
+        """The baseline that was fitted: effects are scaled by its rows."""
+        return self.fit_rows or self
 
     @property
     def absolute(self) -> bool:
@@ -179,8 +190,50 @@ def fit_baseline(
         predicted=predicted,
         loaded=loaded,
         tangent=tangent,
+        response=tool_response(fitted, rows),
         places=find_places(fitted, rows),
     )
+
+
+def at_rows(fit: Baseline, rows: Measurements) -> Baseline:
+    """Return the fitted baseline's view of other rows, measured or not."""
+    predicted, loaded = predict(fit.robot, rows)
+    if fit.fitted:
+        model = reduce_to_ports(fit.robot, rows, fit.fitted, gravity=rows.kind == "absolute")
+        stiffness = _values(fit.robot, fit.fitted, model.start)
+        tangent = -model.derivatives(stiffness)[1] * stiffness**2
+    else:
+        tangent = np.zeros((len(rows), 6, 0))
+    used = rows.measured_mask
+    return Baseline(
+        robot=fit.robot,
+        nominal=fit.nominal,
+        rows=rows,
+        fitted=fit.fitted,
+        measured=np.where(used, deviation(fit.nominal, rows), 0.0),
+        used=used,
+        sigma=_sigma(rows),
+        claimed=fit.claimed,
+        sharing=rows.pose if rows.shared_unloaded else np.full(len(rows), -1),
+        predicted=predicted,
+        loaded=loaded,
+        tangent=tangent,
+        response=tool_response(fit.robot, rows),
+        places=find_places(fit.robot, rows),
+        fit_rows=fit.fit,
+    )
+
+
+def tool_response(robot: Robot, rows: Measurements) -> Array:
+    """Return the displacement of the rows' points per unit wrench at their load points, (N, 6, 6), linear."""
+    if not any(0.0 < value < RIGID for value in stiffness_parameters(robot).values()):
+        return np.zeros((len(rows), 6, 6))
+    columns = []
+    for at in range(6):
+        wrench = np.zeros_like(rows.wrench)
+        wrench[:, at] = 1.0
+        columns.append(predict_displacements(robot, replace(rows, wrench=wrench)))
+    return np.stack(columns, axis=-1)
 
 
 def predict(robot: Robot, rows: Measurements) -> tuple[Array, Array]:

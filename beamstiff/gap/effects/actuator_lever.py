@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from beamstiff.gap.baseline import Baseline
-from beamstiff.gap.effects.drive_stiffness import PHASES, joint_values_of, scaled_torque, varying
+from beamstiff.gap.effects.drive_stiffness import PHASES, Following, scaled_torque
 from beamstiff.gap.effects.effect import Effect, Quantity, Shape
 from beamstiff.gap.effects.laws import axis_at, drive_compliance, drives, unit_of
 
@@ -22,11 +22,13 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     axis = axis_at(baseline, str(component))
     if axis.joint.variable is None or not axis.turns:
         return []
-    q = joint_values_of(baseline, axis.joint.variable)
+    follow = Following(baseline, axis.joint.variable)
     compliance = drive_compliance(axis)
     unit = f"{unit_of(axis)}/(N*m)"
-    waves = [np.cos(q), np.sin(q), np.cos(2 * q), np.sin(2 * q)]
-    columns = [scaled_torque(baseline, axis, varying(wave)) for wave in waves]
+    columns = [
+        scaled_torque(baseline, axis, follow.varying(wave))
+        for wave in (np.cos, np.sin, lambda q: np.cos(2 * q), lambda q: np.sin(2 * q))
+    ]
     names = ("cos_q", "sin_q", "cos_2q", "sin_2q")
     sizes = (0.3, 0.3, 0.15, 0.15)
     quantities = tuple(
@@ -40,10 +42,14 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     cranks = []
     for ratio in RATIOS:
         for phase in PHASES:
-            lever = _lever(q + phase, ratio)
+            lever = _lever(follow.fitted + phase, ratio)
             if lever.min() > NEAR_DEAD * _lever(np.linspace(0, np.pi, 181), ratio).max():
-                factor = (lever**2).mean() / lever**2
-                column = scaled_torque(baseline, axis, varying(factor))
+                square = float((lever**2).mean())
+
+                def factor(q: np.ndarray, ratio=ratio, phase=phase, square=square) -> np.ndarray:  # type: ignore[no-untyped-def]
+                    return square / _lever(q + phase, ratio) ** 2
+
+                column = scaled_torque(baseline, axis, follow.varying(factor))
                 cranks.append((f"crank {ratio:g}, {np.degrees(phase):.0f} deg", column))
     gain = Quantity("mean_compliance", unit, compliance)
     return result + [

@@ -6,14 +6,14 @@ import numpy as np
 
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects.effect import Effect, Quantity, Shape
-from beamstiff.gap.effects.laws import axis_at, by_law, drives, typical_torque, unit_of
+from beamstiff.gap.effects.laws import axis_at, by_law, drives, unit_of
 
 WIDTHS = (0.005, 0.03, 0.1)  # of the largest torque, over which the flank is reached
 
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     axis = axis_at(baseline, str(component))
-    largest = typical_torque(axis)
+    largest = axis.typical
     unit = unit_of(axis)
     half = Quantity("half_width", unit, 2e-4 if axis.turns else 5e-5)
     return [

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from beamstiff.gap.baseline import Baseline
+from beamstiff.gap.baseline import Baseline, unloaded_posture
 from beamstiff.gap.effects.laws import Axis
+from beamstiff.robot.kinematics import compile_kinematics
 from beamstiff.se3 import Array
+
+PHASES = np.arange(0, 2 * np.pi, np.pi / 8)
 
 
 def joint_values_of(baseline: Baseline, variable: str) -> Array:
     """Return a joint variable in every row, (N,): actuated ones as read, others with the loops closed."""
-    from beamstiff.gap.baseline import unloaded_posture
-    from beamstiff.robot.kinematics import compile_kinematics
-
     where, pose = unloaded_posture(baseline.nominal, baseline.rows)
     names = compile_kinematics(baseline.nominal).coupling.names
     result: Array = where.values[pose, list(names).index(variable)]
@@ -27,10 +29,14 @@ def scaled_torque(baseline: Baseline, axis: Axis, factor: Array) -> Array:
     return result
 
 
-def varying(factor: Array) -> Array:
-    """Return a factor (N,) of the stiffness less its mean: a constant part is the drive's own."""
-    result: Array = factor - factor.mean()
-    return result
+class Following:
+    """The angle of a joint in the rows and in those that were fitted."""
 
+    def __init__(self, baseline: Baseline, variable: str) -> None:
+        self.angle = joint_values_of(baseline, variable)
+        self.fitted = self.angle if baseline.fit is baseline else joint_values_of(baseline.fit, variable)
 
-PHASES = np.arange(0, 2 * np.pi, np.pi / 8)
+    def varying(self, law: Callable[[Array], Array]) -> Array:
+        """Return a law of the angle (N,) less its mean over the fitted rows: a constant is the drive's own."""
+        result: Array = law(self.angle) - law(self.fitted).mean()
+        return result

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from beamstiff.gap.baseline import Baseline
-from beamstiff.gap.effects.drive_stiffness import PHASES, joint_values_of, scaled_torque, varying
+from beamstiff.gap.effects.drive_stiffness import PHASES, Following, scaled_torque
 from beamstiff.gap.effects.effect import Effect, Quantity, Shape
 from beamstiff.gap.effects.laws import axis_at, drive_compliance, drives
 from beamstiff.robot.fields import RIGID
@@ -23,15 +23,19 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     axis = axis_at(baseline, str(component))
     if axis.joint.variable is None or not axis.turns or axis.stiffness == RIGID:
         return []
-    q = joint_values_of(baseline, axis.joint.variable)
+    follow = Following(baseline, axis.joint.variable)
     compliance = drive_compliance(axis)
     result = []
     for ratio in RATIOS:
         for free in FREE_LENGTHS:
             for phase in PHASES:
-                torque, stiffness = _spring(q - phase, ratio, free)
-                column = scaled_torque(baseline, axis, -varying(stiffness) * compliance**2)
+
+                def spring(q: np.ndarray, phase=phase, ratio=ratio, free=free) -> np.ndarray:  # type: ignore[no-untyped-def]
+                    return _spring(q - phase, ratio, free)[1]
+
+                column = scaled_torque(baseline, axis, -follow.varying(spring) * compliance**2)
                 if baseline.absolute:  # the balancer's own torque winds the drive up
+                    torque = _spring(follow.angle - phase, ratio, free)[0]
                     column = column - axis.shift * (torque * compliance)[:, None]
                 name = f"spring {ratio:g}, free {free:g}, {np.degrees(phase):.0f} deg"
                 size = Quantity("largest_stiffness", "N*m/rad", 0.1 / compliance)

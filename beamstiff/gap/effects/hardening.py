@@ -6,14 +6,14 @@ import numpy as np
 
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects.effect import Effect, Quantity, Shape
-from beamstiff.gap.effects.laws import axis_at, by_law, drive_compliance, drives, typical_torque, unit_of
+from beamstiff.gap.effects.laws import axis_at, by_law, drive_compliance, drives, unit_of
 
 KNEES = (0.1, 0.25, 0.5)  # of the largest torque: where the soft wind-up ends
 
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     axis = axis_at(baseline, str(component))
-    largest, unit = typical_torque(axis), unit_of(axis)
+    largest, unit = axis.typical, unit_of(axis)
     give = drive_compliance(axis) * largest
     scale = Quantity("softening_at_largest_torque", unit, 0.3 * give)
     soft = Quantity("extra_windup", unit, 0.2 * give)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects.effect import Effect, Quantity, Shape
-from beamstiff.gap.effects.laws import axis_at, drive_compliance, drives, typical_torque, unit_of
+from beamstiff.gap.effects.laws import axis_at, drive_compliance, drives, unit_of
 from beamstiff.measure.rows import history_order
 from beamstiff.se3 import Array
 
@@ -55,7 +55,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     for row in order.tolist():
         fresh[row] = int(groups[row]) not in seen
         seen.add(int(groups[row]))
-    largest, unit = typical_torque(axis), unit_of(axis)
+    largest, unit = axis.typical, unit_of(axis)
     give = drive_compliance(axis) * largest
     columns = []
     for limit in LIMITS:

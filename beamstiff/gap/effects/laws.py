@@ -29,6 +29,8 @@ class Axis:
         As the robot was given; inf is rigid.
     turns : bool
         About the axis; else along it.
+    typical : float
+        Largest torque from the loads of the rows that were fitted, or 1 where there is none.
     """
 
     joint: Joint
@@ -37,6 +39,7 @@ class Axis:
     shift: Array
     stiffness: float
     turns: bool
+    typical: float
 
 
 def component_of(joint: Joint) -> str:
@@ -55,9 +58,15 @@ def axis_at(baseline: Baseline, component: str) -> Axis:
     kind = own_direction(baseline.nominal, joint.name)
     at = 3 if kind == "torsional" else 0
     place = baseline.places.joints[joint.name]
-    stiffness = float(getattr(joint.stiffness, kind))
+    largest = float(np.abs(baseline.fit.places.joints[joint.name].load[:, at]).max(initial=0.0))
     return Axis(
-        joint, place.load[:, at], place.dead[:, at], place.shift[:, :, at], stiffness, kind == "torsional"
+        joint=joint,
+        load=place.load[:, at],
+        dead=place.dead[:, at],
+        shift=place.shift[:, :, at],
+        stiffness=float(getattr(joint.stiffness, kind)),
+        turns=kind == "torsional",
+        typical=largest or 1.0,
     )
 
 
@@ -93,12 +102,6 @@ def by_compliance(baseline: Baseline, place: Place, pairs: list[tuple[int, int]]
             slip[:, b] += passed[:, a]
     result: Array = np.einsum("nab,nb->na", place.shift, slip)
     return result
-
-
-def typical_torque(axis: Axis) -> float:
-    """Return the largest torque from loads, or 1 where there is none."""
-    largest = float(np.abs(axis.load).max(initial=0.0))
-    return largest or 1.0
 
 
 def drive_compliance(axis: Axis) -> float:

@@ -1,0 +1,55 @@
+"""`frame-misalignment`: the measuring frame is turned, shifted or scaled against the base frame."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from beamstiff.gap.baseline import Baseline, nominal_pose
+from beamstiff.gap.effects.effect import Effect, Quantity, Shape
+
+TURN = 0.02  # rad, of displacements
+PLACED_TURN, PLACED_SHIFT = 5e-4, 5e-4  # rad, m, of absolute positions
+SCALE = 0.01
+
+
+def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: ARG001
+    axes = np.broadcast_to(np.eye(3), (len(baseline.rows), 3, 3))
+    nothing = np.zeros_like(axes)
+    if baseline.absolute:
+        position = nominal_pose(baseline.nominal, baseline.rows)[0]
+        turn = np.concatenate([np.cross(axes, position[:, :, None], axis=1), axes], 1)
+        shift = np.concatenate([axes, nothing], 1)
+        turns = tuple(Quantity(f"rotation_{axis}", "rad", PLACED_TURN) for axis in "xyz")
+        shifts = tuple(Quantity(f"shift_{axis}", "m", PLACED_SHIFT) for axis in "xyz")
+        grown = np.concatenate([position, np.zeros_like(position)], 1)[..., None]
+        scale = Quantity("scale", "1", 1e-4)
+        return [
+            Shape("turned", turn, turns),
+            Shape("turned and shifted", np.concatenate([turn, shift], -1), (*turns, *shifts)),
+            Shape("scaled", grown, (scale,), weight=0.3),
+        ]
+    seen = baseline.predicted
+    turn = np.concatenate([np.cross(axes, seen[:, s, None], axis=1) for s in (slice(3), slice(3, 6))], 1)
+    scale = np.concatenate([seen[:, :3], np.zeros_like(seen[:, :3])], 1)[..., None]
+    turns = tuple(Quantity(f"rotation_{axis}", "rad", TURN) for axis in "xyz")
+    return [
+        Shape("turned", turn, turns),
+        Shape(
+            "turned and scaled",
+            np.concatenate([turn, scale], -1),
+            (*turns, Quantity("scale", "1", SCALE)),
+            weight=0.5,
+        ),
+    ]
+
+
+EFFECT = Effect(
+    name="frame-misalignment",
+    family="measurement",
+    meaning="The measuring frame is turned, shifted or scaled against the base frame.",
+    components=lambda baseline: [None],  # noqa: ARG005
+    shapes=_shapes,
+    separation="unloaded moves along the base axes",
+    look_alikes=("load-error", "geometry-error"),
+    sources="0.2 to 3 deg, engineering estimate",
+)

@@ -1,0 +1,99 @@
+"""`load-error`: the wrench that acts is not the one that was written down.
+
+To first order the displacement is off by ``C dw``, C the compliance between tool and target, dw the error of the
+wrench: a cable pulls askew (``theta x F``), a cell has other gains by axis, is not linear, has a tare, and the
+friction of a pulley adds to a rising load and takes from a falling one.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from beamstiff.gap.baseline import Baseline
+from beamstiff.gap.effects.effect import Effect, Quantity, Shape
+from beamstiff.gap.effects.outside import tool_axes
+from beamstiff.measure.rows import history_order
+from beamstiff.se3 import Array
+
+ANGLE = 0.03  # rad
+GAIN = 0.03
+TARE = 10.0  # N
+
+
+def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: ARG001
+    wrench, axes = baseline.rows.wrench, tool_axes(baseline)
+    largest = float(np.linalg.norm(baseline.fit.rows.wrench[:, :3], axis=1).max(initial=0.0)) or 1.0
+    base = np.broadcast_to(np.eye(3), axes.shape)
+
+    def moved(error: Array) -> Array:
+        """Return what errors (N, 6, c) of the wrench displace."""
+        result: Array = baseline.response @ error
+        return result
+
+    def turned(frame: Array) -> Array:
+        return moved(
+            np.concatenate([np.cross(frame, wrench[:, s, None], axis=1) for s in (slice(3), slice(3, 6))], 1)
+        )
+
+    def scaled(frame: Array) -> Array:
+        parts = []
+        for s in (slice(3), slice(3, 6)):
+            own = np.einsum("nai,na->ni", frame, wrench[:, s])
+            parts.append(frame * own[:, None, :])
+        return moved(np.concatenate(parts, 1))
+
+    def constant(frame: Array) -> Array:
+        acts = np.linalg.norm(wrench, axis=1) > 0
+        return moved(np.concatenate([frame * acts[:, None, None], np.zeros_like(frame)], 1))
+
+    def named(what: str, unit: str, size: float, axis: str = "xyz") -> tuple[Quantity, ...]:
+        return tuple(Quantity(f"{what}_{name}", unit, size) for name in axis)
+
+    size = np.linalg.norm(wrench[:, :3], axis=1, keepdims=True) / largest
+    bent = Quantity("nonlinearity_at_largest_load", "1", GAIN)
+    result = [
+        Shape("direction", turned(base), named("direction", "rad", ANGLE)),
+        Shape("direction in the tool", turned(axes), named("direction_tool", "rad", ANGLE)),
+        Shape("gain by axis", scaled(base), named("gain", "1", GAIN)),
+        Shape("gain by axis of the tool", scaled(axes), named("gain_tool", "1", GAIN)),
+        Shape(
+            "direction and gain",
+            np.concatenate([turned(base), scaled(base)], -1),
+            (*named("direction", "rad", ANGLE), *named("gain", "1", GAIN)),
+        ),
+        Shape("nonlinear", moved((wrench * size)[..., None]), (bent,)),
+        Shape("tare", constant(base), named("tare", "N", TARE)),
+        Shape("tare of the tool", constant(axes), named("tare_tool", "N", TARE)),
+    ]
+    branch = rising(baseline)
+    if (branch > 0).any() and (branch < 0).any():
+        friction = Quantity("pulley_friction", "1", GAIN)
+        result.append(Shape("pulley friction", moved((wrench * branch[:, None])[..., None]), (friction,)))
+    return result
+
+
+def rising(baseline: Baseline) -> Array:
+    """Return 1 where the load grew to reach a row, -1 where it fell, (N,); 0 where the rows have no steps."""
+    rows = baseline.rows
+    result = np.zeros(len(rows))
+    if not np.isfinite(rows.step).all():
+        return result
+    groups = rows.run if rows.continuous else rows.pose
+    before: dict[int, float] = {}
+    for row in history_order(rows).tolist():
+        load = float(np.linalg.norm(rows.wrench[row]))
+        result[row] = 1.0 if load >= before.get(int(groups[row]), 0.0) else -1.0
+        before[int(groups[row])] = load
+    return result
+
+
+EFFECT = Effect(
+    name="load-error",
+    family="measurement",
+    meaning="The load's magnitude or direction is misread: sensor gain, cable angle, pulley friction.",
+    components=lambda baseline: [None] if np.abs(baseline.rows.wrench).any() else [],
+    shapes=_shapes,
+    separation="a plumb line beside the cable, a load cell at the tool, a closed load cycle",
+    look_alikes=("frame-misalignment", "tool-offset"),
+    sources="0.5 to 5 deg, 1 to 10 %, engineering estimate",
+)

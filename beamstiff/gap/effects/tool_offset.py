@@ -1,0 +1,56 @@
+"""`tool-offset`: the load acts, or the target sits, elsewhere than at the nominal TCP.
+
+A load off by p adds the moment ``p x F``; a target off by p moves by ``r x p`` more, and its absolute position is
+off by p, constant in the tool's frame.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from beamstiff.gap.baseline import Baseline
+from beamstiff.gap.effects.effect import Effect, Quantity, Shape
+from beamstiff.gap.effects.outside import tool_axes
+
+OFFSET = 0.03  # m
+PLACED = 5e-4  # m, of a target whose place was measured
+TURNED = 1e-3  # rad
+
+
+def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: ARG001
+    axes = tool_axes(baseline)
+    nothing = np.zeros_like(axes)
+    if baseline.absolute:
+        seat = np.concatenate([axes, nothing], 1)
+        turn = np.concatenate([nothing, axes], 1)
+        places = tuple(Quantity(f"target_{axis}", "m", PLACED) for axis in "xyz")
+        turns = tuple(Quantity(f"turn_{axis}", "rad", TURNED) for axis in "xyz")
+        return [
+            Shape("target", seat, places),
+            Shape("target and its turn", np.concatenate([seat, turn], -1), (*places, *turns)),
+        ]
+    force = baseline.rows.wrench[:, :3, None]
+    moment = np.concatenate([nothing, np.cross(axes, force, axis=1)], 1)
+    load = baseline.response @ moment
+    seen = np.concatenate([np.cross(baseline.predicted[:, 3:, None], axes, axis=1), nothing], 1)
+    loads = tuple(Quantity(f"load_point_{axis}", "m", OFFSET) for axis in "xyz")
+    targets = tuple(Quantity(f"target_{axis}", "m", OFFSET) for axis in "xyz")
+    both = tuple(Quantity(f"tool_{axis}", "m", OFFSET) for axis in "xyz")
+    return [
+        Shape("load", load, loads),
+        Shape("target", seen, targets),
+        Shape("load and target together", load + seen, both),
+        Shape("load and target", np.concatenate([load, seen], -1), (*loads, *targets), weight=0.5),
+    ]
+
+
+EFFECT = Effect(
+    name="tool-offset",
+    family="measurement",
+    meaning="The load acts, or the target sits, elsewhere than at the nominal TCP.",
+    components=lambda baseline: [None],  # noqa: ARG005
+    shapes=_shapes,
+    separation="the same force at two points of the tool; two targets",
+    look_alikes=("tool-compliance", "load-error"),
+    sources="5 to 50 mm, engineering estimate",
+)

@@ -1,0 +1,148 @@
+"""Every effect at every component of a robot in all its shapes, as columns; and what the data cannot show."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from beamstiff.errors import BeamstiffError, suggest
+from beamstiff.gap.baseline import Baseline
+from beamstiff.gap.effects import EFFECTS, Shape
+from beamstiff.gap.whitened import Whitened
+from beamstiff.se3 import Array
+
+ABSORBED = 0.02  # share of a signature's size that the fitted parameters leave
+FAINT = 0.1  # sigma a value, at the largest realistic size
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """One shape of an effect at a component.
+
+    Attributes
+    ----------
+    effect : str
+    component : str or None
+    shape : Shape
+    prior : float
+        Its share of all effects' prior probability.
+    columns : (n, c) array
+        Whitened, in realistic sizes.
+    """
+
+    effect: str
+    component: str | None
+    shape: Shape
+    prior: float
+    columns: Array
+
+    @property
+    def key(self) -> str:
+        """``effect:component``."""
+        return key_of(self.effect, self.component)
+
+    @property
+    def sizes(self) -> Array:
+        """Realistic sizes of the parameters, (c,)."""
+        return np.array([quantity.size for quantity in self.shape.parameters])
+
+
+@dataclass(frozen=True)
+class Untestable:
+    """A candidate that the data cannot show, and why."""
+
+    effect: str
+    component: str | None
+    why: str
+
+
+@dataclass(frozen=True)
+class Library:
+    """All hypotheses, and the candidates among them that the data cannot show."""
+
+    hypotheses: tuple[Hypothesis, ...]
+    untestable: tuple[Untestable, ...]
+
+
+def key_of(effect: str, component: str | None) -> str:
+    """Return ``effect:component``, a missing component written ``null``."""
+    return f"{effect}:{'null' if component is None else component}"
+
+
+def state_library(baseline: Baseline, white: Whitened, without: Sequence[str] = ()) -> Library:
+    """Return what the data could be explained by.
+
+    Parameters
+    ----------
+    baseline : Baseline
+    white : Whitened
+    without : sequence of str
+        Effects, or ``effect:component``, to leave out.
+
+    Raises
+    ------
+    BeamstiffError
+        When `without` names no effect.
+    """
+    for name in without:
+        if name.split(":")[0] not in EFFECTS:
+            raise BeamstiffError(f"without: unknown effect {name!r}{suggest(name.split(':')[0], EFFECTS)}")
+    hypotheses: list[Hypothesis] = []
+    untestable = []
+    known = [effect for effect in EFFECTS.values() if effect.name not in without]
+    for effect in known:
+        components = [c for c in effect.components(baseline) if key_of(effect.name, c) not in without]
+        if not components:
+            untestable.append(Untestable(effect.name, None, _nowhere(effect.name, baseline)))
+        for component in components:
+            shapes = effect.shapes(baseline, component)
+            total = sum(shape.weight for shape in shapes)
+            some = [
+                Hypothesis(
+                    effect=effect.name,
+                    component=component,
+                    shape=shape,
+                    prior=shape.weight / total / len(components) / len(known),
+                    columns=white.turn(shape.columns * np.array([p.size for p in shape.parameters])),
+                )
+                for shape in shapes
+            ]
+            why = _hidden(some, white)
+            if why:
+                untestable.append(Untestable(effect.name, component, why))
+            hypotheses += some
+    untestable += [
+        Untestable("link-bending", name, "rigid parts of a loop hold it: its forces are not determined")
+        for name in baseline.places.held
+    ]
+    return Library(tuple(hypotheses), tuple(untestable))
+
+
+def _hidden(hypotheses: Sequence[Hypothesis], white: Whitened) -> str:
+    """Return why none of the shapes of a candidate would show; empty when one would."""
+    if not hypotheses:
+        return ""
+    size = np.array([np.sqrt((one.columns**2).sum()) for one in hypotheses])
+    left = np.array([np.sqrt((white.leave(one.columns) ** 2).sum()) for one in hypotheses])
+    most = left * np.array([one.shape.spread for one in hypotheses]) / np.sqrt(max(white.freedom, 1))
+    if not size.any():
+        return "these loads and postures do not excite it"
+    if (left < ABSORBED * size).all():
+        return "the fitted stiffness absorbs it"
+    if (most < FAINT).all():
+        return f"too small: at the largest realistic size it moves a reading by {most.max():.2g} sigma"
+    return ""
+
+
+def _nowhere(effect: str, baseline: Baseline) -> str:
+    if effect == "payload-error":
+        return "displacements do not depend on it: look at absolute positions"
+    if effect == "joint-compliance":
+        return "the model holds no joint rigid about its axis"
+    if effect == "joint-coupling":
+        return "fewer than two joints have springs about their axes"
+    if not np.abs(baseline.rows.wrench).any():
+        return "no row carries a load"
+    return "this robot has no component for it"

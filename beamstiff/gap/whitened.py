@@ -1,0 +1,145 @@
+"""The gap in units of its noise, in the axes of what nobody thought of.
+
+An unknown effect is taken for a random displacement: smooth over the postures and its own in each, and in each
+growing with the load and its square. In the eigenvectors of that covariance K, whitened, both the noise
+``s^2`` and the unknown ``v^2 K`` are diagonal, so that every sum below is a weighted one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from beamstiff.gap.baseline import Baseline
+from beamstiff.identify.problem import whitening
+from beamstiff.se3 import Array
+
+LARGE = 800  # rows from which on postures are taken one by one
+REACH = 1.0  # rad or m over which the unknown changes with the posture
+LEVER = 0.7  # m: unknown rotations are unknown displacements over this
+CONSTANT, SQUARE = 0.3, 0.5  # weights of what does not grow with the load, or with its square
+SILENT = 1e-9  # share of a column that the fit leaves, below which it leaves nothing
+
+
+@dataclass(frozen=True)
+class Whitened:
+    """A baseline's gap and tangent in whitened axes; n values, t fitted parameters.
+
+    Attributes
+    ----------
+    axes : (n, n) sparse array
+        Turns used values into whitened ones.
+    unknown : (n,) array
+        Variance of the unknown there; its mean is 1.
+    gap : (n,) array
+    tangent : (n, t) array
+        Orthonormal.
+    used : (N, 6) bool array
+    """
+
+    axes: sparse.csr_array
+    unknown: Array
+    gap: Array
+    tangent: Array
+    used: NDArray[np.bool_]
+
+    @property
+    def freedom(self) -> int:
+        """Values less fitted parameters."""
+        return int(self.gap.size - self.tangent.shape[1])
+
+    def turn(self, columns: Array) -> Array:
+        """Return columns (N, 6, c) whitened, (n, c)."""
+        result: Array = self.axes @ columns[self.used]
+        return result
+
+    def leave(self, columns: Array) -> Array:
+        """Return what the fit leaves of whitened columns (n, c)."""
+        result: Array = columns - self.tangent @ (self.tangent.T @ columns)
+        return result
+
+
+def whiten(baseline: Baseline, used: NDArray[np.bool_] | None = None, nuisance: Array | None = None) -> Whitened:
+    """Return a baseline's gap whitened.
+
+    Parameters
+    ----------
+    baseline : Baseline
+    used : (N, 6) bool array, optional
+        Values that count, of those measured.
+    nuisance : (N, 6, c) array, optional
+        Columns that are fitted along with the model's own values.
+    """
+    chosen = baseline.used if used is None else used & baseline.used
+    axes, unknown = _axes(baseline, chosen)
+    tangent = baseline.tangent
+    if nuisance is not None:
+        tangent = np.concatenate([tangent, nuisance], axis=-1)
+    fitted = _orthonormal(np.asarray(axes @ tangent[chosen]))
+    gap = np.asarray(axes @ baseline.gap[chosen])
+    return Whitened(axes, unknown, gap, fitted, chosen)
+
+
+def _orthonormal(columns: Array) -> Array:
+    size = np.linalg.norm(columns, axis=0)
+    kept = columns[:, size > 0] / size[size > 0]
+    if not kept.shape[1]:
+        return np.zeros((len(columns), 0))
+    left, values, _ = np.linalg.svd(kept, full_matrices=False)
+    result: Array = left[:, values > SILENT * values[0]]
+    return result
+
+
+def _axes(baseline: Baseline, used: NDArray[np.bool_]) -> tuple[sparse.csr_array, Array]:
+    """Return the axes (n, n) and the variance of the unknown in each (n,)."""
+    white = whitening(baseline.sigma, used, baseline.sharing)
+    number = np.full(used.shape, -1)
+    number[used] = np.arange(int(used.sum()))
+    poses = baseline.rows.pose
+    groups = [np.arange(len(poses))]
+    if len(poses) > LARGE:
+        groups = [np.flatnonzero(poses == pose) for pose in np.unique(poses)]
+    features = _features(baseline)
+    blocks, order, variances = [], [], []
+    for rows in groups:
+        close = _closeness(baseline, rows)
+        own = close * (features[rows] @ features[rows].T)
+        for component in range(6):
+            there = used[rows, component]
+            at = number[rows[there], component]
+            if not at.size:
+                continue
+            part = white[at][:, at].toarray()
+            scale = 1.0 if component < 3 else 1.0 / LEVER**2
+            values, vectors = np.linalg.eigh(scale * part @ own[np.ix_(there, there)] @ part.T)
+            blocks.append(vectors.T @ part)
+            order.append(at)
+            variances.append(np.maximum(values, 0.0))
+    unknown = np.concatenate(variances)
+    place = np.concatenate(order)
+    turned = sparse.csr_array(sparse.block_diag(blocks, format="csr"))
+    pick = sparse.csr_array((np.ones(place.size), (np.arange(place.size), place)), shape=turned.shape)
+    mean = float(unknown.mean()) or 1.0
+    return (turned @ pick).tocsr(), unknown / mean
+
+
+def _features(baseline: Baseline) -> Array:
+    """Return what the unknown grows with in each row, (N, k)."""
+    wrench = baseline.rows.wrench
+    acts = np.abs(wrench).max(axis=0) > 0
+    load = wrench[:, acts] / np.sqrt((wrench[:, acts] ** 2).mean(axis=0)) if acts.any() else wrench[:, :0]
+    size = np.linalg.norm(load, axis=1, keepdims=True)
+    size = size / (size.max(initial=0.0) or 1.0)
+    constant = np.full((len(wrench), 1), 1.0 if baseline.absolute else CONSTANT)
+    return np.concatenate([constant, load, SQUARE * load * size], axis=1)
+
+
+def _closeness(baseline: Baseline, rows: NDArray[np.intp]) -> Array:
+    """Return the correlation (r, r) of what the unknown does in the postures of some rows."""
+    q, pose = baseline.rows.q[rows], baseline.rows.pose[rows]
+    square = ((q[:, None] - q[None]) ** 2).sum(axis=2) / REACH**2
+    result: Array = 0.5 * np.exp(-0.5 * square) + 0.5 * (pose[:, None] == pose[None])
+    return result
