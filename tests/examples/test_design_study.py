@@ -41,12 +41,11 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
 def rows(study: tuple[str, Path]) -> dict[str, dict[str, float]]:
     """Return both tables: by design, its numbers by column."""
     found: dict[str, dict[str, float]] = {}
-    for columns in TABLES:
-        lines = re.findall(
-            rf"^(\S.*?)\s{{2,}}((?:[0-9.]+\s*?){{{len(columns)}}})$", study[0], flags=re.MULTILINE
-        )
-        for name, numbers in lines:
-            found.setdefault(name, {}).update(zip(columns, map(float, numbers.split()), strict=True))
+    for line in study[0].splitlines():
+        name, *numbers = re.split(r"\s{2,}", line.strip())
+        if numbers and re.fullmatch(r"[0-9.]+", numbers[0]):
+            [columns] = (columns for columns in TABLES if len(columns) == len(numbers))
+            found.setdefault(name, {}).update(zip(columns, map(float, numbers), strict=True))
     return found
 
 
