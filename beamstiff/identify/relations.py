@@ -8,6 +8,8 @@ from typing import Literal
 
 Kind = Literal["series", "parallel"]
 
+INVERSE_UNITS = {"N/m": "m/N", "N*m/rad": "rad/(N*m)", "Pa": "1/Pa"}  # of the compliances
+
 
 @dataclass(frozen=True)
 class Spring:

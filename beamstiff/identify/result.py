@@ -51,7 +51,7 @@ class Combination:
     value, std : float or None, SI
         Of the relation.
     kind : str
-        "series", "parallel", "sum" or "mixed".
+        "series", "parallel", "sum" or "mixed"; "ill-determined" where only noise hides the terms.
     unit : str
     separate : str
         What measurement would tell them apart, in words; empty where none was sought.
@@ -77,6 +77,9 @@ class Identification:
     ----------
     parameters : tuple of Parameter (m)
     degenerate : tuple of Combination
+        What no amount of such rows could tell apart.
+    ill_determined : tuple of Combination
+        Sums that are well known though these rows with their noise hardly tell their terms.
     covariance : (m, m) array
         Of the logarithms of the stiffness values, in the order of `parameters`; infinite variance of what is
         not identifiable by itself.
@@ -118,6 +121,7 @@ class Identification:
     interrupted: bool
     predicted: Array
     notes: tuple[str, ...] = ()
+    ill_determined: tuple[Combination, ...] = ()
 
     def __getitem__(self, name: str) -> Parameter:
         """Return a parameter by its name."""
@@ -136,19 +140,8 @@ class Identification:
         names = [item.name for item in self.parameters]
         return {
             "parameters": {item.name: _parameter(item) for item in self.parameters},
-            "degenerate": [
-                {
-                    "parameters": list(item.parameters),
-                    "relation": item.relation,
-                    "value": item.value,
-                    "std": item.std,
-                    "kind": item.kind,
-                    "unit": item.unit,
-                    "separate": item.separate,
-                    **({} if item.interval is None else {"interval": [_plain(v) for v in item.interval]}),
-                }
-                for item in self.degenerate
-            ],
+            "degenerate": [_combination(item) for item in self.degenerate],
+            "ill_determined": [_combination(item) for item in self.ill_determined],
             "rms_mm": 1e3 * self.rms,
             "rms_held_out_mm": _mm(self.rms_held_out),
             "rms_held_out_load_mm": _mm(self.rms_held_out_load),
@@ -174,6 +167,21 @@ def _parameter(item: Parameter) -> dict[str, Any]:
         result["lower_bound"] = item.lower_bound
     if item.reason:
         result["reason"] = item.reason
+    return result
+
+
+def _combination(item: Combination) -> dict[str, Any]:
+    result: dict[str, Any] = {
+        "parameters": list(item.parameters),
+        "relation": item.relation,
+        "value": item.value,
+        "std": item.std,
+        "kind": item.kind,
+        "unit": item.unit,
+        "separate": item.separate,
+    }
+    if item.interval is not None:
+        result["interval"] = [_plain(limit) for limit in item.interval]
     return result
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from beamstiff.errors import listed
 from beamstiff.identify.degeneracy import Mixed
+from beamstiff.identify.ill_determined import find_ill_determined
 from beamstiff.identify.information import (
     Uncertainty,
     spread_over,
@@ -21,7 +22,7 @@ from beamstiff.identify.minimise import Effort, Minimum, Progress, minimise
 from beamstiff.identify.objective import Loss
 from beamstiff.identify.parameters import Parameters
 from beamstiff.identify.problem import Components
-from beamstiff.identify.relations import Joined
+from beamstiff.identify.relations import INVERSE_UNITS, Joined
 from beamstiff.identify.result import Combination, Identification, Parameter
 from beamstiff.identify.statement import Plan, Statement, state_identification
 from beamstiff.identify.validation import held_out, position_rms
@@ -160,6 +161,7 @@ def conclude(statement: Statement, found: Minimum, method: str, folds: int = 5) 
     return Identification(
         parameters=told.parameters,
         degenerate=told.combinations,
+        ill_determined=find_ill_determined(statement.robot, names, stiffness, told.covariance),
         covariance=told.covariance,
         stiffness=stiffness,
         robot=statement.robot.with_parameters(dict(zip(names, stiffness.tolist(), strict=True))),
@@ -234,7 +236,6 @@ def _combinations(
         covariance = spread.covariance[np.ix_(felt, felt)]
         std = float(np.sqrt(by_theta[felt] @ covariance @ by_theta[felt]))
         kind = sum_.kind if isinstance(sum_, Joined) else "sum"
-        inverse = {"N/m": "m/N", "N*m/rad": "rad/(N*m)", "Pa": "1/Pa"}[unit]
         value, known = sum_.value(values), bool(np.isfinite(std))
         result.append(
             Combination(
@@ -243,7 +244,7 @@ def _combinations(
                 value,
                 std if known else None,
                 kind,
-                unit if kind == "parallel" else inverse,
+                unit if kind == "parallel" else INVERSE_UNITS[unit],
                 interval=sum_interval(value, std, spread.quantile, kind) if known else None,
             )
         )
