@@ -40,10 +40,19 @@ class Evidence:
     Attributes
     ----------
     hypotheses : (H,) array
+    exact : (H,) array
+        With each shape taken as exactly right.
+    magnitude : (H,) array
+        Size u that fits best, in realistic sizes.
+    amiss : (H,) array
+        What the shape is off by, of its own size: the mean over what is left in doubt.
     none, unknown : float
     """
 
     hypotheses: Array
+    exact: Array
+    magnitude: Array
+    amiss: Array
     none: float
     unknown: float
 
@@ -59,24 +68,35 @@ class _Group:
 
 def evidence(white: Whitened, hypotheses: Sequence[Hypothesis], scales: Scales) -> Evidence:
     """Return the log evidence of no effect, the unknown, and each hypothesis."""
-    logs = np.stack([_given_share(white, hypotheses, scales, share, white.gap[:, None])[0][..., 0]
-                     for share in SHARES])  # (R, 1 + H, U)
+    logs = np.stack(
+        [_given_share(white, hypotheses, scales, share, white.gap[:, None])[..., 0] for share in SHARES]
+    )  # (R, 1 + H, U)
     flat = logs[:, 0, 0]
     span = np.array([np.log(one.shape.spread) for one in hypotheses])
     amplitude = np.array(
         [np.sqrt((white.leave(one.columns) ** 2).sum() / max(white.freedom, 1)) for one in hypotheses]
     )
-    size = amplitude[:, None] * np.exp(span[:, None] * MAGNITUDES)  # (H, U), in sigma
+    size = np.maximum(amplitude, 1e-9)[:, None] * np.exp(span[:, None] * MAGNITUDES)  # (H, U), in sigma
     weights = _share_weights(size)  # (R, H, U)
-    averaged = logsumexp(logs[:, 1:] + np.log(np.maximum(weights, 1e-300)), axis=0)
-    averaged = logsumexp(averaged, axis=1) - np.log(MAGNITUDES.size)
+    joint = logs[:, 1:] + np.log(np.maximum(weights, 1e-300))
+    averaged = logsumexp(joint, axis=(0, 2)) - np.log(MAGNITUDES.size)
     unknown = logsumexp(flat[1:]) - np.log(len(SHARES) - 1)
-    return Evidence(averaged, float(flat[0]), float(unknown))
+    of_size = np.exp(joint - logsumexp(joint, axis=(0, 2))[:, None])  # (R, H, U)
+    amiss = (of_size * SHARES[:, None, None] / size).sum(axis=(0, 2))
+    best = MAGNITUDES[np.argmax(of_size.sum(axis=0), axis=1)]
+    return Evidence(
+        hypotheses=averaged,
+        exact=logsumexp(logs[0, 1:], axis=1) - np.log(MAGNITUDES.size),
+        magnitude=np.exp(span * best),
+        amiss=amiss,
+        none=float(flat[0]),
+        unknown=float(unknown),
+    )
 
 
 def detection(white: Whitened, hypotheses: Sequence[Hypothesis], scales: Scales, gaps: Array) -> Array:
     """Return the log odds of any effect against none for gaps (n, d), (d,), each shape taken as exact."""
-    logs, _ = _given_share(white, hypotheses, scales, 0.0, gaps)
+    logs = _given_share(white, hypotheses, scales, 0.0, gaps)
     prior = np.log([one.prior for one in hypotheses])
     some = logsumexp(logs[1:], axis=1) - np.log(MAGNITUDES.size)  # (H, d)
     result: Array = logsumexp(some + prior[:, None], axis=0) - logs[0, 0]
@@ -96,7 +116,7 @@ def _share_weights(size: Array) -> Array:
 
 def _given_share(
     white: Whitened, hypotheses: Sequence[Hypothesis], scales: Scales, share: float, gaps: Array
-) -> tuple[Array, None]:
+) -> Array:
     """Return log densities (1 + H, U, d) of gaps (n, d); the first is that of no effect, the same for all u."""
     weight = 1.0 / (1.0 + share**2 * white.unknown)
     n, t = white.tangent.shape
@@ -127,7 +147,7 @@ def _given_share(
             factor = ratio[:, :, None] / (1 + grown)
             explained = factor @ group.projected**2  # (h, S, d)
             result[1 + group.index, k] = averaged(total - explained, loss)
-    return result, None
+    return result
 
 
 def _groups(hypotheses: Sequence[Hypothesis], weight: Array, half: Array, gaps: Array) -> list[_Group]:

@@ -32,7 +32,9 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     force = baseline.rows.wrench[:, :3, None]
     moment = np.concatenate([nothing, np.cross(axes, force, axis=1)], 1)
     load = baseline.response @ moment
-    seen = np.concatenate([np.cross(baseline.predicted[:, 3:, None], axes, axis=1), nothing], 1)
+    # the rotation as measured holds what the offset itself adds to it
+    turned = np.where(baseline.used[:, 3:], baseline.measured[:, 3:], baseline.predicted[:, 3:])
+    seen = np.concatenate([np.cross(turned[:, :, None], axes, axis=1), nothing], 1)
     loads = tuple(Quantity(f"load_point_{axis}", "m", OFFSET) for axis in "xyz")
     targets = tuple(Quantity(f"target_{axis}", "m", OFFSET) for axis in "xyz")
     both = tuple(Quantity(f"tool_{axis}", "m", OFFSET) for axis in "xyz")

@@ -1,0 +1,178 @@
+"""What effects are worth on postures that did not see them: gap before, gap after, the share that closes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamstiff.gap.baseline import Baseline
+from beamstiff.gap.library import Hypothesis
+from beamstiff.identify.problem import whitening
+from beamstiff.se3 import Array
+
+RESAMPLED = 400
+FOLDS = 10
+
+
+@dataclass(frozen=True)
+class Weighted:
+    """A shape with its weight among those of a candidate, and the size u its parameters are drawn with."""
+
+    hypothesis: Hypothesis
+    weight: float
+    magnitude: float
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """One way to take the shapes, fitted.
+
+    Attributes
+    ----------
+    weight : float
+    shapes : tuple of Weighted
+    compliance : (t,) array
+        Change of the model's own compliances.
+    theta : (c,) array
+        Parameters of all shapes, in realistic sizes.
+    covariance : (c, c) array
+    """
+
+    weight: float
+    shapes: tuple[Weighted, ...]
+    compliance: Array
+    theta: Array
+    covariance: Array
+
+
+@dataclass(frozen=True)
+class Shrink:
+    """Position gap on held-out postures, RMS of the norm, m.
+
+    Attributes
+    ----------
+    before, after : float, m
+        Without and with the effects.
+    shrink : float
+        Share of the explainable gap that closes.
+    interval : (float, float)
+        90 %, over the postures.
+    postures : int
+    """
+
+    before: float
+    after: float
+    shrink: float
+    interval: tuple[float, float]
+    postures: int
+
+
+def fitted(
+    baseline: Baseline,
+    used: NDArray[np.bool_],
+    models: Sequence[Sequence[Weighted]],
+    scale: float,
+    train: NDArray[np.bool_] | None = None,
+) -> list[Fitted]:
+    """Return effects fitted together with the model's own values, a fit for each way to take their shapes.
+
+    Parameters
+    ----------
+    used : (N, 6) bool array
+        Values that count.
+    models : sequence of sequences
+        The shapes of each effect; all effects act at once.
+    scale : float
+        Of the noise, against the sigma the baseline counts with.
+    train : (N,) bool array, optional
+        Rows to fit to, whole postures.
+    """
+    some = used if train is None else used & train[:, None]
+    white = whitening(baseline.sigma * scale, some, baseline.sharing)
+    gap = white @ baseline.gap[some]
+    tangent = white @ baseline.tangent[some]
+    result = []
+    for weight, shapes in combinations_of(models):
+        parts = [tangent]
+        parts += [white @ (one.hypothesis.shape.columns[some] * one.hypothesis.sizes) for one in shapes]
+        ridge = [np.zeros(tangent.shape[1])]
+        ridge += [np.full(part.shape[1], one.magnitude**-2.0) for part, one in zip(parts[1:], shapes, strict=True)]
+        theta, covariance = solve(np.concatenate(parts, axis=1), np.concatenate(ridge), gap)
+        count = tangent.shape[1]
+        result.append(Fitted(weight, tuple(shapes), theta[:count], theta[count:], covariance[count:, count:]))
+    return result
+
+
+def shift(baseline: Baseline, fits: Sequence[Fitted], columns: Sequence[Sequence[Array]]) -> Array:
+    """Return what the fits add to a baseline's prediction (N, 6), for columns (N, 6, c) of each shape."""
+    total = np.zeros_like(baseline.predicted)
+    for fit, own in zip(fits, columns, strict=True):
+        sizes = np.concatenate([one.hypothesis.sizes for one in fit.shapes]) if fit.shapes else np.zeros(0)
+        total += fit.weight * (baseline.tangent @ fit.compliance)
+        if fit.shapes:
+            total += fit.weight * (np.concatenate(own, axis=-1) @ (fit.theta * sizes))
+    return total
+
+
+def combinations_of(models: Sequence[Sequence[Weighted]]) -> list[tuple[float, list[Weighted]]]:
+    """Return the ways to take one shape of each effect, with their weights; the first effect varies only."""
+    if not models:
+        return [(1.0, [])]
+    best = [max(shapes, key=lambda one: one.weight) for shapes in models[1:]]
+    return [(one.weight, [one, *best]) for one in models[0]]
+
+
+def solve(columns: Array, ridge: Array, gap: Array) -> tuple[Array, Array]:
+    """Return the coefficients (c,) of ridge regression and their covariance (c, c)."""
+    gram = columns.T @ columns + np.diag(ridge)
+    size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    inverse = np.linalg.pinv(gram / np.outer(size, size), rcond=1e-11, hermitian=True) / np.outer(size, size)
+    return inverse @ (columns.T @ gap), inverse
+
+
+def held_out(
+    baseline: Baseline,
+    used: NDArray[np.bool_],
+    models: Sequence[Sequence[Weighted]],
+    scale: float,
+    seed: int,
+) -> Shrink:
+    """Return what effects are worth on held-out postures; parameters as for `fitted`."""
+    rng = np.random.default_rng(seed)
+    seen = np.flatnonzero(used[:, :3].any(axis=1))
+    poses = np.unique(baseline.rows.pose[seen])
+    fold_of = dict(zip(rng.permutation(poses).tolist(), (np.arange(poses.size) % FOLDS).tolist(), strict=True))
+    fold = np.array([fold_of.get(pose, -1) for pose in baseline.rows.pose.tolist()])
+    left = [np.zeros_like(baseline.gap) for _ in range(2)]
+    for k in range(min(FOLDS, poses.size)):
+        train = fold != k
+        for target, effects in zip(left, ((), models), strict=True):
+            fits = fitted(baseline, used, effects, scale, train)
+            columns = [[one.hypothesis.shape.columns for one in fit.shapes] for fit in fits]
+            target[~train] = (baseline.gap - shift(baseline, fits, columns))[~train]
+    position = np.where(used[:, :3], 1.0, 0.0)
+    squares = [(target[:, :3] ** 2 * position).sum(axis=1) for target in left]
+    squares.append(((scale * baseline.sigma[:, :3]) ** 2 * position).sum(axis=1))
+    squares.append(position.any(axis=1).astype(np.float64))
+    by_pose = np.array([[s[baseline.rows.pose == pose].sum() for s in squares] for pose in poses])
+    drawn = rng.integers(0, len(poses), (RESAMPLED, len(poses)))
+    samples = np.array([_shrink(by_pose[some].sum(axis=0)) for some in drawn])
+    total = by_pose.sum(axis=0)
+    low, high = np.quantile(samples, [0.05, 0.95])
+    return Shrink(
+        before=float(np.sqrt(total[0] / total[3])),
+        after=float(np.sqrt(total[1] / total[3])),
+        shrink=_shrink(total),
+        interval=(float(low), float(high)),
+        postures=len(poses),
+    )
+
+
+def _shrink(sums: Array) -> float:
+    before, after, noise = sums[:3]
+    if before <= noise:
+        return 0.0
+    return float(np.clip(1.0 - (after - noise) / (before - noise), 0.0, 1.0))

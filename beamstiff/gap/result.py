@@ -1,0 +1,217 @@
+"""What a diagnosis found, as plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from beamstiff.gap.baseline import Baseline, at_rows
+from beamstiff.gap.effects import EFFECTS
+from beamstiff.gap.heldout import Fitted, Shrink, shift
+from beamstiff.gap.library import Untestable, key_of
+from beamstiff.measure.table import Measurements
+from beamstiff.se3 import Array
+
+FORMAT = "beamstiff-diagnosis/1"
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter of an effect: value, standard deviation, unit; realistic sizes it is compared with."""
+
+    name: str
+    value: float
+    std: float
+    unit: str
+    realistic: tuple[float, float]
+
+    @property
+    def plausible(self) -> bool:
+        """Whether its magnitude, within two standard deviations, is not above the realistic ones."""
+        return abs(self.value) - 2 * self.std <= self.realistic[1]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An explanation of the gap, with its probability.
+
+    Attributes
+    ----------
+    effect : str
+        Name of the effect, ``none`` or ``unknown``.
+    component : str or None
+    probability : float
+    shape : str
+        The likeliest of its shapes; empty where it has none.
+    estimates : tuple of Estimate
+    shrink : Shrink or None
+    """
+
+    effect: str
+    component: str | None
+    probability: float
+    shape: str = ""
+    estimates: tuple[Estimate, ...] = ()
+    shrink: Shrink | None = None
+
+    @property
+    def key(self) -> str:
+        """``effect:component``."""
+        return key_of(self.effect, self.component)
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """A diagnosis; see the format ``beamstiff-diagnosis/1`` for what its JSON holds.
+
+    Attributes
+    ----------
+    baseline : Baseline
+    rms, noise : float, m
+        Position gap on held-out postures, and what noise alone would leave.
+    candidates : tuple of Candidate
+        The likeliest first; `none` and `unknown` among them.
+    verdict : Candidate
+    also : Candidate or None
+        A second cause beside the verdict.
+    indistinguishable : tuple of str
+    untestable : tuple of Untestable
+    outliers : tuple of str
+        Rows that nothing explains, as ``file:line``.
+    notes : tuple of str
+        What limits the conclusions, a sentence each.
+    where : mapping
+    next : sequence of mapping
+    fits : tuple of Fitted
+        Of the verdict, and of the second cause with it.
+    features : mapping of str to float
+        What the verdict rests on.
+    """
+
+    baseline: Baseline
+    rms: float
+    noise: float
+    candidates: tuple[Candidate, ...]
+    verdict: Candidate
+    also: Candidate | None
+    indistinguishable: tuple[str, ...]
+    untestable: tuple[Untestable, ...]
+    outliers: tuple[str, ...]
+    notes: tuple[str, ...]
+    fits: tuple[Fitted, ...]
+    where: Mapping[str, Any] = field(default_factory=dict)
+    next: Sequence[Mapping[str, Any]] = ()
+    features: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def explainable(self) -> float:
+        """Share of the gap's square that is more than noise."""
+        return max(0.0, 1.0 - (self.noise / self.rms) ** 2) if self.rms > 0 else 0.0
+
+    def predict_shift(self, rows: Measurements) -> tuple[Array, Array]:
+        """Return what the fitted baseline, and it with the verdict's effects, say of rows, (N, 6) each.
+
+        Displacements, or for absolute rows deviations from the nominal pose, ``[d, r]``, base frame.
+        """
+        there = at_rows(self.baseline, rows)
+        if not self.fits:
+            return there.predicted, there.predicted
+        columns = [[columns_at(there, one.hypothesis) for one in fit.shapes] for fit in self.fits]
+        return there.predicted, there.predicted + shift(there, self.fits, columns)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the report as plain data, format ``beamstiff-diagnosis/1``."""
+        also = self.also
+        return {
+            "format": FORMAT,
+            "gap": {
+                "rms_mm": 1e3 * self.rms,
+                "noise_mm": 1e3 * self.noise,
+                "explainable": self.explainable,
+            },
+            "where": dict(self.where),
+            "which": [self._candidate(one) for one in self.candidates],
+            "verdict": {
+                "effect": self.verdict.effect,
+                "component": self.verdict.component,
+                "probability": self.verdict.probability,
+                "indistinguishable": list(self.indistinguishable),
+                **(
+                    {}
+                    if also is None
+                    else {
+                        "also": {
+                            "effect": also.effect,
+                            "component": also.component,
+                            "probability": also.probability,
+                        }
+                    }
+                ),
+            },
+            "next": [dict(item) for item in self.next],
+            "untestable": [
+                {"effect": one.effect, "component": one.component, "why": one.why} for one in self.untestable
+            ],
+            "outliers": list(self.outliers),
+            "notes": list(self.notes),
+            "features": {name: _plain(value) for name, value in self.features.items()},
+        }
+
+    def _candidate(self, one: Candidate) -> dict[str, Any]:
+        result: dict[str, Any] = {
+            "effect": one.effect,
+            "component": one.component,
+            "probability": one.probability,
+            "parameters": {
+                item.name: {
+                    "value": item.value,
+                    "std": item.std,
+                    "unit": item.unit,
+                    "realistic": list(item.realistic),
+                    "plausible": item.plausible,
+                }
+                for item in one.estimates
+            },
+            "shape": one.shape,
+        }
+        if one.shrink is None:
+            return result | {
+                "rms_after_mm": 1e3 * self.rms,
+                "shrink": 0.0,
+                "shrink_interval": [0.0, 0.0],
+            }
+        return result | {
+            "rms_after_mm": 1e3 * one.shrink.after,
+            "shrink": one.shrink.shrink,
+            "shrink_interval": list(one.shrink.interval),
+        }
+
+
+def columns_at(baseline: Baseline, hypothesis: Any) -> Array:
+    """Return a hypothesis' columns (N, 6, c) at a baseline's rows."""
+    shapes = EFFECTS[hypothesis.effect].shapes(baseline, hypothesis.component)
+    return next(shape.columns for shape in shapes if shape.name == hypothesis.shape.name)
+
+
+def estimates_of(fit: Fitted, which: int = 0) -> tuple[Estimate, ...]:
+    """Return the parameters of one of the shapes of a fit."""
+    start = sum(one.hypothesis.columns.shape[1] for one in fit.shapes[:which])
+    shape = fit.shapes[which].hypothesis.shape
+    std = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
+    return tuple(
+        Estimate(
+            name=item.name,
+            value=float(fit.theta[start + k] * item.size),
+            std=float(std[start + k] * item.size),
+            unit=item.unit,
+            realistic=(item.size / shape.spread, item.size * shape.spread),
+        )
+        for k, item in enumerate(shape.parameters)
+    )
+
+
+def _plain(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
