@@ -27,6 +27,10 @@ class Parameter:
         Of a stiffness without value: with 97.5 % it is above; 0 where nothing is known.
     reason : str
         Why there is no value; else empty.
+    silent : bool
+        No measured row feels it.
+    separate : str
+        What measurement would make it felt, in words; empty where none was sought.
     """
 
     name: str
@@ -37,6 +41,8 @@ class Parameter:
     interval: tuple[float, float] | None = None
     lower_bound: float | None = None
     reason: str = ""
+    silent: bool = False
+    separate: str = ""
 
 
 @dataclass(frozen=True)
@@ -167,6 +173,8 @@ def _parameter(item: Parameter) -> dict[str, Any]:
         result["lower_bound"] = item.lower_bound
     if item.reason:
         result["reason"] = item.reason
+    if item.separate:
+        result["separate"] = item.separate
     return result
 
 

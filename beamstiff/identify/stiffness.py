@@ -261,7 +261,9 @@ def _parameter(
     combinations: Sequence[Combination],
 ) -> Parameter:
     if name in plan.silent:
-        return Parameter(name, unit, None, None, False, lower_bound=0.0, reason=plan.silent[name])
+        return Parameter(
+            name, unit, None, None, False, lower_bound=0.0, reason=plan.silent[name], silent=True
+        )
     if name in plan.grouped:
         group = next(group.members for group in plan.groups if name in group.members)
         others = listed([other for other in group if other != name])
