@@ -1,0 +1,179 @@
+"""Bootstrap over poses: intervals that ask the scatter of the poses themselves, not the stated noise.
+
+Poses are drawn with replacement and the model is fitted again, many times (Efron and Tibshirani, "An
+introduction to the bootstrap", 1993, chapters 6 and 13). Whatever the rows of a pose have in common (a shared
+unloaded reading, a joint reading, an error of the model there) stays together. A pose drawn twice counts
+twice: its whitened residuals do, since poses are independent of one another.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from beamstiff.errors import BeamstiffError
+from beamstiff.identify.information import LEVEL
+from beamstiff.identify.objective import Objective
+from beamstiff.identify.parameters import SPAN
+from beamstiff.identify.refit import refit
+from beamstiff.identify.statement import Statement
+from beamstiff.measure.arrays import Integers
+from beamstiff.se3 import Array
+
+FEWEST = 4  # poses: of fewer there are next to no different draws
+LOST = 1e-7  # information, of what all rows tell of each parameter, below which nothing is known
+AT_BOUND = 1e-6  # of the logarithm
+
+
+@dataclass(frozen=True)
+class Bootstrap:
+    """Values refitted to poses drawn with replacement.
+
+    Attributes
+    ----------
+    names : tuple of str (m)
+    stiffness : (R, m) array, N/m, N m/rad or Pa
+        Of every draw; infinite where it ended at the upper bound, as good as rigid.
+    relations : tuple of str (s)
+        Of the sums that are known though their members are not.
+    sums : (R, s) array
+        Their values, of every draw.
+    intervals : mapping of str to (low, high)
+        95 % percentile interval of every parameter that is identifiable by itself, and of every relation.
+    poses : int
+        How many there are. With few (below about 15) percentile intervals are too narrow.
+    undetermined : int
+        Draws that left a parameter open, and are not counted.
+    """
+
+    names: tuple[str, ...]
+    stiffness: Array
+    relations: tuple[str, ...]
+    sums: Array
+    intervals: Mapping[str, tuple[float, float]]
+    poses: int
+    undetermined: int
+
+    @property
+    def spread(self) -> Array:
+        """Standard deviation of the compliances over their mean, (m,)."""
+        compliance = 1.0 / self.stiffness
+        result: Array = compliance.std(axis=0, ddof=1) / compliance.mean(axis=0)
+        return result
+
+
+def bootstrap(
+    statement: Statement,
+    theta: Array,
+    repetitions: int = 1000,
+    seed: int = 0,
+    progress: Callable[[int], None] | None = None,
+) -> Bootstrap:
+    """Fit a stated identification again to poses drawn with replacement.
+
+    Parameters
+    ----------
+    statement : Statement
+    theta : (t,) array
+        Its optimum.
+    repetitions : int
+    seed : int
+    progress : callable, optional
+        Called with the number of each draw.
+
+    Raises
+    ------
+    BeamstiffError
+        When there are fewer than four poses, or most draws leave a parameter open.
+
+    """
+    objective = statement.objective
+    group, poses = blocks_of(objective, statement.problem.pose)
+    if poses < FEWEST:
+        raise BeamstiffError(
+            f"{statement.problem.source}: found {poses} poses, expected {FEWEST} or more to draw from"
+        )
+    if repetitions < 2:
+        raise BeamstiffError(f"bootstrap: found {repetitions} repetitions, expected two or more")
+    random = np.random.default_rng(seed)
+    slopes = objective.jacobian(theta)[1]
+    found: list[Array] = []
+    for number in range(repetitions):
+        counts = random.multinomial(poses, np.full(poses, 1.0 / poses))[group].astype(np.float64)
+        if progress is not None:
+            progress(number)
+        if not determines(slopes, counts):
+            continue
+        found.append(refit(objective, theta, counts))
+    if 2 * len(found) < repetitions:
+        raise BeamstiffError(
+            f"{statement.problem.source}: {repetitions - len(found)} of {repetitions} draws of {poses} poses "
+            "leave a parameter open; measure more poses"
+        )
+    names, relations = statement.parameters.names, statement.plan.sums
+    stiffness = values_of(statement, np.array(found))
+    sums = sums_of(statement, np.array(found))
+    intervals = {
+        name: _percentiles(stiffness[:, at]) for at, name in enumerate(names) if alone(statement, name)
+    }
+    intervals |= {sum_.text(): _percentiles(sums[:, at]) for at, sum_ in enumerate(relations)}
+    return Bootstrap(
+        names,
+        stiffness,
+        tuple(sum_.text() for sum_ in relations),
+        sums,
+        intervals,
+        poses,
+        repetitions - len(found),
+    )
+
+
+def blocks_of(objective: Objective, groups: Integers) -> tuple[Integers, int]:
+    """Return the group, 0..g-1, of each whitened residual (n,), and their number g."""
+    number = np.unique(groups, return_inverse=True)[1].reshape(-1)
+    rows = np.nonzero(objective.problem.used)[0]
+    kept, group = np.unique(number[rows], return_inverse=True)
+    return group.reshape(-1).astype(np.int64), len(kept)
+
+
+def determines(slopes: Array, counts: Array) -> bool:
+    """Return whether rows that count so often (n,) tell all that the sensitivities (n + m, t) of all tell."""
+    often = np.concatenate([counts, np.ones(len(slopes) - len(counts))])
+    every = slopes.T @ slopes
+    size = np.sqrt(np.diagonal(every))
+    size = np.where(size > 0, size, 1.0)
+    both = np.outer(size, size)
+    whole = np.linalg.eigvalsh(every / both)
+    some = np.linalg.eigvalsh((slopes.T * often) @ slopes / both)
+    return int((some > LOST).sum()) >= int((whole > LOST).sum())
+
+
+def values_of(statement: Statement, thetas: Array) -> Array:
+    """Return the stiffness (R, m) at optima (R, t); infinite at the upper bound that nobody set."""
+    parameters = statement.parameters
+    stiffness = parameters.stiffness(thetas)
+    farthest = np.log(parameters.start * SPAN)[parameters.first]
+    top = thetas >= farthest - AT_BOUND
+    rigid = np.concatenate([top, np.zeros((len(thetas), 1), dtype=np.bool_)], axis=1)[:, parameters.tied]
+    result: Array = np.where(rigid, np.inf, stiffness)
+    return result
+
+
+def sums_of(statement: Statement, thetas: Array) -> Array:
+    """Return the values (R, s) of the sums that are known, at optima (R, t)."""
+    names, sums = statement.parameters.names, statement.plan.sums
+    rows = [dict(zip(names, row, strict=True)) for row in statement.parameters.stiffness(thetas).tolist()]
+    return np.array([[sum_.value(row) for sum_ in sums] for row in rows]).reshape(len(rows), len(sums))
+
+
+def alone(statement: Statement, name: str) -> bool:
+    """Return whether a parameter can be identified by itself."""
+    return name not in statement.plan.grouped and name not in statement.plan.held
+
+
+def _percentiles(values: Array) -> tuple[float, float]:
+    tail = 50 * (1 - LEVEL)
+    low, high = np.percentile(values, [tail, 100 - tail], method="inverted_cdf")
+    return float(low), float(high)
