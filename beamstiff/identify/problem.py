@@ -223,10 +223,13 @@ def state_problem(
             "sigma_rotation), that of others is; expected it for all, or for none"
         )
     model = reduce_to_ports(robot, measurements, parameters)
-    if used.sum() < len(model.parameters):
+    if used.sum() < len(model.parameters) + (
+        not stated.any()
+    ):  # noise that is not stated is one more unknown
+        state = "" if stated.any() else "state the noise (# sigma_position: 0.03 mm), "
         raise BeamstiffError(
             f"{source}: {int(used.sum())} measured components for {len(model.parameters)} parameters "
-            f"({listed(model.parameters)}); measure more, or identify fewer"
+            f"({listed(model.parameters)}); measure more, {state}or identify fewer"
         )
     sharing = measurements.pose if measurements.shared_unloaded else np.full(len(measurements), -1)
     spread = np.where(used, sigma, 1.0) if stated.any() else np.full(used.shape, UNIT_NOISE)

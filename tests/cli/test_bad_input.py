@@ -250,6 +250,18 @@ def test_fewer_values_than_parameters_are_refused(run: Run, folder: Path) -> Non
     assert "J1.radial" in line
 
 
+def test_as_many_values_as_parameters_tell_no_uncertainty_unless_the_noise_is_stated(
+    run: Run, folder: Path
+) -> None:
+    table = "q1,fy,dy [mm]\n0,1000,1.5\n"
+    (folder / "short.csv").write_text(table)
+    line = refused(run, folder, "identify", "crane.yaml", "short.csv")
+    assert "1 measured components for 1 parameters (J1.torsional)" in line
+    assert "state the noise (# sigma_position: 0.03 mm)" in line
+    (folder / "short.csv").write_text("# sigma_position: 0.03 mm\n" + table)
+    assert run("identify", "crane.yaml", "short.csv").exit_code == 0
+
+
 def test_a_robot_that_lists_nothing_to_identify_is_refused_with_a_hint(run: Run, folder: Path) -> None:
     text = (folder / "crane.yaml").read_text().replace("identify: [J1.torsional]", "")
     (folder / "plain.yaml").write_text(text)
