@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from math import degrees
+from math import degrees, pi
 
 from beamstiff.cli.output import say
 from beamstiff.errors import BeamstiffError
@@ -80,7 +80,10 @@ def note_limits(robot: Robot, values: Mapping[str, float], quiet: bool) -> None:
         value, limits = values[variable.name], variable.limits
         if limits is not None and not limits[0] <= value <= limits[1]:
             low, high, found = (shown_value(robot, variable.name, item) for item in (*limits, value))
-            say(f"note: {variable.name} = {found} is outside its limits {low} to {high}", quiet)
+            hint = ""
+            if variable_kinds(robot)[variable.name] == "angle" and abs(value) > 2 * pi:
+                hint = "; a number without a unit is rad"
+            say(f"note: {variable.name} = {found} is outside its limits {low} to {high}{hint}", quiet)
 
 
 def shown_value(robot: Robot, name: str, value: float) -> str:

@@ -97,6 +97,9 @@ def describe(robot: Robot, samples: int = 1000, seed: int = 0) -> dict[str, Any]
         "tcp": {"node": robot.tcp, "position": _tcp(kinematics, reference.transforms)[0].tolist()},
         "identify": list(robot.identify),
         "mass": float(total_mass(structure, geometry)[0]),
+        "weightless": [
+            item.name for item in robot.beams if not robot.materials[item.material].density
+        ],  # their material has no density
         "unknowns": structure.unknowns.count,
         "condition": _condition(structure, geometry),
         "reach": {**_reach(kinematics, closure.values[closure.closed]), "samples": len(q), "seed": seed},

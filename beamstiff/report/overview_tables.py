@@ -10,6 +10,7 @@ from rich.console import RenderableType
 from rich.table import Table
 from rich.tree import Tree
 
+from beamstiff.errors import listed
 from beamstiff.report.tables import MOST_ROWS, add_rows, counted, millimetres, number, table
 
 MOST_LOOPS = 5
@@ -56,7 +57,7 @@ def _frames(facts: dict[str, Any]) -> Table:
 
 
 def _loops(facts: dict[str, Any]) -> Table:
-    result = table("Loops that the passive variables close", "name", "between", "constrains", left=3)
+    result = table("Closed loops", "name", "between", "constrains", left=3)
     add_rows(
         result, ([item["name"], f"{item['a']}, {item['b']}", item["constrain"]] for item in facts["loops"])
     )
@@ -129,7 +130,8 @@ def _summary_rows(facts: dict[str, Any]) -> Iterator[list[str]]:
     yield ["unknowns", f"{facts['unknowns']} (of {full}: fixed nodes and rigid directions have none)"]
     condition = "not computed" if facts["condition"] is None else number(facts["condition"])
     yield ["condition of the scaled stiffness", condition]
-    yield ["mass of beams and masses", f"{facts['mass']:.4g} kg"]
+    weightless = f"; without density: {listed(facts['weightless'])}" if facts["weightless"] else ""
+    yield ["mass of beams and masses", f"{facts['mass']:.4g} kg{weightless}"]
     yield ["TCP", f"{facts['tcp']['node']} at {', '.join(millimetres(facts['tcp']['position']))} mm"]
     reach = facts["reach"]
     ends = zip("xyz", millimetres(reach["lower"]), millimetres(reach["upper"]), strict=True)

@@ -85,6 +85,15 @@ def test_mass_and_length_of_a_tube(facts: Callable[..., dict[str, Any]]) -> None
     assert answer["unknowns"] == 6
 
 
+def test_beams_that_weigh_nothing_are_named(run: Run, folder: Path) -> None:
+    text = robot_path("cantilever").read_text(encoding="utf-8")
+    light = text.replace(', density: "7850 kg/m^3"', "")
+    assert light != text
+    (folder / "light.yaml").write_text(light, encoding="utf-8")
+    assert "0 kg; without density: tube" in run("show", "light.yaml").stdout
+    assert "without density" not in run("show", "cantilever").stdout
+
+
 def test_the_reach_of_an_arm_of_one_metre(facts: Callable[..., dict[str, Any]]) -> None:
     reach = facts("crane.yaml", "--samples", "20000", "--seed", "3")["reach"]
     # a circle of 1 m but for 10 deg either side of -x

@@ -116,3 +116,11 @@ def test_a_value_outside_its_limits_is_noted(run: Run) -> None:
     result = run("stiffness", "crane.yaml", "--q", "q1=200deg")
     assert result.exit_code == 0
     assert result.stderr == "note: q1 = 200 deg is outside its limits -170 deg to 170 deg\n"
+
+
+def test_degrees_taken_for_radians_are_told(run: Run) -> None:
+    result = run("stiffness", "crane.yaml", "--q", "q1=30")
+    assert result.exit_code == 0
+    assert result.stderr == (
+        "note: q1 = 1718.87 deg is outside its limits -170 deg to 170 deg; a number without a unit is rad\n"
+    )
