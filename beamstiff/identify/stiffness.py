@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from beamstiff.errors import listed
+from beamstiff.identify.cautions import cautions, check_units
 from beamstiff.identify.degeneracy import Mixed
 from beamstiff.identify.ill_determined import find_ill_determined
 from beamstiff.identify.information import (
@@ -26,6 +27,7 @@ from beamstiff.identify.relations import INVERSE_UNITS, Joined
 from beamstiff.identify.result import Combination, Identification, Parameter
 from beamstiff.identify.statement import Plan, Statement, state_identification
 from beamstiff.identify.validation import held_out, position_rms
+from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.robot.stiffness import parameter_unit
@@ -127,6 +129,10 @@ def identify(
         components=components,
         errors=errors,
     )
+    check_units(
+        measurements if isinstance(measurements, Measurements) else concatenate(measurements),
+        float(statement.problem.model.lever.max(initial=1.0)),
+    )
     found = minimise(statement.objective, method, effort=effort, progress=progress)
     spent, rounds = found.evaluations, ROUNDS if statement.response is not None else 0
     for _ in range(rounds):  # the errors of the inputs weigh as they do at the values found
@@ -152,7 +158,7 @@ def conclude(statement: Statement, found: Minimum, method: str, folds: int = 5) 
     """
     problem, objective = statement.problem, statement.objective
     stiffness = statement.parameters.stiffness(found.theta)
-    told = estimate(statement, found.theta)
+    told, rms = estimate(statement, found.theta), position_rms(problem, stiffness)
     by_pose = by_load = None
     if not found.interrupted:
         by_pose = held_out(objective, problem.pose, folds, found.theta)
@@ -165,7 +171,7 @@ def conclude(statement: Statement, found: Minimum, method: str, folds: int = 5) 
         covariance=told.covariance,
         stiffness=stiffness,
         robot=statement.robot.with_parameters(dict(zip(names, stiffness.tolist(), strict=True))),
-        rms=position_rms(problem, stiffness),
+        rms=rms,
         rms_held_out=None if by_pose is None else by_pose.rms,
         rms_held_out_load=None if by_load is None else by_load.rms,
         chi_square=told.chi_square,
@@ -174,7 +180,7 @@ def conclude(statement: Statement, found: Minimum, method: str, folds: int = 5) 
         message=found.message,
         interrupted=found.interrupted,
         predicted=problem.model.predict(stiffness),
-        notes=(*problem.notes, *statement.plan.silent.values()),
+        notes=(*problem.notes, *statement.plan.silent.values(), *cautions(problem, rms)),
     )
 
 
