@@ -2,7 +2,8 @@
 
 With rigid links a displacement is linear in the compliances, so a compliance has a symmetric interval
 ``c (1 +- t s)``, s its relative standard deviation; the interval of the stiffness is its image, open above
-where it reaches zero. It is the same at first order for log k and stays right where s is large.
+where it reaches zero. It is the same at first order for log k and stays right where s is large. Near the
+bound that compliances have at zero it is shorter (see `profile`).
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import numpy as np
 from scipy import stats
 
 from beamstiff.identify.objective import Objective
+from beamstiff.identify.profile import Profile
 from beamstiff.measure.arrays import Integers
 from beamstiff.se3 import Array
 
@@ -33,12 +35,44 @@ class Uncertainty:
     freedom : int
     quantile : float
         By how many standard deviations the 95 % interval reaches.
+    profile : Profile
+        The likelihood around the optimum, from which intervals come.
     """
 
     covariance: Array
     chi_square: float
     freedom: int
     quantile: float
+    profile: Profile
+
+    def stiffness_interval(self, value: float, direction: Array, std: float) -> tuple[float, float]:
+        """Return the 95 % interval of a stiffness.
+
+        Parameters
+        ----------
+        value : float
+            At the optimum.
+        direction : (t,) array
+            Derivatives of its logarithm by theta.
+        std : float
+            Standard deviation of its logarithm.
+        """
+        down, up = self.profile.interval(direction, std)
+        return value / (1 + up), value / (1 + down) if down > -1 else np.inf
+
+    def compliance_interval(self, value: float, direction: Array, std: float) -> tuple[float, float]:
+        """Return the 95 % interval of a sum of compliances: minus infinity where only a bound ends it.
+
+        Parameters
+        ----------
+        value : float
+            At the optimum.
+        direction : (t,) array
+            Its derivatives by theta.
+        std : float
+        """
+        down, up = self.profile.interval(-direction, std)
+        return value + down, value + up
 
 
 def uncertainty(objective: Objective, theta: Array) -> Uncertainty:
@@ -58,11 +92,22 @@ def uncertainty(objective: Objective, theta: Array) -> Uncertainty:
     scale = np.ones(len(residuals))
     scale[:n] = 1.0 / max(factor, np.finfo(float).tiny)  # the priors' own spread is what it is
     information = jacobian.T @ (scale[:, None] * jacobian)
+    score = objective.weights(residuals) * residuals
+    if objective.loss != "linear":
+        score[:n] /= max(float(_slopes(objective, residuals).mean()), np.finfo(float).tiny)
+    parameters, compliance = objective.parameters, np.exp(-theta)
     by_chance = stats.chi2.sf(chi_square * freedom, freedom) > CHANCE
     known = objective.problem.sigma_known and by_chance
     tail = 0.5 * (1 + LEVEL)
     quantile = float(stats.norm.ppf(tail) if known else stats.t.ppf(tail, freedom))
-    return Uncertainty(invert(information), chi_square, freedom, quantile)
+    profile = Profile(
+        information=information,
+        gradient=-jacobian.T @ (scale * score),
+        low=np.exp(-parameters.upper) / compliance,
+        high=np.exp(-parameters.lower) / compliance,
+        quantile=quantile,
+    )
+    return Uncertainty(invert(information), chi_square, freedom, quantile, profile)
 
 
 def huber_factor(objective: Objective, residuals: Array, count: int) -> float:
@@ -79,14 +124,21 @@ def huber_factor(objective: Objective, residuals: Array, count: int) -> float:
         Number t of free values.
     """
     n = objective.problem.count
-    z = (residuals / objective.scale) ** 2
-    _, first, second = objective.rho(z)[:, :n]
-    psi, slope = first * residuals[:n], first + 2 * z[:n] * second
+    psi = (objective.weights(residuals) * residuals)[:n]
+    slope = _slopes(objective, residuals)
     mean = float(slope.mean())
     if mean <= 0.0:
         return np.inf  # most residuals lie where the loss is flat: nothing holds the values
     correction = 1 + count / n * float(slope.var()) / mean**2
     return correction**2 * float(psi @ psi) / max(n - count, 1) / mean**2
+
+
+def _slopes(objective: Objective, residuals: Array) -> Array:
+    """Return psi', the derivative of what each measured residual weighs by the residual itself, (n,)."""
+    z = (residuals / objective.scale) ** 2
+    _, first, second = objective.rho(z)[:, : objective.problem.count]
+    result: Array = first + 2 * z[: objective.problem.count] * second
+    return result
 
 
 def invert(information: Array) -> Array:
@@ -120,34 +172,3 @@ def spread_over(covariance: Array, tied: Integers) -> Array:
     padded[:free, :free] = covariance
     result: Array = padded[np.ix_(tied, tied)]  # -1 is the last
     return result
-
-
-def stiffness_interval(value: float, relative_std: float, quantile: float) -> tuple[float, float]:
-    """Return the 95 % interval of a stiffness from the relative standard deviation of its compliance.
-
-    Examples
-    --------
-    >>> low, high = stiffness_interval(100.0, 0.25, 2.0)
-    >>> round(low, 6), high
-    (66.666667, 200.0)
-    >>> stiffness_interval(100.0, 1.0, 2.0)[1]
-    inf
-    """
-    reach = quantile * relative_std
-    return value / (1 + reach), value / (1 - reach) if reach < 1 else np.inf
-
-
-def sum_interval(value: float, std: float, quantile: float, kind: str) -> tuple[float, float]:
-    """Return the 95 % interval of a sum: of compliances symmetric and not below zero, of stiffness as above.
-
-    Examples
-    --------
-    >>> sum_interval(2.0, 0.5, 2.0, "series"), sum_interval(2.0, 2.0, 2.0, "series")
-    ((1.0, 3.0), (0.0, 6.0))
-    >>> low, high = sum_interval(100.0, 25.0, 2.0, "parallel")
-    >>> round(low, 6), high
-    (66.666667, 200.0)
-    """
-    if kind == "parallel":
-        return stiffness_interval(value, std / value, quantile)
-    return max(value - quantile * std, 0.0), value + quantile * std

@@ -14,8 +14,6 @@ from beamstiff.identify.ill_determined import find_ill_determined
 from beamstiff.identify.information import (
     Uncertainty,
     spread_over,
-    stiffness_interval,
-    sum_interval,
     uncertainty,
 )
 from beamstiff.identify.input_errors import InputErrors
@@ -23,7 +21,7 @@ from beamstiff.identify.minimise import Effort, Minimum, Progress, minimise
 from beamstiff.identify.objective import Loss
 from beamstiff.identify.parameters import Parameters
 from beamstiff.identify.problem import Components
-from beamstiff.identify.relations import INVERSE_UNITS, Joined
+from beamstiff.identify.relations import INVERSE_UNITS, Joined, Sum
 from beamstiff.identify.result import Combination, Identification, Parameter
 from beamstiff.identify.statement import Plan, Statement, state_identification
 from beamstiff.identify.validation import held_out, position_rms
@@ -217,9 +215,9 @@ def estimate(statement: Statement, theta: Array) -> Estimates:
     lost = [at for at, name in enumerate(stated.names) if name in plan.grouped or name in plan.held]
     covariance[lost, lost] = np.inf
     parameters = tuple(
-        _parameter(name, parameter_unit(robot, name), value, variance, spread, plan, combinations)
-        for name, value, variance in zip(
-            stated.names, stiffness.tolist(), np.diagonal(covariance).tolist(), strict=True
+        _parameter(name, parameter_unit(robot, name), value, variance, moved, spread, plan, combinations)
+        for name, value, variance, moved in zip(
+            stated.names, stiffness.tolist(), np.diagonal(covariance).tolist(), stated.sums, strict=True
         )
     )
     return Estimates(parameters, combinations, covariance, spread.chi_square)
@@ -243,6 +241,13 @@ def _combinations(
         std = float(np.sqrt(by_theta[felt] @ covariance @ by_theta[felt]))
         kind = sum_.kind if isinstance(sum_, Joined) else "sum"
         value, known = sum_.value(values), bool(np.isfinite(std))
+        interval = None
+        if known and kind == "parallel":
+            interval = spread.stiffness_interval(value, by_theta / value, std / value)
+        elif known:
+            low, high = spread.compliance_interval(value, by_theta, std)
+            signed = isinstance(sum_, Sum) and min(sum_.coefficients) < 0
+            interval = (low if signed else max(low, 0.0), high)
         result.append(
             Combination(
                 sum_.members,
@@ -251,7 +256,7 @@ def _combinations(
                 std if known else None,
                 kind,
                 unit if kind == "parallel" else INVERSE_UNITS[unit],
-                interval=sum_interval(value, std, spread.quantile, kind) if known else None,
+                interval=interval,
             )
         )
     return result
@@ -262,6 +267,7 @@ def _parameter(
     unit: str,
     value: float,
     variance: float,
+    direction: Array,
     spread: Uncertainty,
     plan: Plan,
     combinations: Sequence[Combination],
@@ -275,17 +281,17 @@ def _parameter(
         others = listed([other for other in group if other != name])
         # in a sum of compliances each is at most the sum (coefficient 1 only: else the unit may differ)
         bounds = [
-            1.0 / (item.value + spread.quantile * item.std)
+            1.0 / item.interval[1]
             for item in combinations
             if item.kind == "series" and f"1/{name}" in item.relation.split(" + ")
-            if item.value is not None and item.std is not None
+            if item.interval is not None
         ]
         reason = f"acts only together with {others}"
         return Parameter(name, unit, None, None, False, lower_bound=max(bounds, default=0.0), reason=reason)
     relative = float(np.sqrt(variance))
     if not np.isfinite(relative):
         return Parameter(name, unit, None, None, False, lower_bound=0.0, reason="these data do not tell it")
-    low, high = stiffness_interval(value, relative, spread.quantile)
+    low, high = spread.stiffness_interval(value, direction, relative)
     if np.isinf(high):
         reason = "these data do not bound it from above: rigid would fit nearly as well"
         return Parameter(name, unit, None, None, False, (low, high), low, reason)
