@@ -93,7 +93,7 @@ def describe(robot: Robot, samples: int = 1000, seed: int = 0) -> dict[str, Any]
             {"name": item.name, "nodes": list(item.nodes), "stiffness": stiffness_text(item.stiffness)}
             for item in robot.struts
         ],
-        "structural_loops": structural_loops(structure_graph(robot)),
+        "structural_loops": structural_loops(structure_graph(robot), robot.fixed),
         "tcp": {"node": robot.tcp, "position": _tcp(kinematics, reference.transforms)[0].tolist()},
         "identify": list(robot.identify),
         "mass": float(total_mass(structure, geometry)[0]),

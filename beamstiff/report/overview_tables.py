@@ -122,7 +122,10 @@ def _summary(facts: dict[str, Any]) -> Table:
 def _summary_rows(facts: dict[str, Any]) -> Iterator[list[str]]:
     kinds = ("nodes", "beams", "rigids", "joints", "struts")
     yield ["structure", ", ".join(counted(len(facts[kind]), kind[:-1]) for kind in kinds if facts[kind])]
-    loops = [" - ".join(loop) for loop in facts["structural_loops"]]
+    held = {item["name"] for item in facts["nodes"] if item["fixed"]}
+    loops = [
+        " - ".join(loop) + " - ground" * ({loop[0], loop[-1]} <= held) for loop in facts["structural_loops"]
+    ]
     if len(loops) > MOST_LOOPS:
         loops[MOST_LOOPS:] = [f"{len(loops) - MOST_LOOPS} more"]
     yield ["closed loops of the structure", "; ".join(loops) or "none"]

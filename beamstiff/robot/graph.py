@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     Structure: TypeAlias = nx.MultiGraph[str]
     Tree: TypeAlias = nx.DiGraph[str]
 
+GROUND = ""  # no node is called so
+
 
 def structure_graph(robot: Robot) -> Structure:
     """Return the structure as a multigraph: an edge an element, with its ``kind`` and ``name``.
@@ -46,11 +48,19 @@ def parts_without_support(graph: Structure, fixed: Collection[str]) -> list[set[
     return sorted((part for part in parts if not part & supported), key=len, reverse=True)
 
 
-def structural_loops(graph: Structure) -> list[list[str]]:
-    """Return a cycle basis as lists of nodes, two-node cycles (elements side by side) included."""
+def structural_loops(graph: Structure, fixed: Collection[str] = ()) -> list[list[str]]:
+    """Return a cycle basis as lists of nodes, two-node cycles (elements side by side) included.
+
+    Loops close over the ground too: such a one starts and ends with a node of `fixed`.
+    """
     simple: nx.Graph[str] = nx.Graph(graph)
     parallel = [sorted(pair) for pair in simple.edges if graph.number_of_edges(*pair) > 1]
-    return [*nx.cycle_basis(simple), *parallel]
+    simple.add_edges_from((GROUND, node) for node in fixed)
+    loops = []
+    for loop in nx.cycle_basis(simple):
+        at = loop.index(GROUND) if GROUND in loop else -1
+        loops.append(loop[at + 1 :] + loop[: max(at, 0)])
+    return [*loops, *parallel]
 
 
 def support_tree(graph: Structure, fixed: Collection[str]) -> Tree:

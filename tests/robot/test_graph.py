@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import itertools
+
 import networkx as nx
 import pytest
 from hypothesis import given
@@ -8,7 +10,7 @@ from hypothesis import strategies as st
 from beamstiff.robot.description import Robot
 from beamstiff.robot.graph import parts_without_support, structural_loops, structure_graph, support_tree
 from beamstiff.robot.parts import Joint, JointStiffness, Node, Rigid, Strut
-from beamstiff.robot.reader import parse_robot
+from beamstiff.robot.reader import load_robot, parse_robot
 
 
 def links(edges: list[tuple[int, int]], nodes: int, fixed: list[int]) -> nx.MultiGraph:
@@ -58,6 +60,22 @@ def test_elements_side_by_side_are_all_kept() -> None:
     graph = structure_graph(robot)
     assert set(graph["a"]["b"]) == {"left", "right", "middle"}
     assert structural_loops(graph) == [["a", "b"]]
+
+
+def test_a_loop_over_the_ground_runs_from_one_fixed_node_to_another() -> None:
+    robot = load_robot("tripod")
+    graph = structure_graph(robot)
+    assert structural_loops(graph) == []
+    loops = structural_loops(graph, robot.fixed)
+    assert len(loops) == len(robot.fixed) - 1
+    for loop in loops:
+        assert {loop[0], loop[-1]} <= set(robot.fixed)
+        assert loop[0] != loop[-1]
+        assert all(graph.has_edge(*edge) for edge in itertools.pairwise(loop))
+    one_foot = load_robot("ir663")
+    graph = structure_graph(one_foot)
+    [loop], [same] = structural_loops(graph), structural_loops(graph, one_foot.fixed)
+    assert set(loop) == set(same)
 
 
 def test_loops_of_the_four_bar_are_found(everything: str) -> None:
