@@ -61,7 +61,8 @@ def reduce_model(
     degeneracy : Degeneracy
         From `find_degeneracy`.
     values : mapping of str to float, SI
-        Stiffness at hand, such as the identified one, of every parameter; becomes the robot's.
+        Stiffness at hand, such as the identified one, of every parameter; becomes the robot's, but for what
+        is held.
     parameters : sequence of str, optional
         All that were to be identified; default ``robot.identify``.
 
@@ -96,7 +97,8 @@ def reduce_model(
             f"{stiff[0]}: only acts together with others, and a beam is never rigid or free: replace it by a "
             "rigid, or leave it out of what is identified"
         )
-    changed = robot.with_parameters({**values, **gone, **{one.kept: one.value for one in lumped}})
+    known = {name: value for name, value in values.items() if name not in held}
+    changed = robot.with_parameters({**known, **gone, **{one.kept: one.value for one in lumped}})
     left = tuple(name for name in names if name not in gone and name not in held)
     return Reduced(changed.model_copy(update={"identify": left}), lumped, tuple(held))
 

@@ -12,6 +12,7 @@ from beamstiff.identify.objective import LOSSES, Loss, Objective
 from beamstiff.identify.parameters import Parameters, state_parameters
 from beamstiff.identify.problem import Components, Problem, state_problem
 from beamstiff.identify.relations import Joined, Sum
+from beamstiff.identify.start import start_values
 from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
@@ -121,7 +122,8 @@ def state_identification(
     plan = _plan(find_degeneracy(problem), ties, priors or {})
     if len(plan.silent) == len(names):
         raise BeamstiffError(f"{problem.source}: {'; '.join(plan.silent.values())}")
-    stated = state_parameters(names, problem.model.start, plan.ties, bounds, priors, plan.held)
+    start = start_values(robot, problem, plan.held)
+    stated = state_parameters(names, start, plan.ties, bounds, priors, plan.held)
     statement = Statement(robot, problem, stated, plan, loss)
     if not errors:
         return statement
@@ -132,7 +134,7 @@ def state_identification(
         )
     data = measurements if isinstance(measurements, Measurements) else concatenate(measurements)
     statement = replace(statement, response=state_response(robot, data, errors, names))
-    return statement.weighed(problem.model.start)
+    return statement.weighed(start)
 
 
 def _plan(found: Degeneracy, ties: Sequence[Sequence[str]], priors: Collection[str]) -> Plan:

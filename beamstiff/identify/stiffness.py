@@ -162,13 +162,18 @@ def conclude(statement: Statement, found: Minimum, method: str, folds: int = 5) 
         by_pose = held_out(objective, problem.pose, folds, found.theta)
         by_load = held_out(objective, problem.load, folds, found.theta)
     names = problem.model.parameters
+    fitted = {
+        name: value
+        for name, value in zip(names, stiffness.tolist(), strict=True)
+        if name not in statement.plan.held  # stays in the robot as it was: rigid, say
+    }
     return Identification(
         parameters=told.parameters,
         degenerate=told.combinations,
         ill_determined=find_ill_determined(statement.robot, names, stiffness, told.covariance),
         covariance=told.covariance,
         stiffness=stiffness,
-        robot=statement.robot.with_parameters(dict(zip(names, stiffness.tolist(), strict=True))),
+        robot=statement.robot.with_parameters(fitted),
         rms=rms,
         rms_held_out=None if by_pose is None else by_pose.rms,
         rms_held_out_load=None if by_load is None else by_load.rms,
