@@ -2,37 +2,139 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
-from beamstiff.cli.options import DataFile, Debug, Json, Quiet, RobotFile, parse_names, robot_file
+from beamstiff.cli.group import INTERRUPTED
+from beamstiff.cli.identify_options import (
+    at_least,
+    chosen,
+    parse_bounds,
+    parse_errors,
+    parse_priors,
+    parse_ties,
+)
+from beamstiff.cli.options import Debug, Json, Quiet, RobotFile, parse_names, robot_file
 from beamstiff.cli.output import check_outputs, people, say, working, write_json
 from beamstiff.errors import BeamstiffError
 from beamstiff.files import write_whole
 
 if TYPE_CHECKING:
+    from beamstiff.identify.bootstrap import Bootstrap
+    from beamstiff.identify.minimise import Progress
+    from beamstiff.identify.problem import Components
+    from beamstiff.identify.reduce import Reduced
     from beamstiff.identify.result import Identification
+    from beamstiff.identify.statement import Statement
     from beamstiff.robot.description import Robot
+
+USES = ("both", "position", "rotation")
 
 
 def identify(
     robot: RobotFile,
-    data: DataFile,
+    data: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="DATA...",
+            help="CSV tables, one row a state: joint variables, wrench, measured displacement; units in the "
+            "header, SI otherwise. Several are taken together, each with its own noise.",
+        ),
+    ],
     parameters: Annotated[
         list[str] | None,
         typer.Option(
             "--parameters",
             metavar="NAME,...",
-            help="Stiffness values to identify, such as J12.torsional (a joint's) or screw2 (a strut's); "
-            "default: what the robot lists under `identify`.",
+            help="Stiffness values to identify, such as J12.torsional (a joint's), screw2 (a strut's) or "
+            "arm.E (a beam's modulus); default: what the robot lists under `identify`.",
         ),
+    ] = None,
+    method: Annotated[
+        str,
+        typer.Option(
+            "--method",
+            metavar="NAME",
+            help="trust-region, levenberg-marquardt, linear, slsqp, mma, lbfgs, bobyqa; global: isres, crs2, "
+            "esch, mlsl, genetic.",
+        ),
+    ] = "trust-region",
+    fix: Annotated[
+        list[str] | None,
+        typer.Option("--fix", metavar="NAME,...", help="Parameters that stay as they are in the robot."),
+    ] = None,
+    tie: Annotated[
+        list[str] | None,
+        typer.Option("--tie", metavar="NAME,NAME,...", help="Parameters that keep their ratio; repeatable."),
+    ] = None,
+    bound: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--bound",
+            metavar="NAME=LOW:HIGH",
+            help="Least and largest value, either may be empty; repeatable.",
+        ),
+    ] = None,
+    prior: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--prior",
+            metavar="NAME=VALUE:FACTOR",
+            help="Known beforehand, to within a factor at one standard deviation (1.5); repeatable.",
+        ),
+    ] = None,
+    loss: Annotated[
+        str,
+        typer.Option(
+            "--loss", metavar="NAME", help="linear (least squares); against bad rows soft_l1, huber, cauchy."
+        ),
+    ] = "linear",
+    use: Annotated[
+        str, typer.Option("--use", metavar="WHAT", help="Readings that count: position, rotation or both.")
+    ] = "both",
+    input_error: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--input-error",
+            metavar="NAME=VALUE,...",
+            help="Standard deviations of what the table gives: load (a balance), force, moment (a sensor), "
+            "angle, length (joint readings); they add to the noise.",
+        ),
+    ] = None,
+    folds: Annotated[
+        int, typer.Option("--folds", metavar="N", help="Folds of the held-out gap; 0 for none.")
+    ] = 5,
+    bootstrap: Annotated[
+        int,
+        typer.Option(
+            "--bootstrap", metavar="N", help="Intervals from N fits to poses drawn again; 0 for none."
+        ),
+    ] = 0,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of all that is drawn at random.")] = 0,
+    evaluations: Annotated[
+        int, typer.Option("--evaluations", metavar="N", help="At most; mostly of the global methods.")
+    ] = 20_000,
+    population: Annotated[
+        int | None,
+        typer.Option("--population", metavar="N", help="Of the global methods; default theirs."),
     ] = None,
     json: Json = None,
     out: Annotated[
         str | None,
         typer.Option("--out", metavar="FILE", help="Write the robot with the identified stiffness as YAML."),
+    ] = None,
+    reduce: Annotated[
+        str | None,
+        typer.Option(
+            "--reduce",
+            metavar="FILE",
+            help="Write the reduced robot as YAML: springs that only act together are one, what cannot be "
+            "identified is left out.",
+        ),
     ] = None,
     figure: Annotated[
         str | None,
@@ -51,53 +153,203 @@ def identify(
     start are the robot's present values. Weighted least squares; rotations count where the table
     says sigma_rotation. The uncertainty is one standard deviation; where the data do not bound a
     stiffness from above, a lower bound is given instead. The held-out gap is that of poses left
-    out of the fit.
+    out of the fit. Springs that only act together are named, with the sum that is known of them
+    and the measurement that would tell them apart. Ctrl-C ends with the best values so far.
 
     \b
     Examples:
       beamstiff identify ir663 examples/data/ir663_compliance_xx.csv
-      beamstiff identify robot.yaml data.csv --parameters J1.torsional,J2.torsional \\
+      beamstiff identify robot.yaml one.csv two.csv --parameters J1.torsional,J2.torsional \\
           --json found.json --out identified.yaml --figure fit.png
+      beamstiff identify robot.yaml data.csv --method genetic --seed 3 --bound J1.radial=1e7:1e10
+      beamstiff identify robot.yaml data.csv --loss huber --bootstrap 1000 --reduce small.yaml
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
+    from beamstiff.identify.minimise import METHODS, Effort
+    from beamstiff.identify.objective import LOSSES
+    from beamstiff.identify.separate import with_separations
+    from beamstiff.identify.statement import state_identification
     from beamstiff.identify.stiffness import identify as fit
     from beamstiff.measure import doubts, read_measurements
-    from beamstiff.report.identification import identification_table, identification_text
+    from beamstiff.measure.rows import concatenate
+    from beamstiff.report.identification import (
+        combinations_text,
+        identification_table,
+        identification_text,
+    )
     from beamstiff.robot.reader import load_robot
 
+    chosen("--method", method, list(METHODS))
+    chosen("--loss", loss, list(LOSSES))
+    chosen("--use", use, USES)
+    for option, value, least in (("--folds", folds, 0), ("--bootstrap", bootstrap, 0), ("--seed", seed, 0)):
+        at_least(option, value, least)
+    at_least("--evaluations", evaluations, 1)
+    at_least("--population", population, 5)
     description = load_robot(robot)
-    measured = read_measurements(data, description)
-    names = parse_names(parameters)
-    check_outputs([robot_file(robot), data], json, out=out, figure=figure)
+    if twice := [path for number, path in enumerate(data) if path in data[:number]]:
+        raise BeamstiffError(f"{twice[0]}: is given twice, its rows would count twice")
+    tables = [read_measurements(path, description) for path in data]
+    what: dict[str, Any] = {
+        "parameters": parse_names(parameters),
+        "fixed": parse_names(fix, "--fix") or [],
+        "ties": parse_ties(tie),
+        "bounds": parse_bounds(description, bound),
+        "priors": parse_priors(description, prior),
+        "errors": parse_errors(input_error),
+        "loss": loss,
+        "components": use,
+    }
+    check_outputs([robot_file(robot), *data], json, out=out, reduce=reduce, figure=figure)
     if figure is not None:
         from beamstiff.report.figures import check_format
 
         check_format(figure)
-    with working(f"identifying from {len(measured)} rows", quiet):
-        notes = doubts(measured, description)
-        found = fit(description, measured, names)
+    measured = concatenate(tables)
+    effort = Effort(evaluations, seed, population)
+    with (
+        working(f"identifying from {len(measured)} rows", quiet, still=True),
+        _bar(evaluations, quiet) as tell,
+    ):
+        notes = [note for table in tables for note in doubts(table, description)]
+        found = fit(description, measured, method=method, folds=folds, effort=effort, progress=tell, **what)
+    drawn = None
+    if not found.interrupted:
+        with working("looking for what would tell more", quiet):
+            found = with_separations(found, description, measured, cast("Components", use), seed)
+        if bootstrap:
+            with working(f"fitting {bootstrap} draws of the poses", quiet):
+                drawn = _draw(state_identification(description, measured, **what), found, bootstrap, seed)
 
-    for note in notes:
+    for note in (*notes, *found.notes):
         say(f"note: {note}", quiet)
     console = people(quiet, json)
-    console.print(identification_table(found, description, f"{description.name}: identified stiffness"))
-    console.print(identification_text(found, measured))
+    intervals = None if drawn is None else drawn.intervals
+    title = f"{description.name}: identified stiffness"
+    console.print(identification_table(found, description, title, intervals))
+    for line in (*combinations_text(found), identification_text(found, measured), _method(found)):
+        console.print(line)
+    reduced = None
+    if reduce is not None:
+        reduced = _reduce(description, measured, found, use)
+        write_whole(reduce, _yaml(reduced.robot, _reduced_head(reduced, found, data)))
     if out is not None:
-        write_whole(out, _yaml(description, found, data))
+        write_whole(out, _yaml(found.robot, _head(found, data)))
     if figure is not None:
         from beamstiff.report.figures import save_figure
         from beamstiff.report.parity import parity_figure
 
         save_figure(parity_figure(measured, found.predicted, description.name), figure)
-    write_json(found.to_dict(), json)
+    write_json(_facts(found, drawn, reduced), json)
+    if found.interrupted:
+        raise typer.Exit(INTERRUPTED)
 
 
-def _yaml(robot: Robot, found: Identification, data: str) -> str:
+@contextmanager
+def _bar(most: int, quiet: bool) -> Iterator[Progress | None]:
+    """Show on stderr how far a search is, if it is a terminal."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    console = Console(stderr=True, quiet=quiet)
+    if quiet or not console.is_terminal:
+        yield None
+        return
+    columns = (
+        TextColumn("identifying"),
+        BarColumn(),
+        TextColumn("{task.completed} evaluations, cost {task.fields[cost]:.4g}"),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task("search", total=most, cost=float("inf"))
+        yield lambda count, cost: bar.update(task, completed=count, cost=cost)
+
+
+def _draw(statement: Statement, found: Identification, repetitions: int, seed: int) -> Bootstrap:
+    """Return the bootstrap about what was found."""
+    import numpy as np
+
+    from beamstiff.identify.bootstrap import bootstrap
+
+    statement = statement.weighed(found.stiffness)
+    return bootstrap(statement, np.log(found.stiffness)[statement.parameters.first], repetitions, seed)
+
+
+def _reduce(robot: Robot, measured: Any, found: Identification, use: str) -> Reduced:
+    from beamstiff.identify.degeneracy import find_degeneracy
+    from beamstiff.identify.problem import state_problem
+    from beamstiff.identify.reduce import reduce_model
+
+    names = [item.name for item in found.parameters]
+    problem = state_problem(robot, measured, names, cast("Components", use))
+    values = dict(zip(names, found.stiffness.tolist(), strict=True))
+    return reduce_model(robot, find_degeneracy(problem), values, names)
+
+
+def _facts(found: Identification, drawn: Bootstrap | None, reduced: Reduced | None) -> dict[str, Any]:
+    import numpy as np
+
+    facts = found.to_dict()
+    if drawn is not None:
+        facts["bootstrap"] = {
+            "repetitions": len(drawn.stiffness),
+            "poses": drawn.poses,
+            "undetermined": drawn.undetermined,
+            "intervals": {
+                name: [limit if np.isfinite(limit) else None for limit in ends]
+                for name, ends in drawn.intervals.items()
+            },
+        }
+    if reduced is not None:
+        facts["reduced"] = {
+            "lumped": [
+                {
+                    "kept": one.kept,
+                    "value": one.value,
+                    "rigid": _are(one.gone, np.inf),
+                    "free": _are(one.gone, 0),
+                }
+                for one in reduced.lumped
+            ],
+            "held": list(reduced.held),
+        }
+    return facts
+
+
+def _are(gone: Any, value: float) -> list[str]:
+    return [name for name, became in gone.items() if became == value]
+
+
+def _method(found: Identification) -> str:
+    how = "stopped by hand" if found.interrupted else found.message
+    return f"{found.method}, {found.evaluations} evaluations: {how}."
+
+
+def _sources(data: Sequence[str]) -> str:
+    # one line: a comment must not end early
+    return str(BeamstiffError(", ".join(Path(path).name for path in data)))
+
+
+def _head(found: Identification, data: Sequence[str]) -> str:
+    names = ", ".join(item.name for item in found.parameters)
+    head = f"# Stiffness of {names} identified by beamstiff from {_sources(data)}.\n"
+    if unbounded := [item.name for item in found.parameters if not item.identifiable]:
+        head += f"# Not bounded from above by the data, written as fitted: {', '.join(unbounded)}.\n"
+    return head
+
+
+def _reduced_head(reduced: Reduced, found: Identification, data: Sequence[str]) -> str:
+    head = _head(found, data).splitlines(keepends=True)[0]
+    head += "# Reduced: under other loads and at other points than those measured it may differ.\n"
+    for one in reduced.lumped:
+        became = ", ".join(f"{name} {'rigid' if value else 'free'}" for name, value in one.gone.items())
+        head += f"# {one.kept} stands for the whole of a group; {became}.\n"
+    if reduced.held:
+        head += f"# Held, not identifiable: {', '.join(reduced.held)}.\n"
+    return head
+
+
+def _yaml(robot: Robot, head: str) -> str:
     from beamstiff.robot.writer import robot_to_yaml
 
-    values = {item.name: float(value) for item, value in zip(found.parameters, found.stiffness, strict=True)}
-    unbounded = [item.name for item in found.parameters if not item.identifiable]
-    source = str(BeamstiffError(Path(data).name))  # one line: a comment must not end early
-    head = f"# Stiffness of {', '.join(values)} identified by beamstiff from {source}.\n"
-    if unbounded:
-        head += f"# Not bounded from above by the data, written as fitted: {', '.join(unbounded)}.\n"
-    return head + robot_to_yaml(robot.with_parameters(values))
+    return head + robot_to_yaml(robot)

@@ -43,7 +43,7 @@ def robot_file(robot: str) -> Path:
     return robot_path(robot) if not path.exists() and robot in robot_names() else path
 
 
-def parse_names(texts: Sequence[str] | None) -> list[str] | None:
+def parse_names(texts: Sequence[str] | None, option: str = "--parameters") -> list[str] | None:
     """Return the names in texts such as ``"J12.torsional,J18.torsional"``, or None where none were given.
 
     Raises
@@ -56,6 +56,6 @@ def parse_names(texts: Sequence[str] | None) -> list[str] | None:
     names = [name.strip() for text in texts for name in text.split(",")]
     if not all(names):
         raise BeamstiffError(
-            f"--parameters: found {','.join(texts)!r}, expected names such as J12.torsional,J18.torsional"
+            f"{option}: found {','.join(texts)!r}, expected names such as J12.torsional,J18.torsional"
         )
     return names

@@ -34,8 +34,16 @@ def say(message: str, quiet: bool = False) -> None:
 
 
 @contextmanager
-def working(what: str, quiet: bool) -> Iterator[None]:
+def working(what: str, quiet: bool, still: bool = False) -> Iterator[None]:
     """Show on stderr that long work goes on, if it is a terminal; numbers that overflow are bad input.
+
+    Parameters
+    ----------
+    what : str
+        The work, such as "identifying".
+    quiet : bool
+    still : bool
+        Show nothing, since the work shows itself.
 
     Raises
     ------
@@ -47,7 +55,7 @@ def working(what: str, quiet: bool) -> Iterator[None]:
     console = _console(quiet=quiet, stderr=True)
     try:
         with (
-            console.status(f"{what} ...") if console.is_terminal else nullcontext(),
+            console.status(f"{what} ...") if console.is_terminal and not still else nullcontext(),
             np.errstate(over="raise"),
         ):
             yield

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from math import sqrt
+from collections.abc import Iterator, Mapping
+from math import inf, sqrt
 
+import numpy as np
 from rich.table import Table
 
 from beamstiff.errors import listed
-from beamstiff.identify.result import Identification, Parameter
+from beamstiff.identify.result import Combination, Identification, Parameter
 from beamstiff.measure.table import Measurements
 from beamstiff.report.tables import number, table
 from beamstiff.robot.description import Robot
@@ -15,9 +17,21 @@ from beamstiff.robot.fields import stiffness_text
 
 # a residual this much above the noise is no chance any more, from a dozen rows on
 BEYOND_NOISE = 1.5
+ACTS = {
+    "series": "act in series",
+    "parallel": "act in parallel",
+    "sum": "act in sums only",
+    "mixed": "act together only, in no simple sum",
+    "ill-determined": "are hardly told apart by these rows",
+}
 
 
-def identification_table(found: Identification, robot: Robot, title: str = "Identified stiffness") -> Table:
+def identification_table(
+    found: Identification,
+    robot: Robot,
+    title: str = "Identified stiffness",
+    intervals: Mapping[str, tuple[float, float]] | None = None,
+) -> Table:
     """Return a table: value before, identified value with its standard deviation, or a lower bound.
 
     Parameters
@@ -26,44 +40,113 @@ def identification_table(found: Identification, robot: Robot, title: str = "Iden
     robot : Robot
         As it was before: the start.
     title : str
+    intervals : mapping of str to (low, high), optional
+        Of the bootstrap, 95 %, by parameter.
     """
     result = table(title, "parameter", "start", "identified", "std", "std/value", "unit")
     result.columns[-1].justify = "left"
+    if intervals is not None:
+        result.add_column("bootstrap 95 %")
     for item in found.parameters:
         start = stiffness_text(robot.parameter(item.name))
         shown = start if isinstance(start, str) else number(start)
-        result.add_row(item.name, shown, *_cells(item), item.unit)
+        more = [] if intervals is None else [_interval(intervals.get(item.name))]
+        result.add_row(item.name, shown, *_cells(item), item.unit, *more)
     return result
 
 
 def _cells(item: Parameter) -> tuple[str, str, str]:
     if item.value is None or item.std is None:
-        return "?" if item.lower_bound is None else f"> {number(item.lower_bound)}", "-", "-"
+        return f"> {number(item.lower_bound)}" if item.lower_bound else "?", "-", "-"
     return number(item.value), number(item.std), f"{100 * item.std / item.value:.1f} %"
+
+
+def _interval(ends: tuple[float, float] | None) -> str:
+    if ends is None:
+        return "-"
+    return f"{number(ends[0])} to {'rigid' if ends[1] == inf else number(ends[1])}"
+
+
+def combinations_text(found: Identification) -> Iterator[str | Table]:
+    """Yield what is known of springs that only act together: a table, and a sentence a group.
+
+    Nothing where every spring is known by itself.
+    """
+    groups = (*found.degenerate, *found.ill_determined)
+    if groups:
+        sums = [item for item in groups if item.value is not None]
+        if sums:
+            result = table("Known together only", "sum", "value", "std", "unit", "as one spring", left=1)
+            for item in sums:
+                result.add_row(item.relation, *_sum_cells(item))
+            yield result
+        told = set[tuple[str, ...]]()
+        for item in groups:
+            if item.parameters not in told:
+                told.add(item.parameters)
+                yield _group_text(item)
+    for parameter in found.parameters:
+        if parameter.separate:
+            yield f"{parameter.reason}; {parameter.separate}."
+
+
+def _sum_cells(item: Combination) -> tuple[str, str, str, str]:
+    assert item.value is not None
+    std = "?" if item.std is None else number(item.std)
+    return number(item.value), std, item.unit, _as_one(item)
+
+
+def _as_one(item: Combination) -> str:
+    """Return the stiffness of springs in series as one, with what bounds it."""
+    if item.kind != "series" or item.value is None or item.std is None:
+        return "-"
+    low, high = item.interval or (max(item.value - 1.96 * item.std, 0.0), item.value + 1.96 * item.std)
+    if low <= 0.0:
+        return f"> {number(1 / high)}" if high > 0 else "?"
+    return number(1 / item.value)
+
+
+def _group_text(item: Combination) -> str:
+    names = f"{', '.join(item.parameters[:-1])} and {item.parameters[-1]}"
+    text = f"{names} {ACTS[item.kind]}"
+    if item.kind in ("series", "parallel"):
+        text += ": lump them into one (--reduce)"
+    return f"{text}. To tell them apart: {item.separate}." if item.separate else f"{text}."
 
 
 def identification_text(found: Identification, measured: Measurements) -> str:
     """Return sentences: what is not bounded, the gap that remains, how it compares with the stated noise."""
-    unbounded = [item.name for item in found.parameters if item.value is None]
+    grouped = {name for item in found.degenerate for name in item.parameters}
+    unbounded = [
+        item.name
+        for item in found.parameters
+        if item.value is None and not item.silent and item.name not in grouped
+    ]
     gap = f"Gap that remains in position: RMS {1e3 * found.rms:.3f} mm over the {len(measured)} rows fitted"
     if found.rms_held_out is None:
         held_out = "; too few poses to leave some out and test on them."
     else:
         held_out = f", {1e3 * found.rms_held_out:.3f} mm on poses left out of the fit."
-    lines = [f"{gap}{held_out} {_against_noise(sqrt(found.chi_square), measured.sigma_position)}"]
+    lines = [f"{gap}{held_out} {_against_noise(sqrt(found.chi_square), measured)}"]
     if unbounded:
         lines.insert(
             0,
             f"These data do not bound {listed(unbounded)} from above: rigid would fit nearly as well. "
             "> is the lower bound that holds with 97.5 %.",
         )
+    if found.interrupted:
+        lines.insert(0, "Stopped by hand: the best values so far, not yet a minimum.")
     return "\n".join(lines)
 
 
-def _against_noise(ratio: float, sigma: float | None) -> str:
-    if sigma is None:
+def _against_noise(ratio: float, measured: Measurements) -> str:
+    sigma = measured.sigma_position
+    if sigma is not None:
+        noise = f"the stated noise ({1e3 * sigma:.3g} mm)"
+    elif np.isfinite(measured.sigma[measured.measured_mask]).any():
+        noise = "the stated noise"  # of rows, files or rotations
+    else:
         return "The table states no sigma_position: the uncertainty is estimated from the gap itself."
-    noise = f"the stated noise ({1e3 * sigma:.3g} mm)"
     if ratio > BEYOND_NOISE:
         return (
             f"The fit leaves {ratio:.1f} times what {noise} would: the model lacks something. The standard "
