@@ -226,6 +226,7 @@ def identify(
     intervals = None if drawn is None else drawn.intervals
     title = f"{description.name}: identified stiffness"
     console.print(identification_table(found, description, title, intervals))
+    console.print()
     for line in (*combinations_text(found), identification_text(found, measured), _method(found)):
         console.print(line)
     reduced = None
@@ -321,8 +322,9 @@ def _are(gone: Any, value: float) -> list[str]:
 
 
 def _method(found: Identification) -> str:
-    how = "stopped by hand" if found.interrupted else found.message
-    return f"{found.method}, {found.evaluations} evaluations: {how}."
+    from beamstiff.report.tables import counted
+
+    return f"{found.method}, {counted(found.evaluations, 'evaluation')}: {found.message.rstrip('.')}."
 
 
 def _sources(data: Sequence[str]) -> str:

@@ -7,12 +7,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from beamstiff.errors import BeamstiffError
+from beamstiff.identify.parameters import SPAN, Parameters
 from beamstiff.identify.problem import Problem
 from beamstiff.measure.table import Measurements
 from beamstiff.se3 import Array
 
 # between the files of one machine; poses and directions of load alone do not differ by as much
 CONTRADICTION = 300.0  # times; millimetres read as metres make 1000
+AT_BOUND = 1e-6  # of the logarithm
 NO_RESIDUAL = 1e-9  # of the displacements, below which a residual is rounding
 
 
@@ -81,18 +83,28 @@ def _known(sigma: Array) -> Array:
     return result
 
 
-def cautions(problem: Problem, rms: float) -> Iterator[str]:
+def cautions(problem: Problem, parameters: Parameters, theta: Array, rms: float) -> Iterator[str]:
     """Yield, in sentences, what limits the result of an identification.
 
     Parameters
     ----------
     problem : Problem
+    parameters : Parameters
+    theta : (t,) array
+        The optimum.
     rms : float, m
         Of the position residual.
     """
     poses, rows = np.unique(problem.pose).size, len(problem.pose)
     if poses == 1 and rows > 1:
         yield f"all {rows} rows are of one pose: how the model does at others is not known"
+    for ends, what in ((parameters.lower, "least"), (parameters.upper, "largest")):
+        for at in np.flatnonzero(np.abs(theta - ends) < AT_BOUND):
+            leader = parameters.first[at]
+            if abs(theta[at] - np.log(parameters.start[leader])) < np.log(SPAN) * 0.999:  # the user's
+                name = parameters.names[leader]
+                value = float(np.exp(theta[at]))
+                yield f"{name} lies at the {what} value allowed, {value:.4g}: the data ask for another"
     size = float(np.abs(problem.measured[:, :3]).max(initial=0.0))
     if not problem.sigma_known and rms <= NO_RESIDUAL * size:
         yield (

@@ -183,7 +183,11 @@ def conclude(statement: Statement, found: Minimum, method: str, folds: int = 5) 
         message=found.message,
         interrupted=found.interrupted,
         predicted=problem.model.predict(stiffness),
-        notes=(*problem.notes, *statement.plan.silent.values(), *cautions(problem, rms)),
+        notes=(
+            *problem.notes,
+            *statement.plan.silent.values(),
+            *cautions(problem, statement.parameters, found.theta, rms),
+        ),
     )
 
 

@@ -80,6 +80,7 @@ def combinations_text(found: Identification) -> Iterator[str | Table]:
             for item in sums:
                 result.add_row(item.relation, *_sum_cells(item))
             yield result
+            yield ""
         told = set[tuple[str, ...]]()
         for item in groups:
             if item.parameters not in told:
