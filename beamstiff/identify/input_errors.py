@@ -93,7 +93,7 @@ class Response:
     def disturbance(self, stiffness: Array) -> Disturbance:
         """Return how far each row moves by one standard deviation of each error, at stiffness values (m,)."""
         moved = self.model.predict(stiffness).reshape(-1, self.own + 2 * self.common, 6)
-        turned = moved[:, self.own :].reshape(-1, self.common, 2, 6)
+        turned = moved[:, self.own :].reshape(len(moved), self.common, 2, 6)
         by_value = (turned[:, :, 0] - turned[:, :, 1]) * self.spread[:, None]
         return Disturbance(moved[:, : self.own].swapaxes(1, 2), by_value.swapaxes(1, 2))
 

@@ -67,8 +67,9 @@ class Profile:
         if self._inside or not np.isfinite(std):
             return -reach, reach
         a = direction / self._size
-        least = np.where(a > 0, a * self._low, np.where(a < 0, a * self._high, 0.0)).sum() - a @ self._size
-        most = np.where(a > 0, a * self._high, np.where(a < 0, a * self._low, 0.0)).sum() - a @ self._size
+        felt, at = a != 0, float(a @ self._size)
+        ends = a[felt] * np.stack([self._low[felt], self._high[felt]])
+        least, most = ends.min(axis=0).sum() - at, ends.max(axis=0).sum() - at
         return self._end(a, -reach, float(least), -np.inf), self._end(a, reach, float(most), np.inf)
 
     def _end(self, a: Array, reach: float, wall: float, beyond: float) -> float:
