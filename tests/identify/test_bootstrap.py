@@ -64,7 +64,7 @@ def test_refits_by_counts_are_weighted_least_squares() -> None:
 
 
 def test_the_scatter_over_draws_is_the_sandwich_estimate() -> None:
-    """To first order: ``(A'A)^-1 sum_g A_g' e_g e_g' A_g (A'A)^-1`` over the poses g (Liang and Zeger 1986)."""
+    """To first order: ``(A'A)^-1 sum_g A_g' e_g e_g' A_g (A'A)^-1`` over poses g (Liang and Zeger 1986)."""
     table = rows(ROBOT, 80)
     noise = white(table, 3) * np.where(np.arange(80) % 4 == 0, 4.0, 1.0)[:, None]  # not as the table states
     data = measured(ROBOT, table, noise)

@@ -86,7 +86,7 @@ def test_a_residual_beyond_the_noise_widens_the_intervals(size: float) -> None:
 def test_noise_that_nobody_states_is_told_by_the_residual() -> None:
     """Positions only, so that joint 6, which passes through the TCP, stays out."""
     table = rows(ROBOT, 8, sigma=False)
-    data = measured(ROBOT, table, white(table, 4) + [0, 0, 0, np.nan, np.nan, np.nan])
+    data = measured(ROBOT, table, white(table, 4) + np.repeat([0, np.nan], 3))
     a = sensitivities(ROBOT, data)[:, :3, :5].reshape(-1, 5)
     expected, covariance, squares = least_squares(a, data.displacement[:, :3].ravel(), np.eye(24))
     found = identify(ROBOT, data, ROBOT.identify[:5])
@@ -161,7 +161,7 @@ def test_whitening_makes_any_covariance_one(seed: int, shared: bool, common: boo
 
 @pytest.mark.parametrize("bad", [0.0, 0.1])
 def test_robust_losses_tell_the_scatter_that_they_have(bad: float) -> None:
-    """Standard deviations under Huber's loss against the scatter of 400 refits, in the mean over the joints."""
+    """Standard deviations under Huber's loss against the scatter of 400 refits, mean of the joints."""
     table = rows(ROBOT, 40)
     clean = measured(ROBOT, table)
     statement = state_identification(ROBOT, clean, loss="huber")
@@ -181,7 +181,7 @@ def test_robust_losses_tell_the_scatter_that_they_have(bad: float) -> None:
 
 def brute_force(profile: Profile, at: int) -> tuple[float, float]:
     """Return the profile interval of the compliance `at` of two, by a grid."""
-    axis = np.linspace(0, 8, 2401)
+    axis = np.linspace(0, 8, 1201)
     x = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1)
     away = x - 1
     q = np.einsum("abi,ij,abj->ab", away, profile.information, away) + 2 * away @ profile.gradient
@@ -201,8 +201,8 @@ def test_profile_intervals_agree_with_a_grid(correlation: float, near: float) ->
     for at in range(2):
         low, high = profile.interval(np.eye(2)[at], float(spread[at]))
         expected = brute_force(profile, at)
-        assert max(low, -1.0) == pytest.approx(expected[0], abs=5e-3)
-        assert min(high, 7.0) == pytest.approx(expected[1], abs=5e-3)
+        assert max(low, -1.0) == pytest.approx(expected[0], abs=1e-2)
+        assert min(high, 7.0) == pytest.approx(expected[1], abs=1e-2)
 
 
 def test_beside_a_bound_that_holds_intervals_keep_their_promise() -> None:
