@@ -3,42 +3,84 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from beamstiff.gap.exam.campaign import Campaign, Truth
-from beamstiff.gap.exam.cases import Case, without_noise
-from beamstiff.gap.exam.simulate import simulate
+from beamstiff.gap.exam.machine import machine_of
+from beamstiff.gap.exam.reality import Reality
+from beamstiff.gap.exam.simulate import read, simulate, solve
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 
-Baseline = Callable[[Case, Sequence[Sequence[Truth]]], list[Array]]
+if TYPE_CHECKING:
+    from beamstiff.gap.exam.cases import Case
+
+Baseline = Callable[["Case", Sequence[Sequence[Truth]]], list[Array]]
 """Residuals (N, 6), m and rad, that the fitted model leaves of the noise-free rows of each set of truths."""
 
 STEP = 0.02  # of a compliance, relative: beyond the solver's rounding, and compliances act linearly
 
 
-def linear_baseline(case: Case, sets: Sequence[Sequence[Truth]]) -> list[Array]:
-    """Return residuals of a linear least-squares fit of the compliances that the robot lists to identify.
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A model that is fitted to what a machine with effects reads in a campaign, without noise.
+
+    Attributes
+    ----------
+    machine : Robot
+        Without effects, its stiffness true.
+    campaign : Campaign
+        Without noise.
+    still : (N, 6) array, m and rad
+        What is read without effects; NaN where nothing is.
+    basis : (N, 6, t) array
+        Derivatives of that by the logarithms of the compliances fitted.
+    weight : (6,) array
+        One over the noise.
+    """
+
+    machine: Robot
+    campaign: Campaign
+    still: Array
+    basis: Array
+    weight: Array
+
+    def residual(self, truths: Sequence[Truth]) -> Array:
+        """Return what the fit leaves of the gap that some effects make, (N, 6), m and rad."""
+        known = ~np.isnan(self.still) & (self.weight > 0)
+        gap = true_rows(self.machine, truths, self.campaign) - self.still
+        matrix = (self.basis * self.weight[:, None])[known]
+        found = np.linalg.lstsq(matrix, (gap * self.weight)[known], rcond=1e-12)[0]
+        return np.asarray(gap - self.basis @ found)
+
+
+def linear_fit(robot: Robot, machine: Robot, campaign: Campaign) -> Fit:
+    """Return the linear least-squares fit of the compliances that a robot lists to identify.
 
     The rows' derivatives by the compliances are differences of the simulator's own answers without effects,
     at the true stiffness; values are weighted by the true noise. It shares nothing with the diagnosis.
     """
-    still = true_rows(case.machine, (), case.campaign)
+    quiet = without_noise(campaign)
+    reality = Reality(machine_of(machine))
+    solved = solve(reality, quiet)
+    still = read(reality, quiet, solved)
     columns = []
-    for name in case.robot.identify:  # of none, the gap is all that the effects do
-        softer = case.machine.with_parameters({name: case.machine.parameter(name) / (1.0 + STEP)})
-        columns.append((true_rows(softer, (), case.campaign) - still) / STEP)
-    weight = weights(case.campaign)
-    known = ~np.isnan(still) & (weight > 0)
+    for name in robot.identify:  # of none, the gap is all that the effects do
+        softer = Reality(machine_of(machine.with_parameters({name: machine.parameter(name) / (1.0 + STEP)})))
+        columns.append((read(softer, quiet, solve(softer, quiet, solved)) - still) / STEP)
+    if not campaign.rotations:
+        still[:, 3:] = np.nan
     basis = np.stack(columns, axis=-1) if columns else np.zeros((*still.shape, 0))
-    matrix = (basis * weight[:, None])[known]
-    residuals = []
-    for truths in sets:
-        gap = true_rows(case.machine, truths, case.campaign) - still
-        found = np.linalg.lstsq(matrix, (gap * weight)[known], rcond=1e-12)[0]
-        residuals.append(gap - basis @ found)
-    return residuals
+    return Fit(machine, quiet, still, basis, weights(campaign))
+
+
+def linear_baseline(case: Case, sets: Sequence[Sequence[Truth]]) -> list[Array]:
+    """Return residuals of the linear fit of the compliances that the robot lists to identify."""
+    fit = linear_fit(case.robot, case.machine, case.campaign)
+    return [fit.residual(truths) for truths in sets]
 
 
 def true_rows(machine: Robot, truths: Sequence[Truth], campaign: Campaign) -> Array:
@@ -57,3 +99,10 @@ def whitened_gap(campaign: Campaign, residual: Array) -> float:
     values = residual * weights(campaign)
     read = values[:, :6] if campaign.rotations else values[:, :3]
     return float(np.sqrt(np.nanmean(np.square(read))))
+
+
+def without_noise(campaign: Campaign) -> Campaign:
+    """Return the campaign as a perfect instrument would make it."""
+    return replace(
+        campaign, sigma_position=0.0, sigma_rotation=0.0, claimed_position=None, claimed_rotation=None
+    )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -24,7 +24,8 @@ from beamstiff.gap.exam.names import EFFECTS
 from beamstiff.gap.exam.record import KINDS, Kind, Label, sha256
 from beamstiff.gap.exam.robots import ROBOTS, WEIGHTS, exam_robot, with_payload, with_stiff_drive
 from beamstiff.gap.exam.simulate import draw_stiffness
-from beamstiff.gap.exam.truths import OUTSIDE, draw_truth
+from beamstiff.gap.exam.sizes import DIGITS, sized
+from beamstiff.gap.exam.truths import OUTSIDE, draw_truth, resized
 from beamstiff.measure.table import Measurements
 from beamstiff.measure.writer import measurements_to_csv
 from beamstiff.robot.description import Robot
@@ -161,50 +162,42 @@ def draw_case(exam: Exam, case: int) -> Case:
         if exam.robot is None and (effect == "joint-compliance" or rng.random() < STIFF_DRIVE):
             robot = with_stiff_drive(robot, rng)
         try:
-            truths, sizes = _draw_truths(rng, robot, kind, effect, exam.effects)
+            truths = _draw_truths(rng, robot, kind, effect, exam.effects)
         except BeamstiffError as error:
             why = str(error)
             continue
-        return _drawn(exam, rng, robot, Drawn(case, kind, truths, sizes))
+        return _drawn(exam, rng, robot, Drawn(case, kind, truths))
     raise BeamstiffError(f"exam: case {case}: no robot can have {effect!r}: {why}")
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """What is wrong in a case."""
+    """What is wrong in a case, of any size yet."""
 
     case: int
     kind: Kind
     truths: tuple[Truth, ...]
-    sizes: tuple[float, ...]
 
 
 def _draw_truths(
     rng: np.random.Generator, robot: Robot, kind: Kind, effect: str, effects: tuple[str, ...]
-) -> tuple[tuple[Truth, ...], tuple[float, ...]]:
+) -> tuple[Truth, ...]:
     if kind == "null":
-        return (), ()
-    size = _draw_size(rng)
-    first = draw_truth(rng, robot, effect, size)
+        return ()
+    first = draw_truth(rng, robot, effect, 0.5)
     if kind != "pair":
-        return (first,), (size,)
-    second_size = _draw_size(rng)
+        return (first,)
     for _ in range(TRIES):
         other = str(rng.choice(effects))
         if other == effect:
             continue
         try:
-            second = draw_truth(rng, robot, other, second_size)
+            second = draw_truth(rng, robot, other, 0.5)
         except BeamstiffError:
             continue
         if second.component != first.component:
-            return (first, second), (size, second_size)
+            return first, second
     raise BeamstiffError(f"robot {robot.name!r} has no second effect at another place beside {first.label}")
-
-
-def _draw_size(rng: np.random.Generator) -> float:
-    """Return a size in [0, 1], the larger of two even draws: nulls stand for what cannot be seen."""
-    return float(rng.uniform(size=2).max())
 
 
 def _drawn(exam: Exam, rng: np.random.Generator, robot: Robot, drawn: Drawn) -> Case:
@@ -216,21 +209,28 @@ def _drawn(exam: Exam, rng: np.random.Generator, robot: Robot, drawn: Drawn) -> 
             mass = rng.uniform(0.2, 0.7) * largest_force(robot, rng) / GRAVITY
             robot = with_payload(robot, float(mass), tuple(rng.uniform(-0.1, 0.1, 3).tolist()))
         campaign = draw_campaign(rng, robot, wish)
-    stiffness = draw_stiffness(rng, robot)
+    machine = robot.with_parameters(draw_stiffness(rng, robot))
     fresh = draw_fresh(rng, robot, campaign)
+    if exam.plan is not None:  # what the plan could find of all that there may be
+        sizes = tuple(round(float(rng.random()), DIGITS) for _ in drawn.truths)
+        pairs = zip(drawn.truths, sizes, strict=True)
+        truths = tuple(resized(truth, robot, size, int(rng.integers(2**31))) for truth, size in pairs)
+    else:
+        found = sized(rng, robot, machine, campaign, drawn.truths, drawn.kind)
+        truths, sizes = tuple(one.truth for one in found), tuple(one.size for one in found)
     label = Label(
         case=drawn.case,
         kind=drawn.kind,
-        truths=tuple(truth.label for truth in drawn.truths),
-        sizes=drawn.sizes,
-        withheld=(drawn.truths[0].effect,) if drawn.kind == "removed" else (),
+        truths=tuple(truth.label for truth in truths),
+        sizes=sizes,
+        withheld=(truths[0].effect,) if drawn.kind == "removed" else (),
         robot=robot.name,
         design="plan" if exam.plan is not None else wish.design,
         data=campaign.kind,
         claimed=wish.claimed if exam.plan is None else "true",
         readings=6 if campaign.rotations else 3,
     )
-    return Case(label, robot, robot.with_parameters(stiffness), drawn.truths, campaign, fresh)
+    return Case(label, robot, machine, truths, campaign, fresh)
 
 
 def _draw_wish(exam: Exam, rng: np.random.Generator, drawn: Drawn) -> Wish:
@@ -248,10 +248,3 @@ def _weights(robots: tuple[str, ...]) -> list[float]:
     known = dict(zip(ROBOTS, WEIGHTS, strict=True))
     weights = np.array([known.get(name, 1.0) for name in robots])
     return list(weights / weights.sum())
-
-
-def without_noise(campaign: Campaign) -> Campaign:
-    """Return the campaign as a perfect instrument would make it."""
-    return replace(
-        campaign, sigma_position=0.0, sigma_rotation=0.0, claimed_position=None, claimed_rotation=None
-    )

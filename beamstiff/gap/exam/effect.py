@@ -15,6 +15,8 @@ from beamstiff.robot.description import Robot
 
 WIDE = np.deg2rad(60.0)  # stroke to either side where a variable has no limits
 LONG = 0.4  # m, likewise of a prismatic one
+LARGE = 6.6e6  # N m/rad, axis 2 of a robot with 2.7 m reach (KUKA KR240-2)
+SMALL = 6.0
 
 
 @dataclass(frozen=True)
@@ -104,6 +106,15 @@ def stroke(robot: Robot, variable: str | None) -> tuple[float, float]:
         return found.guess, LONG if found.type == "prismatic" else float(WIDE)
     low, high = found.limits
     return 0.5 * (low + high), 0.5 * (high - low)
+
+
+def slender(robot: Robot) -> float:
+    """Return by how much a robot's structure is softer than a large one's, from 1 for those to `SMALL`.
+
+    Structure grows with the drives, less than they do: by the square root of the main axis' stiffness.
+    """
+    turning = [stiffness_of(robot, name) for name in drives_of(robot) if turns(robot, name)]
+    return float(np.clip(np.sqrt(LARGE / max(turning)), 1.0, SMALL)) if turning else 1.0
 
 
 def in_the_middle(robot: Robot, **moved: float) -> Placed:

@@ -5,18 +5,18 @@ from __future__ import annotations
 import json
 import multiprocessing
 import os
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.files import read_text
 from beamstiff.gap.exam.blind import Examiner, examine
-from beamstiff.gap.exam.cases import Exam, draw_case
+from beamstiff.gap.exam.cases import Case, Exam, draw_case
 from beamstiff.gap.exam.record import Record, record_from
 
 FORMAT = "beamstiff-exam/1"
@@ -109,21 +109,31 @@ def _examined(
 ) -> Iterator[tuple[int, Record | Void]]:
     if processes == 1:
         for case in cases:
-            yield case, _one(exam, case, examiner, _seal(exam, case, write))
+            drawn = _draw(exam, case)
+            _seal(drawn, write)
+            yield case, _one(exam, examiner, drawn)
         return
     before = set(multiprocessing.active_children())
-    waiting: deque[tuple[int, Future[Record | Void]]] = deque()
+    left = iter(cases)
+    drawing: set[Future[Case | Void]] = set()
+    answering: dict[Future[Record | Void], int] = {}
     with _one_thread_each():
         pool = ProcessPoolExecutor(processes, mp_context=multiprocessing.get_context("spawn"))
         try:
-            for case in cases:
-                waiting.append((case, pool.submit(_one, exam, case, examiner, _seal(exam, case, write))))
-                while len(waiting) >= AHEAD * processes:
-                    first, future = waiting.popleft()
-                    yield first, future.result()
-            while waiting:
-                first, future = waiting.popleft()
-                yield first, future.result()
+            while True:
+                for case in islice(left, AHEAD * processes - len(drawing) - len(answering)):
+                    drawing.add(pool.submit(_draw, exam, case))
+                if not drawing and not answering:
+                    break
+                either: list[Future[Any]] = [*drawing, *answering]
+                done = wait(either, return_when=FIRST_COMPLETED).done
+                for ready in [future for future in drawing if future in done]:
+                    drawing.remove(ready)
+                    drawn = ready.result()
+                    _seal(drawn, write)
+                    answering[pool.submit(_one, exam, examiner, drawn)] = _number(drawn)
+                for answered in [future for future in answering if future in done]:
+                    yield answering.pop(answered), answered.result()
             pool.shutdown()
         except BaseException:  # Ctrl-C too: nobody waits for cases that are not wanted any more
             pool.shutdown(wait=False, cancel_futures=True)
@@ -132,21 +142,30 @@ def _examined(
             raise
 
 
-def _seal(exam: Exam, case: int, write: Write) -> str | None:
-    """Write a case's seal before anybody is given the case."""
+def _draw(exam: Exam, case: int) -> Case | Void:
     try:
-        seal = draw_case(exam, case).label.digest()
-    except BeamstiffError:
-        return None  # the case is void, and says why where it is examined
-    write({"sealed": case, "label_sha256": seal})
-    return seal
-
-
-def _one(exam: Exam, case: int, examiner: Examiner, seal: str | None) -> Record | Void:
-    try:
-        return examine(exam, case, examiner, seal)
+        return draw_case(exam, case)
     except BeamstiffError as error:
         return Void(case, str(error))
+
+
+def _number(drawn: Case | Void) -> int:
+    return drawn.case if isinstance(drawn, Void) else drawn.label.case
+
+
+def _seal(drawn: Case | Void, write: Write) -> None:
+    """Write a case's seal before anybody is given the case."""
+    if not isinstance(drawn, Void):
+        write({"sealed": drawn.label.case, "label_sha256": drawn.label.digest()})
+
+
+def _one(exam: Exam, examiner: Examiner, drawn: Case | Void) -> Record | Void:
+    if isinstance(drawn, Void):
+        return drawn
+    try:
+        return examine(exam, drawn.label.case, examiner, drawn)
+    except BeamstiffError as error:
+        return Void(drawn.label.case, str(error))
 
 
 @contextmanager

@@ -90,7 +90,11 @@ def draw_stiffness(rng: np.random.Generator, robot: Robot) -> dict[str, float]:
 
 def readings(reality: Reality, campaign: Campaign) -> Array:
     """Return the six values of every row without noise, (N, 6)."""
-    solved = solve(reality, campaign)
+    return read(reality, campaign, solve(reality, campaign))
+
+
+def read(reality: Reality, campaign: Campaign, solved: Solution) -> Array:
+    """Return the six values (N, 6) that the rows read on a machine in these equilibria."""
     machine, nodes = reality.machine, solved.topology.index
     point = np.array([nodes[name] for name in campaign.point])
     frames = [machine.node(str(name)).frame for name in campaign.point]
@@ -126,8 +130,16 @@ class Solution:
     unbalanced: Array
 
 
-def solve(reality: Reality, campaign: Campaign) -> Solution:
-    """Return the equilibrium of the machine in every row of a campaign."""
+def solve(reality: Reality, campaign: Campaign, near: Solution | None = None) -> Solution:
+    """Return the equilibrium of the machine in every row of a campaign.
+
+    Parameters
+    ----------
+    reality : Reality
+    campaign : Campaign
+    near : Solution, optional
+        Of a machine of the same parts in the same campaign, to start from.
+    """
     topology = topology_of(reality.machine)
     q, row_of = np.unique(campaign.q, axis=0, return_inverse=True)
     row_of = row_of.reshape(-1)
@@ -153,13 +165,18 @@ def solve(reality: Reality, campaign: Campaign) -> Solution:
     nothing = some(load, rest_rows)
     nothing = Load(nothing.body, nothing.arm, np.zeros_like(nothing.wrench))
     memory: tuple[Memory, ...] = tuple(law.start(rest_situation) for law in laws)
-    start = at_rest(topology, rows_of(topology), len(rest_rows))
+    start = (
+        at_rest(topology, rows_of(topology), len(rest_rows))
+        if near is None
+        else some(near.unloaded, rest_rows)
+    )
     rest = equilibrium(topology, layout.at(rest_rows), nothing, rest_situation, start, memory)
 
     state = some(rest.state, rest_of)
     unbalanced = rest.unbalanced[rest_of]
     after = tuple(tuple(part[rest_of] for part in old) for old in rest.memory)
-    loaded = State(*(np.copy(part) for part in (state.moved, state.turned, state.hold)))
+    begin = state if near is None else some(near.loaded, first)
+    loaded = State(*(np.copy(part) for part in (begin.moved, begin.turned, begin.hold)))
     remembers = any(law.remembers for law in laws)
     here = np.arange(len(first))
     for turn in range(int(turn_of.max()) + 1) if remembers else (-1,):
@@ -171,9 +188,13 @@ def solve(reality: Reality, campaign: Campaign) -> Solution:
             else here[turn_of == turn - 1][np.searchsorted(state_pose[turn_of == turn - 1], state_pose[now])]
         )
         memory = tuple(tuple(part[before] for part in old) for old in after)
-        begin = some(loaded, before)
         found = equilibrium(
-            topology, layout.at(first[now]), some(load, first[now]), situation.at(now), begin, memory
+            topology,
+            layout.at(first[now]),
+            some(load, first[now]),
+            situation.at(now),
+            some(loaded, before),
+            memory,
         )
         for name in ("moved", "turned", "hold"):
             getattr(loaded, name)[now] = getattr(found.state, name)

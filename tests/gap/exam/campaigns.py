@@ -13,6 +13,7 @@ from beamstiff.gap.exam.reality import Reality
 from beamstiff.gap.exam.simulate import readings
 from beamstiff.gap.exam.truths import draw_truth, imposed
 from beamstiff.robot.description import Robot
+from beamstiff.robot.parts import Frame, Joint, JointStiffness, Node, Rigid, Variable
 
 
 def campaign_of(robot: Robot, q: Any, wrench: Any, **other: Any) -> Campaign:
@@ -68,3 +69,45 @@ def drawn(
 
 def changed(truth: Truth, **parameters: float) -> Truth:
     return dataclasses.replace(truth, parameters={**truth.parameters, **parameters})
+
+
+STIFF = 1e6  # N m/rad, of the arm's only drive
+LONG = 2.0  # m, of the arm
+
+
+def arm(stiffness: float = STIFF, gravity: float = 0.0) -> Robot:
+    """Return an arm along x that turns about the vertical; its drive is elastic, all else is rigid."""
+    return Robot(
+        name="arm",
+        gravity=(0.0, 0.0, -gravity),
+        variables=[Variable(name="q1", type="revolute", limits=(-1.0, 1.0))],
+        frames=[Frame(name="f1", theta="q1")],
+        nodes=[Node(name="a"), Node(name="b", frame="f1"), Node(name="tip", frame="f1", at=(LONG, 0, 0))],
+        rigids=[Rigid(name="arm", nodes=["b", "tip"])],
+        joints=[
+            Joint(
+                name="J",
+                nodes=["a", "b"],
+                frame="f1",
+                variable="q1",
+                stiffness=JointStiffness(torsional="rigid" if np.isinf(stiffness) else stiffness),
+            )
+        ],
+        fixed=["a"],
+        tcp="tip",
+        identify=["J.torsional"] if np.isfinite(stiffness) else [],
+    )
+
+
+def pushed(robot: Robot, wrench: Any, *truths: Truth, q: float = 0.0, **other: Any) -> Array:
+    """Return what one load, or a sequence of loads (S, 6), makes a machine with one joint read."""
+    loads = np.atleast_2d(np.asarray(wrench, float))
+    found = read(robot, campaign_of(robot, [[q]], loads, **other), *truths)
+    return found[0] if np.ndim(wrench) == 1 else found
+
+
+def turned_about_its_axis(robot: Robot, torque: Any, *truths: Truth, q: float = 0.0, **other: Any) -> Array:
+    """Return the rotation about the vertical, rad, that torques (S,) at the tip make."""
+    loads = np.zeros((len(np.atleast_1d(torque)), 6))
+    loads[:, 5] = torque
+    return np.asarray(pushed(robot, loads, *truths, q=q, **other)[:, 5])

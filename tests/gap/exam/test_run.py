@@ -23,7 +23,7 @@ EXAM = Exam(
     shares={"null": 6, "single": 12, "pair": 2, "outside": 2, "removed": 2},
     effects=("link-bending", "tool-compliance", "hardening", "load-error", "frame-misalignment"),
     robots=("kr240-2",),
-    lean=0.5,
+    lean=0.8,
 )
 
 

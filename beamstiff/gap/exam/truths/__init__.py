@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from beamstiff.errors import BeamstiffError, suggest
@@ -101,6 +103,15 @@ def draw_truth(
         raise BeamstiffError(f"effect {effect!r}: found the form {kind!r}, expected one of {known.forms}")
     measure = float(rng.uniform()) if size is None else size
     return Truth(effect, place, kind, known.draw(Asked(rng, robot, place, kind, measure)))
+
+
+def resized(truth: Truth, robot: Robot, size: float, seed: int) -> Truth:
+    """Return an effect of another size at the same component and of the same form.
+
+    What else it has is drawn anew from the seed: with the same seed only the size differs.
+    """
+    asked = Asked(np.random.default_rng(seed), robot, truth.component, truth.form, size)
+    return replace(truth, parameters=_known(truth.effect).draw(asked))
 
 
 def imposed(truth: Truth, reality: Reality) -> Reality:

@@ -12,10 +12,18 @@ from beamstiff.gap.exam.effect import Asked, Effect, between, sign, stiffness_of
 from beamstiff.gap.exam.laws import Situation, Stiffness
 from beamstiff.gap.exam.machine import joints_of
 from beamstiff.gap.exam.reality import Reality
+from beamstiff.robot.description import Robot
 
 SWING = (1.15, 4.0)  # stiffness at the middle over that at an end of the range
 WIDEST = np.deg2rad(75.0)  # half the range that a rod can serve
+GEARED = np.deg2rad(130.0)  # and with gears
 CLEAR = np.deg2rad(12.0)  # from its dead centres
+
+
+def places(robot: Robot) -> list[str | None]:
+    """Return the turning drives whose range a rod can serve, by gears perhaps; all where there is none."""
+    found = turning_drives(robot)
+    return [name for name in found if stroke(robot, name)[1] <= GEARED] or found
 
 
 def draw(asked: Asked) -> dict[str, float]:
@@ -83,4 +91,4 @@ def impose(truth: Truth, reality: Reality) -> Reality:
     return reality.with_machine(machine)
 
 
-EFFECT = Effect("actuator-lever", ("rod", "geared"), turning_drives, draw, impose)
+EFFECT = Effect("actuator-lever", ("rod", "geared"), places, draw, impose)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from beamstiff.gap.exam.campaign import Array, Truth
-from beamstiff.gap.exam.effect import Asked, Effect, between, nowhere
+from beamstiff.gap.exam.effect import Asked, Effect, between, nowhere, slender
 from beamstiff.gap.exam.pedestal import on_pedestal
 from beamstiff.gap.exam.reality import Reality
 from beamstiff.gap.exam.rotations import cross_matrix
@@ -15,7 +15,7 @@ TILT = (8e-9, 2.5e-7)  # rad/(N m)
 
 def draw(asked: Asked) -> dict[str, float]:
     """Return the compliance about x, rad/(N m), and the shape of the base."""
-    found = {"tilt": between(asked.size, *TILT)}
+    found = {"tilt": between(asked.size, *TILT) * slender(asked.robot)}
     if asked.form == "block":
         return found | {
             "about_y": float(asked.rng.uniform(0.4, 1.2)),

@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from beamstiff.gap.exam.campaign import Array, Truth
-from beamstiff.gap.exam.effect import Asked, Effect, between
+from beamstiff.gap.exam.effect import Asked, Effect, between, slender
 from beamstiff.gap.exam.laws import Curve
 from beamstiff.gap.exam.machine import Hinge, joints_of, own_stiffness
 from beamstiff.gap.exam.reality import Reality
@@ -25,7 +25,10 @@ def places(robot: Robot) -> list[str | None]:
 
 def draw(asked: Asked) -> dict[str, float]:
     """Return compliances: tilting rad/(N m), radial and axial m/N; and how the bearing sits."""
-    tilt = between(asked.size, *TILT)
+    drive = min(own_stiffness(asked.robot, *joint) for joint in joints_of(asked.robot, str(asked.component)))
+    # a wrist's bearings are smaller, as its drives are
+    softest = TILT[1] * slender(asked.robot) if drive in (0.0, math.inf) else max(TILT[1], 1.0 / drive)
+    tilt = between(asked.size, TILT[0], softest)
     radial = tilt * RADIAL * float(asked.rng.uniform(0.3, 1.0))
     found = {
         "tilt": tilt,

@@ -10,7 +10,7 @@ from beamstiff.gap.exam.placing import Placed
 from beamstiff.gap.exam.reality import Reality
 from beamstiff.gap.exam.rotations import turn, turned_by
 
-ANGLE = (3e-3, 0.1)  # rad
+ANGLE = (2e-3, 0.2)  # rad
 REGISTERED = 0.01  # share that remains where the frame was fitted to absolute positions
 
 

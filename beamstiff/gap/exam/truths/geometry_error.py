@@ -14,8 +14,8 @@ from beamstiff.gap.exam.reality import Reality
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import FRAME_PARAMETERS
 
-ANGLE = (1e-4, 6e-3)  # rad
-LENGTH = (5e-5, 3e-3)  # m
+ANGLE = (1e-5, 9e-3)  # rad: from what a calibration leaves to a wrong home position
+LENGTH = (1e-5, 3e-3)  # m
 
 
 def places(robot: Robot) -> list[str | None]:

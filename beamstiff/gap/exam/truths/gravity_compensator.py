@@ -21,7 +21,7 @@ from beamstiff.gap.exam.machine import joints_of, machine_of
 from beamstiff.gap.exam.reality import Reality
 from beamstiff.robot.description import Robot
 
-SHARE = (0.04, 0.45)  # of the drive's stiffness that it adds where its lever is longest
+SHARE = (0.03, 0.7)  # of the drive's stiffness that it adds where its lever is longest
 PULL = (1e3, 3e4)  # N in the middle of the range
 LEVEL = 0.5  # cosine to the vertical of the axes that weight turns
 

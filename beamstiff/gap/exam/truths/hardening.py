@@ -11,7 +11,7 @@ from beamstiff.gap.exam.machine import joints_of, own_stiffness
 from beamstiff.gap.exam.reality import Reality
 
 SOFTER = (0.85, 0.25)  # stiffness at no torque over that at much
-BEND = (1.0e-4, 6e-4)  # rad: strain about which the stiffness changes
+BEND = (4e-5, 4e-4)  # rad: strain about which the stiffness changes
 
 
 def draw(asked: Asked) -> dict[str, float]:
@@ -58,7 +58,7 @@ def _law(truth: Truth, k: float) -> Law:
         return WindUp(exponential, hard)
     if truth.form == "piecewise":
         return WindUp(piecewise, hard)
-    scale = T / soft / np.sqrt(2.0 * np.log(hard / soft))  # tangent at T is about `hard`
+    scale = T / soft / np.sqrt(2.0 * np.log(hard / soft))  # tangent at T: soft sqrt(1 + 2 ln(hard / soft))
 
     def sinh(e: Array) -> tuple[Array, Array]:
         x = np.clip(e / scale, -6.0, 6.0)

@@ -14,7 +14,7 @@ from beamstiff.gap.exam.machine import joints_of, own_stiffness
 from beamstiff.gap.exam.reality import Reality
 from beamstiff.robot.description import Robot
 
-TURNING = (1.5e7, 3e5)  # N m/rad
+TURNING = (3e7, 3e5)  # N m/rad
 SLIDING = (1e9, 3e7)  # N/m
 
 

@@ -13,7 +13,7 @@ from beamstiff.gap.exam.machine import Cross, joints_of
 from beamstiff.gap.exam.reality import Reality
 from beamstiff.robot.description import Robot
 
-SHARE = (0.04, 0.8)  # of the geometric mean of the two compliances
+SHARE = (0.02, 0.8)  # of the geometric mean of the two compliances
 
 
 def places(robot: Robot) -> list[str | None]:

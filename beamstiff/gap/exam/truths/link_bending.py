@@ -8,14 +8,14 @@ from itertools import count
 import numpy as np
 
 from beamstiff.gap.exam.campaign import Array, Truth
-from beamstiff.gap.exam.effect import Asked, Effect, between, in_the_middle
+from beamstiff.gap.exam.effect import Asked, Effect, between, in_the_middle, slender
 from beamstiff.gap.exam.machine import Bar, Machine, Profile, bodies_of, machine_of, tapered
 from beamstiff.gap.exam.reality import Reality
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import Node
 
 SHORTEST = 0.02  # m
-SOFTEST, STIFFEST = 3e6, 6e7  # N m^2
+SOFTEST, STIFFEST = 3e6, 6e7  # N m^2, of a large robot
 
 
 def places(robot: Robot) -> list[str | None]:
@@ -47,7 +47,7 @@ def draw(asked: Asked) -> dict[str, float]:
     shape = {"flat": float(asked.rng.uniform(0.5, 1.0)), "twist": float(asked.rng.uniform(0.4, 0.9))}
     if any(beam.name == asked.component for beam in asked.robot.beams):
         return {"softer": between(asked.size, 1.1, 4.0), "taper": float(asked.rng.uniform(0.2, 0.5))}
-    shape["EI"] = between(1.0 - asked.size, SOFTEST, STIFFEST)
+    shape["EI"] = between(1.0 - asked.size, SOFTEST, STIFFEST) / slender(asked.robot)
     if asked.form == "tapered":
         return shape | {"taper": float(asked.rng.uniform(0.2, 0.5))}
     if asked.form == "hinged":
@@ -85,7 +85,7 @@ def impose(truth: Truth, reality: Reality) -> Reality:
 def _softer(bar: Bar, p: object) -> Bar:
     parameters: dict[str, float] = dict(p)  # type: ignore[call-overload]
     swell = (1.0 - parameters["taper"] * bar.profile.stations) ** -3
-    swell = swell * parameters["softer"] / np.mean(swell)
+    swell = swell * parameters["softer"] / np.average(swell, weights=bar.profile.compliance[:, 0])
     profile = Profile(bar.profile.stations, bar.profile.compliance * swell[:, None])
     return dataclasses.replace(bar, profile=profile)
 

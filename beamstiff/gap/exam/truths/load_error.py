@@ -10,8 +10,8 @@ from beamstiff.gap.exam.placing import Placed
 from beamstiff.gap.exam.reality import Reality
 from beamstiff.gap.exam.rotations import turn
 
-GAIN = (0.008, 0.15)
-ANGLE = (4e-3, 0.12)  # rad
+GAIN = (0.008, 0.25)
+ANGLE = (4e-3, 0.2)  # rad
 
 
 def draw(asked: Asked) -> dict[str, float]:

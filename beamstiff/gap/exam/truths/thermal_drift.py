@@ -9,7 +9,7 @@ from beamstiff.gap.exam.effect import Asked, Effect, between, direction, nowhere
 from beamstiff.gap.exam.placing import Placed
 from beamstiff.gap.exam.reality import Reality
 
-DRIFT = (1.5e-5, 1e-3)  # m, over the campaign
+DRIFT = (8e-6, 2e-3)  # m, over the campaign
 PAUSE = 30.0  # s
 
 

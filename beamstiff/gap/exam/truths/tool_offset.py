@@ -8,7 +8,7 @@ from beamstiff.gap.exam.campaign import Truth
 from beamstiff.gap.exam.effect import Asked, Effect, between, direction, nowhere
 from beamstiff.gap.exam.reality import Reality
 
-AWAY = (4e-3, 0.1)  # m
+AWAY = (5e-4, 0.3)  # m
 CALIBRATED = (
     0.02  # share that remains where absolute positions are measured, for which the tool is calibrated
 )
