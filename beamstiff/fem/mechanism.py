@@ -168,6 +168,7 @@ def mechanism_error(
     most = moved[order[0]]
     turning = size * np.linalg.norm(most[3:]) > 1.001 * np.linalg.norm(most[:3])
     vector = most[3:] if turning else most[:3]
+    vector = vector / np.abs(vector).max()
     vector = vector / vector[np.argmax(np.round(np.abs(vector), 6))]  # one of two opposite ones
     direction = ", ".join(f"{value:.2f}" for value in np.round(vector / np.linalg.norm(vector), 2) + 0.0)
     joints = []

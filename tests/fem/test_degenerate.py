@@ -134,6 +134,17 @@ def test_the_free_motion_is_named_with_its_direction() -> None:
     assert "turns about (" in refusal(ball)
 
 
+@pytest.mark.parametrize("modulus", [1e3, 1e20, 1e40])
+def test_the_direction_is_named_however_stiff_the_rest_is(modulus: float) -> None:
+    robot = frame(
+        [(0, 0, 0), (0, 0, 0), (1, 0, 0)],
+        beams=[(1, 2)],
+        material=Material(E=modulus, G=modulus),
+        joints=[(0, 1, (0, 1, 0), HINGE)],
+    )
+    assert "node 'n2' moves along (0.00, 0.00, 1.00) freely, through j0.torsional" in refusal(robot)
+
+
 def test_two_mechanisms_at_once_and_all_that_is_free() -> None:
     robot = frame([(0, 0, 0), (0, 0, 0), (1, 0, 0)], rigids=[(1, 2)], joints=[(0, 1, Z, (FREE,) * 4)])
     said = refusal(robot, one=False)
