@@ -1,7 +1,7 @@
 """Structures on which other programs crash, stop without a word or return a wrong number with status 0.
 
-A mechanism (plain, turned in space, hidden, a closed loop), springs 1e25 apart: always the exact answer, or one
-line that names the part. Parts of no length, disconnected ones and sections that are no numbers are in
+A mechanism (plain, turned in space, hidden, a closed loop), springs 1e25 apart: always the exact answer, or
+one line that names the part. Parts of no length, disconnected ones and sections that are no numbers are in
 `test_degenerate_parts.py`.
 """
 
