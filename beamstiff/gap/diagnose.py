@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from beamstiff.gap.baseline import Baseline, fit_baseline
 from beamstiff.gap.evidence import Scales, detection
 from beamstiff.gap.heldout import Shrink, Weighted, fitted, held_out
-from beamstiff.gap.library import Hypothesis, Library, key_of, state_library
+from beamstiff.gap.library import Hypothesis, Library, key_of, state_library, whitened
 from beamstiff.gap.noise import scale_after, scales_of
 from beamstiff.gap.result import Candidate, Diagnosis, estimates_of
 from beamstiff.gap.screening import outlying_rows
-from beamstiff.gap.search import NONE, UNKNOWN, Search, search
+from beamstiff.gap.search import NONE, OUTLIERS, UNKNOWN, Search, search
 from beamstiff.gap.whitened import whiten
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
@@ -58,20 +58,11 @@ def diagnose(
     used[outlying] = False
     if outlying.size:
         white = whiten(baseline, used)
-        library = restated(library, white)
+        library = replace(library, hypotheses=whitened(library.hypotheses, white))
     scales = scales_of(baseline)
     chance = _chance(baseline, used, library, scales, seed)
     found = search(baseline, used, library.hypotheses, scales)
     return _verdict(baseline, used, library, scales, found, outlying, chance, seed)
-
-
-def restated(library: Library, white: object) -> Library:
-    """Return the library with its columns whitened anew."""
-    some = tuple(
-        replace(one, columns=white.turn(one.shape.columns * one.sizes))  # type: ignore[attr-defined]
-        for one in library.hypotheses
-    )
-    return replace(library, hypotheses=some)
 
 
 def _chance(
@@ -96,6 +87,8 @@ def _verdict(
 ) -> Diagnosis:
     named = found.named
     probabilities = found.single
+    if outlying.size:  # nothing beyond noise in the other rows
+        probabilities[OUTLIERS] = probabilities.pop(NONE)
     best = named[0]
     scale = scale_after(baseline, used, [found.shapes[best]], scales)
     shrinks: dict[str, Shrink] = {}

@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import logsumexp
 
 from beamstiff.gap.library import Hypothesis
 from beamstiff.gap.whitened import Whitened
@@ -66,10 +65,12 @@ class _Group:
     projected: Array  # (h, c, d) of A^T M y
 
 
-def evidence(white: Whitened, hypotheses: Sequence[Hypothesis], scales: Scales) -> Evidence:
+def evidence(
+    white: Whitened, hypotheses: Sequence[Hypothesis], scales: Scales, shares: Array = SHARES
+) -> Evidence:
     """Return the log evidence of no effect, the unknown, and each hypothesis."""
     logs = np.stack(
-        [_given_share(white, hypotheses, scales, share, white.gap[:, None])[..., 0] for share in SHARES]
+        [_given_share(white, hypotheses, scales, share, white.gap[:, None])[..., 0] for share in shares]
     )  # (R, 1 + H, U)
     flat = logs[:, 0, 0]
     span = np.array([np.log(one.shape.spread) for one in hypotheses])
@@ -77,12 +78,12 @@ def evidence(white: Whitened, hypotheses: Sequence[Hypothesis], scales: Scales) 
         [np.sqrt((white.leave(one.columns) ** 2).sum() / max(white.freedom, 1)) for one in hypotheses]
     )
     size = np.maximum(amplitude, 1e-9)[:, None] * np.exp(span[:, None] * MAGNITUDES)  # (H, U), in sigma
-    weights = _share_weights(size)  # (R, H, U)
+    weights = _share_weights(size, shares)  # (R, H, U)
     joint = logs[:, 1:] + np.log(np.maximum(weights, 1e-300))
     averaged = logsumexp(joint, axis=(0, 2)) - np.log(MAGNITUDES.size)
-    unknown = logsumexp(flat[1:]) - np.log(len(SHARES) - 1)
+    unknown = logsumexp(flat[1:]) - np.log(len(shares) - 1)
     of_size = np.exp(joint - logsumexp(joint, axis=(0, 2))[:, None])  # (R, H, U)
-    amiss = (of_size * SHARES[:, None, None] / size).sum(axis=(0, 2))
+    amiss = (of_size * shares[:, None, None] / size).sum(axis=(0, 2))
     best = MAGNITUDES[np.argmax(of_size.sum(axis=0), axis=1)]
     return Evidence(
         hypotheses=averaged,
@@ -103,13 +104,13 @@ def detection(white: Whitened, hypotheses: Sequence[Hypothesis], scales: Scales,
     return result
 
 
-def _share_weights(size: Array) -> Array:
+def _share_weights(size: Array, shares: Array) -> Array:
     """Return the prior of the shares of the unknown beside an effect of some size, (R, ...)."""
-    off = np.exp(-0.5 * (np.log(SHARES[1:, None, None] / (AMISS * size)) / np.log(FACTOR)) ** 2)
+    off = np.exp(-0.5 * (np.log(shares[1:, None, None] / (AMISS * size)) / np.log(FACTOR)) ** 2)
     total = off.sum(axis=0)
     inside = total > 1e-6
     off = np.where(inside, (1 - EXACT) * off / np.where(inside, total, 1.0), 0.0)
-    faint = ~inside & (AMISS * size > SHARES[-1])
+    faint = ~inside & (AMISS * size > shares[-1])
     off[-1] = np.where(faint, 1 - EXACT, off[-1])
     return np.concatenate([1.0 - off.sum(axis=0)[None], off])
 
@@ -147,6 +148,13 @@ def _given_share(
             factor = ratio[:, :, None] / (1 + grown)
             explained = factor @ group.projected**2  # (h, S, d)
             result[1 + group.index, k] = averaged(total - explained, loss)
+    return result
+
+
+def logsumexp(values: Array, axis: int | tuple[int, ...] | None = None) -> Array:
+    """Return the log of a sum of exponentials; `scipy.special` has it too, for more kinds of input, slower."""
+    most = values.max(axis=axis, keepdims=True)
+    result: Array = np.log(np.exp(values - most).sum(axis=axis)) + np.squeeze(most, axis=axis)
     return result
 
 

@@ -99,7 +99,9 @@ def fitted(
         parts = [tangent]
         parts += [white @ (one.hypothesis.shape.columns[some] * one.hypothesis.sizes) for one in shapes]
         ridge = [np.zeros(tangent.shape[1])]
-        ridge += [np.full(part.shape[1], one.magnitude**-2.0) for part, one in zip(parts[1:], shapes, strict=True)]
+        ridge += [
+            np.full(part.shape[1], one.magnitude**-2.0) for part, one in zip(parts[1:], shapes, strict=True)
+        ]
         theta, covariance = solve(np.concatenate(parts, axis=1), np.concatenate(ridge), gap)
         count = tangent.shape[1]
         result.append(Fitted(weight, tuple(shapes), theta[:count], theta[count:], covariance[count:, count:]))
@@ -144,7 +146,9 @@ def held_out(
     rng = np.random.default_rng(seed)
     seen = np.flatnonzero(used[:, :3].any(axis=1))
     poses = np.unique(baseline.rows.pose[seen])
-    fold_of = dict(zip(rng.permutation(poses).tolist(), (np.arange(poses.size) % FOLDS).tolist(), strict=True))
+    fold_of = dict(
+        zip(rng.permutation(poses).tolist(), (np.arange(poses.size) % FOLDS).tolist(), strict=True)
+    )
     fold = np.array([fold_of.get(pose, -1) for pose in baseline.rows.pose.tolist()])
     left = [np.zeros_like(baseline.gap) for _ in range(2)]
     for k in range(min(FOLDS, poses.size)):

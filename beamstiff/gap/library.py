@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -98,26 +98,41 @@ def state_library(baseline: Baseline, white: Whitened, without: Sequence[str] = 
             untestable.append(Untestable(effect.name, None, _nowhere(effect.name, baseline)))
         for component in components:
             shapes = effect.shapes(baseline, component)
+            if not shapes:
+                untestable.append(Untestable(effect.name, component, "nothing of it is left to vary here"))
             total = sum(shape.weight for shape in shapes)
-            some = [
+            hypotheses += [
                 Hypothesis(
                     effect=effect.name,
                     component=component,
                     shape=shape,
                     prior=shape.weight / total / len(components) / len(known),
-                    columns=white.turn(shape.columns * np.array([p.size for p in shape.parameters])),
+                    columns=np.zeros((white.gap.size, len(shape.parameters))),
                 )
                 for shape in shapes
             ]
-            why = _hidden(some, white)
-            if why:
-                untestable.append(Untestable(effect.name, component, why))
-            hypotheses += some
+    hypotheses = list(whitened(hypotheses, white))
+    by_key: dict[str, list[Hypothesis]] = {}
+    for one in hypotheses:
+        by_key.setdefault(one.key, []).append(one)
+    for some in by_key.values():
+        if why := _hidden(some, white):
+            untestable.append(Untestable(some[0].effect, some[0].component, why))
     untestable += [
         Untestable("link-bending", name, "rigid parts of a loop hold it: its forces are not determined")
         for name in baseline.places.held
     ]
     return Library(tuple(hypotheses), tuple(untestable))
+
+
+def whitened(hypotheses: Sequence[Hypothesis], white: Whitened) -> tuple[Hypothesis, ...]:
+    """Return hypotheses with their columns whitened."""
+    if not hypotheses:
+        return ()
+    every = white.turn(np.concatenate([one.shape.columns * one.sizes for one in hypotheses], axis=-1))
+    ends = np.cumsum([one.sizes.size for one in hypotheses])
+    parts = np.split(every, ends[:-1], axis=1)
+    return tuple(replace(one, columns=part) for one, part in zip(hypotheses, parts, strict=True))
 
 
 def _hidden(hypotheses: Sequence[Hypothesis], white: Whitened) -> str:

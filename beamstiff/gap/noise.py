@@ -29,10 +29,10 @@ def scale_after(
     baseline: Baseline, used: NDArray[np.bool_], models: Sequence[Sequence[Weighted]], scales: Scales
 ) -> float:
     """Return the noise scale that is left when effects are fitted, within what the claim allows."""
-    columns = [
-        max(shapes, key=lambda one: one.weight).hypothesis.shape.columns for shapes in models if shapes
-    ]
-    white = whiten(baseline, used, np.concatenate(columns, axis=-1) if columns else None)
+    white = whiten(baseline, used)
+    for shapes in models:
+        if shapes:
+            white = white.beside(max(shapes, key=lambda one: one.weight).hypothesis.columns)
     left = white.leave(white.gap[:, None])
     square = float((left**2).sum())
     log_s = np.log(scales.value)

@@ -7,12 +7,15 @@ residuals of Gaussian processes: Rasmussen & Williams 2006, eqs 5.10 to 5.12).
 
 from __future__ import annotations
 
+from collections import defaultdict
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from beamstiff.gap.baseline import Baseline
-from beamstiff.gap.library import Library
+from beamstiff.gap.library import Hypothesis, Library, whitened
 from beamstiff.gap.whitened import Whitened, whiten
 from beamstiff.se3 import Array
 
@@ -20,6 +23,7 @@ MOST = 0.15  # of the rows
 ROUNDS = 6
 SURE = 1e-4  # probability that any row of a sound table is flagged
 PARTS = 0.3  # of the gap's variance, that each part of the library may make
+SHAPES = 5  # of a candidate
 MEDIAN = 0.6744897501960817  # of the size of a standard normal variable
 
 
@@ -43,8 +47,10 @@ def outlying_rows(baseline: Baseline, library: Library) -> NDArray[np.intp]:
         found += worst.tolist()
         unlikely[worst] = excess[worst]
         used[worst] = False
-    return np.array(found, dtype=np.intp)[np.argsort(-unlikely[found], kind="stable")] if found else np.zeros(
-        0, dtype=np.intp
+    return (
+        np.array(found, dtype=np.intp)[np.argsort(-unlikely[found], kind="stable")]
+        if found
+        else np.zeros(0, dtype=np.intp)
     )
 
 
@@ -53,26 +59,39 @@ def _left_out(baseline: Baseline, library: Library, white: Whitened) -> tuple[Ar
     left = white.leave(white.gap[:, None])[:, 0]
     typical = float(np.median(np.abs(left))) / MEDIAN
     variance = max(typical**2 - 1.0, 0.05)
-    columns = [white.turn(one.shape.columns) for one in library.hypotheses]
-    size = [np.sqrt((white.leave(c) ** 2).sum() / c.shape[0]) for c in columns]
-    kept = [c / s for c, s in zip(columns, size, strict=True) if s > 0]
+    some = whitened(_some_shapes(library.hypotheses), white)
+    size = [np.sqrt((white.leave(one.columns) ** 2).sum() / white.gap.size) for one in some]
+    kept = [one.columns / s for one, s in zip(some, size, strict=True) if s > 0]
+    own = 1.0 / (1.0 + variance * white.unknown)
     n = white.gap.size
-    covariance = np.eye(n) + np.diag(variance * white.unknown)
-    if kept:
-        stacked = np.concatenate(kept, axis=1)
-        covariance += PARTS * variance * (stacked @ stacked.T)
-    precision = np.linalg.inv(covariance)
-    toward = precision @ white.tangent
-    precision -= toward @ np.linalg.solve(white.tangent.T @ toward, toward.T)
-    own = white.axes.T @ (white.axes.T @ precision.T).T  # of values as they were measured
-    weighed = white.axes.T @ (precision @ white.gap)
-    scale = max(1.0, typical / np.sqrt(1.0 + variance))
+    stacked = np.concatenate([np.zeros((n, 0)), *kept], axis=1)
+    # precision of noise, unknown and library (Woodbury), and then of the fitted values as well
+    root = np.linalg.cholesky(
+        np.eye(stacked.shape[1]) / (PARTS * variance) + stacked.T @ (own[:, None] * stacked)
+    )
+    factor = np.linalg.solve(root, stacked.T * own)  # (c, n)
+    toward = own[:, None] * white.tangent - factor.T @ (factor @ white.tangent)
+    fitted = np.linalg.cholesky(white.tangent.T @ toward) if white.tangent.shape[1] else np.zeros((0, 0))
+    second = np.linalg.solve(fitted, toward.T) if white.tangent.shape[1] else np.zeros((0, n))
+    weighed = own * white.gap - factor.T @ (factor @ white.gap) - second.T @ (second @ white.gap)
+    seen = white.back(weighed[:, None])[:, 0]
+    taken = white.back(np.concatenate([factor, second]).T)  # (n, c + t), of values as they were measured
+    plain = white.back(np.diag(np.sqrt(own)))
     number = np.full(white.used.shape, -1)
     number[white.used] = np.arange(n)
+    scale = max(1.0, typical / np.sqrt(1.0 + variance))
     distance, count = np.zeros(len(number)), np.zeros(len(number), dtype=np.intp)
     for row in np.flatnonzero(white.used.any(axis=1)):
         at = number[row][white.used[row]]
-        part = weighed[at]
-        distance[row] = float(part @ np.linalg.solve(own[np.ix_(at, at)], part)) / scale**2
+        block = plain[at] @ plain[at].T - taken[at] @ taken[at].T
+        distance[row] = float(seen[at] @ np.linalg.solve(block, seen[at])) / scale**2
         count[row] = at.size
     return distance, count
+
+
+def _some_shapes(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """Return a few shapes of every candidate: many are near others."""
+    by_key: dict[str, list[Hypothesis]] = defaultdict(list)
+    for one in hypotheses:
+        by_key[one.key].append(one)
+    return [one for some in by_key.values() for one in some[:: 1 + (len(some) - 1) // SHAPES]]

@@ -20,10 +20,12 @@ from beamstiff.gap.heldout import Weighted
 from beamstiff.gap.library import Hypothesis
 from beamstiff.gap.whitened import whiten
 
-NONE, UNKNOWN = "none:null", "unknown:null"
+NONE, UNKNOWN, OUTLIERS = "none:null", "unknown:null", "outliers:null"
 PRIOR = {NONE: 0.3, UNKNOWN: 0.1}  # of what is not an effect
 PAIR = 0.15  # prior that there is a second effect, given one
 FIRSTS = 6
+SECOND_SHARES = np.array([0.0, 0.06, 0.25, 1.0, 4.0])
+UNLIKELY = 3.0  # log odds below which a second cause of the likeliest first ends the search
 SHAPES = 6  # of a candidate, that are kept
 
 
@@ -67,7 +69,9 @@ class Search:
     def named(self) -> list[str]:
         """Candidates that are effects, the likeliest first."""
         return sorted(
-            (key for key in self.log_weight if key not in PRIOR), key=self.log_weight.__getitem__, reverse=True
+            (key for key in self.log_weight if key not in PRIOR),
+            key=self.log_weight.__getitem__,
+            reverse=True,
         )
 
 
@@ -105,7 +109,7 @@ def search(
     found: dict[frozenset[str], Pair] = {}
     for first in result.named[:FIRSTS]:
         at = max(by_key[first], key=lambda k: weights[k])
-        second = _second(baseline, used, hypotheses, scales, at)
+        second = evidence(white.beside(hypotheses[at].columns), hypotheses, scales, SECOND_SHARES)
         base = float(np.log(hypotheses[at].prior) + alone.exact[at] + np.log(1 - sum(PRIOR.values())))
         rest = _log_weights(hypotheses, second) - second.none + np.log(PAIR)
         for key, places in by_key.items():
@@ -114,6 +118,12 @@ def search(
                 pair = frozenset((first, key))
                 if pair not in found or weight > found[pair].log_weight:
                     found[pair] = Pair(first, key, weight)
+        if (
+            first == result.named[0]
+            and max((pair.log_weight for pair in found.values()), default=-np.inf)
+            < log_weight[first] - UNLIKELY
+        ):
+            break
     ordered = sorted(found.values(), key=lambda pair: -pair.log_weight)[:20]
     return Search(log_weight, tuple(ordered), shapes, amiss)
 
@@ -122,17 +132,6 @@ def rivals(one: str, other: str) -> bool:
     """Return whether two candidates sit at one place, so that one cannot be a second cause beside the other."""
     a, b = one.partition(":")[2], other.partition(":")[2]
     return one == other or (a == b and a != "null")
-
-
-def _second(
-    baseline: Baseline,
-    used: NDArray[np.bool_],
-    hypotheses: Sequence[Hypothesis],
-    scales: Scales,
-    first: int,
-) -> Evidence:
-    columns = hypotheses[first].shape.columns * hypotheses[first].sizes
-    return evidence(whiten(baseline, used, columns), hypotheses, scales)
 
 
 def _log_weights(hypotheses: Sequence[Hypothesis], found: Evidence) -> np.ndarray:

@@ -7,11 +7,10 @@ growing with the load and its square. In the eigenvectors of that covariance K, 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
 from beamstiff.gap.baseline import Baseline
 from beamstiff.identify.problem import whitening
@@ -30,8 +29,8 @@ class Whitened:
 
     Attributes
     ----------
-    axes : (n, n) sparse array
-        Turns used values into whitened ones.
+    axes : tuple of ((m,) int array, (m, m) array)
+        Which values each block turns, and into what; whitened ones stand block after block.
     unknown : (n,) array
         Variance of the unknown there; its mean is 1.
     gap : (n,) array
@@ -40,7 +39,7 @@ class Whitened:
     used : (N, 6) bool array
     """
 
-    axes: sparse.csr_array
+    axes: tuple[tuple[NDArray[np.intp], Array], ...]
     unknown: Array
     gap: Array
     tangent: Array
@@ -53,8 +52,21 @@ class Whitened:
 
     def turn(self, columns: Array) -> Array:
         """Return columns (N, 6, c) whitened, (n, c)."""
-        result: Array = self.axes @ columns[self.used]
+        values = columns[self.used]
+        return np.concatenate([block @ values[at] for at, block in self.axes])
+
+    def back(self, columns: Array) -> Array:
+        """Return the transpose of `turn`: columns (n, c) of whitened values to (n, c) of used values."""
+        result = np.empty_like(columns)
+        start = 0
+        for at, block in self.axes:
+            result[at] = block.T @ columns[start : start + at.size]
+            start += at.size
         return result
+
+    def beside(self, nuisance: Array) -> Whitened:
+        """Return the same where whitened columns (n, c) are fitted as well."""
+        return replace(self, tangent=_orthonormal(np.concatenate([self.tangent, nuisance], axis=1)))
 
     def leave(self, columns: Array) -> Array:
         """Return what the fit leaves of whitened columns (n, c)."""
@@ -62,7 +74,7 @@ class Whitened:
         return result
 
 
-def whiten(baseline: Baseline, used: NDArray[np.bool_] | None = None, nuisance: Array | None = None) -> Whitened:
+def whiten(baseline: Baseline, used: NDArray[np.bool_] | None = None) -> Whitened:
     """Return a baseline's gap whitened.
 
     Parameters
@@ -70,17 +82,13 @@ def whiten(baseline: Baseline, used: NDArray[np.bool_] | None = None, nuisance: 
     baseline : Baseline
     used : (N, 6) bool array, optional
         Values that count, of those measured.
-    nuisance : (N, 6, c) array, optional
-        Columns that are fitted along with the model's own values.
     """
     chosen = baseline.used if used is None else used & baseline.used
     axes, unknown = _axes(baseline, chosen)
-    tangent = baseline.tangent
-    if nuisance is not None:
-        tangent = np.concatenate([tangent, nuisance], axis=-1)
-    fitted = _orthonormal(np.asarray(axes @ tangent[chosen]))
-    gap = np.asarray(axes @ baseline.gap[chosen])
-    return Whitened(axes, unknown, gap, fitted, chosen)
+    nothing = np.zeros((int(chosen.sum()), 0))
+    white = Whitened(axes, unknown, np.zeros(len(nothing)), nothing, chosen)
+    gap = white.turn(baseline.gap[..., None])[:, 0]
+    return replace(white, gap=gap, tangent=_orthonormal(white.turn(baseline.tangent)))
 
 
 def _orthonormal(columns: Array) -> Array:
@@ -93,8 +101,10 @@ def _orthonormal(columns: Array) -> Array:
     return result
 
 
-def _axes(baseline: Baseline, used: NDArray[np.bool_]) -> tuple[sparse.csr_array, Array]:
-    """Return the axes (n, n) and the variance of the unknown in each (n,)."""
+def _axes(
+    baseline: Baseline, used: NDArray[np.bool_]
+) -> tuple[tuple[tuple[NDArray[np.intp], Array], ...], Array]:
+    """Return the axes and the variance of the unknown in each (n,)."""
     white = whitening(baseline.sigma, used, baseline.sharing)
     number = np.full(used.shape, -1)
     number[used] = np.arange(int(used.sum()))
@@ -103,7 +113,7 @@ def _axes(baseline: Baseline, used: NDArray[np.bool_]) -> tuple[sparse.csr_array
     if len(poses) > LARGE:
         groups = [np.flatnonzero(poses == pose) for pose in np.unique(poses)]
     features = _features(baseline)
-    blocks, order, variances = [], [], []
+    blocks, variances = [], []
     for rows in groups:
         close = _closeness(baseline, rows)
         own = close * (features[rows] @ features[rows].T)
@@ -115,15 +125,11 @@ def _axes(baseline: Baseline, used: NDArray[np.bool_]) -> tuple[sparse.csr_array
             part = white[at][:, at].toarray()
             scale = 1.0 if component < 3 else 1.0 / LEVER**2
             values, vectors = np.linalg.eigh(scale * part @ own[np.ix_(there, there)] @ part.T)
-            blocks.append(vectors.T @ part)
-            order.append(at)
+            blocks.append((at.astype(np.intp), vectors.T @ part))
             variances.append(np.maximum(values, 0.0))
     unknown = np.concatenate(variances)
-    place = np.concatenate(order)
-    turned = sparse.csr_array(sparse.block_diag(blocks, format="csr"))
-    pick = sparse.csr_array((np.ones(place.size), (np.arange(place.size), place)), shape=turned.shape)
     mean = float(unknown.mean()) or 1.0
-    return (turned @ pick).tocsr(), unknown / mean
+    return tuple(blocks), unknown / mean
 
 
 def _features(baseline: Baseline) -> Array:

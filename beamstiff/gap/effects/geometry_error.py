@@ -1,7 +1,7 @@
 """`geometry-error`: a parameter of the kinematics, or the zero of an encoder, differs from nominal.
 
-Columns are central differences of the nominal pose, loops closed anew. Displacements hardly depend on geometry:
-of them only encoders' zeros are tried, by central differences of the deflection.
+Columns are central differences of the nominal pose, loops closed anew. Displacements hardly depend on
+geometry: of them only encoders' zeros are tried, by central differences of the deflection.
 """
 
 from __future__ import annotations
@@ -10,11 +10,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from beamstiff.errors import BeamstiffError
 from beamstiff.gap.baseline import Baseline, nominal_pose
 from beamstiff.gap.effects.effect import Effect, Quantity, Shape
 from beamstiff.measure.table import Measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.robot.description import Robot
+from beamstiff.robot.expression import parse_expression
 from beamstiff.se3 import Array, vector_from_rotation
 
 STEP = 1e-5  # m or rad
@@ -40,7 +42,10 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     name = str(component)
     frame, _, parameter = name.rpartition(".")
     angle = parameter in ANGLES if frame else _turns(baseline.nominal, name)
-    columns = (_pose_change if baseline.absolute else _deflection_change)(baseline, name)
+    try:
+        columns = (_pose_change if baseline.absolute else _deflection_change)(baseline, name)
+    except BeamstiffError:  # a loop that constrains more than it needs to closes with nominal values only
+        return []
     size = Quantity("offset", "rad" if angle else "m", ANGLE if angle else LENGTH)
     return [Shape("offset", columns[..., None], (size,))]
 
@@ -57,15 +62,18 @@ def _changed(baseline: Baseline, name: str, by: float) -> tuple[Robot, Measureme
         q = rows.q.copy()
         q[:, rows.variables.index(name)] += by
         return robot, replace(rows, q=q)
+    kind = "angle" if parameter in ANGLES else "length"
+    kinds = {variable.name: variable.kind for variable in robot.variables}
+
+    def off(value: float | str) -> str:
+        exact = parse_expression(value, kind, kinds)
+        return str(replace(exact, constant=exact.constant + by))
+
     frames = [
-        item.model_copy(update={parameter: _plus(getattr(item, parameter), by)}) if item.name == frame else item
+        item.model_copy(update={parameter: off(getattr(item, parameter))}) if item.name == frame else item
         for item in robot.frames
     ]
     return robot.model_copy(update={"frames": tuple(frames)}), rows
-
-
-def _plus(value: float | str, by: float) -> float | str:
-    return f"{value} + {by!r}" if isinstance(value, str) else value + by
 
 
 def _deflection_change(baseline: Baseline, name: str) -> Array:

@@ -65,8 +65,9 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
         Shape("tare", constant(base), named("tare", "N", TARE)),
         Shape("tare of the tool", constant(axes), named("tare_tool", "N", TARE)),
     ]
-    branch = rising(baseline)
+    branch = rising(baseline.fit)
     if (branch > 0).any() and (branch < 0).any():
+        branch = rising(baseline)
         friction = Quantity("pulley_friction", "1", GAIN)
         result.append(Shape("pulley friction", moved((wrench * branch[:, None])[..., None]), (friction,)))
     return result

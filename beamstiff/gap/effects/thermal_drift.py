@@ -19,13 +19,17 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     laws = {"time": time - 0.5, "time, warming up": 1 - np.exp(-time / DECAYS[1])}
     laws["time, warming up fast"] = 1 - np.exp(-time / DECAYS[0])
     if not baseline.absolute and baseline.rows.shared_unloaded:
-        laws = {f"{name}, since the unloaded reading": since_pose(baseline, law) for name, law in laws.items()}
+        laws = {
+            f"{name}, since the unloaded reading": since_pose(baseline, law) for name, law in laws.items()
+        }
     result = [
         Shape(name, _along(law), tuple(Quantity(f"drift_{axis}", "m", DRIFT) for axis in "xyz"))
         for name, law in laws.items()
     ]
     several = np.concatenate([_along(law) for law in (time - 0.5, (time - 0.5) ** 2 - 1 / 12)], -1)
-    quantities = tuple(Quantity(f"drift_{axis}{power}", "m", DRIFT) for power in ("", "_square") for axis in "xyz")
+    quantities = tuple(
+        Quantity(f"drift_{axis}{power}", "m", DRIFT) for power in ("", "_square") for axis in "xyz"
+    )
     result.append(Shape("time, curved", several, quantities))
     if np.isfinite(fitted.temperature).all() and np.ptp(fitted.temperature) > 0:
         warmth = rows.temperature - fitted.temperature.mean()
