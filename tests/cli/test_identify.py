@@ -101,3 +101,21 @@ def test_a_practice_campaign_is_identified(run: Run, shared_path: Callable[[str]
     answer = json.loads(result.stdout, parse_constant=pytest.fail)
     assert set(answer["parameters"]) == set(load_robot(robot).identify)
     assert 0 < answer["rms_mm"] < answer["rms_held_out_mm"] * 1.5
+
+
+def test_what_was_predicted_without_noise_is_identified(run: Run, folder: Path) -> None:
+    """Its standard deviations are rounding, and smaller than what the optimum is off by rounding."""
+    rows = [
+        f"{10 * at},{-90 + 11 * at},{17 * at},{40 - 9 * at},{20 + 8 * at},5,500,-300,-900" for at in range(8)
+    ]
+    header = ",".join(f"q{at} [deg]" for at in range(1, 7)) + ",fx,fy,fz"
+    (folder / "loads.csv").write_text("\n".join([header, *rows]) + "\n")
+    assert run("deflect", "kr240-2", "loads.csv", "--out", "predicted.csv").exit_code == 0
+    result = run(
+        "identify", "kr240-2", "predicted.csv", "--parameters", "J1.torsional,J2.torsional", "--json", "-"
+    )
+    assert result.exit_code == 0, result.stderr
+    assert "no residual is left: the standard deviations say nothing" in result.stderr
+    robot = load_robot("kr240-2")
+    for name, found in json.loads(result.stdout)["parameters"].items():
+        assert found["value"] == pytest.approx(robot.parameter(name), rel=1e-6)
