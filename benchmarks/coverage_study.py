@@ -1,6 +1,7 @@
 """Print how often identified intervals hold the truth, and how well held-out loads are predicted.
 
-Run as `python -m benchmarks.coverage_study [REPETITIONS]` (default 2,000 of each campaign; a minute).
+Run as `python -m benchmarks.coverage_study [REPETITIONS [DRAWN]]`: 2,000 repetitions of each campaign by
+default, intervals from the bootstrap for the first 200 of them (five minutes; without these, one).
 Synthetic campaigns like those of the papers, KUKA KR240-2 (Dumas et al.) and IR-663 (Marie et al.). Every
 repetition draws a machine whose stiffness differs from the published values by 25 %; it moves under the loads
 and at the joint values that were really there, and the table holds those that were read. An interval that is
@@ -19,6 +20,7 @@ from rich.table import Table
 
 from beamstiff import Robot, load_robot
 from beamstiff.errors import BeamstiffError
+from beamstiff.identify.bootstrap import Bootstrap, bootstrap
 from beamstiff.identify.input_errors import InputErrors
 from beamstiff.identify.refit import refit
 from beamstiff.identify.simulation import as_they_were
@@ -31,6 +33,7 @@ from beamstiff.se3 import Array
 
 ZONES = np.radians([(0, 110, -245, -170), (0, 25, 0, 29), (100, 146, 0, 29)])  # KR240-2: theta2, theta3
 ALL_RADIAL = ("J12.radial", "J18.radial", "J33.radial", "J99.radial", "J1010.radial")
+DRAWS = 400  # of the poses, for a bootstrap interval
 SPREAD = 0.25  # of the machines, around the published stiffness
 
 
@@ -70,6 +73,8 @@ class Tally:
     ----------
     held, closed, count : int
         Intervals that held it, intervals with two ends, all.
+    drawn_held, drawn : int
+        Bootstrap intervals that held it, all of these.
     below : int
         Truths below the interval.
     spread : list of float
@@ -80,6 +85,8 @@ class Tally:
     closed: int = 0
     count: int = 0
     below: int = 0
+    drawn_held: int = 0
+    drawn: int = 0
     spread: list[float] = field(default_factory=list)
 
     def note(self, truth: float, interval: tuple[float, float], spread: float | None, closed: bool) -> None:
@@ -144,8 +151,9 @@ def kr240(title: str, errors: InputErrors, stated: InputErrors, tests: int = 25)
     return Campaign(title, robot, robot.identify, fitted, fresh, errors, stated)
 
 
-def ir663(title: str, parameters: Sequence[str]) -> Campaign:
-    """Return 63 poses times 900 N along x and z; 300, 600 and 1100 N held out."""
+def ir663(title: str, parameters: Sequence[str], errors: InputErrors | None = None) -> Campaign:
+    """Return 63 poses times 900 N along x and z; 300, 600 and 1100 N held out; errors are told of."""
+    errors = errors or InputErrors()
     robot = load_robot("ir663")
     first, second = np.meshgrid(np.linspace(-24.15, 36.83, 9), np.linspace(33.04, 62.90, 7))
     poses = np.radians(np.stack([first.ravel(), second.ravel()], axis=1))
@@ -162,7 +170,8 @@ def ir663(title: str, parameters: Sequence[str]) -> Campaign:
             source="IR-663",
         )
 
-    return Campaign(title, robot, tuple(parameters), rows(900.0), rows(300.0, 600.0, 1100.0))
+    held_out = rows(300.0, 600.0, 1100.0)
+    return Campaign(title, robot, tuple(parameters), rows(900.0), held_out, errors, errors)
 
 
 def campaigns() -> list[Campaign]:
@@ -177,12 +186,13 @@ def campaigns() -> list[Campaign]:
         ),
         ir663("IR-663, the same with all seven parameters", seven),
         kr240("KR240-2 with coarse inputs: 25 N and 10 N, 0.3 deg, told of", coarse, coarse),
+        ir663("IR-663, reduced, with the same, told of", load_robot("ir663").identify, coarse),
         kr240("KR240-2 with coarse inputs, not told of", coarse, InputErrors()),
     ]
 
 
-def run(campaign: Campaign, repetitions: int, seed: int = 0) -> Study:
-    """Return how often the intervals of a campaign hold the truth."""
+def run(campaign: Campaign, repetitions: int, seed: int = 0, drawn: int = 0) -> Study:
+    """Return how often the intervals of a campaign hold the truth; the first `drawn` by bootstrap too."""
     random = np.random.default_rng(seed)
     statement = state_identification(
         campaign.robot, campaign.rows, campaign.parameters, errors=campaign.stated
@@ -194,13 +204,16 @@ def run(campaign: Campaign, repetitions: int, seed: int = 0) -> Study:
     models = as_they_were(
         campaign.robot, campaign.rows, campaign.errors, campaign.parameters, repetitions, random.spawn(1)[0]
     )
-    for model in models if campaign.errors else [statement.problem.model] * repetitions:
+    for number, model in enumerate(models if campaign.errors else [statement.problem.model] * repetitions):
         truth = published * np.exp(SPREAD * random.standard_normal(published.size))
         noise = statement.problem.sigma * random.standard_normal(statement.problem.sigma.shape)
         measured = np.where(statement.problem.used, model.predict(truth) + noise, 0.0)
         found, theta = _fit(statement.measuring(measured))
         told = estimate(found, theta)
-        _note(tallies, told, dict(zip(campaign.parameters, truth.tolist(), strict=True)), found)
+        values = dict(zip(campaign.parameters, truth.tolist(), strict=True))
+        _note(tallies, told, values, found)
+        if number < drawn:
+            _note_bootstrap(tallies, bootstrap(found, theta, DRAWS, seed=number), values, found)
         real, expected = beyond.predict(truth), beyond.predict(found.parameters.stiffness(theta))
         gap = np.linalg.norm((real - expected)[:, :3], axis=1).sum()
         predicted.append(1 - gap / np.linalg.norm(real[:, :3], axis=1).sum())
@@ -230,6 +243,15 @@ def _note(tallies: dict[str, Tally], told: Estimates, truth: dict[str, float], f
         tallies.setdefault(item.relation, Tally()).note(sum_.value(truth), item.interval, spread, closed)
 
 
+def _note_bootstrap(
+    tallies: dict[str, Tally], drawn: Bootstrap, truth: dict[str, float], found: Statement
+) -> None:
+    values = truth | {sum_.text(): sum_.value(truth) for sum_ in found.plan.sums}
+    for name, (low, high) in drawn.intervals.items():
+        tallies[name].drawn += 1
+        tallies[name].drawn_held += low <= values[name] <= high
+
+
 def print_study(console: Console, study: Study) -> None:
     """Print the table of a campaign."""
     campaign, count = study.campaign, len(study.predicted)
@@ -240,6 +262,7 @@ def print_study(console: Console, study: Study) -> None:
         "above, %",
         "two ends, %",
         "std, %",
+        "bootstrap held, %",
         title=f"{campaign.title}; {count} repetitions",
         title_justify="left",
     )
@@ -247,7 +270,8 @@ def print_study(console: Console, study: Study) -> None:
         above = tally.count - tally.held - tally.below
         spread = f"{100 * np.median(tally.spread):.2g}" if tally.spread else "-"
         shares = [100 * number / tally.count for number in (tally.held, tally.below, above, tally.closed)]
-        table.add_row(name, *(f"{share:.1f}" for share in shares), spread)
+        drawn = f"{100 * tally.drawn_held / tally.drawn:.1f}" if tally.drawn else "-"
+        table.add_row(name, *(f"{share:.1f}" for share in shares), spread, drawn)
     console.print(table)
     low, middle = np.percentile(study.predicted, [2.5, 50])
     console.print(
@@ -256,11 +280,11 @@ def print_study(console: Console, study: Study) -> None:
     )
 
 
-def main(repetitions: int = 2000) -> None:
+def main(repetitions: int = 2000, drawn: int = 200) -> None:
     """Print everything."""
-    console = Console(width=120)
+    console = Console(width=130)
     for number, campaign in enumerate(campaigns()):
-        print_study(console, run(campaign, repetitions, number))
+        print_study(console, run(campaign, repetitions, number, drawn))
 
 
 if __name__ == "__main__":
