@@ -23,6 +23,7 @@ Components = Literal["position", "rotation", "both"]
 
 # where no noise is stated all components count alike; how much they scatter is then read from the residual
 UNIT_NOISE = 1e-5
+LEAST_LOAD = 1e-50  # N or N m; below, squares leave the range of numbers
 
 
 @dataclass(frozen=True)
@@ -213,7 +214,7 @@ def state_problem(
     if not used.any():
         what = "measured displacements" if components == "both" else f"measured components of {components}"
         raise BeamstiffError(f"{source}: found no {what}")
-    if not measurements.wrench[used.any(axis=1)].any():
+    if not (np.abs(measurements.wrench[used.any(axis=1)]) > LEAST_LOAD).any():
         raise BeamstiffError(f"{source}: all measured rows are without load; no stiffness can be identified")
     stated &= used
     if stated.any() and (stated != used).any():

@@ -217,6 +217,7 @@ def test_a_beam_of_no_length_and_one_of_a_negative_section_are_refused(run: Run,
         (b"q1,fy\n0,1000\n", ["broken.csv", "measured"]),
         (b"q1,fy,x [mm],y [mm]\n0,1000,1000,1.5\n", ["broken.csv", "absolute"]),
         (b"q1,fy,dy [mm]\n0,0,0\n", ["broken.csv"]),
+        (b"q1,fy,dy [mm]\n0,1e-300,1\n1,1e-300,1\n", ["broken.csv", "without load"]),
         (b"q1,fx,dx [mm]\n0,1000,0.5\n", ["J1.torsional"]),
     ],
 )
