@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +10,10 @@ from numpy.typing import NDArray
 from beamstiff.gap.baseline import Baseline, fit_baseline
 from beamstiff.gap.evidence import Scales, detection
 from beamstiff.gap.heldout import Shrink, Weighted, fitted, held_out
-from beamstiff.gap.library import Hypothesis, Library, key_of, state_library, whitened
+from beamstiff.gap.library import Hypothesis, Library, key_of, state_library
 from beamstiff.gap.noise import scale_after, scales_of
 from beamstiff.gap.result import Candidate, Diagnosis, estimates_of
-from beamstiff.gap.screening import outlying_rows
+from beamstiff.gap.screening import screen
 from beamstiff.gap.search import NONE, OUTLIERS, UNKNOWN, Search, search
 from beamstiff.gap.whitened import whiten
 from beamstiff.measure.table import Measurements
@@ -53,16 +52,13 @@ def diagnose(
     baseline = fit_baseline(robot, measurements)
     white = whiten(baseline)
     library = state_library(baseline, white, without)
-    outlying = outlying_rows(baseline, library) if "outliers" not in without else np.zeros(0, dtype=np.intp)
-    used = baseline.used.copy()
-    used[outlying] = False
-    if outlying.size:
-        white = whiten(baseline, used)
-        library = replace(library, hypotheses=whitened(library.hypotheses, white))
+    screened = screen(baseline, library, "outliers" not in without)
+    baseline, used, outlying = screened.baseline, screened.used, screened.outliers
+    library = state_library(baseline, whiten(baseline, used), without)
     scales = scales_of(baseline)
     chance = _chance(baseline, used, library, scales, seed)
     found = search(baseline, used, library.hypotheses, scales)
-    return _verdict(baseline, used, library, scales, found, outlying, chance, seed)
+    return _verdict(baseline, used, library, scales, found, outlying, chance, screened.noise, seed)
 
 
 def _chance(
@@ -83,6 +79,7 @@ def _verdict(
     found: Search,
     outlying: NDArray[np.intp],
     chance: tuple[float, float],
+    noises: NDArray[np.float64],
     seed: int,
 ) -> Diagnosis:
     named = found.named
@@ -132,9 +129,12 @@ def _verdict(
         "none": found.log_weight[NONE] - found.log_weight[best],
         "unknown": found.log_weight[UNKNOWN] - found.log_weight[best],
         "amiss": found.amiss[best],
+        "left": found.left[best],
         "shrink": first.shrink,
         "scale": scale,
         "outliers": float(outlying.size),
+        "noise_position": float(noises[0]),
+        "noise_rotation": float(noises[1]),
         "pair": (pair.log_weight - found.log_weight[best]) if pair else -np.inf,
     }
     return Diagnosis(

@@ -12,14 +12,15 @@ from beamstiff.gap.evidence import Scales
 from beamstiff.gap.heldout import Weighted
 from beamstiff.gap.whitened import whiten
 
-STATED = 0.6  # standard deviation of the log scale of a claimed sigma: claims are off by two at times
-UNSTATED = 1.5
-POINTS = 17
+SEEN = 0.25  # standard deviation of the log scale of the noise, where the rows have shown it
+UNSEEN = 0.6
+ENOUGH = 60  # values less fitted ones that show it
+POINTS = 15
 
 
 def scales_of(baseline: Baseline) -> Scales:
     """Return the prior of the noise scale against the sigma that the baseline counts with."""
-    width = STATED if baseline.claimed else UNSTATED
+    width = SEEN if baseline.used.sum() - len(baseline.fitted) >= ENOUGH else UNSEEN
     logs = np.linspace(-2.5 * width, 2.5 * width, POINTS)
     weight = -0.5 * (logs / width) ** 2
     return Scales(np.exp(logs), weight - np.log(np.exp(weight).sum()))

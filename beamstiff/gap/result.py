@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from beamstiff.gap.baseline import Baseline, at_rows
+from beamstiff.gap.baseline import Baseline, at_rows, nominal_pose
 from beamstiff.gap.effects import EFFECTS
 from beamstiff.gap.heldout import Fitted, Shrink, shift
 from beamstiff.gap.library import Untestable, key_of
 from beamstiff.measure.table import Measurements
-from beamstiff.se3 import Array
+from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 
 FORMAT = "beamstiff-diagnosis/1"
 
@@ -114,13 +114,14 @@ class Diagnosis:
     def predict_shift(self, rows: Measurements) -> tuple[Array, Array]:
         """Return what the fitted baseline, and it with the verdict's effects, say of rows, (N, 6) each.
 
-        Displacements, or for absolute rows deviations from the nominal pose, ``[d, r]``, base frame.
+        Displacements ``[d, r]``, or absolute positions and rotation vectors, as the rows are; base frame.
         """
         there = at_rows(self.baseline, rows)
-        if not self.fits:
-            return there.predicted, there.predicted
+        before = after = there.predicted
         columns = [[columns_at(there, one.hypothesis) for one in fit.shapes] for fit in self.fits]
-        return there.predicted, there.predicted + shift(there, self.fits, columns)
+        if self.fits:
+            after = before + shift(there, self.fits, columns)
+        return as_measured(there, before), as_measured(there, after)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the report as plain data, format ``beamstiff-diagnosis/1``."""
@@ -188,6 +189,15 @@ class Diagnosis:
             "shrink": one.shrink.shrink,
             "shrink_interval": list(one.shrink.interval),
         }
+
+
+def as_measured(baseline: Baseline, deviation: Array) -> Array:
+    """Return deviations (N, 6) as the rows measure: for absolute ones, position and rotation vector."""
+    if not baseline.absolute:
+        return deviation
+    positions, rotations = nominal_pose(baseline.nominal, baseline.rows)
+    turned = vector_from_rotation(rotation_from_vector(deviation[:, 3:]) @ rotations)
+    return np.concatenate([positions + deviation[:, :3], turned], axis=1)
 
 
 def columns_at(baseline: Baseline, hypothesis: Any) -> Array:

@@ -1,14 +1,15 @@
 """Rows that no effect explains: found against everything that could be, never against the bare model.
 
-The gap is taken as noise, the unknown and every effect of the library at once, each as large as the gap's median
-allows; a row is an outlier when the others, through that covariance, leave it too unlikely (leave-one-out
-residuals of Gaussian processes: Rasmussen & Williams 2006, eqs 5.10 to 5.12).
+The gap is taken as noise, the unknown and every effect of the library at once (`variance`); a row is an outlier
+when the others, through that covariance, leave it too unlikely (leave-one-out residuals of Gaussian processes:
+Rasmussen & Williams 2006, eqs 5.10 to 5.12).
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,77 +17,108 @@ from scipy.stats import chi2
 
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.library import Hypothesis, Library, whitened
+from beamstiff.gap.variance import Variance, estimate, precision
 from beamstiff.gap.whitened import Whitened, whiten
 from beamstiff.se3 import Array
 
 MOST = 0.15  # of the rows
 ROUNDS = 6
-SURE = 1e-4  # probability that any row of a sound table is flagged
-PARTS = 0.3  # of the gap's variance, that each part of the library may make
-SHAPES = 5  # of a candidate
-MEDIAN = 0.6744897501960817  # of the size of a standard normal variable
+SURE = 1e-3  # probability that any row of a sound table is flagged
+SHAPES = 3  # of a candidate, that take part
+CLAIM, NO_CLAIM = 0.6, 2.0  # standard deviation of the log noise scale: claims are off by two at times
 
 
-def outlying_rows(baseline: Baseline, library: Library) -> NDArray[np.intp]:
-    """Return the rows that nothing explains, the worst first."""
-    found: list[int] = []
+@dataclass(frozen=True)
+class Screened:
+    """What is left to explain.
+
+    Attributes
+    ----------
+    baseline : Baseline
+        With sigma as the rows show it.
+    used : (N, 6) bool array
+        Without outliers.
+    outliers : (k,) int array
+        The worst first.
+    noise : (2,) array
+        Scale of the noise of positions and rotations, against the sigma claimed.
+    """
+
+    baseline: Baseline
+    used: NDArray[np.bool_]
+    outliers: NDArray[np.intp]
+    noise: Array
+
+
+def screen(baseline: Baseline, library: Library, find_outliers: bool = True) -> Screened:
+    """Return a baseline with its noise as the rows show it, and without the rows that nothing explains."""
+    some = _some_shapes(library.hypotheses)
     used = baseline.used.copy()
+    found: dict[int, float] = {}
     rows = int(used.any(axis=1).sum())
-    unlikely = np.zeros(len(used))
-    for _ in range(ROUNDS):
+    noise = np.ones(2)
+    for turn in range(ROUNDS):
         white = whiten(baseline, used)
         if white.freedom < 10:
-            return np.zeros(0, dtype=np.intp)
-        distance, count = _left_out(baseline, library, white)
-        bound = chi2.isf(SURE / rows, np.maximum(count, 1))
+            break
+        columns = _unit_columns(some, white)
+        variance = estimate(white, columns, CLAIM if baseline.claimed else NO_CLAIM, sound=turn > 0)
+        noise = variance.noise
+        if not find_outliers:
+            break
+        distance, count = _left_out(white, columns, variance)
+        scale = _spread(distance, count)
+        bound = chi2.isf(SURE / rows, np.maximum(count, 1)) * scale
         excess = np.where(count > 0, distance / bound, 0.0)
         worst = np.flatnonzero(excess > 1.0)
-        worst = worst[np.argsort(-excess[worst])][: max(1, int(0.05 * rows))]
-        if not worst.size or len(found) + worst.size > MOST * rows:
+        worst = worst[np.argsort(-excess[worst])][: max(1, int(0.04 * rows))]
+        if not worst.size:
             break
-        found += worst.tolist()
-        unlikely[worst] = excess[worst]
+        if len(found) + worst.size > MOST * rows:  # too many: not outliers, but something else
+            used = baseline.used.copy()
+            found = {}
+            white = whiten(baseline, used)
+            noise = estimate(white, _unit_columns(some, white), CLAIM if baseline.claimed else NO_CLAIM).noise
+            break
+        found |= {int(row): float(excess[row]) for row in worst}
         used[worst] = False
-    return (
-        np.array(found, dtype=np.intp)[np.argsort(-unlikely[found], kind="stable")]
-        if found
-        else np.zeros(0, dtype=np.intp)
-    )
+    sigma = baseline.sigma * np.repeat(noise, 3)
+    order = sorted(found, key=found.__getitem__, reverse=True)
+    return Screened(replace(baseline, sigma=sigma), used, np.array(order, dtype=np.intp), noise)
 
 
-def _left_out(baseline: Baseline, library: Library, white: Whitened) -> tuple[Array, NDArray[np.intp]]:
+def _spread(distance: Array, count: NDArray[np.intp]) -> float:
+    """Return how much larger distances are than they should be, by their median; at least 1."""
+    known = count > 0
+    return max(1.0, float(np.median(distance[known] / chi2.median(count[known]))))
+
+
+def _left_out(white: Whitened, columns: Array, variance: Variance) -> tuple[Array, NDArray[np.intp]]:
     """Return each row's squared distance from what the others predict (N,), and its number of values."""
-    left = white.leave(white.gap[:, None])[:, 0]
-    typical = float(np.median(np.abs(left))) / MEDIAN
-    variance = max(typical**2 - 1.0, 0.05)
-    some = whitened(_some_shapes(library.hypotheses), white)
-    size = [np.sqrt((white.leave(one.columns) ** 2).sum() / white.gap.size) for one in some]
-    kept = [one.columns / s for one, s in zip(some, size, strict=True) if s > 0]
-    own = 1.0 / (1.0 + variance * white.unknown)
+    inverse, _ = precision(white, columns, variance)
     n = white.gap.size
-    stacked = np.concatenate([np.zeros((n, 0)), *kept], axis=1)
-    # precision of noise, unknown and library (Woodbury), and then of the fitted values as well
-    root = np.linalg.cholesky(
-        np.eye(stacked.shape[1]) / (PARTS * variance) + stacked.T @ (own[:, None] * stacked)
-    )
-    factor = np.linalg.solve(root, stacked.T * own)  # (c, n)
-    toward = own[:, None] * white.tangent - factor.T @ (factor @ white.tangent)
-    fitted = np.linalg.cholesky(white.tangent.T @ toward) if white.tangent.shape[1] else np.zeros((0, 0))
-    second = np.linalg.solve(fitted, toward.T) if white.tangent.shape[1] else np.zeros((0, n))
-    weighed = own * white.gap - factor.T @ (factor @ white.gap) - second.T @ (second @ white.gap)
-    seen = white.back(weighed[:, None])[:, 0]
-    taken = white.back(np.concatenate([factor, second]).T)  # (n, c + t), of values as they were measured
-    plain = white.back(np.diag(np.sqrt(own)))
+    seen = white.back(inverse.times(white.gap)[:, None])[:, 0]
+    taken = white.back(inverse.factor.T)  # (n, c + t), of values as they were measured
+    plain = white.back(np.diag(np.sqrt(inverse.own)))
     number = np.full(white.used.shape, -1)
     number[white.used] = np.arange(n)
-    scale = max(1.0, typical / np.sqrt(1.0 + variance))
     distance, count = np.zeros(len(number)), np.zeros(len(number), dtype=np.intp)
     for row in np.flatnonzero(white.used.any(axis=1)):
         at = number[row][white.used[row]]
         block = plain[at] @ plain[at].T - taken[at] @ taken[at].T
-        distance[row] = float(seen[at] @ np.linalg.solve(block, seen[at])) / scale**2
+        distance[row] = float(seen[at] @ np.linalg.lstsq(block, seen[at], rcond=1e-9)[0])
         count[row] = at.size
     return distance, count
+
+
+def _unit_columns(some: Sequence[Hypothesis], white: Whitened) -> Array:
+    """Return the columns (n, c) of some shapes, each shape of unit size a value."""
+    parts = [np.zeros((white.gap.size, 0))]
+    for one in whitened(some, white):
+        size = np.sqrt((white.leave(one.columns) ** 2).sum() / white.gap.size)
+        if size > 0:
+            parts.append(one.columns / size)
+    return np.concatenate(parts, axis=1)
 
 
 def _some_shapes(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:

@@ -52,12 +52,15 @@ class Search:
         Of every candidate alone.
     amiss : dict of str to float
         What the best shape of a candidate is off by, of its own size.
+    left : dict of str to float
+        Share of the gap's size that it leaves to the unknown.
     """
 
     log_weight: dict[str, float]
     pairs: tuple[Pair, ...]
     shapes: dict[str, list[Weighted]]
     amiss: dict[str, float]
+    left: dict[str, float]
 
     @property
     def single(self) -> dict[str, float]:
@@ -92,7 +95,7 @@ def search(
     log_weight = {key: float(logsumexp(weights[places])) for key, places in by_key.items()}
     log_weight[NONE] = alone.none + np.log(PRIOR[NONE])
     log_weight[UNKNOWN] = alone.unknown + np.log(PRIOR[UNKNOWN])
-    shapes, amiss = {}, {}
+    shapes, amiss, left = {}, {}, {}
     for key, places in by_key.items():
         order = sorted(places, key=lambda at: -weights[at])[:SHAPES]
         share = np.exp(weights[order] - logsumexp(weights[order]))
@@ -103,7 +106,8 @@ def search(
         ]
         shapes[key] = kept
         amiss[key] = float(alone.amiss[order[0]])
-    result = Search(log_weight, (), shapes, amiss)
+        left[key] = float(alone.left[order[0]])
+    result = Search(log_weight, (), shapes, amiss, left)
     if not pairs:
         return result
     found: dict[frozenset[str], Pair] = {}
@@ -125,7 +129,7 @@ def search(
         ):
             break
     ordered = sorted(found.values(), key=lambda pair: -pair.log_weight)[:20]
-    return Search(log_weight, tuple(ordered), shapes, amiss)
+    return Search(log_weight, tuple(ordered), shapes, amiss, left)
 
 
 def rivals(one: str, other: str) -> bool:

@@ -33,6 +33,8 @@ class Whitened:
         Which values each block turns, and into what; whitened ones stand block after block.
     unknown : (n,) array
         Variance of the unknown there; its mean is 1.
+    component : (n,) int array
+        Which of the six it is a mixture of values of.
     gap : (n,) array
     tangent : (n, t) array
         Orthonormal.
@@ -41,6 +43,7 @@ class Whitened:
 
     axes: tuple[tuple[NDArray[np.intp], Array], ...]
     unknown: Array
+    component: NDArray[np.intp]
     gap: Array
     tangent: Array
     used: NDArray[np.bool_]
@@ -84,9 +87,9 @@ def whiten(baseline: Baseline, used: NDArray[np.bool_] | None = None) -> Whitene
         Values that count, of those measured.
     """
     chosen = baseline.used if used is None else used & baseline.used
-    axes, unknown = _axes(baseline, chosen)
+    axes, unknown, component = _axes(baseline, chosen)
     nothing = np.zeros((int(chosen.sum()), 0))
-    white = Whitened(axes, unknown, np.zeros(len(nothing)), nothing, chosen)
+    white = Whitened(axes, unknown, component, np.zeros(len(nothing)), nothing, chosen)
     gap = white.turn(baseline.gap[..., None])[:, 0]
     return replace(white, gap=gap, tangent=_orthonormal(white.turn(baseline.tangent)))
 
@@ -103,8 +106,8 @@ def _orthonormal(columns: Array) -> Array:
 
 def _axes(
     baseline: Baseline, used: NDArray[np.bool_]
-) -> tuple[tuple[tuple[NDArray[np.intp], Array], ...], Array]:
-    """Return the axes and the variance of the unknown in each (n,)."""
+) -> tuple[tuple[tuple[NDArray[np.intp], Array], ...], Array, NDArray[np.intp]]:
+    """Return the axes, the variance of the unknown in each (n,), and their component (n,)."""
     white = whitening(baseline.sigma, used, baseline.sharing)
     number = np.full(used.shape, -1)
     number[used] = np.arange(int(used.sum()))
@@ -113,7 +116,7 @@ def _axes(
     if len(poses) > LARGE:
         groups = [np.flatnonzero(poses == pose) for pose in np.unique(poses)]
     features = _features(baseline)
-    blocks, variances = [], []
+    blocks, variances, components = [], [], []
     for rows in groups:
         close = _closeness(baseline, rows)
         own = close * (features[rows] @ features[rows].T)
@@ -126,10 +129,11 @@ def _axes(
             scale = 1.0 if component < 3 else 1.0 / LEVER**2
             values, vectors = np.linalg.eigh(scale * part @ own[np.ix_(there, there)] @ part.T)
             blocks.append((at.astype(np.intp), vectors.T @ part))
+            components.append(np.full(at.size, component, dtype=np.intp))
             variances.append(np.maximum(values, 0.0))
     unknown = np.concatenate(variances)
     mean = float(unknown.mean()) or 1.0
-    return tuple(blocks), unknown / mean
+    return tuple(blocks), unknown / mean, np.concatenate(components)
 
 
 def _features(baseline: Baseline) -> Array:

@@ -14,7 +14,7 @@ from beamstiff.gap.effects.drive_stiffness import PHASES, Following, scaled_torq
 from beamstiff.gap.effects.effect import Effect, Quantity, Shape
 from beamstiff.gap.effects.laws import axis_at, drive_compliance, drives, unit_of
 
-RATIOS = (0.2, 0.5, 0.8)  # of the two arms
+RATIOS = (0.15, 0.3, 0.5, 0.7, 0.85)  # of the two arms
 NEAR_DEAD = 0.35  # of its largest lever, below which nobody lets a screw work
 
 
@@ -25,37 +25,39 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     follow = Following(baseline, axis.joint.variable)
     compliance = drive_compliance(axis)
     unit = f"{unit_of(axis)}/(N*m)"
-    columns = [
-        scaled_torque(baseline, axis, follow.varying(wave))
-        for wave in (np.cos, np.sin, lambda q: np.cos(2 * q), lambda q: np.sin(2 * q))
+    cranks = [
+        (ratio, phase, float((lever**2).mean()))
+        for ratio in RATIOS
+        for phase in PHASES
+        if (lever := _lever(follow.fitted + phase, ratio)).min() > NEAR_DEAD * _largest(ratio)
     ]
-    names = ("cos_q", "sin_q", "cos_2q", "sin_2q")
-    sizes = (0.3, 0.3, 0.15, 0.15)
-    quantities = tuple(
-        Quantity(f"compliance_{name}", unit, size * compliance)
-        for name, size in zip(names, sizes, strict=True)
-    )
-    result = [
-        Shape("first harmonic", np.stack(columns[:2], -1), quantities[:2], spread=5.0),
-        Shape("two harmonics", np.stack(columns, -1), quantities, spread=5.0),
-    ]
-    cranks = []
-    for ratio in RATIOS:
-        for phase in PHASES:
-            lever = _lever(follow.fitted + phase, ratio)
-            if lever.min() > NEAR_DEAD * _lever(np.linspace(0, np.pi, 181), ratio).max():
-                square = float((lever**2).mean())
+    if not cranks:
+        return []
 
-                def factor(q: np.ndarray, ratio=ratio, phase=phase, square=square) -> np.ndarray:  # type: ignore[no-untyped-def]
-                    return square / _lever(q + phase, ratio) ** 2
+    def laws(q: np.ndarray) -> np.ndarray:
+        return np.stack([square / _lever(q + phase, ratio) ** 2 for ratio, phase, square in cranks], -1)
 
-                column = scaled_torque(baseline, axis, follow.varying(factor))
-                cranks.append((f"crank {ratio:g}, {np.degrees(phase):.0f} deg", column))
     gain = Quantity("mean_compliance", unit, compliance)
-    return result + [
-        Shape(name, column[..., None], (gain,), spread=3.0, weight=2.0 / len(cranks))
-        for name, column in cranks
+    modes = follow.family(laws)
+    factors = (laws(follow.angle) - laws(follow.fitted).mean(axis=0)).T
+    columns = [scaled_torque(baseline, axis, factor) for factor in factors]
+    whole = [scaled_torque(baseline, axis, mode) for mode in modes.T]
+    names = tuple(Quantity(f"compliance_mode_{k + 1}", unit, compliance) for k in range(len(whole)))
+    result = [
+        Shape(
+            f"crank {ratio:g}, {np.degrees(phase):.0f} deg",
+            column[..., None],
+            (gain,),
+            spread=3.0,
+            weight=1.0 / len(cranks),
+        )
+        for (ratio, phase, _), column in zip(cranks, columns, strict=True)
     ]
+    return [*result, Shape("any crank", np.stack(whole, -1), names, spread=3.0)]
+
+
+def _largest(ratio: float) -> float:
+    return float(_lever(np.linspace(0, np.pi, 181), ratio).max())
 
 
 def _lever(angle: np.ndarray, ratio: float) -> np.ndarray:

@@ -12,6 +12,7 @@ from beamstiff.robot.kinematics import compile_kinematics
 from beamstiff.se3 import Array
 
 PHASES = np.arange(0, 2 * np.pi, np.pi / 8)
+MODES = 4
 
 
 def joint_values_of(baseline: Baseline, variable: str) -> Array:
@@ -37,6 +38,20 @@ class Following:
         self.fitted = self.angle if baseline.fit is baseline else joint_values_of(baseline.fit, variable)
 
     def varying(self, law: Callable[[Array], Array]) -> Array:
-        """Return a law of the angle (N,) less its mean over the fitted rows: a constant is the drive's own."""
+        """Return a law of the angle (N,) less its mean over the fitted rows, which is the drive's own."""
         result: Array = law(self.angle) - law(self.fitted).mean()
+        return result
+
+    def family(self, laws: Callable[[Array], Array]) -> Array:
+        """Return the main modes (N, MODES) of a family of laws, (N,) to (N, m), each in its usual size.
+
+        Laws drawn from the family, with any factor of mean square 1, have the second moments of the modes with
+        standard normal factors (Karhunen and Loeve).
+        """
+        fitted = laws(self.fitted)
+        mean = fitted.mean(axis=0)
+        left, values, right = np.linalg.svd(fitted - mean, full_matrices=False)
+        kept = values[: min(MODES, values.size)]
+        weight = right[: kept.size].T / np.sqrt(fitted.shape[1])
+        result: Array = (laws(self.angle) - mean) @ weight
         return result

@@ -15,8 +15,8 @@ from beamstiff.gap.effects.effect import Effect, Quantity, Shape
 from beamstiff.gap.effects.laws import axis_at, drive_compliance, drives
 from beamstiff.robot.fields import RIGID
 
-RATIOS = (0.2, 0.5)
-FREE_LENGTHS = (0.0, 0.6)
+RATIOS, MIDDLE = (0.15, 0.4, 0.7), 0.4
+FREE_LENGTHS = (0.0, 0.4, 0.8)
 
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
@@ -25,21 +25,34 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         return []
     follow = Following(baseline, axis.joint.variable)
     compliance = drive_compliance(axis)
-    result = []
-    for ratio in RATIOS:
-        for free in FREE_LENGTHS:
-            for phase in PHASES:
+    family = [(ratio, free, phase) for ratio in RATIOS for free in FREE_LENGTHS for phase in PHASES]
+    springs = [(MIDDLE, free, phase) for free in FREE_LENGTHS[::2] for phase in PHASES]
 
-                def spring(q: np.ndarray, phase=phase, ratio=ratio, free=free) -> np.ndarray:  # type: ignore[no-untyped-def]
-                    return _spring(q - phase, ratio, free)[1]
+    def laws(q: np.ndarray, chosen: list[tuple[float, float, float]]) -> np.ndarray:
+        return np.stack([_spring(q - phase, ratio, free)[1] for ratio, free, phase in chosen], -1)
 
-                column = scaled_torque(baseline, axis, -follow.varying(spring) * compliance**2)
-                if baseline.absolute:  # the balancer's own torque winds the drive up
-                    torque = _spring(follow.angle - phase, ratio, free)[0]
-                    column = column - axis.shift * (torque * compliance)[:, None]
-                name = f"spring {ratio:g}, free {free:g}, {np.degrees(phase):.0f} deg"
-                size = Quantity("largest_stiffness", "N*m/rad", 0.1 / compliance)
-                result.append(Shape(name, column[..., None], (size,), spread=4.0))
+    def column(stiffness: np.ndarray, torque: np.ndarray) -> np.ndarray:
+        shift = scaled_torque(baseline, axis, -stiffness * compliance**2)
+        # of absolute positions the balancer's own torque winds the drive up
+        return shift - axis.shift * (torque * compliance)[:, None] if baseline.absolute else shift
+
+    size = Quantity("largest_stiffness", "N*m/rad", 0.1 / compliance)
+    stiffness = (laws(follow.angle, springs) - laws(follow.fitted, springs).mean(axis=0)).T
+    torques = [_spring(follow.angle - phase, ratio, free)[0] for ratio, free, phase in springs]
+    result = [
+        Shape(
+            f"spring {ratio:g}, free {free:g}, {np.degrees(phase):.0f} deg",
+            column(factor, torque)[..., None],
+            (size,),
+            spread=4.0,
+            weight=1.0 / len(springs),
+        )
+        for (ratio, free, phase), factor, torque in zip(springs, stiffness, torques, strict=True)
+    ]
+    if not baseline.absolute:
+        whole = [column(mode, np.zeros(len(mode))) for mode in follow.family(lambda q: laws(q, family)).T]
+        names = tuple(Quantity(f"stiffness_mode_{k + 1}", "N*m/rad", size.size) for k in range(len(whole)))
+        result.append(Shape("any spring", np.stack(whole, -1), names, spread=4.0))
     return result
 
 

@@ -19,7 +19,12 @@ LIMITS = (0.04, 0.1, 0.2, 0.4)  # friction over the largest torque
 
 
 def held_torque(
-    torque: Array, start: Array, fresh: NDArray[np.bool_], order: NDArray[np.intp], limit: float
+    torque: Array,
+    start: Array,
+    fresh: NDArray[np.bool_],
+    order: NDArray[np.intp],
+    limit: float,
+    wound: bool = False,
 ) -> Array:
     """Return S_r (N,): the torque that friction holds, stepping through the rows in their order.
 
@@ -33,15 +38,25 @@ def held_torque(
     order : (N,) int array
     limit : float
         Friction r.
+    wound : bool
+        Whether the dead weight has wound the drive up against its friction when a history begins: what is
+        held is then counted from there.
+
+    Examples
+    --------
+    >>> cycle = np.array([1.0, 2.0, 1.0, 0.0])
+    >>> held_torque(cycle, np.zeros(4), np.array([True, False, False, False]), np.arange(4), 0.5)
+    array([ 0.5,  0.5, -0.5, -0.5])
     """
     result = np.zeros_like(torque)
-    held = before = 0.0
+    held = before = first = 0.0
     for row in order:
         if fresh[row]:
-            held, before = 0.0, start[row]
+            before = start[row]
+            held = first = float(np.clip(before, -limit, limit)) if wound else 0.0
         held = float(np.clip(held + torque[row] - before, -limit, limit))
         before = torque[row]
-        result[row] = held
+        result[row] = held - first
     return result
 
 
@@ -57,17 +72,20 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         seen.add(int(groups[row]))
     largest, unit = axis.typical, unit_of(axis)
     give = drive_compliance(axis) * largest
-    columns = []
-    for limit in LIMITS:
-        held = held_torque(axis.load + axis.dead, axis.dead, fresh, order, limit * largest) / largest
-        columns.append(-axis.shift * held[:, None])
     lag = Quantity("held_windup", unit, give)
-    result = [
-        Shape(f"friction {limit:g}", column[..., None], (lag,), spread=4.0)
-        for limit, column in zip(LIMITS, columns, strict=True)
-    ]
     several = tuple(Quantity(f"held_windup_{limit:g}", unit, 0.5 * give) for limit in LIMITS)
-    result.append(Shape("distributed friction", np.stack(columns, -1), several, spread=4.0))
+    result = []
+    for wound, start in ((False, ""), (True, ", wound up by the weight")):
+        columns = []
+        for limit in LIMITS:
+            torque = axis.load + axis.dead
+            held = held_torque(torque, axis.dead, fresh, order, limit * largest, wound) / largest
+            columns.append(-axis.shift * held[:, None])
+        result += [
+            Shape(f"friction {limit:g}{start}", column[..., None], (lag,), spread=4.0)
+            for limit, column in zip(LIMITS, columns, strict=True)
+        ]
+        result.append(Shape(f"distributed friction{start}", np.stack(columns, -1), several, spread=4.0))
     return result
 
 

@@ -20,6 +20,10 @@ TURNED = 1e-3  # rad
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: ARG001
     axes = tool_axes(baseline)
     nothing = np.zeros_like(axes)
+    force = baseline.rows.wrench[:, :3, None]
+    moment = np.concatenate([nothing, np.cross(axes, force, axis=1)], 1)
+    load = baseline.response @ moment
+    loads = tuple(Quantity(f"load_point_{axis}", "m", OFFSET) for axis in "xyz")
     if baseline.absolute:
         seat = np.concatenate([axes, nothing], 1)
         turn = np.concatenate([nothing, axes], 1)
@@ -28,14 +32,12 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
         return [
             Shape("target", seat, places),
             Shape("target and its turn", np.concatenate([seat, turn], -1), (*places, *turns)),
+            Shape("load", load, loads, weight=0.5),
+            Shape("load and target", np.concatenate([load, seat], -1), (*loads, *places), weight=0.5),
         ]
-    force = baseline.rows.wrench[:, :3, None]
-    moment = np.concatenate([nothing, np.cross(axes, force, axis=1)], 1)
-    load = baseline.response @ moment
     # the rotation as measured holds what the offset itself adds to it
     turned = np.where(baseline.used[:, 3:], baseline.measured[:, 3:], baseline.predicted[:, 3:])
     seen = np.concatenate([np.cross(turned[:, :, None], axes, axis=1), nothing], 1)
-    loads = tuple(Quantity(f"load_point_{axis}", "m", OFFSET) for axis in "xyz")
     targets = tuple(Quantity(f"target_{axis}", "m", OFFSET) for axis in "xyz")
     both = tuple(Quantity(f"tool_{axis}", "m", OFFSET) for axis in "xyz")
     return [
