@@ -108,6 +108,28 @@ def compare(models: Mapping[str, Statement], folds: int = 5) -> Comparison:
     ------
     BeamstiffError
         When there is no model, they are of different data, or one has a robust loss, which has no likelihood.
+
+    Examples
+    --------
+    >>> from beamstiff import load_robot
+    >>> from beamstiff.identify.statement import state_identification
+    >>> from beamstiff.measure import make_measurements
+    >>> from beamstiff.model.linear import predict_displacements
+    >>> robot, random = load_robot("kr240-2"), np.random.default_rng(0)
+    >>> q, wrench = random.uniform(-1, 1, (12, 6)), random.normal(size=(12, 6)) * 800
+    >>> names = [variable.name for variable in robot.actuated]
+    >>> noise = {"tcp": robot.tcp, "sigma_position": 3e-5}
+    >>> still = make_measurements(names, q, wrench=wrench, **noise)
+    >>> seen = predict_displacements(robot, still)[:, :3] + 3e-5 * random.normal(size=(12, 3))
+    >>> table = make_measurements(names, q, wrench=wrench, displacement=seen, **noise)
+    >>> found = compare(
+    ...     {
+    ...         "five drives": state_identification(robot, table, robot.identify[:5]),
+    ...         "wrist as published": state_identification(robot, table, robot.identify[:3]),
+    ...     }
+    ... )
+    >>> [score.count for score in found.scores]
+    [5, 3]
     """
     if not models:
         raise BeamstiffError("compare: found no model, expected one or more")

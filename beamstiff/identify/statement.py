@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from beamstiff.errors import BeamstiffError, listed, suggest
 from beamstiff.identify.degeneracy import Degeneracy, Mixed, find_degeneracy
 from beamstiff.identify.input_errors import InputErrors, Response, state_response
@@ -78,6 +80,11 @@ class Statement:
     def objective(self) -> Objective:
         """What is minimised, as stated."""
         return Objective(self.problem, self.parameters, self.loss)
+
+    def theta(self, stiffness: Array) -> Array:
+        """Return the free values theta (t,) of stiffness values (m,), as in `Identification.stiffness`."""
+        result: Array = np.log(stiffness)[self.parameters.first]
+        return result
 
     def weighed(self, stiffness: Array) -> Statement:
         """Return the statement with the errors of its inputs as they are at stiffness values (m,)."""
