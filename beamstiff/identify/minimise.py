@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from typing import Protocol
 
 import numpy as np
 
 from beamstiff.errors import BeamstiffError, listed, suggest
+from beamstiff.identify.balance import balanced_stiffness
 from beamstiff.identify.objective import Objective
 from beamstiff.identify.parameters import SPAN, Parameters
 from beamstiff.se3 import Array
@@ -34,6 +35,9 @@ METHODS = {
     "genetic": "genetic",
 }
 GLOBAL = ("isres", "crs2", "esch", "mlsl", "genetic")
+POLISHED = (*GLOBAL, "mma", "bobyqa")  # by the trust region: without curvature they do not get to the bottom
+AT_END = 0.05  # share of the span between the bounds, in logarithms, within which a value is at its end
+SAME = 1e-9  # share of the cost that makes no difference
 FACTOR = 1e3  # the global methods search this far from the start, either way, where no bound is given
 
 
@@ -106,7 +110,7 @@ class Effort:
     Attributes
     ----------
     evaluations : int
-        At most; the trust region that polishes what a global method found may take as many again.
+        At most; the trust region that polishes, or tries again, may take as many each time.
     seed : int
         Of the global methods.
     population : int or None
@@ -162,7 +166,8 @@ def minimise(
     progress : callable, optional
         Called with the number of evaluations and the least cost after each.
     polish : bool
-        Let the trust region finish what a global method found.
+        Let the trust region finish what a method of `POLISHED` found, and, where no `begin` is given, try
+        again from balanced values if some value ended as good as rigid or free: that may be another minimum.
 
     Raises
     ------
@@ -172,7 +177,7 @@ def minimise(
     Notes
     -----
     Ctrl-C ends the search with the best values so far; before the first evaluation it is passed on. Global
-    methods search `searched`; what they find is polished within the bounds proper.
+    methods search `searched`; what is polished is so within the bounds proper.
     """
     if method not in METHODS:
         raise BeamstiffError(
@@ -189,14 +194,22 @@ def minimise(
     message, interrupted = "", False
     try:
         message = _run(method, search, start, effort)
-        if method in GLOBAL and np.isfinite(search.best_cost) and start.size:
-            message += _at_edge(objective.parameters, start, search.best)
+        if method in POLISHED and np.isfinite(search.best_cost) and start.size:
+            if method in GLOBAL:
+                message += _at_edge(objective.parameters, start, search.best)
             if polish:
                 message += "; polished: " + _run("trust-region", search, search.best, effort)
     except KeyboardInterrupt:
         if not np.isfinite(search.best_cost):
             raise
         message, interrupted = "stopped by hand: the best so far", True
+    if (
+        begin is None
+        and polish
+        and not interrupted
+        and _near_rigid_or_free(objective.parameters, search.best)
+    ):
+        message, interrupted = _again(search, effort, message)
     if not np.isfinite(search.best_cost):
         raise BeamstiffError(f"the identification did not converge: {message}")
     return Minimum(search.best, search.best_cost, search.evaluations, message, interrupted)
@@ -221,6 +234,31 @@ def _at_edge(parameters: Parameters, begin: Array, theta: Array) -> str:
     edge = np.minimum(theta - low, high - theta) < 1e-3 * (high - low)
     names = [parameters.names[at] for at in parameters.first[edge]]
     return f"; at the edge of the values searched: {listed(names)}" if names else ""
+
+
+def _near_rigid_or_free(parameters: Parameters, theta: Array) -> bool:
+    low, high = parameters.lower, parameters.upper
+    return bool((np.minimum(theta - low, high - theta) < AT_END * (high - low)).any())
+
+
+def _again(search: Search, effort: Effort, message: str) -> tuple[str, bool]:
+    """Try again from balanced values; the search keeps what is better by more than rounding."""
+    parameters = search.objective.parameters
+    share = parameters.sums / parameters.sums.sum(axis=0)
+    ratio = np.log(balanced_stiffness(search.objective.problem.model) / parameters.start)
+    begin = np.log(parameters.start)[parameters.first] + ratio @ share  # tied values: in the mean
+    second, interrupted = replace(search, best=np.zeros(0), best_cost=np.inf), False
+    try:
+        _run("trust-region", second, np.clip(begin, parameters.lower, parameters.upper), effort)
+    except KeyboardInterrupt:
+        interrupted = True
+    except BeamstiffError:
+        pass  # a mechanism, say: what was found first holds
+    search.evaluations = second.evaluations
+    if second.best_cost < search.best_cost - SAME * abs(search.best_cost):
+        search.best, search.best_cost = second.best, second.best_cost
+        message += "; better from balanced values"
+    return ("stopped by hand: the best so far" if interrupted else message), interrupted
 
 
 def _run(method: str, search: Search, begin: Array, effort: Effort) -> str:

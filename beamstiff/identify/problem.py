@@ -15,7 +15,7 @@ from beamstiff.identify.disturbance import Disturbance, disturbed_covariance, in
 from beamstiff.measure.arrays import Integers, equal_rows
 from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements
-from beamstiff.model.ports import PortModel, reduce_to_ports
+from beamstiff.model.ports import Parametrisation, PortModel, reduce_to_ports
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 
@@ -80,11 +80,18 @@ class Problem:
         result: Array = (self.whitening @ gap.T).T
         return result
 
-    def jacobian(self, stiffness: Array) -> tuple[Array, Array]:
-        """Return whitened residuals (n,) and their derivatives (n, m) by the logarithm of the stiffness."""
-        predicted, by_stiffness = self.model.derivatives(stiffness)
+    def jacobian(self, stiffness: Array, by: Parametrisation = "log") -> tuple[Array, Array]:
+        """Return whitened residuals (n,) and their derivatives (n, m).
+
+        Parameters
+        ----------
+        stiffness : (m,) array
+        by : "log", "stiffness" or "compliance"
+            What the derivatives are by: the logarithms of the stiffness values, these, or their inverses.
+        """
+        predicted, slopes = self.model.derivatives(stiffness, by)
         residual: Array = self.whitening @ (self.measured - predicted)[self.used]
-        jacobian: Array = self.whitening @ (-by_stiffness[self.used] * stiffness)
+        jacobian: Array = self.whitening @ -slopes[self.used]
         return residual, jacobian
 
     def rows(self, chosen: ArrayLike, apart: ArrayLike | None = None) -> Problem:

@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -38,6 +39,9 @@ from beamstiff.robot.stiffness import stiffness_parameters
 from beamstiff.se3 import Array
 
 Index = NDArray[np.int64]
+Parametrisation = Literal["stiffness", "log", "compliance"]
+# the power of k that a derivative by k is multiplied with to be one by the parameter
+PARAMETRISATIONS: dict[str, int] = {"stiffness": 0, "log": 1, "compliance": 2}
 # springs this stiff beside what else meets at their port leave nothing to doubt: no search for mechanisms
 SOUND = 1e-6
 SMALLEST = 1e-290  # its inverse is still a number
@@ -100,24 +104,64 @@ class PortModel:
                 *compliance.shape[:-1], *self.clamped.shape
             )
             return self.clamped + moved
-        opened = (self.inverse(stiffness)[..., self.pose, :, :] @ self.force[..., None])[..., 0]
-        result: Array = self.clamped + np.einsum("npa,...np->...na", self.motion, opened)
-        return result
+        return self._displaced(self._opened(stiffness))
 
-    def derivatives(self, stiffness: Array) -> tuple[Array, Array]:
-        """Return predictions (N, 6) and their derivatives (N, 6, m) by the stiffness values (m,).
+    def derivatives(self, stiffness: Array, by: Parametrisation = "stiffness") -> tuple[Array, Array]:
+        """Return predictions (N, 6) and their derivatives (N, 6, m) at stiffness values (m,).
 
-        By the logarithms they are ``k`` times, by the compliances ``-k^2`` times that.
+        Parameters
+        ----------
+        stiffness : (m,) array
+            Values of `parameters`, N/m, N m/rad or Pa.
+        by : "stiffness", "log" or "compliance"
+            What the derivatives are by: the values k, their logarithms, or their inverses ``c = 1/k``;
+            ``dd/dlog k = k dd/dk``, ``dd/dc = -k^2 dd/dk``.
+
+        Raises
+        ------
+        BeamstiffError
+            As `predict`, or when the parametrisation is unknown.
         """
+        if by not in PARAMETRISATIONS:
+            raise BeamstiffError(
+                f"there are no derivatives by {by!r}{suggest(by, PARAMETRISATIONS)}; known: "
+                f"{listed(PARAMETRISATIONS)}"
+            )
+        power = PARAMETRISATIONS[by]  # dk/dx = k^power, or minus that
         if (compliance := self._in_series(stiffness)) is not None:
             assert self.by_compliance is not None
-            return self.predict(stiffness), -self.by_compliance * compliance**2
-        inverse = self.inverse(stiffness)[self.pose]
-        opened = (inverse @ self.force[..., None])[..., 0]
-        carried = inverse @ self.motion
+            return self.predict(stiffness), -self.by_compliance * _factor(compliance, 2 - power, by)
+        opened = self._opened(stiffness)
+        carried = self.inverse(stiffness)[self.pose] @ self.motion
         stretched = np.tensordot(opened, self.springs, ([1], [2]))  # (N, m, p)
         by_value: Array = -carried.swapaxes(-1, -2) @ stretched.swapaxes(-1, -2)
-        return self.clamped + np.einsum("npa,np->na", self.motion, opened), by_value
+        return self._displaced(opened), by_value * _factor(np.asarray(stiffness), power, by)
+
+    def _displaced(self, opened: Array) -> Array:
+        """Return the displacements (..., N, 6) where the ports open by (..., N, p)."""
+        result: Array = self.clamped + (self.motion.swapaxes(-1, -2) @ opened[..., None])[..., 0]
+        return result
+
+    def _opened(self, stiffness: Array) -> Array:
+        """Return by how much the ports open in every row, ``M^-1 (B_w w + g)``, (..., N, p)."""
+        slot, columns = self._columns
+        if columns.shape[-1] > columns.shape[-2]:
+            inverse = self.inverse(stiffness)[..., self.pose, :, :]
+            result: Array = (inverse @ self.force[..., None])[..., 0]
+            return result
+        solved: Array = self._solve(stiffness, columns)[..., self.pose, :, slot]
+        return np.moveaxis(solved, 0, -2) if solved.ndim > 2 else solved
+
+    @cached_property
+    def _columns(self) -> tuple[Index, Array]:
+        """Return each row's place among those of its pose, (N,), and the forces of each pose, (P, p, R)."""
+        order = np.argsort(self.pose, kind="stable")
+        counts = np.bincount(self.pose, minlength=len(self.port_stiffness))
+        slot = np.empty(self.pose.size, dtype=np.int64)
+        slot[order] = np.arange(self.pose.size) - np.repeat(np.cumsum(counts) - counts, counts)
+        columns = np.zeros((*self.port_stiffness.shape[:2], int(counts.max(initial=0))))
+        columns[self.pose, :, slot] = self.force
+        return slot, columns
 
     @cached_property
     def by_compliance(self) -> Array | None:
@@ -158,7 +202,12 @@ class PortModel:
         )
 
     def inverse(self, stiffness: Array) -> Array:
-        """Return ``(S + sum k_j Phi_j)^-1`` of every pose, (..., P, p, p), for stiffness values (..., m)."""
+        """Return ``M^-1 = (S + sum k_j Phi_j)^-1`` of every pose, (..., P, p, p), for values (..., m)."""
+        unit = np.eye(len(self.lever))
+        return self._solve(stiffness, np.broadcast_to(unit, (len(self.port_stiffness), *unit.shape)))
+
+    def _solve(self, stiffness: Array, right: Array) -> Array:
+        """Return ``M^-1 right`` of every pose, (..., P, p, R), for values (..., m) and right (P, p, R)."""
         values = np.asarray(stiffness, dtype=np.float64)
         shape = (*values.shape[:-1], len(self.parameters))
         if values.shape != shape or not np.isfinite(values).all() or (values < 0).any():
@@ -171,11 +220,13 @@ class PortModel:
         diagonal = np.diagonal(matrix, axis1=-2, axis2=-1)
         if (np.diagonal(own, axis1=-2, axis2=-1) > SOUND * diagonal).all():
             size = 1.0 / np.sqrt(diagonal)
-            both: Array = size[..., :, None] * size[..., None, :]
-            return both * np.linalg.inv(both * matrix)
+            matrix *= size[..., :, None]
+            matrix *= size[..., None, :]
+            solved: Array = size[..., None] * np.linalg.solve(matrix, size[..., None] * right)
+            return solved
         if values.ndim > 1:
-            return np.stack([self.inverse(candidate) for candidate in values])
-        inverse, unstable = solve_stable(matrix, np.broadcast_to(np.eye(matrix.shape[-1]), matrix.shape))
+            return np.stack([self._solve(candidate, right) for candidate in values])
+        solution, unstable = solve_stable(matrix, right)
         if unstable is not None:
             pose, motion = unstable
             moving = np.abs(motion) > 1e-3 * np.abs(motion).max()
@@ -184,7 +235,13 @@ class PortModel:
                 f"{listed([self.parameters[owner] for owner in owners])}: with so little stiffness the robot "
                 f"is a mechanism at pose {pose}"
             )
-        return inverse
+        return solution
+
+
+def _factor(values: Array, power: int, by: Parametrisation) -> Array:
+    """Return what derivatives by the stiffness are multiplied with: a power of the values, and the sign."""
+    result: Array = values**power
+    return -result if by == "compliance" else result
 
 
 def find_ports(robot: Robot, parameters: Sequence[str]) -> tuple[list[Port], Index]:

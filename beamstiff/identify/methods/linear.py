@@ -36,10 +36,11 @@ def run(method: str, search: Search, begin: Array, effort: Effort) -> str:  # no
         return cost, residuals, -by_log / compliance  # d/dc = -(1/c) d/dlog k
 
     last = search.evaluations + effort.evaluations
+    low, high = np.exp(-upper), np.exp(-lower)
     compliance = np.exp(-np.clip(begin, lower, upper))
     cost, residuals, slopes = evaluate(compliance)
     for step in range(STEPS):
-        target = nonnegative_step(compliance, residuals, slopes, np.exp(-upper), np.exp(-lower))
+        target = nonnegative_step(compliance, residuals, slopes, low, high)
         moved = slopes @ (target - compliance)
         gain = -float(moved @ (residuals + 0.5 * moved))
         if gain <= CLOSE * cost or np.abs(target / compliance - 1).max() <= CLOSE:
@@ -48,7 +49,7 @@ def run(method: str, search: Search, begin: Array, effort: Effort) -> str:  # no
         while True:
             if search.evaluations >= last:
                 return "stopped: the evaluations allowed are used up"
-            there = compliance + share * (target - compliance)
+            there = np.clip(compliance + share * (target - compliance), low, high)
             new, *rest = evaluate(there)
             if new < cost:
                 break
