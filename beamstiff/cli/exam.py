@@ -76,6 +76,10 @@ def exam(
         str | None,
         typer.Option("--figure", metavar="FILE", help="Draw the reliability diagram (.png, .svg or .pdf)."),
     ] = None,
+    compare: Annotated[
+        bool,
+        typer.Option("--compare/--no-compare", help="Ask a plain regression too (best BIC), as a control."),
+    ] = True,
     quiet: Quiet = False,
     debug: Debug = False,  # noqa: ARG001
 ) -> None:
@@ -105,7 +109,7 @@ def exam(
         from beamstiff.report.figures import check_format
 
         check_format(figure)
-    examiner = Examiner(_diagnose(), controls=_controls(), reports=_folder(reports))
+    examiner = Examiner(_diagnose(), controls=_controls() if compare else {}, reports=_folder(reports))
     if sets is not None:
         if robot is not None or plan is not None or out is not None or classes:
             raise BeamstiffError("--sets: found other options of what to examine, expected the folder only")
@@ -240,7 +244,7 @@ def _diagnose() -> Diagnose:
 
 def _controls() -> dict[str, Control]:
     """Return the plain methods that the diagnosis is compared with."""
-    return {}
+    return {"plain regression, best BIC": import_module("beamstiff.gap.exam.plain").plain_bic}
 
 
 @contextmanager

@@ -19,6 +19,7 @@ from beamstiff.report.tables import table
 Records = Sequence[Record]
 
 MARKS = {"aim": "aim reached", "required": "reached", "missed": "MISSED", None: ""}
+MOST_FAILURES = 20
 SHARES = ("detected", "exact", "family", "place", "covered", "unknown")
 
 
@@ -36,6 +37,8 @@ def exam_tables(records: Records) -> Iterator[Table]:
     yield reliability_table(told)
     yield confusion_table(told)
     yield control_table(controls(told))
+    if any(record.error is not None for record in records):
+        yield failures_table(records)
 
 
 def plan_tables(records: Records) -> Iterator[Table]:
@@ -85,6 +88,16 @@ def control_table(rows: Iterable[Row]) -> Table:
     result = table("Controls: exact cause and place, single effects", "control", "reached", "95 %", "cases")
     for row in rows:
         result.add_row(row.name, _share(row.figure), _interval(row), str(row.figure.count))
+    return result
+
+
+def failures_table(records: Records) -> Table:
+    """Return the cases in which the diagnosis broke off, and why."""
+    failed = [record for record in records if record.error is not None]
+    result = table(f"The diagnosis broke off: {len(failed)}", "case", "robot", "truth", "why", left=4)
+    for record in failed[:MOST_FAILURES]:
+        truth = " ".join(record.label.truths) or NONE
+        result.add_row(str(record.label.case), record.label.robot, truth, str(record.error))
     return result
 
 

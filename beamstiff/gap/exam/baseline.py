@@ -2,24 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamstiff.gap.exam.campaign import Campaign, Truth
+from beamstiff.gap.exam.campaign import Array, Campaign, Truth
 from beamstiff.gap.exam.machine import machine_of
 from beamstiff.gap.exam.reality import Reality
 from beamstiff.gap.exam.simulate import read, simulate, solve
 from beamstiff.robot.description import Robot
-from beamstiff.se3 import Array
-
-if TYPE_CHECKING:
-    from beamstiff.gap.exam.cases import Case
-
-Baseline = Callable[["Case", Sequence[Sequence[Truth]]], list[Array]]
-"""Residuals (N, 6), m and rad, that the fitted model leaves of the noise-free rows of each set of truths."""
 
 STEP = 0.02  # of a compliance, relative: beyond the solver's rounding, and compliances act linearly
 
@@ -75,12 +67,6 @@ def linear_fit(robot: Robot, machine: Robot, campaign: Campaign) -> Fit:
         still[:, 3:] = np.nan
     basis = np.stack(columns, axis=-1) if columns else np.zeros((*still.shape, 0))
     return Fit(machine, quiet, still, basis, weights(campaign))
-
-
-def linear_baseline(case: Case, sets: Sequence[Sequence[Truth]]) -> list[Array]:
-    """Return residuals of the linear fit of the compliances that the robot lists to identify."""
-    fit = linear_fit(case.robot, case.machine, case.campaign)
-    return [fit.residual(truths) for truths in sets]
 
 
 def true_rows(machine: Robot, truths: Sequence[Truth], campaign: Campaign) -> Array:

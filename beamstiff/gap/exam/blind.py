@@ -12,7 +12,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from beamstiff.files import write_whole
-from beamstiff.gap.exam.baseline import Baseline, linear_baseline, true_rows, whitened_gap
+from beamstiff.gap.exam.baseline import linear_fit, true_rows, whitened_gap
+from beamstiff.gap.exam.campaign import Truth
 from beamstiff.gap.exam.cases import Case, Exam, draw_case
 from beamstiff.gap.exam.names import is_named, normal
 from beamstiff.gap.exam.record import Answer, Record, answer_of, failed, sha256
@@ -44,8 +45,18 @@ class Diagnose(Protocol):
         ...
 
 
-Control = Callable[[Robot, Measurements, Sequence[str]], str]
-"""A plain method: model, rows and what is withheld in, ``effect:component`` or ``none`` out."""
+Control = Callable[[Robot, Measurements, Sequence[str]], str | Mapping[str, Any]]
+"""A plain method: model, rows and what is withheld in, ``effect:component``, ``none`` or a report out."""
+
+
+Baseline = Callable[[Case, Sequence[Sequence[Truth]]], list[Array]]
+"""Residuals (N, 6), m and rad, that the fitted model leaves of the noise-free rows of each set of truths."""
+
+
+def linear_baseline(case: Case, sets: Sequence[Sequence[Truth]]) -> list[Array]:
+    """Return residuals of the linear fit of the compliances that the robot lists to identify."""
+    fit = linear_fit(case.robot, case.machine, case.campaign)
+    return [fit.residual(truths) for truths in sets]
 
 
 @dataclass(frozen=True)
@@ -184,7 +195,8 @@ def diagnosed(robot: Robot, rows: Measurements, withheld: Sequence[str], examine
 def asked(method: Control, robot: Robot, rows: Measurements, withheld: Sequence[str]) -> str:
     """Return what a plain control says of the rows."""
     try:
-        return normal(method(robot, rows, withheld))
+        said = method(robot, rows, withheld)
+        return normal(said) if isinstance(said, str) else answer_of(said).verdict
     except Exception:  # a control that breaks off is wrong
         return normal("failed")
 

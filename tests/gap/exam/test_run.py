@@ -3,6 +3,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -201,8 +202,14 @@ def test_reports_are_kept_on_request(tmp_path: Path) -> None:
 
 
 def test_a_control_is_asked_beside_the_diagnosis() -> None:
-    record = examine(EXAM, 1, Examiner(always_none, controls={"bic": lambda *_: "backlash:q3", "bad": _bad}))
-    assert record.controls == {"bic": "backlash:q3", "bad": "failed:null"}
+    report = always_none(*_nothing()).to_dict()
+    controls = {"name": lambda *_: "backlash:q3", "report": lambda *_: report, "bad": _bad}
+    record = examine(EXAM, 1, Examiner(always_none, controls=controls))
+    assert record.controls == {"name": "backlash:q3", "report": "none:null", "bad": "failed:null"}
+
+
+def _nothing() -> tuple[Any, Any]:
+    return None, None
 
 
 def _bad(*_: object) -> str:

@@ -41,7 +41,7 @@ ALLOWED = {
 }
 SIMULATOR = [
     "campaign", "rotations", "placing", "machine", "laws", "layout", "strain", "equilibrium", "reality",
-    "effect", "across", "pedestal", "simulate",
+    "effect", "across", "pedestal", "simulate", "baseline", "sizes", "record", "names",
 ]  # fmt: skip
 
 

@@ -16,6 +16,7 @@ from beamstiff.robot.description import Robot
 
 SWING = (1.15, 4.0)  # stiffness at the middle over that at an end of the range
 WIDEST = np.deg2rad(75.0)  # half the range that a rod can serve
+NEAR = 0.3  # of the swing's logarithm: else a rod sits behind gears
 GEARED = np.deg2rad(130.0)  # and with gears
 CLEAR = np.deg2rad(12.0)  # from its dead centres
 
@@ -35,9 +36,9 @@ def draw(asked: Asked) -> dict[str, float]:
     swing = between(asked.size, *SWING)
     crank, frame = float(asked.rng.uniform(0.2, 0.35)), float(asked.rng.uniform(0.8, 1.3))
     way = sign(asked.rng)
+    direct = [1.0] if asked.form == "rod" and half <= WIDEST else []
     best: tuple[float, float, float] | None = None
-    gears = [1.0] if asked.form == "rod" and half <= WIDEST else np.linspace(0.1, 1.0, 46).tolist()
-    for gear in gears:
+    for gear in (*direct, *np.linspace(0.1, 1.0, 46).tolist()):
         reach = gear * half
         low, high = CLEAR + reach, np.pi - CLEAR - reach
         if low >= high:
@@ -47,6 +48,8 @@ def draw(asked: Asked) -> dict[str, float]:
             miss = abs(np.log(arms.max() / arms.min() / swing))
             if best is None or miss < best[0]:
                 best = (miss, float(start), float(gear))
+        if gear == 1.0 and best is not None and best[0] < NEAR:
+            break  # a rod on the joint itself
     assert best is not None
     return {
         "crank": crank,

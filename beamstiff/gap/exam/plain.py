@@ -1,0 +1,71 @@
+"""A plain method to compare with: ordinary regression on each effect's signature, the best BIC wins."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from beamstiff.gap.baseline import fit_baseline
+from beamstiff.gap.effects import EFFECTS
+from beamstiff.gap.exam.names import NONE, key_of
+from beamstiff.measure.table import Measurements
+from beamstiff.robot.description import Robot
+from beamstiff.se3 import Array
+
+ABSORBED = 1e-6  # share of a column that the fit leaves, below which it leaves nothing
+SILENT = 1e-9  # singular value of unit columns below which a direction is none
+
+
+def plain_bic(robot: Robot, measurements: Measurements, withheld: Sequence[str] = ()) -> str:
+    """Return the effect and component whose first-order signature has the best BIC, or that none has.
+
+    The gap that the fitted model leaves is regressed on the model's tangent and the columns of one shape of
+    one effect at one component, in units of the noise as the table states it, all values independent of one
+    another. ``BIC = n log(RSS/n) + k log n`` (Schwarz, Ann. Statist. 6 (1978) 461); k counts the columns
+    added.
+
+    Parameters
+    ----------
+    robot : Robot
+    measurements : Measurements
+    withheld : sequence of str
+        Effects to do without.
+    """
+    baseline = fit_baseline(robot, measurements)
+    used = baseline.used
+    weight = 1.0 / baseline.sigma[used]
+    tangent = _orthonormal(baseline.tangent[used] * weight[:, None])
+    gap = _left(baseline.gap[used] * weight, tangent)
+    n = gap.size
+    best, name = n * np.log(float(gap @ gap) / n), key_of(NONE, None)
+    for effect in EFFECTS.values():
+        if effect.name in withheld:
+            continue
+        for component in effect.components(baseline):
+            for shape in effect.shapes(baseline, component):
+                whole = shape.columns[used] * weight[:, None]
+                left = _left(whole, tangent)
+                shown = np.linalg.norm(left, axis=0) > ABSORBED * np.linalg.norm(whole, axis=0)
+                columns = _orthonormal(left[:, shown])
+                rest = gap - columns @ (columns.T @ gap)
+                k = columns.shape[1]
+                bic = n * np.log(max(float(rest @ rest), 1e-300) / n) + k * np.log(n)
+                if k and bic < best:
+                    best, name = bic, key_of(effect.name, component)
+    return name
+
+
+def _left(values: Array, basis: Array) -> Array:
+    left: Array = values - basis @ (basis.T @ values)
+    return left
+
+
+def _orthonormal(columns: Array) -> Array:
+    size = np.linalg.norm(columns, axis=0)
+    kept = columns[:, size > 0] / size[size > 0]
+    if not kept.shape[1]:
+        return np.zeros((len(columns), 0))
+    left, values, _ = np.linalg.svd(kept, full_matrices=False)
+    result: Array = left[:, values > SILENT * values[0]]
+    return result
