@@ -3,16 +3,18 @@
 Poses are drawn with replacement and the model is fitted again, many times (Efron and Tibshirani, "An
 introduction to the bootstrap", 1993, chapters 6 and 13). Whatever the rows of a pose have in common (a shared
 unloaded reading, a joint reading, an error of the model there) stays together. A pose drawn twice counts
-twice: its whitened residuals do, since poses are independent of one another.
+twice: its whitened residuals do, since poses are independent of one another. Before they are drawn, residuals are
+freed of the leverage of their pose.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
+from scipy.sparse.linalg import splu
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.identify.information import LEVEL
@@ -23,6 +25,7 @@ from beamstiff.identify.statement import Statement
 from beamstiff.measure.arrays import Integers
 from beamstiff.se3 import Array
 
+LEAST_FREE = 1e-2  # share of a pose's noise that its residual shows, at least: below, it is not scaled up
 FEWEST = 4  # poses: of fewer there are next to no different draws
 LOST = 1e-7  # information, of what all rows tell of each parameter, below which nothing is known
 AT_BOUND = 1e-6  # of the logarithm
@@ -122,6 +125,8 @@ def bootstrap(
         raise BeamstiffError(f"bootstrap: found {repetitions} repetitions, expected two or more")
     random = np.random.default_rng(seed)
     slopes = objective.jacobian(theta)[1]
+    if objective.loss == "linear":
+        objective = without_leverage(objective, theta, group)
     found: list[Array] = []
     for number in range(repetitions):
         counts = random.multinomial(poses, np.full(poses, 1.0 / poses))[group].astype(np.float64)
@@ -152,6 +157,41 @@ def bootstrap(
         poses,
         repetitions - len(found),
     )
+
+
+def without_leverage(objective: Objective, theta: Array, group: Integers) -> Objective:
+    """Return an objective whose residuals scatter as the noise does, not as residuals do.
+
+    A pose pulls the fit towards itself, and its residual is the less for it: ``cov e_g = 1 - H_gg``, H the
+    hat matrix. ``(1 - H_gg)^-1/2 e_g`` has the noise's covariance (Bell and McCaffrey, "Bias reduction in
+    standard errors for linear regression with multi-stage samples", Survey Methodology 28, 2002). The optimum
+    stays.
+
+    Parameters
+    ----------
+    objective : Objective
+    theta : (t,) array
+        Its optimum.
+    group : (n,) int array
+        Pose of each whitened residual.
+    """
+    problem = objective.problem
+    n = problem.count
+    residuals, slopes = objective.jacobian(theta)
+    size = np.linalg.norm(slopes, axis=0)
+    basis, singular, _ = np.linalg.svd(slopes / np.where(size > 0, size, 1.0), full_matrices=False)
+    basis = basis[:, singular > LOST * singular.max(initial=0.0)]
+    freed = residuals[:n].copy()
+    order = np.argsort(group, kind="stable")
+    for at in np.split(order, np.cumsum(np.bincount(group))[:-1]):
+        value, vectors = np.linalg.eigh(basis[at] @ basis[at].T)
+        root = 1.0 / np.sqrt(np.maximum(1.0 - value, LEAST_FREE))
+        freed[at] = vectors @ (root * (vectors.T @ freed[at]))
+    step = freed - residuals[:n]
+    step -= basis[:n] @ (basis[:n].T @ step)
+    measured = problem.measured.copy()
+    measured[problem.used] += splu(problem.whitening.tocsc()).solve(step)
+    return replace(objective, problem=replace(problem, measured=measured))
 
 
 def blocks_of(objective: Objective, groups: Integers) -> tuple[Integers, int]:
