@@ -120,7 +120,7 @@ def find_separations(
                 continue
             names = problem.model.parameters
             degeneracy = find_degeneracy(problem)
-            spread = _spread_of(problem, degeneracy, stiffness)
+            spread = expected_spread(problem, degeneracy, stiffness)
             for at in open_groups:
                 parts = _parts(groups[at], degeneracy)
                 if parts is not None and (len(parts) > 1 or len(groups[at]) == 1):
@@ -313,8 +313,18 @@ def _parts(group: Sequence[str], found: Degeneracy) -> tuple[tuple[str, ...], ..
     return tuple(parts)
 
 
-def _spread_of(problem: Problem, found: Degeneracy, stiffness: Array | None) -> Array:
-    """Return the expected relative standard deviations (m,)."""
+def expected_spread(problem: Problem, found: Degeneracy, stiffness: Array | None = None) -> Array:
+    """Return the relative standard deviations (m,) that are expected of stiffness values.
+
+    Parameters
+    ----------
+    problem : Problem
+        Its readings do not matter.
+    found : Degeneracy
+        Of it. Of a group the first spring stands for all, the others are held; what is silent is infinite.
+    stiffness : (m,) array, optional
+        Where; default the robot's values.
+    """
     values = problem.model.start if stiffness is None else stiffness
     _, slopes = problem.jacobian(values)
     lost = {item.name for item in found.silent}
