@@ -273,6 +273,14 @@ def print_study(console: Console, study: Study) -> None:
         drawn = f"{100 * tally.drawn_held / tally.drawn:.1f}" if tally.drawn else "-"
         table.add_row(name, *(f"{share:.1f}" for share in shares), spread, drawn)
     console.print(table)
+    ended = [tally for tally in study.tallies.values() if tally.closed == tally.count]
+    bounds = [tally for tally in study.tallies.values() if tally.closed < tally.count]
+    good = sum(abs(tally.coverage - 0.95) <= 0.02 for tally in ended)
+    safe = sum(tally.coverage >= 0.95 for tally in bounds)
+    console.print(
+        f"Asked: 95 +- 2 %; {good} of {len(ended)} intervals are within it, {safe} of {len(bounds)} bounds hold "
+        "in 95 % or more."
+    )
     low, middle = np.percentile(study.predicted, [2.5, 50])
     console.print(
         f"Held-out loads: {100 * middle:.2f} % of the displacement predicted ({100 * low:.2f} % or more in "

@@ -3,8 +3,8 @@
 Poses are drawn with replacement and the model is fitted again, many times (Efron and Tibshirani, "An
 introduction to the bootstrap", 1993, chapters 6 and 13). Whatever the rows of a pose have in common (a shared
 unloaded reading, a joint reading, an error of the model there) stays together. A pose drawn twice counts
-twice: its whitened residuals do, since poses are independent of one another. Before they are drawn, residuals are
-freed of the leverage of their pose.
+twice: its whitened residuals do, since poses are independent of one another. Before they are drawn, residuals
+are freed of the leverage of their pose.
 """
 
 from __future__ import annotations
