@@ -278,8 +278,8 @@ def print_study(console: Console, study: Study) -> None:
     good = sum(abs(tally.coverage - 0.95) <= 0.02 for tally in ended)
     safe = sum(tally.coverage >= 0.95 for tally in bounds)
     console.print(
-        f"Asked: 95 +- 2 %; {good} of {len(ended)} intervals are within it, {safe} of {len(bounds)} bounds hold "
-        "in 95 % or more."
+        f"Asked: 95 +- 2 %; {good} of {len(ended)} intervals are within it, {safe} of {len(bounds)} bounds "
+        "hold in 95 % or more."
     )
     low, middle = np.percentile(study.predicted, [2.5, 50])
     console.print(
