@@ -1,9 +1,10 @@
 """How well each hypothesis predicts the gap: its evidence, size and complexity paid for.
 
-For a shape with columns A (whitened, in realistic sizes) and parameters drawn from ``N(0, u^2)``, noise scale s
-and a share of the unknown K, the gap y is Gaussian, ``y ~ N(T b, s^2 (1 + r^2 K) + u^2 A A^T)``, b free: in the
-axes of `whitened` all sums are weighted ones, and with the eigenvalues g of ``A^T M A`` the density is closed in
-s and u. It is averaged over s, u and r (Bayesian model averaging; MacKay, Neural Comp. 4 (1992) 415).
+For a shape with columns A (whitened, in realistic sizes) and parameters drawn from ``N(0, u^2)``, noise
+scale s and a share of the unknown K, the gap y is Gaussian, ``y ~ N(T b, s^2 (1 + r^2 K) + u^2 A A^T)``, b
+free: in the axes of `whitened` all sums are weighted ones, and with the eigenvalues g of ``A^T M A`` the
+density is closed in s and u. It is averaged over s, u and r (Bayesian model averaging; MacKay, Neural Comp.
+4 (1992) 415).
 """
 
 from __future__ import annotations
@@ -125,7 +126,7 @@ def _share_weights(size: Array, shares: Array) -> Array:
 def _given_share(
     white: Whitened, hypotheses: Sequence[Hypothesis], scales: Scales, share: float, gaps: Array
 ) -> Array:
-    """Return log densities (1 + H, U, d) of gaps (n, d); the first is that of no effect, the same for all u."""
+    """Return log densities (1 + H, U, d) of gaps (n, d); the first is that of no effect, for any u."""
     weight = 1.0 / (1.0 + share**2 * white.unknown)
     n, t = white.tangent.shape
     fitted = white.tangent.T @ (weight[:, None] * white.tangent)
@@ -159,7 +160,7 @@ def _given_share(
 
 
 def logsumexp(values: Array, axis: int | tuple[int, ...] | None = None) -> Array:
-    """Return the log of a sum of exponentials; `scipy.special` has it too, for more kinds of input, slower."""
+    """Return the log of a sum of exponentials: `scipy.special` has it for more kinds of input, slower."""
     most = values.max(axis=axis, keepdims=True)
     result: Array = np.log(np.exp(values - most).sum(axis=axis)) + np.squeeze(most, axis=axis)
     return result

@@ -38,7 +38,8 @@ class Fitted:
         Change of the model's own compliances.
     theta : (c,) array
         Parameters of all shapes, in realistic sizes.
-    covariance : (c, c) array
+    covariance : (t + c, t + c) array
+        Of both.
     """
 
     weight: float
@@ -104,7 +105,7 @@ def fitted(
         ]
         theta, covariance = solve(np.concatenate(parts, axis=1), np.concatenate(ridge), gap)
         count = tangent.shape[1]
-        result.append(Fitted(weight, tuple(shapes), theta[:count], theta[count:], covariance[count:, count:]))
+        result.append(Fitted(weight, tuple(shapes), theta[:count], theta[count:], covariance))
     return result
 
 
@@ -117,6 +118,17 @@ def shift(baseline: Baseline, fits: Sequence[Fitted], columns: Sequence[Sequence
         if fit.shapes:
             total += fit.weight * (np.concatenate(own, axis=-1) @ (fit.theta * sizes))
     return total
+
+
+def stacked_covariance(baseline: Baseline, fit: Fitted, columns: Sequence[Array]) -> Array:
+    """Return the covariance (N, 6, 6) of what a fit predicts, for columns (N, 6, c) of each of its shapes."""
+    sizes = np.concatenate([np.ones(0), *(one.hypothesis.sizes for one in fit.shapes)])
+    every = [baseline.tangent]
+    if fit.shapes:
+        every.append(np.concatenate(list(columns), axis=-1) * sizes)
+    stacked = np.concatenate(every, axis=-1)
+    result: Array = stacked @ fit.covariance @ stacked.swapaxes(-1, -2)
+    return result
 
 
 def combinations_of(models: Sequence[Sequence[Weighted]]) -> list[tuple[float, list[Weighted]]]:

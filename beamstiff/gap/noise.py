@@ -1,4 +1,4 @@
-"""How large the noise is: what the table claims, what its repeats show, what scale the evidence may choose."""
+"""What scale of the noise the evidence may choose, and which one is left after a fit."""
 
 from __future__ import annotations
 

@@ -210,7 +210,7 @@ def estimates_of(fit: Fitted, which: int = 0) -> tuple[Estimate, ...]:
     """Return the parameters of one of the shapes of a fit."""
     start = sum(one.hypothesis.columns.shape[1] for one in fit.shapes[:which])
     shape = fit.shapes[which].hypothesis.shape
-    std = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
+    std = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))[fit.compliance.size :]
     return tuple(
         Estimate(
             name=item.name,

@@ -1,8 +1,8 @@
 """Rows that no effect explains: found against everything that could be, never against the bare model.
 
-The gap is taken as noise, the unknown and every effect of the library at once (`variance`); a row is an outlier
-when the others, through that covariance, leave it too unlikely (leave-one-out residuals of Gaussian processes:
-Rasmussen & Williams 2006, eqs 5.10 to 5.12).
+The gap is taken as noise, the unknown and every effect of the library at once (`variance`); a row is an
+outlier when the others, through that covariance, leave it too unlikely (leave-one-out residuals of Gaussian
+processes: Rasmussen & Williams 2006, eqs 5.10 to 5.12).
 """
 
 from __future__ import annotations

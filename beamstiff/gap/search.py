@@ -133,7 +133,7 @@ def search(
 
 
 def rivals(one: str, other: str) -> bool:
-    """Return whether two candidates sit at one place, so that one cannot be a second cause beside the other."""
+    """Return whether two candidates sit at one place: the one is then no second cause beside the other."""
     a, b = one.partition(":")[2], other.partition(":")[2]
     return one == other or (a == b and a != "null")
 

@@ -1,8 +1,8 @@
 """The gap in units of its noise, in the axes of what nobody thought of.
 
-An unknown effect is taken for a random displacement: smooth over the postures and its own in each, and in each
-growing with the load and its square. In the eigenvectors of that covariance K, whitened, both the noise
-``s^2`` and the unknown ``v^2 K`` are diagonal, so that every sum below is a weighted one.
+An unknown effect is taken for a random displacement: smooth over the postures and its own in each, and in
+each growing with the load and its square. In the eigenvectors of that covariance K, whitened, both the
+noise ``s^2`` and the unknown ``v^2 K`` are diagonal, so that every sum below is a weighted one.
 """
 
 from __future__ import annotations

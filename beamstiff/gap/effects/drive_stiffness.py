@@ -45,12 +45,12 @@ class Following:
     def family(self, laws: Callable[[Array], Array]) -> Array:
         """Return the main modes (N, MODES) of a family of laws, (N,) to (N, m), each in its usual size.
 
-        Laws drawn from the family, with any factor of mean square 1, have the second moments of the modes with
-        standard normal factors (Karhunen and Loeve).
+        Laws drawn from the family, with any factor of mean square 1, have the second moments of the modes
+        with standard normal factors (Karhunen and Loeve).
         """
         fitted = laws(self.fitted)
         mean = fitted.mean(axis=0)
-        left, values, right = np.linalg.svd(fitted - mean, full_matrices=False)
+        _, values, right = np.linalg.svd(fitted - mean, full_matrices=False)
         kept = values[: min(MODES, values.size)]
         weight = right[: kept.size].T / np.sqrt(fitted.shape[1])
         result: Array = (laws(self.angle) - mean) @ weight

@@ -22,11 +22,11 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
         turns = tuple(Quantity(f"rotation_{axis}", "rad", PLACED_TURN) for axis in "xyz")
         shifts = tuple(Quantity(f"shift_{axis}", "m", PLACED_SHIFT) for axis in "xyz")
         grown = np.concatenate([position, np.zeros_like(position)], 1)[..., None]
-        scale = Quantity("scale", "1", 1e-4)
+        growth = Quantity("scale", "1", 1e-4)
         return [
             Shape("turned", turn, turns),
             Shape("turned and shifted", np.concatenate([turn, shift], -1), (*turns, *shifts)),
-            Shape("scaled", grown, (scale,), weight=0.3),
+            Shape("scaled", grown, (growth,), weight=0.3),
         ]
     seen = baseline.predicted
     turn = np.concatenate([np.cross(axes, seen[:, s, None], axis=1) for s in (slice(3), slice(3, 6))], 1)

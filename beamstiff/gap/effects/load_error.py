@@ -1,8 +1,8 @@
 """`load-error`: the wrench that acts is not the one that was written down.
 
-To first order the displacement is off by ``C dw``, C the compliance between tool and target, dw the error of the
-wrench: a cable pulls askew (``theta x F``), a cell has other gains by axis, is not linear, has a tare, and the
-friction of a pulley adds to a rising load and takes from a falling one.
+To first order the displacement is off by ``C dw``, C the compliance between tool and target, dw the error
+of the wrench: a cable pulls askew (``theta x F``), a cell has other gains by axis, is not linear, has a
+tare, and the friction of a pulley adds to a rising load and takes from a falling one.
 """
 
 from __future__ import annotations

@@ -20,7 +20,8 @@ def clock(baseline: Baseline) -> Array:
     rows, fitted = baseline.rows, baseline.fit.rows
     if np.isfinite(fitted.time).all() and np.ptp(fitted.time) > 0:
         first, span = fitted.time.min(), np.ptp(fitted.time)
-        return np.nan_to_num((rows.time - first) / span)
+        read: Array = np.nan_to_num((rows.time - first) / span)
+        return read
     result = np.empty(len(rows))
     result[history_order(rows)] = np.arange(len(rows)) / max(len(fitted) - 1, 1)
     return result

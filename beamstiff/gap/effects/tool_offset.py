@@ -1,7 +1,7 @@
 """`tool-offset`: the load acts, or the target sits, elsewhere than at the nominal TCP.
 
-A load off by p adds the moment ``p x F``; a target off by p moves by ``r x p`` more, and its absolute position is
-off by p, constant in the tool's frame.
+A load off by p adds the moment ``p x F``; a target off by p moves by ``r x p`` more, and its absolute
+position is off by p, constant in the tool's frame.
 """
 
 from __future__ import annotations

@@ -1,0 +1,74 @@
+"""`beamstiff diagnose`: where the gap is, what causes it, how far it shrinks, what to measure next."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from beamstiff.cli.options import DataFile, Debug, Json, Quiet, RobotFile, parse_names, robot_file
+from beamstiff.cli.output import check_outputs, people, say, working, write_json
+
+
+def diagnose(
+    robot: RobotFile,
+    data: DataFile,
+    without: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--without",
+            metavar="NAME,...",
+            help="Effects, or effect:component, that cannot be the cause (checked by other means).",
+        ),
+    ] = None,
+    seed: Annotated[
+        int, typer.Option("--seed", min=0, help="Of simulated campaigns and held-out postures.")
+    ] = 0,
+    next_to: Annotated[
+        str | None,
+        typer.Option(
+            "--next", metavar="CSV", help="Write the measurements that would tell most, ready to fill in."
+        ),
+    ] = None,
+    figure: Annotated[
+        str | None, typer.Option("--figure", metavar="FILE", help="Draw the diagnosis (.png, .svg or .pdf).")
+    ] = None,
+    json_to: Json = None,
+    quiet: Quiet = False,
+    debug: Debug = False,  # noqa: ARG001
+) -> None:
+    """Say where the gap between model and machine is, and what causes it.
+
+    The robot's `identify` parameters are fitted first. What remains is weighed: every effect of the
+    library at every component in several shapes, nothing but noise, and something unknown. The answer
+    is a verdict with its probability, what the data cannot tell from it, what they cannot show at all,
+    how much of the gap would close on postures that were not fitted, and what to measure next. It may
+    be `none` or `unknown`.
+
+    \b
+    Example:
+      beamstiff diagnose ir663 examples/data/ir663_compliance_xx.csv --json diagnosis.json
+    """  # noqa: D301
+    from beamstiff.files import write_whole
+    from beamstiff.gap.diagnose import diagnose as run
+    from beamstiff.gap.next import programme_csv
+    from beamstiff.measure.reader import read_measurements
+    from beamstiff.report.diagnosis import diagnosis_tables, draw_diagnosis
+    from beamstiff.robot.reader import load_robot
+
+    file = robot_file(robot)
+    check_outputs([file, data], json_to, next=next_to, figure=figure)
+    machine = load_robot(file)
+    rows = read_measurements(data, machine)
+    with working("diagnosing", quiet):
+        result = run(machine, rows, without=parse_names(without, "--without") or (), seed=seed)
+    console = people(quiet, json_to)
+    for item in diagnosis_tables(result):
+        console.print(item)
+    for note in result.notes:
+        say(f"note: {note}", quiet)
+    write_json(result.to_dict(), json_to)
+    if next_to is not None:
+        write_whole(next_to, programme_csv(result))
+    if figure is not None:
+        draw_diagnosis(result, figure)

@@ -1,0 +1,167 @@
+"""What to measure next: the states where rival explanations predict what the noise cannot hide.
+
+Rivals i and j, fitted to the rows, predict displacements m_i and m_j of a new row with covariances S_i and
+S_j of their parameters. The expected discrimination of a row (Box & Hill, Technometrics 9 (1967) 57, with
+the covariance of the estimates) is::
+
+    sum over i < j  p_i p_j (m_i - m_j)^T (S_i + S_j + 2 sigma^2)^-1 (m_i - m_j)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamstiff.gap.baseline import Baseline, at_rows
+from beamstiff.gap.heldout import Weighted, fitted, shift, stacked_covariance
+from beamstiff.gap.result import Diagnosis, columns_at
+from beamstiff.measure.rows import subset
+from beamstiff.measure.table import Measurements, make_measurements
+from beamstiff.measure.writer import measurements_to_csv
+from beamstiff.plan.poses import random_poses
+from beamstiff.robot.kinematics import compile_kinematics
+from beamstiff.se3 import Array
+
+POSES = 24
+PROGRAMME = 6  # poses that are proposed
+STEPS = (0.5, 1.0, 0.5, -0.5, -1.0)  # of the largest load: a cycle shows history and reversal
+
+
+@dataclass(frozen=True)
+class Programme:
+    """States to measure, and which rivals they separate.
+
+    Attributes
+    ----------
+    rows : Measurements
+        Poses and loads; nothing measured.
+    separates : tuple of str
+    score : (R,) array
+        Expected discrimination of each row.
+    """
+
+    rows: Measurements
+    separates: tuple[str, ...]
+    score: Array
+
+
+def programme(
+    baseline: Baseline,
+    used: NDArray[np.bool_],
+    rivals: Sequence[tuple[str, float, Sequence[Weighted]]],
+    scale: float,
+    seed: int,
+) -> Programme | None:
+    """Return the load cycles that tell rivals apart best; None where there is nothing to tell apart.
+
+    Parameters
+    ----------
+    rivals : sequence of (key, probability, shapes)
+        Without shapes the rival is the model as it is.
+    scale : float
+        Of the noise.
+    """
+    if len(rivals) < 2 or baseline.absolute:
+        return None
+    rows, cycle = _candidates(baseline, seed)
+    there = at_rows(baseline, rows)
+    means, covariances = [], []
+    for _, _, shapes in rivals:
+        best = [max(shapes, key=lambda one: one.weight)] if shapes else []
+        fit = fitted(baseline, used, [[one] for one in best], scale)[0]
+        columns = [columns_at(there, one.hypothesis) for one in best]
+        means.append(shift(there, [fit], [columns]))
+        covariances.append(stacked_covariance(there, fit, columns))
+    noise = 2 * np.diag((scale * np.median(baseline.sigma, axis=0)) ** 2)
+    score = np.zeros(len(rows))
+    for i, j in combinations(range(len(rivals)), 2):
+        apart = (means[i] - means[j])[:, :3]
+        total = (covariances[i] + covariances[j])[:, :3, :3] + noise[:3, :3]
+        told = np.einsum("na,na->n", apart, np.linalg.solve(total, apart[..., None])[..., 0])
+        score += rivals[i][1] * rivals[j][1] * told
+    whole = np.array([score[cycle == k].sum() for k in range(int(cycle.max()) + 1)])
+    chosen: list[int] = []
+    for k in np.argsort(-whole):
+        pose = rows.pose[np.argmax(cycle == k)]
+        if all(rows.pose[np.argmax(cycle == other)] != pose for other in chosen):
+            chosen.append(int(k))
+        if len(chosen) == PROGRAMME:
+            break
+    picked = np.concatenate([np.flatnonzero(cycle == k) for k in chosen])
+    return Programme(subset(rows, picked), tuple(key for key, _, _ in rivals), score[picked])
+
+
+def _candidates(baseline: Baseline, seed: int) -> tuple[Measurements, NDArray[np.intp]]:
+    """Return load cycles at random poses within the limits, and which cycle each row is of."""
+    rows, robot = baseline.rows, baseline.nominal
+    rng = np.random.default_rng(seed)
+    q = random_poses(compile_kinematics(robot), POSES, rng)
+    known = np.unique(rows.q, axis=0)
+    q = np.concatenate([known[rng.permutation(len(known))[: POSES // 2]], q])
+    largest = float(np.linalg.norm(rows.wrench[:, :3], axis=1).max(initial=0.0)) or 500.0
+    all_q, wrench, pose, step, cycle = [], [], [], [], []
+    for number, values in enumerate(q):
+        for axis in range(3):
+            for at, share in enumerate(STEPS):
+                all_q.append(values)
+                wrench.append(np.eye(6)[axis] * share * largest)
+                pose.append(3 * number + axis)
+                step.append(at)
+                cycle.append(3 * number + axis)
+    proposed = make_measurements(
+        list(rows.variables),
+        np.array(all_q),
+        tcp=robot.tcp,
+        wrench=np.array(wrench),
+        displacement=np.full((len(all_q), 6), np.nan),
+        pose=pose,
+        step=step,
+        time=np.arange(len(all_q), dtype=np.float64) * 60.0,
+        source="<next>",
+    )
+    return proposed, np.array(cycle, dtype=np.intp)
+
+
+def as_plain(found: Programme | None) -> list[dict[str, Any]]:
+    """Return a programme as the report has it."""
+    if found is None:
+        return []
+    rows = found.rows
+    return [
+        {
+            "q": dict(zip(rows.variables, rows.q[k].tolist(), strict=True)),
+            "wrench": rows.wrench[k].tolist(),
+            "separates": list(found.separates),
+            "discrimination": float(found.score[k]),
+        }
+        for k in range(len(rows))
+    ]
+
+
+def programme_csv(result: Diagnosis) -> str:
+    """Return the proposed states of a diagnosis as a table to fill in.
+
+    Raises
+    ------
+    BeamstiffError
+        When it proposes none.
+    """
+    from beamstiff.errors import BeamstiffError
+
+    if not result.next:
+        raise BeamstiffError("--next: this diagnosis has no rivals to tell apart, so no states to propose")
+    rows = result.baseline.rows
+    proposed = make_measurements(
+        list(rows.variables),
+        [[item["q"][name] for name in rows.variables] for item in result.next],
+        tcp=result.baseline.nominal.tcp,
+        wrench=[item["wrench"] for item in result.next],
+        displacement=np.full((len(result.next), 6), np.nan),
+        source="<next>",
+    )
+    return measurements_to_csv(proposed, result.baseline.nominal)

@@ -1,0 +1,187 @@
+"""Where the gap is: by direction, load, history, time and posture, and by the places that could make it.
+
+Every place gets what it could do at most, a free symmetric 6x6 compliance, and every drive a free torque
+curve that may follow its angle and its history; each place's share has its own variance, found by its
+marginal likelihood (automatic relevance determination: MacKay, Network 6 (1995) 469), so that what one
+place explains the others need not.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamstiff.gap.baseline import Baseline
+from beamstiff.gap.effects import EFFECTS
+from beamstiff.gap.effects.drive_stiffness import Following, scaled_torque
+from beamstiff.gap.effects.laws import axis_at, by_compliance, by_law, component_of, drives
+from beamstiff.gap.effects.load_error import rising
+from beamstiff.gap.whitened import Whitened
+from beamstiff.se3 import Array
+
+KNEES = (0.02, 0.1, 0.25, 0.5)  # of the largest torque: where the free torque curve can bend
+ROUNDS = 60
+WORST = 5  # poses
+SAMPLES = 200
+PAIRS = [(a, b) for a in range(6) for b in range(a, 6)]
+
+
+def where(
+    baseline: Baseline, white: Whitened, used: NDArray[np.bool_], noise: float, seed: int
+) -> dict[str, Any]:
+    """Return where the gap is, as plain data.
+
+    Parameters
+    ----------
+    noise : float
+        Scale of the noise against the sigma the baseline counts with.
+
+    Returns
+    -------
+    dict
+        ``components`` (share of the explainable gap by place, with a 90 % interval), ``directions``, ``loads``,
+        ``history`` and ``time`` (RMS of the position gap in mm), ``poses`` (the worst).
+    """
+    gap = 1e3 * np.where(used[:, :3], baseline.gap[:, :3], np.nan)
+    size = np.sqrt(np.nansum(gap**2, axis=1))
+    seen: NDArray[np.bool_] = np.any(used[:, :3], axis=1)
+    result: dict[str, Any] = {"components": _shares(baseline, white, noise, seed)}
+    result["directions"] = {axis: _rms(gap[:, k]) for k, axis in enumerate("xyz")}
+    load = np.linalg.norm(baseline.rows.wrench[:, :3], axis=1)
+    result["loads"] = _by_level(load, size, seen, "N")
+    branch = rising(baseline)
+    if (branch > 0).any() and (branch < 0).any():
+        result["history"] = {
+            name: _rms(size[seen & (branch == sign)]) for name, sign in (("loading", 1), ("unloading", -1))
+        }
+    if np.isfinite(baseline.rows.time).all() and np.ptp(baseline.rows.time) > 0:
+        result["time"] = _by_level(baseline.rows.time, size, seen, "s")
+    result["joints"] = {
+        name: _by_level(baseline.rows.q[:, k], size, seen, "")
+        for k, name in enumerate(baseline.rows.variables)
+        if np.ptp(baseline.rows.q[:, k]) > 0
+    }
+    result["poses"] = _worst(baseline, size, seen)
+    return result
+
+
+def _rms(values: Array) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.sqrt((known**2).mean())) if known.size else 0.0
+
+
+def _by_level(value: Array, size: Array, seen: NDArray[np.bool_], unit: str) -> dict[str, float]:
+    """Return the RMS by thirds of a quantity, under what they span."""
+    levels = np.unique(value[seen])
+    if levels.size == 1:
+        return {f"{levels[0]:.4g} {unit}".strip(): _rms(size[seen])}
+    groups = np.array_split(levels, min(3, levels.size))
+    return {
+        f"{part[0]:.4g} to {part[-1]:.4g} {unit}".strip(): _rms(
+            size[seen & (value >= part[0]) & (value <= part[-1])]
+        )
+        for part in groups
+    }
+
+
+def _worst(baseline: Baseline, size: Array, seen: NDArray[np.bool_]) -> list[dict[str, Any]]:
+    rows = baseline.rows
+    poses = np.unique(rows.pose[seen])
+    rms = np.array([_rms(size[seen & (rows.pose == pose)]) for pose in poses])
+    return [
+        {
+            "pose": int(poses[at]),
+            "q": dict(zip(rows.variables, rows.q[np.argmax(rows.pose == poses[at])].tolist(), strict=True)),
+            "rms_mm": float(rms[at]),
+        }
+        for at in np.argsort(-rms)[:WORST]
+    ]
+
+
+def _places(baseline: Baseline) -> dict[str, Array]:
+    """Return what each place could do, as columns (N, 6, c)."""
+    places = baseline.places
+    result: dict[str, list[Array]] = {}
+    for joint in baseline.nominal.joints:
+        if joint.name in places.joints:
+            there = places.joints[joint.name]
+            result[component_of(joint)] = [by_compliance(baseline, there, [pair]) for pair in PAIRS]
+    for name, there in places.links.items():
+        result[name] = [by_compliance(baseline, there, [pair]) for pair in PAIRS]
+    result["base"] = [by_compliance(baseline, places.base, [pair]) for pair in PAIRS]
+    result["tool"] = [by_compliance(baseline, places.flange, [pair]) for pair in PAIRS]
+    for drive in drives(baseline):
+        name = str(drive)
+        axis = axis_at(baseline, name)
+        for knee in KNEES:
+            for side in (1.0, -1.0):
+
+                def bend(torque: Array, at: float = knee * axis.typical, sign: float = side) -> Array:
+                    return np.asarray(np.clip(sign * torque / at, 0.0, 1.0))
+
+                result[name].append(by_law(baseline, axis, bend))
+        if axis.joint.variable is not None:
+            follow = Following(baseline, axis.joint.variable)
+            for wave in (np.cos, np.sin, lambda q: np.cos(2 * q), lambda q: np.sin(2 * q)):
+                result[name].append(scaled_torque(baseline, axis, follow.varying(wave)))
+        for shape in EFFECTS["hysteresis"].shapes(baseline, drive):
+            if "distributed" in shape.name:
+                result[name] += list(np.moveaxis(shape.columns, -1, 0))
+    return {name: np.stack(columns, axis=-1) for name, columns in result.items()}
+
+
+def _shares(baseline: Baseline, white: Whitened, noise: float, seed: int) -> list[dict[str, Any]]:
+    parts = {name: _reduced(white.leave(white.turn(columns))) for name, columns in _places(baseline).items()}
+    parts = {name: part for name, part in parts.items() if part.shape[1]}
+    y = white.leave(white.gap[:, None])[:, 0]
+    if not parts or not y.any():
+        return []
+    names = list(parts)
+    ends = np.cumsum([0, *(part.shape[1] for part in parts.values())])
+    columns = np.concatenate(list(parts.values()), axis=1)
+    gram, toward = columns.T @ columns, columns.T @ y
+    precision = np.full(len(names), 10.0 * len(names) * columns.shape[0] / max(float(y @ y), 1.0))
+    for _ in range(ROUNDS):
+        prior = np.repeat(precision, np.diff(ends))
+        covariance = np.linalg.inv(gram / noise**2 + np.diag(prior))
+        mean = covariance @ toward / noise**2
+        for k in range(len(names)):
+            some = slice(ends[k], ends[k + 1])
+            free = (ends[k + 1] - ends[k]) - precision[k] * np.trace(covariance[some, some])
+            precision[k] = np.clip(max(free, 1e-9) / max(float(mean[some] @ mean[some]), 1e-12), 1e-6, 1e9)
+    rng = np.random.default_rng(seed)
+    root = np.linalg.cholesky(covariance + 1e-12 * np.eye(len(mean)) * np.trace(covariance))
+    drawn = np.concatenate([mean[None], mean + rng.standard_normal((SAMPLES, mean.size)) @ root.T])
+    explained = np.stack(
+        [
+            ((drawn[:, ends[k] : ends[k + 1]] @ parts[name].T) ** 2).sum(axis=1)
+            for k, name in enumerate(names)
+        ],
+        -1,
+    )
+    total = max(float(y @ y) - noise**2 * white.freedom, 1e-12)
+    whole = np.maximum(explained.sum(axis=1, keepdims=True), total)
+    share = explained / whole
+    low, high = np.quantile(share[1:], [0.05, 0.95], axis=0)
+    order = np.argsort(-share[0])
+    return [
+        {
+            "component": names[k],
+            "share": float(share[0, k]),
+            "interval": [float(min(low[k], share[0, k])), float(max(high[k], share[0, k]))],
+        }
+        for k in order
+        if share[0, k] > 0.005
+    ]
+
+
+def _reduced(columns: Array) -> Array:
+    """Return orthogonal columns of the same span, the largest of mean square 1; without those of no size."""
+    left, values, _ = np.linalg.svd(
+        columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300), full_matrices=False
+    )
+    kept = values > 1e-6 * max(values[0], 1e-300)
+    result: Array = left[:, kept] * values[kept] / values[0] * np.sqrt(len(columns))
+    return result

@@ -1,0 +1,172 @@
+"""A diagnosis for people: the verdict in words, then the tables behind it, and a figure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from rich.console import RenderableType
+from rich.text import Text
+
+from beamstiff.gap.effects import EFFECTS
+from beamstiff.gap.result import Candidate, Diagnosis
+from beamstiff.report.tables import add_rows, number, table
+
+SHOWN = 8
+
+
+def diagnosis_tables(result: Diagnosis) -> Iterator[RenderableType]:
+    """Yield what a terminal shows of a diagnosis."""
+    yield Text(summary(result))
+    yield Text("")
+    which = table(
+        "Which effect", "effect", "component", "probability", "shape", "gap after", "closes", "90 %", left=2
+    )
+    add_rows(which, [_row(one) for one in result.candidates[:SHOWN]])
+    yield which
+    sizes = table("How large", "effect", "parameter", "value", "std", "realistic", "unit", left=2)
+    rows = [
+        [
+            one.key,
+            item.name,
+            number(item.value),
+            number(item.std),
+            f"{number(item.realistic[0])} to {number(item.realistic[1])}"
+            + ("" if item.plausible else " (!)"),
+            item.unit,
+        ]
+        for one in _named(result)
+        for item in one.estimates
+    ]
+    if rows:
+        add_rows(sizes, rows)
+        yield sizes
+    places = table("Where: share of the explainable gap that a place could make", "place", "share", "90 %")
+    add_rows(
+        places,
+        [
+            [
+                item["component"],
+                f"{100 * item['share']:.0f} %",
+                f"{100 * item['interval'][0]:.0f} to {100 * item['interval'][1]:.0f} %",
+            ]
+            for item in result.where.get("components", [])[:SHOWN]
+        ],
+    )
+    yield places
+    for title in ("directions", "loads", "history", "time"):
+        found = result.where.get(title)
+        if found:
+            rows_by = table(f"Position gap by {title}, RMS", title, "mm")
+            add_rows(rows_by, [[name, f"{value:.3f}"] for name, value in found.items()])
+            yield rows_by
+    if result.untestable:
+        hidden = table("What these data cannot show", "effect", "component", "why", left=3)
+        add_rows(hidden, [[one.effect, one.component or "-", one.why] for one in result.untestable])
+        yield hidden
+    if result.next:
+        yield Text(f"\nTo measure next: {len(result.next)} states that would tell most (--next writes them).")
+    for line in separations(result):
+        yield Text(line)
+
+
+def summary(result: Diagnosis) -> str:
+    """Return the verdict in plain words.
+
+    Parameters
+    ----------
+    result : Diagnosis
+    """
+    rms, noise = 1e3 * result.rms, 1e3 * result.noise
+    first = (
+        f"Gap that remains after the fit, on postures left out: {rms:.3f} mm RMS; noise alone would leave "
+        f"{noise:.3f} mm."
+    )
+    verdict = result.verdict
+    percent = f"{100 * verdict.probability:.0f} %"
+    if verdict.effect == "none":
+        return f"{first}\nNothing beyond noise ({percent})."
+    if verdict.effect == "unknown":
+        return (
+            f"{first}\nUnknown ({percent}): there is a gap with structure, and no effect of the library "
+            "explains it."
+        )
+    text = f"{first}\nCause: {named(verdict)} ({percent}). {EFFECTS[verdict.effect].meaning}"
+    if verdict.shrink is not None:
+        low, high = (100 * value for value in verdict.shrink.interval)
+        text += (
+            f"\nWith it the model leaves {1e3 * verdict.shrink.after:.3f} mm: {100 * verdict.shrink.shrink:.0f} % "
+            f"of the explainable gap closes ({low:.0f} to {high:.0f} %), within the postures and load directions "
+            "measured."
+        )
+    if result.indistinguishable:
+        text += f"\nThese data cannot tell it from: {', '.join(result.indistinguishable)}."
+    if result.also is not None:
+        text += f"\nAlso: {named(result.also)} ({100 * result.also.probability:.0f} %)."
+    if result.outliers:
+        text += f"\nRows that nothing explains, left out: {', '.join(result.outliers)}."
+    return text
+
+
+def named(one: Candidate) -> str:
+    """Return a candidate in words."""
+    return one.effect if one.component is None else f"{one.effect} at {one.component}"
+
+
+def separations(result: Diagnosis) -> list[str]:
+    """Return, in words, the measurements that separate the verdict from its look-alikes."""
+    keys = [result.verdict.key, *result.indistinguishable]
+    effects = list(dict.fromkeys(key.partition(":")[0] for key in keys))
+    return [f"To check {name}: {EFFECTS[name].separation}." for name in effects if name in EFFECTS]
+
+
+def _named(result: Diagnosis) -> list[Candidate]:
+    keys = {result.verdict.key, *result.indistinguishable}
+    found = [one for one in result.candidates if one.key in keys]
+    return [*found, *([result.also] if result.also is not None else [])]
+
+
+def _row(one: Candidate) -> list[str]:
+    if one.shrink is None:
+        return [one.effect, one.component or "-", f"{one.probability:.3f}", one.shape, "-", "-", "-"]
+    low, high = one.shrink.interval
+    return [
+        one.effect,
+        one.component or "-",
+        f"{one.probability:.3f}",
+        one.shape,
+        f"{1e3 * one.shrink.after:.3f} mm",
+        f"{100 * one.shrink.shrink:.0f} %",
+        f"{100 * low:.0f} to {100 * high:.0f} %",
+    ]
+
+
+def draw_diagnosis(result: Diagnosis, path: str | Path) -> None:
+    """Draw the candidates, the places and the gap before and after, to a file.
+
+    Raises
+    ------
+    BeamstiffError
+        When the file cannot be written or its kind is not known.
+    """
+    from beamstiff.report.figures import BLUE, GREEN, ORANGE, new_figure, plain, save_figure
+
+    figure = new_figure(12.0, 3.6)
+    axes = figure.subplots(1, 3)
+    for one in axes:
+        plain(one)
+    shown = result.candidates[:SHOWN][::-1]
+    axes[0].barh([named(one) for one in shown], [one.probability for one in shown], color=BLUE)
+    axes[0].set(title="Which", xlabel="probability", xlim=(0, 1))
+    places = result.where.get("components", [])[:SHOWN][::-1]
+    share = [item["share"] for item in places]
+    low = [item["share"] - item["interval"][0] for item in places]
+    high = [item["interval"][1] - item["share"] for item in places]
+    axes[1].barh([item["component"] for item in places], share, xerr=[low, high], color=ORANGE)
+    axes[1].set(title="Where", xlabel="share of the explainable gap", xlim=(0, 1))
+    bars = {"gap": result.rms, "noise": result.noise}
+    if result.verdict.shrink is not None:
+        bars = {"gap": result.rms, "with the cause": result.verdict.shrink.after, "noise": result.noise}
+    axes[2].bar(list(bars), [1e3 * value for value in bars.values()], color=GREEN)
+    axes[2].set(title="How far", ylabel="held-out position gap, RMS, mm")
+    save_figure(figure, path)
