@@ -41,6 +41,8 @@ def test_the_tables_show_figures_beside_what_is_asked_the_worst_class_first(reco
     assert "Diagnosis examined: 9 cases, 1 of them broke off" in text
     row = next(line for line in text.splitlines() if line.startswith("false alarms"))
     assert row.split()[5:] == ["50.0", "%", "9.5", "to", "90.5", "2", "<=", "0.05", "<=", "0.02", "MISSED"]
+    assert "The diagnosis broke off: 1" in text
+    assert "ValueError: broke" in text
     worst = text.split("the worst first")[1]
     assert worst.index("backlash") < worst.index("hysteresis")
     confusion = text.split("Confusion")[1].split("Controls")[0].splitlines()

@@ -122,6 +122,16 @@ def test_effects_sit_where_they_can() -> None:
     assert components(serial, "gravity-compensator") == ["q2", "q3"]
 
 
+def test_what_is_another_effect_by_another_name_is_not_asked() -> None:
+    serial, closed = load_robot("kr240-2"), load_robot("ir663")
+    assert "link0" not in components(serial, "link-bending")  # stands on the ground: the base
+    assert "column" not in components(closed, "link-bending")
+    geometry = components(serial, "geometry-error")
+    assert {"q2", "q3", "f3.d", "f2.alpha"} <= set(geometry)
+    # a turned measuring frame; an offset along the tool; lengths along parallel axes, which add
+    assert not {"q1", "q6", "f6.r", "f2.r", "f3.r"} & set(geometry)
+
+
 def test_what_cannot_be_is_refused_in_one_line() -> None:
     robot = load_robot("kr240-2")
     rng = np.random.default_rng(0)

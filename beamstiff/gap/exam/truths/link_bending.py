@@ -19,10 +19,16 @@ SOFTEST, STIFFEST = 3e6, 6e7  # N m^2, of a large robot
 
 
 def places(robot: Robot) -> list[str | None]:
-    """Return the beams, and the rigids that have a length and carry load."""
+    """Return the beams, and the rigids that have a length and carry load.
+
+    Not those that stand on the ground: they are the base by another name.
+    """
     machine, placed = machine_of(robot), in_the_middle(robot)
-    found: list[str | None] = [bar.name for bar in machine.bars]
+    standing = {node.name for node in machine.nodes if node.frame == "base"}
+    found: list[str | None] = [bar.name for bar in machine.bars if not standing.issuperset(bar.nodes)]
     for name, nodes in machine.rigids:
+        if standing.issuperset(nodes):
+            continue
         a, b = (placed.node(machine.node(n))[0] for n in nodes)
         if np.linalg.norm(b - a) > SHORTEST and _carries(machine, name, nodes):
             found.append(name)
