@@ -41,8 +41,8 @@ def where(
     Returns
     -------
     dict
-        ``components`` (share of the explainable gap by place, with a 90 % interval), ``directions``, ``loads``,
-        ``history`` and ``time`` (RMS of the position gap in mm), ``poses`` (the worst).
+        ``components`` (share of the explainable gap by place, with a 90 % interval), ``directions``,
+        ``loads``, ``history`` and ``time`` (RMS of the position gap in mm), ``poses`` (the worst).
     """
     gap = 1e3 * np.where(used[:, :3], baseline.gap[:, :3], np.nan)
     size = np.sqrt(np.nansum(gap**2, axis=1))

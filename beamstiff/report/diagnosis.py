@@ -95,9 +95,9 @@ def summary(result: Diagnosis) -> str:
     if verdict.shrink is not None:
         low, high = (100 * value for value in verdict.shrink.interval)
         text += (
-            f"\nWith it the model leaves {1e3 * verdict.shrink.after:.3f} mm: {100 * verdict.shrink.shrink:.0f} % "
-            f"of the explainable gap closes ({low:.0f} to {high:.0f} %), within the postures and load directions "
-            "measured."
+            f"\nWith it the model leaves {1e3 * verdict.shrink.after:.3f} mm: "
+            f"{100 * verdict.shrink.shrink:.0f} % of the explainable gap closes ({low:.0f} to {high:.0f} %), "
+            "within the postures and load directions measured."
         )
     if result.indistinguishable:
         text += f"\nThese data cannot tell it from: {', '.join(result.indistinguishable)}."

@@ -56,9 +56,9 @@ def run(method: str, search: Search, begin: Array, effort: Effort) -> str:
     raised: list[BaseException] = []
 
     def evaluate(x: Array, slopes: Array) -> float:
-        # NLopt does not pass on what is raised in every algorithm and language: kept, and raised below
+        # NLopt does not pass on what is raised in every algorithm, and some call once more: kept, raised below
         if raised:
-            raise nlopt.ForcedStop
+            return np.inf
         try:
             if search.evaluations >= last:
                 raise _UsedUpError
@@ -70,7 +70,8 @@ def run(method: str, search: Search, begin: Array, effort: Effort) -> str:
             return cost
         except BaseException as error:
             raised.append(error)
-            raise nlopt.ForcedStop from None
+            optimiser.force_stop()
+            return np.inf
 
     last = search.evaluations + effort.evaluations
     optimiser = _optimiser(method, begin.size, effort)
