@@ -10,6 +10,7 @@ import numpy as np
 from beamstiff.gap.exam.campaign import Array, Truth
 from beamstiff.gap.exam.effect import Asked, Effect, between, in_the_middle, slender
 from beamstiff.gap.exam.machine import Bar, Machine, Profile, bodies_of, machine_of, tapered
+from beamstiff.gap.exam.placing import skeleton_of
 from beamstiff.gap.exam.reality import Reality
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import Node
@@ -24,7 +25,11 @@ def places(robot: Robot) -> list[str | None]:
     Not those that stand on the ground: they are the base by another name.
     """
     machine, placed = machine_of(robot), in_the_middle(robot)
-    standing = {node.name for node in machine.nodes if node.frame == "base"}
+    ground = {"base"}
+    for name, parent, parameters in skeleton_of(robot).frames:  # parents first
+        if parent in ground and not any(expression.coefficients for expression in parameters.values()):
+            ground.add(name)
+    standing = {node.name for node in machine.nodes if node.frame in ground}
     found: list[str | None] = [bar.name for bar in machine.bars if not standing.issuperset(bar.nodes)]
     for name, nodes in machine.rigids:
         if standing.issuperset(nodes):
