@@ -56,7 +56,7 @@ def run(method: str, search: Search, begin: Array, effort: Effort) -> str:
     raised: list[BaseException] = []
 
     def evaluate(x: Array, slopes: Array) -> float:
-        # NLopt does not pass on what is raised in every algorithm, and some call once more: kept, raised below
+        # not every algorithm passes on what is raised, and some call once more: kept, and raised below
         if raised:
             return np.inf
         try:
