@@ -5,8 +5,8 @@ otherwise. Two synthetic campaigns on the KUKA IR-663, each 63 poses with two di
 (126 rows), positions only, noise 0.035 mm, seven open stiffness values, starts off by up to a factor of 3:
 
 - the paper's own (Marie, Courteille, Maurine identify by a genetic algorithm): loads along x and z, two
-  drives and the five bearings in the plane. Of the bearings only two sums of compliances can be known, so that
-  the optimum is unique in four values; along the others the methods end where their ways led.
+  drives and the five bearings in the plane. Of the bearings only two sums of compliances can be known, so
+  that the optimum is unique in four values; along the others the methods end where their ways led.
 - loads across the plane too, and seven values that are all told: drives, coupler, tilting of three bearings
   and the modulus of the arm. The loops carry load past these springs: an evaluation solves all poses anew.
 
@@ -54,11 +54,11 @@ TOLD = ("J12.torsional", "J18.torsional", "J1010.radial", *SOFT)
 NOISE, FORCE = 3.5e-5, 900.0
 REMAINS = """What remains different, and why
 - Values of which only a sum is known: nothing in the data tells them apart (springs in series).
-- Without polish, the global methods: they search a factor of 1e3 about the start. What bearings as stiff as the
-  paper's give way lies within the noise, and the best sum for J12 and J33 is that of springs 1e4 times softer;
-  and a population, or a random walk, is still wide after the evaluations allowed.
-- Without polish, MMA and BOBYQA: the one takes a diagonal for the curvature and crawls along valleys, the other
-  has costs alone, which near the bottom differ by less than their rounding."""
+- Without polish, the global methods: they search a factor of 1e3 about the start. What bearings as stiff as
+  the paper's give way lies within the noise, and the best sum for J12 and J33 is that of springs 1e4 times
+  softer; and a population, or a random walk, is still wide after the evaluations allowed.
+- Without polish, MMA and BOBYQA: the one takes a diagonal for the curvature and crawls along valleys, the
+  other has costs alone, which near the bottom differ by less than their rounding."""
 Q2, Q8 = np.linspace(-24.15, 36.83, 9), np.linspace(33.04, 62.90, 7)  # deg, the range of the paper's table 4
 
 
@@ -232,8 +232,8 @@ def main(evaluations: int = 20_000) -> None:
         console.print(
             f"Least cost {min(result.found.cost for result in results.values()):.3f}, half the sum of "
             f"{tried.objective.problem.count} squared residuals in standard deviations. The genetic search "
-            f"took {genetic.found.evaluations / gradient.found.evaluations:,.0f} times the evaluations of the "
-            f"trust region, and {genetic.seconds / gradient.seconds:,.0f} times its time."
+            f"took {genetic.found.evaluations / gradient.found.evaluations:,.0f} times the evaluations of "
+            f"the trust region, and {genetic.seconds / gradient.seconds:,.0f} times its time."
         )
         if tried.sums:
             print_ways(console, tried, results)
