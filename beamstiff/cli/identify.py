@@ -102,7 +102,8 @@ def identify(
             "--input-error",
             metavar="NAME=VALUE,...",
             help="Standard deviations of what the table gives: load (a balance), force, moment (a sensor), "
-            "angle, length (joint readings); they add to the noise.",
+            "angle, length (joint readings), hold_angle, hold_length (drives that move between the two "
+            "readings); they add to the noise.",
         ),
     ] = None,
     folds: Annotated[

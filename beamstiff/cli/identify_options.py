@@ -15,7 +15,15 @@ if TYPE_CHECKING:
 Pair = TypeVar("Pair")
 
 KINDS = {"N/m": "translational stiffness", "N*m/rad": "rotational stiffness", "Pa": "modulus"}
-ERRORS = {"load": "force", "force": "force", "moment": "moment", "angle": "angle", "length": "length"}
+ERRORS = {
+    "load": "force",
+    "force": "force",
+    "moment": "moment",
+    "angle": "angle",
+    "length": "length",
+    "hold_angle": "angle",
+    "hold_length": "length",
+}
 
 
 def chosen(option: str, value: str, known: Sequence[str]) -> str:

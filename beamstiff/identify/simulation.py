@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from beamstiff.identify.input_errors import InputErrors
+from beamstiff.identify.input_errors import InputErrors, rigid_motion
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements
 from beamstiff.model.ports import PortModel, reduce_to_ports
@@ -45,7 +45,8 @@ def as_they_were(
     """
     n = len(rows)
     pose = np.unique(rows.pose, return_inverse=True)[1].reshape(-1)
-    spread = errors.of_variables(robot)
+    spread, hold = errors.of_variables(robot), errors.of_hold(robot)
+    motion = rigid_motion(robot, rows)
     some = max(1, AT_ONCE // n)
     for start in range(0, count, some):
         times = min(some, count - start)
@@ -57,5 +58,9 @@ def as_they_were(
         off = spread * random.standard_normal((times, pose.max() + 1, spread.size))
         shifted = replace(every, wrench=wrench, q=every.q + off[:, pose].reshape(len(every), -1))
         model = reduce_to_ports(robot, shifted, parameters, gravity=False)
+        if hold.any():
+            let_go = hold * random.standard_normal((len(every), hold.size))
+            moved = np.einsum("nij,nj->ni", np.tile(motion, (times, 1, 1)), let_go)
+            model = replace(model, clamped=model.clamped + moved)
         for at in range(times):
             yield model.rows(np.arange(at * n, (at + 1) * n))

@@ -21,6 +21,8 @@ SOURCES = {
     "moment": "moment",
     "angle": "joint angles",
     "length": "slides",
+    "hold_angle": "joints that do not hold",
+    "hold_length": "slides that do not hold",
     "all": "all",
 }
 

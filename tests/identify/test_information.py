@@ -17,6 +17,7 @@ from beamstiff.identify.profile import Profile
 from beamstiff.identify.refit import refit
 from beamstiff.identify.statement import state_identification
 from beamstiff.identify.stiffness import estimate
+from beamstiff.robot.kinematics import compile_kinematics, posture, twist_jacobian
 from tests.identify.campaigns import (
     compliances,
     kr240,
@@ -99,7 +100,7 @@ def test_noise_that_nobody_states_is_told_by_the_residual() -> None:
 
 def test_errors_of_loads_and_joint_values_add_what_they_move_to_the_covariance() -> None:
     table = rows(ROBOT, 5, 2)
-    errors = InputErrors(load=30.0, force=20.0, moment=5.0, angle=0.004)
+    errors = InputErrors(load=30.0, force=20.0, moment=5.0, angle=0.004, hold_angle=1e-4)
     statement = state_identification(ROBOT, measured(ROBOT, table), errors=errors)
     c = compliances(ROBOT)
 
@@ -116,6 +117,11 @@ def test_errors_of_loads_and_joint_values_add_what_they_move_to_the_covariance()
         for row in range(10):
             at = slice(6 * row, 6 * row + 6)
             expected[at, at] += np.outer(moved[row], moved[row])
+    kinematics = compile_kinematics(ROBOT)
+    jacobian = twist_jacobian(kinematics, posture(kinematics, table.q), ROBOT.tcp)
+    for row in range(10):
+        at = slice(6 * row, 6 * row + 6)
+        expected[at, at] += 1e-8 * jacobian[row] @ jacobian[row].T
     for joint in range(6):
         step = 1e-5 * np.eye(6)[joint]
         moved = displacement(table.q + step, table.wrench) - displacement(table.q - step, table.wrench)
@@ -125,6 +131,16 @@ def test_errors_of_loads_and_joint_values_add_what_they_move_to_the_covariance()
             expected += np.outer((moved * at).ravel(), (moved * at).ravel())
     white_ = statement.problem.whitening.toarray()
     np.testing.assert_allclose(white_ @ expected @ white_.T, np.eye(60), atol=2e-6)
+
+
+def test_a_drive_that_does_not_hold_counts_by_itself_too() -> None:
+    statement = state_identification(
+        ROBOT, measured(ROBOT, rows(ROBOT, 4)), errors=InputErrors(hold_angle=1e-4)
+    )
+    disturbance = statement.problem.disturbance
+    assert disturbance is not None
+    assert np.abs(disturbance.own).max() > 1e-4
+    assert not disturbance.common.any()
 
 
 def test_errors_of_the_inputs_need_the_noise_of_the_readings() -> None:

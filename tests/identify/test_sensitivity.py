@@ -12,12 +12,13 @@ from beamstiff.identify.input_errors import InputErrors
 from beamstiff.identify.refit import refit
 from beamstiff.identify.sensitivity import Sensitivity, sensitivity
 from beamstiff.identify.statement import state_identification
+from beamstiff.robot.kinematics import compile_kinematics, posture, twist_jacobian
 from benchmarks.coverage_study import ALL_RADIAL, ir663
 from tests.identify.campaigns import compliances, kr240, measured, rows, sensitivities, shared_covariance
 
 ROBOT = kr240()
 SPREAD = np.repeat([3e-5, 5e-5], 3)
-ERRORS = InputErrors(load=15.0, angle=0.003)
+ERRORS = InputErrors(load=15.0, angle=0.003, hold_angle=2e-5)
 
 
 def study(shared: bool = False, repetitions: int = 800) -> Sensitivity:
@@ -40,7 +41,7 @@ def gains(shared: bool) -> np.ndarray:
 def test_errors_of_each_source_scatter_as_least_squares_propagates_them(shared: bool) -> None:
     table, gain, c = rows(ROBOT, 8, 2, shared=shared), gains(shared), compliances(ROBOT)
     found = study(shared)
-    assert found.sources == ("readings", "load", "angle", "all")
+    assert found.sources == ("readings", "load", "angle", "hold_angle", "all")
     readings = shared_covariance(table) if shared else np.diag(np.tile(SPREAD**2, 16))
     # the load is read to 15 N: the row moves in proportion
     moved = (sensitivities(ROBOT, table) @ c) * (15.0 / np.linalg.norm(table.wrench[:, :3], axis=1))[:, None]
@@ -56,9 +57,14 @@ def test_errors_of_each_source_scatter_as_least_squares_propagates_them(shared: 
         for pose in range(8):
             at = (by_angle * (table.pose == pose)[:, None]).ravel()
             angle += np.outer(at, at)
-    for source, covariance in zip(
-        found.spread, (readings, load, angle, readings + load + angle), strict=True
-    ):
+    kinematics = compile_kinematics(ROBOT)
+    jacobian = twist_jacobian(kinematics, posture(kinematics, table.q), ROBOT.tcp)
+    hold = np.zeros_like(readings)
+    for row in range(16):
+        at = slice(6 * row, 6 * row + 6)
+        hold[at, at] = 4e-10 * jacobian[row] @ jacobian[row].T
+    every = (readings, load, angle, hold, readings + load + angle + hold)
+    for source, covariance in zip(found.spread, every, strict=True):
         expected = np.sqrt(np.diagonal(gain @ covariance @ gain.T))
         np.testing.assert_allclose(source, expected, rtol=0.11)  # 800 draws tell it to 2.5 %
         assert np.median(source / expected) == pytest.approx(1, abs=0.04)
