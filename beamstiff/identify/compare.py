@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.sparse.linalg import splu
 
-from beamstiff.errors import BeamstiffError, listed
+from beamstiff.errors import BeamstiffError, listed, suggest
 from beamstiff.identify.minimise import minimise
 from beamstiff.identify.problem import Problem
 from beamstiff.identify.statement import Statement
@@ -82,8 +82,17 @@ class Comparison:
     source: str
 
     def __getitem__(self, name: str) -> Score:
-        """Return the score of a model."""
-        return next(score for score in self.scores if score.name == name)
+        """Return the score of a model.
+
+        Raises
+        ------
+        BeamstiffError
+            When there is no such model.
+        """
+        by_name = {score.name: score for score in self.scores}
+        if name not in by_name:
+            raise BeamstiffError(f"there is no model {name!r}{suggest(name, by_name)}")
+        return by_name[name]
 
     @property
     def best(self) -> Score:

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from beamstiff.errors import BeamstiffError, suggest
+from beamstiff.identify.validation import HeldOut
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -110,6 +115,8 @@ class Identification:
         Displacement of every row at the optimum.
     notes : tuple of str
         What was left aside, and why, in sentences.
+    held_out, held_out_load : HeldOut or None
+        Errors row by row while poses, and loads, were left out of the fit: which of them the model misses.
     """
 
     parameters: tuple[Parameter, ...]
@@ -128,10 +135,21 @@ class Identification:
     predicted: Array
     notes: tuple[str, ...] = ()
     ill_determined: tuple[Combination, ...] = ()
+    held_out: HeldOut | None = None
+    held_out_load: HeldOut | None = None
 
     def __getitem__(self, name: str) -> Parameter:
-        """Return a parameter by its name."""
-        return next(item for item in self.parameters if item.name == name)
+        """Return a parameter by its name.
+
+        Raises
+        ------
+        BeamstiffError
+            When it was not among those identified.
+        """
+        by_name = {item.name: item for item in self.parameters}
+        if name not in by_name:
+            raise BeamstiffError(f"{name!r} was not identified{suggest(name, by_name)}")
+        return by_name[name]
 
     @property
     def correlation(self) -> Array:
@@ -140,6 +158,30 @@ class Identification:
         std = np.where(np.isfinite(std), std, np.nan)
         result: Array = self.covariance / np.outer(std, std)
         return result
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return values, standard deviations and 95 % intervals as a pandas DataFrame, a row a parameter."""
+        import pandas as pd
+
+        rows = {
+            item.name: {
+                "value": item.value,
+                "std": item.std,
+                "low": item.lower_bound if item.interval is None else item.interval[0],
+                "high": np.inf if item.interval is None else item.interval[1],
+                "unit": item.unit,
+                "identifiable": item.identifiable,
+            }
+            for item in self.parameters
+        }
+        return pd.DataFrame.from_dict(rows, orient="index")
+
+    def covariance_frame(self) -> pd.DataFrame:
+        """Return the covariance of the logarithms as a pandas DataFrame, labelled by parameter."""
+        import pandas as pd
+
+        names = [item.name for item in self.parameters]
+        return pd.DataFrame(self.covariance, index=names, columns=names)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result as plain data, in the contract's form (``beamstiff identify --json``)."""

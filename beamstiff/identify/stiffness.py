@@ -183,6 +183,8 @@ def conclude(statement: Statement, found: Minimum, method: str, folds: int = 5) 
         message=found.message,
         interrupted=found.interrupted,
         predicted=problem.model.predict(stiffness),
+        held_out=by_pose,
+        held_out_load=by_load,
         notes=(
             *problem.notes,
             *statement.plan.silent.values(),

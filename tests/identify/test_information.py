@@ -240,3 +240,17 @@ def test_beside_a_bound_that_holds_intervals_keep_their_promise() -> None:
         plain += abs(found[1] - 1.0) <= 1.96 * 0.2
     assert held / 1500 == pytest.approx(0.95, abs=0.015)
     assert plain / 1500 > 0.965
+
+
+def test_results_are_labelled_by_parameter() -> None:
+    table = measured(ROBOT, rows(ROBOT, 6), white(rows(ROBOT, 6), 7))
+    found = identify(ROBOT, table)
+    frame, covariance = found.to_frame(), found.covariance_frame()
+    assert list(frame.index) == list(covariance.columns) == list(covariance.index) == list(ROBOT.identify)
+    item = found["J3.torsional"]
+    assert frame.loc["J3.torsional", ["low", "high"]].tolist() == list(item.interval)
+    assert covariance.loc["J3.torsional", "J3.torsional"] == pytest.approx((item.std / item.value) ** 2)
+    assert found.held_out is not None
+    assert found.held_out.rms == found.rms_held_out
+    with pytest.raises(BeamstiffError, match=r"'J3.tilting' was not identified"):
+        found["J3.tilting"]
