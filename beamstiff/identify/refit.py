@@ -1,9 +1,9 @@
 """Fit again, close to where a fit is known: for resampled rows, other readings, rows left out.
 
 Gauss-Newton steps in the compliances within their bounds, as in `methods/linear`; here each row may count
-several times or not at all, and a robust loss is met by reweighting (Holland and Welsch, "Robust regression
-using iteratively reweighted least-squares", 1977). A few evaluations each, where a search from afar takes
-dozens.
+several times or not at all, and a robust loss weighs residuals and steps by its derivatives (Triggs et al.,
+"Bundle adjustment: a modern synthesis", 2000, section 4.3). A few evaluations each, where a search from afar
+takes dozens.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from beamstiff.se3 import Array
 STEPS = 200
 CLOSE = 1e-12  # share of the cost that a step is expected to gain: below, it is done
 SHORTEST = 1e-6  # share of a step
+LEAST_CURVED = 0.1  # of its weight: beyond, a robust loss bends down, and a step would know no end
 
 
 def refit(objective: Objective, begin: Array, counts: Array | None = None) -> Array:
@@ -46,9 +47,12 @@ def refit(objective: Objective, begin: Array, counts: Array | None = None) -> Ar
     def evaluate(compliance: Array) -> tuple[float, Array, Array]:
         residuals, by_log = objective.jacobian(-np.log(compliance))
         z = (residuals / objective.scale) ** 2
-        cost = 0.5 * objective.scale**2 * float(often @ objective.rho(z)[0])
-        root = np.sqrt(often * objective.weights(residuals))
-        return cost, root * residuals, root[:, None] * (-by_log / compliance)
+        rho = objective.rho(z)
+        cost = 0.5 * objective.scale**2 * float(often @ rho[0])
+        weight = rho[1]
+        root = np.sqrt(often * np.maximum(weight + 2 * z * rho[2], LEAST_CURVED * weight))
+        scaled = np.divide(often * weight * residuals, root, out=np.zeros_like(root), where=root > 0)
+        return cost, scaled, root[:, None] * (-by_log / compliance)
 
     compliance = np.clip(np.exp(-begin), low, high)
     cost, residuals, slopes = evaluate(compliance)
