@@ -1,4 +1,4 @@
-"""examples/ir663_identification.py finds what the paper found: its groups, its gap, and where that is from."""
+"""examples/ir663_identification.py finds what the paper found: its groups, its gap, where that is from."""
 
 from __future__ import annotations
 

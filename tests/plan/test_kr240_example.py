@@ -15,7 +15,7 @@ def test_the_example_draws_the_papers_figures_and_identifies(
 ) -> None:
     main(tmp_path)
     text = capsys.readouterr().out
-    names = ("dexterity", "influence", "tests", "validation")
+    names = ("dexterity", "influence", "links", "tests", "validation")
     assert sorted(path.name for path in tmp_path.iterdir()) == [f"kr240_{name}.png" for name in names]
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in tmp_path.iterdir())
     rows = re.findall(r"J\d\.torsional +(\S+) +(\S+) +(\S+)", text)
