@@ -3,26 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.gap.baseline import Baseline, fit_baseline
 from beamstiff.gap.evidence import Scales, detection
-from beamstiff.gap.heldout import Shrink, Weighted, fitted, held_out
-from beamstiff.gap.library import Hypothesis, Library, key_of, state_library
+from beamstiff.gap.heldout import Shrink, fitted, held_out
+from beamstiff.gap.library import Library, state_library
+from beamstiff.gap.next import as_plain, programme
 from beamstiff.gap.noise import scale_after, scales_of
+from beamstiff.gap.notes import notes
 from beamstiff.gap.result import Candidate, Diagnosis, estimates_of
-from beamstiff.gap.screening import screen
-from beamstiff.gap.search import NONE, OUTLIERS, UNKNOWN, Search, search
+from beamstiff.gap.screening import Screened, screen
+from beamstiff.gap.search import NONE, UNKNOWN, Search, search
+from beamstiff.gap.verdict import SECOND, Judged, judge
+from beamstiff.gap.where import where
 from beamstiff.gap.whitened import whiten
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 
 NULLS = 200  # simulated campaigns without an effect
 REPORTED = 8  # candidates whose held-out gap is computed
-SURE = 0.95  # probability that the verdict and what is indistinguishable from it hold together
-WORTH = 12.0  # points of shrink that a second cause must bring on held-out postures
+RIVALS = 3  # candidates that the next measurements are to tell apart
 
 
 def diagnose(
@@ -53,12 +57,12 @@ def diagnose(
     white = whiten(baseline)
     library = state_library(baseline, white, without)
     screened = screen(baseline, library, "outliers" not in without)
-    baseline, used, outlying = screened.baseline, screened.used, screened.outliers
+    baseline, used = screened.baseline, screened.used
     library = state_library(baseline, whiten(baseline, used), without)
     scales = scales_of(baseline)
     chance = _chance(baseline, used, library, scales, seed)
     found = search(baseline, used, library.hypotheses, scales)
-    return _verdict(baseline, used, library, scales, found, outlying, chance, screened.noise, seed)
+    return _diagnosis(screened, library, found, scales, chance, seed)
 
 
 def _chance(
@@ -71,86 +75,118 @@ def _chance(
     return float(odds[0]), float((1 + (odds[1:] >= odds[0]).sum()) / (1 + NULLS))
 
 
-def _verdict(
-    baseline: Baseline,
-    used: NDArray[np.bool_],
+def _diagnosis(
+    screened: Screened,
     library: Library,
-    scales: Scales,
     found: Search,
-    outlying: NDArray[np.intp],
+    scales: Scales,
     chance: tuple[float, float],
-    noises: NDArray[np.float64],
     seed: int,
 ) -> Diagnosis:
-    named = found.named
-    probabilities = found.single
-    if outlying.size:  # nothing beyond noise in the other rows
-        probabilities[OUTLIERS] = probabilities.pop(NONE)
-    best = named[0]
-    scale = scale_after(baseline, used, [found.shapes[best]], scales)
-    shrinks: dict[str, Shrink] = {}
-    for key in named[:REPORTED]:
-        shrinks[key] = held_out(baseline, used, [found.shapes[key]], scale, seed)
-    rows = baseline.rows
+    baseline, used, outlying = screened.baseline, screened.used, screened.outliers
+    white = whiten(baseline, used)
+    best = found.named[0]
+    models = [found.shapes[best]]
+    scale = scale_after(baseline, used, models, scales)
+    pair = found.pairs[0] if found.pairs else None
+    both = None
+    if pair is not None and pair.log_weight - found.log_weight[best] > SECOND:
+        both_scale = scale_after(baseline, used, pair.shapes, scales)
+        both = held_out(baseline, used, pair.shapes, both_scale, seed)
+    shrinks = {
+        key: held_out(baseline, used, [found.shapes[key]], scale, seed) for key in found.named[:REPORTED]
+    }
+    judged = judge(found, white.freedom, chance[1], outlying.size > 0, shrinks[best], both)
+    if judged.also is not None and pair is not None:
+        models, scale = list(pair.shapes), scale_after(baseline, used, pair.shapes, scales)
+    elif judged.verdict in found.shapes:
+        models = [found.shapes[judged.verdict]]
+        scale = scale_after(baseline, used, models, scales)
+    else:
+        models = []
+        if judged.verdict != UNKNOWN:
+            scale = scale_after(baseline, used, [], scales)
+    fits = tuple(fitted(baseline, used, models, scale)) if models else ()
+    candidates = _candidates(baseline, used, found, judged, shrinks, scale)
+    by_key = {one.key: one for one in candidates}
+    verdict = by_key[judged.verdict]
+    also = None
+    if judged.also is not None and both is not None:
+        verdict = replace(verdict, shrink=both)
+        candidates = tuple(verdict if one.key == verdict.key else one for one in candidates)
+        second = int(fits[0].shapes[0].hypothesis.key != judged.also)
+        also = replace(
+            by_key[judged.also],
+            probability=judged.also_probability,
+            estimates=estimates_of(fits[0], second),
+            shape=fits[0].shapes[second].hypothesis.shape.name,
+        )
     first = shrinks[best]
-    noise = float(
-        np.sqrt(np.where(used[:, :3], (scale * baseline.sigma[:, :3]) ** 2, 0.0).sum() / used[:, 0].sum())
+    squares = np.where(used[:, :3], (scale * baseline.sigma[:, :3]) ** 2, 0.0).sum()
+    features = {
+        "log_odds": chance[0],
+        "chance": chance[1],
+        "none": found.log_weight[NONE] - found.log_weight[best],
+        "unknown": found.log_weight[UNKNOWN] - found.log_weight[best],
+        "left": found.left[best],
+        "shrink": first.shrink,
+        "scale": scale,
+        "outliers": float(outlying.size),
+        "noise_position": float(screened.noise[0]),
+        "noise_rotation": float(screened.noise[1]),
+        "pair": pair.log_weight - found.log_weight[best] if pair else -np.inf,
+        "pair_left": pair.left if pair else np.nan,
+        "pair_after": both.after if both else np.nan,
+        "single_after": first.after,
+    }
+    rivals = [(key, judged.probabilities[key], found.shapes[key]) for key in _rivals(judged, found)]
+    proposed = programme(baseline, used, rivals, scale, seed)
+    return Diagnosis(
+        baseline=baseline,
+        rms=first.before,
+        noise=float(np.sqrt(squares / max(used[:, :3].any(axis=1).sum(), 1))),
+        candidates=candidates,
+        verdict=verdict,
+        also=also,
+        indistinguishable=judged.indistinguishable,
+        untestable=library.untestable,
+        outliers=tuple(baseline.rows.place(row) for row in outlying.tolist()),
+        notes=tuple(notes(screened, white)),
+        fits=fits,
+        where=where(baseline, white, used, scale, seed),
+        next=as_plain(proposed),
+        features=features,
     )
-    order = sorted(probabilities, key=probabilities.__getitem__, reverse=True)
-    candidates = []
+
+
+def _rivals(judged: Judged, found: Search) -> list[str]:
+    """Return the effects that are to be told apart: the likeliest few."""
+    named = sorted(found.named, key=lambda key: judged.probabilities.get(key, 0.0), reverse=True)
+    return named[:RIVALS]
+
+
+def _candidates(
+    baseline: Baseline,
+    used: NDArray[np.bool_],
+    found: Search,
+    judged: Judged,
+    shrinks: dict[str, Shrink],
+    scale: float,
+) -> tuple[Candidate, ...]:
+    order = sorted(judged.probabilities, key=lambda key: (judged.probabilities[key], key), reverse=True)
+    result = []
     for key in order:
         effect, _, component = key.partition(":")
         shapes = found.shapes.get(key, [])
         fits = fitted(baseline, used, [shapes], scale) if key in shrinks else []
-        candidates.append(
+        result.append(
             Candidate(
                 effect=effect,
                 component=None if component == "null" else component,
-                probability=probabilities[key],
+                probability=judged.probabilities[key],
                 shape=shapes[0].hypothesis.shape.name if shapes else "",
                 estimates=estimates_of(fits[0]) if fits else (),
                 shrink=shrinks.get(key),
             )
         )
-    by_key = {one.key: one for one in candidates}
-    winner = by_key[order[0]]
-    models = [found.shapes[winner.key]] if winner.key in found.shapes else []
-    mass, rest = winner.probability, []
-    for key in order[1:]:
-        if mass >= SURE or winner.key not in found.shapes:
-            break
-        mass += probabilities[key]
-        if key in found.shapes:
-            rest.append(key)
-    pair = found.pairs[0] if found.pairs else None
-    features = {
-        "log_odds": chance[0],
-        "p_value": chance[1],
-        "none": found.log_weight[NONE] - found.log_weight[best],
-        "unknown": found.log_weight[UNKNOWN] - found.log_weight[best],
-        "amiss": found.amiss[best],
-        "left": found.left[best],
-        "shrink": first.shrink,
-        "scale": scale,
-        "outliers": float(outlying.size),
-        "noise_position": float(noises[0]),
-        "noise_rotation": float(noises[1]),
-        "pair": (pair.log_weight - found.log_weight[best]) if pair else -np.inf,
-    }
-    return Diagnosis(
-        baseline=baseline,
-        rms=first.before,
-        noise=noise,
-        candidates=tuple(candidates),
-        verdict=winner,
-        also=None,
-        indistinguishable=tuple(rest),
-        untestable=library.untestable,
-        outliers=tuple(rows.place(row) for row in outlying.tolist()),
-        notes=(),
-        fits=tuple(fitted(baseline, used, models, scale)) if models else (),
-        features=features,
-    )
-
-
-__all__ = ["Hypothesis", "Weighted", "diagnose", "key_of"]
+    return tuple(result)

@@ -62,6 +62,8 @@ class Shrink:
     interval : (float, float)
         90 %, over the postures.
     postures : int
+    noise : float, m
+        What noise alone would leave.
     """
 
     before: float
@@ -69,6 +71,7 @@ class Shrink:
     shrink: float
     interval: tuple[float, float]
     postures: int
+    noise: float = 0.0
 
 
 def fitted(
@@ -184,6 +187,7 @@ def held_out(
         shrink=_shrink(total),
         interval=(float(low), float(high)),
         postures=len(poses),
+        noise=float(np.sqrt(total[2] / total[3])),
     )
 
 

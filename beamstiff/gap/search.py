@@ -31,11 +31,23 @@ SHAPES = 6  # of a candidate, that are kept
 
 @dataclass(frozen=True)
 class Pair:
-    """Two candidates and the log probability of both, not normalised."""
+    """Two candidates and the log probability of both, not normalised.
+
+    Attributes
+    ----------
+    first, second : str
+    log_weight : float
+    left : float
+        Share of the gap's size that both leave to the unknown.
+    shapes : (list of Weighted, list of Weighted)
+        Of the first, and of the second beside it.
+    """
 
     first: str
     second: str
     log_weight: float
+    left: float
+    shapes: tuple[list[Weighted], list[Weighted]]
 
 
 @dataclass(frozen=True)
@@ -111,9 +123,12 @@ def search(
     if not pairs:
         return result
     found: dict[frozenset[str], Pair] = {}
+    whole = float(np.linalg.norm(white.leave(white.gap[:, None]))) or 1.0
     for first in result.named[:FIRSTS]:
         at = max(by_key[first], key=lambda k: weights[k])
-        second = evidence(white.beside(hypotheses[at].columns), hypotheses, scales, SECOND_SHARES)
+        beside = white.beside(hypotheses[at].columns)
+        second = evidence(beside, hypotheses, scales, SECOND_SHARES)
+        part = float(np.linalg.norm(beside.leave(white.gap[:, None])) / whole)
         base = float(np.log(hypotheses[at].prior) + alone.exact[at] + np.log(1 - sum(PRIOR.values())))
         rest = _log_weights(hypotheses, second) - second.none + np.log(PAIR)
         for key, places in by_key.items():
@@ -121,7 +136,10 @@ def search(
                 weight = base + float(logsumexp(rest[places]))
                 pair = frozenset((first, key))
                 if pair not in found or weight > found[pair].log_weight:
-                    found[pair] = Pair(first, key, weight)
+                    best = max(places, key=rest.__getitem__)
+                    own = [Weighted(hypotheses[best], 1.0, float(second.magnitude[best]))]
+                    left_over = part * float(second.left[best])
+                    found[pair] = Pair(first, key, weight, left_over, (shapes[first], own))
         if (
             first == result.named[0]
             and max((pair.log_weight for pair in found.values()), default=-np.inf)

@@ -18,7 +18,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     time = clock(baseline)
     laws = {"time": time - 0.5, "time, warming up": 1 - np.exp(-time / DECAYS[1])}
     laws["time, warming up fast"] = 1 - np.exp(-time / DECAYS[0])
-    if not baseline.absolute and baseline.rows.shared_unloaded:
+    if not baseline.absolute and baseline.fit.rows.shared_unloaded:
         laws = {
             f"{name}, since the unloaded reading": since_pose(baseline, law) for name, law in laws.items()
         }

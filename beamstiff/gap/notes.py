@@ -1,0 +1,42 @@
+"""What limits the conclusions, in one sentence each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from beamstiff.gap.screening import Screened
+from beamstiff.gap.whitened import Whitened
+
+OFF = 1.5  # a claimed noise is wrong by more than this factor
+FEW_POSES = 5
+FEW_VALUES = 30
+
+
+def notes(screened: Screened, white: Whitened) -> Iterator[str]:
+    """Yield what a reader of the verdict should know of the data."""
+    baseline, rows = screened.baseline, screened.baseline.rows
+    poses = np.unique(rows.pose).size
+    if white.freedom < FEW_VALUES:
+        yield f"only {white.freedom} values beyond those fitted: no confident verdict can come of them"
+    elif poses < FEW_POSES:
+        yield f"only {poses} postures: what holds in them need not hold in others"
+    if not baseline.claimed:
+        yield "the table states no noise: it was estimated along with everything that could be"
+    else:
+        for name, factor in zip(("position", "rotation"), screened.noise.tolist(), strict=True):
+            if factor > OFF or factor < 1.0 / OFF:
+                yield f"the noise of the {name}s looks {factor:.2g} times what the table claims"
+    if not (np.abs(rows.wrench).max(axis=1) > 0).any():
+        yield "no row carries a load: nothing that gives way under load can show"
+    else:
+        force = rows.wrench[:, :3]
+        values = np.linalg.svd(force / max(np.linalg.norm(force), 1e-300), compute_uv=False)
+        if (values > 0.05).sum() < 3:
+            yield "the forces do not span all directions: nothing is promised in those that were not loaded"
+        sizes = np.linalg.norm(force, axis=1)
+        if np.ptp(sizes[sizes > 0]) < 0.05 * sizes.max():
+            yield "one load level only: laws that are not linear in the load can hardly show"
+    if len(screened.outliers):
+        yield f"{len(screened.outliers)} rows that nothing explains were left out"

@@ -1,0 +1,176 @@
+"""From evidence to a verdict: probabilities that mean what they say, what cannot be told apart, a second cause.
+
+Evidence takes its shapes for true, and no real drive or link has exactly the shape of a library: a truth
+that is off by a share of its own size shifts log odds by an amount that grows with the evidence itself. Log
+odds between effects are therefore divided by ``1 + E / FAITH``, E the log odds of the best effect against
+none. What a cause leaves to the unknown, and what it is worth on postures it did not see, decides between
+it and `unknown`.
+
+The constants are those of simulated campaigns (`beamstiff exam`) on seeds of their own, which are not
+reported.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from beamstiff.gap.evidence import logsumexp
+from beamstiff.gap.heldout import Shrink
+from beamstiff.gap.search import NONE, OUTLIERS, UNKNOWN, Pair, Search
+
+FAITH = 50.0
+LEFT, STEEP = 0.25, 3.0  # share left to the unknown at which a cause is as likely as not, and how sharply
+WORTHLESS, WEIGHT = 0.5, 4.0  # held-out shrink below which a cause is doubted, and how much
+FEW = 60  # values less fitted ones, below which nothing can be called unknown
+CHANCE = 0.01  # share of simulated campaigns without an effect that look as if they had one
+SURE = 0.95  # probability of the verdict with what cannot be told from it
+SECOND = 8.0  # log odds of a second cause
+SECOND_SHARE = 0.03  # and these over the evidence of the first
+SECOND_WORTH = 0.5  # share of what the first leaves that both must close on held-out postures
+MOST = 12  # effects in a set, beyond which the data tell nothing apart
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A verdict.
+
+    Attributes
+    ----------
+    probabilities : dict of str to float
+        Of all candidates; their sum is 1.
+    verdict : str
+    indistinguishable : tuple of str
+    also : str or None
+    also_probability : float
+    """
+
+    probabilities: dict[str, float]
+    verdict: str
+    indistinguishable: tuple[str, ...]
+    also: str | None = None
+    also_probability: float = 0.0
+
+
+def tempered(log_weight: Mapping[str, float], evidence: float) -> dict[str, float]:
+    """Return probabilities of effects among themselves, from log weights and the evidence of the best."""
+    keys = list(log_weight)
+    values = np.array([log_weight[key] for key in keys])
+    values = (values - values.max()) / (1.0 + max(evidence, 0.0) / FAITH)
+    share = np.exp(values - logsumexp(values))
+    return dict(zip(keys, share.tolist(), strict=True))
+
+
+def doubt(left: float, shrink: float) -> float:
+    """Return the log odds of the unknown against a cause that leaves a share and is worth a shrink."""
+    return STEEP * float(np.log(max(left, 1e-3) / LEFT)) + WEIGHT * max(WORTHLESS - shrink, 0.0)
+
+
+def accepted(pair: Pair | None, search: Search, single: Shrink, both: Shrink | None) -> bool:
+    """Return whether a second cause has evidence of its own, and worth on postures it did not see."""
+    if pair is None or both is None:
+        return False
+    best = search.log_weight[search.named[0]]
+    margin = pair.log_weight - best
+    evidence = best - search.log_weight[NONE]
+    if margin < max(SECOND, SECOND_SHARE * evidence):
+        return False
+    open_before = single.after**2 - single.noise**2
+    open_after = both.after**2 - both.noise**2
+    return open_before > 0 and open_after <= (1.0 - SECOND_WORTH) * open_before
+
+
+def judge(
+    search: Search,
+    freedom: int,
+    chance: float,
+    outliers: bool,
+    single: Shrink,
+    both: Shrink | None,
+) -> Judged:
+    """Return the verdict.
+
+    Parameters
+    ----------
+    search : Search
+    freedom : int
+        Values less fitted parameters.
+    chance : float
+        Share of simulated campaigns without an effect that look as much as if they had one.
+    outliers : bool
+        Whether rows were left out that nothing explains.
+    single, both : Shrink
+        Held-out worth of the best cause, and of the best pair.
+    """
+    named = search.named
+    nothing = OUTLIERS if outliers else NONE
+    best = named[0]
+    evidence = search.log_weight[best] - search.log_weight[NONE]
+    effects = tempered({key: search.log_weight[key] for key in named}, evidence)
+    total = float(logsumexp(np.array([search.log_weight[key] for key in named])))
+    quiet = search.log_weight[NONE] - total  # log odds of nothing against any effect
+    if chance > CHANCE:
+        quiet = max(quiet, np.log(chance / CHANCE))
+    pair = search.pairs[0] if search.pairs else None
+    two = accepted(pair, search, single, both)
+    left, shrink = search.left[best], single.shrink
+    if two and pair is not None and both is not None:
+        left, shrink = pair.left, both.shrink
+    odd = doubt(left, shrink)
+    if freedom < FEW:
+        odd = min(odd, search.log_weight[UNKNOWN] - total, -1.0)
+    logs = {nothing: quiet, UNKNOWN: min(odd, odd - quiet if quiet > 0 else odd)}
+    weight = logsumexp(np.array([0.0, *logs.values()]))
+    shares = {key: float(np.exp(value - weight)) for key, value in logs.items()}
+    real = float(np.exp(-weight))
+    if two and pair is not None:
+        return _two(search, pair, effects, shares, real, evidence)
+    probabilities = {key: real * share for key, share in effects.items()} | shares
+    if real >= max(shares.values()):
+        verdict = max(effects, key=effects.__getitem__)
+        return Judged(probabilities, verdict, _set(effects, verdict))
+    return Judged(probabilities, max(shares, key=shares.__getitem__), ())
+
+
+def _set(effects: Mapping[str, float], verdict: str) -> tuple[str, ...]:
+    """Return what cannot be told from a verdict: the likeliest others, until all are sure together."""
+    mass, rest = effects[verdict], []
+    for key in sorted(effects, key=effects.__getitem__, reverse=True):
+        if mass >= SURE or len(rest) == MOST:
+            break
+        if key != verdict:
+            mass += effects[key]
+            rest.append(key)
+    return tuple(rest)
+
+
+def _two(
+    search: Search,
+    pair: Pair,
+    effects: Mapping[str, float],
+    shares: dict[str, float],
+    real: float,
+    evidence: float,
+) -> Judged:
+    names = {f"{k}": one for k, one in enumerate(search.pairs)}
+    among = tempered({k: one.log_weight for k, one in names.items()}, evidence)
+    member: dict[str, float] = {}
+    for k, share in among.items():
+        for key in (names[k].first, names[k].second):
+            member[key] = member.get(key, 0.0) + share
+    first, second = pair.first, pair.second
+    if search.log_weight[second] > search.log_weight[first]:
+        first, second = second, first
+    # of the candidates one is listed as the cause: the first, or what could be it instead
+    instead = {key: value for key, value in member.items() if key != second}
+    total = sum(instead.values())
+    probabilities = dict.fromkeys(effects, 0.0) | {k: real * v / total for k, v in instead.items()} | shares
+    others = [
+        key for key in sorted(member, key=member.__getitem__, reverse=True) if key not in (first, second)
+    ]
+    kept = tuple(key for key in others if member[key] > 1.0 - SURE)[:MOST]
+    if real < max(shares.values()):
+        return Judged(probabilities, max(shares, key=shares.__getitem__), ())
+    return Judged(probabilities, first, kept, second, real * min(member[second], 1.0))
