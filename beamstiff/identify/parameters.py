@@ -67,7 +67,7 @@ class Parameters:
         log_start = np.log(self.start)
         shift = theta - log_start[self.first]
         shift = np.concatenate([shift, np.zeros((*shift.shape[:-1], 1))], axis=-1)  # for those that stay
-        result: Array = np.exp(log_start + shift[..., self.tied])
+        result: Array = self.start * np.exp(shift[..., self.tied])
         return result
 
     def prior(self, stiffness: Array) -> Array:

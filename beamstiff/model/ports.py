@@ -44,6 +44,7 @@ Parametrisation = Literal["stiffness", "log", "compliance"]
 PARAMETRISATIONS: dict[str, int] = {"stiffness": 0, "log": 1, "compliance": 2}
 # springs this stiff beside what else meets at their port leave nothing to doubt: no search for mechanisms
 SOUND = 1e-6
+SAME_LENGTH = 1e-9  # relative change of a beam's length from pose to pose that is rounding
 SMALLEST = 1e-290  # its inverse is still a number
 
 
@@ -279,7 +280,7 @@ def find_ports(robot: Robot, parameters: Sequence[str]) -> tuple[list[Port], Ind
 
 
 def unit_springs(structure: Structure, posture: Posture, ports: Sequence[Port], owner: Index) -> Array:
-    """Return Phi (m, p, p): the stiffness at the ports for one unit of each parameter."""
+    """Return Phi (m, p, p): the stiffness at the ports for one unit of each parameter, at the first pose."""
     result = np.zeros((int(owner.max()) + 1, len(ports), len(ports)))
     diagonal = [at for at, port in enumerate(ports) if port.kind != "beam"]
     result[owner[diagonal], diagonal, diagonal] = 1.0
@@ -291,6 +292,27 @@ def unit_springs(structure: Structure, posture: Posture, ports: Sequence[Port], 
         for at in bends:
             beam, some = ports[at].index, slice(at, at + 6)
             result[owner[at], some, some] = full[beam, 6:, 6:] / structure.beam_properties["E"][beam]
+    return result
+
+
+def _as_at_first(structure: Structure, posture: Posture, ports: Sequence[Port]) -> Array | None:
+    """Return T^-T (P, p, p), with which the ports of a beam that grows with a slide are as at the first pose.
+
+    Phi of such a beam follows its length; ``Phi = T^T Phi_1 T`` by Cholesky factors, so that with ports
+    ``T y`` it is Phi_1 at all poses. None where no length changes.
+    """
+    bends = [at for at, port in enumerate(ports) if port.kind == "beam" and port.direction == 0]
+    if not bends:
+        return None
+    beams = [ports[at].index for at in bends]
+    lengths = place(structure, posture).beam_length[:, beams]  # (P, b)
+    if (np.abs(lengths / lengths[0] - 1) <= SAME_LENGTH).all():
+        return None
+    properties = {name: value[beams] for name, value in structure.beam_properties.items()}
+    root = np.linalg.cholesky(beam_stiffness(lengths, **properties)[..., 6:, 6:])  # (P, b, 6, 6)
+    result = np.broadcast_to(np.eye(len(ports)), (len(lengths), len(ports), len(ports))).copy()
+    for at, own in zip(bends, np.moveaxis(root, 1, 0), strict=True):
+        result[:, at : at + 6, at : at + 6] = own[0] @ np.linalg.inv(own)
     return result
 
 
@@ -344,8 +366,15 @@ def reduce_to_ports(
     observed = list(dict.fromkeys([*measurements.point.tolist(), *measurements.load_point.tolist()]))
     at_poses = posture(structure.kinematics, poses)
     springs = unit_springs(structure, at_poses, ports, owner)
+    turned = _as_at_first(structure, at_poses, ports)
     independent, share = independent_ports(structure, at_poses, ports)
-    if independent.size < len(ports):  # springs in parallel: those at the others act at the independent ones
+    if independent.size < len(ports):
+        if turned is not None:
+            raise BeamstiffError(
+                f"robot {robot.name!r}: found springs in parallel beside the modulus of a beam that changes "
+                "its length; leave one of them out"
+            )
+        # springs in parallel: those at the others act at the independent ones
         structure, ports = without_ports(structure, ports), [ports[at] for at in independent]
         springs = share.T @ springs @ share
     condensed = condense(structure, at_poses, observed, ports)
@@ -365,11 +394,16 @@ def reduce_to_ports(
     if gravity if gravity is not None else measurements.kind == "absolute":
         force = force + condensed.port_dead[pose]
         clamped = clamped + condensed.clamped_dead[pose][rows[:, None], seen]
+    port_stiffness = condensed.port_stiffness
+    if turned is not None:
+        port_stiffness = turned @ port_stiffness @ turned.swapaxes(-1, -2)
+        force = (turned[pose] @ force[..., None])[..., 0]
+        motion = turned[pose] @ motion
     return PortModel(
         parameters=names,
         start=np.array([stiffness_parameters(open_robot)[name] for name in names]),
         springs=springs,
-        port_stiffness=condensed.port_stiffness,
+        port_stiffness=port_stiffness,
         pose=pose,
         force=force,
         motion=motion,

@@ -21,7 +21,11 @@ from beamstiff.robot.kinematics import posture
 from beamstiff.robot.reader import load_robot
 from tests.fem.builders import FREE, RIGID, frame, relative_error
 
-ROBOTS = {"ir663": ([-0.3, 0.5], [0.6, 1.2]), "kr240-2": ([-1.0] * 6, [1.0] * 6)}
+ROBOTS = {
+    "ir663": ([-0.3, 0.5], [0.6, 1.2]),
+    "ir663-screws-beams": ([0.68, 0.72], [0.85, 0.85]),
+    "kr240-2": ([-1.0] * 6, [1.0] * 6),
+}
 LISTED = {
     "ir663": [
         "J12.torsional",
@@ -32,6 +36,7 @@ LISTED = {
         "J1010.radial",
         "arm.E",
     ],
+    "ir663-screws-beams": ["nut2.axial", "nut8.axial", "J1010.radial", "J12.radial", "screw2.E", "arm.E"],
     "kr240-2": [f"J{at}.torsional" for at in range(1, 7)],
 }
 seeds = st.integers(0, 2**32 - 1)
@@ -106,6 +111,10 @@ def test_derivatives_are_exact(name: str, seed: int, gravity: bool) -> None:
     expected = by_complex_step(model, stiffness)
     # by the change that a change of the stiffness by itself makes
     assert relative_error(derivatives * stiffness, expected * stiffness) <= 1e-9
+    # of the logarithm dk = k dx, of the compliance dk = -k^2 dx
+    assert relative_error(model.derivatives(stiffness, "log")[1], expected * stiffness) <= 1e-9
+    by_compliance = model.derivatives(stiffness, "compliance")[1]
+    assert relative_error(by_compliance / stiffness, -expected * stiffness) <= 1e-9
 
 
 @pytest.mark.parametrize("name", ROBOTS)
@@ -147,6 +156,30 @@ def test_derivative_of_the_compliance_is_minus_w_w_transposed(seed: int) -> None
         w = inverse[parameter] @ model.force.T  # the port's displacement under each unit wrench
         assert relative_error(derivatives[:, :, parameter], -np.outer(w, w)) <= 1e-10
         assert np.linalg.eigvalsh(derivatives[:, :, parameter])[-1] <= 1e-12 * np.abs(derivatives).max()
+
+
+@given(seed=seeds, count=st.integers(1, 5))
+def test_candidates_at_once_are_those_one_by_one(seed: int, count: int) -> None:
+    for name in ROBOTS:
+        model = reduce_to_ports(load_robot(name), rows(load_robot(name), 3), LISTED[name])
+        some = np.stack([values(model, seed + at) for at in range(count)])
+        one_by_one = np.stack([model.predict(one) for one in some])
+        assert relative_error(model.predict(some), one_by_one) <= 1e-12
+
+
+def test_many_rows_in_one_pose_are_those_one_by_one() -> None:
+    """More loads in a pose than ports: the other way to solve."""
+    table = make_measurements(
+        ["q2", "q8"],
+        [[0.1, 0.8]] * 7 + [[0.2, 0.9]],
+        tcp="n7",
+        wrench=np.random.default_rng(0).normal(size=(8, 6)),
+        displacement=np.zeros((8, 6)),
+    )
+    model = reduce_to_ports(load_robot("ir663"), table, ["J12.torsional", "J18.torsional"])
+    stiffness = values(model, 1)
+    one_by_one = np.concatenate([model.rows([row]).predict(stiffness) for row in range(8)])
+    assert relative_error(model.predict(stiffness), one_by_one) <= 1e-12
 
 
 CHAIN = frame(
