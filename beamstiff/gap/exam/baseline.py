@@ -62,7 +62,7 @@ def linear_fit(robot: Robot, machine: Robot, campaign: Campaign) -> Fit:
     columns = []
     for name in robot.identify:  # of none, the gap is all that the effects do
         softer = Reality(machine_of(machine.with_parameters({name: machine.parameter(name) / (1.0 + STEP)})))
-        columns.append((read(softer, quiet, solve(softer, quiet, solved)) - still) / STEP)
+        columns.append((read(softer, quiet, solve(softer, quiet, solved, once=True)) - still) / STEP)
     if not campaign.rotations:
         still[:, 3:] = np.nan
     basis = np.stack(columns, axis=-1) if columns else np.zeros((*still.shape, 0))

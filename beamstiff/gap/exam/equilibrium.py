@@ -103,8 +103,13 @@ def equilibrium(
     situation: Situation,
     start: State,
     memory: tuple[Memory, ...],
+    *,
+    once: bool = False,
 ) -> Solved:
     """Return the equilibrium under weight and load, from a start that may be another load's equilibrium.
+
+    With `once` Newton's method takes one step only: what a small change of a machine without memory does, to
+    first order; what is unbalanced then is not looked at (NaN).
 
     Raises
     ------
@@ -112,7 +117,9 @@ def equilibrium(
         When a state does not come to rest: the machine buckles or is a mechanism.
     """
     rows = rows_of(topology)
-    state, still = _settle(topology, rows, layout, load, situation, start, memory)
+    state, still = _settle(topology, rows, layout, load, situation, start, memory, 1 if once else MOST)
+    if once:
+        return Solved(state, memory, np.full(len(still), np.nan))
     lost = np.flatnonzero(~still)
     if len(lost):  # from rest, with weight and load growing
         part, held = layout.at(lost), tuple(tuple(old[lost] for old in one) for one in memory)
@@ -142,13 +149,14 @@ def _settle(
     situation: Situation,
     start: State,
     memory: tuple[Memory, ...],
+    most: int = MOST,
 ) -> tuple[State, NDArray[np.bool_]]:
     """Return where Newton's method ends, and which states have come to rest there."""
     poses = len(start.moved)
     moved, turned, hold = start.moved.copy(), start.turned.copy(), start.hold.copy()
     active = np.arange(poses)
     last, pace = np.full(poses, np.inf), np.ones(poses)
-    for iteration in range(MOST):
+    for iteration in range(most):
         state = State(moved[active], turned[active], hold[active])
         here, push = layout.at(active), some(load, active)
         strain = strain_of(topology, here, state)

@@ -130,7 +130,9 @@ class Solution:
     unbalanced: Array
 
 
-def solve(reality: Reality, campaign: Campaign, near: Solution | None = None) -> Solution:
+def solve(
+    reality: Reality, campaign: Campaign, near: Solution | None = None, *, once: bool = False
+) -> Solution:
     """Return the equilibrium of the machine in every row of a campaign.
 
     Parameters
@@ -138,19 +140,20 @@ def solve(reality: Reality, campaign: Campaign, near: Solution | None = None) ->
     reality : Reality
     campaign : Campaign
     near : Solution, optional
-        Of a machine of the same parts in the same campaign, to start from.
+        Of a machine of the same parts and geometry in the same campaign, to start from.
+    once : bool
+        One step from there: the change to first order.
     """
     topology = topology_of(reality.machine)
-    q, row_of = np.unique(campaign.q, axis=0, return_inverse=True)
+    q, row, row_of = np.unique(campaign.q, axis=0, return_index=True, return_inverse=True)
     row_of = row_of.reshape(-1)
-    skeleton = skeleton_of(reality.machine.robot, {k: v for k, v in reality.geometry.items() if "." in k})
-    placed = place(skeleton, q, reality.geometry)
+    if near is None:
+        errors = {name: error for name, error in reality.geometry.items() if "." in name}
+        placed = place(skeleton_of(reality.machine.robot, errors), q, reality.geometry)
+    else:
+        placed = near.placed.at(row)
     layout = lay_out(topology, placed).at(row_of)
-    placed = Placed(
-        {k: v[row_of] for k, v in placed.values.items()},
-        {k: v[row_of] for k, v in placed.rotations.items()},
-        {k: v[row_of] for k, v in placed.origins.items()},
-    )
+    placed = placed.at(row_of)
     load = _load(reality, topology, campaign, placed, layout)
     first, state_of, state_pose, turn_of = _states(campaign)
     laws = [law for _, law in rows_of(topology).laws]
@@ -170,7 +173,7 @@ def solve(reality: Reality, campaign: Campaign, near: Solution | None = None) ->
         if near is None
         else some(near.unloaded, rest_rows)
     )
-    rest = equilibrium(topology, layout.at(rest_rows), nothing, rest_situation, start, memory)
+    rest = equilibrium(topology, layout.at(rest_rows), nothing, rest_situation, start, memory, once=once)
 
     state = some(rest.state, rest_of)
     unbalanced = rest.unbalanced[rest_of]
@@ -195,6 +198,7 @@ def solve(reality: Reality, campaign: Campaign, near: Solution | None = None) ->
             situation.at(now),
             some(loaded, before),
             memory,
+            once=once,
         )
         for name in ("moved", "turned", "hold"):
             getattr(loaded, name)[now] = getattr(found.state, name)
