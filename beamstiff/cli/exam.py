@@ -93,7 +93,7 @@ def exam(
 
     \b
     Examples:
-      beamstiff exam --cases 1720 --seed 7 --processes 4 --out results.jsonl --json table.json
+      beamstiff exam --cases 2160 --seed 7 --processes 4 --out results.jsonl --json table.json
       beamstiff exam robot.yaml --plan plan.csv --cases 200
       beamstiff exam --cases 60 --classes null,backlash,hysteresis
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph

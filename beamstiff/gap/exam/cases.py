@@ -31,7 +31,7 @@ from beamstiff.measure.writer import measurements_to_csv
 from beamstiff.robot.description import Robot
 from beamstiff.robot.writer import robot_to_yaml
 
-# cases of each kind in every hundred: 1720 cases hold 516 nulls and 40 of each of the 18 effects
+# cases of each kind in every hundred: 1720 hold 516 nulls and 40 of each of the 18 effects, lean ones too
 SHARES: Mapping[Kind, int] = {"null": 30, "single": 42, "pair": 9, "outside": 9, "removed": 10}
 PLAN_SHARES: Mapping[Kind, int] = {"null": 25, "single": 75}
 

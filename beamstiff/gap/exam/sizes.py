@@ -24,7 +24,7 @@ from beamstiff.robot.description import Robot
 GAPS = (0.3, 6.0)  # over noise, evenly by ratio
 FAINT = (0.05, 0.3)  # that may rightly be called nothing
 FAINT_SHARE = 0.1
-CLEARER = {"pair": (0.7, 6.0), "outside": (0.5, 6.0), "removed": (0.5, 6.0)}  # figures count from 1
+CLEARER = {"pair": (1.2, 6.0), "outside": (0.7, 6.0), "removed": (0.8, 6.0)}  # figures count from 1
 CLOSE = 0.15  # of the gap's logarithm: a drawn gap need not be met better
 MOST = 5  # sizes tried
 DRAWS = 4  # of an effect, until one leaves

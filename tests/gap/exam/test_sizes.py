@@ -91,7 +91,7 @@ def test_gaps_are_drawn_over_the_whole_range() -> None:
     assert drawn.max() > 5.5
     assert 0.07 < np.mean(drawn < 0.3) < 0.13
     np.testing.assert_allclose(np.mean(drawn > 1.0), 0.9 * np.log(6.0) / np.log(20.0), atol=0.04)
-    assert min(draw_gap(rng, "pair") for _ in range(500)) >= 0.7
+    assert min(draw_gap(rng, "pair") for _ in range(500)) >= 1.2
 
 
 def test_effects_that_hardly_show_are_drawn_anew_and_pairs_stay_apart() -> None:
