@@ -19,7 +19,7 @@ from beamstiff.model.ports import PortModel, reduce_to_ports
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import posture
 from beamstiff.robot.reader import load_robot
-from tests.fem.builders import FREE, RIGID, frame, relative_error
+from tests.fem.builders import FREE, RIGID, SECTION, STEEL, frame, relative_error
 
 ROBOTS = {
     "ir663": ([-0.3, 0.5], [0.6, 1.2]),
@@ -180,6 +180,47 @@ def test_many_rows_in_one_pose_are_those_one_by_one() -> None:
     stiffness = values(model, 1)
     one_by_one = np.concatenate([model.rows([row]).predict(stiffness) for row in range(8)])
     assert relative_error(model.predict(stiffness), one_by_one) <= 1e-12
+
+
+def telescope(struts: int = 0) -> tuple[Robot, Measurements]:
+    """Return a bar along z that grows with a slide, pulled and pushed sideways at 1 m and at 2.5 m."""
+    robot = Robot(
+        name="telescope",
+        variables=[{"name": "r", "type": "prismatic"}],
+        frames=[{"name": "end", "r": "r"}],
+        materials={"steel": STEEL},
+        sections={"bar": SECTION},
+        nodes=[{"name": "root"}, {"name": "tip", "frame": "end"}],
+        beams=[
+            {"name": "bar", "nodes": ["root", "tip"], "section": "bar", "material": "steel", "up": [1, 0, 0]}
+        ],
+        struts=[{"name": f"t{at}", "nodes": ["root", "tip"], "stiffness": 1e6} for at in range(struts)],
+        fixed=["root"],
+        tcp="tip",
+    )
+    loads = [[0, 0, 1e4, 0, 0, 0], [1e3, 0, 0, 0, 0, 0]] * 2
+    table = make_measurements(
+        ["r"], [[1.0], [1.0], [2.5], [2.5]], tcp="tip", wrench=loads, displacement=np.zeros((4, 6))
+    )
+    return robot, table
+
+
+def test_the_modulus_of_a_beam_that_grows_counts_by_its_length_in_each_pose() -> None:
+    """F L / (E A) and F L^3 / (3 E I)."""
+    robot, table = telescope()
+    model = reduce_to_ports(robot, table, ["bar.E"])
+    for modulus in (70e9, 210e9):
+        moved = model.predict(np.array([modulus]))
+        for row, length in ((0, 1.0), (2, 2.5)):
+            assert moved[row, 2] == pytest.approx(1e4 * length / (modulus * SECTION.A), rel=1e-9)
+            bending = 1e3 * length**3 / (3 * modulus * SECTION.Iz)  # local y along `up`, x
+            assert moved[row + 1, 0] == pytest.approx(bending, rel=1e-9)
+
+
+def test_a_beam_that_grows_beside_springs_in_parallel_is_refused() -> None:
+    robot, table = telescope(struts=2)
+    with pytest.raises(BeamstiffError, match="springs in parallel beside the modulus of a beam that changes"):
+        reduce_to_ports(robot, table, ["bar.E", "t0", "t1"])
 
 
 CHAIN = frame(
