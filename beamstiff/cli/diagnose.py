@@ -58,6 +58,10 @@ def diagnose(
 
     file = robot_file(robot)
     check_outputs([file, data], json_to, next=next_to, figure=figure)
+    if figure is not None:
+        from beamstiff.report.figures import check_format
+
+        check_format(figure)
     machine = load_robot(file)
     rows = read_measurements(data, machine)
     with working("diagnosing", quiet):
@@ -68,7 +72,9 @@ def diagnose(
     for note in result.notes:
         say(f"note: {note}", quiet)
     write_json(result.to_dict(), json_to)
-    if next_to is not None:
+    if next_to is not None and result.next:
         write_whole(next_to, programme_csv(result))
+    elif next_to is not None:  # a diagnosis was made all the same
+        say(f"note: {next_to} was not written: this diagnosis proposes no states to measure", quiet)
     if figure is not None:
         draw_diagnosis(result, figure)

@@ -8,6 +8,7 @@ import typer
 
 from beamstiff._version import __version__
 from beamstiff.cli.deflect import deflect
+from beamstiff.cli.diagnose import diagnose
 from beamstiff.cli.exam import exam
 from beamstiff.cli.group import Commands
 from beamstiff.cli.identify import identify
@@ -56,5 +57,5 @@ def beamstiff(
         typer.echo(context.get_help())
 
 
-for command in (show, stiffness, deflect, identify, plan, exam):
+for command in (show, stiffness, deflect, identify, diagnose, plan, exam):
     app.command()(command)

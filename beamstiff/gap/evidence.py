@@ -90,7 +90,7 @@ def evidence(
     amiss = (of_size * shares[:, None, None] / size).sum(axis=(0, 2))
     freely = np.exp(logs[:, 1:] - logsumexp(logs[:, 1:], axis=(0, 2))[:, None])
     whole = np.sqrt((white.leave(white.gap[:, None]) ** 2).sum() / max(white.freedom, 1))
-    left = (freely.sum(axis=2) * shares[:, None]).sum(axis=0) / whole
+    left = (freely.sum(axis=2) * shares[:, None]).sum(axis=0) / (whole or 1.0)
     best = MAGNITUDES[np.argmax(of_size.sum(axis=0), axis=1)]
     return Evidence(
         hypotheses=averaged,

@@ -1,0 +1,118 @@
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from beamstiff import load_robot, read_measurements
+
+Run = Callable[..., Any]
+
+# Nothing but the drive gives way, yet the readings for half a load and for both signs do not go with it.
+LOAD_CYCLE = "\n".join(
+    [
+        "# sigma_position: 0.01 mm",
+        "q1 [deg],fy,dx [mm],dy [mm],dz [mm]",
+        *(
+            f"{q},{force},0,{1.5e-3 * force + (0.3 if force > 0 else -0.3):.4f},0"
+            for q in (0, 10, -10)
+            for force in (200, 400, 800, 400, 200, -200, -400, -800, -400, -200)
+        ),
+    ]
+)
+
+
+def test_a_diagnosis_is_printed_and_its_limits_are_said_on_stderr(run: Run) -> None:
+    result = run("diagnose", "crane.yaml", "crane.csv")
+    assert result.exit_code == 0, result.output
+    for part in ("Nothing beyond noise", "Which effect", "What these data cannot show", "payload-error"):
+        assert part in result.stdout
+    assert "note: only 7 values beyond those fitted" in result.stderr
+    assert all(line.startswith("note: ") for line in result.stderr.strip().splitlines())
+
+
+def test_json_goes_to_a_file_or_to_stdout_alone(run: Run, folder: Path) -> None:
+    assert run("diagnose", "crane.yaml", "crane.csv", "--json", "out.json").exit_code == 0
+    written = json.loads((folder / "out.json").read_text(), parse_constant=pytest.fail)
+    assert written["format"] == "beamstiff-diagnosis/1"
+    piped = run("diagnose", "crane.yaml", "crane.csv", "--json", "-")
+    assert json.loads(piped.stdout, parse_constant=pytest.fail) == written
+
+
+def test_the_same_seed_gives_the_same_answer(run: Run) -> None:
+    first, again = (run("diagnose", "crane.yaml", "crane.csv", "--seed", "3", "--json", "-") for _ in "ab")
+    assert first.stdout == again.stdout
+
+
+def test_a_quiet_diagnosis_prints_nothing(run: Run) -> None:
+    result = run("diagnose", "crane.yaml", "crane.csv", "--quiet")
+    assert (result.exit_code, result.output) == (0, "")
+
+
+def test_a_figure_is_drawn(run: Run, folder: Path) -> None:
+    result = run("diagnose", "crane.yaml", "crane.csv", "--figure", "a.png")
+    assert result.exit_code == 0, result.output
+    assert (folder / "a.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_what_to_measure_next_is_a_table_to_fill_in(run: Run, folder: Path) -> None:
+    (folder / "cycle.csv").write_text(LOAD_CYCLE, encoding="utf-8")
+    result = run("diagnose", "crane.yaml", "cycle.csv", "--next", "next.csv", "--json", "out.json")
+    assert result.exit_code == 0, result.output
+    proposed = json.loads((folder / "out.json").read_text())["next"]
+    crane = load_robot(folder / "crane.yaml")
+    rows = read_measurements(folder / "next.csv", crane, require_measured=False)
+    assert len(rows) == len(proposed) > 0
+    assert rows.q[:, 0].tolist() == pytest.approx([item["q"]["q1"] for item in proposed])
+    low, high = crane.actuated[0].limits
+    assert (rows.q >= low).all()
+    assert (rows.q <= high).all()
+
+
+def test_where_there_is_nothing_to_propose_that_is_said_and_the_diagnosis_stands(
+    run: Run, folder: Path
+) -> None:
+    (folder / "placed.csv").write_text("q1,fy,x,y,z\n0,100,1,0,0\n0.1,100,1,0.1,0\n0.1,10,1,0.1,0\n")
+    result = run("diagnose", "crane.yaml", "placed.csv", "--next", "next.csv", "--json", "out.json")
+    assert result.exit_code == 0, result.output
+    assert "next.csv was not written" in result.stderr
+    assert not (folder / "next.csv").exists()
+    assert json.loads((folder / "out.json").read_text())["next"] == []
+
+
+def test_effects_ruled_out_by_other_means_are_no_candidates(run: Run, folder: Path) -> None:
+    (folder / "cycle.csv").write_text(LOAD_CYCLE, encoding="utf-8")
+    wanted = ["diagnose", "crane.yaml", "cycle.csv", "--json", "-"]
+    candidates = json.loads(run(*wanted).stdout)["which"]
+    assert {"backlash", "hardening", "bearing-tilt"} <= {item["effect"] for item in candidates}
+    candidates = json.loads(run(*wanted, "--without", "backlash,hardening:q1").stdout)["which"]
+    assert not {"backlash", "hardening"} & {item["effect"] for item in candidates}
+    assert sum(item["probability"] for item in candidates) == pytest.approx(1)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["crane.csv", "--without", "backlsh"], "'backlsh' (did you mean 'backlash'?)"),
+        (["crane.csv", "--without", "backlash,"], "--without: found 'backlash,'"),
+        (["crane.csv", "--figure", "a.bmp"], "found the ending 'bmp'"),
+        (["crane.csv", "--json", "crane.yaml"], "would overwrite the input"),
+        (["crane.csv", "--json", "a.json", "--next", "a.json"], "would overwrite the output"),
+        (["nobody.csv"], "nobody.csv"),
+        (["empty.csv"], "empty.csv"),
+        (["elbow.csv"], "q2"),
+    ],
+)
+def test_what_cannot_be_diagnosed_is_refused_in_one_line(
+    run: Run, folder: Path, arguments: list[str], message: str
+) -> None:
+    (folder / "empty.csv").write_text("q1,fy,dx,dy,dz\n")
+    (folder / "elbow.csv").write_text("q2,fy,dx,dy,dz\n0,100,0,1e-3,0\n")
+    result = run("diagnose", "crane.yaml", *arguments)
+    assert result.exit_code == 2
+    assert message in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert not result.stdout
