@@ -12,7 +12,13 @@ from beamstiff.identify.minimise import Effort, Search
 from beamstiff.se3 import Array
 
 TOLERANCE = 1e-12
+PATIENCE = 50  # evaluations
+LITTLE = 1e-4  # of half a chi square: what PATIENCE evaluations have to gain; 0.014 standard deviations
 WALL = 1e3  # times the residuals at the start: what Levenberg-Marquardt finds far outside the bounds
+
+
+class _CrawlingError(Exception):
+    """The search goes on and on without a gain that matters, as along a valley that the data leave flat."""
 
 
 def run(method: str, search: Search, begin: Array, effort: Effort) -> str:
@@ -20,6 +26,7 @@ def run(method: str, search: Search, begin: Array, effort: Effort) -> str:
     objective = search.objective
     parameters = objective.parameters
     known: dict[bytes, tuple[Array, Array]] = {}
+    costs: list[float] = []
 
     def evaluate(theta: Array) -> tuple[Array, Array]:
         key = theta.tobytes()
@@ -27,8 +34,16 @@ def run(method: str, search: Search, begin: Array, effort: Effort) -> str:
             known.clear()
             residuals, jacobian = objective.jacobian(theta)
             search.note(theta, objective.cost_of(residuals))
+            costs.append(search.best_cost)
+            if len(costs) > 2 * PATIENCE and costs[-PATIENCE] - costs[-1] < LITTLE * noise(costs[-1]):
+                raise _CrawlingError
             known[key] = residuals, jacobian
         return known[key]
+
+    def noise(cost: float) -> float:
+        """Return chi square over the rows, where it is more than the stated noise or none is stated."""
+        found = 2 * cost / objective.problem.count
+        return max(found, 1.0) if objective.problem.sigma_known else found
 
     def residuals(theta: Array) -> Array:
         return evaluate(theta)[0]
@@ -55,7 +70,10 @@ def run(method: str, search: Search, begin: Array, effort: Effort) -> str:
         options["f_scale"] = objective.scale
         begin = np.clip(begin, parameters.lower + 1e-9, parameters.upper - 1e-9)
     fun = walled if method == "levenberg-marquardt" else residuals
-    solution = least_squares(fun, begin, jac=jacobian, max_nfev=effort.evaluations, **options)
+    try:
+        solution = least_squares(fun, begin, jac=jacobian, max_nfev=effort.evaluations, **options)
+    except _CrawlingError:
+        return f"the last {PATIENCE} steps gained nothing beside the noise: some values hardly matter"
     if ((solution.x < parameters.lower) | (solution.x > parameters.upper)).any():
         raise BeamstiffError("levenberg-marquardt: left the bounds, which it does not know; use trust-region")
     return str(solution.message)
