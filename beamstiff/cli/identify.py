@@ -228,7 +228,7 @@ def identify(
     title = f"{description.name}: identified stiffness"
     console.print(identification_table(found, description, title, intervals))
     console.print()
-    for line in (*combinations_text(found), identification_text(found, measured), _method(found)):
+    for line in (*combinations_text(found), identification_text(found, measured, folds), _method(found)):
         console.print(line)
     reduced = None
     if reduce is not None:

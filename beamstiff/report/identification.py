@@ -115,8 +115,16 @@ def _group_text(item: Combination) -> str:
     return f"{text}. To tell them apart: {item.separate}." if item.separate else f"{text}."
 
 
-def identification_text(found: Identification, measured: Measurements) -> str:
-    """Return sentences: what is not bounded, the gap that remains, how it compares with the stated noise."""
+def identification_text(found: Identification, measured: Measurements, folds: int = 5) -> str:
+    """Return sentences: what is not bounded, the gap that remains, how it compares with the stated noise.
+
+    Parameters
+    ----------
+    found : Identification
+    measured : Measurements
+    folds : int
+        Of the held-out gap that was asked for; 0 for none.
+    """
     grouped = {name for item in found.degenerate for name in item.parameters}
     unbounded = [
         item.name
@@ -125,7 +133,8 @@ def identification_text(found: Identification, measured: Measurements) -> str:
     ]
     gap = f"Gap that remains in position: RMS {1e3 * found.rms:.3f} mm over the {len(measured)} rows fitted"
     if found.rms_held_out is None:
-        held_out = "; too few poses to leave some out and test on them."
+        few = folds > 1 and not found.interrupted
+        held_out = "; too few poses to leave some out and test on them." if few else "."
     else:
         held_out = f", {1e3 * found.rms_held_out:.3f} mm on poses left out of the fit."
     lines = [f"{gap}{held_out} {_against_noise(sqrt(found.chi_square), measured)}"]
