@@ -213,13 +213,16 @@ def identify(
     ):
         notes = [note for table in tables for note in doubts(table, description)]
         found = fit(description, measured, method=method, folds=folds, effort=effort, progress=tell, **what)
-    drawn = None
-    if not found.interrupted:
-        with working("looking for what would tell more", quiet):
-            found = with_separations(found, description, measured, cast("Components", use), seed)
-        if bootstrap:
-            with working(f"fitting {bootstrap} draws of the poses", quiet):
-                drawn = _draw(state_identification(description, measured, **what), found, bootstrap, seed)
+    drawn, stopped = None, found.interrupted
+    if not stopped:
+        try:
+            with working("looking for what would tell more", quiet):
+                found = with_separations(found, description, measured, cast("Components", use), seed)
+            if bootstrap:
+                with working(f"fitting {bootstrap} draws of the poses", quiet):
+                    drawn = _draw(state_identification(description, measured, **what), found, bootstrap, seed)
+        except KeyboardInterrupt:
+            stopped = True  # the values are there, and shown
 
     for note in (*notes, *found.notes):
         say(f"note: {note}", quiet)
@@ -242,7 +245,7 @@ def identify(
 
         save_figure(parity_figure(measured, found.predicted, description.name), figure)
     write_json(_facts(found, drawn, reduced), json)
-    if found.interrupted:
+    if stopped:
         raise typer.Exit(INTERRUPTED)
 
 

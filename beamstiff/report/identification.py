@@ -112,7 +112,7 @@ def _group_text(item: Combination) -> str:
     text = f"{names} {ACTS[item.kind]}"
     if item.kind in ("series", "parallel"):
         text += ": lump them into one (--reduce)"
-    return f"{text}. To tell them apart: {item.separate}." if item.separate else f"{text}."
+    return f"{text}. {item.separate[0].upper()}{item.separate[1:]}." if item.separate else f"{text}."
 
 
 def identification_text(found: Identification, measured: Measurements, folds: int = 5) -> str:

@@ -173,6 +173,17 @@ def test_ctrl_c_gives_the_best_so_far(run: Run, wrong: Path, monkeypatch: pytest
     assert load_robot(wrong / "b.yaml").parameter("J1.torsional") != 3e5
 
 
+@pytest.mark.usefixtures("wrong")
+def test_ctrl_c_after_the_fit_leaves_the_fit(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    def stopped(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("beamstiff.identify.separate.with_separations", stopped)
+    result = run("identify", "crane.yaml", "crane.csv", "--json", "-")
+    assert result.exit_code == 130
+    assert value(json.loads(result.stdout)) == pytest.approx(1e6)
+
+
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [

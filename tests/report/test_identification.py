@@ -8,9 +8,13 @@ import pytest
 from rich.console import Console
 
 from beamstiff import Robot
-from beamstiff.identify.result import Identification, Parameter
+from beamstiff.identify.result import Combination, Identification, Parameter
 from beamstiff.measure import Measurements, make_measurements
-from beamstiff.report.identification import identification_table, identification_text
+from beamstiff.report.identification import (
+    combinations_text,
+    identification_table,
+    identification_text,
+)
 
 PARTS: dict[str, Any] = {
     "nodes": [{"name": "a"}, {"name": "b"}],
@@ -90,3 +94,60 @@ def test_the_gap_is_compared_with_the_noise(chi_square: float, sigma: float | No
 def test_too_few_poses_to_hold_out_are_told() -> None:
     text = identification_text(replace(FOUND, rms_held_out=None), measured(None))
     assert "too few poses" in text
+
+
+def told(*groups: Combination, nearly: tuple[Combination, ...] = ()) -> str:
+    """Return on one line what is said of groups."""
+    console = Console(width=200)
+    with console.capture() as capture:
+        for line in combinations_text(replace(FOUND, degenerate=groups, ill_determined=nearly)):
+            console.print(line)
+    return " ".join(capture.get().split())
+
+
+def test_where_all_is_known_by_itself_nothing_is_said_of_groups() -> None:
+    assert told() == ""
+
+
+def test_springs_in_series_are_told_as_one_with_what_would_part_them() -> None:
+    names = ("J1.radial", "J2.radial")
+    group = Combination(
+        names, "1/J1.radial + 1/J2.radial", 4e-9, 1e-10, "series", "m/N", "x would tell them apart"
+    )
+    text = told(group)
+    assert "1/J1.radial + 1/J2.radial 4e-09 1e-10 m/N 2.5e+08" in text
+    assert "J1.radial and J2.radial act in series: lump them into one (--reduce)." in text
+    assert "X would tell them apart." in text
+
+
+def test_a_sum_that_may_be_zero_is_as_stiff_as_its_bound_at_least() -> None:
+    group = Combination(("a", "b"), "1/a + 1/b", 1e-9, 2e-9, "series", "m/N", "", (0.0, 5e-9))
+    assert "1e-09 2e-09 m/N > 2e+08" in told(group)
+
+
+def test_groups_without_a_sum_and_hardly_told_springs_are_named() -> None:
+    mixed = Combination(("a", "b", "c"), "", None, None, "mixed", "N/m")
+    near = Combination(("J4", "J6"), "1/J4 + 1/J6", 4e-6, 1e-8, "ill-determined", "rad/(N*m)")
+    text = told(mixed, nearly=(near,))
+    assert "a, b and c act together only, in no simple sum." in text
+    assert "J4 and J6 are hardly told apart by these rows." in text
+    assert "1/J4 + 1/J6 4e-06 1e-08 rad/(N*m) -" in text
+
+
+def test_what_is_never_loaded_is_not_called_unbounded() -> None:
+    silent = Parameter(
+        "J1.axial", "N/m", None, None, False, lower_bound=0.0, reason="never loaded", silent=True
+    )
+    grouped = Combination(
+        ("J1.radial", "J2.radial"), "1/J1.radial + 1/J2.radial", 4e-9, 1e-10, "series", "m/N"
+    )
+    found = replace(FOUND, parameters=(*FOUND.parameters, silent), degenerate=(grouped,))
+    assert "do not bound" not in identification_text(found, measured(1e-5))
+    assert "never loaded; y would tell it." in "".join(
+        map(
+            str,
+            combinations_text(
+                replace(found, degenerate=(), parameters=(replace(silent, separate="y would tell it"),))
+            ),
+        )
+    )
