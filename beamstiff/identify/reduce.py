@@ -123,12 +123,25 @@ def _leader(group: Joined, values: Mapping[str, float]) -> tuple[str, dict[str, 
     gone: dict[str, float] = {}
     for at, part in enumerate(group.parts):
         if at != most:
-            gone |= dict.fromkeys(part.members, RIGID if group.kind == "series" else FREE)
+            gone |= _become(part, RIGID if group.kind == "series" else FREE)
     chosen = group.parts[most]
     if isinstance(chosen, Spring):
         return chosen.name, gone
     name, more = _leader(chosen, values)
     return name, gone | more
+
+
+def _become(part: Spring | Joined, value: float) -> dict[str, float]:
+    """Return the members of a part that is rigid or free as a whole, and nothing between hangs loose."""
+    if isinstance(part, Spring):
+        return {part.name: value}
+    first, *others = part.parts
+    alike = (part.kind == "series") == (value == RIGID)
+    rest = value if alike else FREE if value == RIGID else RIGID
+    result = _become(first, value)
+    for other in others:
+        result |= _become(other, rest)
+    return result
 
 
 def _factor(group: Joined, kept: str) -> float:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from beamstiff import identify, load_robot
+from beamstiff import Robot, identify, load_robot
 from beamstiff.errors import BeamstiffError
 from beamstiff.identify.degeneracy import Degeneracy, find_degeneracy
 from beamstiff.identify.problem import state_problem
@@ -15,6 +16,7 @@ from beamstiff.identify.reduce import reduce_model
 from beamstiff.identify.relations import Joined, Spring
 from beamstiff.identify.separate import find_separations, separation_text, with_separations
 from beamstiff.measure.rows import concatenate
+from beamstiff.measure.table import make_measurements
 from beamstiff.model.linear import predict_displacements
 from benchmarks.degeneracy_graphs import random_case
 from benchmarks.degeneracy_study import JOINTS, SIGMA_POSITION, campaign, loads_of, poses_of
@@ -131,3 +133,55 @@ def test_the_noise_of_the_table_decides_what_is_worth_it() -> None:
     pair = ("J99.radial", "J1010.radial")
     coarse, fine = (find_separations(robot, some, [pair], NAMES)[0][0].std for some in (tests, exact))
     assert fine == pytest.approx(1e-3 * coarse, rel=1e-6)
+
+
+def nested(seed: int) -> Robot:
+    """Return a joint made of four and bypassed by a fifth: 1 and 4 in series with 2 beside 3."""
+    random = np.random.default_rng(seed)
+    hub, tool = random.uniform(-1, 1, (2, 3)).tolist()
+    places = {"ground": [0, 0, 0], "a": hub, "b": hub, "c": hub, "d": hub, "tool": tool}
+    axis = tuple(random.normal(size=3).tolist())
+    both = ("torsional", "tilting")
+
+    def joint(name: str, ends: tuple[str, str], rest: str, kinds: tuple[str, ...] = both) -> dict[str, Any]:
+        values: dict[str, Any] = dict.fromkeys(("axial", "radial", *both), rest)
+        values |= {kind: 10 ** random.uniform(5, 7) for kind in kinds}
+        return {"name": name, "nodes": ends, "frame": "base", "axis": axis, "stiffness": values}
+
+    parts: dict[str, Any] = {
+        "nodes": [{"name": name, "at": tuple(at)} for name, at in places.items()],
+        "rigids": [{"name": "post", "nodes": ("ground", "a")}, {"name": "arm", "nodes": ("d", "tool")}],
+        "joints": [
+            joint("j1", ("a", "b"), "rigid"),
+            joint("j2", ("b", "c"), "rigid"),
+            joint("j3", ("b", "c"), "free"),
+            joint("j4", ("c", "d"), "rigid"),
+            joint("j5", ("a", "d"), "free", ("tilting",)),
+        ],
+    }
+    names = [f"j{number}.{kind}" for number in range(1, 5) for kind in both]
+    return Robot(name="nested", **parts, fixed=["ground"], tcp="tool", identify=[*names, "j5.tilting"])
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_springs_in_series_within_springs_in_parallel_are_found_and_reduced(seed: int) -> None:
+    robot = nested(seed)
+    tests = make_measurements(
+        [],
+        np.zeros((6, 0)),
+        tcp="tool",
+        wrench=np.diag([1e3, 1e3, 1e3, 3e2, 3e2, 3e2]),
+        displacement=np.zeros((6, 6)),
+        sigma_position=3e-5,
+        sigma_rotation=3e-5,
+    )
+    found = find_degeneracy(state_problem(robot, tests))
+    assert (found.silent, found.mixed) == ((), ())
+    assert {group.text() for group in found.joined} == {
+        "1/j1.torsional + 1/j4.torsional + 1/(j2.torsional + j3.torsional)",
+        "1/(1/j1.tilting + 1/j4.tilting + 1/(j2.tilting + j3.tilting)) + j5.tilting",
+    }
+    reduced = reduce_model(robot, found, {name: robot.parameter(name) for name in robot.identify})
+    before, after = (predict_displacements(one, tests) for one in (robot, reduced.robot))
+    assert np.abs(after - before).max() < 1e-9 * np.abs(before).max()
+    assert len(reduced.robot.identify) == 2
