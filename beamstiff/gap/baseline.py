@@ -7,7 +7,7 @@ remains, and only at what these values cannot absorb.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -68,6 +68,8 @@ class Baseline:
     places : Places
     fit_rows : Baseline or None
         The baseline that was fitted, where this one is its prediction for other rows.
+    stated : mapping of str to float or tuple of float, or None
+        Scales of an effect that the robot has, in place of those of the rows that were fitted.
     """
 
     robot: Robot
@@ -85,6 +87,7 @@ class Baseline:
     response: Array
     places: Places
     fit_rows: Baseline | None = None
+    stated: Mapping[str, float | tuple[float, ...]] | None = None
 
     @property
     def fit(self) -> Baseline:
@@ -240,8 +243,18 @@ def predict(robot: Robot, rows: Measurements) -> tuple[Array, Array]:
     """Return what a model says of the rows (N, 6), and the part of it that their loads make (N, 6).
 
     Displacements are loaded less unloaded, deviations of absolute poses hold the dead weight as well; both
-    with the stiffness of the loaded machine.
+    with the stiffness of the loaded machine, and with the effects that the robot has.
     """
+    predicted, loaded = _of_structure(robot, rows)
+    if not robot.effects:
+        return predicted, loaded
+    from beamstiff.gap.apply import effects_displacement  # which rests on baselines without effects
+
+    added = effects_displacement(robot, rows)
+    return predicted + added, loaded if rows.kind == "absolute" else loaded + added
+
+
+def _of_structure(robot: Robot, rows: Measurements) -> tuple[Array, Array]:
     if not any(0.0 < value < RIGID for value in stiffness_parameters(robot).values()):
         return np.zeros((len(rows), 6)), np.zeros((len(rows), 6))
     loaded = predict_displacements(robot, rows, preload=True)

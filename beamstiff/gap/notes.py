@@ -32,7 +32,7 @@ def notes(screened: Screened, white: Whitened) -> Iterator[str]:
         yield "no row carries a load: nothing that gives way under load can show"
     else:
         force = rows.wrench[:, :3]
-        values = np.linalg.svd(force / max(np.linalg.norm(force), 1e-300), compute_uv=False)
+        values = np.linalg.svd(force / max(float(np.linalg.norm(force)), 1e-300), compute_uv=False)
         if (values > 0.05).sum() < 3:
             yield "the forces do not span all directions: nothing is promised in those that were not loaded"
         sizes = np.linalg.norm(force, axis=1)

@@ -1,10 +1,10 @@
-"""From evidence to a verdict: probabilities that mean what they say, what cannot be told apart, a second cause.
+"""From evidence to a verdict: honest probabilities, what cannot be told apart, a second cause.
 
 Evidence takes its shapes for true, and no real drive or link has exactly the shape of a library: a truth
 that is off by a share of its own size shifts log odds by an amount that grows with the evidence itself. Log
-odds between effects are therefore divided by ``1 + E / FAITH``, E the log odds of the best effect against
-none. What a cause leaves to the unknown, and what it is worth on postures it did not see, decides between
-it and `unknown`.
+odds between effects are therefore divided by ``1 + E / FAITH``, E the log odds of the best against the
+unknown. What a cause leaves to the unknown, and what it is worth on postures it did not see, decides
+between it and `unknown`.
 
 The constants are those of simulated campaigns (`beamstiff exam`) on seeds of their own, which are not
 reported.
@@ -21,16 +21,18 @@ from beamstiff.gap.evidence import logsumexp
 from beamstiff.gap.heldout import Shrink
 from beamstiff.gap.search import NONE, OUTLIERS, UNKNOWN, Pair, Search
 
-FAITH = 50.0
-LEFT, STEEP = 0.25, 3.0  # share left to the unknown at which a cause is as likely as not, and how sharply
-WORTHLESS, WEIGHT = 0.5, 4.0  # held-out shrink below which a cause is doubted, and how much
+FAITH = 12.0
+LEFT, STEEP = 0.37, 1.5  # share left to the unknown at which a cause is as likely as not, and how sharply
+WORTHLESS, WEIGHT = 0.5, 6.8  # held-out shrink below which a cause is doubted, and how much
 FEW = 60  # values less fitted ones, below which nothing can be called unknown
+FAINT, BARE = 15.0, 0.3  # log odds against none below which a cause has to be worth this share as well
 CHANCE = 0.01  # share of simulated campaigns without an effect that look as if they had one
 SURE = 0.95  # probability of the verdict with what cannot be told from it
 SECOND = 8.0  # log odds of a second cause
 SECOND_SHARE = 0.03  # and these over the evidence of the first
 SECOND_WORTH = 0.5  # share of what the first leaves that both must close on held-out postures
-MOST = 12  # effects in a set, beyond which the data tell nothing apart
+INSUFFICIENT, SUFFICIENT = 0.2, 0.12  # shares left to the unknown by one cause, and by two that will do
+MOST = 5  # effects in a set, beyond which the data tell nothing apart
 
 
 @dataclass(frozen=True)
@@ -77,6 +79,10 @@ def accepted(pair: Pair | None, search: Search, single: Shrink, both: Shrink | N
     evidence = best - search.log_weight[NONE]
     if margin < max(SECOND, SECOND_SHARE * evidence):
         return False
+    if search.left[search.named[0]] > INSUFFICIENT and pair.left < min(
+        SUFFICIENT, 0.5 * search.left[search.named[0]]
+    ):
+        return True
     open_before = single.after**2 - single.noise**2
     open_after = both.after**2 - both.noise**2
     return open_before > 0 and open_after <= (1.0 - SECOND_WORTH) * open_before
@@ -107,10 +113,13 @@ def judge(
     named = search.named
     nothing = OUTLIERS if outliers else NONE
     best = named[0]
-    evidence = search.log_weight[best] - search.log_weight[NONE]
+    evidence = search.log_weight[best] - search.log_weight[UNKNOWN]
     effects = tempered({key: search.log_weight[key] for key in named}, evidence)
     total = float(logsumexp(np.array([search.log_weight[key] for key in named])))
     quiet = search.log_weight[NONE] - total  # log odds of nothing against any effect
+    evidence_of_any = -quiet
+    if evidence_of_any < FAINT:
+        quiet += 3.0 * max(0.0, 1.0 - single.shrink / BARE)
     if chance > CHANCE:
         quiet = max(quiet, np.log(chance / CHANCE))
     pair = search.pairs[0] if search.pairs else None
@@ -136,7 +145,8 @@ def judge(
 
 def _set(effects: Mapping[str, float], verdict: str) -> tuple[str, ...]:
     """Return what cannot be told from a verdict: the likeliest others, until all are sure together."""
-    mass, rest = effects[verdict], []
+    mass = effects[verdict]
+    rest: list[str] = []
     for key in sorted(effects, key=effects.__getitem__, reverse=True):
         if mass >= SURE or len(rest) == MOST:
             break
