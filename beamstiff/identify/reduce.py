@@ -62,7 +62,7 @@ def reduce_model(
         From `find_degeneracy`.
     values : mapping of str to float, SI
         Stiffness at hand, such as the identified one, of every parameter; becomes the robot's, but for what
-        is held.
+        is never loaded.
     parameters : sequence of str, optional
         All that were to be identified; default ``robot.identify``.
 
@@ -89,15 +89,15 @@ def reduce_model(
     names = list(robot.identify if parameters is None else parameters)
     lumped = tuple(_lump(group, values) for group in degeneracy.joined)
     gone = {name: value for one in lumped for name, value in one.gone.items()}
-    held = [item.name for item in degeneracy.silent]
-    held += [name for group in degeneracy.mixed for name in group.held]
+    silent = [item.name for item in degeneracy.silent]
+    held = silent + [name for group in degeneracy.mixed for name in group.held]
     beams = {f"{beam.name}.E" for beam in robot.beams}
     if stiff := [name for name in gone if name in beams]:
         raise BeamstiffError(
             f"{stiff[0]}: only acts together with others, and a beam is never rigid or free: replace it by a "
             "rigid, or leave it out of what is identified"
         )
-    known = {name: value for name, value in values.items() if name not in held}
+    known = {name: value for name, value in values.items() if name not in silent}
     changed = robot.with_parameters({**known, **gone, **{one.kept: one.value for one in lumped}})
     left = tuple(name for name in names if name not in gone and name not in held)
     return Reduced(changed.model_copy(update={"identify": left}), lumped, tuple(held))

@@ -92,6 +92,11 @@ class Statement:
             return self
         return replace(self, problem=self.problem.disturbed(self.response.disturbance(stiffness)))
 
+    def holding(self, stiffness: Array) -> Statement:
+        """Return the statement with what is held, at stiffness values (m,)."""
+        start = np.where(self.parameters.tied < 0, stiffness, self.parameters.start)
+        return replace(self, parameters=replace(self.parameters, start=start))
+
     def measuring(self, measured: Array) -> Statement:
         """Return the statement with other readings (N, 6) at the same rows."""
         return replace(self, problem=replace(self.problem, measured=measured))

@@ -19,7 +19,7 @@ from beamstiff.identify.information import (
 from beamstiff.identify.input_errors import InputErrors
 from beamstiff.identify.minimise import Effort, Minimum, Progress, minimise
 from beamstiff.identify.objective import Loss
-from beamstiff.identify.parameters import Parameters
+from beamstiff.identify.parameters import Parameters, state_parameters
 from beamstiff.identify.problem import Components
 from beamstiff.identify.relations import INVERSE_UNITS, Joined, Sum
 from beamstiff.identify.result import Combination, Identification, Parameter
@@ -131,8 +131,19 @@ def identify(
         measurements if isinstance(measurements, Measurements) else concatenate(measurements),
         float(statement.problem.model.lever.max(initial=1.0)),
     )
-    found = minimise(statement.objective, method, effort=effort, progress=progress)
-    spent, rounds = found.evaluations, ROUNDS if statement.response is not None else 0
+    first = None
+    if statement.plan.held - set(statement.plan.silent):
+        loose = _loose(statement, bounds, priors)
+        first = minimise(loose.objective, effort=effort, progress=progress)
+        stiffness = loose.parameters.stiffness(first.theta)
+        statement = statement.holding(stiffness)
+        first = replace(first, theta=np.log(stiffness)[statement.parameters.first])
+    if first is not None and first.interrupted:
+        return conclude(statement, first, method, folds)
+    begin = None if first is None else first.theta
+    found = minimise(statement.objective, method, begin, effort, progress)
+    spent = found.evaluations + (0 if first is None else first.evaluations)
+    rounds = ROUNDS if statement.response is not None else 0
     for _ in range(rounds):  # the errors of the inputs weigh as they do at the values found
         if found.interrupted:
             break
@@ -140,6 +151,21 @@ def identify(
         found = minimise(statement.objective, begin=found.theta, effort=effort)
         spent += found.evaluations
     return conclude(statement, replace(found, evaluations=spent), method, folds)
+
+
+def _loose(
+    statement: Statement,
+    bounds: Mapping[str, tuple[float | None, float | None]] | None,
+    priors: Mapping[str, tuple[float, float]] | None,
+) -> Statement:
+    """Return the statement with nothing held that is felt.
+
+    Where the others of a group can make up for one of them, they must stay positive: a start that is too soft
+    for that would spoil the fit. Its optimum says where to hold it.
+    """
+    stated, plan = statement.parameters, statement.plan
+    loose = state_parameters(stated.names, stated.start, plan.ties, bounds, priors, plan.silent)
+    return replace(statement, parameters=loose)
 
 
 def conclude(statement: Statement, found: Minimum, method: str, folds: int = 5) -> Identification:
@@ -165,7 +191,7 @@ def conclude(statement: Statement, found: Minimum, method: str, folds: int = 5) 
     fitted = {
         name: value
         for name, value in zip(names, stiffness.tolist(), strict=True)
-        if name not in statement.plan.held  # stays in the robot as it was: rigid, say
+        if name not in statement.plan.silent  # stays in the robot as it was: rigid, say
     }
     return Identification(
         parameters=told.parameters,
@@ -263,7 +289,7 @@ def _combinations(
             Combination(
                 sum_.members,
                 sum_.text(),
-                value,
+                value if known else None,
                 std if known else None,
                 kind,
                 unit if kind == "parallel" else INVERSE_UNITS[unit],
