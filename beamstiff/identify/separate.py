@@ -115,12 +115,13 @@ def find_separations(
         if not open_groups:
             break
         for measure, rows in stage(robot, table, components, seed):
-            problem = _stated(robot, table, rows, parameters, components)
-            if problem is None:
-                continue
+            try:
+                problem = _stated(robot, table, rows, parameters, components)
+                degeneracy = find_degeneracy(problem)
+                spread = expected_spread(problem, degeneracy, stiffness)
+            except (BeamstiffError, FloatingPointError):
+                continue  # a moment on a node without rotation, a posture at which a loop is singular
             names = problem.model.parameters
-            degeneracy = find_degeneracy(problem)
-            spread = expected_spread(problem, degeneracy, stiffness)
             for at in open_groups:
                 parts = _parts(groups[at], degeneracy)
                 if parts is not None and (len(parts) > 1 or len(groups[at]) == 1):
@@ -282,18 +283,15 @@ def _stated(
     rows: Measurements,
     parameters: Sequence[str] | None,
     components: Components,
-) -> Problem | None:
-    """Return the problem of measured rows and further ones, or None where it cannot be stated."""
+) -> Problem:
+    """Return the problem of measured rows and further ones."""
     mask = np.ones(6, dtype=np.bool_)
     mask[3:], mask[:3] = components != "position", components != "rotation"
     own = replace(table, displacement=np.where(mask & np.isfinite(table.sigma), table.displacement, np.nan))
     if not np.isfinite(table.sigma).any():  # all count alike, as in the identification
         own = replace(table, displacement=np.where(mask, table.displacement, np.nan), sigma=_alike(table))
         rows = replace(rows, sigma=_alike(rows))
-    try:
-        return state_problem(robot, [own, rows], parameters)
-    except BeamstiffError:  # a moment on a node that has no rotation, a posture at which a loop is singular
-        return None
+    return state_problem(robot, [own, rows], parameters)
 
 
 def _alike(rows: Measurements) -> Array:
