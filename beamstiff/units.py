@@ -253,3 +253,63 @@ def in_si(magnitude: float, unit: str, kind: str) -> float:
     if 0 < factor < 1 and offset == 0.0 and (inverse := round(1 / factor)) * factor == 1.0:
         result = magnitude / inverse
     return number(result)
+
+
+def with_unit(text: object) -> tuple[float, str]:
+    """Return magnitude and unit of a quantity of any dimension.
+
+    Raises
+    ------
+    BeamstiffError
+        When it is no number with a unit, or the unit is unknown.
+
+    Examples
+    --------
+    >>> with_unit("2e-7 rad/(N*m)")
+    (2e-07, 'rad/(N*m)')
+    """
+    match = _QUANTITY.match(text) if isinstance(text, str) and len(text) <= _LONGEST else None
+    if match is None or match["unit"] is None:
+        raise BeamstiffError(
+            f"found {shown(text)}, expected a number, or text with a unit such as '0.1 mrad'"
+        )
+    _parsed_unit(match["unit"])
+    return number(match["number"]), match["unit"]
+
+
+def in_unit(value: object, unit: str) -> float:
+    """Return a quantity in a coherent SI unit: a plain number is in it already, text carries its unit.
+
+    Raises
+    ------
+    BeamstiffError
+        When the unit of the text is unknown or of another dimension.
+
+    Examples
+    --------
+    >>> in_unit("0.2 mrad/kN/m", "rad/(N*m)")
+    2e-07
+    """
+    if not isinstance(value, str) or _NUMBER.match(value):
+        return number(value)
+    magnitude, own = with_unit(value)
+    source, target = _parsed_unit(own), _parsed_unit(unit)
+    if source.dimensionality != target.dimensionality:
+        raise BeamstiffError(f"found the unit {shown(own)}, expected a unit such as {unit or '1'}")
+    factor = float(_registry().Quantity(1.0, source).to(target).magnitude)
+    return number(magnitude * _without_rounding(factor))
+
+
+def _parsed_unit(unit: str) -> Any:
+    """Return a unit of any dimension; a divisor in parentheses, and 1 over something, are units too."""
+    text = unit.strip().replace("**", "^")
+    text = re.sub(r"/\s*\(([^()]*)\)", lambda divisor: "/" + re.sub(r"[*·\s]+", "/", divisor[1]), text)
+    text = re.sub(r"\A1\s*(?=/|\Z)", "count", text)
+    for pattern, replacement in _SPELLINGS:
+        text = re.sub(pattern, replacement, text)
+    if len(unit) > _LONGEST or not _UNIT.match(text):
+        raise BeamstiffError(f"found the unit {shown(unit)}, expected one such as rad/(N*m)")
+    try:
+        return _registry().parse_units(text)
+    except Exception:  # pint raises its own, tokenizer's and arithmetic errors
+        raise BeamstiffError(f"unknown unit {shown(unit)}") from None

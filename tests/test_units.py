@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.units import UNITS, in_si, number, quantity, unit_factor
+from beamstiff.units import UNITS, in_si, in_unit, number, quantity, unit_factor
 
 
 @pytest.mark.parametrize(
@@ -206,3 +206,32 @@ def test_plain_numbers_never_load_the_unit_parser() -> None:
         "sys.exit('pint' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", script], check=False).returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "value"),
+    [
+        ("0.2 mrad", "rad", 2e-4),
+        ("2e-7 rad/(N*m)", "rad/(N*m)", 2e-7),
+        ("2e-7 rad/(N m)", "rad/(N*m)", 2e-7),
+        ("0.2 mrad/kN/m", "rad/(N*m)", 2e-7),
+        ("3 um/degC", "m/K", 3e-6),
+        ("3 kN^-1", "1/N", 3e-3),
+        ("4 kN^-1*m^-2", "1/(N*m^2)", 4e-3),
+        ("5 %", "1", 0.05),
+        ("2e-3", "rad", 2e-3),
+        (3, "rad", 3.0),
+    ],
+)
+def test_quantities_of_any_dimension_are_read_in_the_unit_asked(
+    text: object, unit: str, value: float
+) -> None:
+    assert in_unit(text, unit) == pytest.approx(value, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    "text", ["1 mm", "1 rad/N", "1 parsec", "1 (m)", "much", "1 rad/(N*(m))", None, True]
+)
+def test_quantities_of_another_dimension_or_form_are_refused(text: object) -> None:
+    with pytest.raises(BeamstiffError):
+        in_unit(text, "rad/(N*m)")

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from beamstiff.cli.options import DataFile, Debug, Json, Preload, Quiet, RobotFile, robot_file
-from beamstiff.cli.output import check_outputs, people, say, working, write_json
+from beamstiff.cli.output import check_outputs, effects_text, people, say, working, write_json
 from beamstiff.files import write_whole
 from beamstiff.report.tables import add_rows, number, table
 
@@ -46,6 +47,8 @@ def deflect(
     gravity, payload and the row's wrench, less that under gravity and payload, each with the
     stiffness that its own loads leave. A load under which the machine buckles is refused.
 
+    Effects that the robot has (`effects:`, such as backlash) are added.
+
     \b
     Examples:
       beamstiff deflect cantilever loads.csv
@@ -68,6 +71,10 @@ def deflect(
     with working(f"deflecting {len(loads)} rows", quiet):
         notes = doubts(loads, description)
         predicted = predict_displacements(description, loads, preload)
+        if description.effects:
+            from beamstiff.gap.apply import effects_displacement
+
+            predicted = predicted + effects_displacement(description, replace(loads, kind="displacement"))
         gap = gap_text(loads, predicted)
 
     for note in notes:
@@ -75,6 +82,8 @@ def deflect(
     console = people(quiet, json)
     console.print(_table(description, loads, predicted, preload))
     console.print(gap)
+    if description.effects:
+        console.print(f"With the robot's effects: {effects_text(description.effects)}.")
     if out is not None:
         write_whole(out, _csv(description, loads, predicted, preload))
     write_json({"displacement": predicted.tolist()}, json)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from beamstiff.cli.options import DataFile, Debug, Json, Quiet, RobotFile, parse_names, robot_file
-from beamstiff.cli.output import check_outputs, people, say, working, write_json
+from beamstiff.cli.output import check_outputs, effects_text, people, say, working, write_json
+from beamstiff.errors import BeamstiffError
 
 
 def diagnose(
@@ -30,6 +32,15 @@ def diagnose(
             "--next", metavar="CSV", help="Write the measurements that would tell most, ready to fill in."
         ),
     ] = None,
+    apply: Annotated[
+        str | None,
+        typer.Option(
+            "--apply",
+            metavar="YAML",
+            help="Write the robot with the fitted stiffness and the effects of the verdict, for deflect, "
+            "identify and diagnose.",
+        ),
+    ] = None,
     figure: Annotated[
         str | None, typer.Option("--figure", metavar="FILE", help="Draw the diagnosis (.png, .svg or .pdf).")
     ] = None,
@@ -48,6 +59,7 @@ def diagnose(
     \b
     Example:
       beamstiff diagnose ir663 examples/data/ir663_compliance_xx.csv --json diagnosis.json
+      beamstiff diagnose robot.yaml data.csv --apply extended.yaml
     """  # noqa: D301
     from beamstiff.files import write_whole
     from beamstiff.gap.diagnose import diagnose as run
@@ -57,7 +69,7 @@ def diagnose(
     from beamstiff.robot.reader import load_robot
 
     file = robot_file(robot)
-    check_outputs([file, data], json_to, next=next_to, figure=figure)
+    check_outputs([file, data], json_to, next=next_to, apply=apply, figure=figure)
     if figure is not None:
         from beamstiff.report.figures import check_format
 
@@ -76,5 +88,14 @@ def diagnose(
         write_whole(next_to, programme_csv(result))
     elif next_to is not None:  # a diagnosis was made all the same
         say(f"note: {next_to} was not written: this diagnosis proposes no states to measure", quiet)
+    if apply is not None:
+        from beamstiff.gap.apply import extended
+        from beamstiff.robot.writer import robot_to_yaml
+
+        larger = extended(result)
+        added = effects_text(larger.effects[len(machine.effects) :]) or "no effect"
+        head = BeamstiffError(f"Stiffness fitted by beamstiff to {Path(data).name}, and {added} added.")
+        write_whole(apply, f"# {head}\n{robot_to_yaml(larger)}")  # the error's text is one line
+        console.print(f"{apply}: the fitted stiffness, and {added} added.")
     if figure is not None:
         draw_diagnosis(result, figure)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
@@ -19,7 +20,7 @@ from beamstiff.cli.identify_options import (
     parse_ties,
 )
 from beamstiff.cli.options import Debug, Json, Quiet, RobotFile, parse_names, robot_file
-from beamstiff.cli.output import check_outputs, people, say, working, write_json
+from beamstiff.cli.output import check_outputs, effects_text, people, say, working, write_json
 from beamstiff.errors import BeamstiffError
 from beamstiff.files import write_whole
 
@@ -205,7 +206,12 @@ def identify(
         from beamstiff.report.figures import check_format
 
         check_format(figure)
-    measured = concatenate(tables)
+    whole, measured = description, concatenate(tables)
+    if whole.effects:
+        from beamstiff.gap.apply import without_effects
+
+        with working("taking the robot's effects off the readings", quiet):
+            description, measured = without_effects(whole, measured)
     effort = Effort(evaluations, seed, population)
     with (
         working(f"identifying from {len(measured)} rows", quiet, still=True),
@@ -233,9 +239,13 @@ def identify(
     console.print()
     for line in (*combinations_text(found), identification_text(found, measured, folds), _method(found)):
         console.print(line)
+    if whole.effects:
+        console.print(f"Beside the robot's effects, as they are: {effects_text(whole.effects)}.")
+        found = replace(found, robot=found.robot.model_copy(update={"effects": whole.effects}))
     reduced = None
     if reduce is not None:
         reduced = _reduce(description, measured, found, use)
+        reduced = replace(reduced, robot=reduced.robot.model_copy(update={"effects": whole.effects}))
         write_whole(reduce, _yaml(reduced.robot, _reduced_head(reduced, found, data)))
     if out is not None:
         write_whole(out, _yaml(found.robot, _head(found, data)))

@@ -7,12 +7,15 @@ import sys
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.files import check_writable, write_whole
+
+if TYPE_CHECKING:
+    from beamstiff.robot.parts import AddedEffect
 
 STDOUT = "-"
 PIPE_WIDTH = 200  # columns where there is no terminal to fit into
@@ -148,3 +151,8 @@ def _items(value: Any) -> Iterable[Any]:
 def _console(quiet: bool, stderr: bool = False, width: int | None = None) -> Console:
     # names from files are printed as they are: no markup, no emoji codes, no guessed colours
     return Console(stderr=stderr, quiet=quiet, width=width, markup=False, emoji=False, highlight=False)
+
+
+def effects_text(effects: Iterable[AddedEffect]) -> str:
+    """Return a robot's effects as people read them, ``backlash:q2``."""
+    return ", ".join(dict.fromkeys(f"{one.effect}:{one.component or 'null'}" for one in effects))

@@ -26,6 +26,8 @@ from beamstiff.units import in_unit
 if TYPE_CHECKING:
     from beamstiff.gap.result import Diagnosis
 
+POSITIVE = ("torque", "force", "compliance", "counts", "rows")  # scales that divide
+
 
 def predict_with_effects(robot: Robot, rows: Measurements) -> Array:
     """Return what a robot with its effects says of rows, (N, 6), m and rad, base frame.
@@ -150,8 +152,6 @@ def _displacement(effect: AddedEffect, bare: Baseline) -> Array:
         except BeamstiffError as error:
             raise BeamstiffError(f"parameters.{name}: {error}") from None
     result: Array = shape.columns @ values
-    if not np.isfinite(result).all():
-        raise BeamstiffError("scales: found values that leave no number, expected those of --apply")
     return result
 
 
@@ -161,6 +161,8 @@ def _check_scales(effect: AddedEffect, expected: Scales) -> None:
         if isinstance(value, tuple) != isinstance(expected[name], tuple):
             kind = "a list" if isinstance(expected[name], tuple) else "a number"
             raise BeamstiffError(f"scales.{name}: found {shown(value)}, expected {kind}")
+        if name in POSITIVE and np.min(value) <= 0:
+            raise BeamstiffError(f"scales.{name}: found {shown(value)}, expected a positive number")
     if missing := [name for name in expected if name not in effect.scales]:
         raise BeamstiffError(
             f"scales: {listed(missing)} missing: what the parameters are counted against, SI, as "

@@ -198,10 +198,16 @@ def state_problem(
     ------
     BeamstiffError
         When the rows are absolute positions, carry no load, state noise for some values only, or are fewer
-        than the parameters.
+        than the parameters; when the robot has effects.
     """
     measurements = data if isinstance(data, Measurements) else concatenate(data)
     source = measurements.source
+    if robot.effects:
+        names = listed(effect.effect for effect in robot.effects)
+        raise BeamstiffError(
+            f"robot {robot.name!r}: its effects ({names}) are not part of this fit; take them off the "
+            "readings first: robot, rows = beamstiff.gap.apply.without_effects(robot, rows)"
+        )
     if measurements.kind != "displacement":
         raise BeamstiffError(
             f"{source}: holds absolute positions; identify needs displacements dx dy dz (loaded minus "

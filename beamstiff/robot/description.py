@@ -12,6 +12,7 @@ from beamstiff.robot.checks import find_problems
 from beamstiff.robot.fields import Acceleration, Described, DescriptionError, Name, stiffness_text
 from beamstiff.robot.parts import (
     STIFFNESS_KINDS,
+    AddedEffect,
     Beam,
     Frame,
     Joint,
@@ -62,6 +63,7 @@ class Robot(Described):
     fixed: Annotated[tuple[Name, ...], Field(min_length=1)]
     tcp: Name
     identify: tuple[Name, ...] = ()
+    effects: tuple[AddedEffect, ...] = ()
 
     @model_validator(mode="after")
     def _cross_references(self) -> Robot:

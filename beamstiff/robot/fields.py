@@ -10,7 +10,7 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, PlainSerializer, ValidationError
 
 from beamstiff.errors import BeamstiffError, shown, suggest
-from beamstiff.units import quantity
+from beamstiff.units import quantity, with_unit
 
 RIGID = math.inf
 FREE = 0.0
@@ -161,6 +161,21 @@ def _stiffness(kind: str) -> Callable[[Any], float]:
     return read
 
 
+def _parameter_value(value: Any) -> float | str:
+    """Return a number, or text with a unit as it is: only who knows the parameter knows its unit."""
+    try:
+        return quantity(value, "number")
+    except BeamstiffError:
+        with_unit(value)
+    return str(value)
+
+
+def _scale(value: Any) -> float | tuple[float, ...]:
+    if isinstance(value, list | tuple) and value:
+        return tuple(quantity(item, "number") for item in value)
+    return quantity(value, "number")
+
+
 def stiffness_text(value: float) -> float | str:
     """Return a stiffness as it is written: a number, or ``rigid`` or ``free``."""
     return "rigid" if value == RIGID else "free" if value == FREE else value
@@ -177,6 +192,8 @@ PositiveModulus = Annotated[float, BeforeValidator(_of("modulus", positive=True)
 PositiveArea = Annotated[float, BeforeValidator(_of("area", positive=True))]
 PositiveSecondMoment = Annotated[float, BeforeValidator(_of("second moment of area", positive=True))]
 Density = Annotated[float, BeforeValidator(_of("density", least=0.0))]
+ParameterValue = Annotated[float | str, BeforeValidator(_parameter_value)]
+Scale = Annotated[float | tuple[float, ...], BeforeValidator(_scale)]
 Number = Annotated[float, BeforeValidator(_of("number"))]
 TranslationalStiffness = Annotated[
     float, BeforeValidator(_stiffness("translational stiffness")), PlainSerializer(stiffness_text)

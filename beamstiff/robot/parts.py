@@ -6,9 +6,10 @@ with a unit is accepted wherever a quantity is expected.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, field_validator, model_validator
+from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from beamstiff.errors import BeamstiffError, shown
 from beamstiff.robot.fields import (
@@ -19,10 +20,12 @@ from beamstiff.robot.fields import (
     Direction,
     Identifier,
     Name,
+    ParameterValue,
     Point,
     PositiveMass,
     PositiveModulus,
     RotationalStiffness,
+    Scale,
     TranslationalStiffness,
     Truth,
 )
@@ -206,3 +209,27 @@ class Mass(Described):
     node: Name
     mass: PositiveMass
     at: Point = (0.0, 0.0, 0.0)
+
+
+class AddedEffect(Described):
+    """An effect beyond beams and springs that the machine is known to have, such as backlash of a joint.
+
+    Which effects there are, in which shapes and with which parameters, `gap.effects` says and checks.
+
+    Attributes
+    ----------
+    effect : str
+    component : str or None
+        Where; None for the machine as a whole.
+    shape : str
+    parameters : mapping of str to float or str
+        SI numbers, or text with a unit; what is not named is 0.
+    scales : mapping of str to float or tuple of float
+        What the parameters are counted against, SI: the largest torque of the rows they were fitted to, say.
+    """
+
+    effect: Name
+    component: Name | None = None
+    shape: Name
+    parameters: Annotated[Mapping[Name, ParameterValue], Field(min_length=1)]
+    scales: Mapping[Name, Scale] = {}

@@ -103,6 +103,8 @@ def _flow(value: object) -> str:
             return (
                 f"{{{', '.join(f'{name}: {_flow(item)}' for name, item in _written_fields(value).items())}}}"
             )
+        case Mapping():
+            return f"{{{', '.join(f'{_text(key)}: {_flow(item)}' for key, item in value.items())}}}"
         case tuple():
             return f"[{', '.join(map(_flow, value))}]"
     raise BeamstiffError(f"a robot with {shown(value)} in it cannot be written")

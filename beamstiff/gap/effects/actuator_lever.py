@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from beamstiff.gap.baseline import Baseline
-from beamstiff.gap.effects.drive_stiffness import PHASES, Following, scaled_torque
+from beamstiff.gap.effects.drive_stiffness import PHASES, Following, angle_scales, scaled_torque
 from beamstiff.gap.effects.effect import Effect, Quantity, Shape
 from beamstiff.gap.effects.laws import axis_at, drive_compliance, drives, unit_of
 
@@ -26,7 +26,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     compliance = drive_compliance(axis)
     unit = f"{unit_of(axis)}/(N*m)"
     cranks = [
-        (ratio, phase, float((lever**2).mean()))
+        (ratio, phase, float(follow.share @ lever**2))
         for ratio in RATIOS
         for phase in PHASES
         if (lever := _lever(follow.fitted + phase, ratio)).min() > NEAR_DEAD * _largest(ratio)
@@ -39,7 +39,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
 
     gain = Quantity("mean_compliance", unit, compliance)
     modes = follow.family(laws)
-    factors = (laws(follow.angle) - laws(follow.fitted).mean(axis=0)).T
+    factors = follow.varying(laws).T
     columns = [scaled_torque(baseline, axis, factor) for factor in factors]
     whole = [scaled_torque(baseline, axis, mode) for mode in modes.T]
     names = tuple(Quantity(f"compliance_mode_{k + 1}", unit, compliance) for k in range(len(whole)))
@@ -73,4 +73,5 @@ EFFECT = Effect(
     separation="the same torque at four angles of this joint; the drive's geometry from its drawing",
     look_alikes=("gravity-compensator", "tool-compliance"),
     sources="stiffness x1.2 to 3 over the stroke, engineering estimate",
+    scales=angle_scales,
 )

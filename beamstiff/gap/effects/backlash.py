@@ -6,7 +6,7 @@ import numpy as np
 
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects.effect import Effect, Quantity, Shape
-from beamstiff.gap.effects.laws import axis_at, by_law, drives, unit_of
+from beamstiff.gap.effects.laws import axis_at, by_law, drives, torque_scale, unit_of
 
 WIDTHS = (0.005, 0.03, 0.1)  # of the largest torque, over which the flank is reached
 
@@ -36,4 +36,5 @@ EFFECT = Effect(
     separation="fine load steps through zero torque of this joint, in both directions",
     look_alikes=("hardening", "hysteresis"),
     sources="lost motion below 1 arcmin (Harmonic Drive CHA); worn gears a few",
+    scales=torque_scale,
 )

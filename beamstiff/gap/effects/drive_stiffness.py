@@ -7,7 +7,8 @@ from collections.abc import Callable
 import numpy as np
 
 from beamstiff.gap.baseline import Baseline, unloaded_posture
-from beamstiff.gap.effects.laws import Axis
+from beamstiff.gap.effects.effect import Scales
+from beamstiff.gap.effects.laws import Axis, axis_at
 from beamstiff.robot.kinematics import compile_kinematics
 from beamstiff.se3 import Array
 
@@ -30,16 +31,34 @@ def scaled_torque(baseline: Baseline, axis: Axis, factor: Array) -> Array:
     return result
 
 
+def fitted_angles(baseline: Baseline, variable: str) -> tuple[Array, Array]:
+    """Return the joint's values in the rows that were fitted, and how many rows have each."""
+    if baseline.stated is not None and "angles" in baseline.stated:
+        return np.atleast_1d(baseline.stated["angles"]), np.atleast_1d(baseline.stated["counts"])
+    angles, counts = np.unique(joint_values_of(baseline.fit, variable), return_counts=True)
+    return angles, counts.astype(np.float64)
+
+
+def angle_scales(baseline: Baseline, component: str | None) -> Scales:
+    """Return the scales of effects that follow the angle: what of them varied over the rows fitted."""
+    variable = axis_at(baseline, str(component)).joint.variable
+    if variable is None:
+        return {}
+    angles, counts = fitted_angles(baseline, variable)
+    return {"angles": tuple(angles.tolist()), "counts": tuple(counts.tolist())}
+
+
 class Following:
-    """The angle of a joint in the rows and in those that were fitted."""
+    """The angle of a joint in the rows, and in those that were fitted with the share of rows of each."""
 
     def __init__(self, baseline: Baseline, variable: str) -> None:
         self.angle = joint_values_of(baseline, variable)
-        self.fitted = self.angle if baseline.fit is baseline else joint_values_of(baseline.fit, variable)
+        self.fitted, counts = fitted_angles(baseline, variable)
+        self.share = counts / counts.sum()
 
     def varying(self, law: Callable[[Array], Array]) -> Array:
-        """Return a law of the angle (N,) less its mean over the fitted rows, which is the drive's own."""
-        result: Array = law(self.angle) - law(self.fitted).mean()
+        """Return a law of the angle (N, ...) less its mean over the fitted rows, the drive's own."""
+        result: Array = law(self.angle) - self.share @ law(self.fitted)
         return result
 
     def family(self, laws: Callable[[Array], Array]) -> Array:
@@ -49,8 +68,8 @@ class Following:
         with standard normal factors (Karhunen and Loeve).
         """
         fitted = laws(self.fitted)
-        mean = fitted.mean(axis=0)
-        _, values, right = np.linalg.svd(fitted - mean, full_matrices=False)
+        mean = self.share @ fitted
+        _, values, right = np.linalg.svd(np.sqrt(self.share)[:, None] * (fitted - mean), full_matrices=False)
         kept = values[: min(MODES, values.size)]
         weight = right[: kept.size].T / np.sqrt(fitted.shape[1])
         result: Array = (laws(self.angle) - mean) @ weight

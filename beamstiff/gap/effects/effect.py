@@ -48,6 +48,20 @@ class Shape:
     weight: float = 1.0
 
 
+Scales = dict[str, float | tuple[float, ...]]
+
+
+def stated_scale(baseline: Baseline, name: str) -> float | None:
+    """Return a scale that is written beside an effect of the robot; None in a diagnosis."""
+    value = None if baseline.stated is None else baseline.stated.get(name)
+    return value if isinstance(value, float) else None
+
+
+def no_scales(baseline: Baseline, component: str | None) -> Scales:  # noqa: ARG001
+    """Return nothing: the shapes do not depend on the rows that were fitted."""
+    return {}
+
+
 @dataclass(frozen=True)
 class Effect:
     """Something that a model can lack.
@@ -64,6 +78,9 @@ class Effect:
     separation : str
         The measurement that tells it from its look-alikes, in words.
     look_alikes : tuple of str
+    scales : callable
+        What its shapes take from the rows that were fitted, SI, by name: written beside an effect that is
+        added to a robot, and found in `Baseline.stated` where such a robot is used.
     sources : str
         Where the realistic sizes come from.
     """
@@ -76,3 +93,4 @@ class Effect:
     separation: str
     look_alikes: tuple[str, ...] = field(default=())
     sources: str = "engineering estimate"
+    scales: Callable[[Baseline, str | None], Scales] = no_scales

@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 
 from beamstiff.gap.baseline import Baseline
-from beamstiff.gap.effects.drive_stiffness import PHASES, Following, scaled_torque
-from beamstiff.gap.effects.effect import Effect, Quantity, Shape
-from beamstiff.gap.effects.laws import axis_at, drive_compliance, drives
+from beamstiff.gap.effects.drive_stiffness import PHASES, Following, angle_scales, scaled_torque
+from beamstiff.gap.effects.effect import Effect, Quantity, Scales, Shape, stated_scale
+from beamstiff.gap.effects.laws import Axis, axis_at, drive_compliance, drives
 from beamstiff.robot.fields import RIGID
 
 RATIOS, MIDDLE = (0.15, 0.4, 0.7), 0.4
@@ -24,7 +24,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     if axis.joint.variable is None or not axis.turns or axis.stiffness == RIGID:
         return []
     follow = Following(baseline, axis.joint.variable)
-    compliance = drive_compliance(axis)
+    compliance = _compliance(baseline, axis)
     family = [(ratio, free, phase) for ratio in RATIOS for free in FREE_LENGTHS for phase in PHASES]
     springs = [(MIDDLE, free, phase) for free in FREE_LENGTHS[::2] for phase in PHASES]
 
@@ -37,7 +37,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         return shift - axis.shift * (torque * compliance)[:, None] if baseline.absolute else shift
 
     size = Quantity("largest_stiffness", "N*m/rad", 0.1 / compliance)
-    stiffness = (laws(follow.angle, springs) - laws(follow.fitted, springs).mean(axis=0)).T
+    stiffness = follow.varying(lambda q: laws(q, springs)).T
     torques = [_spring(follow.angle - phase, ratio, free)[0] for ratio, free, phase in springs]
     result = [
         Shape(
@@ -54,6 +54,16 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         names = tuple(Quantity(f"stiffness_mode_{k + 1}", "N*m/rad", size.size) for k in range(len(whole)))
         result.append(Shape("any spring", np.stack(whole, -1), names, spread=4.0))
     return result
+
+
+def _compliance(baseline: Baseline, axis: Axis) -> float:
+    """Return the drive's compliance that the balancer's stiffness is counted against."""
+    return stated_scale(baseline, "compliance") or drive_compliance(axis)
+
+
+def _scales(baseline: Baseline, component: str | None) -> Scales:
+    compliance = _compliance(baseline, axis_at(baseline, str(component)))
+    return {**angle_scales(baseline, component), "compliance": compliance}
 
 
 def _spring(angle: np.ndarray, ratio: float, free: float) -> tuple[np.ndarray, np.ndarray]:
@@ -81,4 +91,5 @@ EFFECT = Effect(
     separation="the same loads with the spring disconnected",
     look_alikes=("actuator-lever",),
     sources="several to 30 % of the drive's stiffness (arXiv 1311.6674, 1311.6810)",
+    scales=_scales,
 )

@@ -6,7 +6,7 @@ import numpy as np
 
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects.effect import Effect, Quantity, Shape
-from beamstiff.gap.effects.laws import axis_at, by_law, drive_compliance, drives, unit_of
+from beamstiff.gap.effects.laws import axis_at, by_law, drive_compliance, drives, torque_scale, unit_of
 
 KNEES = (0.1, 0.25, 0.5)  # of the largest torque: where the soft wind-up ends
 
@@ -50,4 +50,5 @@ EFFECT = Effect(
     separation="four load levels in both directions of this joint's torque",
     look_alikes=("backlash",),
     sources="K1:K3 = 0.53 to 0.6, T1:T2 = 0.28 (Harmonic Drive CHA)",
+    scales=torque_scale,
 )

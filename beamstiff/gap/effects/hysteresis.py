@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects.effect import Effect, Quantity, Shape
-from beamstiff.gap.effects.laws import axis_at, drive_compliance, drives, unit_of
+from beamstiff.gap.effects.laws import axis_at, drive_compliance, drives, torque_scale, unit_of
 from beamstiff.measure.rows import history_order
 from beamstiff.se3 import Array
 
@@ -98,4 +98,5 @@ EFFECT = Effect(
     separation="a closed load cycle with a return to zero load",
     look_alikes=("load-error", "backlash"),
     sources="below 1 to 3 arcmin (Harmonic Drive CHA)",
+    scales=torque_scale,
 )

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamstiff.gap.baseline import Baseline, own_direction
+from beamstiff.gap.effects.effect import Scales, stated_scale
 from beamstiff.gap.places import Place
 from beamstiff.robot.fields import FREE, RIGID
 from beamstiff.robot.parts import Joint
@@ -58,7 +59,9 @@ def axis_at(baseline: Baseline, component: str) -> Axis:
     kind = own_direction(baseline.nominal, joint.name)
     at = 3 if kind == "torsional" else 0
     place = baseline.places.joints[joint.name]
-    largest = float(np.abs(baseline.fit.places.joints[joint.name].load[:, at]).max(initial=0.0))
+    largest = stated_scale(baseline, "torque")
+    if largest is None:
+        largest = float(np.abs(baseline.fit.places.joints[joint.name].load[:, at]).max(initial=0.0))
     return Axis(
         joint=joint,
         load=place.load[:, at],
@@ -68,6 +71,11 @@ def axis_at(baseline: Baseline, component: str) -> Axis:
         turns=kind == "torsional",
         typical=largest or 1.0,
     )
+
+
+def torque_scale(baseline: Baseline, component: str | None) -> Scales:
+    """Return the scale of the effects that count torques against the largest one."""
+    return {"torque": axis_at(baseline, str(component)).typical}
 
 
 def drives(baseline: Baseline) -> list[str | None]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from beamstiff.gap.baseline import Baseline
-from beamstiff.gap.effects.effect import Effect, Quantity, Shape
+from beamstiff.gap.effects.effect import Effect, Quantity, Scales, Shape, stated_scale
 from beamstiff.gap.effects.outside import tool_axes
 from beamstiff.measure.rows import history_order
 from beamstiff.se3 import Array
@@ -20,9 +20,18 @@ GAIN = 0.03
 TARE = 10.0  # N
 
 
+def _largest_force(baseline: Baseline) -> float:
+    force = np.linalg.norm(baseline.fit.rows.wrench[:, :3], axis=1)
+    return stated_scale(baseline, "force") or float(force.max(initial=0.0)) or 1.0
+
+
+def _scales(baseline: Baseline, component: str | None) -> Scales:  # noqa: ARG001
+    return {"force": _largest_force(baseline)}
+
+
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: ARG001
     wrench, axes = baseline.rows.wrench, tool_axes(baseline)
-    largest = float(np.linalg.norm(baseline.fit.rows.wrench[:, :3], axis=1).max(initial=0.0)) or 1.0
+    largest = _largest_force(baseline)
     base = np.broadcast_to(np.eye(3), axes.shape)
 
     def moved(error: Array) -> Array:
@@ -66,7 +75,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
         Shape("tare of the tool", constant(axes), named("tare_tool", "N", TARE)),
     ]
     branch = rising(baseline.fit)
-    if (branch > 0).any() and (branch < 0).any():
+    if baseline.stated is not None or ((branch > 0).any() and (branch < 0).any()):
         branch = rising(baseline)
         friction = Quantity("pulley_friction", "1", GAIN)
         result.append(Shape("pulley friction", moved((wrench * branch[:, None])[..., None]), (friction,)))
@@ -92,9 +101,10 @@ EFFECT = Effect(
     name="load-error",
     family="measurement",
     meaning="The load's magnitude or direction is misread: sensor gain, cable angle, pulley friction.",
-    components=lambda baseline: [None] if np.abs(baseline.rows.wrench).any() else [],
+    components=lambda baseline: [None] if np.abs(baseline.rows.wrench).any() or baseline.stated else [],
     shapes=_shapes,
     separation="a plumb line beside the cable, a load cell at the tool, a closed load cycle",
     look_alikes=("frame-misalignment", "tool-offset"),
     sources="0.5 to 5 deg, 1 to 10 %, engineering estimate",
+    scales=_scales,
 )

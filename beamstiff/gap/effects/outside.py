@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, fields
+
 import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.gap.baseline import Baseline, nominal_pose
+from beamstiff.gap.effects.effect import stated_scale
 from beamstiff.measure.rows import history_order
 from beamstiff.se3 import Array
 
@@ -15,15 +18,34 @@ def tool_axes(baseline: Baseline) -> Array:
     return nominal_pose(baseline.nominal, baseline.rows)[1]
 
 
+@dataclass(frozen=True)
+class Campaign:
+    """When the rows that were fitted began, how long they took (0: no times), and how many they are."""
+
+    start: float
+    duration: float
+    rows: float
+
+
+def campaign(baseline: Baseline) -> Campaign:
+    """Return the campaign by which the clock goes: as stated, else that of the rows that were fitted."""
+    stated = [stated_scale(baseline, item.name) for item in fields(Campaign)]
+    if None not in stated:
+        return Campaign(*(value for value in stated if value is not None))
+    fitted = baseline.fit.rows
+    if not np.isfinite(fitted.time).all():
+        return Campaign(0.0, 0.0, float(len(fitted)))
+    return Campaign(float(fitted.time.min()), float(np.ptp(fitted.time)), float(len(fitted)))
+
+
 def clock(baseline: Baseline) -> Array:
     """Return when each row was read, (N,): its time, else its place in the order, from 0 to about 1."""
-    rows, fitted = baseline.rows, baseline.fit.rows
-    if np.isfinite(fitted.time).all() and np.ptp(fitted.time) > 0:
-        first, span = fitted.time.min(), np.ptp(fitted.time)
-        read: Array = np.nan_to_num((rows.time - first) / span)
+    rows, fitted = baseline.rows, campaign(baseline)
+    if fitted.duration > 0:
+        read: Array = np.nan_to_num((rows.time - fitted.start) / fitted.duration)
         return read
     result = np.empty(len(rows))
-    result[history_order(rows)] = np.arange(len(rows)) / max(len(fitted) - 1, 1)
+    result[history_order(rows)] = np.arange(len(rows)) / max(fitted.rows - 1, 1)
     return result
 
 

@@ -1,0 +1,110 @@
+"""From a diagnosis to a robot with the effect, and on to the other commands."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from beamstiff import load_robot
+
+Run = Callable[..., Any]
+
+NOISE = 1e-5  # m
+TORSIONAL, HALF_WIDTH = 8e5, 3e-4  # N m/rad and rad; the model says 1e6 and none
+
+
+def crane_with_backlash(seed: int) -> str:
+    """Return a table of the crane with backlash, by hand; forces across the arm stiffen nothing."""
+    rng = np.random.default_rng(seed)
+    lines = [f"# sigma_position: {NOISE}", "q1,fx,fy,fz,dx,dy,dz"]
+    for q in np.repeat(rng.uniform(-2.5, 2.5, 25), 4):
+        across = np.array([-np.sin(q), np.cos(q)])
+        push = rng.uniform(-1500, 1500)
+        slip = push / TORSIONAL + HALF_WIDTH * np.tanh(push / 50.0)  # at 1 m
+        moved = np.append(push / 2e6 * across + slip * across, 0.0) + NOISE * rng.standard_normal(3)
+        force = push * across
+        lines.append(",".join(repr(float(v)) for v in (q, *force, 0.0, *moved)))
+    return "\n".join(lines) + "\n"
+
+
+@pytest.fixture
+def applied(run: Run, folder: Path) -> Any:
+    (folder / "loads.csv").write_text(crane_with_backlash(1))
+    return run("diagnose", "crane.yaml", "loads.csv", "--apply", "larger.yaml", "--json", "said.json")
+
+
+def test_the_robot_with_the_effect_is_written(applied: Any, folder: Path) -> None:
+    assert applied.exit_code == 0, applied.output
+    assert "larger.yaml: the fitted stiffness, and backlash:q1 added." in applied.stdout
+    verdict = json.loads((folder / "said.json").read_text())["verdict"]
+    assert (verdict["effect"], verdict["component"]) == ("backlash", "q1")
+    text = (folder / "larger.yaml").read_text()
+    assert text.startswith("# Stiffness fitted by beamstiff to loads.csv, and backlash:q1 added.\n")
+    robot = load_robot(folder / "larger.yaml")
+    assert robot.parameter("J1.torsional") == pytest.approx(TORSIONAL, rel=0.03)
+    assert all(str(one.parameters["half_width"]).endswith(" rad") for one in robot.effects)
+
+
+@pytest.mark.usefixtures("applied")
+def test_deflect_adds_the_effect_and_says_so(run: Run, folder: Path) -> None:
+    (folder / "new.csv").write_text(crane_with_backlash(2))
+    result = run("deflect", "larger.yaml", "new.csv")
+    assert result.exit_code == 0, result.output
+    assert "With the robot's effects: backlash:q1." in result.stdout
+    answers = {
+        robot: np.array(json.loads(run("deflect", robot, "new.csv", "--json", "-").stdout)["displacement"])
+        for robot in ("crane.yaml", "larger.yaml")
+    }
+    rows = np.loadtxt((folder / "new.csv").read_text().splitlines()[2:], delimiter=",")
+    left = {robot: np.abs(answer[:, :3] - rows[:, 4:]).max() for robot, answer in answers.items()}
+    assert left["larger.yaml"] < 6 * NOISE < HALF_WIDTH < left["crane.yaml"]
+
+
+@pytest.mark.usefixtures("applied")
+def test_diagnose_and_identify_take_the_effect_for_known(run: Run, folder: Path) -> None:
+    (folder / "new.csv").write_text(crane_with_backlash(3))
+    again = run("diagnose", "larger.yaml", "new.csv", "--json", "-", "--apply", "same.yaml")
+    assert json.loads(again.stdout)["verdict"]["effect"] == "none"
+    assert load_robot(folder / "same.yaml").effects == load_robot(folder / "larger.yaml").effects
+    found = run("identify", "larger.yaml", "new.csv", "--json", "found.json", "--out", "identified.yaml")
+    assert found.exit_code == 0, found.output
+    assert "Beside the robot's effects, as they are: backlash:q1." in found.stdout
+    value = json.loads((folder / "found.json").read_text())["parameters"]["J1.torsional"]["value"]
+    assert value == pytest.approx(TORSIONAL, rel=0.01)
+    assert load_robot(folder / "identified.yaml").effects == load_robot(folder / "larger.yaml").effects
+
+
+def test_where_nothing_is_found_the_fitted_robot_is_written(run: Run, folder: Path) -> None:
+    result = run("diagnose", "crane.yaml", "crane.csv", "--apply", "fitted.yaml")
+    assert result.exit_code == 0, result.output
+    assert "fitted.yaml: the fitted stiffness, and no effect added." in result.stdout
+    robot = load_robot(folder / "fitted.yaml")
+    assert robot.effects == ()
+    assert robot.parameter("J1.torsional") == pytest.approx(1e6, rel=1e-3)
+
+
+def test_an_unknown_effect_is_one_line(run: Run, folder: Path) -> None:
+    text = (folder / "crane.yaml").read_text()
+    text += "effects: [{effect: backlach, component: q1, shape: a, parameters: {half_width: 0.1 mrad}}]\n"
+    (folder / "crane.yaml").write_text(text)
+    for command in ("deflect", "identify", "diagnose"):
+        result = run(command, "crane.yaml", "crane.csv")
+        assert result.exit_code == 2, result.output
+        assert result.stderr.count("\n") == 1
+        assert "effects[0] (backlach): unknown effect 'backlach' (did you mean 'backlash'?)" in result.stderr
+    text = text.replace("0.1 mrad", "0.1 parsec")
+    (folder / "crane.yaml").write_text(text)
+    result = run("deflect", "crane.yaml", "crane.csv")
+    assert result.exit_code == 2
+    assert "effects[0].parameters.half_width: unknown unit 'parsec'" in result.stderr
+
+
+def test_the_robot_written_may_not_be_the_input(run: Run) -> None:
+    result = run("diagnose", "crane.yaml", "crane.csv", "--apply", "crane.yaml")
+    assert result.exit_code == 2
+    assert "--apply" in result.stderr

@@ -1,0 +1,62 @@
+"""Effects in a robot's file: plain data that is read, checked for its form, and written back."""
+
+from __future__ import annotations
+
+import pytest
+
+from beamstiff import BeamstiffError
+from beamstiff.robot.reader import parse_robot
+from beamstiff.robot.writer import robot_to_yaml
+
+POINT = """\
+beamstiff: 1
+name: point
+nodes: [{name: n0}]
+fixed: [n0]
+tcp: n0
+effects:
+"""
+
+
+def test_effects_are_read_and_written_back() -> None:
+    text = POINT + (
+        "  - {effect: backlash, component: q2, shape: flank, parameters: {a: 0.2 mrad, b: 2e-3, c: 1},\n"
+        "     scales: {torque: 812.5, angles: [0, 1e-5, '2e5']}}\n"
+        "  - {effect: base-compliance, shape: tilt, parameters: {tilting: 2e-7 rad/(N*m)}}\n"
+    )
+    robot = parse_robot(text)
+    backlash, floor = robot.effects
+    assert (backlash.component, floor.component) == ("q2", None)
+    assert backlash.parameters == {"a": "0.2 mrad", "b": 2e-3, "c": 1.0}
+    assert backlash.scales == {"torque": 812.5, "angles": (0.0, 1e-5, 2e5)}
+    written = robot_to_yaml(robot)
+    assert parse_robot(written) == robot
+    assert robot_to_yaml(parse_robot(written)) == written
+
+
+@pytest.mark.parametrize(
+    ("effect", "message"),
+    [
+        ("{shape: s, parameters: {a: 1}}", "7: effects[0].effect: is missing"),
+        ("{effect: e, parameters: {a: 1}}", "7: effects[0].shape: is missing"),
+        ("{effect: e, shape: s, parameters: {}}", "7: effects[0].parameters: found {}, expected at least 1"),
+        (
+            "{effect: e, shape: s, parameters: {a: 1}, scale: {}}",
+            "scale: unknown key (did you mean 'scales'?)",
+        ),
+        ("{effect: e, shape: s, parameters: {a: much}}", "parameters.a: found 'much', expected a number"),
+        ("{effect: e, shape: s, parameters: {a: 1 parsec}}", "parameters.a: unknown unit 'parsec'"),
+        ("{effect: e, shape: s, parameters: {a: .nan}}", "parameters.a: found nan, expected a number"),
+        ("{effect: e, shape: s, parameters: {a: [1]}}", "parameters.a: found [1], expected a number"),
+        ("{effect: e, shape: s, parameters: {a: 1}, scales: {t: 1 m}}", "scales.t: found the unit 'm'"),
+        (
+            "{effect: e, shape: s, parameters: {a: 1}, scales: {t: []}}",
+            "scales.t: found [], expected a number",
+        ),
+        ("{effect: e, shape: s, parameters: {a: 1}, scales: {t: [1, .inf]}}", "scales.t: found inf"),
+    ],
+)
+def test_what_has_not_the_form_is_refused_with_its_line(effect: str, message: str) -> None:
+    with pytest.raises(BeamstiffError) as caught:
+        parse_robot(f"{POINT}  - {effect}\n")
+    assert message in str(caught.value)
