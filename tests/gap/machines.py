@@ -10,7 +10,9 @@ import numpy as np
 
 from beamstiff import Robot, load_robot
 from beamstiff.gap.baseline import Baseline, fit_baseline, predict
+from beamstiff.gap.effects import EFFECTS, Shape
 from beamstiff.measure.table import Measurements, make_measurements
+from beamstiff.model.linear import predict_displacements
 from beamstiff.robot.parts import Beam, Frame, Joint, JointStiffness, Mass, Material, Node, Rigid, Variable
 from beamstiff.robot.sections import Section
 from beamstiff.se3 import Array
@@ -85,7 +87,32 @@ def nominal(robot: Robot, rows: Measurements) -> Baseline:
     return fit_baseline(robot, rows)
 
 
-def bent(robot: Robot, link: str, EI: float, twist: float = 1.3, EA: float = 1e14) -> Robot:
+def shape_of(baseline: Baseline, effect: str, component: str | None, name: str) -> Shape:
+    """Return one shape of an effect by its name."""
+    return next(one for one in EFFECTS[effect].shapes(baseline, component) if one.name == name)
+
+
+def close(found: Array, expected: Array, share: float = 1e-9, least: float = 1e-15) -> None:
+    """Ask for agreement within a share of the largest displacement, and of the largest rotation."""
+    assert found.shape == expected.shape
+    for part in (slice(0, 3), slice(3, 6)):
+        scale = np.abs(expected[:, part]).max()
+        np.testing.assert_allclose(found[:, part], expected[:, part], rtol=0, atol=share * scale + least)
+
+
+def by_compliance_of(robot: Robot, rows: Measurements, name: str) -> Array:
+    """Return the derivative (N, 6) of the prediction by the compliance of a parameter."""
+    value = robot.parameter(name)
+    compliance = 1 / value if np.isfinite(value) else 0.0
+    step = max(1e-4 * compliance, 1e-12 if not name.endswith(".E") else 0.0)
+    here, first, second = (
+        predict_displacements(robot.with_parameters({name: 1 / c if c else value}), rows)
+        for c in (compliance, compliance + step, compliance + 2 * step)
+    )
+    return (4 * first - second - 3 * here) / (2 * step)
+
+
+def bent(robot: Robot, link: str, EI: float, twist: float = 1.3, EA: float = 1e10) -> Robot:
     """Return a robot with a beam of round section in place of a rigid; ``GJ = EI / twist``."""
     rigid = next(item for item in robot.rigids if item.name == link)
     E = 2e11
@@ -143,13 +170,21 @@ class Arm:
         return self.turned(self.axis[:, joint] * slip[:, None], joint)
 
 
-def arm_at(q: Array) -> Arm:
-    """Return the KR240-2 in postures (N, 6): forward kinematics, one frame after another."""
+def arm_at(q: Array, off: tuple[int, str, float] | None = None) -> Arm:
+    """Return the KR240-2 in postures (N, 6): forward kinematics, one frame after another.
+
+    `off` adds to a parameter of a joint's frame: joint, name (alpha, d, theta or r), by how much.
+    """
     count = len(q)
     turn, at = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
     axes, points = [], []
     for joint, (alpha, along, offset) in enumerate(_KR240):
-        c, s, zero, one = np.cos(q[:, joint]), np.sin(q[:, joint]), np.zeros(count), np.ones(count)
+        angle = q[:, joint]
+        if off is not None and off[0] == joint:
+            by = {"alpha": 0.0, "d": 0.0, "theta": 0.0, "r": 0.0, off[1]: off[2]}
+            alpha, along, offset = alpha + by["alpha"], along + by["d"], offset + by["r"]
+            angle = angle + by["theta"]
+        c, s, zero, one = np.cos(angle), np.sin(angle), np.zeros(count), np.ones(count)
         tilt = np.array([[1, 0, 0], [0, np.cos(alpha), -np.sin(alpha)], [0, np.sin(alpha), np.cos(alpha)]])
         about = np.moveaxis(np.array([[c, -s, zero], [s, c, zero], [zero, zero, one]]), -1, 0)
         at = at + turn @ np.array([along, 0.0, 0.0])

@@ -1,0 +1,44 @@
+"""A dead zone of one joint, by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.gap.machines import FORE, close, elbow, nominal, rows_of, shape_of
+
+SIDEWAYS = np.array([0.0, 1.0, 0, 0, 0, 0])  # of the straight arm along x: turns the elbow by FORE a newton
+STEP = np.array([0.0, FORE, 0, 0, 0, 1.0])  # what the tip does per radian of the elbow
+
+
+@pytest.mark.parametrize("shape", ["flank within 0.005", "flank within 0.03", "flank within 0.1"])
+def test_a_torque_beyond_the_flank_moves_the_joint_by_half_the_zone_to_its_side(shape: str) -> None:
+    rows = rows_of(elbow(), [0, 0], np.array([1000, -1000, 600, -600])[:, None] * SIDEWAYS)
+    found = shape_of(nominal(elbow(), rows), "backlash", "q2", shape).columns[..., 0]
+    close(found, np.array([1, -1, 1, -1])[:, None] * STEP, 1e-4)
+
+
+def test_about_zero_torque_the_flank_is_steep() -> None:
+    torque = np.array([1000.0, 5.0, -5.0, 2.0])
+    rows = rows_of(elbow(), [0, 0], torque[:, None] / FORE * SIDEWAYS)
+    found = shape_of(nominal(elbow(), rows), "backlash", "q2", "flank within 0.005").columns[:, 5, 0]
+    assert found == pytest.approx(np.tanh(torque / 5), rel=1e-9)
+
+
+def test_weight_that_presses_on_one_flank_hides_it_from_displacements() -> None:
+    pressed = elbow(mass=500.0, gravity=(0.0, -9.81, 0.0))  # 3.9 kN m about the elbow
+    rows = rows_of(pressed, [0, 0], np.array([2000, -2000, 1000, -1000])[:, None] * SIDEWAYS)
+    shape = shape_of(nominal(pressed, rows), "backlash", "q2", "flank within 0.03")
+    np.testing.assert_allclose(shape.columns, 0, atol=1e-9)
+
+
+def test_a_load_that_lifts_the_weight_crosses_the_whole_zone() -> None:
+    pressed = elbow(mass=50.0, gravity=(0.0, -9.81, 0.0))
+    rows = rows_of(pressed, [0, 0], np.array([2000, -2000])[:, None] * SIDEWAYS)
+    shape = shape_of(nominal(pressed, rows), "backlash", "q2", "flank within 0.03")
+    close(shape.columns[..., 0], np.array([2, 0])[:, None] * STEP, 1e-4)
+
+
+def test_a_joint_without_torque_shows_none_of_it() -> None:
+    rows = rows_of(elbow(), [0, 0], np.array([500, -500])[:, None] * np.eye(6)[0])
+    assert not shape_of(nominal(elbow(), rows), "backlash", "q2", "flank within 0.03").columns.any()

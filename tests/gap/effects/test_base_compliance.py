@@ -1,0 +1,63 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from beamstiff import Robot
+from beamstiff.robot.parts import Joint, JointStiffness, Node
+from tests.gap.machines import arm_at, at_random, by_compliance_of, close, elbow, kr240, nominal, shape_of
+
+SOUND = {"axial": 1e9, "radial": 1e9, "torsional": 1e8, "tilting": 1e8}
+
+
+def on_springs() -> Robot:
+    """Return the elbow arm on a joint between floor and foot, about the vertical."""
+    robot = elbow()
+    floor = Joint(
+        name="J0", nodes=["floor", "foot"], frame="base", axis="z", stiffness=JointStiffness(**SOUND)
+    )
+    update = {
+        "nodes": (Node(name="floor"), *robot.nodes),
+        "joints": (floor, *robot.joints),
+        "fixed": ("floor",),
+    }
+    return robot.model_copy(update=update)
+
+
+@pytest.mark.parametrize(
+    ("shape", "columns", "kind"),
+    [
+        ("tilt", [0], "tilting"),
+        ("rotation", [0, 1], "tilting"),
+        ("rotation", [2], "torsional"),
+        ("soil", [3, 4], "radial"),
+        ("soil", [5], "axial"),
+    ],
+)
+def test_columns_are_derivatives_by_springs_under_the_foot(shape: str, columns: list[int], kind: str) -> None:
+    rows = at_random(elbow(), 8, seed=1)
+    found = (
+        shape_of(nominal(elbow(), rows), "base-compliance", None, shape).columns[..., columns].sum(axis=-1)
+    )
+    close(found, by_compliance_of(on_springs(), rows, f"J0.{kind}"), 1e-6)
+
+
+def test_all_of_it_is_any_symmetric_6x6_compliance_of_the_floor() -> None:
+    there = nominal(kr240(), at_random(kr240(), 12, seed=2))
+    arm, wrench = arm_at(there.rows.q), there.rows.wrench
+    factor = np.random.default_rng(3).standard_normal((6, 6))
+    passed = np.concatenate([wrench[:, :3], wrench[:, 3:] + np.cross(arm.tip, wrench[:, :3])], axis=1)
+    d, r = np.split(passed @ (factor @ factor.T), 2, axis=1)
+    moved = np.concatenate([d + np.cross(r, arm.tip), r], axis=1).ravel()
+    columns = shape_of(there, "base-compliance", None, "all").columns.reshape(72, 21 - 3)
+    # three of 21 are missing: translations that are coupled with one another
+    slides = np.concatenate([d * 0 + wrench[:, [1, 0, 2]] * [1, 1, 0], 0 * r], axis=1)
+    extra = [slides]
+    for a, b in ((0, 2), (1, 2)):
+        other = np.zeros_like(slides)
+        other[:, a], other[:, b] = wrench[:, b], wrench[:, a]
+        extra.append(other)
+    every = np.concatenate([columns, np.stack([one.ravel() for one in extra], axis=-1)], axis=1)
+    every /= np.linalg.norm(every, axis=0)
+    left = moved - every @ np.linalg.lstsq(every, moved)[0]
+    assert np.linalg.norm(left) < 1e-9 * np.linalg.norm(moved)

@@ -1,0 +1,50 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from beamstiff import load_robot
+from tests.gap.machines import (
+    arm_at,
+    at_random,
+    by_compliance_of,
+    close,
+    elbow,
+    kr240,
+    nominal,
+    rows_of,
+    shape_of,
+)
+
+
+@pytest.mark.parametrize(
+    ("shape", "at", "kind"), [("tilt", 0, "tilting"), ("all", 3, "radial"), ("all", 4, "axial")]
+)
+def test_columns_are_derivatives_by_the_bearings_compliance_where_it_is_finite(
+    shape: str, at: int, kind: str
+) -> None:
+    robot = elbow(tilting=1e6, radial=1e8, axial=2e8)
+    there = nominal(robot, at_random(robot, 8, seed=1))
+    found = shape_of(there, "bearing-tilt", "q2", shape).columns[..., at]
+    close(found, by_compliance_of(robot, there.rows, f"J2.{kind}"), 1e-6)
+
+
+def test_in_a_closed_loop_too() -> None:
+    robot = load_robot("ir663")
+    rows = at_random(robot, 8, seed=2, reach=0.4)
+    rows = rows_of(robot, rows.q, rows.wrench * [1, 0, 1, 0, 1, 0])
+    there = nominal(robot, rows)
+    found = shape_of(there, "bearing-tilt", "J1010", "tilt and radial").columns[..., 1]
+    close(found, by_compliance_of(robot, rows, "J1010.radial"), 1e-5)
+
+
+@pytest.mark.parametrize("joint", range(6))
+def test_a_rigid_bearing_tilts_by_the_moment_across_its_axis(joint: int) -> None:
+    there = nominal(kr240(), at_random(kr240(), 8, seed=3))
+    arm = arm_at(there.rows.q)
+    moment, axis = arm.moment(there.rows.wrench)[:, joint], arm.axis[:, joint]
+    across = moment - axis * (axis * moment).sum(axis=1, keepdims=True)
+    found = shape_of(there, "bearing-tilt", f"q{joint + 1}", "tilt").columns[..., 0]
+    close(found, arm.turned(across, joint))
+    by_axis = shape_of(there, "bearing-tilt", f"q{joint + 1}", "tilt by axis").columns
+    np.testing.assert_allclose(by_axis[..., :2].sum(axis=-1), found, atol=1e-9)

@@ -1,0 +1,120 @@
+"""Stiffness that follows the angle: cranks and spring balancers by the geometry of their own."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from beamstiff.gap.baseline import Baseline
+from beamstiff.gap.effects import EFFECTS
+from beamstiff.gap.effects.actuator_lever import _lever
+from beamstiff.gap.effects.gravity_compensator import _spring
+from beamstiff.se3 import Array
+from tests.gap.machines import arm_at, close, kr240, nominal, rows_of, shape_of
+
+TINY = 1e-5
+
+
+@pytest.fixture(scope="module")
+def campaign() -> Baseline:
+    rng = np.random.default_rng(1)
+    middle = np.array([0, 1.2, -1.5, 0, 0.8, 0])
+    q = np.repeat(middle + rng.uniform(-0.8, 0.8, (15, 6)), 2, axis=0)
+    return nominal(kr240(), rows_of(kr240(), q, rng.normal(0, 1000, (30, 6)) * [1, 1, 1, 0.2, 0.2, 0.2]))
+
+
+def screw_length(angle: Array, ratio: float) -> Array:
+    """Return the length of a screw between points 1 and `ratio` from the axis."""
+    a, b = np.array([1.0, 0.0]), ratio * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    return np.linalg.norm(b - a, axis=-1)
+
+
+@pytest.mark.parametrize("ratio", [0.15, 0.5, 0.85])
+def test_a_screws_lever_is_its_stroke_by_the_angle(ratio: float) -> None:
+    angle = np.linspace(0.2, 2.9, 20)
+    stroke = (screw_length(angle + TINY, ratio) - screw_length(angle - TINY, ratio)) / (2 * TINY)
+    assert _lever(angle, ratio) == pytest.approx(np.abs(stroke), rel=1e-8)
+
+
+@pytest.mark.parametrize("free", [0.0, 0.4, 0.8])
+@pytest.mark.parametrize("ratio", [0.15, 0.4, 0.7])
+def test_a_balancers_torque_and_stiffness_are_slopes_of_its_energy(ratio: float, free: float) -> None:
+    def energy(angle: Array) -> Array:
+        a, r = np.array([1.0, 0.0]), ratio * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        return 0.5 * (np.linalg.norm(a + r, axis=-1) - free * (1 - ratio)) ** 2
+
+    angle, step = np.linspace(-3, 3, 25), 1e-4
+    slope = (energy(angle + step) - energy(angle - step)) / (2 * step)
+    curve = (energy(angle + step) - 2 * energy(angle) + energy(angle - step)) / step**2
+    torque, stiffness = _spring(angle, ratio, free)
+    scale = stiffness @ stiffness / (curve @ stiffness)
+    np.testing.assert_allclose(stiffness, scale * curve, atol=1e-6)
+    np.testing.assert_allclose(torque, scale * slope, atol=1e-6)
+    assert np.abs(_spring(np.linspace(0, 2 * np.pi, 1001), ratio, free)[1]).max() == pytest.approx(
+        1, abs=1e-3
+    )
+
+
+def elastic(campaign: Baseline, compliance: Array) -> Array:
+    """Return the displacement (N, 6) of a second drive whose compliance (N,) follows its angle."""
+    arm = arm_at(campaign.rows.q)
+    return arm.slipped(compliance * arm.torque(campaign.rows.wrench)[:, 1], 1)
+
+
+def left(moved: Array, columns: Array) -> float:
+    """Return the share of a displacement that columns (N, 6, c) do not explain."""
+    every = columns.reshape(moved.size, -1)
+    every = every / np.linalg.norm(every, axis=0)
+    rest = moved.ravel() - every @ np.linalg.lstsq(every, moved.ravel())[0]
+    return float(np.linalg.norm(rest) / np.linalg.norm(moved))
+
+
+def constant(campaign: Baseline) -> Array:
+    return elastic(campaign, np.ones(len(campaign.rows)))[..., None]
+
+
+def test_a_crank_is_a_drive_whose_compliance_goes_with_1_over_the_square_of_its_lever(
+    campaign: Baseline,
+) -> None:
+    shapes = [one for one in EFFECTS["actuator-lever"].shapes(campaign, "q2") if one.name.startswith("crank")]
+    assert len(shapes) > 20
+    for shape in shapes[::5]:
+        ratio, degrees = shape.name.removeprefix("crank ").removesuffix(" deg").split(", ")
+        phase = np.pi / 8 * round(float(degrees) / 22.5)  # the name rounds it
+        angle = campaign.rows.q[:, 1] + phase
+        stroke = screw_length(angle + TINY, float(ratio)) - screw_length(angle - TINY, float(ratio))
+        lever = stroke / (2 * TINY)
+        follows = (lever**2).mean() / lever**2
+        # its mean is the drive's own compliance, which is fitted already
+        close(shape.columns[..., 0], elastic(campaign, follows - follows.mean()), 1e-6)
+
+
+def test_any_crank_is_nearly_one_of_the_main_modes(campaign: Baseline) -> None:
+    modes = shape_of(campaign, "actuator-lever", "q2", "any crank").columns
+    columns = np.concatenate([modes, constant(campaign)], axis=-1)
+    for ratio, phase in ((0.22, 0.3), (0.6, 0.5), (0.4, 0.1)):
+        lever = _lever(campaign.rows.q[:, 1] + phase, ratio)
+        follows = (lever**2).mean() / lever**2
+        whole = left(elastic(campaign, follows), constant(campaign))
+        assert left(elastic(campaign, follows), columns) < 0.1 * whole
+
+
+def test_a_balancer_beside_the_drive_takes_from_its_compliance(campaign: Baseline) -> None:
+    k = 6.6e6  # of the second drive, table 2
+    ratio, free, phase = 0.4, 0.0, np.radians(45)
+    along = shape_of(campaign, "gravity-compensator", "q2", "spring 0.4, free 0, 45 deg").columns
+    added = 1e-4 * k * _spring(campaign.rows.q[:, 1] - phase, ratio, free)[1]
+    moved = elastic(campaign, 1 / (k + added) - 1 / k)
+    columns = np.concatenate([along, constant(campaign)], axis=-1)
+    assert left(moved, columns) < 1e-3
+    # and in its own size: what is left of the best constant compliance is the column times the stiffness
+    rest = moved - along[..., 0] * 1e-4 * k
+    assert left(rest, constant(campaign)) < 1e-3
+
+
+def test_angles_that_stand_still_show_neither() -> None:
+    rows = rows_of(kr240(), [0, 1, -1, 0, 0.5, 0], np.random.default_rng(2).normal(0, 500, (6, 6)))
+    there = nominal(kr240(), rows)
+    for effect in ("actuator-lever", "gravity-compensator"):
+        for shape in EFFECTS[effect].shapes(there, "q2"):
+            np.testing.assert_allclose(shape.columns, 0, atol=1e-9)

@@ -1,0 +1,108 @@
+"""What holds for every effect of the library."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from beamstiff import load_robot
+from beamstiff.gap.baseline import Baseline
+from beamstiff.gap.effects import EFFECTS
+from tests.gap.machines import arm_at, at_random, kr240, nominal, rows_of
+
+NAMES = [
+    "link-bending",
+    "bearing-tilt",
+    "base-compliance",
+    "tool-compliance",
+    "actuator-lever",
+    "backlash",
+    "joint-compliance",
+    "hardening",
+    "hysteresis",
+    "joint-coupling",
+    "gravity-compensator",
+    "geometry-error",
+    "tool-offset",
+    "load-error",
+    "frame-misalignment",
+    "payload-error",
+    "thermal-drift",
+    "outliers",
+]
+BY_LOAD = {"link-bending", "bearing-tilt", "base-compliance", "tool-compliance", "backlash", "hardening"}
+
+
+def campaigns() -> dict[str, Baseline]:
+    robot = kr240()
+    some = at_random(robot, 6, seed=1, time=np.arange(6.0), step=np.zeros(6), temperature=np.arange(6.0))
+    arm = arm_at(some.q)
+    vector = Rotation.from_matrix(arm.tool).as_rotvec()
+    absolute = rows_of(robot, some.q, some.wrench, position=arm.tip, rotation=vector)
+    loop = load_robot("ir663")
+    plane = at_random(loop, 6, seed=2, reach=0.4)
+    plane = rows_of(loop, plane.q, plane.wrench * [1, 0, 1, 0, 1, 0])
+    return {
+        "serial": nominal(robot, some),
+        "absolute": nominal(robot, absolute),
+        "loop": nominal(loop, plane),
+    }
+
+
+@pytest.fixture(scope="module")
+def rows() -> dict[str, Baseline]:
+    return campaigns()
+
+
+def test_the_effects_are_those_of_the_format() -> None:
+    assert sorted(EFFECTS) == sorted(NAMES)
+
+
+@pytest.mark.parametrize("effect", NAMES)
+def test_an_effect_says_what_it_is_and_what_tells_it_from_its_look_alikes(effect: str) -> None:
+    one = EFFECTS[effect]
+    assert one.name == effect
+    assert one.meaning.endswith(".")
+    assert one.separation
+    assert one.sources
+    assert set(one.look_alikes) <= set(NAMES) - {effect}
+
+
+@pytest.mark.parametrize("campaign", ["serial", "absolute", "loop"])
+@pytest.mark.parametrize("effect", NAMES)
+def test_shapes_are_finite_columns_with_named_sizes(
+    effect: str, campaign: str, rows: dict[str, Baseline]
+) -> None:
+    there = rows[campaign]
+    for component in EFFECTS[effect].components(there):
+        shapes = EFFECTS[effect].shapes(there, component)
+        assert len({one.name for one in shapes}) == len(shapes)
+        for one in shapes:
+            assert one.columns.shape == (len(there.rows), 6, len(one.parameters))
+            assert np.isfinite(one.columns).all()
+            assert one.spread > 1
+            assert one.weight > 0
+            assert len({item.name for item in one.parameters}) == len(one.parameters)
+            assert all(item.size > 0 and item.unit for item in one.parameters)
+
+
+@pytest.mark.parametrize("effect", sorted(BY_LOAD))
+def test_what_gives_way_under_load_does_nothing_without(effect: str) -> None:
+    rows = at_random(kr240(), 3, seed=3)
+    there = nominal(kr240(), rows_of(kr240(), rows.q, 0 * rows.wrench))
+    for component in EFFECTS[effect].components(there):
+        for one in EFFECTS[effect].shapes(there, component):
+            np.testing.assert_allclose(one.columns, 0, atol=1e-12)
+
+
+def test_linear_places_do_twice_as_much_under_twice_the_load(rows: dict[str, Baseline]) -> None:
+    once = rows["serial"]
+    twice = nominal(kr240(), rows_of(kr240(), once.rows.q, 2 * once.rows.wrench))
+    for effect in ("link-bending", "bearing-tilt", "base-compliance", "tool-compliance", "joint-coupling"):
+        for component in EFFECTS[effect].components(once):
+            pairs = zip(
+                EFFECTS[effect].shapes(once, component), EFFECTS[effect].shapes(twice, component), strict=True
+            )
+            for one, other in pairs:
+                np.testing.assert_allclose(other.columns, 2 * one.columns, rtol=1e-9, atol=1e-9)

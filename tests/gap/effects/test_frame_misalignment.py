@@ -1,0 +1,45 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from beamstiff.gap.baseline import fit_baseline
+from tests.gap.machines import arm_at, at_random, close, kr240, nominal, rows_of, shape_of
+
+SMALL = 1e-6
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_displacements_seen_in_a_turned_frame(axis: int) -> None:
+    there = nominal(kr240(), at_random(kr240(), 8, seed=1))
+    turn = Rotation.from_rotvec(SMALL * np.eye(3)[axis])
+    d, r = np.split(there.predicted, 2, axis=1)
+    seen = np.concatenate([turn.apply(d), turn.apply(r)], axis=1)
+    columns = shape_of(there, "frame-misalignment", None, "turned").columns[..., axis]
+    close(columns, (seen - there.predicted) / SMALL, 1e-5)
+
+
+def test_displacements_seen_in_another_scale() -> None:
+    there = nominal(kr240(), at_random(kr240(), 8, seed=1))
+    columns = shape_of(there, "frame-misalignment", None, "turned and scaled").columns[..., 3]
+    close(columns, there.predicted * [1, 1, 1, 0, 0, 0])  # angles have none
+
+
+@pytest.mark.parametrize("at", range(7))
+def test_absolute_poses_seen_in_a_frame_turned_shifted_or_scaled(at: int) -> None:
+    q = at_random(kr240(), 8, seed=2).q
+    arm = arm_at(q)
+    vector = Rotation.from_matrix(arm.tool).as_rotvec()
+    rows = rows_of(kr240(), q, np.zeros((8, 6)), position=arm.tip, rotation=vector)
+    there = fit_baseline(kr240(), rows)
+    np.testing.assert_allclose(there.measured, 0, atol=1e-12)
+    turn = Rotation.from_rotvec(SMALL * np.eye(7)[at, :3])
+    position = turn.apply(arm.tip) * (1 + SMALL * (at == 6)) + SMALL * np.eye(7)[at, 3:6]
+    seen = replace(rows, position=position, rotation=(turn * Rotation.from_matrix(arm.tool)).as_rotvec())
+    expected = fit_baseline(kr240(), seen).measured / SMALL
+    shape = ("turned", "turned and shifted", "scaled")[0 if at < 3 else 1 if at < 6 else 2]
+    columns = shape_of(there, "frame-misalignment", None, shape).columns[..., at if at < 6 else 0]
+    close(columns, expected, 1e-5, least=1e-9)

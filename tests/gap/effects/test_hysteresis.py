@@ -1,0 +1,107 @@
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from beamstiff.gap.effects.hysteresis import LIMITS, held_torque
+from beamstiff.se3 import Array
+from tests.gap.machines import ELBOW, FORE, elbow, nominal, rows_of, shape_of
+
+CYCLE = np.array([0.25, 0.5, 1.0, 0.5, 0.25, 0.0, -0.5, -1.0, -0.5, 0.0, 1.0])
+
+
+def stepped(torque: Array, limit: float, start: float = 0.0, wound: bool = False) -> Array:
+    n = len(torque)
+    return held_torque(torque, np.full(n, start), np.arange(n) == 0, np.arange(n), limit, wound)
+
+
+def test_friction_holds_all_until_it_slips_and_twice_as_much_on_the_way_back() -> None:
+    # Masing: a branch after a reversal is the first one, doubled
+    r = 0.3
+    first = np.minimum(CYCLE[:3], r)
+    down = first[-1] - 2 * np.minimum((1.0 - CYCLE[3:8]) / 2, r)
+    up = down[-1] + 2 * np.minimum((CYCLE[8:] + 1.0) / 2, r)
+    assert stepped(CYCLE, r) == pytest.approx(np.concatenate([first, down, up]))
+
+
+@given(st.lists(st.floats(-5, 5), min_size=1, max_size=12), st.floats(0.01, 3))
+def test_what_is_held_never_exceeds_the_friction_and_fine_steps_change_nothing(
+    torque: list[float], limit: float
+) -> None:
+    coarse = np.array(torque)
+    found = stepped(coarse, limit)
+    assert (np.abs(found) <= limit).all()
+    knots = np.concatenate([[0.0], coarse])
+    fine = np.concatenate([np.linspace(a, b, 6)[1:] for a, b in pairwise(knots)])
+    np.testing.assert_allclose(stepped(fine, limit)[4::5], found, atol=1e-9)
+
+
+def test_a_closed_cycle_loses_the_work_of_the_friction() -> None:
+    # the loop of an elastic and frictional element: 2 r times the torque travelled beyond slipping, both ways
+    r, top = 0.25, 1.0
+    way = np.concatenate(
+        [np.linspace(0, top, 2001), np.linspace(top, -top, 4001), np.linspace(-top, top, 4001)]
+    )
+    held = stepped(way, r)
+    loop = slice(2001, None)
+    work = np.abs(np.trapezoid(held[loop], way[loop]))
+    assert work == pytest.approx(2 * r * (2 * top - 2 * r), rel=2e-3)
+
+
+def test_the_elbow_lags_by_what_friction_holds() -> None:
+    largest = 1000.0
+    rows = rows_of(
+        elbow(),
+        [0, 0],
+        CYCLE[:, None] * largest / FORE * np.eye(6)[1],
+        pose=np.zeros(11, int),
+        step=np.arange(11),
+    )
+    there = nominal(elbow(), rows)
+    for limit in LIMITS:
+        shape = shape_of(there, "hysteresis", "q2", f"friction {limit:g}")
+        assert shape.columns[:, 5, 0] == pytest.approx(-stepped(CYCLE, limit), abs=1e-9)
+        assert shape.parameters[0].size == pytest.approx(largest / ELBOW)
+
+
+def test_rows_are_taken_in_the_order_they_were_measured_in() -> None:
+    order = np.random.default_rng(0).permutation(11)
+    wrench = CYCLE[:, None] * 1000 * np.eye(6)[1]
+    sorted_rows = rows_of(elbow(), [0, 0], wrench, pose=np.zeros(11, int), step=np.arange(11))
+    mixed = rows_of(elbow(), [0, 0], wrench[order], pose=np.zeros(11, int), step=np.arange(11)[order])
+    one, other = (
+        shape_of(nominal(elbow(), rows), "hysteresis", "q2", "distributed friction").columns
+        for rows in (sorted_rows, mixed)
+    )
+    np.testing.assert_allclose(other, one[order], atol=1e-12)
+
+
+def test_every_pose_begins_anew_unless_the_history_runs_on() -> None:
+    wrench = np.tile(CYCLE[:4], 2)[:, None] * 1000 * np.eye(6)[1]
+    pose, step = np.repeat([0, 1], 4), np.tile(np.arange(4), 2)
+    anew, running = (
+        shape_of(
+            nominal(
+                elbow(),
+                rows_of(elbow(), [0, 0], wrench, pose=pose, step=step, time=np.arange(8.0), continuous=on),
+            ),
+            "hysteresis",
+            "q2",
+            "friction 0.4",
+        ).columns[:, 5, 0]
+        for on in (False, True)
+    )
+    assert anew[4:] == pytest.approx(anew[:4])
+    assert running == pytest.approx(-stepped(np.tile(CYCLE[:4], 2), 0.4))
+    assert running[4:] != pytest.approx(anew[4:])
+
+
+def test_wound_up_by_the_weight_a_further_load_slips_at_once_and_a_lifting_one_late() -> None:
+    held = stepped(np.array([5.0 + 1.0]), 0.5, start=5.0, wound=True)
+    assert held == pytest.approx([0.0])  # the friction is spent already
+    held = stepped(np.array([5.0 - 2.0]), 0.5, start=5.0, wound=True)
+    assert held == pytest.approx([-1.0])  # from one side to the other

@@ -1,0 +1,31 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from beamstiff.gap.effects import EFFECTS
+from tests.gap.machines import at_random, by_compliance_of, close, elbow, kr240, nominal, rows_of, shape_of
+
+
+def test_the_column_is_the_derivative_by_the_compliance_of_a_joint_held_rigid() -> None:
+    robot = elbow(torsional="rigid")
+    there = nominal(robot, at_random(robot, 8, seed=1))
+    found = shape_of(there, "joint-compliance", "q2", "linear").columns[..., 0]
+    close(found, by_compliance_of(robot, there.rows, "J2.torsional"), 1e-6)
+
+
+def test_joints_with_springs_of_their_own_are_no_components() -> None:
+    robot = elbow(torsional="rigid")
+    assert EFFECTS["joint-compliance"].components(nominal(robot, at_random(robot, 3, seed=1))) == ["q2"]
+    assert EFFECTS["joint-compliance"].components(nominal(kr240(), at_random(kr240(), 3, seed=1))) == []
+
+
+def test_the_weight_of_absolute_positions_winds_it_up_too() -> None:
+    robot = elbow(mass=50.0, gravity=(0.0, -9.81, 0.0), torsional="rigid")
+    rows = at_random(robot, 3, seed=2)
+    loaded = nominal(robot, rows)
+    absolute = nominal(robot, rows_of(robot, rows.q, 0 * rows.wrench, position=[[1.0, 0, 0]] * 3))
+    slip = shape_of(absolute, "joint-compliance", "q2", "linear").columns[:, 5, 0]
+    arm = 0.8 * np.cos(rows.q.sum(axis=1))
+    assert slip == pytest.approx(-50 * 9.81 * arm)
+    assert shape_of(loaded, "joint-compliance", "q2", "linear").columns[:, 5, 0] != pytest.approx(slip)

@@ -1,0 +1,88 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from beamstiff.gap.baseline import Baseline
+from beamstiff.gap.effects.link_bending import GAUSS, flexibility
+from beamstiff.model.linear import predict_displacements
+from beamstiff.robot.parts import Beam, Material
+from beamstiff.robot.sections import Section
+from beamstiff.se3 import Array
+from tests.gap.machines import arm_at, at_random, bent, close, elbow, kr240, nominal, shape_of
+
+
+@pytest.fixture(scope="module")
+def campaign() -> Baseline:
+    return nominal(kr240(), at_random(kr240(), 8, seed=1))
+
+
+@pytest.mark.parametrize("link", ["link0", "link1", "link2", "link3", "link5"])
+def test_uniform_bending_is_the_same_robot_with_a_beam_for_the_link(link: str, campaign: Baseline) -> None:
+    # first order in 1/EI is exact here: statics alone gives the forces; what it stretches is in both
+    one, two = (predict_displacements(bent(kr240(), link, EI), campaign.rows) for EI in (1e7, 5e6))
+    close(shape_of(campaign, "link-bending", link, "uniform").columns[..., 0], (two - one) * 1e7, 1e-7)
+
+
+def test_each_plane_bends_as_a_beam_that_is_not_round() -> None:
+    robot = elbow()
+    rows = at_random(robot, 10, seed=2)
+    there = nominal(robot, rows)
+    columns = shape_of(there, "link-bending", "fore", "by plane").columns.reshape(60, 5)
+    rigid = next(item for item in robot.rigids if item.name == "fore")
+    section = Section(A=1e-3, Iy=4e-5, Iz=1e-5, J=2e-5)
+    update = {
+        "rigids": tuple(item for item in robot.rigids if item is not rigid),
+        "beams": (Beam(name="fore", nodes=rigid.nodes, section="s", material="m", up=(0.0, 1.0, 2.0)),),
+        "sections": {"s": section},
+        "materials": {"m": Material(E=2e11, G=8e10)},
+    }
+    moved = predict_displacements(robot.model_copy(update=update), rows) - predict_displacements(robot, rows)
+    found, rest, _, _ = np.linalg.lstsq(columns / columns.std(axis=0), moved.ravel())
+    found /= columns.std(axis=0)
+    assert np.sqrt(rest[0]) < 1e-9 * np.linalg.norm(moved)
+    y, z, yz, twist, stretch = found
+    assert twist == pytest.approx(1 / (8e10 * 2e-5), rel=1e-6)
+    assert stretch == pytest.approx(1 / (2e11 * 1e-3), rel=1e-6)
+    # Mohr's circle of the two planes, whatever the local axes: 1/EIy and 1/EIz come out
+    middle, radius = (y + z) / 2, np.hypot((y - z) / 2, yz)
+    assert sorted([middle - radius, middle + radius]) == pytest.approx([1 / 8e6, 1 / 2e6], rel=1e-6)
+
+
+def mohr(q: Array, wrench: Array, joint: int, weight: Array) -> Array:
+    """Return what a link from one joint's point to the next one's does to the tool by bending alone."""
+    arm = arm_at(q)
+    start, end = arm.point[:, joint], arm.point[:, joint + 1]
+    length = np.linalg.norm(end - start, axis=1)[0]
+    along = (end - start) / length
+    total = np.zeros((len(q), 6))
+    stations = (np.arange(weight.size) + 0.5) / weight.size
+    for s, share in zip(stations, weight / weight.size, strict=True):
+        lever = arm.tip - (start + s * (end - start))
+        moment = wrench[:, 3:] + np.cross(lever, wrench[:, :3])
+        moment -= along * (along * moment).sum(axis=1, keepdims=True)
+        turned = share * length * moment
+        total += np.concatenate([np.cross(turned, lever), turned], axis=1)
+    return total
+
+
+@pytest.mark.parametrize(("at", "law"), [(0, lambda s: 3 * (1 - s) ** 2), (1, lambda s: 3 * s**2)])
+def test_a_taper_is_mohrs_integral_of_more_flexibility_at_one_end(
+    at: int, law: object, campaign: Baseline
+) -> None:
+    weight = law((np.arange(4000) + 0.5) / 4000)  # type: ignore[operator]
+    expected = mohr(campaign.rows.q, campaign.rows.wrench, 1, weight)
+    close(shape_of(campaign, "link-bending", "link2", "tapered").columns[..., at], expected, 1e-6)
+
+
+def test_the_flexibility_of_a_uniform_cantilever_is_the_textbooks() -> None:
+    even = np.ones(GAUSS.size)
+    found = flexibility(2.0, even, "xy")
+    np.testing.assert_allclose(found[np.ix_([1, 5], [1, 5])], [[8 / 3, 2], [2, 2]], rtol=1e-12)
+    found = flexibility(2.0, even, "xz")
+    np.testing.assert_allclose(found[np.ix_([2, 4], [2, 4])], [[8 / 3, -2], [-2, 2]], rtol=1e-12)
+    assert flexibility(2.0, even, "twist")[3, 3] == pytest.approx(2.0)
+
+
+def test_every_link_of_some_length_is_a_component(campaign: Baseline) -> None:
+    assert set(campaign.places.links) == {"link0", "link1", "link2", "link3", "link5"}  # 4 has no length

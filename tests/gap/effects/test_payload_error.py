@@ -1,0 +1,53 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from beamstiff import Robot
+from beamstiff.gap.baseline import Baseline, predict
+from beamstiff.gap.effects import EFFECTS
+from beamstiff.robot.parts import Mass
+from tests.gap.machines import arm_at, at_random, close, kr240, nominal, rows_of, shape_of
+
+GRAVITY = (1.0, -2.0, -9.5)  # of a machine that stands askew
+
+
+def carrying(mass: float, at: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Robot:
+    update = {"masses": (Mass(node="n6b", mass=mass, at=at),), "gravity": GRAVITY}
+    return kr240().model_copy(update=update)
+
+
+@pytest.fixture(scope="module")
+def campaign() -> Baseline:
+    q = at_random(kr240(), 8, seed=1).q
+    arm = arm_at(q)
+    vector = Rotation.from_matrix(arm.tool).as_rotvec()
+    rows = rows_of(carrying(20.0), q, np.zeros((8, 6)), position=arm.tip, rotation=vector)
+    there = nominal(carrying(20.0), rows)
+    # with the stiffness of the robot itself, whatever the rows say
+    exact = nominal(carrying(20.0), at_random(kr240(), 8, seed=1))
+    return replace(there, robot=carrying(20.0), response=exact.response)
+
+
+def more(campaign: Baseline, robot: Robot) -> np.ndarray:
+    return predict(robot, campaign.rows)[0] - predict(carrying(20.0), campaign.rows)[0]
+
+
+def test_a_heavier_payload_sags_as_the_same_robot_with_that_mass(campaign: Baseline) -> None:
+    found = shape_of(campaign, "payload-error", None, "mass").columns[..., 0]
+    close(found, more(campaign, carrying(20.5)) / 0.5, 1e-3)  # what is left is the weight's own stiffness
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_a_centre_of_gravity_further_off_sags_as_that_mass_there(axis: int, campaign: Baseline) -> None:
+    at = tuple(0.05 * np.eye(3)[axis])
+    found = shape_of(campaign, "payload-error", None, "centre of gravity").columns[..., axis]
+    close(found, more(campaign, carrying(20.0, at)) / (20 * 0.05), 1e-3)
+
+
+def test_displacements_do_not_show_it() -> None:
+    there = nominal(carrying(20.0), at_random(kr240(), 4, seed=2))
+    assert EFFECTS["payload-error"].components(there) == []

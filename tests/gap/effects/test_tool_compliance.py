@@ -1,0 +1,36 @@
+from __future__ import annotations
+
+import numpy as np
+
+from tests.gap.machines import arm_at, at_random, close, kr240, nominal, rows_of, shape_of
+
+
+def test_an_even_flange_turns_by_the_moment_and_slides_by_the_force_at_the_tool() -> None:
+    there = nominal(kr240(), at_random(kr240(), 6, seed=1))
+    wrench = there.rows.wrench
+    columns = shape_of(there, "tool-compliance", None, "rotation and translation").columns
+    close(columns[..., 0], np.concatenate([0 * wrench[:, :3], wrench[:, 3:]], axis=1))
+    close(columns[..., 1], np.concatenate([wrench[:, :3], 0 * wrench[:, 3:]], axis=1))
+
+
+def test_an_uneven_one_is_any_6x6_compliance_that_turns_with_the_tool() -> None:
+    there = nominal(kr240(), at_random(kr240(), 12, seed=2))
+    turn, wrench = arm_at(there.rows.q).tool, there.rows.wrench
+    rng = np.random.default_rng(3)
+    compliance = np.diag([*rng.uniform(1, 2, 3), 0, 0, 0])  # translations apart from one another
+    compliance[3:, 3:] = (half := rng.standard_normal((3, 3))) @ half.T
+    compliance[:3, 3:] = rng.standard_normal((3, 3))
+    compliance[3:, :3] = compliance[:3, 3:].T
+    both = np.zeros((12, 6, 6))
+    both[:, :3, :3] = both[:, 3:, 3:] = turn
+    moved = np.einsum("nab,bc,ndc,nd->na", both, compliance, both, wrench).ravel()
+    columns = shape_of(there, "tool-compliance", None, "all").columns.reshape(72, -1)
+    left = moved - columns @ np.linalg.lstsq(columns, moved)[0]
+    assert np.linalg.norm(left) < 1e-9 * np.linalg.norm(moved)
+
+
+def test_what_is_seen_before_the_flange_does_not_move() -> None:
+    rows = rows_of(kr240(), np.full(6, 0.3), np.ones((2, 6)), point=["n5b", "n6b"])
+    columns = shape_of(nominal(kr240(), rows), "tool-compliance", None, "rotation").columns
+    assert not columns[0].any()
+    assert columns[1].any()

@@ -1,0 +1,72 @@
+"""A load or a target that sits elsewhere, against a robot that has a node there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from beamstiff import Robot
+from beamstiff.gap.baseline import nominal_pose
+from beamstiff.model.linear import predict_displacements
+from beamstiff.robot.parts import Node, Rigid
+from tests.gap.machines import arm_at, at_random, close, kr240, nominal, rows_of, shape_of
+
+OFFSET = 0.05
+
+
+def with_lug(axis: int) -> Robot:
+    """Return the KR240-2 with a node beside its tool point, along an axis of the tool."""
+    robot = kr240()
+    update = {
+        "nodes": (*robot.nodes, Node(name="lug", frame="f6", at=tuple(OFFSET * np.eye(3)[axis]))),
+        "rigids": (*robot.rigids, Rigid(name="bracket", nodes=["n6b", "lug"])),
+    }
+    return robot.model_copy(update=update)
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize(
+    ("shape", "load_point", "point"),
+    [("load", "lug", "n6b"), ("target", "n6b", "lug"), ("load and target together", "lug", "lug")],
+)
+def test_columns_are_what_a_node_elsewhere_does_more(
+    axis: int, shape: str, load_point: str, point: str
+) -> None:
+    rows = at_random(kr240(), 8, seed=axis)
+    # what is read is what the target does, its rotation included; to first order in the offset
+    lug = replace(rows, load_point=np.full(8, load_point), point=np.full(8, point))
+    moved = predict_displacements(with_lug(axis), lug)
+    there = nominal(kr240(), rows)
+    there = replace(there, measured=moved)
+    expected = moved - predict_displacements(kr240(), rows)
+    if shape.endswith("together"):  # of the second order is what the offset load turns the offset target by
+        turned = predict_displacements(kr240(), rows)[:, 3:]
+        there = replace(there, measured=np.concatenate([moved[:, :3], turned], axis=1))
+        seen = replace(rows, point=np.full(8, "lug"))
+        loaded = replace(rows, load_point=np.full(8, "lug"))
+        expected = sum(
+            predict_displacements(with_lug(axis), one) - predict_displacements(kr240(), rows)
+            for one in (seen, loaded)
+        )
+    columns = shape_of(there, "tool-offset", None, shape).columns[..., axis]
+    if shape == "target":
+        np.testing.assert_allclose(columns[:, :3] * OFFSET, expected[:, :3], atol=1e-12)
+        assert not columns[:, 3:].any()
+    else:
+        close(columns * OFFSET, expected)
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_a_target_off_its_seat_is_off_in_absolute_positions(axis: int) -> None:
+    q = at_random(kr240(), 6, seed=4).q
+    arm = arm_at(q)
+    there = nominal(kr240(), rows_of(kr240(), q, np.zeros((6, 6)), position=arm.tip, rotation=0 * arm.tip))
+    lug = replace(there.rows, point=np.full(6, "lug"))
+    expected = nominal_pose(with_lug(axis), lug)[0] - arm.tip
+    columns = shape_of(there, "tool-offset", None, "target").columns[..., axis]
+    np.testing.assert_allclose(columns[:, :3] * OFFSET, expected, atol=1e-12)
+    assert not columns[:, 3:].any()
+    turned = shape_of(there, "tool-offset", None, "target and its turn").columns[..., 3 + axis]
+    np.testing.assert_allclose(turned[:, 3:], arm.tool[:, :, axis], atol=1e-12)
