@@ -132,6 +132,7 @@ def _diagnosis(
         "shrink": first.shrink,
         "scale": scale,
         "outliers": float(outlying.size),
+        "outlier_strength": screened.strength,
         "noise_position": float(screened.noise[0]),
         "noise_rotation": float(screened.noise[1]),
         "pair": pair.log_weight - found.log_weight[best] if pair else -np.inf,

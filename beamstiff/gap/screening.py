@@ -42,12 +42,15 @@ class Screened:
         The worst first.
     noise : (2,) array
         Scale of the noise of positions and rotations, against the sigma claimed.
+    strength : float
+        How many times farther the outliers are than the farthest sound row would be, squared; their median.
     """
 
     baseline: Baseline
     used: NDArray[np.bool_]
     outliers: NDArray[np.intp]
     noise: Array
+    strength: float = 0.0
 
 
 def screen(baseline: Baseline, library: Library, find_outliers: bool = True) -> Screened:
@@ -84,7 +87,8 @@ def screen(baseline: Baseline, library: Library, find_outliers: bool = True) -> 
         used[worst] = False
     sigma = baseline.sigma * np.repeat(noise, 3)
     order = sorted(found, key=found.__getitem__, reverse=True)
-    return Screened(replace(baseline, sigma=sigma), used, np.array(order, dtype=np.intp), noise)
+    strength = float(np.median(list(found.values()))) if found else 0.0
+    return Screened(replace(baseline, sigma=sigma), used, np.array(order, dtype=np.intp), noise, strength)
 
 
 def _spread(distance: Array, count: NDArray[np.intp]) -> float:

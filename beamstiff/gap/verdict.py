@@ -26,8 +26,9 @@ LEFT, STEEP = 0.37, 1.5  # share left to the unknown at which a cause is as like
 WORTHLESS, WEIGHT = 0.5, 6.8  # held-out shrink below which a cause is doubted, and how much
 FEW = 60  # values less fitted ones, below which nothing can be called unknown
 FAINT, BARE = 15.0, 0.3  # log odds against none below which a cause has to be worth this share as well
+CAUTION = 2.0  # log odds that any effect needs before it is as likely as none
 CHANCE = 0.01  # share of simulated campaigns without an effect that look as if they had one
-SURE = 0.95  # probability of the verdict with what cannot be told from it
+SURE, SLIGHT = 0.93, 0.04  # probability of the verdict with what cannot be told from it; and of a member
 SECOND = 8.0  # log odds of a second cause
 SECOND_SHARE = 0.03  # and these over the evidence of the first
 SECOND_WORTH = 0.5  # share of what the first leaves that both must close on held-out postures
@@ -118,6 +119,7 @@ def judge(
     total = float(logsumexp(np.array([search.log_weight[key] for key in named])))
     quiet = search.log_weight[NONE] - total  # log odds of nothing against any effect
     evidence_of_any = -quiet
+    quiet += CAUTION
     if evidence_of_any < FAINT:
         quiet += 3.0 * max(0.0, 1.0 - single.shrink / BARE)
     if chance > CHANCE:
@@ -150,7 +152,7 @@ def _set(effects: Mapping[str, float], verdict: str) -> tuple[str, ...]:
     for key in sorted(effects, key=effects.__getitem__, reverse=True):
         if mass >= SURE or len(rest) == MOST:
             break
-        if key != verdict:
+        if key != verdict and effects[key] >= SLIGHT:
             mass += effects[key]
             rest.append(key)
     return tuple(rest)

@@ -152,7 +152,8 @@ def _shares(baseline: Baseline, white: Whitened, noise: float, seed: int) -> lis
             free = (ends[k + 1] - ends[k]) - precision[k] * np.trace(covariance[some, some])
             precision[k] = np.clip(max(free, 1e-9) / max(float(mean[some] @ mean[some]), 1e-12), 1e-6, 1e9)
     rng = np.random.default_rng(seed)
-    # variances of what the rows show and of what they do not lie many decades apart: rounding may make some negative
+    # variances of what the rows show and of what they do not lie many decades apart: rounding may make some
+    # negative
     values, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     drawn = np.concatenate([mean[None], mean + rng.standard_normal((SAMPLES, mean.size)) @ root.T])

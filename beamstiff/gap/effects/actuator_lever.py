@@ -7,14 +7,18 @@ lever ``h = a b sin(phi) / L``, ``L^2 = a^2 + b^2 - 2 a b cos(phi)``; its stiffn
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from beamstiff.gap.baseline import Baseline
-from beamstiff.gap.effects.drive_stiffness import PHASES, Following, angle_scales, scaled_torque
+from beamstiff.gap.effects.drive_stiffness import FINE, PHASES, Following, angle_scales, scaled_torque
 from beamstiff.gap.effects.effect import Effect, Quantity, Shape
 from beamstiff.gap.effects.laws import axis_at, drive_compliance, drives, unit_of
 
 RATIOS = (0.15, 0.3, 0.5, 0.7, 0.85)  # of the two arms
+FINE_RATIOS = (0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9)
+NEARER_DEAD = 0.25
 NEAR_DEAD = 0.35  # of its largest lever, below which nobody lets a screw work
 
 
@@ -25,21 +29,17 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     follow = Following(baseline, axis.joint.variable)
     compliance = drive_compliance(axis)
     unit = f"{unit_of(axis)}/(N*m)"
-    cranks = [
-        (ratio, phase, float(follow.share @ lever**2))
-        for ratio in RATIOS
-        for phase in PHASES
-        if (lever := _lever(follow.fitted + phase, ratio)).min() > NEAR_DEAD * _largest(ratio)
-    ]
-    if not cranks:
+    cranks = _possible(follow, RATIOS, PHASES, NEAR_DEAD)
+    family = _possible(follow, FINE_RATIOS, FINE, NEARER_DEAD)
+    if not cranks or not family:
         return []
 
-    def laws(q: np.ndarray) -> np.ndarray:
-        return np.stack([square / _lever(q + phase, ratio) ** 2 for ratio, phase, square in cranks], -1)
+    def laws(q: np.ndarray, some: list[tuple[float, float, float]]) -> np.ndarray:
+        return np.stack([square / _lever(q + phase, ratio) ** 2 for ratio, phase, square in some], -1)
 
     gain = Quantity("mean_compliance", unit, compliance)
-    modes = follow.family(laws)
-    factors = follow.varying(laws).T
+    modes = follow.family(lambda q: laws(q, family))
+    factors = follow.varying(lambda q: laws(q, cranks)).T
     columns = [scaled_torque(baseline, axis, factor) for factor in factors]
     whole = [scaled_torque(baseline, axis, mode) for mode in modes.T]
     names = tuple(Quantity(f"compliance_mode_{k + 1}", unit, compliance) for k in range(len(whole)))
@@ -54,6 +54,18 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         for (ratio, phase, _), column in zip(cranks, columns, strict=True)
     ]
     return [*result, Shape("any crank", np.stack(whole, -1), names, spread=3.0)]
+
+
+def _possible(
+    follow: Following, ratios: Sequence[float], phases: np.ndarray, least: float
+) -> list[tuple[float, float, float]]:
+    """Return ratio, phase and mean square lever of the cranks that stay away from their dead points."""
+    return [
+        (ratio, phase, float(follow.share @ lever**2))
+        for ratio in ratios
+        for phase in phases.tolist()
+        if (lever := _lever(follow.fitted + phase, ratio)).min() > least * _largest(ratio)
+    ]
 
 
 def _largest(ratio: float) -> float:

@@ -13,7 +13,8 @@ from beamstiff.robot.kinematics import compile_kinematics
 from beamstiff.se3 import Array
 
 PHASES = np.arange(0, 2 * np.pi, np.pi / 8)
-MODES = 4
+MODES = 6
+FINE = np.arange(0, 2 * np.pi, np.pi / 12)
 
 
 def joint_values_of(baseline: Baseline, variable: str) -> Array:

@@ -6,44 +6,76 @@ from dataclasses import asdict
 
 import numpy as np
 
-from beamstiff.gap.baseline import Baseline
+from beamstiff.gap.baseline import Baseline, nominal_pose
 from beamstiff.gap.effects.effect import Effect, Quantity, Scales, Shape, stated_scale
 from beamstiff.gap.effects.outside import campaign, clock, since_pose
+from beamstiff.se3 import Array
 
 DRIFT = 1e-4  # m over the campaign
+TURN = 1e-4  # rad over the campaign
 WARMTH = 2e-5  # m/K
-DECAYS = (0.1, 0.3)  # of the campaign's duration
+DECAYS = (0.1, 0.3, 1.0)  # of the campaign's duration
+LAGS = (0.0, 0.05, 0.2)  # of the campaign's duration, by which the machine follows its temperature
+TURNING = ("linear", "warming up within 0.3")
 
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: ARG001
-    rows, fitted, stated = baseline.rows, baseline.fit.rows, baseline.stated is not None
+    fitted, stated = baseline.fit.rows, baseline.stated is not None
     time = clock(baseline)
-    laws = {"time": time - 0.5, "time, warming up": 1 - np.exp(-time / DECAYS[1])}
-    laws["time, warming up fast"] = 1 - np.exp(-time / DECAYS[0])
-    if not baseline.absolute and (stated or fitted.shared_unloaded):
-        since = {
-            f"{name}, since the unloaded reading": since_pose(baseline, law) for name, law in laws.items()
-        }
-        laws = {**laws, **since} if stated else since
-    result = [
-        Shape(name, _along(law), tuple(Quantity(f"drift_{axis}", "m", DRIFT) for axis in "xyz"))
-        for name, law in laws.items()
-    ]
-    several = np.concatenate([_along(law) for law in (time - 0.5, (time - 0.5) ** 2 - 1 / 12)], -1)
-    quantities = tuple(
-        Quantity(f"drift_{axis}{power}", "m", DRIFT) for power in ("", "_square") for axis in "xyz"
-    )
-    result.append(Shape("time, curved", several, quantities))
+    shared = not baseline.absolute and fitted.shared_unloaded
+    courses = {"linear": time - 0.5}
+    courses |= {f"warming up within {decay:g}": 1 - np.exp(-time / decay) for decay in DECAYS}
+    result: list[Shape] = []
+    if stated or not shared:
+        result += _in_time(baseline, courses, "")
+    if stated or shared:  # what drifted before the unloaded reading of a posture is in both readings
+        since = {name: since_pose(baseline, course) for name, course in courses.items()}
+        result += _in_time(baseline, since, ", since the unloaded reading")
     if stated or (np.isfinite(fitted.temperature).all() and np.ptp(fitted.temperature) > 0):
-        warmth = rows.temperature - _mean_temperature(baseline)
-        result.append(
-            Shape(
-                "temperature",
-                _along(np.nan_to_num(warmth)),
-                tuple(Quantity(f"expansion_{axis}", "m/K", WARMTH) for axis in "xyz"),
-                weight=2.0,
-            )
-        )
+        for lag in LAGS:
+            warmth = lagged(baseline, lag)
+            label = "temperature" if lag == 0 else f"temperature, lagging by {lag:g}"
+            if stated or not shared:
+                result.append(Shape(label, _along(warmth), _named("expansion", "m/K", WARMTH)))
+            if stated or shared:
+                change = _along(since_pose(baseline, warmth))
+                label = f"{label}, since the unloaded reading"
+                result.append(Shape(label, change, _named("expansion", "m/K", WARMTH)))
+    return result
+
+
+def _in_time(baseline: Baseline, courses: dict[str, Array], since: str) -> list[Shape]:
+    """Return drifts that follow courses (N,) of the time: each, any mixture, and turning with it."""
+    result = [
+        Shape(f"{name}{since}", _along(course), _named("drift", "m", DRIFT), weight=0.5)
+        for name, course in courses.items()
+    ]
+    names = [name.replace(" ", "_") for name in courses]
+    drifts = tuple(item for name in names for item in _named(f"drift_{name}", "m", 0.5 * DRIFT))
+    turns = tuple(
+        item for name in TURNING for item in _named(f"turn_{name.replace(' ', '_')}", "rad", 0.5 * TURN)
+    )
+    every = np.concatenate([_along(course) for course in courses.values()], -1)
+    turning = [_turning(baseline, courses[name]) for name in TURNING]
+    return [
+        *result,
+        Shape(f"any course{since}", every, drifts),
+        Shape(f"any course, turning{since}", np.concatenate([every, *turning], -1), (*drifts, *turns)),
+    ]
+
+
+def lagged(baseline: Baseline, lag: float) -> Array:
+    """Return the temperature less its mean (N,), followed with a first-order lag, a share of the time."""
+    rows, time = baseline.rows, clock(baseline)
+    warmth: Array = np.nan_to_num(rows.temperature - _mean_temperature(baseline))
+    if lag == 0:
+        return warmth
+    result, order = np.zeros_like(warmth), np.argsort(time, kind="stable")
+    state, before = float(warmth[order[0]]), float(time[order[0]])
+    for row in order.tolist():
+        gain = 1 - float(np.exp(-(time[row] - before) / lag))
+        state, before = state + gain * (float(warmth[row]) - state), float(time[row])
+        result[row] = state
     return result
 
 
@@ -58,10 +90,24 @@ def _scales(baseline: Baseline, component: str | None) -> Scales:  # noqa: ARG00
     return {**asdict(campaign(baseline)), "temperature": _mean_temperature(baseline)}
 
 
-def _along(law: np.ndarray) -> np.ndarray:
-    """Return the displacement (N, 6, 3) along x, y and z that follows a law (N,)."""
-    result = np.zeros((len(law), 6, 3))
-    result[:, [0, 1, 2], [0, 1, 2]] = law[:, None]
+def _named(what: str, unit: str, size: float) -> tuple[Quantity, ...]:
+    return tuple(Quantity(f"{what}_{axis}", unit, size) for axis in "xyz")
+
+
+def _along(course: Array) -> Array:
+    """Return the displacement (N, 6, 3) along x, y and z that follows a course (N,)."""
+    result = np.zeros((len(course), 6, 3))
+    result[:, [0, 1, 2], [0, 1, 2]] = course[:, None]
+    return result
+
+
+def _turning(baseline: Baseline, course: Array) -> Array:
+    """Return the displacement (N, 6, 3) of turning about the base axes, following a course (N,)."""
+    axes = np.broadcast_to(np.eye(3), (len(course), 3, 3))
+    position = nominal_pose(baseline.nominal, baseline.rows)[0]
+    result: Array = course[:, None, None] * np.concatenate(
+        [np.cross(axes, position[:, :, None], axis=1), axes], axis=1
+    )
     return result
 
 

@@ -21,6 +21,10 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     axes = tool_axes(baseline)
     nothing = np.zeros_like(axes)
     force = baseline.rows.wrench[:, :3, None]
+    if baseline.absolute:  # the payload hangs where the load acts
+        robot = baseline.nominal
+        mass = sum(item.mass for item in robot.masses if item.node == robot.tcp)
+        force = force + mass * np.array(robot.gravity)[None, :, None]
     moment = np.concatenate([nothing, np.cross(axes, force, axis=1)], 1)
     load = baseline.response @ moment
     loads = tuple(Quantity(f"load_point_{axis}", "m", OFFSET) for axis in "xyz")
