@@ -81,6 +81,8 @@ def diagnose(
     console = people(quiet, json_to)
     for item in diagnosis_tables(result):
         console.print(item)
+    if machine.effects:
+        console.print(f"Known before, and counted in: {effects_text(machine.effects)}.")
     for note in result.notes:
         say(f"note: {note}", quiet)
     write_json(result.to_dict(), json_to)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from beamstiff.cli.options import Debug, Json, Quiet, robot_file
-from beamstiff.cli.output import check_outputs, people, say, write_json
+from beamstiff.cli.output import check_outputs, note_effects, people, say, write_json
 from beamstiff.errors import BeamstiffError, listed, suggest
 
 if TYPE_CHECKING:
@@ -164,6 +164,9 @@ def _exam(robot: str | None, plan: str | None, seed: int, classes: Sequence[str]
             "--plan: found a plan without a robot, expected: beamstiff exam ROBOT --plan CSV"
         )
     description = None if robot is None else load_robot(robot)
+    if description is not None and description.effects:  # the exam's own simulator does not know them
+        note_effects(description, "the exam, neither of its machines nor of its models", quiet)
+        description = description.model_copy(update={"effects": ()})
     shares, effects = (PLAN_SHARES if plan else SHARES), EFFECTS
     if classes:
         shares, effects = parse_classes(classes)

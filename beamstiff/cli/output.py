@@ -15,6 +15,7 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.files import check_writable, write_whole
 
 if TYPE_CHECKING:
+    from beamstiff.robot.description import Robot
     from beamstiff.robot.parts import AddedEffect
 
 STDOUT = "-"
@@ -156,3 +157,9 @@ def _console(quiet: bool, stderr: bool = False, width: int | None = None) -> Con
 def effects_text(effects: Iterable[AddedEffect]) -> str:
     """Return a robot's effects as people read them, ``backlash:q2``."""
     return ", ".join(dict.fromkeys(f"{one.effect}:{one.component or 'null'}" for one in effects))
+
+
+def note_effects(robot: Robot, what: str, quiet: bool) -> None:
+    """Say that a robot's effects are left out of something."""
+    if robot.effects:
+        say(f"note: the robot's effects ({effects_text(robot.effects)}) are not part of {what}", quiet)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from beamstiff.cli.options import Debug, Json, Preload, Quiet, RobotFile, robot_file
-from beamstiff.cli.output import check_outputs, people, working, write_json
+from beamstiff.cli.output import check_outputs, note_effects, people, working, write_json
 from beamstiff.errors import BeamstiffError
 from beamstiff.report.tables import millimetres, number, table
 
@@ -88,6 +88,7 @@ def stiffness(
     tcp = where.node_positions[0, kinematics.node_index[description.tcp]]
     variables = dict(zip(kinematics.coupling.names, where.values[0].tolist(), strict=True))
     note_limits(description, variables, quiet)
+    note_effects(description, "its stiffness", quiet)
 
     console = people(quiet, json)
     what = "Tangent stiffness of the loaded machine" if preload else "Stiffness"

@@ -70,6 +70,7 @@ def test_diagnose_and_identify_take_the_effect_for_known(run: Run, folder: Path)
     (folder / "new.csv").write_text(crane_with_backlash(3))
     again = run("diagnose", "larger.yaml", "new.csv", "--json", "-", "--apply", "same.yaml")
     assert json.loads(again.stdout)["verdict"]["effect"] == "none"
+    assert "Known before, and counted in: backlash:q1." in run("diagnose", "larger.yaml", "new.csv").stdout
     assert load_robot(folder / "same.yaml").effects == load_robot(folder / "larger.yaml").effects
     found = run("identify", "larger.yaml", "new.csv", "--json", "found.json", "--out", "identified.yaml")
     assert found.exit_code == 0, found.output
@@ -77,6 +78,16 @@ def test_diagnose_and_identify_take_the_effect_for_known(run: Run, folder: Path)
     value = json.loads((folder / "found.json").read_text())["parameters"]["J1.torsional"]["value"]
     assert value == pytest.approx(TORSIONAL, rel=0.01)
     assert load_robot(folder / "identified.yaml").effects == load_robot(folder / "larger.yaml").effects
+
+
+@pytest.mark.usefixtures("applied")
+def test_what_leaves_the_effect_out_says_so(run: Run) -> None:
+    result = run("stiffness", "larger.yaml")
+    assert result.exit_code == 0
+    assert "note: the robot's effects (backlash:q1) are not part of its stiffness" in result.stderr
+    result = run("exam", "larger.yaml", "--cases", "1", "--classes", "null")
+    assert result.exit_code == 0, result.output
+    assert "note: the robot's effects (backlash:q1) are not part of the exam" in result.stderr
 
 
 def test_where_nothing_is_found_the_fitted_robot_is_written(run: Run, folder: Path) -> None:

@@ -46,14 +46,14 @@ def test_effects_are_read_and_written_back() -> None:
         ),
         ("{effect: e, shape: s, parameters: {a: much}}", "parameters.a: found 'much', expected a number"),
         ("{effect: e, shape: s, parameters: {a: 1 parsec}}", "parameters.a: unknown unit 'parsec'"),
-        ("{effect: e, shape: s, parameters: {a: .nan}}", "parameters.a: found nan, expected a number"),
+        ("{effect: e, shape: s, parameters: {a: .nan}}", "parameters.a: found '.nan', expected a number"),
         ("{effect: e, shape: s, parameters: {a: [1]}}", "parameters.a: found [1], expected a number"),
         ("{effect: e, shape: s, parameters: {a: 1}, scales: {t: 1 m}}", "scales.t: found the unit 'm'"),
         (
             "{effect: e, shape: s, parameters: {a: 1}, scales: {t: []}}",
             "scales.t: found [], expected a number",
         ),
-        ("{effect: e, shape: s, parameters: {a: 1}, scales: {t: [1, .inf]}}", "scales.t: found inf"),
+        ("{effect: e, shape: s, parameters: {a: 1}, scales: {t: [1, .inf]}}", "scales.t: found '.inf'"),
     ],
 )
 def test_what_has_not_the_form_is_refused_with_its_line(effect: str, message: str) -> None:
