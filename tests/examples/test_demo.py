@@ -51,6 +51,53 @@ def test_the_gap_stands_beside_the_papers_and_is_that_of_an_independent_prototyp
     assert "are not the same quantity" in text
 
 
+def numbers(text: str, row: str, count: int) -> list[float]:
+    """Return the numbers of a row of a table."""
+    found = re.search(re.escape(row) + r"(?: \(!\))?(?: yes| no)?" + count * r" (0\.\d{3})", text)
+    assert found is not None, row
+    return [float(value) for value in found.groups()]
+
+
+def test_the_diagnosis_is_a_set_that_no_cause_of_is_sure(demo: tuple[str, Path]) -> None:
+    text, _ = demo
+    assert "no confident verdict can come of them" in text
+    assert "These data cannot tell it from: " in text
+    table = text[text.index("What each cause leaves") : text.index("Each cause is added")]
+    assert len(re.findall(r" yes 0\.\d", table)) >= 2
+    assert all(float(value) < 0.6 for value in re.findall(r" (?:yes|no) (0\.\d{3})", table))
+    assert "bearing-tilt at" in table
+    assert "actuator-lever at q2" in table
+
+
+def test_causes_refitted_leave_what_whole_models_with_them_leave(demo: tuple[str, Path]) -> None:
+    text, _ = demo
+    # a compliance between flange and tool, alike in all directions, is one along x for loads along x
+    _, fitted, tested = numbers(text, "tool-compliance", 3)
+    whole = numbers(text, "and a constant one along x", 2)
+    assert [fitted, tested] == pytest.approx(whole, abs=0.005)
+    # all radial springs around the loop show as one
+    assert numbers(text, "bearing-tilt at th3", 3)[1] == pytest.approx(
+        numbers(text, "and a third along the coupler", 2)[0], abs=0.005
+    )
+
+
+def test_whole_models_leave_what_others_found(demo: tuple[str, Path]) -> None:
+    text, _ = demo
+    for row, within in (
+        ("and a third along the coupler", 0.003),
+        ("and both of these", 0.003),
+        ("and a constant one along x", 0.02),  # theirs has rigid links
+    ):
+        fitted, _, theirs = numbers(text, row, 3)
+        assert fitted == pytest.approx(theirs, abs=within)
+
+
+def test_what_to_measure_next_is_said(demo: tuple[str, Path]) -> None:
+    text, _ = demo
+    assert re.search(r"- load along [xz] at q2 = -?\d+ deg, q8 = \d+ deg: 450, 900, 450, -450, -900 N", text)
+    assert "- To check tool-compliance: " in text
+
+
 def test_the_figure_is_drawn(demo: tuple[str, Path]) -> None:
     text, figure = demo
     assert str(figure) in text
@@ -60,6 +107,9 @@ def test_the_figure_is_drawn(demo: tuple[str, Path]) -> None:
     # more than a white sheet: ink in each of the four columns of panels
     for column in np.array_split(pixels[..., :3].min(axis=2) < 0.5, 4, axis=1):
         assert column.mean() > 0.002
+    beside = imread(figure.with_name("ir663_diagnosis.png"))
+    assert beside.shape[1] > 1200
+    assert (beside[..., :3].min(axis=2) < 0.5).mean() > 0.02
 
 
 def test_the_data_are_those_shared(shared_path) -> None:  # type: ignore[no-untyped-def]
