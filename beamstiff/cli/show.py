@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from beamstiff.cli.options import Debug, Json, Quiet, robot_file
-from beamstiff.cli.output import check_outputs, people, say, working, write_json
+from beamstiff.cli.output import check_outputs, effects_text, people, say, working, write_json
 from beamstiff.errors import BeamstiffError
 
 if TYPE_CHECKING:
@@ -77,7 +77,11 @@ def show(
             "the assembly meant, and give a guess closer to it",
             quiet,
         )
-    _print(people(quiet, json), overview_tables(facts))
+    console = people(quiet, json)
+    _print(console, overview_tables(facts))
+    for one in description.effects:
+        sizes = ", ".join(f"{name} {value}" for name, value in one.parameters.items())
+        console.print(f"Effect {effects_text([one])}, {one.shape}: {sizes}.", markup=False, highlight=False)
     write_json(facts, json)
 
 

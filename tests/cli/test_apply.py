@@ -85,6 +85,8 @@ def test_what_leaves_the_effect_out_says_so(run: Run) -> None:
     result = run("stiffness", "larger.yaml")
     assert result.exit_code == 0
     assert "note: the robot's effects (backlash:q1) are not part of its stiffness" in result.stderr
+    shown = run("show", "larger.yaml", "--samples", "10").stdout
+    assert "Effect backlash:q1, flank within 0.03: half_width 0.000" in shown
     result = run("exam", "larger.yaml", "--cases", "1", "--classes", "null")
     assert result.exit_code == 0, result.output
     assert "note: the robot's effects (backlash:q1) are not part of the exam" in result.stderr

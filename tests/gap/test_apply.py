@@ -14,8 +14,10 @@ from beamstiff.gap.apply import effects_displacement, extended, predict_with_eff
 from beamstiff.gap.baseline import at_rows, fit_baseline, predict
 from beamstiff.gap.diagnose import diagnose
 from beamstiff.gap.effects import EFFECTS
-from beamstiff.gap.library import key_of
+from beamstiff.gap.heldout import Weighted, fitted
+from beamstiff.gap.library import key_of, state_library
 from beamstiff.gap.result import Diagnosis
+from beamstiff.gap.whitened import whiten
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.robot.parts import AddedEffect
@@ -197,6 +199,26 @@ def test_without_an_effect_only_the_stiffness_is_written() -> None:
     np.testing.assert_allclose(
         [robot.parameter(name) for name in robot.identify], STIFFNESS * [1.2, 0.8], rtol=0.01
     )
+
+
+def test_shapes_between_which_the_data_do_not_choose_and_second_causes_are_all_written() -> None:
+    result = diagnosed("backlash")
+    known = state_library(result.baseline, whiten(result.baseline)).hypotheses
+    shapes = {(one.key, one.shape.name): one for one in known}
+    knees = [shapes["backlash:q2", f"flank within {width}"] for width in ("0.005", "0.03")]
+    floor = shapes["base-compliance:null", "rotation"]
+    models = [[Weighted(knees[0], 0.3, 1.0), Weighted(knees[1], 0.7, 1.0)], [Weighted(floor, 1.0, 1.0)]]
+    both = replace(result, fits=tuple(fitted(result.baseline, result.baseline.used, models, 1.0)))
+    robot = parse_robot(robot_to_yaml(extended(both)))
+    assert [(one.effect, one.shape) for one in robot.effects] == [
+        ("backlash", "flank within 0.005"),
+        ("base-compliance", "rotation"),
+        ("backlash", "flank within 0.03"),
+    ]
+    rows = any_rows("displacement", 4)
+    before, after = both.predict_shift(rows)
+    change = at_rows(both.baseline, rows).tangent @ sum(one.weight * one.compliance for one in both.fits)
+    np.testing.assert_allclose(effects_displacement(robot, rows), after - before - change, rtol=0, atol=1e-14)
 
 
 def test_no_compliance_becomes_negative() -> None:

@@ -72,6 +72,8 @@ class Following:
         mean = self.share @ fitted
         _, values, right = np.linalg.svd(np.sqrt(self.share)[:, None] * (fitted - mean), full_matrices=False)
         kept = values[: min(MODES, values.size)]
-        weight = right[: kept.size].T / np.sqrt(fitted.shape[1])
+        # a mode's sign is free, but parameters that were written must mean the same on every machine
+        sign = np.where(right @ np.cos(np.arange(fitted.shape[1])) < 0, -1.0, 1.0)[: kept.size]
+        weight = sign * right[: kept.size].T / np.sqrt(fitted.shape[1])
         result: Array = (laws(self.angle) - mean) @ weight
         return result
