@@ -21,7 +21,7 @@ def notes(screened: Screened, white: Whitened) -> Iterator[str]:
     if white.freedom < FEW_VALUES:
         yield f"only {white.freedom} values beyond those fitted: no confident verdict can come of them"
     elif poses < FEW_POSES:
-        yield f"only {poses} postures: what holds in them need not hold in others"
+        yield f"only {poses} posture{'s' * (poses > 1)}: what holds there need not hold in others"
     if not baseline.claimed:
         yield "the table states no noise: it was estimated along with everything that could be"
     else:
@@ -38,5 +38,5 @@ def notes(screened: Screened, white: Whitened) -> Iterator[str]:
         sizes = np.linalg.norm(force, axis=1)
         if np.ptp(sizes[sizes > 0]) < 0.05 * sizes.max():
             yield "one load level only: laws that are not linear in the load can hardly show"
-    if len(screened.outliers):
-        yield f"{len(screened.outliers)} rows that nothing explains were left out"
+    if count := len(screened.outliers):
+        yield f"{count} row{'s' * (count > 1)} that nothing explains left out"

@@ -18,7 +18,7 @@ from scipy.stats import chi2
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.library import Hypothesis, Library, whitened
 from beamstiff.gap.variance import Variance, estimate, precision
-from beamstiff.gap.whitened import Whitened, whiten
+from beamstiff.gap.whitened import SILENT, Whitened, whiten
 from beamstiff.se3 import Array
 
 MOST = 0.15  # of the rows
@@ -119,9 +119,11 @@ def _unit_columns(some: Sequence[Hypothesis], white: Whitened) -> Array:
     """Return the columns (n, c) of some shapes, each shape of unit size a value."""
     parts = [np.zeros((white.gap.size, 0))]
     for one in whitened(some, white):
-        size = np.sqrt((white.leave(one.columns) ** 2).sum() / white.gap.size)
-        if size > 0:
-            parts.append(one.columns / size)
+        # what the fit absorbs of a shape changes nothing, and would drown the rest in rounding
+        left = white.leave(one.columns)
+        size = np.linalg.norm(left)
+        if size > SILENT * np.linalg.norm(one.columns):
+            parts.append(left * np.sqrt(white.gap.size) / size)
     return np.concatenate(parts, axis=1)
 
 

@@ -1,0 +1,104 @@
+"""Noise and wrong rows found beside effects, on campaigns of the KR240-2."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from beamstiff.gap.baseline import Baseline, fit_baseline
+from beamstiff.gap.library import Library, state_library
+from beamstiff.gap.screening import Screened, screen
+from beamstiff.gap.whitened import whiten
+from beamstiff.measure.rows import subset
+from beamstiff.measure.table import Measurements
+from tests.gap import planted
+from tests.gap.machines import POSITION, ROTATION, kr240
+
+PLAN = planted.plan()
+ROWS = len(PLAN.q)
+
+
+def prepared(rows: Measurements) -> tuple[Baseline, Library]:
+    there = fit_baseline(kr240(), rows)
+    return there, state_library(there, whiten(there))
+
+
+def screened(rows: Measurements, **more: bool) -> Screened:
+    return screen(*prepared(rows), **more)
+
+
+def wrong(rows: Measurements, which: list[int], size: float) -> Measurements:
+    """Return rows of which some are off by a size in one direction each."""
+    moved = rows.displacement.copy()
+    moved[which, np.arange(len(which)) % 3] += size
+    return replace(rows, displacement=moved)
+
+
+@pytest.mark.parametrize("effect", [None, planted.backlash, planted.base_compliance, planted.thermal_drift])
+def test_wrong_rows_are_found_whatever_else_there_is_and_no_others(effect: planted.Effect | None) -> None:
+    rows = planted.campaign(PLAN, *([effect] if effect else []), seed=1)
+    which = [5, 22, 47, 70]
+    found = screened(wrong(rows, which, 2e-3))
+    assert sorted(found.outliers.tolist()) == which
+    assert not found.used[which].any()
+    assert found.used.sum() == 6 * (ROWS - 4)
+
+
+def test_sound_rows_are_left_alone() -> None:
+    # one table in a thousand may lose a row
+    flagged = [screened(planted.campaign(PLAN, seed=seed)).outliers.size for seed in range(7)]
+    assert flagged == [0] * 7
+
+
+@pytest.mark.parametrize(
+    "effect", [planted.backlash, planted.hysteresis, planted.link_bending, planted.actuator_lever]
+)
+def test_rows_of_an_effect_are_no_outliers(effect: planted.Effect) -> None:
+    found = screened(planted.campaign(PLAN, effect, seed=2))
+    assert found.outliers.size == 0
+
+
+@pytest.mark.parametrize(("position", "rotation"), [(1.0, 1.0), (2.0, 2.0), (0.5, 2.0)])
+def test_the_noise_is_what_the_rows_show_whatever_the_table_claims(position: float, rotation: float) -> None:
+    rows = planted.campaign(PLAN, planted.base_compliance, seed=3)
+    claim = np.repeat([POSITION / position, ROTATION / rotation], 3)
+    found = screened(replace(rows, sigma=np.tile(claim, (ROWS, 1))))
+    # 252 values each: 4.5 % of sampling, the claim pulls a little towards itself
+    np.testing.assert_allclose(np.log(found.noise), np.log([position, rotation]), atol=0.2)
+    np.testing.assert_allclose(found.baseline.sigma, np.tile(claim * np.repeat(found.noise, 3), (ROWS, 1)))
+
+
+def test_where_nothing_is_claimed_the_noise_is_found_from_the_rows_alone() -> None:
+    rows = planted.campaign(PLAN, planted.backlash, seed=4, noise=3.0)
+    silent = replace(rows, sigma=np.full((ROWS, 6), np.nan), sigma_position=None, sigma_rotation=None)
+    found = screened(silent)
+    sigma = np.median(found.baseline.sigma, axis=0)
+    np.testing.assert_allclose(sigma[:3], 3 * POSITION, rtol=0.2)
+    np.testing.assert_allclose(sigma[3:], 3 * ROTATION, rtol=0.2)
+
+
+def test_many_wrong_rows_are_no_outliers_but_something_else() -> None:
+    rng = np.random.default_rng(5)
+    which = rng.permutation(ROWS)[: ROWS // 3].tolist()
+    found = screened(wrong(planted.campaign(PLAN, seed=5), which, 1e-3))
+    assert found.outliers.size <= 0.15 * ROWS
+
+
+def test_wrong_rows_stay_where_outliers_are_ruled_out() -> None:
+    found = screened(wrong(planted.campaign(PLAN, seed=6), [5, 22], 2e-3), find_outliers=False)
+    assert found.outliers.size == 0
+    assert found.used.all()
+
+
+def test_one_posture_is_screened_without_a_breakdown_where_the_fit_absorbs_nearly_everything() -> None:
+    found = screened(subset(planted.campaign(PLAN, seed=7), np.arange(6)))
+    assert np.isfinite(found.noise).all()
+    assert found.outliers.size == 0
+
+
+def test_too_few_rows_are_taken_as_they_are() -> None:
+    found = screened(subset(planted.campaign(PLAN, seed=8), [2]))
+    assert found.noise.tolist() == [1.0, 1.0]
+    assert found.outliers.size == 0
