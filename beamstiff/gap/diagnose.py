@@ -17,7 +17,7 @@ from beamstiff.gap.noise import scale_after, scales_of
 from beamstiff.gap.notes import notes
 from beamstiff.gap.result import Candidate, Diagnosis, estimates_of
 from beamstiff.gap.screening import Screened, screen
-from beamstiff.gap.search import NONE, UNKNOWN, Search, search
+from beamstiff.gap.search import NONE, OUTLIERS, UNKNOWN, Search, search
 from beamstiff.gap.verdict import SECOND, Judged, judge
 from beamstiff.gap.where import where
 from beamstiff.gap.whitened import whiten
@@ -96,8 +96,8 @@ def _diagnosis(
     shrinks = {
         key: held_out(baseline, used, [found.shapes[key]], scale, seed) for key in found.named[:REPORTED]
     }
-    judged = judge(found, white.freedom, chance[1], outlying.size > 0, shrinks[best], both)
-    if judged.also is not None and pair is not None:
+    judged = judge(found, white.freedom, chance[1], (outlying.size, screened.strength), shrinks[best], both)
+    if judged.also not in (None, OUTLIERS) and pair is not None:
         models, scale = list(pair.shapes), scale_after(baseline, used, pair.shapes, scales)
     elif judged.verdict in found.shapes:
         models = [found.shapes[judged.verdict]]
@@ -111,7 +111,9 @@ def _diagnosis(
     by_key = {one.key: one for one in candidates}
     verdict = by_key[judged.verdict]
     also = None
-    if judged.also is not None and both is not None:
+    if judged.also == OUTLIERS:
+        also = Candidate("outliers", None, judged.also_probability)
+    elif judged.also is not None and both is not None:
         verdict = replace(verdict, shrink=both)
         candidates = tuple(verdict if one.key == verdict.key else one for one in candidates)
         second = int(fits[0].shapes[0].hypothesis.key != judged.also)

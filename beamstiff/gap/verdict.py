@@ -32,7 +32,10 @@ SURE, SLIGHT = 0.93, 0.04  # probability of the verdict with what cannot be told
 SECOND = 8.0  # log odds of a second cause
 SECOND_SHARE = 0.03  # and these over the evidence of the first
 SECOND_WORTH = 0.5  # share of what the first leaves that both must close on held-out postures
+CLEAR = 0.75  # probability that a second cause needs among those that could be it
 INSUFFICIENT, SUFFICIENT = 0.2, 0.12  # shares left to the unknown by one cause, and by two that will do
+DISTINCT, SEVERAL, STRONG = 1.3, 3, 1.8  # outliers: strength to be named, number and strength beside a cause
+SEEN = 0.9  # probability of outliers beside a cause
 MOST = 5  # effects in a set, beyond which the data tell nothing apart
 
 
@@ -93,7 +96,7 @@ def judge(
     search: Search,
     freedom: int,
     chance: float,
-    outliers: bool,
+    outliers: tuple[int, float],
     single: Shrink,
     both: Shrink | None,
 ) -> Judged:
@@ -106,13 +109,13 @@ def judge(
         Values less fitted parameters.
     chance : float
         Share of simulated campaigns without an effect that look as much as if they had one.
-    outliers : bool
-        Whether rows were left out that nothing explains.
+    outliers : (int, float)
+        How many rows were left out that nothing explains, and their strength (`Screened.strength`).
     single, both : Shrink
         Held-out worth of the best cause, and of the best pair.
     """
     named = search.named
-    nothing = OUTLIERS if outliers else NONE
+    nothing = OUTLIERS if outliers[0] and outliers[1] >= DISTINCT else NONE
     best = named[0]
     evidence = search.log_weight[best] - search.log_weight[UNKNOWN]
     effects = tempered({key: search.log_weight[key] for key in named}, evidence)
@@ -141,7 +144,9 @@ def judge(
     probabilities = {key: real * share for key, share in effects.items()} | shares
     if real >= max(shares.values()):
         verdict = max(effects, key=effects.__getitem__)
-        return Judged(probabilities, verdict, _set(effects, verdict))
+        wrong = outliers[0] >= SEVERAL and outliers[1] >= STRONG
+        also = (OUTLIERS, SEEN) if wrong else (None, 0.0)
+        return Judged(probabilities, verdict, _set(effects, verdict), *also)
     return Judged(probabilities, max(shares, key=shares.__getitem__), ())
 
 
@@ -185,4 +190,6 @@ def _two(
     kept = tuple(key for key in others if member[key] > 1.0 - SURE)[:MOST]
     if real < max(shares.values()):
         return Judged(probabilities, max(shares, key=shares.__getitem__), ())
+    if member[second] < CLEAR:
+        return Judged(probabilities, first, (second, *kept)[:MOST])
     return Judged(probabilities, first, kept, second, real * min(member[second], 1.0))
