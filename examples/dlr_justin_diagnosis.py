@@ -2,8 +2,9 @@
 
 Tenhumberg and Baeuml (Humanoids 2021) calibrate the humanoid's upper body in stages and print what each
 leaves: frames only, encoder offsets, all kinematics, compliance about the joints, compliance across them
-(bearings). Here every stage is fitted to 350 of the 500 postures and tested on 150, and after every stage the
-diagnosis is asked what is missing. No row carries a load: what gives way does so under the robot's own weight.
+(bearings). Here every stage is fitted to 350 of the 500 postures and tested on 150, and after every stage
+the diagnosis is asked what is missing. No row carries a load: what gives way does so under the robot's own
+weight.
 
 The measurements state no licence: they are read from the folder of shared data (BEAMSTIFF_SHARED, default
 `../shared` beside the repository). Run `python examples/dlr_justin_diagnosis.py [FIGURE.png]`; two minutes.
@@ -51,18 +52,19 @@ PUBLISHED = {
 }
 KINDS = {"joint-compliance": BLUE, "bearing-tilt": ORANGE, "geometry-error": GREEN, "unknown": GREY}
 CONCLUSION = (
-    "What it says. With frames alone calibrated the likeliest causes are tilting of the bearing of torso joint "
-    "1 and compliance about torso joint 2, which these postures can hardly tell apart: the one carries the "
-    "other. With the kinematics calibrated it is compliance about the torso's joints; with that as well, the "
-    "bearings of the torso, if anything known. These are the published causes in the published order, and the "
-    "errors held out fall as published, most of all by compliance about the joints.",
+    "What it says. With frames alone calibrated the likeliest causes are tilting of the bearing of torso "
+    "joint 1 and compliance about torso joint 2, which these postures can hardly tell apart: the one "
+    "carries the other. With the kinematics calibrated it is compliance about the torso's joints; with "
+    "that as well, the bearings of the torso, if anything known. These are the published causes in the "
+    "published order, and the errors held out fall as published, most of all by compliance about the "
+    "joints.",
     "What it does not say. All joints give way at once, and the diagnosis weighs one cause, or two: none "
     "closes more than about a third of the gap alone, so that `unknown` stays likely, and is the verdict "
-    "throughout where noise of 1 mm is claimed. Geometry, which is wrong as well (5 mm of the error), is not "
-    "named: no single parameter is worth much. Bearings without joint compliance leave nearly as little as "
-    "with it, published is far more: here they have three compliances each and the masses are guessed, so "
-    "these data do not separate the two for us. Sizes come out beyond the realistic ones, which are those of "
-    "industrial robots; only mass times compliance shows.",
+    "throughout where noise of 1 mm is claimed. Geometry, which is wrong as well (5 mm of the error), is "
+    "not named: no single parameter is worth much. Bearings without joint compliance leave nearly as "
+    "little as with it, published is far more: here they have three compliances each and the masses are "
+    "guessed, so these data do not separate the two for us. Sizes come out beyond the realistic ones, "
+    "which are those of industrial robots; only mass times compliance shows.",
 )
 
 

@@ -51,14 +51,16 @@ WAVES = (6, 12, 20, 30, 40, 60)  # of a joint's error, at most so many a turn
 FINEST, COARSE = 30, 10  # waves drawn; cosines and sines of 1 to 5 are left out: geometry makes such as well
 AMPLITUDE, NOISE = 1e-4, 1e-4  # rad, m: ridge of the fit of waves
 CONCLUSION = (
-    "What it says. Unknown, in both series, at the tracker's noise: no effect of the library closes anything "
-    "of the gap on postures held out. Nothing elastic is named, though the arm's own weight acts.",
-    "That is right, and can be checked. An error of each joint that depends on its own angle only, in waves of "
-    "up to 30 a turn, closes most of the gap on postures held out; finer waves add little. Where a joint had "
-    "the same angles in both series, the two curves, fitted apart, agree. So what is left is not elastic, not "
-    "in the lengths and not random: it is in the joints' angles, some tenths of a milliradian from gears or "
-    "encoders. No effect of the library is that, and no stiffness will mend it. To measure: each joint alone, "
-    "in steps of 1 degree, before the tracker. 0.1 mm remain, still more than the noise.",
+    "What it says. Unknown, in both series, at the tracker's noise: no effect of the library closes "
+    "anything of the gap on postures held out. Nothing elastic is named, though the arm's own weight "
+    "acts.",
+    "That is right, and can be checked. An error of each joint that depends on its own angle only, in "
+    "waves of up to 30 a turn, closes most of the gap on postures held out; finer waves add little. Where "
+    "a joint had the same angles in both series, the two curves, fitted apart, agree. So what is left is "
+    "not elastic, not in the lengths and not random: it is in the joints' angles, some tenths of a "
+    "milliradian from gears or encoders. No effect of the library is that, and no stiffness will mend it. "
+    "To measure: each joint alone, in steps of 1 degree, before the tracker. 0.1 mm remain, still more "
+    "than the noise.",
 )
 
 
