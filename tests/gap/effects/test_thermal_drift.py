@@ -11,7 +11,7 @@ TIME = np.array([0.0, 100, 200, 300, 350, 400])
 
 def test_a_steady_drift_grows_with_the_time_whatever_the_load() -> None:
     rows = at_random(elbow(), 6, seed=1, time=TIME)
-    shape = shape_of(nominal(elbow(), rows), "thermal-drift", None, "time")
+    shape = shape_of(nominal(elbow(), rows), "thermal-drift", None, "linear")
     for axis in range(3):
         drift = shape.columns[:, axis, axis]
         assert np.diff(drift) == pytest.approx(np.diff(TIME) / 400)  # the parameter is the drift of all of it
@@ -19,7 +19,7 @@ def test_a_steady_drift_grows_with_the_time_whatever_the_load() -> None:
         assert not others.any()
 
 
-@pytest.mark.parametrize(("name", "decay"), [("time, warming up", 0.3), ("time, warming up fast", 0.1)])
+@pytest.mark.parametrize(("name", "decay"), [("warming up within 0.3", 0.3), ("warming up within 0.1", 0.1)])
 def test_a_machine_warms_up_as_newton_says(name: str, decay: float) -> None:
     rows = at_random(elbow(), 6, seed=1, time=TIME)
     found = shape_of(nominal(elbow(), rows), "thermal-drift", None, name).columns[:, 0, 0]
@@ -28,7 +28,7 @@ def test_a_machine_warms_up_as_newton_says(name: str, decay: float) -> None:
 
 
 def test_without_times_rows_count() -> None:
-    found = shape_of(nominal(elbow(), at_random(elbow(), 5, seed=1)), "thermal-drift", None, "time")
+    found = shape_of(nominal(elbow(), at_random(elbow(), 5, seed=1)), "thermal-drift", None, "linear")
     assert np.diff(found.columns[:, 0, 0]) == pytest.approx(0.25)
 
 
@@ -43,7 +43,7 @@ def test_a_shared_unloaded_reading_takes_the_drift_of_its_moment_out() -> None:
         shared_unloaded=True,
     )
     shapes = EFFECTS["thermal-drift"].shapes(nominal(elbow(), rows), None)
-    found = next(one for one in shapes if one.name == "time, since the unloaded reading").columns[:, 0, 0]
+    found = next(one for one in shapes if one.name == "linear, since the unloaded reading").columns[:, 0, 0]
     assert found == pytest.approx((TIME - [0, 0, 0, 300, 300, 300]) / 400)
 
 
@@ -55,3 +55,27 @@ def test_a_thermometer_is_believed_where_there_is_one() -> None:
     still = at_random(elbow(), 6, seed=3, temperature=np.full(6, 20.0))
     names = {one.name for one in EFFECTS["thermal-drift"].shapes(nominal(elbow(), still), None)}
     assert "temperature" not in names
+
+
+def test_a_machine_follows_its_temperature_with_a_lag() -> None:
+    time = np.linspace(0.0, 400.0, 401)
+    warmth = np.where(time < 100, 20.0, 25.0)
+    rows = at_random(elbow(), 401, seed=3, time=time, temperature=warmth)
+    shape = shape_of(nominal(elbow(), rows), "thermal-drift", None, "temperature, lagging by 0.05")
+    found = shape.columns[:, 0, 0]
+    after = time >= 100
+    rise = (found[after] - found[0]) / 5.0
+    assert rise == pytest.approx(
+        1 - np.exp(-(time[after] - 99.0) / 20.0)
+    )  # a step, answered as of first order
+
+
+def test_a_turning_frame_moves_points_by_their_distance() -> None:
+    rows = at_random(elbow(), 6, seed=1, time=TIME)
+    baseline = nominal(elbow(), rows)
+    shape = shape_of(baseline, "thermal-drift", None, "any course, turning")
+    turn = shape.columns[..., -6:-3]  # of the linear course, about x, y and z
+    course = TIME / 400 - 0.5
+    for axis in range(3):
+        assert turn[:, 3 + axis, axis] == pytest.approx(course)
+        assert np.cross(np.eye(3)[axis], turn[:, :3, axis]) @ np.eye(3)[axis] == pytest.approx(0.0)
