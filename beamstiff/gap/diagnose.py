@@ -154,7 +154,7 @@ def _diagnosis(
         indistinguishable=judged.indistinguishable,
         untestable=library.untestable,
         outliers=tuple(baseline.rows.place(row) for row in outlying.tolist()),
-        notes=tuple(notes(screened, white)),
+        notes=tuple(notes(screened, white, verdict.effect, scale)),
         fits=fits,
         where=where(baseline, white, used, scale, seed),
         next=as_plain(proposed),

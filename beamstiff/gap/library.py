@@ -10,10 +10,12 @@ import numpy as np
 from beamstiff.errors import BeamstiffError, suggest
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects import EFFECTS, Shape
+from beamstiff.gap.effects.laws import drives
 from beamstiff.gap.whitened import Whitened
 from beamstiff.se3 import Array
 
 ABSORBED = 0.02  # share of a signature's size that the fitted parameters leave
+OF_DRIVES = ("actuator-lever", "backlash", "gravity-compensator", "hardening", "hysteresis")
 FAINT = 0.1  # sigma a value, at the largest realistic size
 
 
@@ -158,6 +160,8 @@ def _nowhere(effect: str, baseline: Baseline) -> str:
         return "the model holds no joint rigid about its axis"
     if effect == "joint-coupling":
         return "fewer than two joints have springs about their axes"
+    if effect in OF_DRIVES and not drives(baseline):
+        return "the model holds every joint rigid about its axis"
     if not np.abs(baseline.rows.wrench).any():
         return "no row carries a load"
     return "this robot has no component for it"

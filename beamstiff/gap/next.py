@@ -29,6 +29,7 @@ from beamstiff.se3 import Array
 
 POSES = 24
 PROGRAMME = 6  # poses that are proposed
+AXES = 3  # along which each is loaded
 STEPS = (0.5, 1.0, 0.5, -0.5, -1.0)  # of the largest load: a cycle shows history and reversal
 
 
@@ -87,8 +88,7 @@ def programme(
     whole = np.array([score[cycle == k].sum() for k in range(int(cycle.max()) + 1)])
     chosen: list[int] = []
     for k in np.argsort(-whole):
-        pose = rows.pose[np.argmax(cycle == k)]
-        if all(rows.pose[np.argmax(cycle == other)] != pose for other in chosen):
+        if all(k // AXES != other // AXES for other in chosen):  # another posture each time
             chosen.append(int(k))
         if len(chosen) == PROGRAMME:
             break
@@ -106,13 +106,13 @@ def _candidates(baseline: Baseline, seed: int) -> tuple[Measurements, NDArray[np
     largest = float(np.linalg.norm(rows.wrench[:, :3], axis=1).max(initial=0.0)) or 500.0
     all_q, wrench, pose, step, cycle = [], [], [], [], []
     for number, values in enumerate(q):
-        for axis in range(3):
+        for axis in range(AXES):
             for at, share in enumerate(STEPS):
                 all_q.append(values)
                 wrench.append(np.eye(6)[axis] * share * largest)
-                pose.append(3 * number + axis)
+                pose.append(AXES * number + axis)
                 step.append(at)
-                cycle.append(3 * number + axis)
+                cycle.append(AXES * number + axis)
     proposed = make_measurements(
         list(rows.variables),
         np.array(all_q),

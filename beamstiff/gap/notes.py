@@ -14,8 +14,16 @@ FEW_POSES = 5
 FEW_VALUES = 30
 
 
-def notes(screened: Screened, white: Whitened) -> Iterator[str]:
-    """Yield what a reader of the verdict should know of the data."""
+def notes(screened: Screened, white: Whitened, verdict: str, scale: float) -> Iterator[str]:
+    """Yield what a reader of the verdict should know of the data.
+
+    Parameters
+    ----------
+    verdict : str
+        Name of the effect, ``none`` or ``unknown``.
+    scale : float
+        Of the noise that the verdict leaves, against the sigma counted with.
+    """
     baseline, rows = screened.baseline, screened.baseline.rows
     poses = np.unique(rows.pose).size
     if white.freedom < FEW_VALUES:
@@ -28,8 +36,16 @@ def notes(screened: Screened, white: Whitened) -> Iterator[str]:
         for name, factor in zip(("position", "rotation"), screened.noise.tolist(), strict=True):
             if factor > OFF or factor < 1.0 / OFF:
                 yield f"the noise of the {name}s looks {factor:.2g} times what the table claims"
+    if verdict == "none" and baseline.claimed and scale > OFF:
+        yield (
+            f"the fit leaves {scale:.2g} times the noise counted with: either that noise is not what it is "
+            "said to be, or something acts that these rows cannot show"
+        )
     if not (np.abs(rows.wrench).max(axis=1) > 0).any():
-        yield "no row carries a load: nothing that gives way under load can show"
+        places = (*baseline.places.joints.values(), *baseline.places.links.values())
+        weighs = baseline.absolute and any(place.dead.any() for place in places)
+        what = "only what gives way under the dead weight" if weighs else "nothing that gives way under load"
+        yield f"no row carries a load: {what} can show"
     else:
         force = rows.wrench[:, :3]
         values = np.linalg.svd(force / max(float(np.linalg.norm(force)), 1e-300), compute_uv=False)

@@ -48,7 +48,7 @@ def where(
     size = np.sqrt(np.nansum(gap**2, axis=1))
     seen: NDArray[np.bool_] = np.any(used[:, :3], axis=1)
     result: dict[str, Any] = {"components": _shares(baseline, white, noise, seed)}
-    result["directions"] = {axis: _rms(gap[:, k]) for k, axis in enumerate("xyz")}
+    result["directions"] = {axis: _rms(gap[:, k]) for k, axis in enumerate("xyz") if used[:, k].any()}
     load = np.linalg.norm(baseline.rows.wrench[:, :3], axis=1)
     result["loads"] = _by_level(load, size, seen, "N")
     branch = rising(baseline)
@@ -74,6 +74,8 @@ def _rms(values: Array) -> float:
 
 def _by_level(value: Array, size: Array, seen: NDArray[np.bool_], unit: str) -> dict[str, float]:
     """Return the RMS by thirds of a quantity, under what they span."""
+    whole = float(np.abs(value).max(initial=0.0)) or 1.0
+    value = np.round(value / whole, 6) * whole  # rounding must not split a level
     levels = np.unique(value[seen])
     if levels.size == 1:
         return {f"{levels[0]:.4g} {unit}".strip(): _rms(size[seen])}
