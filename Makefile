@@ -12,7 +12,7 @@ STAMP := .venv/.installed
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: venv demo test slow figures lint clean
+.PHONY: venv demo readme test slow figures lint clean
 
 venv: $(STAMP)
 
@@ -26,6 +26,10 @@ $(STAMP): pyproject.toml
 
 demo: venv
 	$(BIN)/python examples/demo.py
+
+# The README shows what the demo prints.
+readme: venv
+	$(BIN)/python -m tests.cli.demo_text
 
 test: venv
 	$(BIN)/python -m pytest -n $(JOBS) $(PYTEST_ARGS)

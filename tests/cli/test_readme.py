@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import doctest
 import json
-import os
 import re
 import shlex
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -16,6 +13,7 @@ from typer.testing import CliRunner
 
 from beamstiff import load_robot, read_measurements
 from beamstiff.cli.main import app
+from tests.cli.demo_text import demo_text
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 README = (REPOSITORY / "README.md").read_text(encoding="utf-8")
@@ -38,17 +36,7 @@ def crane(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_the_demo_prints_what_the_readme_shows(tmp_path: Path) -> None:
-    figure = tmp_path / "figure.png"
-    printed = subprocess.run(
-        [sys.executable, str(REPOSITORY / "examples" / "demo.py"), str(figure)],
-        capture_output=True,
-        encoding="utf-8",
-        check=True,
-        env=os.environ | {"COLUMNS": "80", "NO_COLOR": "1"},
-    ).stdout
-    shown = printed.replace(str(figure), "examples/output/ir663_identification.png")
-    shown = shown.replace(f"{tmp_path}{os.sep}", "examples/output/")
-    assert [line.rstrip() for line in shown.splitlines()] == block("demo").splitlines()
+    assert demo_text(tmp_path) == block("demo"), "`make readme` writes what the demo prints now"
 
 
 def test_the_python_of_the_readme_runs(monkeypatch: pytest.MonkeyPatch) -> None:

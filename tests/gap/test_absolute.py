@@ -1,4 +1,4 @@
-"""Absolute positions of a rigid model: what gives way under the dead weight is found; what is hidden is said."""
+"""Absolute positions of a rigid model: what the dead weight shows is found, what is hidden is said."""
 
 from __future__ import annotations
 

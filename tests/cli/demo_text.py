@@ -1,0 +1,40 @@
+"""What the demo prints, for the README; `make readme` writes it there."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+
+
+def demo_text(folder: Path) -> str:
+    """Return what the demo prints, 80 columns wide; it draws into a folder, named as by default."""
+    printed = subprocess.run(
+        [sys.executable, str(REPOSITORY / "examples" / "demo.py"), str(folder / "ir663_identification.png")],
+        capture_output=True,
+        encoding="utf-8",
+        check=True,
+        env=os.environ | {"COLUMNS": "80", "NO_COLOR": "1"},
+    ).stdout
+    shown = printed.replace(f"{folder}{os.sep}", "examples/output/")
+    return "".join(f"{line.rstrip()}\n" for line in shown.splitlines())
+
+
+def main() -> None:
+    readme = REPOSITORY / "README.md"
+    with tempfile.TemporaryDirectory() as folder:
+        text = demo_text(Path(folder))
+    before = readme.read_text(encoding="utf-8")
+    after = re.sub(
+        r"(?s)(<!-- demo -->\n```\w*\n).*?(```)", lambda found: found[1] + text + found[2], before, count=1
+    )
+    readme.write_text(after, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
