@@ -156,6 +156,8 @@ def _hidden(hypotheses: Sequence[Hypothesis], white: Whitened) -> str:
 def _nowhere(effect: str, baseline: Baseline) -> str:
     if effect == "payload-error":
         return "displacements do not depend on it: look at absolute positions"
+    if effect == "thermal-drift":
+        return "the rows say neither when nor how warm: add a column t [s] or temperature [degC]"
     if effect == "joint-compliance":
         return "the model holds no joint rigid about its axis"
     if effect == "joint-coupling":

@@ -19,6 +19,7 @@ from beamstiff.gap.effects.laws import axis_at, drive_compliance, drives, unit_o
 RATIOS = (0.15, 0.3, 0.5, 0.7, 0.85)  # of the two arms
 FINE_RATIOS = (0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9)
 NEARER_DEAD = 0.25
+VARIES = 0.3  # RMS of the compliance over its mean, usual for a drive of this kind
 NEAR_DEAD = 0.35  # of its largest lever, below which nobody lets a screw work
 
 
@@ -42,7 +43,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     factors = follow.varying(lambda q: laws(q, cranks)).T
     columns = [scaled_torque(baseline, axis, factor) for factor in factors]
     whole = [scaled_torque(baseline, axis, mode) for mode in modes.T]
-    names = tuple(Quantity(f"compliance_mode_{k + 1}", unit, compliance) for k in range(len(whole)))
+    names = tuple(Quantity(f"compliance_mode_{k + 1}", unit, VARIES * compliance) for k in range(len(whole)))
     result = [
         Shape(
             f"crank {ratio:g}, {np.degrees(phase):.0f} deg",

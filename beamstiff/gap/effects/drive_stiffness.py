@@ -65,15 +65,18 @@ class Following:
     def family(self, laws: Callable[[Array], Array]) -> Array:
         """Return the main modes (N, MODES) of a family of laws, (N,) to (N, m), each in its usual size.
 
-        Laws drawn from the family, with any factor of mean square 1, have the second moments of the modes
-        with standard normal factors (Karhunen and Loeve).
+        Laws drawn from the family, each varying by 1 (RMS over the fitted rows), have the second moments of
+        the modes with standard normal factors (Karhunen and Loeve).
         """
         fitted = laws(self.fitted)
         mean = self.share @ fitted
-        _, values, right = np.linalg.svd(np.sqrt(self.share)[:, None] * (fitted - mean), full_matrices=False)
+        size = np.sqrt(self.share @ (fitted - mean) ** 2)
+        size = np.where(size > 0, size, np.inf)
+        around = np.sqrt(self.share)[:, None] * (fitted - mean) / size
+        _, values, right = np.linalg.svd(around, full_matrices=False)
         kept = values[: min(MODES, values.size)]
         # a mode's sign is free, but parameters that were written must mean the same on every machine
         sign = np.where(right @ np.cos(np.arange(fitted.shape[1])) < 0, -1.0, 1.0)[: kept.size]
-        weight = sign * right[: kept.size].T / np.sqrt(fitted.shape[1])
+        weight = sign * right[: kept.size].T / np.sqrt(fitted.shape[1]) / size[:, None]
         result: Array = (laws(self.angle) - mean) @ weight
         return result

@@ -51,7 +51,9 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     ]
     if not baseline.absolute:
         whole = [column(mode, np.zeros(len(mode))) for mode in follow.family(lambda q: laws(q, family)).T]
-        names = tuple(Quantity(f"stiffness_mode_{k + 1}", "N*m/rad", size.size) for k in range(len(whole)))
+        names = tuple(
+            Quantity(f"stiffness_mode_{k + 1}", "N*m/rad", 0.5 * size.size) for k in range(len(whole))
+        )
         result.append(Shape("any spring", np.stack(whole, -1), names, spread=4.0))
     return result
 

@@ -19,6 +19,13 @@ LAGS = (0.0, 0.05, 0.2)  # of the campaign's duration, by which the machine foll
 TURNING = ("linear", "warming up within 0.3")
 
 
+def _components(baseline: Baseline) -> list[str | None]:
+    rows = baseline.rows
+    timed = bool(np.isfinite(rows.time).all() and np.ptp(rows.time) > 0)
+    warmed = bool(np.isfinite(rows.temperature).all() and np.ptp(rows.temperature) > 0)
+    return [None] if timed or warmed or baseline.stated is not None else []
+
+
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: ARG001
     fitted, stated = baseline.fit.rows, baseline.stated is not None
     time = clock(baseline)
@@ -115,7 +122,7 @@ EFFECT = Effect(
     name="thermal-drift",
     family="measurement",
     meaning="The reading drifts with time or temperature, whatever the load.",
-    components=lambda baseline: [None] if len(baseline.rows) > 1 or baseline.stated else [],
+    components=_components,
     shapes=_shapes,
     separation="re-measure the reference pose now and then",
     look_alikes=("outliers",),

@@ -27,9 +27,10 @@ def test_a_machine_warms_up_as_newton_says(name: str, decay: float) -> None:
     assert 1 - found == pytest.approx(np.exp(-TIME / (decay * 400)))
 
 
-def test_without_times_rows_count() -> None:
-    found = shape_of(nominal(elbow(), at_random(elbow(), 5, seed=1)), "thermal-drift", None, "linear")
-    assert np.diff(found.columns[:, 0, 0]) == pytest.approx(0.25)
+def test_without_times_and_temperatures_nothing_is_said_to_drift() -> None:
+    assert EFFECTS["thermal-drift"].components(nominal(elbow(), at_random(elbow(), 5, seed=1))) == []
+    timed = at_random(elbow(), 6, seed=1, time=TIME)
+    assert EFFECTS["thermal-drift"].components(nominal(elbow(), timed)) == [None]
 
 
 def test_a_shared_unloaded_reading_takes_the_drift_of_its_moment_out() -> None:
