@@ -1,0 +1,165 @@
+"""The verdict's logic, on evidence made by hand."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from beamstiff.gap.heldout import Shrink
+from beamstiff.gap.search import NONE, OUTLIERS, UNKNOWN, Pair, Search
+from beamstiff.gap.verdict import FEW, MOST, Judged, accepted, doubt, judge, tempered
+
+NOISE = 5e-5  # m
+GOOD = Shrink(before=4e-4, after=5.2e-5, shrink=0.99, interval=(0.97, 1.0), postures=14, noise=NOISE)
+USELESS = Shrink(before=4e-4, after=4e-4, shrink=0.0, interval=(0.0, 0.05), postures=14, noise=NOISE)
+HALF = Shrink(before=4e-4, after=3e-4, shrink=0.5, interval=(0.4, 0.6), postures=14, noise=NOISE)
+CLEAN, WRONG = (0, 0.0), (3, 3.0)  # rows left out: how many, how strongly
+
+
+def search_of(
+    effects: dict[str, float],
+    none: float = -200.0,
+    unknown: float = -60.0,
+    left: float = 0.02,
+    pairs: tuple[Pair, ...] = (),
+) -> Search:
+    """Return evidence: log weights of effects, of none and of the unknown; the effects leave a share."""
+    weights = effects | {NONE: none, UNKNOWN: unknown}
+    return Search(weights, pairs, {}, dict.fromkeys(effects, 0.1), dict.fromkeys(effects, left))
+
+
+def pair_of(first: str, second: str, log_weight: float, left: float = 0.02) -> Pair:
+    return Pair(first, second, log_weight, left, ([], []))
+
+
+def judged(search: Search, **more: Any) -> Judged:
+    usual: dict[str, Any] = {"freedom": 400, "chance": 0.005, "outliers": CLEAN, "single": GOOD, "both": None}
+    found = judge(search, **(usual | more))
+    assert sum(found.probabilities.values()) == pytest.approx(1)
+    assert all(0 <= p <= 1 for p in found.probabilities.values())
+    assert {NONE, UNKNOWN, OUTLIERS} & set(found.probabilities)
+    assert found.verdict not in found.indistinguishable
+    return found
+
+
+CLEAR = {"backlash:q3": 0.0, "hardening:q3": -150.0, "hysteresis:q2": -180.0}
+
+
+def test_a_cause_that_explains_it_all_is_named_alone() -> None:
+    found = judged(search_of(CLEAR))
+    assert found.verdict == "backlash:q3"
+    assert found.probabilities["backlash:q3"] > 0.9
+    assert found.indistinguishable == ()
+    assert found.also is None
+
+
+def test_nothing_beyond_noise_is_none() -> None:
+    found = judged(search_of(CLEAR, none=20.0, unknown=5.0), chance=0.5, single=USELESS)
+    assert found.verdict == NONE
+    assert found.probabilities[NONE] > 0.9
+    assert found.indistinguishable == ()
+
+
+def test_what_campaigns_without_an_effect_reach_as_often_is_no_evidence() -> None:
+    search = search_of({"backlash:q3": 0.0, "hardening:q3": -1.0}, none=-6.0, unknown=-8.0)
+    assert judged(search, chance=0.4).verdict == NONE
+    assert judged(search, chance=0.4).probabilities[NONE] > judged(search).probabilities[NONE]
+
+
+def test_rows_that_nothing_explains_are_the_cause_where_nothing_else_is_left() -> None:
+    found = judged(search_of(CLEAR, none=20.0, unknown=5.0), chance=0.5, outliers=WRONG, single=USELESS)
+    assert found.verdict == OUTLIERS
+    assert NONE not in found.probabilities
+
+
+def test_a_gap_that_the_best_cause_leaves_open_is_unknown() -> None:
+    found = judged(search_of(CLEAR, left=0.95), single=USELESS)
+    assert found.verdict == UNKNOWN
+    assert found.probabilities[UNKNOWN] > 0.8
+
+
+def test_worth_on_other_postures_speaks_against_the_unknown() -> None:
+    unknown = [
+        judged(search_of(CLEAR, left=0.5), single=single).probabilities[UNKNOWN]
+        for single in (USELESS, HALF, GOOD)
+    ]
+    assert unknown[0] > unknown[1] >= unknown[2]
+    by_left = [judged(search_of(CLEAR, left=left)).probabilities[UNKNOWN] for left in (0.02, 0.3, 0.9)]
+    assert by_left == sorted(by_left)
+
+
+def test_of_few_values_nothing_is_called_unknown() -> None:
+    found = judged(search_of(CLEAR, left=0.95, unknown=-300.0), single=USELESS, freedom=FEW - 1)
+    assert found.verdict != UNKNOWN
+
+
+def test_causes_as_likely_as_the_verdict_are_its_equivalents() -> None:
+    near = {"link-bending:link2": 0.0, "bearing-tilt:q2": -0.5, "backlash:q3": -400.0}
+    found = judged(search_of(near))
+    assert found.verdict == "link-bending:link2"
+    assert found.indistinguishable == ("bearing-tilt:q2",)
+
+
+def test_a_set_is_the_likeliest_few_in_their_order() -> None:
+    many = {f"link-bending:link{k}": -0.1 * k for k in range(20)}
+    found = judged(search_of(many))
+    assert len(found.indistinguishable) <= MOST
+    shares = [found.probabilities[key] for key in (found.verdict, *found.indistinguishable)]
+    assert shares == sorted(shares, reverse=True)
+
+
+def test_evidence_is_believed_less_the_more_of_it_there_is() -> None:
+    # shapes are never quite right: what speaks for the one against the other grows with the gap itself
+    weights = {"a": 0.0, "b": -10.0}
+    shares = [tempered(weights, evidence)["b"] for evidence in (0.0, 50.0, 500.0)]
+    assert shares[0] == pytest.approx(np.exp(-10) / (1 + np.exp(-10)))
+    assert shares[0] < shares[1] < shares[2] < 0.5
+    assert sum(tempered(weights, 77.0).values()) == pytest.approx(1)
+
+
+def test_doubt_grows_with_what_is_left_and_shrinks_with_worth() -> None:
+    assert doubt(0.05, 1.0) < doubt(0.3, 1.0) < doubt(0.9, 1.0)
+    assert doubt(0.3, 0.0) > doubt(0.3, 0.3) > doubt(0.3, 0.5) == doubt(0.3, 1.0)
+    assert np.isfinite(doubt(0.0, 1.0))
+
+
+PAIR = pair_of("backlash:q3", "base-compliance:null", 60.0)
+
+
+def test_a_second_cause_with_evidence_and_worth_of_its_own_is_named_beside_the_first() -> None:
+    search = search_of(CLEAR | {"base-compliance:null": -90.0}, left=0.4, pairs=(PAIR,))
+    found = judged(search, single=HALF, both=GOOD)
+    assert (found.verdict, found.also) == ("backlash:q3", "base-compliance:null")
+    assert found.also_probability > 0.8
+    assert "base-compliance:null" not in found.indistinguishable
+
+
+def test_of_two_causes_the_likelier_alone_comes_first() -> None:
+    search = search_of(
+        {"base-compliance:null": 0.0, "backlash:q3": -20.0},
+        left=0.4,
+        pairs=(pair_of("backlash:q3", "base-compliance:null", 60.0),),
+    )
+    found = judged(search, single=HALF, both=GOOD)
+    assert (found.verdict, found.also) == ("base-compliance:null", "backlash:q3")
+
+
+@pytest.mark.parametrize(
+    ("pair", "single", "both"),
+    [
+        (None, HALF, GOOD),
+        (PAIR, HALF, None),
+        (pair_of("backlash:q3", "base-compliance:null", 2.0), HALF, GOOD),  # hardly likelier than one
+        (pair_of("backlash:q3", "base-compliance:null", 60.0, left=0.4), HALF, HALF),  # worth nothing more
+        (PAIR, GOOD, GOOD),  # nothing was left to close
+    ],
+    ids=["no pair", "not tried", "no evidence", "no worth", "nothing left"],
+)
+def test_a_second_cause_is_refused_without_evidence_and_worth(
+    pair: Pair | None, single: Shrink, both: Shrink | None
+) -> None:
+    search = search_of(CLEAR, pairs=() if pair is None else (pair,))
+    assert not accepted(pair, search, single, both)
+    assert judged(search, single=single, both=both).also is None

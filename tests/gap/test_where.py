@@ -1,0 +1,68 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.gap.planted import diagnosed
+
+PLACES = {
+    "link_bending": {"link2", "link1", "q2", "q3"},  # a link and the bearings at its ends do much the same
+    "base_compliance": {"base", "link0", "link1", "q1"},  # and what stands on it
+    "backlash": {"q3"},
+    "hysteresis": {"q3"},
+    "actuator_lever": {"q2"},
+}
+
+
+@pytest.mark.parametrize("name", list(PLACES))
+def test_the_place_of_the_effect_has_the_largest_share(name: str) -> None:
+    shares = diagnosed(name).where["components"]
+    assert shares[0]["component"] in PLACES[name]
+    assert sum(item["share"] for item in shares if item["component"] in PLACES[name]) > 0.5
+
+
+@pytest.mark.parametrize("name", [None, *PLACES])
+def test_shares_are_sorted_and_lie_in_their_intervals(name: str | None) -> None:
+    shares = [item["share"] for item in diagnosed(name).where["components"]]
+    assert shares == sorted(shares, reverse=True)
+    assert sum(shares) <= 1 + 1e-9
+    for item in diagnosed(name).where["components"]:
+        low, high = item["interval"]
+        assert 0 <= low <= item["share"] <= high <= 1
+
+
+def test_the_gap_is_split_by_direction_load_and_time() -> None:
+    found = diagnosed("backlash")
+    there, where = found.baseline, found.where
+    gap = 1e3 * there.gap[:, :3]
+    assert where["directions"] == pytest.approx(
+        {axis: np.sqrt((gap[:, k] ** 2).mean()) for k, axis in enumerate("xyz")}
+    )
+    size = np.linalg.norm(gap, axis=1)
+    force = np.linalg.norm(there.rows.wrench[:, :3], axis=1)
+    first = next(iter(where["loads"].items()))
+    low, high = (float(value) for value in first[0].removesuffix(" N").split(" to "))
+    some = (force > low - 1) & (force < high + 1)
+    assert first[1] == pytest.approx(np.sqrt((size[some] ** 2).mean()))
+    assert set(where["history"]) == {"loading", "unloading"}
+    assert len(where["time"]) == 3
+    assert set(where["joints"]) == {f"q{k}" for k in range(1, 7)}
+
+
+def test_the_worst_postures_come_first() -> None:
+    found = diagnosed("link_bending")
+    rms = [item["rms_mm"] for item in found.where["poses"]]
+    assert rms == sorted(rms, reverse=True)
+    size = 1e6 * (found.baseline.gap[:, :3] ** 2).sum(axis=1)
+    whole = [np.sqrt(size[found.baseline.rows.pose == pose].mean()) for pose in range(10)]
+    assert rms[0] == pytest.approx(max(whole))
+    assert found.where["poses"][0]["pose"] == int(np.argmax(whole))
+
+
+def test_friction_shows_in_the_history_of_the_load() -> None:
+    assert set(diagnosed("hysteresis").where["history"]) == {"loading", "unloading"}
+
+
+def test_a_drift_shows_in_time() -> None:
+    values = list(diagnosed("thermal_drift").where["time"].values())
+    assert max(values) > 1.2 * min(values)
