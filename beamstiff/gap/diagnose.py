@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -154,12 +154,17 @@ def _diagnosis(
         indistinguishable=judged.indistinguishable,
         untestable=library.untestable,
         outliers=tuple(baseline.rows.place(row) for row in outlying.tolist()),
-        notes=tuple(notes(screened, white, verdict.effect, scale)),
+        notes=(*_unclear(judged), *notes(screened, white, verdict.effect, scale)),
         fits=fits,
         where=where(baseline, white, used, scale, seed),
         next=as_plain(proposed),
         features=features,
     )
+
+
+def _unclear(judged: Judged) -> Iterator[str]:
+    if judged.unclear:
+        yield f"there is a second cause, and it is not clear which: {', '.join(judged.unclear)}"
 
 
 def _rivals(judged: Judged, found: Search) -> list[str]:

@@ -32,7 +32,7 @@ SURE, SLIGHT = 0.93, 0.04  # probability of the verdict with what cannot be told
 SECOND = 8.0  # log odds of a second cause
 SECOND_SHARE = 0.03  # and these over the evidence of the first
 SECOND_WORTH = 0.5  # share of what the first leaves that both must close on held-out postures
-CLEAR = 0.75  # probability that a second cause needs among those that could be it
+CLEAR = 0.6  # probability that a second cause needs among those that could be it
 INSUFFICIENT, SUFFICIENT = 0.2, 0.12  # shares left to the unknown by one cause, and by two that will do
 DISTINCT, SEVERAL, STRONG = 1.3, 3, 1.8  # outliers: strength to be named, number and strength beside a cause
 SEEN = 0.9  # probability of outliers beside a cause
@@ -51,6 +51,8 @@ class Judged:
     indistinguishable : tuple of str
     also : str or None
     also_probability : float
+    unclear : tuple of str
+        What a second cause could be, where there is one and it is not clear which.
     """
 
     probabilities: dict[str, float]
@@ -58,6 +60,7 @@ class Judged:
     indistinguishable: tuple[str, ...]
     also: str | None = None
     also_probability: float = 0.0
+    unclear: tuple[str, ...] = ()
 
 
 def tempered(log_weight: Mapping[str, float], evidence: float) -> dict[str, float]:
@@ -81,11 +84,14 @@ def accepted(pair: Pair | None, search: Search, single: Shrink, both: Shrink | N
     best = search.log_weight[search.named[0]]
     margin = pair.log_weight - best
     evidence = best - search.log_weight[NONE]
-    if margin < max(SECOND, SECOND_SHARE * evidence):
+    left = search.left[search.named[0]]
+    if margin < SECOND:
         return False
-    if search.left[search.named[0]] > INSUFFICIENT and pair.left < min(
-        SUFFICIENT, 0.5 * search.left[search.named[0]]
-    ):
+    if left > INSUFFICIENT and pair.left < min(SUFFICIENT, 0.25 * left):
+        return True
+    if margin < SECOND_SHARE * evidence:
+        return False
+    if left > INSUFFICIENT and pair.left < min(SUFFICIENT, 0.5 * left):
         return True
     open_before = single.after**2 - single.noise**2
     open_after = both.after**2 - both.noise**2
@@ -178,8 +184,8 @@ def _two(
         for key in (names[k].first, names[k].second):
             member[key] = member.get(key, 0.0) + share
     first, second = pair.first, pair.second
-    if search.log_weight[second] > search.log_weight[first]:
-        first, second = second, first
+    if (member[second], search.log_weight[second]) > (member[first], search.log_weight[first]):
+        first, second = second, first  # the one that is clearer comes first
     # of the candidates one is listed as the cause: the first, or what could be it instead
     instead = {key: value for key, value in member.items() if key != second}
     total = sum(instead.values())
@@ -191,5 +197,5 @@ def _two(
     if real < max(shares.values()):
         return Judged(probabilities, max(shares, key=shares.__getitem__), ())
     if member[second] < CLEAR:
-        return Judged(probabilities, first, (second, *kept)[:MOST])
+        return Judged(probabilities, first, (), unclear=(second, *kept)[:MOST])
     return Judged(probabilities, first, kept, second, real * min(member[second], 1.0))
