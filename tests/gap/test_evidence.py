@@ -84,7 +84,7 @@ def test_evidence_is_the_mean_of_dense_densities(n: int, c: int, t: int, scales:
 
 def test_a_density_is_the_integral_over_the_effects_size_and_the_fitted_parameter() -> None:
     white, one = case(5, 1, 1)
-    grid = np.linspace(-40, 40, 1601)
+    grid = np.linspace(-40, 40, 801)
     theta, b = np.meshgrid(grid, grid, indexing="ij")
     explained = theta[..., None] * one.columns[:, 0] + b[..., None] * white.tangent[:, 0]
     likelihood = norm.pdf(white.gap - explained).prod(axis=-1)

