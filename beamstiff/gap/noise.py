@@ -14,13 +14,15 @@ from beamstiff.gap.whitened import whiten
 
 SEEN = 0.25  # standard deviation of the log scale of the noise, where the rows have shown it
 UNSEEN = 0.6
+UNCLAIMED = 2.0  # where no table states it and few values show it
 ENOUGH = 60  # values less fitted ones that show it
 POINTS = 15
 
 
 def scales_of(baseline: Baseline) -> Scales:
     """Return the prior of the noise scale against the sigma that the baseline counts with."""
-    width = SEEN if baseline.used.sum() - len(baseline.fitted) >= ENOUGH else UNSEEN
+    few = baseline.used.sum() - len(baseline.fitted) < ENOUGH
+    width = SEEN if not few else UNSEEN if baseline.claimed else UNCLAIMED
     logs = np.linspace(-2.5 * width, 2.5 * width, POINTS)
     weight = -0.5 * (logs / width) ** 2
     return Scales(np.exp(logs), weight - np.log(np.exp(weight).sum()))

@@ -153,6 +153,16 @@ def test_of_too_few_rows_nothing_is_said_with_confidence(some: str, name: str | 
         assert found.verdict.effect == "none"
 
 
+@pytest.mark.parametrize("seed", [0, 3])
+def test_scatter_of_a_few_positions_whose_noise_nobody_states_has_no_sure_name(seed: int) -> None:
+    q = at_random(kr240(), 5, seed).q
+    scatter = 1e-3 * np.random.default_rng(seed).standard_normal((5, 3))
+    rows = rows_of(kr240(), q, np.zeros((5, 6)), position=arm_at(q).tip + scatter)
+    found = diagnose(kr240(), rows)
+    assert found.verdict.effect in ("none", "outliers") or found.verdict.probability < 0.6
+    assert found.notes[0].startswith("only 15 values")
+
+
 def unloaded() -> Measurements:
     return campaign(replace(plan(8), wrench=np.zeros((48, 6))))
 
