@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from beamstiff.errors import BeamstiffError, suggest
+from beamstiff.errors import BeamstiffError, listed, suggest
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects import EFFECTS, Shape
 from beamstiff.gap.effects.laws import drives
@@ -86,11 +86,9 @@ def state_library(baseline: Baseline, white: Whitened, without: Sequence[str] = 
     Raises
     ------
     BeamstiffError
-        When `without` names no effect.
+        When `without` names no effect, or a component that it cannot have on this robot.
     """
-    for name in without:
-        if name.split(":")[0] not in EFFECTS:
-            raise BeamstiffError(f"without: unknown effect {name!r}{suggest(name.split(':')[0], EFFECTS)}")
+    _check(baseline, without)
     hypotheses: list[Hypothesis] = []
     untestable = []
     known = [effect for effect in EFFECTS.values() if effect.name not in without]
@@ -100,7 +98,7 @@ def state_library(baseline: Baseline, white: Whitened, without: Sequence[str] = 
             untestable.append(Untestable(effect.name, None, _nowhere(effect.name, baseline)))
         for component in components:
             shapes = effect.shapes(baseline, component)
-            if not shapes:
+            if not shapes and effect.name != "outliers":  # found by their rows, not by a shape
                 untestable.append(Untestable(effect.name, component, "nothing of it is left to vary here"))
             total = sum(shape.weight for shape in shapes)
             hypotheses += [
@@ -125,6 +123,17 @@ def state_library(baseline: Baseline, white: Whitened, without: Sequence[str] = 
         for name in baseline.places.held
     ]
     return Library(tuple(hypotheses), tuple(untestable))
+
+
+def _check(baseline: Baseline, without: Sequence[str]) -> None:
+    for name in without:
+        effect, _, component = name.partition(":")
+        if effect not in EFFECTS:
+            raise BeamstiffError(f"without: unknown effect {effect!r}{suggest(effect, EFFECTS)}")
+        known = [key_of(effect, one).partition(":")[2] for one in EFFECTS[effect].components(baseline)]
+        if component and component not in known:
+            hint = suggest(component, known) or f"; it can be at {listed(known) or 'none'}"
+            raise BeamstiffError(f"without: {effect} has no component {component!r} on this robot{hint}")
 
 
 def whitened(hypotheses: Sequence[Hypothesis], white: Whitened) -> tuple[Hypothesis, ...]:

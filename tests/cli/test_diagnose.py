@@ -116,3 +116,10 @@ def test_what_cannot_be_diagnosed_is_refused_in_one_line(
     assert message in result.stderr
     assert len(result.stderr.strip().splitlines()) == 1
     assert not result.stdout
+
+
+def test_a_component_that_an_effect_cannot_have_is_refused_by_name(run: Run) -> None:
+    result = run("diagnose", "crane.yaml", "crane.csv", "--without", "backlash:q9")
+    assert result.exit_code == 2
+    assert "backlash has no component 'q9' on this robot" in result.stderr
+    assert run("diagnose", "crane.yaml", "crane.csv", "--without", "backlash:q1").exit_code == 0
