@@ -20,7 +20,7 @@ from beamstiff.gap.screening import Screened, screen
 from beamstiff.gap.search import NONE, OUTLIERS, UNKNOWN, Search, search
 from beamstiff.gap.verdict import SECOND, Judged, judge
 from beamstiff.gap.where import where
-from beamstiff.gap.whitened import whiten
+from beamstiff.gap.whitened import Whitened, whiten
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 
@@ -54,22 +54,19 @@ def diagnose(
         When the rows cannot be predicted, or `without` names no effect.
     """
     baseline = fit_baseline(robot, measurements)
-    white = whiten(baseline)
-    library = state_library(baseline, white, without)
+    library = state_library(baseline, whiten(baseline), without)
     screened = screen(baseline, library, "outliers" not in without)
     baseline, used = screened.baseline, screened.used
-    library = state_library(baseline, whiten(baseline, used), without)
-    scales = scales_of(baseline)
-    chance = _chance(baseline, used, library, scales, seed)
-    found = search(baseline, used, library.hypotheses, scales)
-    return _diagnosis(screened, library, found, scales, chance, seed)
-
-
-def _chance(
-    baseline: Baseline, used: NDArray[np.bool_], library: Library, scales: Scales, seed: int
-) -> tuple[float, float]:
-    """Return the log odds of any effect, and the share of simulated campaigns without one that reach them."""
     white = whiten(baseline, used)
+    library = state_library(baseline, white, without)
+    scales = scales_of(baseline)
+    chance = _chance(white, library, scales, seed)
+    found = search(white, library.hypotheses, scales)
+    return _diagnosis(screened, white, library, found, scales, chance, seed)
+
+
+def _chance(white: Whitened, library: Library, scales: Scales, seed: int) -> tuple[float, float]:
+    """Return the log odds of any effect, and the share of simulated campaigns without one that reach them."""
     nulls = np.random.default_rng(seed).standard_normal((white.gap.size, NULLS))
     odds = detection(white, library.hypotheses, scales, np.concatenate([white.gap[:, None], nulls], axis=1))
     return float(odds[0]), float((1 + (odds[1:] >= odds[0]).sum()) / (1 + NULLS))
@@ -77,6 +74,7 @@ def _chance(
 
 def _diagnosis(
     screened: Screened,
+    white: Whitened,
     library: Library,
     found: Search,
     scales: Scales,
@@ -84,28 +82,27 @@ def _diagnosis(
     seed: int,
 ) -> Diagnosis:
     baseline, used, outlying = screened.baseline, screened.used, screened.outliers
-    white = whiten(baseline, used)
     best = found.named[0]
     models = [found.shapes[best]]
-    scale = scale_after(baseline, used, models, scales)
+    scale = scale_after(white, models, scales)
     pair = found.pairs[0] if found.pairs else None
     both = None
     if pair is not None and pair.log_weight - found.log_weight[best] > SECOND:
-        both_scale = scale_after(baseline, used, pair.shapes, scales)
+        both_scale = scale_after(white, pair.shapes, scales)
         both = held_out(baseline, used, pair.shapes, both_scale, seed)
     shrinks = {
         key: held_out(baseline, used, [found.shapes[key]], scale, seed) for key in found.named[:REPORTED]
     }
     judged = judge(found, white.freedom, chance[1], (outlying.size, screened.strength), shrinks[best], both)
     if judged.also not in (None, OUTLIERS) and pair is not None:
-        models, scale = list(pair.shapes), scale_after(baseline, used, pair.shapes, scales)
+        models, scale = list(pair.shapes), scale_after(white, pair.shapes, scales)
     elif judged.verdict in found.shapes:
         models = [found.shapes[judged.verdict]]
-        scale = scale_after(baseline, used, models, scales)
+        scale = scale_after(white, models, scales)
     else:
         models = []
         if judged.verdict != UNKNOWN:
-            scale = scale_after(baseline, used, [], scales)
+            scale = scale_after(white, [], scales)
     fits = tuple(fitted(baseline, used, models, scale)) if models else ()
     candidates = _candidates(baseline, used, found, judged, shrinks, scale)
     by_key = {one.key: one for one in candidates}

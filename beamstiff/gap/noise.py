@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.evidence import Scales
 from beamstiff.gap.heldout import Weighted
-from beamstiff.gap.whitened import whiten
+from beamstiff.gap.whitened import Whitened
 
 SEEN = 0.25  # standard deviation of the log scale of the noise, where the rows have shown it
 UNSEEN = 0.6
@@ -28,11 +27,8 @@ def scales_of(baseline: Baseline) -> Scales:
     return Scales(np.exp(logs), weight - np.log(np.exp(weight).sum()))
 
 
-def scale_after(
-    baseline: Baseline, used: NDArray[np.bool_], models: Sequence[Sequence[Weighted]], scales: Scales
-) -> float:
+def scale_after(white: Whitened, models: Sequence[Sequence[Weighted]], scales: Scales) -> float:
     """Return the noise scale that is left when effects are fitted, within what the claim allows."""
-    white = whiten(baseline, used)
     for shapes in models:
         if shapes:
             white = white.beside(max(shapes, key=lambda one: one.weight).hypothesis.columns)

@@ -11,14 +11,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.evidence import Evidence, Scales, evidence
 from beamstiff.gap.heldout import Weighted
 from beamstiff.gap.library import Hypothesis
-from beamstiff.gap.whitened import whiten
+from beamstiff.gap.whitened import Whitened
 
 NONE, UNKNOWN, OUTLIERS = "none:null", "unknown:null", "outliers:null"
 PRIOR = {NONE: 0.3, UNKNOWN: 0.1}  # of what is not an effect
@@ -90,15 +88,8 @@ class Search:
         )
 
 
-def search(
-    baseline: Baseline,
-    used: NDArray[np.bool_],
-    hypotheses: Sequence[Hypothesis],
-    scales: Scales,
-    pairs: bool = True,
-) -> Search:
+def search(white: Whitened, hypotheses: Sequence[Hypothesis], scales: Scales, pairs: bool = True) -> Search:
     """Weigh every candidate, and the likeliest ones with a second."""
-    white = whiten(baseline, used)
     alone = evidence(white, hypotheses, scales)
     weights = _log_weights(hypotheses, alone)
     by_key: dict[str, list[int]] = defaultdict(list)

@@ -25,7 +25,7 @@ def split() -> tuple[object, Programme]:
     there = fit_baseline(kr240(), campaign(plan(8), hardening))
     white = whiten(there)
     library = state_library(there, white)
-    found = search(there, there.used, library.hypotheses, scales_of(there), pairs=False)
+    found = search(white, library.hypotheses, scales_of(there), pairs=False)
     rivals = [(key, 0.5, found.shapes[key]) for key in ("hardening:q2", "backlash:q2")]
     result = programme(there, there.used, rivals, 1.0, 0)
     assert result is not None

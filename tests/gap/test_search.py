@@ -37,7 +37,8 @@ def found(there: Baseline, columns: dict[str, Array], gap: Array, more: Sequence
     noise = np.random.default_rng(3).standard_normal((40, 6)) * SIGMA
     there = replace(there, measured=there.predicted + gap + noise)
     hypotheses = [hypothesis(*name.split(":"), one[..., None]) for name, one in columns.items()]
-    return search(there, there.used, whitened([*hypotheses, *more], whiten(there)), SCALES)
+    white = whiten(there)
+    return search(white, whitened([*hypotheses, *more], white), SCALES)
 
 
 def hypothesis(
