@@ -1,0 +1,76 @@
+"""What every model of elasticity offers: the displacement of the TCP under a wrench, in any posture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from beamstiff.measure.table import make_measurements
+from beamstiff.model.linear import predict_displacements
+from beamstiff.robot.description import Robot
+from beamstiff.se3 import Array
+
+
+class Model(Protocol):
+    """A model ``d(q, w)``: structural, fuzzy, gridded, corrected by a Gaussian process, or rigid."""
+
+    def predict(self, q: Array, wrench: Array) -> Array:
+        """Return the displacement of the TCP in every row, loaded minus unloaded.
+
+        Parameters
+        ----------
+        q : (N, n) array
+            Actuated joint values in the order of `Robot.actuated`, rad or m.
+        wrench : (N, 6) array
+            ``[f, m]`` at the TCP, base frame, N and N m.
+
+        Returns
+        -------
+        (N, 6) array
+            ``[d, r]``, base frame, m and rad.
+
+        Raises
+        ------
+        BeamstiffError
+            Where the model has no answer.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class StructuralModel:
+    """The robot's own beams and joints as a `Model`.
+
+    Examples
+    --------
+    >>> from beamstiff.robot.reader import load_robot
+    >>> model = StructuralModel(load_robot("kr240-2"))
+    >>> print((1e3 * model.predict([[0, 0.5, -1, 0, 0.5, 0]], [[900, 0, -2000, 0, 0, 0]])[0, :3]).round(3))
+    [ 2.039 -0.    -1.397]
+    """
+
+    robot: Robot
+    preload: bool = False
+
+    def predict(self, q: Array, wrench: Array) -> Array:
+        """Return the (N, 6) displacements of `beamstiff.model.linear.predict_displacements`."""
+        names = [variable.name for variable in self.robot.actuated]
+        rows = make_measurements(names, q, tcp=self.robot.tcp, wrench=wrench)
+        return predict_displacements(self.robot, rows, self.preload)
+
+
+@dataclass(frozen=True)
+class RigidModel:
+    """The robot that does not give way: what every other model is compared with.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> RigidModel().predict(np.zeros((1, 6)), np.ones((1, 6)))
+    array([[0., 0., 0., 0., 0., 0.]])
+    """
+
+    def predict(self, q: Array, wrench: Array) -> Array:  # noqa: ARG002 (the protocol's)
+        """Return zeros, one row each wrench."""
+        result: Array = 0.0 * wrench
+        return result
