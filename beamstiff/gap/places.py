@@ -23,6 +23,7 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.fem.beam import beam_axes
 from beamstiff.fem.condensation import Condensed, Port, condense
 from beamstiff.fem.geometry import SHORTEST, place
+from beamstiff.fem.loads import gravity_wrenches
 from beamstiff.fem.structure import Structure, compile_structure
 from beamstiff.fem.unknowns import joint_values
 from beamstiff.measure.table import Measurements
@@ -130,11 +131,15 @@ def find_places(robot: Robot, rows: Measurements) -> Places:
             else:
                 found[name] = there
     tcp_frame = compile_kinematics(cut).node_frame[index[robot.tcp]]
+    structure = compile_structure(cut)
+    weight = gravity_wrenches(structure, place(structure, where))
     return Places(
         joints=found,
         links=links_found,
-        base=_base(rows, where, index, pose),
-        flange=_flange(robot, rows, where.transforms[:, tcp_frame, :3, :3][pose]),
+        base=_base(rows, where, weight, index, pose),
+        flange=_flange(
+            robot, rows, where.transforms[:, tcp_frame, :3, :3][pose], weight[pose, index[robot.tcp]]
+        ),
         held=held,
     )
 
@@ -266,22 +271,26 @@ def _turned(there: Place, along: Array) -> Place:
     )
 
 
-def _base(rows: Measurements, where: Posture, index: Mapping[str, int], pose: NDArray[np.intp]) -> Place:
+def _base(
+    rows: Measurements, where: Posture, weight: Array, index: Mapping[str, int], pose: NDArray[np.intp]
+) -> Place:
     """Return the floor under the whole machine, about the origin of the base frame."""
     points, loads = ([index[name] for name in names.tolist()] for names in (rows.point, rows.load_point))
-    carry = displacement_transport(where.node_positions[pose, points])
-    by_load = displacement_transport(where.node_positions[pose, loads]).swapaxes(-1, -2)
-    passed = (by_load @ rows.wrench[..., None])[..., 0]
+    carry = displacement_transport(where.node_positions)  # (P, nodes, 6, 6)
+    dead = np.einsum("pnba,pnb->pa", carry, weight)
+    passed = np.einsum("nba,nb->na", carry[pose, loads], rows.wrench)
     axes = np.broadcast_to(np.eye(3), (len(pose), 3, 3))
-    return Place(passed, np.zeros_like(passed), carry, axes)
+    return Place(passed, dead[pose], carry[pose, points], axes)
 
 
-def _flange(robot: Robot, rows: Measurements, turn: Array) -> Place:
-    """Return the flange: what is loaded and seen at the TCP passes through it, the rest does not."""
+def _flange(robot: Robot, rows: Measurements, turn: Array, weight: Array) -> Place:
+    """Return the flange: what loads, weighs or is seen at the TCP passes through it, the rest does not."""
     axes = rotate_screw(turn)
     loaded, seen = ((names == robot.tcp).astype(np.float64) for names in (rows.load_point, rows.point))
-    passed = (axes.swapaxes(-1, -2) @ rows.wrench[..., None])[..., 0] * loaded[:, None]
-    return Place(passed, np.zeros_like(passed), axes * seen[:, None, None], turn)
+    inside = axes.swapaxes(-1, -2)
+    passed = (inside @ rows.wrench[..., None])[..., 0] * loaded[:, None]
+    dead = (inside @ weight[..., None])[..., 0]
+    return Place(passed, dead, axes * seen[:, None, None], turn)
 
 
 def _any_pose(robot: Robot) -> Array:
