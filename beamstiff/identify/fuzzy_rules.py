@@ -1,0 +1,285 @@
+"""Conclusions of fuzzy compliance rules from displacements: linear, so by least squares; or by gradient.
+
+With firing strengths alpha_r(q) and compliance terms b_rk of the rules, ``d = sum_r alpha_r sum_k T_k b_rk``,
+T_k the displacement by each term under the row's load (seed 003, eqs 36 and 38): linear in the conclusions.
+Rules that readings hardly reach follow their neighbours: differences between conclusions count a little.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamstiff.errors import BeamstiffError
+from beamstiff.measure.table import Measurements
+from beamstiff.model.fuzzy import Premises
+from beamstiff.se3 import Array
+
+Method = Literal["exact", "gradient"]
+
+# weight of differences between conclusions, in readings of usual noise and load; data soon outweigh it
+SMOOTH = 1e-3
+LEAST = 1e-3  # share of the mean compliance below which no direction of a positive definite one may fall
+STEPS, CLOSE = 20_000, 1e-10  # of the gradient's descent, and the share of the conclusions it ends at
+
+
+@dataclass(frozen=True, eq=False)
+class Readings:
+    """What rules are fitted to: displacements as linear functions of compliance terms, K of them.
+
+    Attributes
+    ----------
+    terms : (K, 2) int array
+        Measured component i and load direction j of each term; of a symmetric pair the one with ``i <= j``.
+    symmetric : bool
+        Terms stand for C_ji as well.
+    gram : (N, K, K) array
+        ``T^T T`` of every row, T its whitened displacement by each term.
+    moment : (N, K) array
+        ``T^T d`` of the whitened displacement.
+    squares : (N,) array
+        ``d^T d``.
+    count : (N,) int array
+        Measured components of each row.
+    scale : (6, 6) array
+        Unit of each term: with it compliances of forces and moments compare.
+    """
+
+    terms: NDArray[np.int64]
+    symmetric: bool
+    gram: Array
+    moment: Array
+    squares: Array
+    count: NDArray[np.int64]
+    scale: Array
+
+    def rows(self, chosen: NDArray[np.bool_]) -> Readings:
+        """Return the readings of some rows."""
+        return replace(
+            self,
+            gram=self.gram[chosen],
+            moment=self.moment[chosen],
+            squares=self.squares[chosen],
+            count=self.count[chosen],
+        )
+
+    def cost(self, firing: Array, conclusions: Array) -> float:
+        """Return the mean square of the whitened residuals for conclusions (R, K)."""
+        own = firing @ conclusions
+        fitted = np.einsum("nk,nkl,nl->n", own, self.gram, own) - 2 * (own * self.moment).sum(axis=1)
+        return max(float((fitted + self.squares).sum() / max(self.count.sum(), 1)), 0.0)
+
+    def matrices(self, conclusions: Array) -> Array:
+        """Return the compliance matrices (R, 6, 6) of conclusions (R, K), NaN for terms not fitted."""
+        result = np.full((len(conclusions), 6, 6), np.nan)
+        i, j = self.terms.T
+        values = conclusions * self.scale[i, j]
+        result[:, i, j] = values
+        if self.symmetric:
+            result[:, j, i] = values
+        return result
+
+
+def state_readings(table: Measurements, length: float, tcp: str, symmetric: bool = True) -> Readings:
+    """Return what a table says of compliance terms.
+
+    Parameters
+    ----------
+    table : Measurements
+        Displacements of the TCP under loads there.
+    length : float, m
+        Of the machine: makes moments compare with forces and rotations with displacements.
+    tcp : str
+    symmetric : bool
+        The compliance is symmetric (Maxwell and Betti).
+
+    Raises
+    ------
+    BeamstiffError
+        When the rows are absolute positions, measured or loaded elsewhere, or nothing is loaded or measured.
+    """
+    if table.kind != "displacement":
+        raise BeamstiffError(
+            f"{table.source}: holds absolute positions; a fuzzy compliance needs displacements dx dy dz"
+        )
+    elsewhere = (table.point != tcp) | (table.load_point != tcp)
+    if elsewhere.any():
+        row = int(np.argmax(elsewhere))
+        raise BeamstiffError(
+            f"{table.place(row)}: measured at {str(table.point[row])!r} under a load at "
+            f"{str(table.load_point[row])!r}, expected the TCP {tcp!r} for a fuzzy compliance"
+        )
+    used, whitened = _used(table, length)
+    unit = np.array([1.0] * 3 + [length] * 3)
+    loaded = (table.wrench != 0).any(axis=0)
+    terms = [(i, j) for i in range(6) for j in range(6) if used[:, i].any() and loaded[j]]
+    if symmetric:
+        # of a pair that is felt both ways, or one way only, one term is left
+        terms = sorted({(min(i, j), max(i, j)) for i, j in terms})
+    if not terms:
+        raise BeamstiffError(f"{table.source}: found no loaded row with a measured displacement")
+    force = float(np.linalg.norm(table.wrench / unit, axis=1).max())
+    size = float(np.nanmax(np.abs(np.where(used, table.displacement, 0.0) * unit))) or 1.0
+    scale = size / force / np.outer(unit, unit)
+    slopes = np.zeros((len(table), 6, len(terms)))
+    for at, (i, j) in enumerate(terms):
+        slopes[:, i, at] += table.wrench[:, j] * scale[i, j]
+        if symmetric and i != j:
+            slopes[:, j, at] += table.wrench[:, i] * scale[i, j]
+    slopes *= whitened[:, :, None]
+    seen = np.where(used, table.displacement, 0.0) * whitened
+    return Readings(
+        terms=np.array(terms, dtype=np.int64),
+        symmetric=symmetric,
+        gram=slopes.swapaxes(1, 2) @ slopes,
+        moment=(slopes.swapaxes(1, 2) @ seen[..., None])[..., 0],
+        squares=(seen**2).sum(axis=1),
+        count=used.sum(axis=1),
+        scale=scale,
+    )
+
+
+def _used(table: Measurements, length: float) -> tuple[NDArray[np.bool_], Array]:
+    """Return which components count, and their weights (N, 6): one over the noise, or over a guess of it."""
+    guess = np.array([1e-5] * 3 + [1e-5 / length] * 3)
+    used = table.measured_mask
+    sigma = np.where(np.isfinite(table.sigma), table.sigma, guess)
+    return used, np.where(used, 1.0 / sigma, 0.0)
+
+
+def rapid_prototype(readings: Readings, firing: Array) -> Array:
+    """Return conclusions (R, K) by which each rule explains the readings that it fires at, on its own.
+
+    The mean of the readings weighted by the firing strength, where a reading is one term; the weighted least
+    squares of the rule where it holds several. Rules that never fire take the mean of all.
+    """
+    together = np.concatenate([firing, np.ones((len(firing), 1))], axis=1)
+    gram = np.tensordot(together.T, readings.gram, 1)
+    moment = together.T @ readings.moment
+    scale: Array = np.trace(gram, axis1=1, axis2=2)
+    gram = gram + 1e-9 * np.maximum(scale, 1e-300)[:, None, None] * np.eye(gram.shape[1])
+    own: Array = np.linalg.solve(gram, moment[..., None])[..., 0]
+    fired = scale[:-1] > 1e-9 * scale[-1]
+    result: Array = np.where(fired[:, None], own[:-1], own[-1])
+    return result
+
+
+def fit_conclusions(
+    readings: Readings,
+    premises: Premises,
+    firing: Array,
+    method: Method = "exact",
+    positive: bool = False,
+) -> Array:
+    """Return the conclusions (R, K) that explain the readings best.
+
+    Parameters
+    ----------
+    readings : Readings
+        N rows.
+    premises : Premises
+    firing : (N, R) array
+    method : "exact" or "gradient"
+        Least squares by a direct solution, or descent from the rapid prototype.
+    positive : bool
+        Every rule's compliance is positive definite, hence that of every mean of them; where the readings are
+        of a symmetric compliance.
+
+    Raises
+    ------
+    BeamstiffError
+        When positive definite conclusions are asked for of a compliance that is not symmetric.
+    """
+    if positive and not readings.symmetric:
+        raise BeamstiffError("a compliance that is not symmetric cannot be fitted positive definite")
+    hessian, slope = _normal_equations(readings, premises, firing)
+    rules, terms = firing.shape[1], readings.moment.shape[1]
+    if method == "exact":
+        found: Array = np.linalg.solve(hessian, slope).reshape(rules, terms)
+        if not positive or _definite(readings, found):
+            return found
+        begin: Array = _made_definite(readings, found)
+    else:
+        begin = rapid_prototype(readings, firing)
+    return _descend(readings, hessian, slope, begin, positive)
+
+
+def _normal_equations(readings: Readings, premises: Premises, firing: Array) -> tuple[Array, Array]:
+    rules, terms = firing.shape[1], readings.moment.shape[1]
+    weighted = (firing[:, :, None, None] * readings.gram[:, None]).reshape(len(firing), -1)
+    hessian = (firing.T @ weighted).reshape(rules, rules, terms, terms).swapaxes(1, 2)
+    slope = (firing.T @ readings.moment).reshape(-1)
+    smooth = premises.differences()
+    each = np.diagonal(readings.gram.mean(axis=0))
+    each = np.maximum(each, 1e-6 * each.max())
+    both = SMOOTH * (smooth.T @ smooth) + 1e-9 * np.eye(rules)
+    square = hessian.reshape(rules * terms, rules * terms)
+    return square + np.kron(both, np.diag(each)), slope
+
+
+def _descend(readings: Readings, hessian: Array, slope: Array, begin: Array, positive: bool) -> Array:
+    """Accelerated gradient descent with restarts (Nesterov 1983; O'Donoghue and Candes 2015)."""
+    size = 1.0 / np.sqrt(np.diagonal(hessian))
+    if positive:  # the metric in which `_made_definite` is a projection
+        size = np.tile(np.where(readings.terms[:, 0] == readings.terms[:, 1], 1.0, np.sqrt(0.5)), len(begin))
+    scaled = size[:, None] * hessian * size
+    step = 1.0 / float(np.linalg.eigvalsh(scaled)[-1])
+    right, at = size * slope, begin.reshape(-1) / size
+    ahead, momentum = at, 1.0
+    for _ in range(STEPS):
+        new = ahead - step * (scaled @ ahead - right)
+        if positive:
+            new = _made_definite(readings, (new * size).reshape(begin.shape)).reshape(-1) / size
+        moved = new - at
+        if (ahead - new) @ moved > 0:  # the momentum points uphill
+            momentum = 1.0
+        following = 0.5 * (1.0 + np.sqrt(1.0 + 4.0 * momentum**2))
+        ahead = new + (momentum - 1.0) / following * moved
+        at, momentum = new, following
+        if np.abs(moved).max() <= CLOSE * np.abs(at).max():
+            break
+    result: Array = (at * size).reshape(begin.shape)
+    return result
+
+
+def _square(readings: Readings) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Return the directions that are felt by themselves, and the terms among these with their places."""
+    i, j = readings.terms.T
+    own = i[i == j]
+    inside = np.flatnonzero(np.isin(i, own) & np.isin(j, own))
+    places = np.searchsorted(own, readings.terms[inside])
+    return own, inside, places
+
+
+def _as_matrices(readings: Readings, conclusions: Array) -> tuple[Array, float]:
+    """Return the square part of conclusions (R, K) in their own units, and the least eigenvalue allowed."""
+    own, inside, places = _square(readings)
+    result = np.zeros((len(conclusions), len(own), len(own)))
+    result[:, places[:, 0], places[:, 1]] = conclusions[:, inside]
+    result[:, places[:, 1], places[:, 0]] = conclusions[:, inside]
+    mean = float(np.abs(np.diagonal(result, axis1=1, axis2=2)).mean()) if own.size else 0.0
+    return result, LEAST * mean
+
+
+def _definite(readings: Readings, conclusions: Array) -> bool:
+    matrices, least = _as_matrices(readings, conclusions)
+    return matrices.shape[1] == 0 or bool((np.linalg.eigvalsh(matrices)[:, 0] >= 0.5 * least).all())
+
+
+def _made_definite(readings: Readings, conclusions: Array) -> Array:
+    """Return the closest conclusions (R, K) whose square part is positive definite.
+
+    Closest in the Frobenius norm, in which a term off the diagonal counts twice.
+    """
+    matrices, least = _as_matrices(readings, conclusions)
+    if matrices.shape[1] == 0:
+        return conclusions
+    values, vectors = np.linalg.eigh(matrices)
+    lifted = (vectors * np.maximum(values, least)[:, None, :]) @ vectors.swapaxes(1, 2)
+    _, inside, places = _square(readings)
+    result = conclusions.copy()
+    result[:, inside] = lifted[:, places[:, 0], places[:, 1]]
+    return result
