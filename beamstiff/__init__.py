@@ -13,6 +13,7 @@ from beamstiff.errors import BeamstiffError
 if TYPE_CHECKING:
     from beamstiff.fem.condensation import tcp_compliance, tcp_stiffness
     from beamstiff.fem.structure import compile_structure
+    from beamstiff.identify.geometry.calibration import calibrate
     from beamstiff.identify.stiffness import identify
     from beamstiff.measure.reader import read_measurements
     from beamstiff.measure.writer import write_measurements
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
 
 # Imported when first used: together they take a second, `beamstiff --help` needs none of them.
 _HOME = {
+    "calibrate": "identify.geometry.calibration",
     "compile_structure": "fem.structure",
     "identify": "identify.stiffness",
     "load_robot": "robot.reader",
@@ -84,6 +86,7 @@ __all__ = [
     "Strut",
     "Variable",
     "__version__",
+    "calibrate",
     "compile_structure",
     "identify",
     "load_robot",

@@ -1,0 +1,164 @@
+"""The robot as calibrated: the same description with other numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from beamstiff.identify.geometry.parameters import AXES, Parameter
+from beamstiff.identify.geometry.widened import MOTION_OF
+from beamstiff.robot.coupling import frame_expressions, variable_kinds
+from beamstiff.robot.description import Robot
+from beamstiff.robot.expression import Expression, parse_expression
+from beamstiff.robot.frames import Kinematics
+from beamstiff.robot.kinematics import Posture, compile_kinematics, posture
+from beamstiff.robot.parts import Frame, Joint, Node, Variable
+from beamstiff.se3 import Array
+
+JOINED = 1e-9  # m: nearer than this, the nodes of a joint are left where they are
+
+
+def corrected(robot: Robot, changes: Mapping[str, float], q: Array) -> Robot:
+    """Return a robot with other geometry.
+
+    Where frames move, the first node of each joint follows the second one, so that joints stay whole.
+
+    Parameters
+    ----------
+    robot : Robot
+    changes : mapping of str to float
+        Deviations by parameter, SI: frames' parameters, encoders' zeros, places of measured points. Those of
+        the measuring frame and of the target are no part of a robot and left out.
+    q : (P, A) array
+        Joint readings at which the loops close, one at least.
+
+    Returns
+    -------
+    Robot
+
+    Examples
+    --------
+    >>> from beamstiff.robot.reader import load_robot
+    >>> found = corrected(load_robot("kr500"), {"q2": 1e-3, "f3.d": 2e-4}, np.zeros((1, 6)))
+    >>> found.frames[1].theta, found.frames[2].d
+    ('q2 + 0.001', 1.3002)
+    """
+    changes = {name: float(by) for name, by in changes.items()}
+    declared = {variable.name for variable in robot.variables}
+    zeros = {name: by for name, by in changes.items() if name in declared and by}
+    result = robot.model_copy(
+        update={
+            "variables": tuple(_variable(robot, item, zeros) for item in robot.variables),
+            "frames": tuple(_frame(robot, item, zeros, changes) for item in robot.frames),
+            "nodes": tuple(_node(item, changes) for item in robot.nodes),
+        }
+    )
+    return _joined(robot, result, q) if robot.joints else result
+
+
+def nominal_value(robot: Robot, item: Parameter) -> float:
+    """Return what the robot says of a parameter, SI."""
+    owner, _, name = item.name.rpartition(".")
+    if item.group == "frame":
+        value = getattr(next(frame for frame in robot.frames if frame.name == owner), name)
+        return frame_expressions(robot)[owner][name].constant if isinstance(value, str) else float(value)
+    if item.group == "compliance":
+        return 1.0 / robot.parameter(item.name)
+    if item.group == "target" and owner != "target":
+        place = next(node for node in robot.nodes if node.name == owner).at
+        return float(place[AXES.index(name)])
+    return 0.0
+
+
+def _variable(robot: Robot, item: Variable, zeros: Mapping[str, float]) -> Variable:
+    if item.equals is None or not zeros:
+        return item
+    kinds = variable_kinds(robot)
+    exact = parse_expression(item.equals, kinds[item.name], kinds)
+    if not set(exact.coefficients) & set(zeros):
+        return item
+    return item.model_copy(update={"equals": str(_text(_moved(exact, zeros)))})
+
+
+def _frame(robot: Robot, item: Frame, zeros: Mapping[str, float], changes: Mapping[str, float]) -> Frame:
+    update = {}
+    for name, exact in frame_expressions(robot)[item.name].items():
+        by = changes.get(f"{item.name}.{name}", 0.0)
+        if by or set(exact.coefficients) & set(zeros):
+            moved = _moved(exact, zeros)
+            update[name] = _text(replace(moved, constant=moved.constant + by))
+    return item.model_copy(update=update) if update else item
+
+
+def _moved(exact: Expression, zeros: Mapping[str, float]) -> Expression:
+    by = sum(factor * zeros.get(name, 0.0) for name, factor in exact.coefficients.items())
+    return replace(exact, constant=exact.constant + by)
+
+
+def _text(exact: Expression) -> float | str:
+    """Return an expression as people write it: ``q2 - 1.5708``."""
+    if not exact.coefficients:
+        return exact.constant
+    parts = []
+    for name, factor in exact.coefficients.items():
+        sign = "-" if factor < 0 else "+"
+        parts.append(f"{sign} {name}" if abs(factor) == 1.0 else f"{sign} {abs(factor)!r}*{name}")
+    if exact.constant:
+        parts.append(f"{'-' if exact.constant < 0 else '+'} {abs(exact.constant)!r}")
+    text = " ".join(parts)
+    return text.removeprefix("+ ") if text.startswith("+") else f"-{text.removeprefix('- ')}"
+
+
+def _node(item: Node, changes: Mapping[str, float]) -> Node:
+    by = [changes.get(f"{item.name}.{axis}", 0.0) for axis in AXES]
+    if not any(by):
+        return item
+    at = tuple(float(place + more) for place, more in zip(item.at, by, strict=True))
+    return item.model_copy(update={"at": at})
+
+
+def _joined(nominal: Robot, robot: Robot, q: Array) -> Robot:
+    """Return the robot with its joints' nodes together again."""
+    was, now = compile_kinematics(nominal), compile_kinematics(robot)
+    if (_gaps(was, posture(was, q), nominal.joints) > JOINED).any():
+        return robot  # they were apart before
+    where = posture(now, q)
+    apart = _gaps(now, where, robot.joints).max(axis=0) > JOINED
+    moving = [joint for joint, is_apart in zip(robot.joints, apart, strict=True) if is_apart]
+    places: dict[str, tuple[float, ...]] = {}
+    for joint in moving:
+        first, second = (now.node_index[name] for name in joint.nodes)
+        at = now.node_at[second]
+        frame = int(now.node_frame[second])
+        if (tilt := now.constants[frame, MOTION_OF["beta"]]) and now.coefficients[
+            frame, MOTION_OF["theta"]
+        ].any():
+            # beta stands behind theta: the axis of the joint leans in the frame, and the node goes onto it
+            axis = np.array([-np.sin(tilt), 0.0, np.cos(tilt)])
+            foot = np.array([0.0, 0.0, -now.constants[frame, MOTION_OF["r"]]])
+            at = foot + ((at - foot) @ axis) * axis
+            places[joint.nodes[1]] = _point(at)
+        transforms = where.transforms[0]
+        seen = transforms[frame, :3, :3] @ at + transforms[frame, :3, 3]
+        own = transforms[now.node_frame[first]]
+        places[joint.nodes[0]] = _point(own[:3, :3].T @ (seen - own[:3, 3]))
+    nodes = [
+        item.model_copy(update={"at": places[item.name]}) if item.name in places else item
+        for item in robot.nodes
+    ]
+    return robot.model_copy(update={"nodes": tuple(nodes)})
+
+
+def _point(at: Array) -> tuple[float, ...]:
+    return tuple(at.tolist())
+
+
+def _gaps(kinematics: Kinematics, where: Posture, joints: tuple[Joint, ...]) -> Array:
+    """Return how far the nodes of each joint are apart, (P, J), m."""
+    ends = np.array([[kinematics.node_index[name] for name in joint.nodes] for joint in joints])
+    result: Array = np.linalg.norm(
+        where.node_positions[:, ends[:, 0]] - where.node_positions[:, ends[:, 1]], axis=-1
+    )
+    return result

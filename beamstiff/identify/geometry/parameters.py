@@ -1,0 +1,172 @@
+"""What a geometric calibration may seek: names, kinds, realistic sizes, and in which order they are kept.
+
+A parameter is a deviation from the robot as it is described:
+
+======================  =======================================================================
+``f3.d``                a frame's Khalil-Kleinfinger parameter (or Hayati's ``f3.beta``)
+``q2``                  the zero of an encoder: added to the variable wherever it stands
+``n7.x``                the place of a measured point, in its frame
+``base.x``, ``base.rx`` where the robot's base stands in the measuring frame
+``target.rx``           how the measured target is turned against the frame of the TCP
+``J2.torsional``        a compliance, 1 / stiffness, sought together with the geometry
+======================  =======================================================================
+
+A constant that stands beside a variable (``theta: q2 - 90 deg``) goes by the variable's name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from beamstiff.errors import BeamstiffError, suggest
+from beamstiff.robot.coupling import frame_expressions, variable_kinds
+from beamstiff.robot.description import Robot
+from beamstiff.robot.parts import FRAME_PARAMETERS
+from beamstiff.robot.stiffness import stiffness_parameters
+
+Group = Literal["base", "target", "offset", "frame", "compliance"]
+AXES = ("x", "y", "z")
+TURNS = ("rx", "ry", "rz")
+LENGTH, ANGLE = 1e-3, 1e-3  # m, rad: realistic deviations of parts that were machined
+PLACED = 0.1  # m, rad: of what was set up for the measurement
+USUAL = ("alpha", "d", "r")  # with the variable they place any axis that is not parallel to the one before
+LAST = 9  # rank of what was asked to be left out first
+GROUPS = ("base", "target", "offsets", "frames")
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of the geometry, or a compliance sought along with it.
+
+    Attributes
+    ----------
+    name : str
+    group : str
+        ``"base"``, ``"target"``, ``"offset"``, ``"frame"`` or ``"compliance"``.
+    unit : str
+        ``"m"``, ``"rad"``, or of a compliance ``"m/N"`` or ``"rad/(N*m)"``.
+    size : float
+        A realistic deviation, by which columns of different units compare.
+    rank : int
+        Of parameters that cannot be told apart those of the lowest rank are kept.
+    """
+
+    name: str
+    group: Group
+    unit: str
+    size: float
+    rank: int
+
+
+def known_parameters(robot: Robot, points: Sequence[str], turned: bool) -> tuple[Parameter, ...]:
+    """Return all parameters of a robot's geometry that measurements could show.
+
+    Parameters
+    ----------
+    robot : Robot
+    points : sequence of str
+        Nodes that are measured.
+    turned : bool
+        Whether orientations are measured.
+
+    Examples
+    --------
+    >>> from beamstiff.robot.reader import load_robot
+    >>> [item.name for item in known_parameters(load_robot("kr500"), ["n6b"], False)][6:16]
+    ['n6b.x', 'n6b.y', 'n6b.z', 'q1', 'q2', 'q3', 'q4', 'q5', 'q6', 'f1.gamma']
+    """
+    units = {"length": "m", "angle": "rad"}
+    found = [Parameter(f"base.{axis}", "base", "m", PLACED, 0) for axis in AXES]
+    found += [Parameter(f"base.{axis}", "base", "rad", PLACED, 0) for axis in TURNS]
+    ends = {name for loop in robot.loops for name in (loop.a, loop.b)}
+    for point in points:
+        if point not in ends and point not in ("base", "target"):  # a loop's end is moved through its frame
+            found += [Parameter(f"{point}.{axis}", "target", "m", PLACED, 0) for axis in AXES]
+    if turned:
+        found += [Parameter(f"target.{axis}", "target", "rad", PLACED, 0) for axis in TURNS]
+    kinds = variable_kinds(robot)
+    for variable in robot.actuated:
+        length = kinds[variable.name] == "length"
+        unit, size = ("m", LENGTH) if length else ("rad", ANGLE)
+        found.append(Parameter(variable.name, "offset", unit, size, 1))
+    for frame, expressions in frame_expressions(robot).items():
+        for name, kind in FRAME_PARAMETERS.items():
+            if not expressions[name].coefficients:
+                size = LENGTH if kind == "length" else ANGLE
+                rank = 2 if name in USUAL else 3
+                found.append(Parameter(f"{frame}.{name}", "frame", units[kind], size, rank))
+    return tuple(found)
+
+
+def choose_parameters(
+    robot: Robot,
+    known: Sequence[Parameter],
+    names: Sequence[str] | None,
+    fixed: Sequence[str] = (),
+    last: Sequence[str] = (),
+) -> tuple[Parameter, ...]:
+    """Return the parameters to seek.
+
+    Parameters
+    ----------
+    robot : Robot
+    known : sequence of Parameter
+    names : sequence of str, optional
+        Parameters, groups (base, target, offsets, frames) or frames (all parameters of one); default all.
+    fixed : sequence of str
+        Likewise: what stays as it is.
+    last : sequence of str
+        Likewise: what is left out first where it cannot be told from others.
+
+    Raises
+    ------
+    BeamstiffError
+        When a name is unknown, or nothing is left.
+    """
+    wanted = known if names is None else [item for item in known if item.name in _named(robot, known, names)]
+    out = _named(robot, known, fixed)
+    left = [item for item in wanted if item.name not in out]
+    if not left:
+        raise BeamstiffError("nothing is left to calibrate: all parameters are fixed")
+    late = _named(robot, known, last)
+    return tuple(replace(item, rank=LAST) if item.name in late else item for item in left)
+
+
+def _named(robot: Robot, known: Sequence[Parameter], names: Sequence[str]) -> set[str]:
+    every = {item.name for item in known}
+    frames = {frame.name for frame in robot.frames}
+    found: set[str] = set()
+    for name in names:
+        if name in every:
+            found.add(name)
+        elif name in GROUPS:
+            found |= {item.name for item in known if item.group == name.removesuffix("s")}
+        elif name in frames:
+            found |= {item.name for item in known if item.name.startswith(f"{name}.")}
+        else:
+            raise _unknown(robot, name, every | frames)
+    return found
+
+
+def _unknown(robot: Robot, name: str, every: Collection[str]) -> BeamstiffError:
+    frame, _, parameter = name.rpartition(".")
+    owner = next((item for item in robot.frames if item.name == frame), None)
+    if owner is not None and parameter in FRAME_PARAMETERS:
+        expression = frame_expressions(robot)[frame][parameter]
+        variables = [variable for variable in expression.coefficients if variable in every]
+        why = (
+            f"its zero goes by the name {variables[0]!r}"
+            if variables
+            else "loop closure makes up for any change"
+        )
+        return BeamstiffError(f"{name!r} follows {getattr(owner, parameter)!r}: {why}")
+    if name in stiffness_parameters(robot):
+        return BeamstiffError(f"{name!r} is a stiffness: seek it as a compliance (--compliances {name})")
+    groups = ", ".join(GROUPS)
+    return BeamstiffError(
+        f"robot {robot.name!r} has no geometric parameter {name!r}"
+        f"{suggest(name, [*sorted(every), *GROUPS])}; expected a frame's (f3.d), an encoder's zero (q2), "
+        f"a measured point's (n7.x), or {groups}"
+    )

@@ -1,0 +1,123 @@
+"""A calibration stated before it is estimated: what is sought, what the poses tell, where to start."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from beamstiff.errors import BeamstiffError, listed, suggest
+from beamstiff.identify.geometry.elastic import compliance_parameters, compliances_of, state_elastic
+from beamstiff.identify.geometry.error_jacobian import state_geometry
+from beamstiff.identify.geometry.observability import NOTICED, Observability, observability
+from beamstiff.identify.geometry.opening import opening_parameters, refuse_opening
+from beamstiff.identify.geometry.parameters import choose_parameters, known_parameters
+from beamstiff.identify.geometry.problem import Problem, state_problem
+from beamstiff.identify.geometry.registration import registered
+from beamstiff.measure.rows import concatenate
+from beamstiff.measure.table import Measurements
+from beamstiff.robot.description import Robot
+from beamstiff.robot.stiffness import stiffness_parameters
+from beamstiff.se3 import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Statement:
+    """A calibration ready to be estimated.
+
+    Attributes
+    ----------
+    robot : Robot
+    problem : Problem
+    begin : (t,) array
+    observability : Observability
+    """
+
+    robot: Robot
+    problem: Problem
+    begin: Array
+    observability: Observability
+
+    @property
+    def identified(self) -> tuple[str, ...]:
+        """What is sought: the minimal set that the readings, and what is known beforehand, hold."""
+        return self.observability.identified
+
+
+def state_calibration(
+    robot: Robot,
+    measurements: Measurements | Sequence[Measurements],
+    parameters: Sequence[str] | None = None,
+    *,
+    fixed: Sequence[str] = (),
+    last: Sequence[str] = (),
+    compliances: Sequence[str] = (),
+    priors: Mapping[str, float] | None = None,
+    noticed: float = NOTICED,
+) -> Statement:
+    """State a calibration: the parameters, what the poses tell of them, where to start.
+
+    Parameters
+    ----------
+    robot, measurements, parameters, fixed, last, compliances, priors, noticed
+        As of `calibrate`.
+
+    Raises
+    ------
+    BeamstiffError
+        See `calibrate`.
+    """
+    rows = measurements if isinstance(measurements, Measurements) else concatenate(measurements)
+    _check_readings(robot, rows)
+    stiffness = stiffness_parameters(robot)
+    for name in compliances:
+        if name not in stiffness:
+            raise BeamstiffError(
+                f"robot {robot.name!r} has no stiffness {name!r}{suggest(name, stiffness)}; expected for "
+                "instance J2.torsional"
+            )
+    turned = bool(rows.measured_mask[:, 3:].any())
+    known = known_parameters(robot, list(dict.fromkeys(rows.point.tolist())), turned)
+    chosen = choose_parameters(robot, known, parameters, fixed, last)
+    opening = opening_parameters(state_geometry(robot, rows, chosen))
+    refuse_opening(opening, [*(parameters or ()), *(priors or ())])
+    chosen = tuple(item for item in chosen if item.name not in opening)
+    geometry = state_geometry(robot, rows, chosen)
+    elastic = state_elastic(robot, rows, compliances)
+    every = (*chosen, *compliance_parameters(robot, elastic))
+    start = np.concatenate([np.zeros(len(chosen)), compliances_of(robot, elastic)])
+    problem = state_problem(geometry, elastic, every, start, priors)
+    begin = registered(problem, start)
+    _, jacobian = problem.linearised(begin)
+    seen = observability(jacobian, every, noticed)
+    if not seen.identified:
+        raise BeamstiffError(f"{rows.source}: the readings show none of {listed(seen.names)}")
+    if problem.count + int(np.isfinite(problem.prior).sum()) <= len(seen.identified):
+        poses = len(geometry.poses)
+        raise BeamstiffError(
+            f"{rows.source}: {problem.count} measured values in {poses} {'pose' if poses == 1 else 'poses'} "
+            f"for {len(every)} parameters, of which they cannot tell apart more than {len(seen.identified)} "
+            "and leave nothing to check the fit; measure more poses, or seek fewer parameters"
+        )
+    return Statement(robot, problem, begin, seen)
+
+
+def _check_readings(robot: Robot, rows: Measurements) -> None:
+    """Refuse rows that are not absolute, or hold nothing."""
+    if rows.kind != "absolute":
+        raise BeamstiffError(
+            f"{rows.source}: found displacements (dx dy dz), expected absolute positions (x y z) or poses: "
+            "loaded minus unloaded hardly shows geometry"
+        )
+    used = rows.measured_mask
+    if not used.any():
+        raise BeamstiffError(f"{rows.source}: found no absolute reading, expected x y z (and a b c)")
+    stated = np.isfinite(rows.sigma)[used]
+    if stated.any() and not stated.all():
+        raise BeamstiffError(
+            f"{rows.source}: the noise of some values is stated (sigma_position, sigma_rotation), that of "
+            "others is not; expected it for all, or for none"
+        )
+    if robot.effects:
+        raise BeamstiffError(f"robot {robot.name!r} has effects, which a calibration does not count in")
