@@ -196,15 +196,12 @@ def fit_conclusions(
     if positive and not readings.symmetric:
         raise BeamstiffError("a compliance that is not symmetric cannot be fitted positive definite")
     hessian, slope = _normal_equations(readings, premises, firing)
-    rules, terms = firing.shape[1], readings.moment.shape[1]
-    if method == "exact":
-        found: Array = np.linalg.solve(hessian, slope).reshape(rules, terms)
-        if not positive or _definite(readings, found):
-            return found
-        begin: Array = _made_definite(readings, found)
-    else:
-        begin = rapid_prototype(readings, firing)
-    return _descend(readings, hessian, slope, begin, positive)
+    if method == "gradient":
+        return _descend(readings, hessian, slope, rapid_prototype(readings, firing), positive)
+    found = np.asarray(np.linalg.solve(hessian, slope).reshape(firing.shape[1], -1), dtype=np.float64)
+    if not positive or _definite(readings, found):
+        return found
+    return _descend(readings, hessian, slope, _made_definite(readings, found), positive)
 
 
 def _normal_equations(readings: Readings, premises: Premises, firing: Array) -> tuple[Array, Array]:

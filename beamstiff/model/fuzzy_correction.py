@@ -1,0 +1,70 @@
+"""The gray box of seed 003, 3.3.3: a parametric model whose joint compliances fuzzy rules correct.
+
+The rules say by which factor each spring of the model is softer or stiffer in a configuration. Between rules
+the logarithm of the factor is a mean, so compliances stay positive.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from beamstiff.model.fuzzy import FuzzySystem
+from beamstiff.model.fuzzy_compliance import inputs_of
+from beamstiff.model.varying import displaced, ports_at
+from beamstiff.robot.description import Robot
+from beamstiff.se3 import Array
+
+
+@dataclass(frozen=True, eq=False)
+class FuzzyCorrection:
+    """A robot whose springs follow fuzzy rules, as a `Model`.
+
+    Attributes
+    ----------
+    robot : Robot
+    parameters : tuple of str
+        m springs that vary.
+    compliance : (m,) array
+        Theirs without correction, m/N or rad/(N m).
+    system : FuzzySystem
+        Of joint variables; conclusions (R, m): logarithms of the factors on the compliances.
+    extrapolate : bool
+        Answer outside what was trained too (flagged by `outside`); else such rows are refused.
+    """
+
+    robot: Robot
+    parameters: tuple[str, ...]
+    compliance: Array
+    system: FuzzySystem
+    extrapolate: bool = False
+
+    def extrapolating(self) -> FuzzyCorrection:
+        """Return the model that answers outside what was trained too."""
+        return replace(self, extrapolate=True)
+
+    def compliances(self, q: ArrayLike) -> Array:
+        """Return the compliances (N, m) of the springs in postures (N, A)."""
+        result: Array = self.compliance * np.exp(self.system(self._inputs(q), self.extrapolate))
+        return result
+
+    def outside(self, q: ArrayLike) -> NDArray[np.bool_]:
+        """Return which postures (N, A) lie outside what was trained, (N,)."""
+        return self.system.outside(self._inputs(q))
+
+    def predict(self, q: Array, wrench: Array) -> Array:
+        """Return displacements (N, 6), base frame, m and rad.
+
+        Raises
+        ------
+        BeamstiffError
+            When a row lies outside what was trained, unless the model extrapolates.
+        """
+        compliances = self.compliances(q)
+        return displaced(ports_at(self.robot, self.parameters, q, wrench), compliances)
+
+    def _inputs(self, q: ArrayLike) -> Array:
+        variables = [variable.name for variable in self.robot.actuated]
+        return inputs_of(self.system.premises.inputs, variables, q)

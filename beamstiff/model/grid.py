@@ -1,0 +1,218 @@
+"""Gridded stiffness: the workspace cut into cubes, each with springs of its own (seed 001, section 3)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from beamstiff.errors import BeamstiffError
+from beamstiff.measure.arrays import finite, positive
+from beamstiff.model.fuzzy import Partition
+from beamstiff.model.varying import displaced, ports_at
+from beamstiff.robot.description import Robot
+from beamstiff.robot.kinematics import compile_kinematics, posture
+from beamstiff.se3 import Array
+
+ON_THE_FACE = 5e-3  # share of a cube's side by which joint readings may miss a sampling point on its face
+AXES = ("x", "y", "z")
+
+
+@dataclass(frozen=True, eq=False)
+class Cubes:
+    """Cubes of one size side by side, numbered with the last axis fastest.
+
+    Attributes
+    ----------
+    low : (3,) array, m
+        Least corner, base frame.
+    size : float, m
+    counts : tuple of int
+        Number of cubes along x, y and z; C in all.
+
+    Examples
+    --------
+    >>> two = Cubes(np.array([1.0, -0.6, 1.0]), 0.6, (1, 2, 1))
+    >>> two.inside([[1.2, -0.1, 1.1], [1.2, 0.0, 1.1], [0.0, 0.0, 0.0]])
+    array([[ True, False],
+           [ True,  True],
+           [False, False]])
+    """
+
+    low: Array
+    size: float
+    counts: tuple[int, int, int]
+
+    def __post_init__(self) -> None:
+        """Check the cubes."""
+        object.__setattr__(self, "low", finite(self.low, "cubes: least corner", 3))
+        positive(self.size, "cubes: size")
+        if min(self.counts) < 1:
+            raise BeamstiffError(f"cubes: found {self.counts} cubes along x, y, z, expected one or more each")
+
+    @property
+    def count(self) -> int:
+        """Number C of cubes."""
+        return int(np.prod(self.counts))
+
+    @property
+    def high(self) -> Array:
+        """Largest corner, (3,), m."""
+        result: Array = self.low + self.size * np.array(self.counts)
+        return result
+
+    @property
+    def centres(self) -> Array:
+        """Return the centres (C, 3), m."""
+        steps = np.array(list(product(*(range(count) for count in self.counts))), dtype=np.float64)
+        result: Array = self.low + self.size * (steps + 0.5)
+        return result
+
+    def name(self, cube: int) -> str:
+        """Return a cube's place along x, y and z, counted from 1: ``"2.1.1"``."""
+        return ".".join(str(int(at) + 1) for at in np.unravel_index(cube, self.counts))
+
+    def inside(self, positions: ArrayLike) -> NDArray[np.bool_]:
+        """Return which positions (N, 3) lie in which cube, (N, C); one on a face lies in both."""
+        at = finite(positions, "positions", -1, 3)
+        away = np.abs(at[:, None] - self.centres).max(axis=2)
+        return np.asarray(away <= (0.5 + ON_THE_FACE) * self.size)
+
+    def weights(self, positions: ArrayLike, interpolate: bool) -> Array:
+        """Return the share of every cube at positions (N, 3), (N, C); a row sums to one, or to zero outside.
+
+        Parameters
+        ----------
+        positions : (N, 3) array, m
+        interpolate : bool
+            Between the centres of neighbouring cubes, linearly along each axis; else the cube itself (the
+            mean of both on a face).
+        """
+        at = finite(positions, "positions", -1, 3)
+        inside = self.inside(at).astype(np.float64)
+        held = inside.sum(axis=1, keepdims=True)
+        if not interpolate:
+            result: Array = inside / np.maximum(held, 1.0)
+            return result
+        steps = [
+            low + self.size * (np.arange(count) + 0.5)
+            for low, count in zip(self.low, self.counts, strict=True)
+        ]
+        result = Partition(AXES, tuple(steps)).firing(at) * (held > 0)
+        return result
+
+
+@dataclass(frozen=True, eq=False)
+class GriddedStiffness:
+    """A robot whose springs change from cube to cube, as a `Model`.
+
+    Attributes
+    ----------
+    robot : Robot
+    parameters : tuple of str
+        m springs that vary.
+    cubes : Cubes
+    compliance : (C, m) array
+        m/N or rad/(N m).
+    rows : (C,) int array
+        Measured rows in each cube.
+    interpolate : bool
+        Between cubes, the logarithm of the compliance linearly; else every cube for itself.
+    extrapolate : bool
+        Answer in cubes without data (as the fit left them), and beyond the grid as at its rim; else such rows
+        are refused.
+    offset : (C, 6) array or None
+        What the unloaded TCP is off the nominal kinematics at the centre of each cube, ``[d, r]``.
+    """
+
+    robot: Robot
+    parameters: tuple[str, ...]
+    cubes: Cubes
+    compliance: Array
+    rows: NDArray[np.int64]
+    interpolate: bool = False
+    extrapolate: bool = False
+    offset: Array | None = None
+
+    def extrapolating(self) -> GriddedStiffness:
+        """Return the model that answers outside the cubes with data too."""
+        return replace(self, extrapolate=True)
+
+    def outside(self, q: ArrayLike) -> NDArray[np.bool_]:
+        """Return which postures (N, A) have their TCP beyond the grid, or in a cube without data, (N,)."""
+        known = self.cubes.inside(tcp_positions(self.robot, q)) & (self.rows > 0)
+        return np.asarray(~known.any(axis=1))
+
+    def compliances(self, q: ArrayLike) -> Array:
+        """Return the compliances (N, m) of the springs in postures (N, A).
+
+        Raises
+        ------
+        BeamstiffError
+            When a TCP is beyond the grid or in a cube without data, unless the model extrapolates.
+        """
+        at = tcp_positions(self.robot, q)
+        if not self.extrapolate:
+            self._refuse(at)
+        at = np.clip(at, self.cubes.low, self.cubes.high)
+        result: Array = np.exp(self.cubes.weights(at, self.interpolate) @ np.log(self.compliance))
+        return result
+
+    def predict(self, q: Array, wrench: Array) -> Array:
+        """Return displacements (N, 6), base frame, m and rad.
+
+        Raises
+        ------
+        BeamstiffError
+            As `compliances`.
+        """
+        compliances = self.compliances(q)
+        return displaced(ports_at(self.robot, self.parameters, q, wrench), compliances)
+
+    def offsets(self, q: ArrayLike) -> Array:
+        """Return what the unloaded TCP is off the nominal kinematics, (N, 6): ``[d, r]``, m and rad.
+
+        Raises
+        ------
+        BeamstiffError
+            When no offsets were fitted, or as `compliances`.
+        """
+        if self.offset is None:
+            raise BeamstiffError("gridded stiffness: found no offsets, expected them from absolute positions")
+        at = tcp_positions(self.robot, q)
+        if not self.extrapolate:
+            self._refuse(at)
+        weights = self.cubes.weights(np.clip(at, self.cubes.low, self.cubes.high), self.interpolate)
+        turned = weights @ self.offset[:, 3:]
+        lever = at - weights @ self.cubes.centres
+        result: Array = np.hstack([weights @ self.offset[:, :3] + np.cross(turned, lever), turned])
+        return result
+
+    def _refuse(self, at: Array) -> None:
+        inside = self.cubes.inside(at)
+        known = inside & (self.rows > 0)
+        if known.any(axis=1).all():
+            return
+        row = int(np.argmin(known.any(axis=1)))
+        where = ", ".join(f"{name} = {value:.3f}" for name, value in zip(AXES, at[row], strict=True))
+        if not inside[row].any():
+            low, high = (", ".join(f"{v:.3f}" for v in end) for end in (self.cubes.low, self.cubes.high))
+            raise BeamstiffError(
+                f"row {row}: found the TCP at {where} m, beyond the grid from {low} to {high} m; ask "
+                "within it, or allow extrapolation"
+            )
+        raise BeamstiffError(
+            f"row {row}: found the TCP at {where} m, in cube {self.cubes.name(int(np.argmax(inside[row])))} "
+            "that has no data; measure there, or allow extrapolation"
+        )
+
+
+def tcp_positions(robot: Robot, q: ArrayLike) -> Array:
+    """Return the nominal positions (N, 3) of the TCP in postures (N, A), m."""
+    kinematics = compile_kinematics(robot)
+    poses, pose = np.unique(finite(q, "joint values", -1, len(robot.actuated)), axis=0, return_inverse=True)
+    tcp = kinematics.node_index[robot.tcp]
+    result: Array = posture(kinematics, poses).node_positions[pose.reshape(-1), tcp]
+    return result
