@@ -1,0 +1,254 @@
+"""Fake poses: commands ``P' = P - dP`` with which the tool of the real robot comes to rest at its targets.
+
+At the solution the tool is where it should be, and so the process load is that at the target: the correction
+needs no equilibrium. What happens without it, or with a command that is not quite right, does: there the load
+follows the tool and the tool the load.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamstiff.compensate.follow import follow, shortfall, six_freedoms, solve
+from beamstiff.compensate.machine import Machine
+from beamstiff.compensate.path import ToolPath, difference
+from beamstiff.compensate.process.load import NoLoad, Process
+from beamstiff.errors import BeamstiffError
+from beamstiff.measure.arrays import Integers
+from beamstiff.se3 import Array, rotation_from_vector
+
+CLOSE = 1e-8  # m and rad: what remains of the error
+ROUNDS = 40
+SETTLED = 1e-10  # m and rad
+
+
+@dataclass(frozen=True, eq=False)
+class Correction:
+    """A path, where the tool would go without and with correction, and the commands; N targets.
+
+    Attributes
+    ----------
+    path : ToolPath
+        In the base frame; with `taught`, as it is without load.
+    before, after : (N, 6) array
+        Error of the tool ``[p - p_t, rotation vector of R R_t^T]``, base frame, m and rad. NaN where the
+        robot cannot follow.
+    commands : (N, 4, 4) array
+        Poses of the tool to send the controller to, base frame; the target's own where it is not corrected.
+    q : (N, A) array
+        Joint values of the controller at these.
+    wrench : (N, 6) array
+        Process load at the targets, on the tool's tip.
+    turned : (N,) bool array
+        Whether the orientation is corrected too.
+    reasons : dict of int to str
+        Targets that are not corrected.
+    switched : (S,) int array
+        Targets before which the robot changes its configuration.
+    rounds : int
+        Of the iteration.
+    """
+
+    path: ToolPath
+    before: Array
+    after: Array
+    commands: Array
+    q: Array
+    wrench: Array
+    turned: NDArray[np.bool_]
+    reasons: dict[int, str]
+    switched: Integers
+    rounds: int
+
+    @property
+    def corrected(self) -> NDArray[np.bool_]:
+        """(N,) bool array: which targets have a command of their own."""
+        mask = np.ones(len(self.path), dtype=np.bool_)
+        mask[list(self.reasons)] = False
+        return mask
+
+
+def correct_path(
+    machine: Machine,
+    path: ToolPath,
+    load: Process | None = None,
+    *,
+    start: Array | None = None,
+    taught: bool = False,
+    positions_only: bool = False,
+) -> Correction:
+    """Return the commands that bring the real tool to its targets under load.
+
+    Parameters
+    ----------
+    machine : Machine
+    path : ToolPath
+        In the base frame (`Frames.to_base`).
+    load : Process, optional
+        Default: none.
+    start : (A,) array, optional
+        A posture near the first target, to choose the branch.
+    taught : bool
+        The targets were taught on the unloaded robot: it reaches them as they are, only what the load does is
+        corrected.
+    positions_only : bool
+        Leave the orientations of the commands as they are. So it is for robots of fewer than six joints.
+
+    Raises
+    ------
+    BeamstiffError
+        When the orientations are not known but needed, the robot buckles, the load is not defined somewhere.
+    """
+    load = load or NoLoad()
+    whole = six_freedoms(machine.kinematics)
+    if whole and not path.stated:
+        raise BeamstiffError(
+            f"{path.source}: found no orientations, expected columns a, b, c (or qw to qz, or i, j, k): the "
+            f"postures of {machine.controller.name!r} follow from them"
+        )
+    turned = path.turns & (whole and not positions_only)
+    first = follow(machine.kinematics, machine.frames.node_poses(path.poses), start)
+    rows = np.flatnonzero(first.reached)
+    reasons = dict(first.reasons)
+    count = len(path)
+    before, after, wrench = np.full((count, 6), np.nan), np.full((count, 6), np.nan), np.zeros((count, 6))
+    commands, q, targets, rounds = path.poses.copy(), first.q.copy(), path.poses.copy(), 0
+    if rows.size:
+        some = path.at(rows)
+        if taught:
+            still = np.zeros((len(rows), 6))
+            targets[rows] = _settled(machine, first.q[rows], _constant(still), some)
+            some = replace(some, poses=targets[rows])
+
+        def load_at(poses: Array) -> Array:
+            return load.wrench(poses, some)
+
+        before[rows] = difference(_settled(machine, first.q[rows], load_at, some), some.poses)
+        wrench[rows] = load_at(some.poses)
+        found = _commands(machine, some, path.poses[rows], wrench[rows], first.q[rows], turned[rows])
+        commands[rows], q[rows], rounds = found.poses, found.q, found.rounds
+        for row, reason in found.reasons.items():
+            reasons[int(rows[row])] = reason
+        after[rows] = difference(_settled(machine, q[rows], load_at, some), some.poses)
+    return Correction(
+        path=replace(path, poses=targets),
+        before=before,
+        after=after,
+        commands=commands,
+        q=q,
+        wrench=wrench,
+        turned=turned,
+        reasons=dict(sorted(reasons.items())),
+        switched=first.switched,
+        rounds=rounds,
+    )
+
+
+def errors_of(
+    machine: Machine, correction: Correction, commands: Array, load: Process | None = None
+) -> Array:
+    """Return the error (N, 6) of the real tool for commands (N, 4, 4), such as those read back from a file.
+
+    Where the robot cannot follow: NaN.
+    """
+    load = load or NoLoad()
+    found = solve(machine.kinematics, machine.frames.node_poses(commands), correction.q, restarts=0)
+    rows = np.flatnonzero(found.reached & ~np.isnan(correction.before[:, 0]))
+    errors = np.full((len(commands), 6), np.nan)
+    if rows.size:
+        some = correction.path.at(rows)
+        reached = _settled(machine, found.q[rows], lambda poses: load.wrench(poses, some), some)
+        errors[rows] = difference(reached, some.poses)
+    return errors
+
+
+@dataclass(frozen=True, eq=False)
+class _Commands:
+    poses: Array
+    q: Array
+    reasons: dict[int, str]
+    rounds: int
+
+
+def _commands(
+    machine: Machine, path: ToolPath, start: Array, wrench: Array, q: Array, turned: NDArray[np.bool_]
+) -> _Commands:
+    """Iterate ``P' = P - dP`` for all targets at once, until the real tool is at them."""
+    targets, commands, q = path.poses, start.copy(), q.copy()
+    own, own_q = start.copy(), q.copy()
+    reasons: dict[int, str] = {}
+    left = np.arange(len(path))
+    error = np.zeros((len(path), 6))
+    for count in range(1, ROUNDS + 1):  # noqa: B007 (told in the end)
+        reached = machine.displaced(
+            machine.undeformed(q[left]), machine.moved(q[left], wrench[left], targets[left])
+        )
+        error[left] = difference(reached, targets[left])
+        error[~turned, 3:] = 0.0
+        left = left[np.abs(error[left]).max(axis=1, initial=0.0) > CLOSE]
+        if not left.size:
+            break
+        commands[left, :3, 3] -= error[left, :3]
+        turn = rotation_from_vector(-error[left, 3:])
+        commands[left, :3, :3] = turn @ commands[left, :3, :3]
+        found = solve(machine.kinematics, machine.frames.node_poses(commands[left]), q[left], restarts=0)
+        q[left] = found.q
+        for at in np.flatnonzero(~found.reached).tolist():
+            reasons[int(left[at])] = f"its correction is {shortfall(machine.kinematics, found, at)}"
+        left = left[found.reached]
+    for row in left.tolist():
+        reasons[row] = f"no command found: {1e3 * np.linalg.norm(error[row, :3]):.3g} mm remain"
+    for row in reasons:
+        commands[row], q[row] = own[row], own_q[row]
+    return _Commands(commands, q, reasons, count)
+
+
+def _constant(wrench: Array) -> Callable[[Array], Array]:
+    return lambda _: wrench
+
+
+def _settled(machine: Machine, q: Array, load: Callable[[Array], Array], path: ToolPath) -> Array:
+    """Return the poses (N, 4, 4) at which load and displacement agree, for joint values (N, A).
+
+    Broyden's method on ``x = moved(q, load(x))``, all targets at once; its first step is the fixed point's.
+
+    Parameters
+    ----------
+    load : function of (N, 4, 4) to (N, 6)
+    path : ToolPath
+        Where to begin.
+    """
+    undeformed = machine.undeformed(q)
+    wrench = load(path.poses)
+    x = machine.moved(q, wrench, path.poses)
+    inverse = np.broadcast_to(-np.eye(6), (len(q), 6, 6)).copy()
+    gap: Array | None = None
+    step = np.zeros_like(x)
+    for _ in range(ROUNDS):
+        at = machine.displaced(undeformed, x)
+        new_wrench = load(at)
+        if (new_wrench == wrench).all():
+            return at
+        wrench = new_wrench
+        new_gap = machine.moved(q, wrench, at) - x
+        if np.abs(new_gap).max() < SETTLED:
+            return at
+        if gap is not None:
+            change = new_gap - gap
+            back = np.einsum("nij,nj->ni", inverse, change)
+            row = np.einsum("ni,nij->nj", step, inverse)
+            size = np.einsum("ni,ni->n", step, back)
+            usable = np.abs(size) > 1e-30
+            scale = np.where(usable, 1.0 / np.where(usable, size, 1.0), 0.0)
+            inverse += scale[:, None, None] * (step - back)[:, :, None] * row[:, None, :]
+        step = -np.einsum("nij,nj->ni", inverse, new_gap)
+        x, gap = x + step, new_gap
+    worst = int(np.argmax(np.abs(new_gap).max(axis=1)))
+    raise BeamstiffError(
+        f"{path.place(worst)}: no equilibrium of process load and robot: the load grows faster than the "
+        "robot resists"
+    )

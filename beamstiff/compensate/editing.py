@@ -1,0 +1,180 @@
+"""Numbers replaced in a text, all else byte for byte as it was.
+
+Files are taken as Latin-1, in which every byte is a character and back: no encoding, line end or stray byte
+is lost. A number keeps its sign of plus, its leading zeros, its exponent and its decimals, and gets more of
+these only where the change would not fit into them.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from decimal import Decimal
+from pathlib import Path
+
+from beamstiff.errors import BeamstiffError, suggest
+
+ENCODING = "latin-1"
+NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
+UNCHANGED = 1e-3  # of the last decimal needed: what is rounding of the way there and back
+LARGEST = 200_000_000  # bytes
+
+_PARTS = re.compile(
+    r"(?P<sign>[+-]?)(?P<whole>[0-9]*)(?P<point>\.?)(?P<decimals>[0-9]*)"
+    r"(?:(?P<e>[eE])(?P<esign>[+-]?)(?P<exponent>[0-9]+))?"
+)
+
+
+@dataclass(frozen=True)
+class Slot:
+    """A number in a text.
+
+    Attributes
+    ----------
+    start, end : int
+        Where it stands.
+    text : str
+    unit : float
+        What 1 is in SI.
+    decimals : int
+        That a corrected number needs at least, in the unit of the file.
+    """
+
+    start: int
+    end: int
+    text: str
+    unit: float
+    decimals: int
+
+    @property
+    def value(self) -> float:
+        """The number in SI."""
+        inverse = round(1 / self.unit) if self.unit < 1 else 0
+        number = float(self.text)
+        return number / inverse if inverse and inverse * self.unit == 1.0 else number * self.unit
+
+
+def read_bytes(path: str | Path) -> str:
+    """Return a file as text of which every byte is a character.
+
+    Raises
+    ------
+    BeamstiffError
+        When it is missing, unreadable, empty, UTF-16 or too large.
+    """
+    where = Path(path)
+    try:
+        if where.is_dir():
+            raise BeamstiffError(f"{path}: is a folder, expected a file")
+        with where.open("rb") as file:
+            data = file.read(LARGEST + 1)
+    except FileNotFoundError:
+        near = [entry.name for entry in where.parent.iterdir()] if where.parent.is_dir() else []
+        raise BeamstiffError(f"{path}: no such file{suggest(where.name, near)}") from None
+    except (OSError, ValueError) as error:
+        reason = (getattr(error, "strerror", None) or str(error)).lower()
+        raise BeamstiffError(f"{path}: cannot be read: {reason}") from None
+    if len(data) > LARGEST:
+        raise BeamstiffError(f"{path}: larger than {LARGEST / 1e6:g} MB, which is the most that is read")
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\0" in data:
+        raise BeamstiffError(f"{path}: found UTF-16 or binary data, expected a text of one byte a character")
+    if not data.strip():
+        raise BeamstiffError(f"{path}: is empty")
+    return data.decode(ENCODING)
+
+
+def line_of(text: str, at: int) -> int:
+    """Return the line, from 1, of a place in a text."""
+    before = text[:at]
+    return 1 + before.count("\n") + before.count("\r") - before.count("\r\n")
+
+
+def rewritten(text: str, value: float, decimals: int) -> str:
+    """Return a number in the form of another.
+
+    Parameters
+    ----------
+    text : str
+        The number as it was.
+    value : float
+        What it is to be, in the same unit.
+    decimals : int
+        That it needs; what `text` had stays if that is more.
+
+    Examples
+    --------
+    >>> (
+    ...     rewritten("12.5", 12.48321, 3),
+    ...     rewritten("+0012.5000", 12.48321, 3),
+    ...     rewritten("1.25E+02", 125.48321, 3),
+    ... )
+    ('12.483', '+0012.4832', '1.25483E+02')
+    >>> rewritten("12.5", 12.5 + 1e-9, 3), rewritten("-0.0", 0.00004, 3)
+    ('12.5', '-0.0')
+    """
+    parts = _PARTS.fullmatch(text)
+    if parts is None:
+        raise ValueError(text)
+    if abs(value - float(text)) <= UNCHANGED * 10.0**-decimals:
+        return text
+    if parts["e"]:
+        new = _with_exponent(parts, value, decimals)
+    else:
+        number = f"{Decimal(abs(value)):.{max(decimals, len(parts['decimals']))}f}"
+        new = _signed(parts, number, value)
+    return text if Decimal(new) == Decimal(text) else new
+
+
+def _with_exponent(parts: re.Match[str], value: float, decimals: int) -> str:
+    power = Decimal(abs(value)).adjusted() if value else 0
+    digits = max(decimals + power, len(parts["decimals"]), 0)
+    mantissa, exponent = f"{Decimal(abs(value)):.{digits}e}".split("e")
+    power = int(exponent)
+    sign = "-" if power < 0 else "+" if parts["esign"] else ""
+    tail = f"{parts['e']}{sign}{abs(power):0{len(parts['exponent'])}d}"
+    return _signed(parts, mantissa, value) + tail
+
+
+def _signed(parts: re.Match[str], number: str, value: float) -> str:
+    """Return digits with the sign and the zeros in front that the number had."""
+    whole, point, rest = number.partition(".")
+    if not parts["whole"] and whole == "0" and rest:
+        whole = ""
+    elif len(parts["whole"]) > 1 and parts["whole"].startswith("0"):
+        whole = whole.zfill(len(parts["whole"]))
+    digits = whole + (point or (parts["point"] if not rest else "")) + rest
+    negative = value < 0 and any(digit not in "0." for digit in digits)
+    return ("-" if negative else "+" if parts["sign"] == "+" else "") + digits
+
+
+def replaced(text: str, changes: Iterable[tuple[Slot, float]]) -> str:
+    """Return a text with numbers replaced.
+
+    Where a number is aligned by blanks in front of it, the blanks give way, but for one.
+
+    Parameters
+    ----------
+    text : str
+    changes : iterable of (Slot, float)
+        New values in SI.
+
+    Examples
+    --------
+    >>> replaced("X   1.5, Y 2 ; ok", [(Slot(4, 7, "1.5", 1e-3, 3), 0.0012344)])
+    'X 1.234, Y 2 ; ok'
+    """
+    parts, at = [], 0
+    for slot, value in sorted(changes, key=lambda change: change[0].start):
+        new = rewritten(slot.text, value / slot.unit, slot.decimals)
+        start = slot.start
+        grown = len(new) - len(slot.text)
+        if new != slot.text and text[max(start - 2, at) : start] == "  ":
+            blanks = len(text[at:start]) - len(text[at:start].rstrip(" "))
+            if grown > 0:
+                start -= min(grown, blanks - 1)
+            else:
+                new = " " * -grown + new
+        parts += [text[at:start], new]
+        at = slot.end
+    return "".join([*parts, text[at:]])

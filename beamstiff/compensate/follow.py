@@ -1,0 +1,153 @@
+"""Joint values along a path: inverse geometry from each target to the next, in one branch.
+
+Targets are solved in runs, all of a run from where the last one ended. Where the joints would have to jump,
+the way there is walked in small steps; where that fails too, another configuration is looked for, and said to
+be one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from beamstiff.measure.arrays import Integers
+from beamstiff.robot.frames import Kinematics
+from beamstiff.robot.inverse import InverseResult, inverse_geometry
+from beamstiff.robot.kinematics import pose_of, posture
+from beamstiff.se3 import Array, transform, vector_from_rotation
+
+JUMP = 0.6  # most that a joint may turn, rad, or travel, machine sizes, between neighbours of a path
+LONGEST_RUN = 1024
+WALK = 12  # steps between targets far apart
+TOLERANCE = 1e-9  # m, rad
+AT_LIMIT = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """Joint values of N targets.
+
+    Attributes
+    ----------
+    q : (N, A) array, rad or m
+        Of the closest approach where a target was not reached.
+    reached : (N,) bool array
+    reasons : dict of int to str
+        Of the targets that were not reached.
+    switched : (S,) int array
+        Targets before which the robot has to change its configuration.
+    """
+
+    q: Array
+    reached: NDArray[np.bool_]
+    reasons: dict[int, str]
+    switched: Integers
+
+
+def six_freedoms(kinematics: Kinematics) -> bool:
+    """Tell whether a robot can take every pose: a machine of fewer joints follows positions only."""
+    return len(kinematics.robot.actuated) >= 6
+
+
+def solve(kinematics: Kinematics, poses: Array, start: Array | None, restarts: int) -> InverseResult:
+    """Return inverse geometry of poses (K, 4, 4); of their positions where the joints are fewer than six."""
+    targets = poses if six_freedoms(kinematics) else poses[:, :3, 3]
+    return inverse_geometry(kinematics, targets, start=start, tolerance=TOLERANCE, restarts=restarts)
+
+
+def follow(kinematics: Kinematics, poses: Array, start: Array | None = None) -> Followed:
+    """Return joint values that bring the `tcp` node to the poses one after the other.
+
+    Parameters
+    ----------
+    kinematics : Kinematics
+    poses : (N, 4, 4) array
+        Base frame, m.
+    start : (A,) array, optional
+        A posture near the first target, which chooses the branch; rad or m.
+    """
+    count, actuated = len(poses), len(kinematics.robot.actuated)
+    q, reached = np.zeros((count, actuated)), np.zeros(count, dtype=np.bool_)
+    reasons: dict[int, str] = {}
+    switched: list[int] = []
+    anchor, run, row = start, 1, 0
+    while row < count:
+        some = slice(row, min(row + run, count))
+        if anchor is not None:
+            found = solve(kinematics, poses[some], anchor, restarts=0)
+            good = found.reached & _near(kinematics, np.vstack([anchor, found.q]))
+            done = len(good) if good.all() else int(np.argmin(good))
+            q[row : row + done], reached[row : row + done] = found.q[:done], True
+            if done:
+                anchor, row = found.q[done - 1], row + done
+                run = min(2 * run, LONGEST_RUN) if done == len(good) else max(1, done)
+                continue
+            if run > 1:
+                run = 1
+                continue
+            walked = _walk(kinematics, anchor, poses[row])
+            if walked is not None:
+                q[row], reached[row], anchor = walked, True, walked
+                row += 1
+                continue
+        found = solve(kinematics, poses[row : row + 1], anchor, restarts=120)
+        q[row], reached[row] = found.q[0], found.reached[0]
+        if reached[row]:
+            if anchor is not None and row:
+                switched.append(row)
+            anchor = found.q[0]
+        else:
+            reasons[row] = shortfall(kinematics, found, 0)
+        row += 1
+    return Followed(q, reached, reasons, np.array(switched, dtype=np.int64))
+
+
+def shortfall(kinematics: Kinematics, found: InverseResult, row: int) -> str:
+    """Return how far from a target the robot stays, and which joints are at their limits."""
+    parts = []
+    if found.position_error[row] > TOLERANCE:
+        parts.append(f"{1e3 * found.position_error[row]:.3g} mm")
+    if found.rotation_error[row] > TOLERANCE:
+        parts.append(f"{np.degrees(found.rotation_error[row]):.3g} deg")
+    held = [
+        variable.name
+        for variable, value in zip(kinematics.robot.actuated, found.q[row].tolist(), strict=True)
+        if variable.limits is not None
+        and (value <= variable.limits[0] + AT_LIMIT or value >= variable.limits[1] - AT_LIMIT)
+    ]
+    limits = f", {' and '.join(held)} at the limit" if held else ""
+    return f"out of reach by {' and '.join(parts) or 'nothing that shows'}{limits}"
+
+
+def _near(kinematics: Kinematics, q: Array) -> NDArray[np.bool_]:
+    """Tell of every row but the first whether no joint jumps to it from the row before."""
+    size = np.array([1.0 if v.kind == "angle" else kinematics.size for v in kinematics.robot.actuated])
+    near: NDArray[np.bool_] = (np.abs(np.diff(q, axis=0)) / size).max(axis=1, initial=0.0) <= JUMP
+    return near
+
+
+def _walk(kinematics: Kinematics, start: Array, goal: Array) -> Array | None:
+    """Return joint values at a pose reached in small steps along the straight line, or None."""
+    first = pose_of(kinematics, posture(kinematics, start), kinematics.robot.tcp)[0]
+    q = start
+    for pose in between(first[None], goal[None], np.linspace(0.0, 1.0, WALK + 1)[1:]):
+        found = solve(kinematics, pose[None], q, restarts=0)
+        if not (found.reached.all() and _near(kinematics, np.vstack([q, found.q])).all()):
+            return None
+        q = found.q[0]
+    return q
+
+
+def between(first: Array, second: Array, share: Array) -> Array:
+    """Return poses (K, 4, 4) a share (K,) of the way from the first to the second, (K or 1, 4, 4) each.
+
+    Positions along the straight line, rotations about one axis.
+    """
+    turn = first[:, :3, :3].swapaxes(1, 2) @ second[:, :3, :3]
+    vector = share[:, None] * vector_from_rotation(turn)
+    rotation = first[:, :3, :3] @ Rotation.from_rotvec(vector).as_matrix()
+    position = first[:, :3, 3] + share[:, None] * (second[:, :3, 3] - first[:, :3, 3])
+    return transform(rotation, position)

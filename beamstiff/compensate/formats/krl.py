@@ -1,0 +1,175 @@
+"""KUKA KRL (``.src``, ``.dat``): literals ``{X 1,Y 2,Z 3,A 0,B 90,C 0,...}`` of POS, E6POS and FRAME.
+
+X Y Z are mm in $BASE, A B C degrees about the turned axes z, y, x (intrinsic Z-Y-X). Targets are literals in
+declarations, assignments and motions (PTP, LIN, CIRC, SPL, SLIN, ...). Not targets, and left as they are:
+$BASE, $TOOL, BASE_DATA[..] and the like; axis values {A1 ..}; relative motions (LIN_REL ...); structures
+within structures. S, T and the external axes E1 to E6 of a target stay. A motion to {X ..,Y ..,Z ..} alone
+keeps the orientation of the target before it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import NoReturn
+
+from beamstiff.compensate.editing import NUMBER, Slot
+from beamstiff.compensate.formats.masking import lines, masked
+from beamstiff.compensate.formats.program import Place, Program, make_program
+from beamstiff.compensate.orientation import KUKA
+from beamstiff.errors import BeamstiffError, shown
+from beamstiff.units import unit_factor
+
+POSITION, ROTATION = ("X", "Y", "Z"), ("A", "B", "C")
+MILLIMETRE, DEGREE = 1e-3, unit_factor("deg", "angle")[0]
+DECIMALS = {"position": 3, "orientation": 4}
+_MOTION = re.compile(r"\b(S?PTP|S?LIN|S?CIRC|SPL)(_REL)?\b", re.IGNORECASE)
+_NAME = re.compile(r"([A-Za-z$_][\w$.]*(?:\[[^\]]*\])?)\s*=\s*\Z")
+_FRAMES = re.compile(
+    r"\$.*|(?:BASE|TOOL|MACHINE|MACH|LOAD)_?(?:DATA|DEF|NAME|FRAME)?(?:\[.*)?", re.IGNORECASE
+)
+_COMPONENT = re.compile(r"\s*(?P<key>[A-Za-z_]\w*(?:\[\s*\d*\s*\])?)(?:\s+(?P<value>\S.*?))?\s*", re.DOTALL)
+_NUMBER = re.compile(NUMBER)
+_BASES = re.compile(r"\bTOOL_NO\s+(\d+)\s*,\s*BASE_NO\s+(\d+)", re.IGNORECASE)
+
+
+def read(text: str, source: str) -> Program:
+    """Return the targets of a KRL text; `text` as of `editing.read_bytes`.
+
+    Raises
+    ------
+    BeamstiffError
+        When a target is broken or there is none.
+
+    Examples
+    --------
+    >>> read("DECL E6POS XP1={X 1.5,Y 0,Z 900,A 0,B 90,C 0,S 2,T 35}", "cell.dat").path.poses[0, :3, 3]
+    array([0.0015, 0. , 0.9 ])
+    """
+    places: list[Place] = []
+    notes: list[str] = []
+    relative: list[int] = []
+    axes: list[int] = []
+    code = masked(text, ";")
+    for number, at, line in lines(code):
+        if "{" not in line or line.lstrip().startswith("&"):
+            continue
+        for start, end in _groups(line, source, number):
+            inner = line[start + 1 : end]
+            motion, name = _before(line[:start])
+            keys = _keys(inner)
+            if name is not None and _FRAMES.fullmatch(name):
+                if name.upper() in ("$BASE", "$TOOL") and "X" in keys:
+                    notes.append(f"line {number} sets {name.upper()}: --base and --tool say what it is here")
+            elif "{" in inner or not keys:
+                continue
+            elif motion is not None and motion.endswith("_REL"):
+                relative.append(number)
+            elif keys[0].startswith("A") and keys[0] in ("A1", "A2", "A3", "A4", "A5", "A6"):
+                axes.append(number)
+            elif set(POSITION + ROTATION) & set(keys) and (motion or name):
+                label = name or f"{motion}"
+                places.append(
+                    _target(inner, at + start + 1, label, number, source, text, places, motion is not None)
+                )
+    for what, found in (("relative motions", relative), ("axis values", axes)):
+        if found:
+            notes.append(f"{what} are left as they are: {_lines(found)}")
+    frames = sorted({(int(tool), int(base)) for tool, base in _BASES.findall(code)})
+    if len(frames) > 1:
+        known = "; ".join(f"tool {tool}, base {base}" for tool, base in frames)
+        notes.append(f"its points use several frames ({known}): take those of one at a time with --only")
+    if not places:
+        raise BeamstiffError(
+            f"{source}: found no target, expected literals such as {{X 1,Y 2,Z 3,A 0,B 90,C 0}}; the points "
+            "of a .src may stand in its .dat"
+        )
+    return make_program(text, source, places, KUKA, notes)
+
+
+def _groups(line: str, source: str, number: int) -> Iterator[tuple[int, int]]:
+    """Yield the places of outermost braces."""
+    depth, start = 0, 0
+    for at, letter in enumerate(line):
+        if letter == "{":
+            start = at if depth == 0 else start
+            depth += 1
+        elif letter == "}":
+            depth -= 1
+            if depth < 0:
+                _fail(source, number, "", "found '}' without '{' before it")
+            if depth == 0:
+                yield start, at
+    if depth:
+        _fail(
+            source, number, "", f"found {shown(line[start:].strip())}, expected a closing '}}' in this line"
+        )
+
+
+def _before(text: str) -> tuple[str | None, str | None]:
+    """Return the motion and the name that a literal belongs to, from what stands before it in its line."""
+    match = _NAME.search(text)
+    if match is not None:
+        return None, match[1]
+    motions = list(_MOTION.finditer(text))
+    return (motions[-1][0].upper() if motions else None), None
+
+
+def _keys(inner: str) -> list[str]:
+    _, parts = _parts(inner)
+    return [match["key"].upper() for _, match in parts if match is not None]
+
+
+def _parts(inner: str) -> tuple[int, list[tuple[int, re.Match[str] | None]]]:
+    """Return where the components begin (after ``E6POS:``), and each with its place."""
+    prefix = re.match(r"\s*[A-Za-z_]\w*\s*:", inner)
+    begin = at = prefix.end() if prefix else 0
+    parts = []
+    for piece in inner[begin:].split(","):
+        parts.append((at, _COMPONENT.fullmatch(piece)))
+        at += len(piece) + 1
+    return begin, parts
+
+
+def _target(
+    inner: str, at: int, name: str, line: int, source: str, text: str, before: list[Place], motion: bool
+) -> Place:
+    slots: dict[str, Slot] = {}
+    _, parts = _parts(inner)
+    for offset, match in parts:
+        if match is None or match["value"] is None:
+            end = inner.find(",", offset)
+            piece = inner[offset : end if end >= 0 else len(inner)].strip()
+            hint = "; decimals follow a point, not a comma" if _NUMBER.fullmatch(piece) else ""
+            _fail(source, line, name, f"found {shown(piece)}, expected a component such as X 12.5{hint}")
+        key, value = match["key"].upper(), match["value"]
+        if key not in POSITION + ROTATION:
+            continue
+        if not _NUMBER.fullmatch(value):
+            _fail(source, line, name, f"{key}: found {shown(value)}, expected a number")
+        if key in slots:
+            _fail(source, line, name, f"{key}: found twice, expected once")
+        kind = "position" if key in POSITION else "orientation"
+        start = at + offset + match.start("value")
+        unit = MILLIMETRE if kind == "position" else DEGREE
+        slots[key] = Slot(start, start + len(value), text[start : start + len(value)], unit, DECIMALS[kind])
+    missing = [key for key in POSITION + ROTATION if key not in slots]
+    inherited: tuple[float, ...] = ()
+    if missing == list(ROTATION) and motion and before:
+        last = before[-1]
+        inherited = last.inherited or tuple(slot.value for slot in last.orientation)
+    elif missing:
+        why = ": what is left out follows the target before, which is corrected" if motion else ""
+        _fail(source, line, name, f"found no {', '.join(missing)}, expected all of X, Y, Z, A, B, C{why}")
+    rotation = () if missing else tuple(slots[key] for key in ROTATION)
+    return Place(name, line, tuple(slots[key] for key in POSITION), rotation, inherited)
+
+
+def _lines(numbers: list[int]) -> str:
+    some = ", ".join(map(str, numbers[:6]))
+    more = f" and {len(numbers) - 6} more" if len(numbers) > 6 else ""
+    return f"line{'s' if len(numbers) > 1 else ''} {some}{more}"
+
+
+def _fail(source: str, line: int, name: str, message: str) -> NoReturn:
+    raise BeamstiffError(f"{source}:{line}: {name}: {message}" if name else f"{source}:{line}: {message}")

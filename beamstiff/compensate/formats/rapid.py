@@ -1,0 +1,143 @@
+"""ABB RAPID (``.mod``, ``.prg``): robtargets ``[[x,y,z],[q1,q2,q3,q4],[cf1,cf4,cf6,cfx],[eax_a,...,eax_f]]``.
+
+x y z are mm in the work object, q1 is the scalar of the quaternion. Targets are found wherever such a literal
+stands: declared (CONST, PERS, VAR, arrays too) or in a motion. Axis configuration and external axes stay, and
+so do tooldata, wobjdata, jointtargets and what is computed from a target (Offs, RelTool).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import NoReturn
+
+from beamstiff.compensate.editing import NUMBER, Slot, line_of
+from beamstiff.compensate.formats.masking import masked
+from beamstiff.compensate.formats.program import Place, Program, make_program
+from beamstiff.compensate.orientation import Quaternion
+from beamstiff.errors import BeamstiffError, shown
+
+SIZES = (3, 4, 4, 6)
+PARTS = ("position x, y, z", "quaternion q1 to q4", "axis configuration", "external axes")
+MILLIMETRE, DECIMALS = 1e-3, (3, 7)
+_DECLARED = re.compile(r"\brobtarget\s+(?P<name>\w+)\s*(?P<size>\{[^}]*\})?\s*:=\s*(?=\[)", re.IGNORECASE)
+_MOTION = re.compile(
+    r"\b(?P<name>(?:Move|Search|Trigg)\w*)(?:\s|\\\w+(?:\s*:=\s*\w+)?,?)*\s*(?=\[)", re.IGNORECASE
+)
+_NEXT = re.compile(r",\s*(?=\[)")  # a second target of MoveC
+_TOKEN = re.compile(rf"\s*(?:(?P<number>{NUMBER})|(?P<mark>[\[\],])|(?P<other>[^\s\[\],;]+|;))")
+_FRAMES = re.compile(r"\\\s*WObj\s*:=\s*(\w+)", re.IGNORECASE)
+_OFFSETS = re.compile(r"\b(?:Offs|RelTool)\s*\(", re.IGNORECASE)
+
+
+def read(text: str, source: str) -> Program:
+    """Return the targets of a RAPID text; `text` as of `editing.read_bytes`.
+
+    Raises
+    ------
+    BeamstiffError
+        When a target is broken or there is none.
+
+    Examples
+    --------
+    >>> text = "CONST robtarget p10:=[[600,0,900.5],[0,0,1,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];"
+    >>> read(text, "cell.mod").path.poses[0, :3, 3]
+    array([0.6 , 0. , 0.9005])
+    """
+    code = masked(text, "!")
+    places: list[Place] = []
+    for name, at, count in _literals(code):
+        found, _ = _bracket(code, at, source, name)
+        items = found if count else [found]
+        for number, item in enumerate(items, start=1):
+            label = f"{name}{{{number}}}" if count else name
+            places.append(_target(item, label, code, at, text, source))
+    if not places:
+        raise BeamstiffError(
+            f"{source}: found no target, expected robtargets such as [[600,0,900],[0,0,1,0],[0,0,0,0],"
+            "[9E9,9E9,9E9,9E9,9E9,9E9]]"
+        )
+    notes = []
+    if len(frames := list(dict.fromkeys(name.lower() for name in _FRAMES.findall(code)))) > 1:
+        notes.append(
+            f"it uses several work objects ({', '.join(frames)}): take one's targets at a time with --only"
+        )
+    if match := _OFFSETS.search(code):
+        notes.append(f"Offs and RelTool are left as they are, first in line {line_of(text, match.start())}")
+    return make_program(text, source, places, Quaternion(), notes)
+
+
+def _literals(code: str) -> Iterator[tuple[str, int, bool]]:
+    """Yield name and place of every literal, and whether it is an array of targets."""
+    found = [(match["name"], match.end(), bool(match["size"])) for match in _DECLARED.finditer(code)]
+    for match in _MOTION.finditer(code):
+        found.append((match["name"], match.end(), False))
+        if match["name"].lower().startswith("movec"):
+            end = _end(code, match.end())
+            if second := _NEXT.match(code, end):
+                found.append((match["name"], second.end(), False))
+    yield from sorted(found, key=lambda item: item[1])
+
+
+def _end(code: str, at: int) -> int:
+    depth = 0
+    for place in range(at, len(code)):
+        depth += {"[": 1, "]": -1}.get(code[place], 0)
+        if depth == 0:
+            return place + 1
+    return len(code)
+
+
+def _bracket(code: str, at: int, source: str, name: str) -> tuple[list[object], int]:
+    """Return the nested lists of number matches that begin with the bracket at a place, and their end."""
+    stack: list[list[object]] = []
+    wanted = True  # a value; else a comma or an end
+    place = at
+    while match := _TOKEN.match(code, place):
+        mark = match["mark"]
+        begin = match.start(match.lastgroup or 0)
+        place = match.end()
+        if mark == "[" and wanted:
+            stack.append([])
+        elif mark == "]" and stack and not wanted:
+            closed = stack.pop()
+            if not stack:
+                return closed, place
+            stack[-1].append(closed)
+        elif mark == "," and not wanted:
+            wanted = True
+            continue
+        elif match["number"] is not None and wanted and stack:
+            stack[-1].append((begin, match["number"]))
+        else:
+            what = "a number or '['" if wanted else "',' or ']'"
+            _fail(source, code, begin, name, f"found {shown(match[match.lastgroup or 0])}, expected {what}")
+        wanted = mark == "["
+    _fail(source, code, at, name, "found '[' without its ']'")
+
+
+def _target(item: object, name: str, code: str, at: int, text: str, source: str) -> Place:
+    if not isinstance(item, list) or len(item) != 4 or not all(isinstance(part, list) for part in item):
+        count = len(item) if isinstance(item, list) else 1
+        _fail(
+            source, code, at, name,
+            f"found {count} part{'' if count == 1 else 's'}, expected a robtarget [[x,y,z],[q1,q2,q3,q4],"
+            "[4 numbers],[6 numbers]]",
+        )  # fmt: skip
+    for part, size, what in zip(item, SIZES, PARTS, strict=True):
+        if len(part) != size or not all(isinstance(number, tuple) for number in part):
+            where = part[0][0] if part and isinstance(part[0], tuple) else at
+            _fail(source, code, where, name, f"found {len(part)} numbers for the {what}, expected {size}")
+    units = (MILLIMETRE, 1.0)
+    slots = [
+        tuple(
+            Slot(start, start + len(number), text[start : start + len(number)], unit, decimals)
+            for start, number in part
+        )
+        for part, unit, decimals in zip(item[:2], units, DECIMALS, strict=True)
+    ]
+    return Place(name, line_of(text, item[0][0][0]), slots[0], slots[1])
+
+
+def _fail(source: str, code: str, at: int, name: str, message: str) -> NoReturn:
+    raise BeamstiffError(f"{source}:{line_of(code, at)}: {name}: {message}")

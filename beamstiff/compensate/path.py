@@ -1,0 +1,113 @@
+"""A tool path: targets in their order, the frames they are written in, loads that come with them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamstiff.measure.arrays import Integers
+from beamstiff.se3 import Array, vector_from_rotation
+
+
+@dataclass(frozen=True, eq=False)
+class ToolPath:
+    """N targets of a tool.
+
+    Attributes
+    ----------
+    source : str
+        The file.
+    names : tuple of str (N)
+    lines : (N,) int array
+        Where each target stands in the file.
+    poses : (N, 4, 4) array, m
+        Of the tool in the frame of the path.
+    turns : (N,) bool array
+        Whether the file has room for an orientation of this target; where not, its position alone is
+        corrected.
+    stated : bool
+        Whether the orientations are known, be they written or what the format takes for granted.
+    wrench : (N, 6) array or None
+        ``[f, m]`` on the tool at its tip, base frame of the robot, N and N m.
+    columns : mapping of str to (N,) array
+        Other quantities along the path, SI: what a process may depend on.
+    """
+
+    source: str
+    names: tuple[str, ...]
+    lines: Integers
+    poses: Array
+    turns: NDArray[np.bool_]
+    stated: bool = True
+    wrench: Array | None = None
+    columns: Mapping[str, Array] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def at(self, rows: NDArray[np.intp]) -> ToolPath:
+        """Return some of the targets."""
+        return replace(
+            self,
+            names=tuple(self.names[row] for row in rows.tolist()),
+            lines=self.lines[rows],
+            poses=self.poses[rows],
+            turns=self.turns[rows],
+            wrench=None if self.wrench is None else self.wrench[rows],
+            columns={name: values[rows] for name, values in self.columns.items()},
+        )
+
+    def moved_to(self, poses: Array) -> ToolPath:
+        """Return the path with other poses (N, 4, 4)."""
+        return replace(self, poses=poses)
+
+    def place(self, row: int) -> str:
+        """Return what a message calls a target: its file, line and name."""
+        return f"{self.source}:{self.lines[row]}: {self.names[row]}"
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """What the numbers of a path count from, and which point of the tool they place.
+
+    Attributes
+    ----------
+    base : (4, 4) array, m
+        The frame of the path (KRL $BASE, RAPID wobj, APT part) in the base frame of the robot.
+    tool : (4, 4) array, m
+        The programmed tool (KRL $TOOL, RAPID tooldata) in the frame of the robot's `tcp` node.
+    """
+
+    base: Array = field(default_factory=lambda: np.eye(4))
+    tool: Array = field(default_factory=lambda: np.eye(4))
+
+    def to_base(self, path: ToolPath) -> ToolPath:
+        """Return the path in the base frame of the robot."""
+        return path.moved_to(self.base @ path.poses)
+
+    def to_path(self, poses: Array) -> Array:
+        """Return poses of the tool in the frame of the path, (N, 4, 4), from those in the base frame."""
+        return inverse(self.base) @ poses
+
+    def node_poses(self, poses: Array) -> Array:
+        """Return the poses (N, 4, 4) of the `tcp` node that bring the tool to poses, base frame."""
+        return poses @ inverse(self.tool)
+
+
+def inverse(pose: Array) -> Array:
+    """Return the inverse of transforms (..., 4, 4)."""
+    result = np.zeros_like(pose)
+    turn = pose[..., :3, :3].swapaxes(-1, -2)
+    result[..., :3, :3] = turn
+    result[..., :3, 3] = -(turn @ pose[..., :3, 3:])[..., 0]
+    result[..., 3, 3] = 1.0
+    return result
+
+
+def difference(poses: Array, targets: Array) -> Array:
+    """Return how far poses are from targets, (N, 6): ``[p - p_t, rotation vector of R R_t^T]``."""
+    turned = poses[:, :3, :3] @ targets[:, :3, :3].swapaxes(1, 2)
+    return np.hstack([poses[:, :3, 3] - targets[:, :3, 3], vector_from_rotation(turned)])

@@ -1,0 +1,150 @@
+"""A corrected path told to people: what the tool would do, what it will do, what could not be corrected."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from rich.table import Table
+
+from beamstiff.compensate.rewrite import Compensated
+from beamstiff.report.figures import BLUE, GREEN, GREY, ORANGE, new_figure, plain
+from beamstiff.report.tables import add_rows, counted, number, table
+from beamstiff.se3 import Array
+
+
+@dataclass(frozen=True)
+class Size:
+    """How large the errors of a path are: root mean square and largest, mm and degrees."""
+
+    rms_mm: float
+    max_mm: float
+    rms_deg: float
+    max_deg: float
+
+
+def size_of(errors: Array) -> Size:
+    """Return the size of errors (N, 6), m and rad; all zero where there is none."""
+    if not len(errors):
+        return Size(0.0, 0.0, 0.0, 0.0)
+    far = 1e3 * np.linalg.norm(errors[:, :3], axis=1)
+    turned = np.degrees(np.linalg.norm(errors[:, 3:], axis=1))
+    rms = [float(np.sqrt((values**2).mean())) for values in (far, turned)]
+    return Size(rms[0], float(far.max()), rms[1], float(turned.max()))
+
+
+def compensation_table(result: Compensated) -> Table:
+    """Return a table: every target, the error of the tool before and after, how far its command moved."""
+    found = result.correction
+    columns = ("line", "load [N]", "before [mm]", "[deg]", "after [mm]", "[deg]", "command moved [mm]", "")
+    made = table("Error of the tool at the targets", "target", *columns)
+    made.columns[-1].justify = "left"
+    shift = found.commands[:, :3, 3] - found.path.poses[:, :3, 3]
+    rows = []
+    for row, name in enumerate(found.path.names):
+        cells = [name, str(found.path.lines[row]), number(_length(found.wrench[row, :3]))]
+        for errors in (found.before, result.after):
+            far, turned = _length(errors[row, :3]), _length(errors[row, 3:])
+            cells += ["", ""] if np.isnan(far) else [number(1e3 * far), number(np.degrees(turned))]
+        cells += [number(1e3 * _length(shift[row])), found.reasons.get(row, "")]
+        rows.append(cells)
+    add_rows(made, rows)
+    return made
+
+
+def uncorrected_table(result: Compensated) -> Table:
+    """Return a table of all targets that have no command of their own, and why."""
+    found = result.correction
+    made = table("Targets that cannot be corrected", "target", "line", "why")
+    made.columns[-1].justify = "left"
+    for row, reason in found.reasons.items():
+        made.add_row(found.path.names[row], str(found.path.lines[row]), reason)
+    return made
+
+
+def compensation_text(result: Compensated) -> str:
+    """Return sentences on the error of the path before and after."""
+    known = result.known
+    before, after = size_of(result.correction.before[known]), size_of(result.after[known])
+    text = (
+        f"Error of the tool at {counted(int(known.sum()), 'target')}: RMS {number(before.rms_mm)} mm, at "
+        f"most {number(before.max_mm)} mm and {number(before.max_deg)} deg; with the commands as written "
+        f"RMS {number(after.rms_mm)} mm, at most {number(after.max_mm)} mm and {number(after.max_deg)} deg"
+    )
+    if before.rms_mm > 0:
+        text += f" ({100 * (1 - after.rms_mm / before.rms_mm):.1f} % less)"
+    turned = result.correction.turned
+    if not turned.all():
+        what = "all targets" if not turned.any() else counted(int((~turned).sum()), "target")
+        text += f". Of {what} the position alone is corrected"
+    return text + "."
+
+
+def compensation_figure(result: Compensated, title: str = "") -> Figure:
+    """Draw the path with its deviation, enlarged, and the size of the deviation along it."""
+    figure = new_figure(11.0, 4.8)
+    figure.suptitle(title or "Tool path before and after compensation")
+    known = result.known
+    left, right = figure.subplots(1, 2)
+    _draw_path(left, result, known)
+    _draw_size(right, result, known)
+    return figure
+
+
+def _draw_path(axes: Axes, result: Compensated, known: NDArray[np.bool_]) -> None:
+    """Draw the path in the plane of its two longest directions along x, y, z."""
+    targets = 1e3 * result.correction.path.poses[:, :3, 3]
+    before, after = 1e3 * result.correction.before[known, :3], 1e3 * result.after[known, :3]
+    extent = np.ptp(targets, axis=0)
+    size = np.abs(before).max(axis=0, initial=0.0)
+    # the plane that shows path and deviation: the longest extent, then the largest deviation of the others
+    first = int(np.argmax(extent))
+    second = max((axis for axis in range(3) if axis != first), key=lambda axis: (size[axis], extent[axis]))
+    shown = sorted((first, second))
+    largest = float(np.linalg.norm(before, axis=1).max(initial=0.0))
+    scale = _round(0.15 * float(extent.max()) / largest) if largest > 0 and extent.max() > 0 else 1.0
+    axes.plot(*targets[:, shown].T, "-", color=GREY, linewidth=1.2, label="target")
+    for errors, style, colour, label in (
+        (before, "o-", ORANGE, "without compensation"),
+        (after, "s--", BLUE, "compensated"),
+    ):
+        at = targets[known] + scale * errors
+        axes.plot(*at[:, shown].T, style, color=colour, markersize=3, linewidth=1, label=label)
+    lost = targets[~known]
+    if len(lost):
+        axes.plot(*lost[:, shown].T, "x", color="black", label="out of reach")
+    axes.set_xlabel(f"{'xyz'[shown[0]]}, mm (base frame)")
+    axes.set_ylabel(f"{'xyz'[shown[1]]}, mm; deviation {scale:g} times enlarged")
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.legend(frameon=False)
+    plain(axes)
+
+
+def _draw_size(axes: Axes, result: Compensated, known: NDArray[np.bool_]) -> None:
+    way = np.linalg.norm(np.diff(result.correction.path.poses[:, :3, 3], axis=0), axis=1)
+    along = 1e3 * np.concatenate([[0.0], np.cumsum(way)])[known]
+    for errors, style, colour, label in (
+        (result.correction.before, "o-", ORANGE, "without compensation"),
+        (result.after, "s--", BLUE, "compensated, as written"),
+    ):
+        far = 1e3 * np.linalg.norm(errors[known, :3], axis=1)
+        axes.plot(along, np.maximum(far, 1e-7), style, color=colour, markersize=3, linewidth=1, label=label)
+    axes.axhline(1e-3, color=GREEN, linewidth=0.8, linestyle=":", label="0.001 mm")
+    axes.set_yscale("log")
+    axes.set_xlabel("way along the path, mm")
+    axes.set_ylabel("distance of the tool from its target, mm")
+    axes.legend(frameon=False)
+    plain(axes)
+
+
+def _length(vector: Array) -> float:
+    return float(np.linalg.norm(vector))
+
+
+def _round(value: float) -> float:
+    """Return a number cut to 1, 2 or 5 times a power of ten."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= value))
