@@ -7,6 +7,8 @@ from typing import Annotated
 import typer
 
 from beamstiff._version import __version__
+from beamstiff.cli.calibrate import calibrate
+from beamstiff.cli.compensate import compensate
 from beamstiff.cli.deflect import deflect
 from beamstiff.cli.diagnose import diagnose
 from beamstiff.cli.exam import exam
@@ -57,5 +59,5 @@ def beamstiff(
         typer.echo(context.get_help())
 
 
-for command in (show, stiffness, deflect, identify, diagnose, plan, exam):
+for command in (show, stiffness, deflect, identify, calibrate, diagnose, plan, compensate, exam):
     app.command()(command)

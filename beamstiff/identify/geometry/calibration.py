@@ -17,6 +17,7 @@ from beamstiff.identify.geometry.problem import Problem
 from beamstiff.identify.geometry.registration import rigid_gap
 from beamstiff.identify.geometry.result import Calibration, Found, errors_of
 from beamstiff.identify.geometry.statement import Statement, state_calibration
+from beamstiff.identify.geometry.validation import held_out
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array, transform, vector_from_rotation
@@ -208,24 +209,3 @@ def _notes(problem: Problem, found: Estimate, factor: float, widened: bool) -> t
     ]:
         notes.append(f"{listed(rigid)}: no compliance shows, as good as rigid")
     return tuple(notes)
-
-
-def held_out(
-    statement: Statement, problem: Problem, found: Estimate, method: str, folds: int
-) -> Array | None:
-    """Return the residuals (N, 6) of poses left out, fold by fold; None where too little is left."""
-    pose = problem.geometry.pose
-    count = int(pose.max()) + 1
-    folds = min(folds, count)
-    if folds < 2:
-        return None
-    # folds at random but always the same: tables may be sorted
-    fold = np.random.default_rng(0).permutation(count) % folds
-    result = np.zeros(problem.used.shape)
-    for at in range(folds):
-        out = fold[pose] == at
-        train, test = problem.some(~out), problem.some(out)
-        if train.count <= len(statement.identified):
-            return None
-        result[out] = test.gap(estimate(train, found.theta, statement.identified, method).theta)
-    return result

@@ -76,9 +76,10 @@ class Problem:
 
     def gap(self, theta: Array) -> Array:
         """Return measured less predicted, (N, 6), m and rad, measuring frame; 0 where not measured."""
-        return self._gap(self.placed(theta))
+        return self.gap_from(self.placed(theta))
 
-    def _gap(self, placed: Placed) -> Array:
+    def gap_from(self, placed: Placed) -> Array:
+        """Return measured less predicted, (N, 6), where the points are predicted; 0 where not measured."""
         result = np.zeros(self.used.shape)
         position, rotation = self.used[:, :3], self.used[:, 3:].all(axis=1)
         result[:, :3] = np.where(position, self.rows.position - placed.position, 0.0)
@@ -97,10 +98,15 @@ class Problem:
             [(gap / self.sigma)[self.used], ((self.expected - theta)[known] / self.prior[known])]
         )
 
-    def linearised(self, theta: Array) -> tuple[Array, Array]:
-        """Return weighed residuals (n + p,) and their fall for a unit of each parameter, (n + p, t)."""
+    def linearised(self, theta: Array, deformed: bool = True) -> tuple[Array, Array]:
+        """Return weighed residuals (n + p,) and their fall for a unit of each parameter, (n + p, t).
+
+        What gives way carries the points a little off, so that parameters which look alike on the undeformed
+        machine no longer do to rounding; without `deformed` they do.
+        """
         geometry, compliance = self.split(theta)
-        placed, jacobian = self.geometry.jacobian(geometry, self.elastic.displacement(compliance))
+        moved = self.elastic.displacement(compliance) if deformed else None
+        placed, jacobian = self.geometry.jacobian(geometry, moved)
         if compliance.size:
             turn, _ = self.geometry.base(geometry)
             columns = self.elastic.columns(compliance)
@@ -110,7 +116,7 @@ class Problem:
         known = np.flatnonzero(np.isfinite(self.prior))
         priors = np.zeros((known.size, len(self.parameters)))
         priors[np.arange(known.size), known] = 1.0 / self.prior[known]
-        return self._weighed(self._gap(placed), theta), np.concatenate([weighed, priors])
+        return self._weighed(self.gap_from(placed), theta), np.concatenate([weighed, priors])
 
     def some(self, chosen: ArrayLike) -> Problem:
         """Return the problem of some rows: a mask, or indices."""

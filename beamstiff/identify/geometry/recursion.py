@@ -13,12 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from beamstiff.identify.geometry.parameters import LENGTH
 from beamstiff.identify.geometry.problem import Problem
 from beamstiff.se3 import Array
 
 SWEEPS = 3
 NEGLIGIBLE = 1e-6  # singular value, of the largest, below which a pose says nothing
-VAGUE = 1e2  # realistic deviations: what is known of a parameter before the first pose
+VAGUE = 1e3  # realistic deviations: what is known of a parameter before the first pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,15 +64,17 @@ def recursion(
         When a loop does not close on the way.
     """
     free = np.array([item.name in set(identified) for item in problem.parameters])
-    size = problem.size[free]
+    # without memory the shortest step explains a pose: base and target must not take all of it
+    size = np.array(
+        [LENGTH if item.group in ("base", "target") else item.size for item in problem.parameters]
+    )
+    size = size[free]
     pose = problem.geometry.pose
     singles = [problem.some(np.flatnonzero(pose == at)) for at in dict.fromkeys(pose.tolist())]
     theta = begin.copy()
     way, gaps = [theta], [_sizes(problem, theta)]
     spread = VAGUE**2 * np.eye(size.size)
     for _ in range(sweeps):
-        if memory:  # a new sweep starts from where the last one ended, with the same poses: not more certain
-            spread = VAGUE**2 * np.eye(size.size)
         for single in singles:
             residual, jacobian = single.linearised(theta)
             count = single.count  # priors count once, not once a pose

@@ -54,6 +54,6 @@ def rigid_gap(problem: Problem) -> Array:
     if not placing:
         return problem.gap(start)
     free = replace(problem, prior=np.full(len(start), np.inf))
-    _, jacobian = free.linearised(start)
+    _, jacobian = free.linearised(start, deformed=False)
     seen = observability(jacobian, problem.parameters)
     return problem.gap(estimate(free, start, [name for name in placing if name in seen.identified]).theta)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
 
 from beamstiff.identify.geometry.error_jacobian import Geometry
+from beamstiff.identify.geometry.parameters import Parameter
 from beamstiff.se3 import Array
 
 
@@ -16,18 +18,32 @@ class SensitivityIndices:
 
     Attributes
     ----------
-    names, units : tuple of str (t)
-        Unit ``"m"`` or ``"rad"`` of the parameter.
+    parameters : tuple of Parameter (t)
     position : (N, t) array
         mu_P: m per unit of the parameter, by row.
     orientation : (N, t) array
         mu_Phi: rad per unit.
     """
 
-    names: tuple[str, ...]
-    units: tuple[str, ...]
+    parameters: tuple[Parameter, ...]
     position: Array
     orientation: Array
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return tuple(item.name for item in self.parameters)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """``"m"`` or ``"rad"``, of each parameter."""
+        return tuple(item.unit for item in self.parameters)
+
+    def some(self, names: Collection[str]) -> SensitivityIndices:
+        """Return those of some parameters."""
+        at = [number for number, item in enumerate(self.parameters) if item.name in names]
+        own = tuple(self.parameters[number] for number in at)
+        return SensitivityIndices(own, self.position[:, at], self.orientation[:, at])
 
 
 def sensitivity_indices(geometry: Geometry, theta: Array | None = None) -> SensitivityIndices:
@@ -42,8 +58,7 @@ def sensitivity_indices(geometry: Geometry, theta: Array | None = None) -> Sensi
     at = np.zeros(len(geometry.parameters)) if theta is None else theta
     _, jacobian = geometry.jacobian(at)
     return SensitivityIndices(
-        names=tuple(item.name for item in geometry.parameters),
-        units=tuple(item.unit for item in geometry.parameters),
+        parameters=geometry.parameters,
         position=np.linalg.norm(jacobian[:, :3], axis=1),
         orientation=np.linalg.norm(jacobian[:, 3:], axis=1),
     )

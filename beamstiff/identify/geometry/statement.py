@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -86,10 +86,11 @@ def state_calibration(
     geometry = state_geometry(robot, rows, chosen)
     elastic = state_elastic(robot, rows, compliances)
     every = (*chosen, *compliance_parameters(robot, elastic))
+    every = tuple(replace(item, size=(priors or {}).get(item.name, item.size)) for item in every)
     start = np.concatenate([np.zeros(len(chosen)), compliances_of(robot, elastic)])
     problem = state_problem(geometry, elastic, every, start, priors)
     begin = registered(problem, start)
-    _, jacobian = problem.linearised(begin)
+    _, jacobian = problem.linearised(begin, deformed=False)
     seen = observability(jacobian, every, noticed)
     if not seen.identified:
         raise BeamstiffError(f"{rows.source}: the readings show none of {listed(seen.names)}")

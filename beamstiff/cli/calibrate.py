@@ -1,0 +1,245 @@
+"""`beamstiff calibrate`: geometry, and compliances if wanted, from measured absolute positions or poses."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from beamstiff.cli.options import Debug, Json, Quiet, RobotFile, parse_names, robot_file
+from beamstiff.cli.output import check_outputs, people, say, working, write_json
+from beamstiff.errors import BeamstiffError, suggest
+from beamstiff.units import quantity
+
+if TYPE_CHECKING:
+    from beamstiff.identify.geometry.parameters import Parameter
+    from beamstiff.identify.geometry.result import Calibration
+    from beamstiff.identify.geometry.statement import Statement
+
+
+def calibrate(
+    robot: RobotFile,
+    data: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="DATA...",
+            help="CSV tables, one row a state: joint variables, measured position x y z (and rotation vector "
+            "a b c), the reflector as `point`, wrench; units in the header, SI otherwise.",
+        ),
+    ],
+    parameters: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--parameters",
+            metavar="NAME,...",
+            help="What to seek: f3.d, q2 (an encoder's zero), n7.x (a reflector's place), a frame, or base, "
+            "target, offsets, frames; default all.",
+        ),
+    ] = None,
+    fix: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--fix",
+            metavar="NAME,...",
+            help="What stays, likewise; `base` where the readings are in the robot's own base frame.",
+        ),
+    ] = None,
+    last: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--last",
+            metavar="NAME,...",
+            help="Of parameters that cannot be told apart, hold these first.",
+        ),
+    ] = None,
+    compliances: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--compliances",
+            metavar="NAME,...",
+            help="Stiffness values to estimate along with the geometry, such as J2.torsional.",
+        ),
+    ] = None,
+    prior: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--prior",
+            metavar="NAME=STD",
+            help="Known to within a standard deviation, such as f3.d=0.2mm; of a group (frames=0.5mm) those "
+            "of the unit; repeatable.",
+        ),
+    ] = None,
+    method: Annotated[
+        str, typer.Option("--method", metavar="NAME", help="levenberg-marquardt or gauss-newton.")
+    ] = "levenberg-marquardt",
+    folds: Annotated[
+        int, typer.Option("--folds", min=0, metavar="N", help="Folds of the errors held out; 0 for none.")
+    ] = 5,
+    test: Annotated[
+        list[str] | None,
+        typer.Option("--test", metavar="CSV", help="Readings to test the calibrated robot on; repeatable."),
+    ] = None,
+    out: Annotated[
+        str | None, typer.Option("--out", metavar="FILE", help="Write the calibrated robot as YAML.")
+    ] = None,
+    readings: Annotated[
+        str | None,
+        typer.Option(
+            "--readings", metavar="CSV", help="Write the readings in the base frame found, for diagnose."
+        ),
+    ] = None,
+    sensitivity: Annotated[
+        str | None,
+        typer.Option(
+            "--sensitivity", metavar="FILE", help="Draw how far each parameter moves and turns the tool."
+        ),
+    ] = None,
+    recursion: Annotated[
+        str | None,
+        typer.Option("--recursion", metavar="FILE", help="Draw the residual, pose after pose counted in."),
+    ] = None,
+    json: Json = None,
+    quiet: Quiet = False,
+    debug: Debug = False,  # noqa: ARG001
+) -> None:
+    """Calibrate the geometry of a robot from measured absolute positions, or poses.
+
+    Weighted least squares over the parameters that the poses can tell apart; the others are named, with
+    what they look like, and stay. Gravity, payload and loads act as the robot's stiffness says. Where
+    the readings are in a frame of the tracker's own, the robot's base is sought in it (default).
+
+    \b
+    Examples:
+      beamstiff calibrate robot.yaml poses.csv --out calibrated.yaml
+      beamstiff calibrate robot.yaml poses.csv --fix base --prior frames=0.5mm --test fresh.csv
+      beamstiff calibrate robot.yaml loaded.csv unloaded.csv --compliances J2.torsional,J3.torsional
+    """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
+    from beamstiff.files import write_whole
+    from beamstiff.identify.geometry import calibrate as fit
+    from beamstiff.identify.geometry.statement import state_calibration
+    from beamstiff.identify.geometry.validation import errors_on, in_base_frame
+    from beamstiff.measure import read_measurements
+    from beamstiff.measure.rows import concatenate
+    from beamstiff.measure.writer import measurements_to_csv
+    from beamstiff.report.geometry import calibration_text, dependent_table, errors_table, parameters_table
+    from beamstiff.robot.reader import load_robot
+    from beamstiff.robot.writer import robot_to_yaml
+
+    file = robot_file(robot)
+    outputs = {"out": out, "readings": readings, "sensitivity": sensitivity, "recursion": recursion}
+    check_outputs([file, *data, *(test or ())], json, **outputs)
+    for figure in (sensitivity, recursion):
+        if figure is not None:
+            from beamstiff.report.figures import check_format
+
+            check_format(figure)
+    machine = load_robot(file)
+    if twice := [path for number, path in enumerate(data) if path in data[:number]]:
+        raise BeamstiffError(f"{twice[0]}: is given twice, its rows would count twice")
+    measured = concatenate([read_measurements(path, machine) for path in data])
+    tested = {path: read_measurements(path, machine) for path in test or ()}
+    said: Any = {
+        "parameters": parse_names(parameters),
+        "fixed": parse_names(fix, "--fix") or (),
+        "last": parse_names(last, "--last") or (),
+        "compliances": parse_names(compliances, "--compliances") or (),
+    }
+    with working(f"calibrating from {len(measured)} rows", quiet):
+        if prior:
+            known = state_calibration(machine, measured, **said).problem.parameters
+            said["priors"] = parse_priors(prior, known)
+        found = fit(machine, measured, **said, method=method, folds=folds)
+        tests = {path: errors_on(found, rows) for path, rows in tested.items()}
+    for note in found.notes:
+        say(f"note: {note}", quiet)
+    console = people(quiet, json)
+    console.print(parameters_table(found, f"{machine.name}: calibrated geometry"))
+    console.print()
+    if (dependent := dependent_table(found)) is not None:
+        console.print(dependent)
+        console.print()
+    console.print(errors_table(found, {f"calibrated, {Path(path).name}": one for path, one in tests.items()}))
+    console.print()
+    for line in calibration_text(found):
+        console.print(line)
+    if out is not None:
+        write_whole(out, f"# {_head(found, data)}\n{robot_to_yaml(found.robot)}")
+    if readings is not None:
+        write_whole(readings, measurements_to_csv(in_base_frame(found, measured), machine))
+    if sensitivity is not None or recursion is not None:
+        draw(state_calibration(machine, measured, **said), machine.name, sensitivity, recursion)
+    facts = found.to_dict()
+    if tests:
+        facts["tests"] = {path: one.to_dict() for path, one in tests.items()}
+    write_json(facts, json)
+
+
+def parse_priors(texts: Sequence[str], parameters: Sequence[Parameter]) -> dict[str, float]:
+    """Return standard deviations, SI, by parameter, from texts such as ``"f3.d=0.2mm"``.
+
+    Raises
+    ------
+    BeamstiffError
+        When a text is no prior, a name is unknown, or no parameter of the name has the unit.
+    """
+    kinds = {"m": "length", "rad": "angle"}
+    geometric = [item for item in parameters if item.unit in kinds]
+    result: dict[str, float] = {}
+    for text in texts:
+        name, equals, value = (word.strip() for word in text.partition("="))
+        if not (name and equals and value):
+            raise BeamstiffError(f"--prior: found {text!r}, expected NAME=STD such as f3.d=0.2mm")
+        own = [item for item in geometric if name in _names(item)]
+        if not own:
+            known = [one for item in geometric for one in _names(item)]
+            raise BeamstiffError(
+                f"--prior: {name!r} is no geometric parameter that is sought{suggest(name, known)}"
+            )
+        found, failure = {}, None
+        for item in own:
+            try:
+                found[item.name] = quantity(value, kinds[item.unit])
+            except BeamstiffError as error:  # a group has lengths and angles
+                failure = error
+        if not found:
+            raise BeamstiffError(f"--prior: {name}: {failure}")
+        if min(found.values()) <= 0:
+            raise BeamstiffError(f"--prior: {name}: found {value!r}, expected a positive standard deviation")
+        result |= found
+    return result
+
+
+def _names(item: Parameter) -> tuple[str, ...]:
+    """Return what a parameter goes by: its name, its group, its frame."""
+    group = f"{item.group}s" if item.group in ("offset", "frame") else item.group
+    frame = item.name.rpartition(".")[0] if item.group == "frame" else item.name
+    return item.name, group, frame
+
+
+def draw(statement: Statement, name: str, sensitivity: str | None, recursion: str | None) -> None:
+    """Draw sensitivity indices, and the way of the recursion."""
+    from beamstiff.identify.geometry.recursion import recursion as recur
+    from beamstiff.identify.geometry.sensitivity import sensitivity_indices
+    from beamstiff.report.figures import save_figure
+    from beamstiff.report.geometry import SPARE, recursion_figure, sensitivity_figure
+
+    problem = statement.problem
+    if sensitivity is not None:
+        indices = sensitivity_indices(problem.geometry, problem.split(statement.begin)[0])
+        shown = {item.name for item in problem.geometry.parameters if item.rank != SPARE}
+        indices = indices.some(shown | set(statement.identified))
+        save_figure(sensitivity_figure(indices, f"{name}: sensitivity to geometric errors"), sensitivity)
+    if recursion is not None:
+        ways = {
+            "each pose alone": recur(problem, statement.begin, statement.identified),
+            "all poses so far": recur(problem, statement.begin, statement.identified, memory=True),
+        }
+        save_figure(recursion_figure(ways, f"{name}: calibration pose by pose"), recursion)
+
+
+def _head(found: Calibration, data: Sequence[str]) -> BeamstiffError:
+    count = len(found.observability.identified)
+    files = ", ".join(Path(path).name for path in data)
+    return BeamstiffError(f"Geometry calibrated by beamstiff: {count} parameters from {files}.")  # one line

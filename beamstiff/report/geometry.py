@@ -1,0 +1,169 @@
+"""A geometric calibration told to people: tables, sensitivity indices, the residual pose by pose."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from rich.table import Table
+
+from beamstiff.identify.geometry.recursion import Recursion
+from beamstiff.identify.geometry.result import Calibration, Errors, Found
+from beamstiff.identify.geometry.sensitivity import SensitivityIndices
+from beamstiff.report.figures import BLUE, ORANGE, new_figure, plain
+from beamstiff.report.tables import counted, number, table
+from beamstiff.se3 import Array
+
+PER_SI = {"m": ("mm", 1e3), "rad": ("deg", 180 / np.pi)}  # as people read them
+MOST_TERMS = 4
+SPARE = 3  # rank of the parameters that a frame hardly needs
+
+
+def parameters_table(found: Calibration, title: str) -> Table:
+    """Return a table of the parameters that were sought: what the robot said, what was found, how sure."""
+    result = table(title, "parameter", "nominal", "found", "change", "std", "unit")
+    for item in found.parameters:
+        if item.identified:
+            unit, factor = PER_SI.get(item.parameter.unit, (item.parameter.unit, 1.0))
+            cells = (item.nominal, item.value, item.change, item.std or 0.0)
+            result.add_row(item.name, *_cells(unit, [factor * value for value in cells]), unit)
+    return result
+
+
+def _cells(unit: str, values: list[float]) -> list[str]:
+    if unit in ("mm", "deg"):
+        return [f"{value + 0.0:.4f}" for value in values]
+    return [number(value) for value in values]
+
+
+def errors_table(found: Calibration, tests: Mapping[str, Errors] | None = None) -> Table:
+    """Return a table of the errors left: nominal, calibrated, held out, and on other tables by name."""
+    kinds = ["position mean, mm", "RMS", "largest"]
+    if found.after.orientation_mean is not None:
+        kinds += ["orientation mean, deg", "RMS", "largest"]
+    result = table("Errors of the absolute readings", "robot", *kinds)
+    rows = {"nominal": found.before, "calibrated": found.after}
+    if found.held_out is not None:
+        rows["calibrated, on poses left out"] = found.held_out
+    for name, errors in (rows | dict(tests or {})).items():
+        position = (errors.position_mean, errors.position_rms, errors.position_max)
+        cells = [_error(value, 1e3) for value in position]
+        if len(kinds) > 3:
+            turned = (errors.orientation_mean, errors.orientation_rms, errors.orientation_max)
+            cells += [_error(value, 180 / np.pi) for value in turned]
+        result.add_row(name, *cells)
+    return result
+
+
+def _error(value: float | None, factor: float) -> str:
+    return "-" if value is None else f"{factor * value:.4f}"
+
+
+def dependent_table(found: Calibration) -> Table | None:
+    """Return a table of the parameters that cannot be told from others, and what each looks like."""
+    seen = found.observability
+    if not seen.dependent:
+        return None
+    result = table("Cannot be told from others: held as they were", "parameter", "looks like", left=2)
+    units = {item.name: item.parameter.unit for item in found.parameters}
+    ranks = {item.name: item.parameter.rank for item in found.parameters}
+    usual = [name for name in seen.dependent if ranks[name] != SPARE]
+    for name in usual:
+        result.add_row(name, combination_text(name, seen.dependent[name], units))
+    if more := len(seen.dependent) - len(usual):
+        result.add_row("...", f"{more} more that a frame hardly needs (b, gamma, theta, beta)")
+    return result
+
+
+def combination_text(name: str, like: Mapping[str, float], units: Mapping[str, str]) -> str:
+    """Return a linear combination, its coefficients in mm and deg: ``1 f3.r - 0.02 q2``.
+
+    Examples
+    --------
+    >>> combination_text("f2.r", {"f3.r": 1.0, "q2": -0.1}, {"f2.r": "m", "f3.r": "m", "q2": "rad"})
+    '1 f3.r - 0.00573 q2'
+    """
+    own = PER_SI.get(units[name], ("", 1.0))[1]
+    terms = {one: value * PER_SI.get(units[one], ("", 1.0))[1] / own for one, value in like.items()}
+    ordered = sorted(terms.items(), key=lambda pair: -abs(like[pair[0]]))
+    shown = ordered[:MOST_TERMS]
+    text = " ".join(f"{'-' if value < 0 else '+'} {abs(value):.3g} {one}" for one, value in shown)
+    more = f" and {len(ordered) - MOST_TERMS} more" if len(ordered) > MOST_TERMS else ""
+    return (text.removeprefix("+ ") if text else "nothing: too small to see") + more
+
+
+def calibration_text(found: Calibration) -> list[str]:
+    """Return sentences: how many parameters, what the noise says, where the base stands."""
+    seen = found.observability
+    lines = [
+        f"{len(seen.identified)} of {counted(len(seen.names), 'parameter')} sought; "
+        f"{len(seen.dependent)} cannot be told from others, {len(seen.silent)} move nothing measured. "
+        f"Condition number {seen.condition:.3g}."
+    ]
+    stated = "stated noise" if found.claimed else "usual noise (none is stated)"
+    lines.append(f"What is left is {found.noise:.2g} times the {stated}. {found.method}: {found.message}.")
+    if any(item.parameter.group == "base" and item.identified for item in found.parameters):
+        place = ", ".join(f"{1e3 * value:.3f}" for value in found.base[:3, 3])
+        lines.append(f"The robot's base stands at ({place}) mm in the measuring frame.")
+    if found.compliances:
+        lines.append(f"Stiffness: {', '.join(map(_stiffness, found.compliances))}.")
+    return lines
+
+
+def _stiffness(item: Found) -> str:
+    unit = {"rad/(N*m)": "N*m/rad", "m/N": "N/m"}.get(item.parameter.unit, "Pa")
+    if item.value <= (item.std or 0.0) * 2:
+        bound = 1.0 / (max(item.value, 0.0) + 2 * (item.std or 0.0))
+        return f"{item.name} over {number(bound)} {unit}"
+    spread = (item.std or 0.0) / item.value
+    return f"{item.name} {number(1.0 / item.value)} {unit} (std {100 * spread:.2g} %)"
+
+
+def sensitivity_figure(found: SensitivityIndices, title: str) -> Figure:
+    """Draw the sensitivity indices, mean and maximum over the poses (seed 003, Figures C.21 to C.24)."""
+    figure = new_figure(12.0, 8.0)
+    figure.suptitle(title)
+    panels = figure.subplots(2, 2)
+    for column, (unit, what, error) in enumerate((("m", "lengths", "mm"), ("rad", "angles", "mrad"))):
+        own = [at for at, name in enumerate(found.units) if name == unit]
+        names = [found.names[at] for at in own]
+        for row, (indices, moved) in enumerate(
+            ((found.position, "position, mm"), (found.orientation, "orientation, mrad"))
+        ):
+            axes = panels[row, column]
+            axes.set(title=f"Errors of {what}", ylabel=f"{moved} per {error}")
+            _bars(axes, names, indices[:, own])
+    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="upper right", ncols=2)
+    return figure
+
+
+def _bars(axes: Axes, names: list[str], values: Array) -> None:
+    place = np.arange(len(names))
+    if not names or not values.max() > 0:
+        axes.text(0.5, 0.5, "none", transform=axes.transAxes, ha="center")
+    if names:
+        axes.bar(place, values.max(axis=0), 0.8, color=ORANGE, alpha=0.6, hatch="//", label="largest")
+        axes.bar(place, values.mean(axis=0), 0.5, color=BLUE, label="mean")
+        axes.set_ylim(0, 1.1 * max(values.max(), 0.1))
+    axes.set_xticks(place, names, rotation=90, fontsize="x-small")
+    plain(axes)
+
+
+def recursion_figure(ways: Mapping[str, Recursion], title: str) -> Figure:
+    """Draw the residual after each pose of the recursion, by its name (seed 003, Figure 7)."""
+    turned = any(np.isfinite(way.orientation).any() for way in ways.values())
+    figure = new_figure(6.0 * (1 + turned), 4.2)
+    figure.suptitle(title)
+    panels = figure.subplots(1, 1 + turned, squeeze=False)[0]
+    for (name, way), colour, style in zip(ways.items(), (BLUE, ORANGE), ("-", "--"), strict=False):
+        steps = np.arange(len(way.position))
+        panels[0].plot(steps, 1e3 * way.position, color=colour, linestyle=style, label=name)
+        if turned:
+            panels[1].plot(steps, np.degrees(way.orientation), color=colour, linestyle=style, label=name)
+    for axes, what in zip(panels, ("position, mm", "orientation, deg"), strict=False):
+        axes.set(xlabel="poses counted in", ylabel=f"residual {what}, RMS over all poses", yscale="log")
+        plain(axes)
+    panels[0].legend()
+    return figure
