@@ -9,7 +9,6 @@ import typer
 from beamstiff._version import __version__
 from beamstiff.cli.calibrate import calibrate
 from beamstiff.cli.compensate import compensate
-from beamstiff.cli.compensate import compensate
 from beamstiff.cli.deflect import deflect
 from beamstiff.cli.diagnose import diagnose
 from beamstiff.cli.exam import exam
