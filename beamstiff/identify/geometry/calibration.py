@@ -189,7 +189,7 @@ def _told(statement: Statement, problem: Problem, found: Estimate, method: str, 
         method=method,
         message="converged" if found.converged else "stopped before it converged",
         costs=found.costs,
-        notes=_notes(problem, found, factor, widened),
+        notes=(*statement.notes, *_notes(problem, found, factor, widened)),
     )
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from beamstiff.errors import BeamstiffError
+from beamstiff.errors import BeamstiffError, listed
 from beamstiff.fem.geometric import loaded_displacement
 from beamstiff.fem.structure import compile_structure
 from beamstiff.identify.geometry.parameters import Parameter
@@ -24,6 +24,7 @@ from beamstiff.robot.stiffness import parameter_unit, stiffness_parameters
 from beamstiff.se3 import Array
 
 REALISTIC = 1e-3  # m, rad: displacement by which the size of a compliance is told
+UNFELT = 1e-9  # of the most compliant one's slope
 LEAST = 1e-9  # of that size: as good as rigid
 
 
@@ -101,29 +102,39 @@ def gives_way(robot: Robot) -> bool:
 def state_elastic(robot: Robot, rows: Measurements, names: Sequence[str]) -> Elastic:
     """Return what gives way, with the compliances called `names` open.
 
+    Those that nothing loads are left out.
+
     Raises
     ------
     BeamstiffError
-        When there is no such stiffness, or no row feels one.
+        When there is no such stiffness, or nothing loads any of them.
     """
     if not names:
         return Elastic((), None, elastic_displacement(robot, rows), np.zeros(0))
+    felt = _felt(robot, rows, names)
+    if not felt:
+        raise BeamstiffError(
+            f"{rows.source}: nothing loads {listed(names)}: neither gravity on what they carry (`masses`, "
+            "`density`) nor any row's wrench"
+        )
+    names = [name for name in names if name in felt]
     model = reduce_to_ports(robot, rows, names, gravity=True)
     present = np.array([robot.parameter(name) for name in names])
     finite = np.isfinite(present) & (present > 0)
     stiffness = np.where(finite, present, model.start)
     slopes = np.abs(model.derivatives(stiffness, by="compliance")[1]).max(axis=(0, 1))
-    if not slopes.all():
-        name = names[int(np.argmin(slopes))]
-        raise BeamstiffError(
-            f"{rows.source}: nothing loads {name}: no row has a wrench that it feels, and the robot has no "
-            "masses (`masses`, or `density` of a beam's material) that it carries"
-        )
     size = REALISTIC / slopes
     stiffness = np.where(finite, present, 1.0 / (LEAST * size))
     stated = robot.with_parameters(dict(zip(names, stiffness.tolist(), strict=True)))
     held = elastic_displacement(stated, rows) - model.predict(stiffness)
     return Elastic(tuple(names), model, held, size)
+
+
+def _felt(robot: Robot, rows: Measurements, names: Sequence[str]) -> set[str]:
+    """Return the stiffness values that gravity or a row's load acts on."""
+    model = reduce_to_ports(robot, rows, names, gravity=True)
+    slopes = np.abs(model.derivatives(model.start, by="compliance")[1]).max(axis=(0, 1))
+    return {name for name, slope in zip(names, slopes, strict=True) if slope > UNFELT * slopes.max()}
 
 
 def compliances_of(robot: Robot, elastic: Elastic) -> Array:

@@ -32,12 +32,14 @@ class Statement:
     problem : Problem
     begin : (t,) array
     observability : Observability
+    notes : tuple of str
     """
 
     robot: Robot
     problem: Problem
     begin: Array
     observability: Observability
+    notes: tuple[str, ...] = ()
 
     @property
     def identified(self) -> tuple[str, ...]:
@@ -101,7 +103,9 @@ def state_calibration(
             f"for {len(every)} parameters, of which they cannot tell apart more than {len(seen.identified)} "
             "and leave nothing to check the fit; measure more poses, or seek fewer parameters"
         )
-    return Statement(robot, problem, begin, seen)
+    idle = [name for name in compliances if name not in elastic.names]
+    notes = [f"nothing loads {listed(idle)}: held as in the robot"] if idle else []
+    return Statement(robot, problem, begin, seen, tuple(notes))
 
 
 def _check_readings(robot: Robot, rows: Measurements) -> None:
