@@ -8,6 +8,7 @@ import typer
 
 from beamstiff._version import __version__
 from beamstiff.cli.calibrate import calibrate
+from beamstiff.cli.compare import compare
 from beamstiff.cli.compensate import compensate
 from beamstiff.cli.deflect import deflect
 from beamstiff.cli.diagnose import diagnose
@@ -59,5 +60,5 @@ def beamstiff(
         typer.echo(context.get_help())
 
 
-for command in (show, stiffness, deflect, identify, calibrate, diagnose, plan, compensate, exam):
+for command in (show, stiffness, deflect, identify, calibrate, compare, diagnose, plan, compensate, exam):
     app.command()(command)

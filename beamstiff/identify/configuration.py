@@ -2,11 +2,12 @@
 
 Springs follow weights phi of the configuration (the cube of the workspace, the firing of fuzzy rules)::
 
-    log c_j(q) = log c_j + g_j + sum_r phi_r(q) x_jr        x_jr ~ N(0, tau_j^2)
+    log c_j(q) = log c_j + g_j + sum_r phi_r(q) x_jr        x_j ~ N(0, tau_j^2 R)
 
 The hierarchical prior shrinks what few readings say towards the common value, by as much as the readings
 themselves ask for: tau_j and the noise maximise the evidence (MacKay, "Bayesian interpolation", 1992). Where
-springs only act together (joints 4 and 6 of a stretched wrist) it is the prior that parts their sum.
+springs only act together (joints 4 and 6 of a stretched wrist) it is the prior that parts their sum. R is the
+correlation of the weights: none between cubes, that of neighbours between rules.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from beamstiff.se3 import Array
 COMMON = 1.0  # standard deviation of g, the logarithm of a change common to all: the start may be off by e
 SPREADS = (1e-3, 3.0)  # of tau
 FIRST = 0.3
-ROUNDS, CLOSE = 60, 1e-3
+ROUNDS, CLOSE = 40, 2e-3
 LARGEST = 3.0  # of a step, in logarithms
 
 
@@ -99,7 +100,13 @@ def begin_with(robot: Robot, table: Measurements, parameters: Sequence[str] | No
     return Begin(found.robot, names, 1.0 / found.stiffness[felt], state_problem(found.robot, table, names))
 
 
-def fit_varying(problem: Problem, weights: Array, compliance: Array, spread: Array | None = None) -> Varying:
+def fit_varying(
+    problem: Problem,
+    weights: Array,
+    compliance: Array,
+    correlation: Array | None = None,
+    spread: Array | None = None,
+) -> Varying:
     """Fit compliances that vary with weights of the configuration.
 
     Parameters
@@ -110,6 +117,8 @@ def fit_varying(problem: Problem, weights: Array, compliance: Array, spread: Arr
         phi: of each row, not negative, summing to one.
     compliance : (m,) array
         Start of all.
+    correlation : (R, R) array, optional
+        Of the changes by weight, positive definite; default none.
     spread : (m,) array, optional
         tau; default by evidence.
 
@@ -125,7 +134,10 @@ def fit_varying(problem: Problem, weights: Array, compliance: Array, spread: Arr
             f"each of {rows}"
         )
     count = weights.shape[1]
-    to_rows = sparse.hstack([sparse.csr_array(np.ones((rows, 1))), sparse.csr_array(weights)]).tocsr()
+    turn: Array = np.eye(count)  # x = turn @ z
+    if correlation is not None:
+        turn = np.asarray(np.linalg.cholesky(correlation), dtype=np.float64)
+    to_rows = sparse.hstack([sparse.csr_array(np.ones((rows, 1))), sparse.csr_array(weights @ turn)]).tocsr()
     tau = np.full(m, FIRST) if spread is None else np.asarray(spread, dtype=np.float64)
     noise, free, state = 1.0, spread is None, np.zeros((count + 1, m))
     residual, jacobian = _linear(problem, to_rows, compliance, state)
@@ -148,8 +160,8 @@ def fit_varying(problem: Problem, weights: Array, compliance: Array, spread: Arr
         if moved < CLOSE and np.abs(np.log(np.append(tau, noise) / old)).max() < 10 * CLOSE:
             break
     return Varying(
-        change=state[1:] + state[0],
-        std=np.sqrt(np.maximum(_variance(covariance, m), 0.0)).reshape(m, count).T,
+        change=turn @ state[1:] + state[0],
+        std=_std(covariance, turn),
         spread=tau,
         common=state[0],
         noise=noise,
@@ -158,14 +170,14 @@ def fit_varying(problem: Problem, weights: Array, compliance: Array, spread: Arr
     )
 
 
-def _variance(covariance: Array, m: int) -> Array:
-    """Return the variances (m R,) of ``g_j + x_jr``, spring by spring."""
-    each = covariance.shape[0] // m
-    result = []
-    for at in range(m):
-        own = covariance[at * each : (at + 1) * each, at * each : (at + 1) * each]
-        result.append(own[0, 0] + 2 * own[0, 1:] + np.diagonal(own)[1:])
-    return np.concatenate(result)
+def _std(covariance: Array, turn: Array) -> Array:
+    """Return the standard deviations (R, m) of ``g_j + x_jr``."""
+    each = len(turn) + 1
+    sums = np.hstack([np.ones((each - 1, 1)), turn])
+    blocks = covariance.reshape(-1, each, covariance.shape[0] // each, each)
+    own = np.stack([blocks[at, :, at] for at in range(len(blocks))])
+    result: Array = np.sqrt(np.maximum(((sums @ own) * sums).sum(axis=2), 0.0)).T
+    return result
 
 
 def _prior(tau: Array, count: int) -> Array:

@@ -17,6 +17,7 @@ from beamstiff.se3 import Array
 
 WORTH = 2.0  # by how much one more set must raise the logarithm of the evidence
 MOST_RULES = 36
+NEAR = 0.4  # share of an input's range over which the corrections of rules are alike
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,4 +93,7 @@ def fit_fuzzy_correction(
 
 
 def _fit(start: Begin, premises: Partition, x: Array) -> Varying:
-    return fit_varying(start.problem, premises.firing(x), start.compliance)
+    corners, span = premises.corners(), np.ptp(premises.trained, axis=1)
+    apart = (corners[:, None] - corners) / (NEAR * np.where(span > 0, span, 1.0))
+    alike = np.exp(-0.5 * (apart**2).sum(axis=2)) + 1e-6 * np.eye(len(corners))
+    return fit_varying(start.problem, premises.firing(x), start.compliance, alike)

@@ -64,7 +64,7 @@ def _inverse(model: PortModel, compliance: Array) -> Array:
 
 
 def ports_at(robot: Robot, parameters: Sequence[str], q: ArrayLike, wrench: ArrayLike) -> PortModel:
-    """Return the robot reduced to the springs that vary, in postures (N, A) under wrenches (N, 6) at the TCP."""
+    """Return the robot reduced to the springs that vary, in postures (N, A) under loads (N, 6) at the TCP."""
     names = [variable.name for variable in robot.actuated]
     rows = make_measurements(names, q, tcp=robot.tcp, wrench=wrench)
     return reduce_to_ports(robot, rows, parameters)

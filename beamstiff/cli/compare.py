@@ -1,0 +1,155 @@
+"""`beamstiff compare`: every model of elasticity fitted to the same rows, judged by rows that none saw."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from beamstiff.cli.options import Debug, Json, Quiet, RobotFile, parse_names, robot_file
+from beamstiff.cli.output import check_outputs, effects_text, people, say, working, write_json
+from beamstiff.errors import BeamstiffError
+
+
+def compare(
+    robot: RobotFile,
+    data: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="DATA...",
+            help="CSV tables, one row a state: joint variables, wrench, measured displacement; units in the "
+            "header, SI otherwise.",
+        ),
+    ],
+    models: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--models",
+            metavar="NAME,...",
+            help="rigid, nominal, parametric, fuzzy, fuzzy tree, grid, gray box, gaussian process; "
+            "default all.",
+        ),
+    ] = None,
+    parameters: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--parameters",
+            metavar="NAME,...",
+            help="Stiffness values that are fitted, and may vary; default: what the robot lists under "
+            "`identify`.",
+        ),
+    ] = None,
+    share: Annotated[
+        float, typer.Option("--share", metavar="X", help="Share of the poses to hold out.")
+    ] = 0.25,
+    fit_load: Annotated[
+        float | None,
+        typer.Option(
+            "--fit-load",
+            metavar="N",
+            help="Fit to rows of this load alone, hold all others out; default: hold the largest load out.",
+        ),
+    ] = None,
+    cube: Annotated[
+        float | None,
+        typer.Option(
+            "--cube", metavar="MM", help="Side of the grid's cubes, mm; default a third of the workspace."
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of all that is drawn at random.")] = 0,
+    json: Json = None,
+    figure: Annotated[
+        str | None,
+        typer.Option(
+            "--figure", metavar="FILE", help="Draw the errors over the workspace (.png, .svg or .pdf)."
+        ),
+    ] = None,
+    rules: Annotated[
+        str | None,
+        typer.Option(
+            "--rules", metavar="FILE", help="Draw the fuzzy model's rule surface and membership functions."
+        ),
+    ] = None,
+    quiet: Quiet = False,
+    debug: Debug = False,  # noqa: ARG001
+) -> None:
+    """Fit every model of elasticity to the same rows, and judge each by rows that none saw.
+
+    rigid and nominal are the robot that does not give way and the one in the file; parametric has
+    its stiffness identified; fuzzy rules, and a fuzzy tree, know nothing but the readings; grid,
+    gray box and gaussian process let the identified springs vary: by cubes of the workspace, by
+    fuzzy rules of the joint values, smoothly over these. Poses are held out at random, and the
+    largest load where there are several. "outside" counts rows beyond what a model was trained on.
+
+    \b
+    Examples:
+      beamstiff compare robot.yaml data.csv --figure errors.png --json compared.json
+      beamstiff compare ir663 data.csv --fit-load 900 --rules rules.png
+      beamstiff compare kr500 data.csv --models parametric,grid --cube 300
+    """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
+    from beamstiff.identify.models import FITS, Options, fit_models
+    from beamstiff.identify.split import split_rows
+    from beamstiff.measure import doubts, read_measurements
+    from beamstiff.measure.rows import concatenate
+    from beamstiff.report.compare import loads_table, models_facts, models_table, models_text
+    from beamstiff.robot.reader import load_robot
+
+    names = parse_names(models, "--models") or list(FITS)
+    if cube is not None and not 0 < cube < float("inf"):
+        raise BeamstiffError(f"--cube: found {cube}, expected a length in mm above 0")
+    if seed < 0:
+        raise BeamstiffError(f"--seed: found {seed}, expected 0 or more")
+    if rules is not None and "fuzzy" not in names:
+        raise BeamstiffError("--rules: expected fuzzy among the models")
+    whole = load_robot(robot)
+    tables = [read_measurements(path, whole) for path in data]
+    check_outputs([robot_file(robot), *data], json, figure=figure, rules=rules)
+    for path in (figure, rules):
+        if path is not None:
+            from beamstiff.report.figures import check_format
+
+            check_format(path)
+    description, measured = whole, concatenate(tables)
+    if whole.effects:
+        from beamstiff.gap.apply import without_effects
+
+        with working("taking the robot's effects off the readings", quiet):
+            description, measured = without_effects(whole, measured)
+    chosen = parse_names(parameters)
+    options = Options(
+        parameters=None if chosen is None else tuple(chosen),
+        cube=None if cube is None else 1e-3 * cube,
+        seed=seed,
+    )
+    with working(f"fitting {len(names)} models to {len(measured)} rows", quiet):
+        notes = [note for table in tables for note in doubts(table, description)]
+        split = split_rows(measured, share, fit_load, seed)
+        found = fit_models(description, measured, split, names, options)
+
+    for note in notes:
+        say(f"note: {note}", quiet)
+    console = people(quiet, json)
+    console.print(models_table(found, f"{description.name}: position error, RMS / max, mm"))
+    console.print()
+    console.print(loads_table(found, "Rows not fitted, by load: RMS / max, mm"))
+    console.print()
+    for line in models_text(found):
+        console.print(line)
+    if whole.effects:
+        console.print(f"All beside the robot's effects, as they are: {effects_text(whole.effects)}.")
+    if figure is not None:
+        from beamstiff.report.compare import models_figure
+        from beamstiff.report.figures import save_figure
+
+        save_figure(models_figure(found, description.name), figure)
+    if rules is not None:
+        from beamstiff.model.fuzzy_compliance import FuzzyCompliance
+        from beamstiff.report.figures import save_figure
+        from beamstiff.report.fuzzy import rules_figure
+
+        model = found["fuzzy"].model
+        if not isinstance(model, FuzzyCompliance):
+            raise BeamstiffError(f"--rules: there is no fuzzy model: {found['fuzzy'].about}")
+        angles = [variable.name for variable in description.variables if variable.kind == "angle"]
+        save_figure(rules_figure(model, angles=angles), rules)
+    write_json(models_facts(found), json)

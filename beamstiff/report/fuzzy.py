@@ -1,0 +1,157 @@
+"""Fuzzy compliance as pictures: the surface of one term over two inputs, and the membership functions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from beamstiff.errors import BeamstiffError
+from beamstiff.measure.table import DISPLACEMENT, WRENCH
+from beamstiff.model.fuzzy import Partition
+from beamstiff.model.fuzzy_compliance import FuzzyCompliance
+from beamstiff.report.figures import BLUE, GREEN, ORANGE, new_figure, plain
+from beamstiff.se3 import Array
+
+POINTS = 41  # of a surface, along each input
+LINES = (BLUE, ORANGE, GREEN)
+
+
+def rules_figure(
+    model: FuzzyCompliance, terms: Sequence[tuple[int, int]] | None = None, angles: Sequence[str] = ()
+) -> Figure:
+    """Draw terms of a fuzzy compliance over its first two inputs, and the sets of every input.
+
+    As figure 13 of seed 003. Inputs beyond the two are in the middle of their trained range.
+
+    Parameters
+    ----------
+    model : FuzzyCompliance
+        With rules on a partition.
+    terms : sequence of (int, int), optional
+        Displacement component and load direction of each term; default the three largest that are known.
+    angles : sequence of str
+        Inputs that are angles, drawn in degrees.
+
+    Raises
+    ------
+    BeamstiffError
+        When the rules are those of a tree, or a term was not trained.
+    """
+    premises = model.system.premises
+    if not isinstance(premises, Partition):
+        raise BeamstiffError("the rules of a tree have no membership functions to draw")
+    known = model.known
+    chosen = list(terms) if terms is not None else _largest(model)
+    for i, j in chosen:
+        if not known[i, j]:
+            raise BeamstiffError(f"the compliance {DISPLACEMENT[i]} per {WRENCH[j]} was not trained")
+    order = sorted(range(len(premises.inputs)), key=lambda at: -premises.sets[at])
+    first, second = sorted(order[:2]) if len(order) > 1 else (order[0], order[0])
+    unit = {name: 180 / np.pi if name in angles else 1.0 for name in premises.inputs}
+    figure = new_figure(4.6 * max(len(chosen), 2), 7.2)
+    grid = figure.add_gridspec(2, max(len(chosen), 2), height_ratios=(1.8, 1))
+    for column, (i, j) in enumerate(chosen):
+        name = f"{DISPLACEMENT[i]} per {WRENCH[j]}"
+        if first == second:
+            _line(figure.add_subplot(grid[0, column]), model, premises, first, (i, j), unit)
+        else:
+            axes = figure.add_subplot(grid[0, column], projection="3d")
+            _surface(axes, model, premises, (first, second), (i, j), unit)
+        figure.axes[-1].set_title(f"compliance {name}, {_unit(i, j)}", fontsize="medium")
+    for column, at in enumerate(dict.fromkeys((first, second))):
+        _memberships(figure.add_subplot(grid[1, column]), premises, at, unit)
+    return figure
+
+
+def _unit(i: int, j: int) -> str:
+    return f"{'µm' if i < 3 else 'µrad'} / {'kN' if j < 3 else 'kN m'}"
+
+
+def _largest(model: FuzzyCompliance) -> list[tuple[int, int]]:
+    """Return up to three known terms, those of forces and displacements first, the largest first."""
+    known = model.known
+    size = np.where(known, np.abs(np.nan_to_num(model.system.conclusions)).max(axis=0), 0.0)
+    pairs = [(i, j) for i in range(6) for j in range(6) if known[i, j] and not (i > j and known[j, i])]
+    pairs.sort(key=lambda pair: (max(pair) > 2, -size[pair]))
+    return pairs[:3]
+
+
+def _middle(premises: Partition, count: int) -> Array:
+    return np.tile(premises.trained.mean(axis=1), (count, 1))
+
+
+def _steps(premises: Partition, at: int, count: int) -> Array:
+    low, high = premises.trained[at].tolist()
+    return np.linspace(low, high, count)
+
+
+def _surface(
+    axes: Axes,
+    model: FuzzyCompliance,
+    premises: Partition,
+    inputs: tuple[int, int],
+    term: tuple[int, int],
+    unit: dict[str, float],
+) -> None:
+    a, b = (_steps(premises, at, POINTS) for at in inputs)
+    at_a, at_b = np.meshgrid(a, b)
+    x = _middle(premises, at_a.size)
+    x[:, inputs[0]], x[:, inputs[1]] = at_a.ravel(), at_b.ravel()
+    height = 1e9 * model.system(x, extrapolate=True)[:, term[0], term[1]].reshape(at_a.shape)
+    names = [premises.inputs[at] for at in inputs]
+    axes.plot_surface(  # type: ignore[attr-defined]
+        at_a * unit[names[0]], at_b * unit[names[1]], height, cmap="viridis", linewidth=0, alpha=0.85
+    )
+    corners = premises.corners()
+    own = 1e9 * model.system.conclusions[:, term[0], term[1]]
+    middle = _middle(premises, 1)[0]
+    others = [at for at in range(len(premises.inputs)) if at not in inputs and premises.sets[at] > 1]
+    if not others:
+        corners = np.where(np.isin(np.arange(len(middle)), inputs), corners, middle)
+        axes.plot(
+            corners[:, inputs[0]] * unit[names[0]],
+            corners[:, inputs[1]] * unit[names[1]],
+            own,
+            "o",
+            color="black",
+            markersize=4,
+        )
+    axes.set_xlabel(_label(names[0], unit))
+    axes.set_ylabel(_label(names[1], unit))
+
+
+def _line(
+    axes: Axes,
+    model: FuzzyCompliance,
+    premises: Partition,
+    at: int,
+    term: tuple[int, int],
+    unit: dict[str, float],
+) -> None:
+    x = _middle(premises, POINTS)
+    x[:, at] = _steps(premises, at, POINTS)
+    name = premises.inputs[at]
+    axes.plot(x[:, at] * unit[name], 1e9 * model.system(x, extrapolate=True)[:, term[0], term[1]], color=BLUE)
+    axes.set_xlabel(_label(name, unit))
+    plain(axes)
+
+
+def _memberships(axes: Axes, premises: Partition, at: int, unit: dict[str, float]) -> None:
+    x = _middle(premises, 20 * POINTS)
+    x[:, at] = _steps(premises, at, len(x))
+    name = premises.inputs[at]
+    for number, degrees in enumerate(premises.memberships(x)[at].T):
+        axes.plot(
+            x[:, at] * unit[name], degrees, color=LINES[number % 3], linestyle=("-", "--")[number // 3 % 2]
+        )
+    axes.set_xlabel(_label(name, unit))
+    axes.set_ylabel("membership")
+    axes.set_ylim(0.0, 1.05)
+    plain(axes)
+
+
+def _label(name: str, unit: dict[str, float]) -> str:
+    return f"{name}, deg" if unit[name] != 1.0 else name
