@@ -26,13 +26,19 @@ def beam_axes(axis: Array, up: Array) -> Array:
     (..., 3, 3) array
         Maps local components to those of the frame that `axis` and `up` are given in.
     """
-    x = axis / np.linalg.norm(axis, axis=-1, keepdims=True)
-    # any perpendicular: the coordinate axis that is farthest from the beam's
-    any_up = np.eye(3)[np.argmin(np.abs(x), axis=-1)]
-    chosen = np.where(np.isnan(up), any_up, up)
+    x = axis / _length(axis)
+    chosen = up
+    if np.isnan(up).any():  # any perpendicular: the coordinate axis that is farthest from the beam's
+        chosen = np.where(np.isnan(up), np.eye(3)[np.argmin(np.abs(x), axis=-1)], up)
     z = np.cross(x, chosen)
-    z = z / np.linalg.norm(z, axis=-1, keepdims=True)
+    z = z / _length(z)
     return np.stack([x, np.cross(z, x), z], axis=-1)
+
+
+def _length(vector: Array) -> Array:
+    # by hand, so that expressions (`tape`) pass too
+    squares: Array = np.sqrt((vector * vector).sum(axis=-1, keepdims=True))
+    return squares
 
 
 def beam_stiffness(
@@ -59,17 +65,17 @@ def beam_stiffness(
     >>> beam_stiffness(*map(np.float64, (2.0, 6.0, 1.0, 1.0, 1.0, 1.0, 1.0, np.inf, np.inf)))[1, 1]
     np.float64(9.0)
     """
-    length = np.asarray(length, dtype=np.float64)
-    k = np.zeros((*length.shape, 12, 12))
+    length = np.asarray(length)  # numbers, or expressions (`tape`)
+    k = np.zeros((*length.shape, 12, 12), dtype=np.result_type(length, np.float64))
     axial, torsion = E * A / length, G * J / length
     for i, value in ((0, axial), (3, torsion)):
         k[..., i, i] = k[..., i + 6, i + 6] = value
         k[..., i, i + 6] = k[..., i + 6, i] = -value
     # bending in x-y (v, rz) and in x-z (w, ry): the same matrix but for the sign of the couples
     for second, shear, v, r, sign in ((Iz, Ay, 1, 5, 1.0), (Iy, Az, 2, 4, -1.0)):
-        phi = 12 * E * second / (G * shear * length**2)
+        phi = 12 * E * second / (G * shear * length * length)
         base = E * second / (length * (1 + phi))
-        force, couple = 12 * base / length**2, sign * 6 * base / length
+        force, couple = 12 * base / (length * length), sign * 6 * base / length
         near, far = (4 + phi) * base, (2 - phi) * base
         for a, b, value in (
             (v, v, force), (v + 6, v + 6, force), (v, v + 6, -force),

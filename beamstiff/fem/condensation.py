@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError, suggest
 from beamstiff.fem.assembly import assemble, node_map, scatter, stiffness_between
+from beamstiff.fem.compliance_program import compliance_program
 from beamstiff.fem.constraints import (
     beam_rows,
     constraint_rows,
@@ -36,8 +37,10 @@ from beamstiff.fem.loads import gravity_wrenches
 from beamstiff.fem.mechanism import mechanism_error, solve_stable
 from beamstiff.fem.structure import Structure
 from beamstiff.fem.unknowns import joint_unknowns
-from beamstiff.robot.kinematics import Posture
+from beamstiff.robot.frames import same_geometry
+from beamstiff.robot.kinematics import ClosedPosture, Posture
 from beamstiff.se3 import Array
+from beamstiff.tape.program import MANY
 
 STIFFEST = 1e-10  # a scaled compliance below this is rounding
 ROUNDING = 1e-11  # of the stiffness that meets at a port
@@ -94,6 +97,7 @@ def condense(
     observed: Sequence[str],
     ports: Sequence[Port] = (),
     chunk: int = CHUNK,
+    number: NDArray[np.int64] | None = None,
 ) -> Condensed:
     """Condense a structure to its ports and observed nodes at every pose.
 
@@ -108,6 +112,8 @@ def condense(
         Directions whose stiffness is left open (their present values are not used).
     chunk : int
         How many poses at a time.
+    number : (P,) int array, optional
+        Numbers of the poses, for messages; default 0, 1, 2...
 
     Raises
     ------
@@ -120,14 +126,15 @@ def condense(
         if name not in index:
             raise BeamstiffError(f"robot {structure.robot.name!r} has no node {name!r}{suggest(name, index)}")
     open_structure = without_ports(structure, ports)
-    poses = posture.values.shape[0]
+    poses = posture.node_positions.shape[0]
     if poses == 0:
         raise BeamstiffError("no poses: expected at least one")
+    number = np.arange(poses) if number is None else number
     parts = []
     for start in range(0, poses, chunk):
         some = slice(start, start + chunk)
-        part = Posture(posture.values[some], posture.transforms[some], posture.node_positions[some])
-        parts.append(_condense_chunk(open_structure, place(open_structure, part, start), observed, ports))
+        geometry = place(open_structure, posture.only(some), number[some])
+        parts.append(_condense_chunk(open_structure, geometry, observed, ports))
     return _joined(parts, np.arange(poses))
 
 
@@ -271,7 +278,20 @@ def tcp_compliance(structure: Structure, posture: Posture, chunk: int = CHUNK) -
     >>> tcp_compliance(structure, posture(structure.kinematics, np.zeros((1, 0)))).shape
     (1, 6, 6)
     """
-    return condense(structure, posture, [structure.robot.tcp], chunk=chunk).clamped
+    # the one place that decides: many poses that follow from joint values go by the program of the structure,
+    # as far as that is sure of its answer; everything else by `condense`
+    tcp, poses = [structure.robot.tcp], len(posture.values)
+    program = None
+    if poses >= MANY and isinstance(posture, ClosedPosture) and posture.kinematics is not None:
+        own = same_geometry(posture.kinematics, structure.kinematics)
+        program = compliance_program(structure) if own else None
+    if program is None:
+        return condense(structure, posture, tcp, chunk=chunk).clamped
+    compliance, sure = program.run(posture.values)
+    rest = np.flatnonzero(~sure)
+    if rest.size:
+        compliance[rest] = condense(structure, posture.only(rest), tcp, chunk=chunk, number=rest).clamped
+    return compliance
 
 
 def tcp_stiffness(compliance: Array, robot: str = "robot") -> Array:

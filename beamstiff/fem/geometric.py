@@ -141,8 +141,7 @@ def _chunks(
     chunk = max(1, min(chunk, MOST_ENTRIES // (6 * nodes) ** 2))
     for start in range(0, poses, chunk):
         some = slice(start, start + chunk)
-        part = Posture(posture.values[some], posture.transforms[some], posture.node_positions[some])
-        yield place(structure, part, start), loads[some]
+        yield place(structure, posture.only(some), np.arange(poses)[some]), loads[some]
 
 
 def loaded_stiffness(compliance: Array, robot: str = "robot") -> Array:

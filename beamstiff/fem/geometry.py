@@ -44,12 +44,11 @@ class Geometry:
 
     def only(self, poses: Index) -> Geometry:
         """Return the same for some of the poses."""
-        posture = Posture(*(getattr(self.posture, item.name)[poses] for item in fields(Posture)))
         rest = (getattr(self, item.name)[poses] for item in fields(Geometry)[1:])
-        return Geometry(posture, *rest)
+        return Geometry(self.posture.only(poses), *rest)
 
 
-def place(structure: Structure, posture: Posture, first: int = 0) -> Geometry:
+def place(structure: Structure, posture: Posture, number: Index | None = None) -> Geometry:
     """Put a structure into its poses.
 
     Parameters
@@ -57,8 +56,8 @@ def place(structure: Structure, posture: Posture, first: int = 0) -> Geometry:
     structure : Structure
     posture : Posture
         P poses with closed loops.
-    first : int
-        Number of the first of them in the whole list, for messages.
+    number : (P,) int array, optional
+        Number of each of them in the whole list, for messages; default 0, 1, 2...
 
     Raises
     ------
@@ -68,12 +67,13 @@ def place(structure: Structure, posture: Posture, first: int = 0) -> Geometry:
     """
     robot, unknowns, positions = structure.robot, structure.unknowns, posture.node_positions
     rotations = posture.transforms[:, :, :3, :3]
+    number = np.arange(len(positions)) if number is None else number
     if (odd := _first_where(~np.isfinite(positions.sum(axis=2)))) is not None:
         raise BeamstiffError(
-            f"node {robot.nodes[odd[1]].name!r}: its position at pose {first + odd[0]} is not a number; "
+            f"node {robot.nodes[odd[1]].name!r}: its position at pose {number[odd[0]]} is not a number; "
             "does the pose close its loops?"
         )
-    _check_joints(structure, positions, first)
+    _check_joints(structure, positions, number)
     joint_rotation = rotations[:, structure.joint_frame] @ structure.joint_axes
     arms = positions[:, unknowns.term_node] - positions[:, unknowns.term_origin]
     terms = displacement_transport(arms)
@@ -88,7 +88,7 @@ def place(structure: Structure, posture: Posture, first: int = 0) -> Geometry:
     if (odd := _first_where(length < SHORTEST)) is not None:
         beam = robot.beams[odd[1]]
         raise BeamstiffError(
-            f"beam {beam.name!r} has zero length at pose {first + odd[0]}: its nodes {beam.nodes[0]!r} and "
+            f"beam {beam.name!r} has zero length at pose {number[odd[0]]}: its nodes {beam.nodes[0]!r} and "
             f"{beam.nodes[1]!r} coincide"
         )
     up = np.einsum("pbij,bj->pbi", rotations[:, structure.beam_frame], np.nan_to_num(structure.beam_up))
@@ -96,10 +96,9 @@ def place(structure: Structure, posture: Posture, first: int = 0) -> Geometry:
     across = np.linalg.norm(np.cross(axis, up), axis=-1)
     if (odd := _first_where(across < 1e-6 * length * np.linalg.norm(up, axis=-1))) is not None:
         raise BeamstiffError(
-            f"beam {robot.beams[odd[1]].name!r}: `up` is parallel to the beam at pose {first + odd[0]}, "
+            f"beam {robot.beams[odd[1]].name!r}: `up` is parallel to the beam at pose {number[odd[0]]}, "
             "expected a direction across it"
         )
-    number = first + np.arange(len(positions))
     return Geometry(posture, joint_rotation, terms, beam_axes(axis, up), length, number)
 
 
@@ -109,7 +108,7 @@ def _first_where(condition: NDArray[np.bool_]) -> tuple[int, int] | None:
     return (int(found[0][0]), int(found[0][1])) if found.size else None
 
 
-def _check_joints(structure: Structure, positions: Array, first: int) -> None:
+def _check_joints(structure: Structure, positions: Array, number: Index) -> None:
     """Refuse joints whose nodes lie apart."""
     ends = structure.joint_nodes
     gap = np.linalg.norm(positions[:, ends[:, 1]] - positions[:, ends[:, 0]], axis=-1)
@@ -118,7 +117,7 @@ def _check_joints(structure: Structure, positions: Array, first: int) -> None:
     joint = structure.robot.joints[odd[1]]
     raise BeamstiffError(
         f"joint {joint.name!r}: its nodes {joint.nodes[0]!r} and {joint.nodes[1]!r} are "
-        f"{1e3 * gap[odd]:.4g} mm apart at pose {first + odd[0]}, expected to coincide; "
+        f"{1e3 * gap[odd]:.4g} mm apart at pose {number[odd[0]]}, expected to coincide; "
         "check the nodes' frames, or the loop that should join them"
     )
 

@@ -107,7 +107,7 @@ def independent_ports(
             basis = null_space(constraint_rows(structure, geometry), scale, f"robot {structure.robot.name!r}")
         return shares(rows, basis)
 
-    first = Posture(posture.values[:1], posture.transforms[:1], posture.node_positions[:1])
+    first = posture.only(slice(1))
     if found(first)[0].size == len(ports):
         return everything
     independent, share = found(posture)

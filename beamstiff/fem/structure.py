@@ -43,7 +43,7 @@ class Pattern:
     columns: Index
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Structure:
     """A robot's elements as arrays, and how its unknowns are numbered.
 

@@ -76,7 +76,7 @@ def _by_compliance(structure: Structure, where: Posture, pose: Integers, loads: 
 
 def _with_preload(structure: Structure, where: Posture, pose: Integers, loads: Measurements) -> Array:
     index, rows = structure.kinematics.node_index, np.arange(len(loads))
-    of_row = Posture(where.values[pose], where.transforms[pose], where.node_positions[pose])
+    of_row = where.only(pose)
     wrenches = np.zeros((len(loads), len(structure.robot.nodes), 6))
     wrenches[rows, [index[name] for name in loads.load_point.tolist()]] = loads.wrench
     nothing = np.zeros((len(where.values), *wrenches.shape[1:]))

@@ -286,7 +286,7 @@ def unit_springs(structure: Structure, posture: Posture, ports: Sequence[Port], 
     result[owner[diagonal], diagonal, diagonal] = 1.0
     bends = [at for at, port in enumerate(ports) if port.kind == "beam" and port.direction == 0]
     if bends:
-        first = Posture(posture.values[:1], posture.transforms[:1], posture.node_positions[:1])
+        first = posture.only(slice(1))
         lengths = place(structure, first).beam_length[0]
         full = beam_stiffness(lengths, **structure.beam_properties)  # (B, 12, 12)
         for at in bends:

@@ -12,12 +12,13 @@ import numpy as np
 
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.robot.branch import NEAR_SINGULAR, Assembly, assembly_at, scattered
-from beamstiff.robot.continuation import close_in_branch, spread
+from beamstiff.robot.continuation import close_in_branch, grid_of_starts, spread
 from beamstiff.robot.forward import body_of, screws_of
 from beamstiff.robot.frames import Kinematics, all_values
-from beamstiff.robot.loops import LoopSystem, equations_at, loop_equations, loop_system
+from beamstiff.robot.loops import LoopSystem, equations_at, loop_equations, loop_system, recorded
 from beamstiff.robot.newton import Mask, newton
 from beamstiff.se3 import Array
+from beamstiff.tape.program import MANY
 
 HELD = 1e-6  # gap per motion, in machine sizes and rad, that no passive motion makes up for
 SCATTERED = 48  # starts where the guess does not lead to a closed posture
@@ -64,7 +65,11 @@ def close_loops(kinematics: Kinematics, q: Array, strict: bool = True) -> Closur
     system = loop_system(kinematics)
     free[:, joined.actuated :] = declared_start(kinematics)[joined.actuated :]
     assembly = kinematics.assembly or _assembly_near(system, free) or _any_assembly(free[0], system)
-    free, gaps, closed, flipped = close_in_branch(system, assembly, free)
+    starts = None
+    if poses >= MANY:
+        system = recorded(system)
+        starts = grid_of_starts(system, assembly) if kinematics.assembly else None
+    free, gaps, closed, flipped = close_in_branch(system, assembly, free, starts)
     reasons = [""] * poses
     for pose in np.flatnonzero(~closed):
         reasons[pose] = _reason(system, free[pose], gaps[pose], int(pose), bool(flipped[pose]))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +17,8 @@ from beamstiff.se3 import Array
 
 SMALLEST_STRIDE = 1 / 512  # of the way
 STARTS = 12
+CELLS = 256  # of the grid of starts
+STEEP = 50.0  # near a singular posture rates lead nowhere
 
 
 class Attempt(NamedTuple):
@@ -29,7 +33,71 @@ class Attempt(NamedTuple):
     flipped: Mask
 
 
-def close_in_branch(system: LoopSystem, assembly: Assembly, free: Array) -> Attempt:
+@dataclass(frozen=True, eq=False)
+class Starts:
+    """Closed postures on a grid over the actuated variables, to start from where there are many poses.
+
+    Attributes
+    ----------
+    low, width : (A,) arrays, rad or m
+        Where the first cell begins, and how wide a cell is.
+    counts : (A,) int array
+        Cells along each variable; one where it moves no loop.
+    centres : (G, A) array
+    free : (G, Q) array
+        Passive variables at the middle of each cell; those of the assembly where the loops do not close.
+    rates : (G, Q, A) array
+        How the passive variables follow there; zero where the loops do not close.
+    """
+
+    low: Array
+    width: Array
+    counts: NDArray[np.int64]
+    centres: Array
+    free: Array
+    rates: Array
+
+    def passive(self, q: Array) -> Array:
+        """Return passive variables (P, Q) near those at actuated ones (P, A)."""
+        cell = np.clip(np.nan_to_num((q - self.low) / self.width), 0, self.counts - 1).astype(np.int64)
+        at = np.ravel_multi_index(tuple(cell.T), tuple(self.counts))
+        away = np.clip(q - self.centres[at], -0.5 * self.width, 0.5 * self.width)
+        passive: Array = self.free[at] + (self.rates[at] * away[:, None, :]).sum(axis=2)
+        return passive
+
+
+@lru_cache(maxsize=32)
+def grid_of_starts(system: LoopSystem, assembly: Assembly) -> Starts:
+    """Return starts for a system and its assembly, over the limits of its actuated variables."""
+    joined, first = system.kinematics.coupling, system.actuated
+    limits = {variable.name: variable.limits for variable in system.kinematics.robot.variables}
+    wide = np.where(system.prismatic, 0.5 * system.scale, np.pi)
+    box = [
+        limits[name] or (middle - reach, middle + reach)
+        for name, middle, reach in zip(joined.free[:first], assembly.free, wide, strict=False)
+    ]
+    low, high = np.array(box, dtype=np.float64).reshape(-1, 2).T
+    each = int(CELLS ** (1 / max(1, int(system.moving.sum()))) + 1e-9)
+    counts = np.where(system.moving & (high > low), max(each, 1), 1)
+    width = np.where(high > low, (high - low) / counts, 1.0)
+    cells = np.indices(tuple(counts)).reshape(first, -1).T
+    centres = low + (cells + 0.5) * width
+    free = np.concatenate([centres, np.zeros((len(centres), len(assembly.free) - first))], axis=1)
+    attempt = close_in_branch(system, assembly, free)
+    passive = np.where(attempt.closed[:, None], attempt.free[:, first:], assembly.free[first:])
+    _, jacobian = loop_equations(system, attempt.free)
+    rates = np.zeros((len(free), passive.shape[1], first))
+    for column in range(first):
+        rate = -least_squares(jacobian[:, :, first:], jacobian[:, :, column])
+        rates[:, :, column] = rate * system.scale[first:] / system.scale[column]
+    steep = np.abs(rates).max(axis=(1, 2), initial=0.0) > STEEP
+    rates[~attempt.closed | steep] = 0.0
+    return Starts(low, width, counts.astype(np.int64), centres, passive, rates)
+
+
+def close_in_branch(
+    system: LoopSystem, assembly: Assembly, free: Array, starts: Starts | None = None
+) -> Attempt:
     """Close the loops at every pose in the branch of the assembly.
 
     First from the reference at once. What did not close, or flipped, is reached from the nearest good pose by
@@ -42,12 +110,14 @@ def close_in_branch(system: LoopSystem, assembly: Assembly, free: Array) -> Atte
     assembly : Assembly
     free : (P, A + Q) array
         The passive part is not used.
+    starts : Starts, optional
+        Closed postures all over the limits to start from, instead of the one of the assembly.
     """
     first = system.actuated
     start = free.copy()
-    start[:, first:] = assembly.free[first:]
+    start[:, first:] = assembly.free[first:] if starts is None else starts.passive(free[:, :first])
     best, gaps, jacobian, closed = newton(system, start)
-    good = closed & (assembly.same_branch(jacobian) | _meeting(jacobian))
+    good = _in_branch(assembly, jacobian, closed)
     flipped = closed & ~good
     while assembly.blocks and not good.all():
         todo = np.flatnonzero(~good)
@@ -61,6 +131,15 @@ def close_in_branch(system: LoopSystem, assembly: Assembly, free: Array) -> Atte
         if arrived.sum() < 0.1 * len(todo):
             break
     return _other_starts(system, assembly, Attempt(best, gaps, good, flipped & ~good))
+
+
+def _in_branch(assembly: Assembly, jacobian: Array, closed: Mask) -> Mask:
+    """Return which of the closed postures are in the branch, or where branches meet."""
+    same = assembly.same_branch(jacobian)
+    others = np.flatnonzero(closed & ~same)
+    same[others] = _meeting(jacobian[others])
+    inside: Mask = closed & same
+    return inside
 
 
 def _meeting(jacobian: Array) -> Mask:
@@ -158,7 +237,7 @@ def _other_starts(system: LoopSystem, assembly: Assembly, attempt: Attempt) -> A
         # the same start for all poses: what one pose gets does not depend on the others
         start[:, first:] = assembly.free[first:] + random.uniform(-width, width)
         found, found_gaps, jacobian, shut = newton(system, start)
-        right = shut & (assembly.same_branch(jacobian) | _meeting(jacobian))
+        right = _in_branch(assembly, jacobian, shut)
         nearer = ~shut & ~flipped[todo] & (_norm(found_gaps) < _norm(gaps[todo]))
         flipped[todo] |= shut & ~right
         taken = right | nearer

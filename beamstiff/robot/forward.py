@@ -7,7 +7,8 @@ near-parallel axes)::
 
 Each of them moves along or about one axis of the frame reached so far: a screw. Positions, orientations and
 twists all follow from one walk along the chain, looping over frames only. Inside, the pose is the last axis,
-so that every operation runs over all poses at a stretch.
+so that every operation runs over all poses at a stretch; and with expressions (`tape`) in place of the values
+of one pose the walk writes itself down.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ import numpy as np
 
 from beamstiff.robot.frames import MOTIONS, Kinematics
 from beamstiff.se3 import Array
+
+ROUNDING = 1e-15
 
 
 class Body(NamedTuple):
@@ -147,6 +150,8 @@ def _walk(kinematics: Kinematics, frame: int, values: Array, above: Body) -> tup
         else:
             j, k = (axis + 1) % 3, (axis + 2) % 3
             c, s = np.cos(amount), np.sin(amount)
+            if values.dtype == object and not coefficients.any():  # a right angle has no cosine to write down
+                c, s = (value * (abs(value) > ROUNDING) for value in (c, s))
             axes[j], axes[k] = c * axes[j] + s * axes[k], c * axes[k] - s * axes[j]
     return Body(np.array(axes), point), driven
 
@@ -176,8 +181,10 @@ def twists_at(
     (6, C, P) array
         ``[v; w]`` in the frame of the screws.
     """
-    twists = np.zeros((6, directions.shape[1], point.shape[1]))
-    for sign, group in ((1.0, screws), (-1.0, backward)):
+    groups = ((1.0, list(screws)), (-1.0, list(backward)))
+    kind = np.result_type(point, *(item for _, group in groups for screw in group for item in screw[2:]))
+    twists = np.zeros((6, directions.shape[1], point.shape[1]), dtype=kind)
+    for sign, group in groups:
         for screw in group:
             rates = sign * (kinematics.coefficients[screw.frame, screw.motion] @ directions)
             turns = MOTIONS[screw.motion][1] == "turn"

@@ -103,6 +103,20 @@ class Kinematics:
     assembly: Assembly | None = None
 
 
+def same_geometry(one: Kinematics, other: Kinematics) -> bool:
+    """Return whether equal values put the frames and nodes of both in the same places."""
+    if one is other:
+        return True
+    if (one.coupling.names, one.frame_names, one.node_names) != (
+        other.coupling.names,
+        other.frame_names,
+        other.node_names,
+    ):
+        return False
+    names = ("parents", "constants", "coefficients", "node_frame", "node_at")
+    return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in names)
+
+
 def compile_frames(robot: Robot) -> Kinematics:
     """Return the kinematics of a robot with its loops still to be assembled."""
     joined = coupling(robot)

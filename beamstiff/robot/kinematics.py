@@ -5,10 +5,11 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from beamstiff.errors import BeamstiffError, listed, suggest
 from beamstiff.robot.closure import close_loops, closure_rates, find_assembly
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from beamstiff.robot.description import Robot
 
 __all__ = [
+    "ClosedPosture",
     "Kinematics",
     "Posture",
     "actuated_values",
@@ -49,6 +51,50 @@ class Posture:
     values: Array
     transforms: Array
     node_positions: Array
+
+    def only(self, poses: slice | NDArray[np.int64]) -> Posture:
+        """Return some of the poses."""
+        return Posture(self.values[poses], self.transforms[poses], self.node_positions[poses])
+
+
+class ClosedPosture(Posture):
+    """A posture that follows from its values: where frames and nodes are is worked out when asked for.
+
+    Attributes
+    ----------
+    kinematics : Kinematics or None
+        By which it follows; none where it was changed since.
+    """
+
+    kinematics: Kinematics | None = None
+
+    @classmethod
+    def of(cls, kinematics: Kinematics, values: Array) -> ClosedPosture:
+        """Return the posture of all variables (P, V)."""
+        made = cls.__new__(cls)
+        object.__setattr__(made, "kinematics", kinematics)
+        object.__setattr__(made, "values", values)
+        return made
+
+    @cached_property
+    def transforms(self) -> Array:
+        """Transform base <- frame of every frame."""
+        assert self.kinematics is not None
+        return forward(self.kinematics, self.values)
+
+    @cached_property
+    def node_positions(self) -> Array:
+        """Position of every node in the base frame."""
+        assert self.kinematics is not None
+        at = self.transforms[:, self.kinematics.node_frame]
+        positions: Array = (at[..., :3, :3] @ self.kinematics.node_at[:, :, None])[..., 0] + at[..., :3, 3]
+        return positions
+
+    def only(self, poses: slice | NDArray[np.int64]) -> Posture:
+        """Return some of the poses."""
+        if self.kinematics is None or "node_positions" in self.__dict__:  # known already
+            return super().only(poses)
+        return ClosedPosture.of(self.kinematics, self.values[poses])
 
 
 def compile_kinematics(robot: Robot) -> Kinematics:
@@ -179,10 +225,7 @@ def posture(kinematics: Kinematics, q: Mapping[str, ArrayLike] | ArrayLike) -> P
 
 def posture_at(kinematics: Kinematics, values: Array) -> Posture:
     """Return the machine where all variables (P, V) are known already, as from `close_loops`."""
-    transforms = forward(kinematics, values)
-    at = transforms[:, kinematics.node_frame]
-    positions = (at[..., :3, :3] @ kinematics.node_at[:, :, None])[..., 0] + at[..., :3, 3]
-    return Posture(values=values, transforms=transforms, node_positions=positions)
+    return ClosedPosture.of(kinematics, values)
 
 
 def twist_jacobian(kinematics: Kinematics, posture: Posture, node: str) -> Array:

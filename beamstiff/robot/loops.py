@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,8 @@ from numpy.typing import NDArray
 from beamstiff.robot.forward import Body, Screw, chain_to, place, twists_at
 from beamstiff.robot.frames import Kinematics, all_values
 from beamstiff.se3 import Array, skew, vector_from_rotation
+from beamstiff.tape.expression import Recorder
+from beamstiff.tape.program import Program, compile_program
 
 ROWS = {"position": 3, "plane": 2, "pose": 6}
 
@@ -40,6 +43,8 @@ class LoopSystem:
         Number of actuated variables A; the passive ones stand behind them.
     moving : (A,) bool array
         Which actuated variables move the loops at all.
+    program : Program or None
+        The equations written down, for many poses; see `recorded`.
     """
 
     kinematics: Kinematics
@@ -49,8 +54,10 @@ class LoopSystem:
     scale: Array
     actuated: int
     moving: NDArray[np.bool_]
+    program: Program | None = None
 
 
+@lru_cache(maxsize=32)
 def loop_system(kinematics: Kinematics) -> LoopSystem:
     """Return the closure equations of a robot, compiled."""
     frames = _frames_between(kinematics)
@@ -67,6 +74,18 @@ def loop_system(kinematics: Kinematics) -> LoopSystem:
         actuated=joined.actuated,
         moving=driving[: joined.actuated] > 0.0,
     )
+
+
+@lru_cache(maxsize=32)
+def recorded(system: LoopSystem) -> LoopSystem:
+    """Return the same system with its equations as a program, if they are of sums and products alone."""
+    if any(loop.constrain == "pose" for loop in system.kinematics.loops):
+        return system  # rotation vectors have branches
+    recorder = Recorder()
+    free = recorder.inputs(len(system.scale))
+    gaps, jacobian = loop_equations(system, free[None])
+    program = compile_program(recorder, len(free), [*gaps.ravel(), *jacobian.ravel()])
+    return replace(system, program=program)
 
 
 def _frames_between(kinematics: Kinematics) -> tuple[int, ...]:
@@ -99,6 +118,11 @@ def loop_equations(system: LoopSystem, free: Array) -> tuple[Array, Array]:
     jacobian : (P, M, A + Q) array
         Per `system.scale` of the variable.
     """
+    if system.program is not None:
+        rows = system.program.run(free.T)
+        gaps = np.ascontiguousarray(rows[: system.rows[-1].stop].T)
+        jacobian = np.ascontiguousarray(rows[system.rows[-1].stop :].T)
+        return gaps, jacobian.reshape(len(free), system.rows[-1].stop, free.shape[1])
     bodies, screws = place(system.kinematics, all_values(system.kinematics, free), system.frames)
     return equations_at(system, dict(zip(system.frames, bodies, strict=True)), screws)
 
@@ -110,8 +134,9 @@ def equations_at(
     kinematics, rows = system.kinematics, system.rows
     directions = kinematics.coupling.matrix * system.scale
     poses = bodies[system.frames[0]].origin.shape[1]
-    gaps = np.empty((rows[-1].stop, poses))
-    jacobian = np.empty((rows[-1].stop, directions.shape[1], poses))
+    kind = np.result_type(*(item for body in bodies.values() for item in body))
+    gaps = np.empty((rows[-1].stop, poses), dtype=kind)
+    jacobian = np.empty((rows[-1].stop, directions.shape[1], poses), dtype=kind)
     for loop, part in zip(kinematics.loops, rows, strict=True):
         a, b = bodies[loop.frame_a], bodies[loop.frame_b]
         end = b.origin + np.tensordot(loop.at_b, b.axes, 1)

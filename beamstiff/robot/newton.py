@@ -12,11 +12,23 @@ TOLERANCE = 1e-12  # machine sizes, rad
 LARGEST_STEP = 0.3  # rad
 LARGEST_SHIFT = 0.1  # machine sizes
 DAMPING = 0.03  # of the gap
+CHUNK = 2048  # poses at a time: all stays in the processor's cache
 
 Mask = NDArray[np.bool_]
 
 
 def newton(system: LoopSystem, free: Array, iterations: int = 80) -> tuple[Array, Array, Array, Mask]:
+    """Close the loops from where the passive variables are, some poses after another: see `_newton`."""
+    if len(free) <= CHUNK:
+        return _newton(system, free, iterations)
+    pieces = [free[start : start + CHUNK] for start in range(0, len(free), CHUNK)]
+    found = [_newton(system, piece, iterations) for piece in pieces]
+    joined = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    free, gaps, jacobian, closed = joined
+    return free, gaps, jacobian, closed
+
+
+def _newton(system: LoopSystem, free: Array, iterations: int) -> tuple[Array, Array, Array, Mask]:
     """Move the passive variables until the loops close; steps are limited and halved until they help.
 
     Parameters

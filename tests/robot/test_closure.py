@@ -15,9 +15,11 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.robot.closure import close_loops, closure_rates
 from beamstiff.robot.frames import Kinematics
 from beamstiff.robot.kinematics import compile_kinematics, posture, posture_at, twist_jacobian
-from beamstiff.robot.loops import loop_system
+from beamstiff.robot.loops import loop_equations, loop_system, recorded
 from beamstiff.robot.newton import newton
 from beamstiff.robot.parts import Frame, Loop, Node
+from beamstiff.robot.reader import load_robot
+from beamstiff.tape.program import MANY
 from tests.robot.machines import (
     BENNETT,
     D3,
@@ -406,3 +408,31 @@ def test_a_rhombus_closes_beside_its_change_point() -> None:
     q = np.array([[1e-6], [1e-4], [1e-2], [0.3]])
     places = posture(kinematics, q).node_positions[:, 1:]
     assert np.linalg.norm(places[:, 0] - places[:, 1], axis=1).max() < 1e-11
+
+
+@pytest.mark.parametrize("name", ["ir663", "ir663-screws", "tripod"])
+def test_many_poses_close_as_few_do(name: str) -> None:
+    """Many start from a grid and by equations written down, few from the assembly: the same postures."""
+    kinematics = compile_kinematics(load_robot(name))
+    limits = np.array([variable.limits for variable in kinematics.robot.actuated])
+    q = np.random.default_rng(5).uniform(*limits.T, (MANY, len(limits)))
+    q[7] = limits[:, 1] + np.ptp(limits, axis=1)  # outside
+    together = close_loops(kinematics, q, strict=False)
+    apart = [close_loops(kinematics, part, strict=False) for part in np.split(q, 2)]
+    assert together.closed.tolist() == [*apart[0].closed, *apart[1].closed]
+    expected = np.concatenate([part.values for part in apart])
+    turned = np.where(kinematics.prismatic, 0.0, 2 * np.pi)
+    away = together.values - expected
+    away -= turned * np.round(away / np.where(turned > 0, turned, 1.0))
+    assert np.nanmax(np.abs(away)) <= 1e-11
+    assert (np.isnan(together.values) == np.isnan(expected)).all()
+
+
+def test_equations_written_down_are_the_equations() -> None:
+    for name in ("ir663", "ir663-screws", "tripod"):
+        system = loop_system(compile_kinematics(load_robot(name)))
+        free = np.random.default_rng(2).normal(size=(9, len(system.scale)))
+        written = recorded(system)
+        assert written.program is not None
+        for found, expected in zip(loop_equations(written, free), loop_equations(system, free), strict=True):
+            assert np.abs(found - expected).max() <= 1e-14

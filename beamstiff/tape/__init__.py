@@ -1,0 +1,1 @@
+"""Straight-line programs: scalar arithmetic written down once, then run over many poses at a stretch."""

@@ -1,0 +1,96 @@
+"""The same steps compiled by numba, where it is installed; the machine code is kept beside this file."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+LANES = 64  # poses at a time: all places stay in the nearest cache
+
+
+@cache
+def kernel() -> Callable[..., None] | None:
+    """Return the compiled loop over steps, or None without numba."""
+    if importlib.util.find_spec("numba") is None:
+        return None
+    import numba
+
+    # without a place to keep machine code it is compiled once a process
+    try:
+        compiled: Any = numba.njit(cache=True, nogil=True, error_model="numpy")(_run)
+    except RuntimeError:
+        compiled = numba.njit(nogil=True, error_model="numpy")(_run)
+    function: Callable[..., None] = compiled
+    return function
+
+
+def _run(  # type: ignore[no-untyped-def]
+    steps, constants, outputs, factors, offsets, places, values, result
+):
+    """Run all steps on some poses after another; `Op` says what the numbers of the instructions mean."""
+    poses = values.shape[1]
+    rows = np.zeros((places, LANES))
+    for start in range(0, poses, LANES):
+        count = min(LANES, poses - start)
+        for at in range(values.shape[0]):
+            for lane in range(count):
+                rows[at, lane] = values[at, start + lane]
+        for number in range(steps.shape[0]):
+            op = steps[number, 0]
+            out, x = rows[steps[number, 1]], rows[steps[number, 2]]
+            y, z = rows[steps[number, 3]], rows[steps[number, 4]]
+            c = constants[number]
+            if op == 13:
+                for lane in range(LANES):
+                    out[lane] = z[lane] - x[lane] * y[lane]
+            elif op == 12:
+                for lane in range(LANES):
+                    out[lane] = z[lane] + x[lane] * y[lane]
+            elif op == 3:
+                for lane in range(LANES):
+                    out[lane] = x[lane] * y[lane]
+            elif op == 7:
+                for lane in range(LANES):
+                    out[lane] = c * x[lane]
+            elif op == 1:
+                for lane in range(LANES):
+                    out[lane] = x[lane] + y[lane]
+            elif op == 2:
+                for lane in range(LANES):
+                    out[lane] = x[lane] - y[lane]
+            elif op == 14:
+                for lane in range(LANES):
+                    out[lane] = x[lane] * y[lane] - z[lane]
+            elif op == 6:
+                for lane in range(LANES):
+                    out[lane] = x[lane] + c
+            elif op == 8:
+                for lane in range(LANES):
+                    out[lane] = c / x[lane]
+            elif op == 5:
+                for lane in range(LANES):
+                    a, b = x[lane], y[lane]
+                    out[lane] = a if a < b or a != a else b
+            elif op == 4:
+                for lane in range(LANES):
+                    out[lane] = x[lane] / y[lane]
+            elif op == 9:
+                for lane in range(LANES):
+                    out[lane] = np.sqrt(x[lane])
+            elif op == 10:
+                for lane in range(LANES):
+                    out[lane] = np.cos(x[lane])
+            else:
+                for lane in range(LANES):
+                    out[lane] = np.sin(x[lane])
+        for at in range(outputs.shape[0]):
+            if outputs[at] < 0:
+                for lane in range(count):
+                    result[at, start + lane] = offsets[at]
+            else:
+                for lane in range(count):
+                    result[at, start + lane] = factors[at] * rows[outputs[at], lane]
