@@ -220,10 +220,11 @@ def _names(item: Parameter) -> tuple[str, ...]:
 
 def draw(statement: Statement, name: str, sensitivity: str | None, recursion: str | None) -> None:
     """Draw sensitivity indices, and the way of the recursion."""
+    from beamstiff.identify.geometry.parameters import SPARE
     from beamstiff.identify.geometry.recursion import recursion as recur
     from beamstiff.identify.geometry.sensitivity import sensitivity_indices
     from beamstiff.report.figures import save_figure
-    from beamstiff.report.geometry import SPARE, recursion_figure, sensitivity_figure
+    from beamstiff.report.geometry import recursion_figure, sensitivity_figure
 
     problem = statement.problem
     if sensitivity is not None:

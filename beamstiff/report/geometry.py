@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich.table import Table
 
+from beamstiff.identify.geometry.parameters import SPARE
 from beamstiff.identify.geometry.recursion import Recursion
 from beamstiff.identify.geometry.result import Calibration, Errors, Found
 from beamstiff.identify.geometry.sensitivity import SensitivityIndices
@@ -18,7 +19,6 @@ from beamstiff.se3 import Array
 
 PER_SI = {"m": ("mm", 1e3), "rad": ("deg", 180 / np.pi)}  # as people read them
 MOST_TERMS = 4
-SPARE = 3  # rank of the parameters that a frame hardly needs
 
 
 def parameters_table(found: Calibration, title: str) -> Table:

@@ -14,7 +14,7 @@ import numpy as np
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.fem.geometric import loaded_displacement
 from beamstiff.fem.structure import compile_structure
-from beamstiff.identify.geometry.parameters import Parameter
+from beamstiff.identify.geometry.parameters import COMPLIANCE, Parameter
 from beamstiff.measure.table import Measurements
 from beamstiff.model.ports import PortModel, reduce_to_ports
 from beamstiff.robot.description import Robot
@@ -148,6 +148,6 @@ def compliance_parameters(robot: Robot, elastic: Elastic) -> tuple[Parameter, ..
     """Return the compliances as parameters."""
     units = {"N/m": "m/N", "N*m/rad": "rad/(N*m)", "Pa": "1/Pa"}
     return tuple(
-        Parameter(name, "compliance", units[parameter_unit(robot, name)], float(size), 1)
+        Parameter(name, "compliance", units[parameter_unit(robot, name)], float(size), COMPLIANCE)
         for name, size in zip(elastic.names, elastic.size, strict=True)
     )

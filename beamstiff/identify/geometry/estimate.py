@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
 
 from beamstiff.errors import BeamstiffError, listed, suggest
 from beamstiff.identify.geometry.elastic import LEAST
@@ -85,9 +85,8 @@ def estimate(
     costs, dampings, converged = [cost], [], False
     for _ in range(iterations):
         step = np.zeros(len(theta))
-        step[free] = size[free] * damped_step(
-            jacobian[:, free] * size[free], residual, damping, _held(theta, floor, residual @ jacobian)[free]
-        )
+        lowest = ((floor - theta) / size)[free]
+        step[free] = size[free] * damped_step(jacobian[:, free] * size[free], residual, damping, lowest)
         trial = np.maximum(theta + step, floor)
         moved = float(np.abs((trial - theta) / size).max(initial=0.0))
         try:
@@ -124,22 +123,21 @@ def _floor(problem: Problem) -> Array:
     )
 
 
-def _held(theta: Array, floor: Array, downhill: Array) -> NDArray[np.bool_]:
-    """Return which values lie at their floor and would fall through it."""
-    result: NDArray[np.bool_] = (theta <= floor) & (downhill < 0)
-    return result
-
-
-def damped_step(columns: Array, residual: Array, damping: float, held: NDArray[np.bool_]) -> Array:
-    """Return the step (f,) by least squares of ``[columns; sqrt(damping) 1]``, 0 where `held`."""
-    step = np.zeros(columns.shape[1])
-    going = ~held
-    matrix, right = columns[:, going], residual
+def damped_step(columns: Array, residual: Array, damping: float, lowest: Array) -> Array:
+    """Return the step (f,) by least squares of ``[columns; sqrt(damping) 1]``, from `lowest` (f,) up."""
+    count = columns.shape[1]
+    matrix, right = columns, residual
     if damping > 0.0:
-        matrix = np.concatenate([matrix, np.sqrt(damping) * np.eye(matrix.shape[1])])
-        right = np.concatenate([right, np.zeros(matrix.shape[1])])
-    step[going] = np.linalg.lstsq(matrix, right, rcond=None)[0]
-    return step
+        matrix = np.concatenate([matrix, np.sqrt(damping) * np.eye(count)])
+        right = np.concatenate([right, np.zeros(count)])
+    step = np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0], dtype=np.float64)
+    if (step >= lowest).all():
+        return step
+    # compliances that would turn negative: the same least squares within bounds, on the small triangle
+    turned, triangle = np.linalg.qr(matrix)
+    low = np.minimum(lowest, 0.0)
+    bounded = lsq_linear(triangle, turned.T @ right, (low, np.full(count, np.inf)), method="bvls")
+    return np.maximum(bounded.x, low)
 
 
 def covariance_of(problem: Problem, theta: Array, identified: Sequence[str]) -> Array:

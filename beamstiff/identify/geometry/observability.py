@@ -19,7 +19,7 @@ from beamstiff.se3 import Array
 
 NOTICED = 1.0  # signal over noise of a realistic deviation, below which a parameter is held
 EXACT = 1e-9  # of the longest unit column: what is left below is rounding
-MENTIONED = 1e-3  # coefficient, in realistic deviations, from which it is named
+MENTIONED = 1e-3  # of a column, from which another's part in it is named
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +91,7 @@ def observability(
         gains[: diagonal.size] = diagonal
         ordered = group[pivots]
         adds[ordered] = gains
-        kept = (gains > noticed) & (gains > EXACT * length[ordered])
+        kept = felt[ordered] & (gains > noticed) & (gains > EXACT * length[ordered])
         taken += ordered[kept].tolist()
         rest += ordered[~kept].tolist()
         if taken:  # from the columns themselves, twice: what is left is right to rounding
@@ -108,7 +108,7 @@ def observability(
                 dependent[names[at]] = {
                     names[one]: float(factors[row, column] * size[one] / size[at])
                     for row, one in sorted(enumerate(taken), key=lambda pair: pair[1])
-                    if abs(factors[row, column]) > MENTIONED
+                    if abs(factors[row, column]) * length[one] > MENTIONED * length[at]
                 }
     values = np.linalg.svd(scaled[:, taken], compute_uv=False) if taken else np.ones(1)
     return Observability(

@@ -32,7 +32,9 @@ TURNS = ("rx", "ry", "rz")
 LENGTH, ANGLE = 1e-3, 1e-3  # m, rad: realistic deviations of parts that were machined
 PLACED = 0.1  # m, rad: of what was set up for the measurement
 USUAL = ("alpha", "d", "r")  # with the variable they place any axis that is not parallel to the one before
-LAST = 9  # rank of what was asked to be left out first
+# ranks: of what cannot be told apart the lowest is kept. Compliances come behind geometry:
+# one that cannot be negative does not make up for an error of geometry that it looks like
+SETUP, OFFSET, NEEDED, SPARE, COMPLIANCE, LAST = range(6)
 GROUPS = ("base", "target", "offsets", "frames")
 
 
@@ -50,7 +52,7 @@ class Parameter:
     size : float
         A realistic deviation, by which columns of different units compare.
     rank : int
-        Of parameters that cannot be told apart those of the lowest rank are kept.
+        From `SETUP` to `LAST`.
     """
 
     name: str
@@ -78,24 +80,24 @@ def known_parameters(robot: Robot, points: Sequence[str], turned: bool) -> tuple
     ['n6b.x', 'n6b.y', 'n6b.z', 'q1', 'q2', 'q3', 'q4', 'q5', 'q6', 'f1.gamma']
     """
     units = {"length": "m", "angle": "rad"}
-    found = [Parameter(f"base.{axis}", "base", "m", PLACED, 0) for axis in AXES]
-    found += [Parameter(f"base.{axis}", "base", "rad", PLACED, 0) for axis in TURNS]
+    found = [Parameter(f"base.{axis}", "base", "m", PLACED, SETUP) for axis in AXES]
+    found += [Parameter(f"base.{axis}", "base", "rad", PLACED, SETUP) for axis in TURNS]
     ends = {name for loop in robot.loops for name in (loop.a, loop.b)}
     for point in points:
         if point not in ends and point not in ("base", "target"):  # a loop's end is moved through its frame
-            found += [Parameter(f"{point}.{axis}", "target", "m", PLACED, 0) for axis in AXES]
+            found += [Parameter(f"{point}.{axis}", "target", "m", PLACED, SETUP) for axis in AXES]
     if turned:
-        found += [Parameter(f"target.{axis}", "target", "rad", PLACED, 0) for axis in TURNS]
+        found += [Parameter(f"target.{axis}", "target", "rad", PLACED, SETUP) for axis in TURNS]
     kinds = variable_kinds(robot)
     for variable in robot.actuated:
         length = kinds[variable.name] == "length"
         unit, size = ("m", LENGTH) if length else ("rad", ANGLE)
-        found.append(Parameter(variable.name, "offset", unit, size, 1))
+        found.append(Parameter(variable.name, "offset", unit, size, OFFSET))
     for frame, expressions in frame_expressions(robot).items():
         for name, kind in FRAME_PARAMETERS.items():
             if not expressions[name].coefficients:
                 size = LENGTH if kind == "length" else ANGLE
-                rank = 2 if name in USUAL else 3
+                rank = NEEDED if name in USUAL else SPARE
                 found.append(Parameter(f"{frame}.{name}", "frame", units[kind], size, rank))
     return tuple(found)
 

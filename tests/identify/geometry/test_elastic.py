@@ -1,0 +1,120 @@
+"""Geometry and compliances in one estimate, on loaded and unloaded absolute poses under gravity."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from beamstiff import Robot, calibrate, load_robot
+from beamstiff.gap.baseline import nominal_pose, predict
+from beamstiff.identify.geometry.elastic import elastic_displacement, gives_way, state_elastic
+from beamstiff.identify.geometry.validation import errors_on
+from beamstiff.measure.rows import concatenate
+from beamstiff.robot.reader import parse_robot
+from beamstiff.robot.writer import robot_to_yaml
+from tests.identify.geometry.machines import (
+    JOINTS,
+    SIGMA,
+    machine,
+    machined,
+    measured,
+    serial,
+    within,
+)
+
+SOFT = serial(stiff=False)
+STIFFNESS = {name: SOFT.parameter(name) * (0.6 + 0.15 * at) for at, name in enumerate(JOINTS)}
+REAL = machine(SOFT, machined(SOFT, 3)).with_parameters(STIFFNESS)
+
+
+def loaded(count: int, seed: int, size: float = 1000.0) -> dict[str, np.ndarray]:
+    wrench = np.zeros((count, 6))
+    wrench[:, :3] = size * np.random.default_rng(seed).standard_normal((count, 3))
+    return {"q": within(SOFT, count, seed), "wrench": wrench}
+
+
+def test_the_displacement_is_that_of_the_diagnosis() -> None:
+    rows = measured(SOFT, **loaded(10, 1))
+    expected, _ = predict(SOFT, rows)
+    assert elastic_displacement(SOFT, rows) == pytest.approx(expected, abs=1e-15)
+    assert np.abs(expected[:, :3]).max() > 1e-3
+    assert not elastic_displacement(serial(), rows).any()
+    assert gives_way(SOFT)
+    assert not gives_way(serial())
+
+
+def test_its_derivatives_are_those_by_compliance() -> None:
+    rows = measured(SOFT, **loaded(6, 2))
+    elastic = state_elastic(SOFT, rows, JOINTS)
+    here = np.array([1 / SOFT.parameter(name) for name in JOINTS])
+    assert elastic.displacement(here) == pytest.approx(elastic_displacement(SOFT, rows), abs=1e-12)
+    for at in range(6):
+        step = 1e-3 * here * np.eye(6)[at]
+        change = (elastic.displacement(here + step) - elastic.displacement(here - step)) / (2 * step[at])
+        assert elastic.columns(here)[:, :, at] == pytest.approx(change, rel=1e-6, abs=1e-3)
+
+
+def test_sag_spoils_a_calibration_of_geometry_alone_and_compliances_mend_it() -> None:
+    rows = concatenate([measured(REAL, **loaded(25, 4)), measured(REAL, within(SOFT, 25, 5), seed=1)])
+    fresh = measured(REAL, **loaded(200, 6), seed=2)
+    alone = errors_on(calibrate(serial(), rows, folds=0), fresh).position_mean
+    assert alone is not None
+    assert alone > 1e-3
+    for start in (SOFT, serial()):  # from wrong values, and from rigid joints
+        found = calibrate(start, rows, compliances=JOINTS, folds=0)
+        errors = errors_on(found, fresh)
+        assert errors.position_mean is not None
+        assert errors.position_mean < 6.5e-5
+        assert found.noise == pytest.approx(1.0, abs=0.2)
+        for item in found.compliances:
+            assert item.std is not None
+            assert abs(item.value - 1 / STIFFNESS[item.name]) < 4 * item.std
+            assert found.robot.parameter(item.name) == pytest.approx(1 / item.value, rel=1e-6)
+
+
+def test_a_stiffness_of_the_robot_counts_without_being_sought() -> None:
+    rows = measured(REAL, **loaded(50, 7), base=None)
+    known = SOFT.with_parameters(STIFFNESS)
+    found = calibrate(known, rows, folds=0)
+    assert found.noise == pytest.approx(1.0, abs=0.25)
+    assert found.compliances == ()
+    assert calibrate(SOFT, rows, folds=0).noise > 5
+
+
+def test_a_joint_that_does_not_give_way_is_as_good_as_rigid() -> None:
+    real = REAL.with_parameters({"J3.torsional": np.inf})
+    found = calibrate(SOFT, measured(real, **loaded(50, 8)), compliances=JOINTS, folds=0)
+    item = found["J3.torsional"]
+    assert item.std is not None
+    assert 0 <= item.value < 3 * item.std
+
+
+def test_what_nothing_loads_is_held_and_named() -> None:
+    rows = measured(REAL, within(SOFT, 40, 9))  # gravity alone, axis 1 upright
+    found = calibrate(SOFT, rows, compliances=JOINTS, folds=0)
+    assert [item.name for item in found.compliances] == list(JOINTS[1:])
+    assert any("nothing loads J1.torsional" in note for note in found.notes)
+    assert found.robot.parameter("J1.torsional") == SOFT.parameter("J1.torsional")
+
+
+@pytest.mark.parametrize("robot", [SOFT, load_robot("ir663")], ids=lambda robot: robot.name)
+def test_the_robot_found_is_whole_and_written_and_read_back(robot: Robot) -> None:
+    errors = machined(robot, 1) if robot is SOFT else {"f9.d": 1e-3, "q2": 1e-3, "f3.d": -1e-3}
+    q = within(robot, 8, 1)
+    if robot is not SOFT:
+        q = q.mean(axis=0) + 0.3 * (q - q.mean(axis=0))
+    built = machine(robot, errors) if robot is SOFT else _from(robot, errors, q)
+    again = parse_robot(robot_to_yaml(built))
+    assert again == built
+    rows = replace(measured(robot, q), wrench=np.full((8, 6), 100.0))
+    assert np.isfinite(elastic_displacement(built, rows)).all()  # joints' nodes coincide in every pose
+    assert nominal_pose(built, rows)[0] == pytest.approx(nominal_pose(again, rows)[0], abs=1e-12)
+    assert np.abs(nominal_pose(built, rows)[0] - nominal_pose(robot, rows)[0]).max() > SIGMA
+
+
+def _from(robot: Robot, errors: dict[str, float], q: np.ndarray) -> Robot:
+    from beamstiff.identify.geometry.corrected import corrected
+
+    return corrected(robot, errors, q)
