@@ -67,6 +67,7 @@ def dependent_table(found: Calibration) -> Table | None:
     if not seen.dependent:
         return None
     result = table("Cannot be told from others: held as they were", "parameter", "looks like", left=2)
+    result.columns[1].min_width = 34  # so that the title keeps to its line
     units = {item.name: item.parameter.unit for item in found.parameters}
     ranks = {item.name: item.parameter.rank for item in found.parameters}
     usual = [name for name in seen.dependent if ranks[name] != SPARE]
