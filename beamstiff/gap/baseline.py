@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +28,7 @@ from beamstiff.model.linear import predict_displacements
 from beamstiff.model.ports import reduce_to_ports
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import RIGID
-from beamstiff.robot.kinematics import Posture, compile_kinematics, pose_of, posture
+from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
 from beamstiff.robot.stiffness import stiffness_parameters
 from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 
@@ -98,6 +99,14 @@ class Baseline:
     def absolute(self) -> bool:
         """Whether the rows are absolute positions."""
         return self.rows.kind == "absolute"
+
+    @cached_property
+    def joint_values(self) -> dict[str, Array]:
+        """Every variable in every row, (N,) each: actuated ones as read, others with the loops closed."""
+        kinematics = compile_kinematics(self.nominal)
+        poses, number = np.unique(self.rows.q, axis=0, return_inverse=True)
+        values = posture(kinematics, poses).values[number.reshape(-1)]
+        return dict(zip(kinematics.coupling.names, values.T, strict=True))
 
     @property
     def gap(self) -> Array:
@@ -290,12 +299,6 @@ def nominal_pose(robot: Robot, rows: Measurements) -> tuple[Array, Array]:
     where, pose = posture(kinematics, poses), number.reshape(-1)
     seen = [kinematics.node_index[name] for name in rows.point.tolist()]
     return where.node_positions[pose, seen], pose_of(kinematics, where, robot.tcp)[pose, :3, :3]
-
-
-def unloaded_posture(robot: Robot, rows: Measurements) -> tuple[Posture, NDArray[np.intp]]:
-    """Return the postures of the rows' poses, and which one each row has."""
-    poses, number = np.unique(rows.q, axis=0, return_inverse=True)
-    return posture(compile_kinematics(robot), poses), number.reshape(-1)
 
 
 def restrict(baseline: Baseline, chosen: NDArray[np.intp]) -> Baseline:

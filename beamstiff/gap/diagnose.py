@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from beamstiff.gap.baseline import Baseline, fit_baseline
 from beamstiff.gap.evidence import Scales, detection
+from beamstiff.gap.free_laws import FreeLaw, free_laws
 from beamstiff.gap.heldout import Shrink, fitted, held_out
-from beamstiff.gap.library import Library, state_library
+from beamstiff.gap.library import Library, seen_by, state_library
 from beamstiff.gap.next import as_plain, programme
 from beamstiff.gap.noise import scale_after, scales_of
 from beamstiff.gap.notes import notes
@@ -58,11 +59,12 @@ def diagnose(
     screened = screen(baseline, library, "outliers" not in without)
     baseline, used = screened.baseline, screened.used
     white = whiten(baseline, used)
-    library = state_library(baseline, white, without)
+    library = seen_by(library, white)
     scales = scales_of(baseline)
     chance = _chance(white, library, scales, seed)
-    found = search(white, library.hypotheses, scales)
-    return _diagnosis(screened, white, library, found, scales, chance, seed)
+    laws = free_laws(baseline, white)
+    found = search(white, library.hypotheses, scales, laws)
+    return _diagnosis(screened, white, library, laws, found, scales, chance, seed)
 
 
 def _chance(white: Whitened, library: Library, scales: Scales, seed: int) -> tuple[float, float]:
@@ -76,6 +78,7 @@ def _diagnosis(
     screened: Screened,
     white: Whitened,
     library: Library,
+    laws: Sequence[FreeLaw],
     found: Search,
     scales: Scales,
     chance: tuple[float, float],
@@ -128,6 +131,7 @@ def _diagnosis(
         "none": found.log_weight[NONE] - found.log_weight[best],
         "unknown": found.log_weight[UNKNOWN] - found.log_weight[best],
         "left": found.left[best],
+        "free": max(found.free.values(), default=-np.inf) - found.log_weight[best],
         "shrink": first.shrink,
         "scale": scale,
         "outliers": float(outlying.size),
@@ -153,7 +157,7 @@ def _diagnosis(
         outliers=tuple(baseline.rows.place(row) for row in outlying.tolist()),
         notes=(*_unclear(judged), *notes(screened, white, verdict.effect, scale)),
         fits=fits,
-        where=where(baseline, white, used, scale, seed),
+        where=where(baseline, white, used, laws, scale, seed),
         next=as_plain(proposed),
         features=features,
     )

@@ -129,9 +129,12 @@ def _given_share(
     """Return log densities (1 + H, U, d) of gaps (n, d); the first is that of no effect, for any u."""
     weight = 1.0 / (1.0 + share**2 * white.unknown)
     n, t = white.tangent.shape
-    fitted = white.tangent.T @ (weight[:, None] * white.tangent)
-    chol = np.linalg.cholesky(fitted) if t else np.zeros((0, 0))
-    half = np.linalg.solve(chol, white.tangent.T * weight) if t else np.zeros((0, n))  # (t, n)
+    # what is loose is fitted too, with a variance of its own: free columns have none to pay for
+    own = np.concatenate([white.tangent, share * white.loose], axis=1)
+    fitted = own.T @ (weight[:, None] * own)
+    fitted[np.arange(t, len(fitted)), np.arange(t, len(fitted))] += 1.0
+    chol = np.linalg.cholesky(fitted)
+    half = np.asarray(np.linalg.solve(chol, own.T * weight), dtype=np.float64)  # (t + m, n)
     determinant = -0.5 * (-np.log(weight).sum() + 2 * np.log(np.diag(chol)).sum())
     log_s = np.log(scales.value)
     seen = half @ gaps

@@ -32,6 +32,8 @@ class Hypothesis:
         Its share of all effects' prior probability.
     columns : (n, c) array
         Whitened, in realistic sizes.
+    places : tuple of str
+        Where the machine gives way if this is true; none for what is outside it.
     """
 
     effect: str
@@ -39,6 +41,7 @@ class Hypothesis:
     shape: Shape
     prior: float
     columns: Array
+    places: tuple[str, ...] = ()
 
     @property
     def key(self) -> str:
@@ -108,21 +111,30 @@ def state_library(baseline: Baseline, white: Whitened, without: Sequence[str] = 
                     shape=shape,
                     prior=shape.weight / total / len(components) / len(known),
                     columns=np.zeros((white.gap.size, len(shape.parameters))),
+                    places=effect.places(component),
                 )
                 for shape in shapes
             ]
-    hypotheses = list(whitened(hypotheses, white))
-    by_key: dict[str, list[Hypothesis]] = {}
-    for one in hypotheses:
-        by_key.setdefault(one.key, []).append(one)
-    for some in by_key.values():
-        if why := _hidden(some, white):
-            untestable.append(Untestable(some[0].effect, some[0].component, why))
     untestable += [
         Untestable("link-bending", name, "rigid parts of a loop hold it: its forces are not determined")
         for name in baseline.places.held
     ]
-    return Library(tuple(hypotheses), tuple(untestable))
+    return seen_by(Library(tuple(hypotheses), tuple(untestable)), white)
+
+
+def seen_by(library: Library, white: Whitened) -> Library:
+    """Return a library whitened anew, and what these data cannot show of it."""
+    hypotheses = whitened(library.hypotheses, white)
+    by_key: dict[str, list[Hypothesis]] = {}
+    for one in hypotheses:
+        by_key.setdefault(one.key, []).append(one)
+    hidden = [
+        Untestable(some[0].effect, some[0].component, why)
+        for some in by_key.values()
+        if (why := _hidden(some, white))
+    ]
+    never = [one for one in library.untestable if key_of(one.effect, one.component) not in by_key]
+    return Library(hypotheses, (*never, *hidden))
 
 
 def _check(baseline: Baseline, without: Sequence[str]) -> None:

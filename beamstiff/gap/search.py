@@ -7,13 +7,15 @@ weighed again on what they leave, so that two causes are found together.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.special import logsumexp
 
-from beamstiff.gap.evidence import Evidence, Scales, evidence
+from beamstiff.gap.effects import Shape
+from beamstiff.gap.evidence import EXACT, Evidence, Scales, evidence
+from beamstiff.gap.free_laws import FreeLaw
 from beamstiff.gap.heldout import Weighted
 from beamstiff.gap.library import Hypothesis
 from beamstiff.gap.whitened import Whitened
@@ -21,10 +23,12 @@ from beamstiff.gap.whitened import Whitened
 NONE, UNKNOWN, OUTLIERS = "none:null", "unknown:null", "outliers:null"
 PRIOR = {NONE: 0.3, UNKNOWN: 0.1}  # of what is not an effect
 PAIR = 0.15  # prior that there is a second effect, given one
-FIRSTS = 6
+FIRSTS = 6  # likeliest candidates that are tried as the first of two
+MOST = 9  # with the members of the likeliest pairs
 SECOND_SHARES = np.array([0.0, 0.06, 0.25, 1.0, 4.0])
 UNLIKELY = 3.0  # log odds below which a second cause of the likeliest first ends the search
 SHAPES = 6  # of a candidate, that are kept
+FREE_SIZE, FREE_SPREAD = 3.0, 30.0  # sigma a value that free laws make, and within which factor
 
 
 @dataclass(frozen=True)
@@ -64,6 +68,8 @@ class Search:
         What the best shape of a candidate is off by, of its own size.
     left : dict of str to float
         Share of the gap's size that it leaves to the unknown.
+    free : dict of str to float
+        Log evidence of what each place could do at most.
     """
 
     log_weight: dict[str, float]
@@ -71,6 +77,7 @@ class Search:
     shapes: dict[str, list[Weighted]]
     amiss: dict[str, float]
     left: dict[str, float]
+    free: dict[str, float] = field(default_factory=dict)
 
     @property
     def single(self) -> dict[str, float]:
@@ -88,8 +95,14 @@ class Search:
         )
 
 
-def search(white: Whitened, hypotheses: Sequence[Hypothesis], scales: Scales, pairs: bool = True) -> Search:
-    """Weigh every candidate, and the likeliest ones with a second."""
+def search(
+    white: Whitened,
+    hypotheses: Sequence[Hypothesis],
+    scales: Scales,
+    laws: Sequence[FreeLaw] = (),
+    pairs: bool = True,
+) -> Search:
+    """Weigh every candidate, the places' free laws, and the likeliest candidates with a second."""
     alone = evidence(white, hypotheses, scales)
     weights = _log_weights(hypotheses, alone)
     by_key: dict[str, list[int]] = defaultdict(list)
@@ -110,35 +123,73 @@ def search(white: Whitened, hypotheses: Sequence[Hypothesis], scales: Scales, pa
         shapes[key] = kept
         amiss[key] = float(alone.amiss[order[0]])
         left[key] = float(alone.left[order[0]])
-    result = Search(log_weight, (), shapes, amiss, left)
+    free = _freely(white, laws, scales)
+    result = Search(log_weight, (), shapes, amiss, left, free)
     if not pairs:
         return result
     found: dict[frozenset[str], Pair] = {}
-    whole = float(np.linalg.norm(white.leave(white.gap[:, None]))) or 1.0
-    for first in result.named[:FIRSTS]:
+    tried: set[str] = set()
+    ahead = result.named[:1]
+    while ahead:
+        first = ahead.pop(0)
+        tried.add(first)
         at = max(by_key[first], key=lambda k: weights[k])
-        beside = white.beside(hypotheses[at].columns)
-        second = evidence(beside, hypotheses, scales, SECOND_SHARES)
-        part = float(np.linalg.norm(beside.leave(white.gap[:, None])) / whole)
-        base = float(np.log(hypotheses[at].prior) + alone.exact[at] + np.log(1 - sum(PRIOR.values())))
-        rest = _log_weights(hypotheses, second) - second.none + np.log(PAIR)
-        for key, places in by_key.items():
-            if not rivals(first, key):
-                weight = base + float(logsumexp(rest[places]))
-                pair = frozenset((first, key))
-                if pair not in found or weight > found[pair].log_weight:
-                    best = max(places, key=rest.__getitem__)
-                    own = [Weighted(hypotheses[best], 1.0, float(second.magnitude[best]))]
-                    left_over = part * float(second.left[best])
-                    found[pair] = Pair(first, key, weight, left_over, (shapes[first], own))
-        if (
-            first == result.named[0]
-            and max((pair.log_weight for pair in found.values()), default=-np.inf)
-            < log_weight[first] - UNLIKELY
-        ):
+        for pair in _beside(white, hypotheses, scales, laws, at, result):
+            both = frozenset((pair.first, pair.second))
+            if both not in found or pair.log_weight > found[both].log_weight:
+                found[both] = pair
+        best = max(found.values(), key=lambda pair: pair.log_weight, default=None)
+        if best is None or (len(tried) == 1 and best.log_weight < log_weight[first] - UNLIKELY):
             break
+        if len(tried) < MOST:
+            ahead = [key for key in (best.first, best.second, *result.named[:FIRSTS]) if key not in tried]
     ordered = sorted(found.values(), key=lambda pair: -pair.log_weight)[:20]
-    return Search(log_weight, tuple(ordered), shapes, amiss, left)
+    return replace(result, pairs=tuple(ordered))
+
+
+def _beside(
+    white: Whitened,
+    hypotheses: Sequence[Hypothesis],
+    scales: Scales,
+    laws: Sequence[FreeLaw],
+    at: int,
+    alone: Search,
+) -> Iterator[Pair]:
+    """Yield every second cause beside a first, whose place may do more than its shape says."""
+    first = hypotheses[at]
+    own = [law.modes for law in laws if law.place in first.places]
+    loose = np.concatenate([np.zeros((white.gap.size, 0)), *own], axis=1) / np.sqrt(max(len(own), 1))
+    alike = evidence(white.beside(first.columns[:, :0], loose), [first], scales, SECOND_SHARES)
+    beside = white.beside(first.columns, loose)
+    second = evidence(beside, hypotheses, scales, SECOND_SHARES)
+    whole = float(np.linalg.norm(white.leave(white.gap[:, None]))) or 1.0
+    part = float(np.linalg.norm(beside.leave(white.gap[:, None]))) / whole
+    base = float(_log_weights([first], alike)[0])
+    nothing = np.logaddexp(np.log(EXACT) + second.none, np.log(1.0 - EXACT) + second.unknown)
+    rest = _log_weights(hypotheses, second) - nothing + np.log(PAIR)
+    by_key: dict[str, list[int]] = defaultdict(list)
+    for k, one in enumerate(hypotheses):
+        by_key[one.key].append(k)
+    for key, some in by_key.items():
+        if not rivals(first.key, key):
+            best = max(some, key=rest.__getitem__)
+            shapes = [Weighted(hypotheses[best], 1.0, float(second.magnitude[best]))]
+            weight = base + float(logsumexp(rest[some]))
+            yield Pair(
+                first.key, key, weight, part * float(second.left[best]), (alone.shapes[first.key], shapes)
+            )
+
+
+def _freely(white: Whitened, laws: Sequence[FreeLaw], scales: Scales) -> dict[str, float]:
+    """Return the log evidence of each place's free law, the better of its structure's and its drive's."""
+    shape = Shape("free", np.zeros((0, 6, 0)), (), spread=FREE_SPREAD)
+    free = [Hypothesis("unknown", law.place, shape, 1.0, FREE_SIZE * law.modes) for law in laws]
+    if not free:
+        return {}
+    found: dict[str, float] = {}
+    for law, value in zip(laws, evidence(white, free, scales).hypotheses.tolist(), strict=True):
+        found[law.place] = max(value, found.get(law.place, -np.inf))
+    return found
 
 
 def rivals(one: str, other: str) -> bool:

@@ -1,40 +1,43 @@
 """Where the gap is: by direction, load, history, time and posture, and by the places that could make it.
 
-Every place gets what it could do at most, a free symmetric 6x6 compliance, and every drive a free torque
-curve that may follow its angle and its history; each place's share has its own variance, found by its
-marginal likelihood (automatic relevance determination: MacKay, Network 6 (1995) 469), so that what one
-place explains the others need not.
+Every place gets what it could do at most (`free_laws`); each place's share has its own variance, found by its
+marginal likelihood (automatic relevance determination: MacKay, Network 6 (1995) 469), so that what one place
+explains the others need not.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.gap.baseline import Baseline
-from beamstiff.gap.effects import EFFECTS
-from beamstiff.gap.effects.drive_stiffness import Following, scaled_torque
-from beamstiff.gap.effects.laws import axis_at, by_compliance, by_law, component_of, drives
 from beamstiff.gap.effects.load_error import rising
+from beamstiff.gap.free_laws import FreeLaw
 from beamstiff.gap.whitened import Whitened
 from beamstiff.se3 import Array
 
-KNEES = (0.02, 0.1, 0.25, 0.5)  # of the largest torque: where the free torque curve can bend
 ROUNDS = 60
 WORST = 5  # poses
 SAMPLES = 200
-PAIRS = [(a, b) for a in range(6) for b in range(a, 6)]
 
 
 def where(
-    baseline: Baseline, white: Whitened, used: NDArray[np.bool_], noise: float, seed: int
+    baseline: Baseline,
+    white: Whitened,
+    used: NDArray[np.bool_],
+    laws: Sequence[FreeLaw],
+    noise: float,
+    seed: int,
 ) -> dict[str, Any]:
     """Return where the gap is, as plain data.
 
     Parameters
     ----------
+    laws : sequence of FreeLaw
+        What the places could do.
     noise : float
         Scale of the noise against the sigma the baseline counts with.
 
@@ -47,7 +50,7 @@ def where(
     gap = 1e3 * np.where(used[:, :3], baseline.gap[:, :3], np.nan)
     size = np.sqrt(np.nansum(gap**2, axis=1))
     seen: NDArray[np.bool_] = np.any(used[:, :3], axis=1)
-    result: dict[str, Any] = {"components": _shares(baseline, white, noise, seed)}
+    result: dict[str, Any] = {"components": _shares(white, laws, noise, seed)}
     result["directions"] = {axis: _rms(gap[:, k]) for k, axis in enumerate("xyz") if used[:, k].any()}
     load = np.linalg.norm(baseline.rows.wrench[:, :3], axis=1)
     result["loads"] = _by_level(load, size, seen, "N")
@@ -102,41 +105,11 @@ def _worst(baseline: Baseline, size: Array, seen: NDArray[np.bool_]) -> list[dic
     ]
 
 
-def _places(baseline: Baseline) -> dict[str, Array]:
-    """Return what each place could do, as columns (N, 6, c)."""
-    places = baseline.places
-    result: dict[str, list[Array]] = {}
-    for joint in baseline.nominal.joints:
-        if joint.name in places.joints:
-            there = places.joints[joint.name]
-            result[component_of(joint)] = [by_compliance(baseline, there, [pair]) for pair in PAIRS]
-    for name, there in places.links.items():
-        result[name] = [by_compliance(baseline, there, [pair]) for pair in PAIRS]
-    result["base"] = [by_compliance(baseline, places.base, [pair]) for pair in PAIRS]
-    result["tool"] = [by_compliance(baseline, places.flange, [pair]) for pair in PAIRS]
-    for drive in drives(baseline):
-        name = str(drive)
-        axis = axis_at(baseline, name)
-        for knee in KNEES:
-            for side in (1.0, -1.0):
-
-                def bend(torque: Array, at: float = knee * axis.typical, sign: float = side) -> Array:
-                    return np.asarray(np.clip(sign * torque / at, 0.0, 1.0))
-
-                result[name].append(by_law(baseline, axis, bend))
-        if axis.joint.variable is not None:
-            follow = Following(baseline, axis.joint.variable)
-            for wave in (np.cos, np.sin, lambda q: np.cos(2 * q), lambda q: np.sin(2 * q)):
-                result[name].append(scaled_torque(baseline, axis, follow.varying(wave)))
-        for shape in EFFECTS["hysteresis"].shapes(baseline, drive):
-            if "distributed" in shape.name:
-                result[name] += list(np.moveaxis(shape.columns, -1, 0))
-    return {name: np.stack(columns, axis=-1) for name, columns in result.items()}
-
-
-def _shares(baseline: Baseline, white: Whitened, noise: float, seed: int) -> list[dict[str, Any]]:
-    parts = {name: _reduced(white.leave(white.turn(columns))) for name, columns in _places(baseline).items()}
-    parts = {name: part for name, part in parts.items() if part.shape[1]}
+def _shares(white: Whitened, laws: Sequence[FreeLaw], noise: float, seed: int) -> list[dict[str, Any]]:
+    by_place: dict[str, list[Array]] = {}
+    for law in laws:
+        by_place.setdefault(law.place, []).append(law.modes)
+    parts = {name: np.concatenate(some, axis=1) for name, some in by_place.items()}
     y = white.leave(white.gap[:, None])[:, 0]
     if not parts or not y.any():
         return []
@@ -180,13 +153,3 @@ def _shares(baseline: Baseline, white: Whitened, noise: float, seed: int) -> lis
         for k in order
         if share[0, k] > 0.005
     ]
-
-
-def _reduced(columns: Array) -> Array:
-    """Return orthogonal columns of the same span, the largest of mean square 1; without those of no size."""
-    left, values, _ = np.linalg.svd(
-        columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300), full_matrices=False
-    )
-    kept = values > 1e-6 * max(values[0], 1e-300)
-    result: Array = left[:, kept] * values[kept] / values[0] * np.sqrt(len(columns))
-    return result

@@ -39,6 +39,8 @@ class Whitened:
     tangent : (n, t) array
         Orthonormal.
     used : (N, 6) bool array
+    loose : (n, m) array
+        What a cause that is fitted as well may do beside its shape: the unknown has it in addition to K.
     """
 
     axes: tuple[tuple[NDArray[np.intp], Array], ...]
@@ -47,6 +49,7 @@ class Whitened:
     gap: Array
     tangent: Array
     used: NDArray[np.bool_]
+    loose: Array
 
     @property
     def freedom(self) -> int:
@@ -67,9 +70,13 @@ class Whitened:
             start += at.size
         return result
 
-    def beside(self, nuisance: Array) -> Whitened:
-        """Return the same where whitened columns (n, c) are fitted as well."""
-        return replace(self, tangent=_orthonormal(np.concatenate([self.tangent, nuisance], axis=1)))
+    def beside(self, cause: Array, loose: Array | None = None) -> Whitened:
+        """Return the same where the whitened columns (n, c) of a cause are fitted as well.
+
+        Beside them `loose` (n, m), of mean square 1 together, is what its place may do else.
+        """
+        fitted = _orthonormal(np.concatenate([self.tangent, cause], axis=1))
+        return replace(self, tangent=fitted, loose=self.loose if loose is None else loose)
 
     def leave(self, columns: Array) -> Array:
         """Return what the fit leaves of whitened columns (n, c)."""
@@ -89,7 +96,7 @@ def whiten(baseline: Baseline, used: NDArray[np.bool_] | None = None) -> Whitene
     chosen = baseline.used if used is None else used & baseline.used
     axes, unknown, component = _axes(baseline, chosen)
     nothing = np.zeros((int(chosen.sum()), 0))
-    white = Whitened(axes, unknown, component, np.zeros(len(nothing)), nothing, chosen)
+    white = Whitened(axes, unknown, component, np.zeros(len(nothing)), nothing, chosen, nothing)
     gap = white.turn(baseline.gap[..., None])[:, 0]
     return replace(white, gap=gap, tangent=_orthonormal(white.turn(baseline.tangent)))
 

@@ -18,9 +18,13 @@ from beamstiff.gap.effects.laws import axis_at, drive_compliance, drives, unit_o
 
 RATIOS = (0.15, 0.3, 0.5, 0.7, 0.85)  # of the two arms
 FINE_RATIOS = (0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9)
+GEARS = (1.0, 0.6, 0.3)  # turn of the crank over the joint's
 NEARER_DEAD = 0.25
 VARIES = 0.3  # RMS of the compliance over its mean, usual for a drive of this kind
+
 NEAR_DEAD = 0.35  # of its largest lever, below which nobody lets a screw work
+
+Crank = tuple[float, float, float, float]  # ratio, phase, gear, mean square lever
 
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
@@ -30,13 +34,14 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     follow = Following(baseline, axis.joint.variable)
     compliance = drive_compliance(axis)
     unit = f"{unit_of(axis)}/(N*m)"
-    cranks = _possible(follow, RATIOS, PHASES, NEAR_DEAD)
-    family = _possible(follow, FINE_RATIOS, FINE, NEARER_DEAD)
-    if not cranks or not family:
+    cranks = _possible(follow, RATIOS, PHASES, GEARS[:1], NEAR_DEAD)
+    family = _possible(follow, FINE_RATIOS, FINE, GEARS, NEARER_DEAD)
+    if not family:
         return []
 
-    def laws(q: np.ndarray, some: list[tuple[float, float, float]]) -> np.ndarray:
-        return np.stack([square / _lever(q + phase, ratio) ** 2 for ratio, phase, square in some], -1)
+    def laws(q: np.ndarray, some: list[Crank]) -> np.ndarray:
+        columns = [square / _lever(gear * q + phase, ratio) ** 2 for ratio, phase, gear, square in some]
+        return np.stack(columns, -1) if columns else np.zeros((len(q), 0))
 
     gain = Quantity("mean_compliance", unit, compliance)
     modes = follow.family(lambda q: laws(q, family))
@@ -52,20 +57,21 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
             spread=3.0,
             weight=1.0 / len(cranks),
         )
-        for (ratio, phase, _), column in zip(cranks, columns, strict=True)
+        for (ratio, phase, _, _), column in zip(cranks, columns, strict=True)
     ]
     return [*result, Shape("any crank", np.stack(whole, -1), names, spread=3.0)]
 
 
 def _possible(
-    follow: Following, ratios: Sequence[float], phases: np.ndarray, least: float
-) -> list[tuple[float, float, float]]:
-    """Return ratio, phase and mean square lever of the cranks that stay away from their dead points."""
+    follow: Following, ratios: Sequence[float], phases: np.ndarray, gears: Sequence[float], least: float
+) -> list[Crank]:
+    """Return the cranks that stay away from their dead points."""
     return [
-        (ratio, phase, float(follow.share @ lever**2))
+        (ratio, phase, gear, float(follow.share @ lever**2))
+        for gear in gears
         for ratio in ratios
         for phase in phases.tolist()
-        if (lever := _lever(follow.fitted + phase, ratio)).min() > least * _largest(ratio)
+        if (lever := _lever(gear * follow.fitted + phase, ratio)).min() > least * _largest(ratio)
     ]
 
 

@@ -16,15 +16,21 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     largest = axis.typical
     unit = unit_of(axis)
     half = Quantity("half_width", unit, 2e-4 if axis.turns else 5e-5)
-    return [
-        Shape(
-            f"flank within {width:g}",
-            by_law(baseline, axis, lambda torque, soft=width * largest: np.tanh(torque / soft))[..., None],  # type: ignore[misc]
-            (half,),
-            spread=6.0,
-        )
-        for width in WIDTHS
-    ]
+    rest = Quantity("rest", unit, 0.5 * half.size)
+    result = []
+    for width in WIDTHS:
+
+        def flank(torque: np.ndarray, soft: float = width * largest) -> np.ndarray:
+            return np.tanh(torque / soft)
+
+        odd = by_law(baseline, axis, flank)
+        # without torque the drive rests off the middle: the way to one flank is longer
+        even = by_law(baseline, axis, lambda torque, flank=flank: -np.abs(flank(torque)))  # type: ignore[misc]
+        result += [
+            Shape(f"flank within {width:g}", odd[..., None], (half,), spread=6.0, weight=2.0),
+            Shape(f"flank within {width:g}, off rest", np.stack([odd, even], -1), (half, rest), spread=6.0),
+        ]
+    return result
 
 
 EFFECT = Effect(

@@ -58,4 +58,5 @@ EFFECT = Effect(
     separation="the same load with the first joint turned by 90 degrees; a reflector on the pedestal",
     look_alikes=("bearing-tilt",),
     sources="1e-8 to 2e-7 rad/(N m), engineering estimate",
+    place="base",
 )

@@ -6,23 +6,14 @@ from collections.abc import Callable
 
 import numpy as np
 
-from beamstiff.gap.baseline import Baseline, unloaded_posture
+from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects.effect import Scales
 from beamstiff.gap.effects.laws import Axis, axis_at
-from beamstiff.robot.kinematics import compile_kinematics
 from beamstiff.se3 import Array
 
 PHASES = np.arange(0, 2 * np.pi, np.pi / 8)
 MODES = 6
 FINE = np.arange(0, 2 * np.pi, np.pi / 12)
-
-
-def joint_values_of(baseline: Baseline, variable: str) -> Array:
-    """Return a joint variable in every row, (N,): actuated ones as read, others with the loops closed."""
-    where, pose = unloaded_posture(baseline.nominal, baseline.rows)
-    names = compile_kinematics(baseline.nominal).coupling.names
-    result: Array = where.values[pose, list(names).index(variable)]
-    return result
 
 
 def scaled_torque(baseline: Baseline, axis: Axis, factor: Array) -> Array:
@@ -36,7 +27,7 @@ def fitted_angles(baseline: Baseline, variable: str) -> tuple[Array, Array]:
     """Return the joint's values in the rows that were fitted, and how many rows have each."""
     if baseline.stated is not None and "angles" in baseline.stated:
         return np.atleast_1d(baseline.stated["angles"]), np.atleast_1d(baseline.stated["counts"])
-    angles, counts = np.unique(joint_values_of(baseline.fit, variable), return_counts=True)
+    angles, counts = np.unique(baseline.fit.joint_values[variable], return_counts=True)
     return angles, counts.astype(np.float64)
 
 
@@ -53,7 +44,7 @@ class Following:
     """The angle of a joint in the rows, and in those that were fitted with the share of rows of each."""
 
     def __init__(self, baseline: Baseline, variable: str) -> None:
-        self.angle = joint_values_of(baseline, variable)
+        self.angle = baseline.joint_values[variable]
         self.fitted, counts = fitted_angles(baseline, variable)
         self.share = counts / counts.sum()
 

@@ -83,6 +83,8 @@ class Effect:
         added to a robot, and found in `Baseline.stated` where such a robot is used.
     sources : str
         Where the realistic sizes come from.
+    place : str
+        Where it sits when it has no component: ``base``, ``tool``; empty for what is outside the machine.
     """
 
     name: str
@@ -94,3 +96,9 @@ class Effect:
     look_alikes: tuple[str, ...] = field(default=())
     sources: str = "engineering estimate"
     scales: Callable[[Baseline, str | None], Scales] = no_scales
+    place: str = ""
+
+    def places(self, component: str | None) -> tuple[str, ...]:
+        """Return the places that a component is: a joint pair is two."""
+        found = (self.place,) if component is None else tuple(component.split("+"))
+        return tuple(name for name in found if name)

@@ -12,11 +12,30 @@ import numpy as np
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects.drive_stiffness import PHASES, Following, angle_scales, scaled_torque
 from beamstiff.gap.effects.effect import Effect, Quantity, Scales, Shape, stated_scale
-from beamstiff.gap.effects.laws import Axis, axis_at, drive_compliance, drives
+from beamstiff.gap.effects.laws import Axis, axis_at, drive_compliance, drives, joint_of
 from beamstiff.robot.fields import RIGID
 
 RATIOS, MIDDLE = (0.15, 0.4, 0.7), 0.4
 FREE_LENGTHS = (0.0, 0.4, 0.8)
+
+
+LEVEL = 0.5  # cosine to the vertical of the axes that weight turns
+FAR = 1.0 / 3.0  # of the longest arm from such an axis to the tool: nobody balances a wrist
+
+
+def _components(baseline: Baseline) -> list[str | None]:
+    """Return the level axes that have much to carry; every drive where nothing says which way is down."""
+    down = np.array(baseline.nominal.gravity)
+    found = drives(baseline)
+    if not down.any():
+        return found
+    arms: dict[str | None, float] = {}
+    for name in found:
+        place = baseline.places.joints[joint_of(baseline, str(name)).name]
+        upright = np.abs(place.turn[:, :, 0] @ down) / np.linalg.norm(down)
+        if float(np.median(upright)) < LEVEL:
+            arms[name] = float(np.median(np.linalg.norm(place.shift[:, :3, 3], axis=1)))
+    return [name for name, arm in arms.items() if arm >= FAR * max(arms.values())]
 
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
@@ -88,7 +107,7 @@ EFFECT = Effect(
     name="gravity-compensator",
     family="drive",
     meaning="A spring balancer across the axis adds a torque and a stiffness that follow the joint's angle.",
-    components=drives,
+    components=_components,
     shapes=_shapes,
     separation="the same loads with the spring disconnected",
     look_alikes=("actuator-lever",),

@@ -51,6 +51,14 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
             parts.append(frame * own[:, None, :])
         return moved(np.concatenate(parts, 1))
 
+    def mixed(frame: Array) -> Array:
+        """Return what a cell in some axes (N, 3, 3) misreads, each axis by each other: nine gains."""
+        parts = []
+        for s in (slice(3), slice(3, 6)):
+            own = np.einsum("nai,na->ni", frame, wrench[:, s])
+            parts.append((frame[:, :, :, None] * own[:, None, None, :]).reshape(len(own), 3, 9))
+        return moved(np.concatenate(parts, 1))
+
     def constant(frame: Array) -> Array:
         acts = np.linalg.norm(wrench, axis=1) > 0
         return moved(np.concatenate([frame * acts[:, None, None], np.zeros_like(frame)], 1))
@@ -69,6 +77,11 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
             "direction and gain",
             np.concatenate([turned(base), scaled(base)], -1),
             (*named("direction", "rad", ANGLE), *named("gain", "1", GAIN)),
+        ),
+        Shape(
+            "cross-talk of the cell",
+            mixed(axes),
+            tuple(Quantity(f"gain_tool_{a}{b}", "1", GAIN) for a in "xyz" for b in "xyz"),
         ),
         Shape("nonlinear", moved((wrench * size)[..., None]), (bent,)),
         Shape("tare", constant(base), named("tare", "N", TARE)),

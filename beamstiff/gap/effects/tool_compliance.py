@@ -55,4 +55,5 @@ EFFECT = Effect(
     separation="reflectors on flange and tool; a pure moment at the tool",
     look_alikes=("actuator-lever", "tool-offset"),
     sources="5e-7 to 1e-5 rad/(N m), engineering estimate",
+    place="tool",
 )

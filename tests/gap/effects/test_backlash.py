@@ -18,6 +18,14 @@ def test_a_torque_beyond_the_flank_moves_the_joint_by_half_the_zone_to_its_side(
     close(found, np.array([1, -1, 1, -1])[:, None] * STEP, 1e-4)
 
 
+def test_a_drive_that_rests_off_the_middle_of_its_play_goes_farther_to_one_flank() -> None:
+    rows = rows_of(elbow(), [0, 0], np.array([1000, -1000])[:, None] * SIDEWAYS)
+    found = shape_of(nominal(elbow(), rows), "backlash", "q2", "flank within 0.03, off rest")
+    half, rest = 3e-4, 1e-4
+    moved = found.columns @ [half, rest]
+    close(moved, np.array([half - rest, -half - rest])[:, None] * STEP, 1e-4)
+
+
 def test_about_zero_torque_the_flank_is_steep() -> None:
     torque = np.array([1000.0, 5.0, -5.0, 2.0])
     rows = rows_of(elbow(), [0, 0], torque[:, None] / FORE * SIDEWAYS)

@@ -61,6 +61,23 @@ def test_a_cell_with_another_gain_on_one_axis(axis: int, tool: bool, campaign: B
     close(shape_of(campaign, "load-error", None, name).columns[..., axis], under(campaign, acts), 1e-5)
 
 
+@pytest.mark.parametrize(("a", "b"), [(0, 0), (0, 2), (2, 1)])
+def test_a_cell_whose_axis_feels_another(a: int, b: int, campaign: Baseline) -> None:
+    rows = campaign.rows
+    axes = arm_at(rows.q).tool
+    gain = np.eye(3)
+    gain[a, b] += SMALL
+    acts = np.concatenate(
+        [
+            (axes @ gain @ axes.swapaxes(1, 2) @ rows.wrench[:, some, None])[..., 0]
+            for some in (slice(3), slice(3, 6))
+        ],
+        axis=1,
+    )
+    found = shape_of(campaign, "load-error", None, "cross-talk of the cell").columns[..., 3 * a + b]
+    close(found, under(campaign, acts), 1e-5)
+
+
 def test_a_cell_that_is_not_linear_reads_more_the_larger_the_load(campaign: Baseline) -> None:
     force = np.linalg.norm(campaign.rows.wrench[:, :3], axis=1, keepdims=True)
     acts = campaign.rows.wrench * (1 + SMALL * force / force.max())

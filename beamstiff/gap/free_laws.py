@@ -1,0 +1,138 @@
+"""What every place could do at most: laws of their own, whatever their form.
+
+A structure's place may follow any symmetric 6x6 compliance, give way more to one side than to the other and
+more or less the more it is loaded. A drive's slip may be any curve of its torque, and may follow its angle,
+its history and the time. `where` looks for the gap among these laws; a cause with a name has to explain it
+better than they do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from beamstiff.gap.baseline import Baseline
+from beamstiff.gap.effects import EFFECTS
+from beamstiff.gap.effects.drive_stiffness import Following
+from beamstiff.gap.effects.laws import Axis, axis_at, by_compliance, by_law, component_of, drives
+from beamstiff.gap.effects.outside import clock
+from beamstiff.gap.places import Place
+from beamstiff.gap.whitened import Whitened
+from beamstiff.se3 import Array
+
+KNEES = (0.02, 0.1, 0.25, 0.5)  # of the largest torque: where the free torque curve can bend
+STEEP = 4.0  # how fast a place goes from one side to the other, over its usual load
+TURN = 0.4  # rad or m over which a drive's stiffness may change with its angle
+FADES = (1.0, 3.0, 10.0)  # usual times from state to state, over which a drive may remember its torque
+MODES = 16  # of a place's law
+ABSORBED = 1e-6  # share of a column that the fit leaves, below which it leaves nothing
+PAIRS = [(a, b) for a in range(6) for b in range(a, 6)]
+
+
+@dataclass(frozen=True, eq=False)
+class FreeLaw:
+    """Everything that a place could do.
+
+    Attributes
+    ----------
+    place : str
+        A joint's component, a link, ``base`` or ``tool``.
+    modes : (n, m) array
+        Its main modes, whitened, less what the fit absorbs; all together have mean square 1.
+    """
+
+    place: str
+    modes: Array
+
+
+def free_laws(baseline: Baseline, white: Whitened) -> list[FreeLaw]:
+    """Return the free laws of a machine: those of the structure's places, then those of the drives."""
+    places = baseline.places
+    there = [(component_of(joint), joint.name) for joint in baseline.nominal.joints]
+    structure = [(name, places.joints[joint]) for name, joint in there if joint in places.joints]
+    structure += [*places.links.items(), ("base", places.base), ("tool", places.flange)]
+    found = [FreeLaw(name, _modes(white, _of_structure(baseline, place))) for name, place in structure]
+    found += [FreeLaw(str(one), _modes(white, _of_drive(baseline, str(one)))) for one in drives(baseline)]
+    return [law for law in found if law.modes.shape[1]]
+
+
+def _modes(white: Whitened, groups: Iterable[Array]) -> Array:
+    """Return the main modes of kinds of freedom (N, 6, c), each with as much variance as the others."""
+    parts = []
+    for group in groups:
+        whole = white.turn(group)
+        columns = white.leave(whole)
+        size = np.linalg.norm(columns, axis=0)
+        kept = size > ABSORBED * np.maximum(np.linalg.norm(whole, axis=0), 1e-300)
+        if kept.any():
+            parts.append(columns[:, kept] / size[kept] / np.sqrt(kept.sum()))
+    if not parts:
+        return np.zeros((white.gap.size, 0))
+    left, values, _ = np.linalg.svd(np.concatenate(parts, axis=1), full_matrices=False)
+    main = left[:, :MODES] * values[:MODES]
+    result: Array = main * np.sqrt(len(main)) / np.linalg.norm(main)
+    return result
+
+
+def _of_structure(baseline: Baseline, place: Place) -> Iterator[Array]:
+    yield np.stack([by_compliance(baseline, place, [pair]) for pair in PAIRS], -1)
+    usual = np.sqrt((place.load**2).mean(axis=0) + (place.dead**2).mean(axis=0))
+    usual = np.where(usual > 0, usual, 1.0)
+
+    def bent(law: Callable[[Array], Array]) -> Array:
+        slip = law((place.load + place.dead) / usual)
+        if not baseline.absolute:
+            slip = slip - law(place.dead / usual)
+        result: Array = place.shift * slip[:, None, :]
+        return result
+
+    one_sided, grown, sudden = bent(np.abs), bent(lambda q: q * np.abs(q)), bent(lambda q: np.tanh(STEEP * q))
+    yield np.concatenate([one_sided, grown, sudden], -1)
+
+
+def _of_drive(baseline: Baseline, name: str) -> Iterator[Array]:
+    axis = axis_at(baseline, name)
+    torque = (axis.load + axis.dead if baseline.absolute else axis.load) / axis.typical
+
+    def along(slip: Array) -> Array:
+        result: Array = axis.shift[:, :, None] * slip[:, None, :]
+        return result
+
+    bends = [
+        by_law(baseline, axis, lambda t, at=knee * axis.typical, side=side: np.clip(side * t / at, 0.0, 1.0))  # type: ignore[misc]
+        for knee in KNEES
+        for side in (1.0, -1.0)
+    ]
+    yield np.stack(bends, -1)
+    if axis.joint.variable is not None:
+        follow = Following(baseline, axis.joint.variable)
+        near = np.exp(-0.5 * ((follow.angle[:, None] - follow.fitted) / TURN) ** 2)
+        yield along(torque[:, None] * near)
+        yield along((torque * np.abs(torque))[:, None] * near)
+    friction = [
+        shape for shape in EFFECTS["hysteresis"].shapes(baseline, name) if "distributed" in shape.name
+    ]
+    yield np.concatenate([shape.columns for shape in friction], -1)
+    time = clock(baseline)
+    yield along(torque[:, None] * np.stack([time, time**2], -1))
+    yield along(_remembered(baseline, axis, time))
+
+
+def _remembered(baseline: Baseline, axis: Axis, time: Array) -> Array:
+    """Return the torque over the largest as memories of it fade, (N, m), since the first state of a pose."""
+    rows = baseline.rows
+    result = np.zeros((len(rows), len(FADES)))
+    poses = [np.flatnonzero(rows.pose == pose) for pose in np.unique(rows.pose)]
+    poses = [at[np.argsort(time[at], kind="stable")] for at in poses]
+    steps = np.concatenate([np.diff(time[at]) for at in poses])
+    usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
+    for at in poses:
+        held = np.zeros(len(FADES))
+        passed = np.diff(time[at], prepend=time[at[0]] - usual) / usual
+        for row, lasted in zip(at, passed, strict=True):
+            keep = np.exp(-lasted / np.array(FADES))
+            held = keep * held + (1.0 - keep) * axis.load[row] / axis.typical
+            result[row] = held
+    return result
