@@ -242,7 +242,7 @@ def _notes(
     said = [note for note in notes if not any(f"sets {mark}" in note for mark in given)]
     if found.switched.size:
         lines = listed([str(found.path.lines[row]) for row in found.switched.tolist()])
-        said.append(f"the robot changes its configuration before line {lines}")
+        said.append(f"the joints have to jump before line {lines}: another configuration")
     if machine.real.effects:
         said.append(f"with the robot's effects: {effects_text(machine.real.effects)}")
     return said

@@ -48,7 +48,7 @@ class Correction:
     reasons : dict of int to str
         Targets that are not corrected.
     switched : (S,) int array
-        Targets before which the robot changes its configuration.
+        Targets before which the joints have to jump.
     rounds : int
         Of the iteration.
     """

@@ -22,6 +22,8 @@ from beamstiff.se3 import Array, transform, vector_from_rotation
 JUMP = 0.6  # most that a joint may turn, rad, or travel, machine sizes, between neighbours of a path
 LONGEST_RUN = 1024
 WALK = 12  # steps between targets far apart
+SEARCHED, RESTARTS = 64, 40  # targets at a time, starts each
+TRIED = 48  # starts for the posture to begin with
 TOLERANCE = 1e-9  # m, rad
 AT_LIMIT = 1e-6
 
@@ -38,7 +40,7 @@ class Followed:
     reasons : dict of int to str
         Of the targets that were not reached.
     switched : (S,) int array
-        Targets before which the robot has to change its configuration.
+        Targets before which the joints have to jump.
     """
 
     q: Array
@@ -93,16 +95,33 @@ def follow(kinematics: Kinematics, poses: Array, start: Array | None = None) -> 
                 q[row], reached[row], anchor = walked, True, walked
                 row += 1
                 continue
-        found = solve(kinematics, poses[row : row + 1], anchor, restarts=120)
-        q[row], reached[row] = found.q[0], found.reached[0]
-        if reached[row]:
-            if anchor is not None and row:
+        # whoever is out of reach has neighbours that are: they are looked for together
+        some = slice(row, min(row + SEARCHED, count)) if row else slice(0, 1)
+        found = solve(kinematics, poses[some], anchor, restarts=RESTARTS)
+        lost = int(np.argmax(found.reached)) if found.reached.any() else len(found.reached)
+        for at in range(lost):
+            q[row + at], reasons[row + at] = found.q[at], shortfall(kinematics, found, at)
+        row += lost
+        if lost == 0:  # else the way there may be short again
+            q[row], reached[row] = _convenient(kinematics, poses[row], found.q[0], anchor), True
+            if row and anchor is not None:
                 switched.append(row)
-            anchor = found.q[0]
-        else:
-            reasons[row] = shortfall(kinematics, found, 0)
-        row += 1
+            anchor = q[row]
+            row += 1
     return Followed(q, reached, reasons, np.array(switched, dtype=np.int64))
+
+
+def _convenient(kinematics: Kinematics, pose: Array, known: Array, near: Array | None) -> Array:
+    """Return of many solutions at a pose the one nearest to a posture, or to the middle of the ranges."""
+    limits = [variable.limits or (-np.pi, np.pi) for variable in kinematics.robot.actuated]
+    low, high = np.array(limits).T
+    starts = np.random.default_rng(0).uniform(low, high, (TRIED, len(low)))
+    found = solve(kinematics, np.repeat(pose[None], TRIED, axis=0), starts, restarts=0)
+    q = np.vstack([known, found.q[found.reached]])
+    wanted = 0.5 * (low + high) if near is None else near
+    off = np.sum(((q - wanted) / (high - low)) ** 2, axis=1)
+    best: Array = q[int(np.argmin(off))]
+    return best
 
 
 def shortfall(kinematics: Kinematics, found: InverseResult, row: int) -> str:

@@ -35,7 +35,7 @@ class Machine:
         The real one, calibrated, with masses, stiffness and `effects`; None: as the controller's.
     elasticity : Model or None
         What gives way to the process load in place of the real robot's beams and joints; its weight and its
-        effects still count.
+        effects still count. Components that the model leaves open (NaN: never measured) are the real robot's.
     frames : Frames
         Whose tool the poses are of.
 
@@ -96,8 +96,11 @@ class Machine:
         if self.elasticity is None:
             return predict_with_effects(self.real, rows)
         bare = self.real.model_copy(update={"effects": ()})
-        result: Array = predict_with_effects(bare, self._rows(q, 0.0 * at_node))
-        result = result + self.elasticity.predict(q, at_node) + effects_displacement(self.real, rows)
+        weight = predict_with_effects(bare, self._rows(q, 0.0 * at_node))
+        given = self.elasticity.predict(q, at_node)
+        if np.isnan(given).any():
+            given = np.where(np.isnan(given), predict_with_effects(bare, rows) - weight, given)
+        result: Array = weight + given + effects_displacement(self.real, rows)
         return result
 
     def displaced(self, undeformed: Array, moved: Array) -> Array:
