@@ -31,6 +31,7 @@ from beamstiff.fem.port_shares import independent_ports
 from beamstiff.fem.structure import Structure, compile_structure
 from beamstiff.fem.unknowns import turning_nodes
 from beamstiff.measure.table import Measurements
+from beamstiff.model.port_slopes import moved_with_slopes
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import FREE, RIGID
 from beamstiff.robot.kinematics import Posture, posture
@@ -105,6 +106,10 @@ class PortModel:
                 *compliance.shape[:-1], *self.clamped.shape
             )
             return self.clamped + moved
+        values = self._checked(stiffness)
+        own = np.tensordot(values, self.springs, 1)
+        if values.ndim == 1 and self._sound(own):
+            return self.clamped + moved_with_slopes(own, self.springs[:0], *self._rows)[0]
         return self._displaced(self._opened(stiffness))
 
     def derivatives(self, stiffness: Array, by: Parametrisation = "stiffness") -> tuple[Array, Array]:
@@ -132,11 +137,20 @@ class PortModel:
         if (compliance := self._in_series(stiffness)) is not None:
             assert self.by_compliance is not None
             return self.predict(stiffness), -self.by_compliance * _factor(compliance, 2 - power, by)
+        values = self._checked(stiffness)
+        own = np.tensordot(values, self.springs, 1)
+        if values.ndim == 1 and self._sound(own):
+            moved, by_value = moved_with_slopes(own, self.springs, *self._rows)
+            return self.clamped + moved, by_value * _factor(values, power, by)
         opened = self._opened(stiffness)
         carried = self.inverse(stiffness)[self.pose] @ self.motion
         stretched = np.tensordot(opened, self.springs, ([1], [2]))  # (N, m, p)
-        by_value: Array = -carried.swapaxes(-1, -2) @ stretched.swapaxes(-1, -2)
+        by_value = -carried.swapaxes(-1, -2) @ stretched.swapaxes(-1, -2)
         return self._displaced(opened), by_value * _factor(np.asarray(stiffness), power, by)
+
+    @property
+    def _rows(self) -> tuple[Array, Index, Array, Array]:
+        return self.port_stiffness, self.pose, self.force, self.motion
 
     def _displaced(self, opened: Array) -> Array:
         """Return the displacements (..., N, 6) where the ports open by (..., N, p)."""
@@ -207,8 +221,8 @@ class PortModel:
         unit = np.eye(len(self.lever))
         return self._solve(stiffness, np.broadcast_to(unit, (len(self.port_stiffness), *unit.shape)))
 
-    def _solve(self, stiffness: Array, right: Array) -> Array:
-        """Return ``M^-1 right`` of every pose, (..., P, p, R), for values (..., m) and right (P, p, R)."""
+    def _checked(self, stiffness: Array) -> Array:
+        """Return stiffness values (..., m) that are some."""
         values = np.asarray(stiffness, dtype=np.float64)
         shape = (*values.shape[:-1], len(self.parameters))
         if values.shape != shape or not np.isfinite(values).all() or (values < 0).any():
@@ -216,10 +230,26 @@ class PortModel:
                 f"found the stiffness values {values.tolist()}, expected {len(self.parameters)} finite and "
                 "positive ones"
             )
+        return values
+
+    @cached_property
+    def _stiffest(self) -> Array:
+        """Return the largest stiffness that meets at each port in any pose, (p,)."""
+        largest: Array = np.diagonal(self.port_stiffness, axis1=1, axis2=2).max(axis=0, initial=0.0)
+        return largest
+
+    def _sound(self, own: Array) -> bool:
+        """Return whether springs (..., p, p) are stiff enough to leave no doubt about mechanisms."""
+        diagonal = np.diagonal(own, axis1=-2, axis2=-1)
+        return bool((diagonal > SOUND * (diagonal + self._stiffest)).all())
+
+    def _solve(self, stiffness: Array, right: Array) -> Array:
+        """Return ``M^-1 right`` of every pose, (..., P, p, R), for values (..., m) and right (P, p, R)."""
+        values = self._checked(stiffness)
         own = np.tensordot(values, self.springs, 1)[..., None, :, :]
         matrix = self.port_stiffness + own
         diagonal = np.diagonal(matrix, axis1=-2, axis2=-1)
-        if (np.diagonal(own, axis1=-2, axis2=-1) > SOUND * diagonal).all():
+        if self._sound(own):
             size = 1.0 / np.sqrt(diagonal)
             matrix *= size[..., :, None]
             matrix *= size[..., None, :]
