@@ -19,7 +19,7 @@ from beamstiff.se3 import Array
 
 SWEEPS = 3
 NEGLIGIBLE = 1e-6  # singular value, of the largest, below which a pose says nothing
-VAGUE = 1e3  # realistic deviations: what is known of a parameter before the first pose
+VAGUE = 5.0  # realistic deviations: what is known of a parameter before the first pose
 
 
 @dataclass(frozen=True, eq=False)
