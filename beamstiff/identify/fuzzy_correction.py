@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -47,7 +48,8 @@ def fit_fuzzy_correction(
 ) -> CorrectionFit:
     """Fit fuzzy corrections of joint compliances to measured displacements.
 
-    Sets are added input by input while the evidence grows; the conclusions are shrunk towards no correction
+    Sets are added input by input, one or two at a time (a wave shows with three only), while the evidence
+    grows; the conclusions are shrunk towards no correction
     (see `beamstiff.identify.configuration`), so that no test set is needed.
 
     Parameters
@@ -75,8 +77,8 @@ def fit_fuzzy_correction(
     grown = [(premises.sets, best.evidence)]
     while True:
         tried = []
-        for at in np.flatnonzero(np.ptp(trained, axis=1) > 0):
-            sets = [count + (one == at) for one, count in enumerate(premises.sets)]
+        for at, more in product(np.flatnonzero(np.ptp(trained, axis=1) > 0), (1, 2)):
+            sets = [count + more * (one == at) for one, count in enumerate(premises.sets)]
             if np.prod(sets) <= most_rules:
                 partition = equal_parts(names, trained, sets)
                 tried.append((_fit(start, partition, x), partition))

@@ -1,0 +1,166 @@
+"""What readings say of the spreads and lengths of Gaussian processes: their evidence, with its gradient.
+
+Of linear readings ``y = U x + noise`` (Rasmussen and Williams, 2006, eqs 5.8 and 5.9), with mild priors
+against what few readings cannot tell.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_solve, cholesky
+from scipy.optimize import minimize
+
+from beamstiff.model.gaussian_process import COMMON, Covariance, matern
+from beamstiff.se3 import Array
+
+# priors of the logarithms of spreads, lengths and the noise over what is stated: mean, standard deviation
+SPREAD, LENGTH, NOISE = (np.log(0.1), 1.5), (0.0, 0.7), (0.0, 2.0)
+LOWEST, HIGHEST = -7.0, 3.0  # of spreads and lengths
+LOUDEST = 7.0  # of the noise
+ITERATIONS = 60
+ROUNDING = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class LinearReadings:
+    """Whitened readings, linear in the logarithms of their posture, noise of unit variance.
+
+    Attributes
+    ----------
+    value : (n,) array
+    slopes : (n, m) array
+    posture : (n,) int array
+    rest : float
+        Sum of squares that no change of the posture's compliances could explain.
+    lost : int
+        Readings that these squares are of.
+    """
+
+    value: Array
+    slopes: Array
+    posture: NDArray[np.int64]
+    rest: float
+    lost: int
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """Minus the logarithm of the evidence, and of the priors, as a function of logarithms.
+
+    Attributes
+    ----------
+    readings : LinearReadings
+    postures : (P, A) array
+    covariance : Covariance
+        Says what drives what; its spreads and lengths are left open.
+    """
+
+    readings: LinearReadings
+    postures: Array
+    covariance: Covariance
+
+    @property
+    def priors(self) -> Array:
+        """Mean and standard deviation of each logarithm: own spreads, spreads, own length, lengths, noise."""
+        m, count = len(self.covariance.own), len(self.covariance.scale)
+        return np.array([SPREAD] * (2 * m) + [LENGTH] * (1 + count) + [NOISE])
+
+    def theta(self, noise: float) -> Array:
+        """Return the logarithms of the covariance as it is, and of a noise."""
+        own = self.covariance
+        ends = np.array([own.own_length]), own.lengths, np.array([noise])
+        result: Array = np.log(np.concatenate([own.own_spread, own.spread, *ends]))
+        return result
+
+    def at(self, theta: Array) -> tuple[Covariance, float]:
+        """Return the covariance and the noise at logarithms."""
+        m = len(self.covariance.own)
+        a, b, own_length, lengths, noise = np.split(np.exp(theta), [m, 2 * m, 2 * m + 1, len(theta) - 1])
+        changed = replace(
+            self.covariance, own_spread=a, spread=b, own_length=float(own_length[0]), lengths=lengths
+        )
+        return changed, float(noise[0])
+
+    def __call__(self, theta: Array) -> tuple[float, Array]:
+        """Return the value and its gradient."""
+        prior, noise = self.at(theta)
+        readings, m = self.readings, len(prior.own)
+        at = self.postures[readings.posture]
+        apart = (at[:, None] - at) / prior.scale
+        squares = (apart / prior.lengths) ** 2
+        distance = np.sqrt(squares.sum(axis=2))
+        products = readings.slopes.T[:, :, None] * readings.slopes.T[:, None, :]
+        whole, whole_slope = matern(distance), _by_log_length(distance)
+        weighted = np.tensordot(prior.spread**2, products, 1)
+        total = COMMON**2 * products.sum(axis=0) + weighted * whole
+        parts = {}
+        for j, own in enumerate(prior.own):
+            if own >= 0:
+                along = np.abs(apart[:, :, own]) / prior.own_length
+                parts[j] = matern(along) * products[j], _by_log_length(along) * products[j]
+                total = total + prior.own_spread[j] ** 2 * parts[j][0]
+        root = readings_root(total, noise)
+        inverse = cho_solve((root, True), np.eye(len(total)))
+        alpha = inverse @ readings.value
+        cost = 0.5 * float(readings.value @ alpha) + float(np.log(np.diagonal(root)).sum())
+        cost += 0.5 * readings.rest / noise**2 + readings.lost * float(np.log(noise))
+        inner = inverse - np.outer(alpha, alpha)
+        # the cost changes by half the sum of inner times the change of total
+        gradient = np.zeros_like(theta)
+        for j, (value, slope) in parts.items():
+            gradient[j] = prior.own_spread[j] ** 2 * float((inner * value).sum())
+            gradient[2 * m] += 0.5 * prior.own_spread[j] ** 2 * float((inner * slope).sum())
+        gradient[m : 2 * m] = prior.spread**2 * np.tensordot(products, inner * whole, 2)
+        share = np.divide(whole_slope, distance**2, out=np.zeros_like(distance), where=distance > 0)
+        gradient[2 * m + 1 : -1] = 0.5 * np.tensordot(inner * weighted * share, squares, 2)
+        gradient[-1] = noise**2 * float(np.trace(inner)) - readings.rest / noise**2 + readings.lost
+        mean, std = self.priors.T
+        away = (theta - mean) / std
+        return cost + 0.5 * float(away @ away), gradient + away / std
+
+
+def readings_root(total: Array, noise: float) -> Array:
+    """Return the lower Cholesky factor of the readings' covariance (n, n) with noise added.
+
+    Where the noise is next to nothing, a little of the rounding of the rest stands in for it.
+    """
+    n = len(total)
+    variance = noise**2 + ROUNDING * float(np.trace(total)) / n
+    result: Array = cholesky(total + variance * np.eye(n), lower=True)
+    return result
+
+
+def _by_log_length(distance: Array) -> Array:
+    """Return the derivative of the Matern covariance by the logarithm of its length, ``-r k'(r)``."""
+    scaled = np.sqrt(5.0) * distance
+    result: Array = scaled**2 * (1.0 + scaled) / 3.0 * np.exp(-scaled)
+    return result
+
+
+def most_evident(
+    readings: LinearReadings, postures: Array, begin: Covariance, noise: float, sigma_known: bool
+) -> tuple[Covariance, float]:
+    """Return the covariance and the noise of most evidence.
+
+    Parameters
+    ----------
+    readings : LinearReadings
+    postures : (P, A) array
+    begin : Covariance
+    noise : float
+        To begin with.
+    sigma_known : bool
+        The noise is stated: the readings may scatter more, not less.
+    """
+    evidence = Evidence(readings, postures, begin)
+    start = evidence.theta(noise)
+    bounds = [(LOWEST, HIGHEST)] * (len(start) - 1) + [(0.0 if sigma_known else LOWEST, LOUDEST)]
+    low, high = np.array(bounds).T
+    start = np.clip(start, low, high)
+    found = minimize(
+        evidence, start, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": ITERATIONS}
+    )
+    return evidence.at(found.x)

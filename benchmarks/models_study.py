@@ -1,0 +1,94 @@
+"""Print what models of elasticity reach, beside what the papers did.
+
+Run as `python -m benchmarks.models_study` (a minute). The campaigns are simulated: `benchmarks.kr500_grid`
+and `benchmarks.ir663_models` say what the machines are. Published numbers are of other, real machines: they
+are what was asked, not what must come out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from beamstiff import load_robot, read_measurements
+from beamstiff.model.fuzzy_compliance import rules_from_table
+from beamstiff.report.tables import table
+from benchmarks import ir663_models, kr500_grid
+from benchmarks.kr500_grid import Row
+
+DATA = Path(__file__).resolve().parents[1] / "examples" / "data"
+
+
+def grid_table(title: str, rows: Sequence[Row], asked: bool = True) -> Table:
+    """Return mean and largest position error at the check points, by model."""
+    result = table(title, "model", "measurements", *(["paper, mean"] if asked else []), "mean, mm", "max, mm")
+    for row in rows:
+        paper = [f"{1e3 * row.published:.4f}" if row.published is not None else ""] if asked else []
+        result.add_row(
+            row.name, str(row.measurements), *paper, f"{1e3 * row.mean:.4f}", f"{1e3 * row.largest:.4f}"
+        )
+    return result
+
+
+def table_4() -> float:
+    """Return the largest difference, mm, between table 4 of seed 003 and the rules loaded from it."""
+    rows = read_measurements(DATA / "ir663_compliance_xx.csv", load_robot("ir663"))
+    rules = rules_from_table(rows, ["q2", "q8"])
+    return 1e3 * float(np.abs(rules.predict(rows.q, rows.wrench)[:, 0] - rows.displacement[:, 0]).max())
+
+
+def table_5(machine: str, share: float) -> Table:
+    """Return RMS and largest error by load, over held-out poses where there are some, as table 5."""
+    found = ir663_models.table_5(machine, share=share)
+    judged = found.split.new_pose if share else np.ones(len(found.table), dtype=np.bool_)
+    held = f"{round(100 * share)} % of the poses held out" if share else "as the paper: no pose held out"
+    loads = [f"{load:.0f} N" for load in ir663_models.LOADS]
+    result = table(f"{machine}, fitted at 900 N, {held}: RMS / max, mm", "model", *loads, "all, RMS")
+    for name, by_load in ir663_models.PAPER.items():
+        cells = [f"{rms:.3f} / {largest:.3f}" for rms, largest in by_load.values()]
+        result.add_row(f"{name}, paper", *cells, f"{ir663_models.PAPER_ALL[name]:.3f}")
+    result.add_section()
+    for one in found.judged:
+        cells = []
+        for level in range(len(found.split.loads)):
+            rows = judged & (found.split.level == level)
+            cells.append(f"{1e3 * (one.rms(rows) or 0):.3f} / {1e3 * (one.largest(rows) or 0):.3f}")
+        result.add_row(one.name, *cells, f"{1e3 * (one.rms(judged) or 0):.3f}")
+    return result
+
+
+def main() -> None:
+    """Print all tables."""
+    console = Console(width=130)
+    as_published, as_usual = (
+        kr500_grid.study(kr500_grid.bench(t)) for t in (kr500_grid.published, kr500_grid.usual)
+    )
+    console.print(
+        grid_table(
+            "KR500, 128 check points, drives that ripple until one stiffness leaves what the paper's left",
+            as_published,
+        )
+    )
+    console.print()
+    console.print(
+        grid_table(
+            "KR500, 128 check points, levers, hardening and bending of usual size", as_usual, asked=False
+        )
+    )
+    console.print()
+    console.print(
+        f"Table 4 of seed 003 at its 12 modal values: differs by {table_4():.1e} mm (asked: exact).\n"
+    )
+    for machine in ("ir663-screws", "ir663-screws-beams"):
+        console.print(table_5(machine, 0.0))
+        console.print()
+    console.print(table_5("ir663-screws", 0.25))
+    console.print(f"Noise alone: {1e3 * np.sqrt(3) * ir663_models.SIGMA:.3f} mm.")
+
+
+if __name__ == "__main__":
+    main()
