@@ -62,7 +62,7 @@ def diagnose(
     library = seen_by(library, white)
     scales = scales_of(baseline)
     chance = _chance(white, library, scales, seed)
-    laws = free_laws(baseline, white)
+    laws = free_laws(baseline, library, white)
     found = search(white, library.hypotheses, scales, laws)
     return _diagnosis(screened, white, library, laws, found, scales, chance, seed)
 

@@ -8,7 +8,7 @@ better than they do.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +18,7 @@ from beamstiff.gap.effects import EFFECTS
 from beamstiff.gap.effects.drive_stiffness import Following
 from beamstiff.gap.effects.laws import Axis, axis_at, by_compliance, by_law, component_of, drives
 from beamstiff.gap.effects.outside import clock
+from beamstiff.gap.library import Library
 from beamstiff.gap.places import Place
 from beamstiff.gap.whitened import Whitened
 from beamstiff.se3 import Array
@@ -28,6 +29,7 @@ TURN = 0.4  # rad or m over which a drive's stiffness may change with its angle
 FADES = (1.0, 3.0, 10.0)  # usual times from state to state, over which a drive may remember its torque
 MODES = 16  # of a place's law
 ABSORBED = 1e-6  # share of a column that the fit leaves, below which it leaves nothing
+INSIDE = ("structure", "drive")  # families of effects whose places have laws of their own here
 PAIRS = [(a, b) for a in range(6) for b in range(a, 6)]
 
 
@@ -38,31 +40,47 @@ class FreeLaw:
     Attributes
     ----------
     place : str
-        A joint's component, a link, ``base`` or ``tool``.
+        A joint's component, a link, ``base`` or ``tool``; outside the machine a frame, ``load`` and the like.
     modes : (n, m) array
         Its main modes, whitened, less what the fit absorbs; all together have mean square 1.
+    inside : bool
+        Whether it is a place of the machine that gives way.
     """
 
     place: str
     modes: Array
+    inside: bool = True
 
 
-def free_laws(baseline: Baseline, white: Whitened) -> list[FreeLaw]:
-    """Return the free laws of a machine: those of the structure's places, then those of the drives."""
+def free_laws(baseline: Baseline, library: Library, white: Whitened) -> list[FreeLaw]:
+    """Return the free laws of the structure's places, of the drives, and of all that is outside the machine.
+
+    Of what is outside, all shapes of the library together count as free.
+    """
     places = baseline.places
     there = [(component_of(joint), joint.name) for joint in baseline.nominal.joints]
     structure = [(name, places.joints[joint]) for name, joint in there if joint in places.joints]
     structure += [*places.links.items(), ("base", places.base), ("tool", places.flange)]
     found = [FreeLaw(name, _modes(white, _of_structure(baseline, place))) for name, place in structure]
     found += [FreeLaw(str(one), _modes(white, _of_drive(baseline, str(one)))) for one in drives(baseline)]
+    outside: dict[str, list[Array]] = {}
+    for one in library.hypotheses:
+        if EFFECTS[one.effect].family not in INSIDE:
+            for place in one.places:
+                outside.setdefault(place, []).append(one.columns)
+    found += [FreeLaw(place, _main(white, columns), inside=False) for place, columns in outside.items()]
     return [law for law in found if law.modes.shape[1]]
 
 
 def _modes(white: Whitened, groups: Iterable[Array]) -> Array:
     """Return the main modes of kinds of freedom (N, 6, c), each with as much variance as the others."""
+    return _main(white, [white.turn(group) for group in groups])
+
+
+def _main(white: Whitened, groups: Sequence[Array]) -> Array:
+    """Return the main modes of groups of whitened columns (n, c); (n, 0) where the fit leaves none."""
     parts = []
-    for group in groups:
-        whole = white.turn(group)
+    for whole in groups:
         columns = white.leave(whole)
         size = np.linalg.norm(columns, axis=0)
         kept = size > ABSORBED * np.maximum(np.linalg.norm(whole, axis=0), 1e-300)

@@ -74,12 +74,45 @@ class Shrink:
     noise: float = 0.0
 
 
+@dataclass(frozen=True, eq=False)
+class Stated:
+    """Effects stated as least squares, whitened: n values, each way to take their shapes with its columns."""
+
+    gap: Array  # (n,)
+    row: NDArray[np.intp]  # (n,) of the table; postures do not mix
+    ways: tuple[tuple[float, tuple[Weighted, ...], Array, Array], ...]  # weight, shapes, columns, ridge
+
+    def solved(self, train: NDArray[np.bool_] | None = None) -> list[Fitted]:
+        """Return the fit of each way, to whole postures (N,) or to all of them."""
+        chosen = slice(None) if train is None else train[self.row]
+        result = []
+        for weight, shapes, columns, ridge in self.ways:
+            theta, covariance = solve(columns[chosen], ridge, self.gap[chosen])
+            count = theta.size - sum(one.hypothesis.sizes.size for one in shapes)
+            result.append(Fitted(weight, shapes, theta[:count], theta[count:], covariance))
+        return result
+
+
+def stated(
+    baseline: Baseline, used: NDArray[np.bool_], models: Sequence[Sequence[Weighted]], scale: float
+) -> Stated:
+    """Return effects stated together with the model's own values; parameters as for `fitted`."""
+    white = whitening(baseline.sigma * scale, used, baseline.sharing)
+    tangent = white @ baseline.tangent[used]
+    ways = []
+    for weight, shapes in combinations_of(models):
+        parts = [tangent]
+        parts += [white @ (one.hypothesis.shape.columns[used] * one.hypothesis.sizes) for one in shapes]
+        ridge = [np.zeros(tangent.shape[1])]
+        ridge += [
+            np.full(part.shape[1], one.magnitude**-2.0) for part, one in zip(parts[1:], shapes, strict=True)
+        ]
+        ways.append((weight, tuple(shapes), np.concatenate(parts, axis=1), np.concatenate(ridge)))
+    return Stated(white @ baseline.gap[used], np.nonzero(used)[0], tuple(ways))
+
+
 def fitted(
-    baseline: Baseline,
-    used: NDArray[np.bool_],
-    models: Sequence[Sequence[Weighted]],
-    scale: float,
-    train: NDArray[np.bool_] | None = None,
+    baseline: Baseline, used: NDArray[np.bool_], models: Sequence[Sequence[Weighted]], scale: float
 ) -> list[Fitted]:
     """Return effects fitted together with the model's own values, a fit for each way to take their shapes.
 
@@ -91,25 +124,8 @@ def fitted(
         The shapes of each effect; all effects act at once.
     scale : float
         Of the noise, against the sigma the baseline counts with.
-    train : (N,) bool array, optional
-        Rows to fit to, whole postures.
     """
-    some = used if train is None else used & train[:, None]
-    white = whitening(baseline.sigma * scale, some, baseline.sharing)
-    gap = white @ baseline.gap[some]
-    tangent = white @ baseline.tangent[some]
-    result = []
-    for weight, shapes in combinations_of(models):
-        parts = [tangent]
-        parts += [white @ (one.hypothesis.shape.columns[some] * one.hypothesis.sizes) for one in shapes]
-        ridge = [np.zeros(tangent.shape[1])]
-        ridge += [
-            np.full(part.shape[1], one.magnitude**-2.0) for part, one in zip(parts[1:], shapes, strict=True)
-        ]
-        theta, covariance = solve(np.concatenate(parts, axis=1), np.concatenate(ridge), gap)
-        count = tangent.shape[1]
-        result.append(Fitted(weight, tuple(shapes), theta[:count], theta[count:], covariance))
-    return result
+    return stated(baseline, used, models, scale).solved()
 
 
 def shift(baseline: Baseline, fits: Sequence[Fitted], columns: Sequence[Sequence[Array]]) -> Array:
@@ -166,10 +182,11 @@ def held_out(
     )
     fold = np.array([fold_of.get(pose, -1) for pose in baseline.rows.pose.tolist()])
     left = [np.zeros_like(baseline.gap) for _ in range(2)]
+    problems = [stated(baseline, used, effects, scale) for effects in ((), models)]
     for k in range(min(FOLDS, poses.size)):
         train = fold != k
-        for target, effects in zip(left, ((), models), strict=True):
-            fits = fitted(baseline, used, effects, scale, train)
+        for target, problem in zip(left, problems, strict=True):
+            fits = problem.solved(train)
             columns = [[one.hypothesis.shape.columns for one in fit.shapes] for fit in fits]
             target[~train] = (baseline.gap - shift(baseline, fits, columns))[~train]
     position = np.where(used[:, :3], 1.0, 0.0)

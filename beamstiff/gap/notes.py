@@ -6,12 +6,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from beamstiff.gap.repeats import repeats
 from beamstiff.gap.screening import Screened
 from beamstiff.gap.whitened import Whitened
 
 OFF = 1.5  # a claimed noise is wrong by more than this factor
 FEW_POSES = 5
 FEW_VALUES = 30
+SURE = 0.001  # probability of what repeats show by chance
 
 
 def notes(screened: Screened, white: Whitened, verdict: str, scale: float) -> Iterator[str]:
@@ -36,6 +38,7 @@ def notes(screened: Screened, white: Whitened, verdict: str, scale: float) -> It
         for name, factor in zip(("position", "rotation"), screened.noise.tolist(), strict=True):
             if factor > OFF or factor < 1.0 / OFF:
                 yield f"the noise of the {name}s looks {factor:.2g} times what the table claims"
+    yield from _of_repeats(screened)
     if verdict == "none" and baseline.claimed and scale > OFF:
         yield (
             f"the fit leaves {scale:.2g} times the noise counted with: either that noise is not what it is "
@@ -56,3 +59,17 @@ def notes(screened: Screened, white: Whitened, verdict: str, scale: float) -> It
             yield "one load level only: laws that are not linear in the load can hardly show"
     if count := len(screened.outliers):
         yield f"{count} row{'s' * (count > 1)} that nothing explains left out"
+
+
+def _of_repeats(screened: Screened) -> Iterator[str]:
+    found = repeats(screened.baseline)
+    if not found.freedom.any():
+        yield "no state was measured twice: the noise cannot be told from what the model lacks by itself"
+        return
+    for kind, (name, factor, unit) in enumerate((("position", 1e3, "mm"), ("rotation", 1e3, "mrad"))):
+        # against the claim, which the baseline's sigma no longer is
+        ratio = found.noise[kind] * screened.noise[kind]
+        if screened.baseline.claimed and found.likely[kind] < SURE and not 1 / OFF < ratio < OFF:
+            yield f"repeats scatter {ratio:.2g} times as much as the {name} noise that the table claims"
+        if found.steady[kind] < SURE:
+            yield f"repeated {name}s drift by {3600 * factor * found.drift[kind]:.2g} {unit} an hour"

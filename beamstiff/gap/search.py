@@ -183,6 +183,7 @@ def _beside(
 def _freely(white: Whitened, laws: Sequence[FreeLaw], scales: Scales) -> dict[str, float]:
     """Return the log evidence of each place's free law, the better of its structure's and its drive's."""
     shape = Shape("free", np.zeros((0, 6, 0)), (), spread=FREE_SPREAD)
+    laws = [law for law in laws if law.inside]
     free = [Hypothesis("unknown", law.place, shape, 1.0, FREE_SIZE * law.modes) for law in laws]
     if not free:
         return {}

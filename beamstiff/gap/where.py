@@ -19,7 +19,7 @@ from beamstiff.gap.free_laws import FreeLaw
 from beamstiff.gap.whitened import Whitened
 from beamstiff.se3 import Array
 
-ROUNDS = 60
+ROUNDS, SETTLED = 60, 0.02  # of the variances' logarithms
 WORST = 5  # poses
 SAMPLES = 200
 
@@ -122,10 +122,13 @@ def _shares(white: Whitened, laws: Sequence[FreeLaw], noise: float, seed: int) -
         prior = np.repeat(precision, np.diff(ends))
         covariance = np.linalg.inv(gram / noise**2 + np.diag(prior))
         mean = covariance @ toward / noise**2
+        before = precision.copy()
         for k in range(len(names)):
             some = slice(ends[k], ends[k + 1])
             free = (ends[k + 1] - ends[k]) - precision[k] * np.trace(covariance[some, some])
             precision[k] = np.clip(max(free, 1e-9) / max(float(mean[some] @ mean[some]), 1e-12), 1e-6, 1e9)
+        if np.abs(np.log(precision / before)).max() < SETTLED:
+            break
     rng = np.random.default_rng(seed)
     # variances of what the rows show and of what they do not lie many decades apart: rounding may make some
     # negative

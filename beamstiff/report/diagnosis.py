@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 from rich.console import RenderableType
 from rich.text import Text
 
@@ -150,9 +151,10 @@ def draw_diagnosis(result: Diagnosis, path: str | Path) -> None:
         When the file cannot be written or its kind is not known.
     """
     from beamstiff.report.figures import BLUE, GREEN, ORANGE, new_figure, plain, save_figure
+    from beamstiff.report.skeleton import draw_shares
 
-    figure = new_figure(12.0, 3.6)
-    axes = figure.subplots(1, 3)
+    figure = new_figure(12.0, 7.2)
+    axes = figure.subplots(2, 2).ravel()
     for one in axes:
         plain(one)
     shown = result.candidates[:SHOWN][::-1]
@@ -169,4 +171,12 @@ def draw_diagnosis(result: Diagnosis, path: str | Path) -> None:
         bars = {"gap": result.rms, "with the cause": result.verdict.shrink.after, "noise": result.noise}
     axes[2].bar(list(bars), [1e3 * value for value in bars.values()], color=GREEN)
     axes[2].set(title="How far", ylabel="held-out position gap, RMS, mm")
+    worst = result.where.get("poses", [])
+    if worst:
+        q = np.array([worst[0]["q"][name] for name in result.baseline.rows.variables])
+        shares = {item["component"]: item["share"] for item in result.where.get("components", [])}
+        draw_shares(axes[3], result.baseline.robot, q, shares)
+        axes[3].set(
+            title=f"Where on the robot (worst posture, {worst[0]['rms_mm']:.2f} mm)", xlabel="m", ylabel="m"
+        )
     save_figure(figure, path)

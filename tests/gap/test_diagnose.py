@@ -14,7 +14,7 @@ from beamstiff.gap.result import Diagnosis
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements
 from tests.gap import planted
-from tests.gap.machines import POSITION, arm_at, at_random, kr240, rows_of
+from tests.gap.machines import ONCE, POSITION, arm_at, at_random, kr240, rows_of
 from tests.gap.planted import backlash, base_compliance, campaign, diagnosed, plan, tool_offset
 
 TRUTHS = {
@@ -55,7 +55,8 @@ def test_without_an_effect_the_verdict_is_none() -> None:
     found = diagnosed(None)
     assert found.verdict.key == "none:null"
     assert found.verdict.probability > 0.9
-    assert (found.also, found.indistinguishable, found.outliers, found.notes) == (None, (), (), ())
+    assert (found.also, found.indistinguishable, found.outliers) == (None, (), ())
+    assert found.notes == (ONCE,)
     assert found.rms == pytest.approx(np.sqrt(3) * POSITION, rel=0.2)
 
 

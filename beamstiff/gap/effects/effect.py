@@ -84,7 +84,7 @@ class Effect:
     sources : str
         Where the realistic sizes come from.
     place : str
-        Where it sits when it has no component: ``base``, ``tool``; empty for what is outside the machine.
+        Where it sits when it has no component: ``base``, ``tool``, or outside the machine.
     """
 
     name: str
@@ -99,6 +99,5 @@ class Effect:
     place: str = ""
 
     def places(self, component: str | None) -> tuple[str, ...]:
-        """Return the places that a component is: a joint pair is two."""
-        found = (self.place,) if component is None else tuple(component.split("+"))
-        return tuple(name for name in found if name)
+        """Return the places that a component is: a joint pair is two, a frame's parameter is the frame."""
+        return (self.place,) if component is None else tuple(component.partition(".")[0].split("+"))

@@ -52,4 +52,5 @@ EFFECT = Effect(
     separation="unloaded moves along the base axes",
     look_alikes=("load-error", "geometry-error"),
     sources="0.2 to 3 deg, engineering estimate",
+    place="readings",
 )

@@ -120,4 +120,5 @@ EFFECT = Effect(
     look_alikes=("frame-misalignment", "tool-offset"),
     sources="0.5 to 5 deg, 1 to 10 %, engineering estimate",
     scales=_scales,
+    place="load",
 )

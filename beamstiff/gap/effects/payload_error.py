@@ -38,4 +38,5 @@ EFFECT = Effect(
     separation="weigh the tool; absolute positions with and without it",
     look_alikes=("joint-compliance", "load-error"),
     sources="up to 20 % of the payload, engineering estimate",
+    place="payload",
 )

@@ -128,4 +128,5 @@ EFFECT = Effect(
     look_alikes=("outliers",),
     sources="5 to 50 um/K, engineering estimate",
     scales=_scales,
+    place="readings",
 )

@@ -61,4 +61,5 @@ EFFECT = Effect(
     separation="the same force at two points of the tool; two targets",
     look_alikes=("tool-compliance", "load-error"),
     sources="5 to 50 mm, engineering estimate",
+    place="tool point",
 )

@@ -1,0 +1,80 @@
+"""A robot as lines in a picture: beams, rigids and struts, its joints, in the plane that shows most of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize, to_hex
+
+from beamstiff.gap.effects.laws import component_of
+from beamstiff.robot.description import Robot
+from beamstiff.robot.kinematics import compile_kinematics, posture
+from beamstiff.se3 import Array
+
+COLOURS = "YlOrRd"
+QUIET = "0.75"  # parts without a share
+LABELLED = 3
+
+
+def draw_shares(axes: Axes, robot: Robot, q: Array, shares: Mapping[str, float]) -> None:
+    """Draw a robot in a posture, its parts coloured by their shares.
+
+    Parameters
+    ----------
+    axes : Axes
+    robot : Robot
+    q : (A,) array
+        Actuated joint values, rad or m.
+    shares : mapping of str to float
+        From 0 to 1, by joint component, beam, rigid, ``base`` or ``tool``.
+
+    Raises
+    ------
+    BeamstiffError
+        When the posture cannot close its loops.
+    """
+    kinematics = compile_kinematics(robot)
+    positions = posture(kinematics, q[None]).node_positions[0]
+    at = dict(
+        zip((node.name for node in robot.nodes), _flat(positions, np.array(robot.gravity)), strict=True)
+    )
+    most = max([0.05, *shares.values()])
+    colours = ScalarMappable(Normalize(0.0, most), colormaps[COLOURS])
+
+    def colour(name: str) -> str:
+        return to_hex(colours.to_rgba(np.array([shares[name]]))[0]) if shares.get(name, 0.0) > 0.0 else QUIET
+
+    middle: dict[str, Array] = {}
+    ends = [(rigid.name, rigid.nodes) for rigid in robot.rigids]
+    ends += [(beam.name, beam.nodes) for beam in robot.beams]
+    ends += [(strut.name, strut.nodes) for strut in robot.struts]
+    for name, nodes in ends:
+        line = np.array([at[node] for node in nodes])
+        middle[name] = line.mean(axis=0)
+        wide = 4.0 if shares.get(name) else 2.0
+        axes.plot(line[:, 0], line[:, 1], color=colour(name), lw=wide, solid_capstyle="round", zorder=1)
+    marks = [(component_of(joint), joint.nodes[0], "o") for joint in robot.joints]
+    for name, node, mark in [*marks, ("base", robot.fixed[0], "^"), ("tool", robot.tcp, "D")]:
+        x, y = middle[name] = at[node]
+        size = 40.0 + 160.0 * shares.get(name, 0.0) / most
+        axes.scatter(x, y, s=size, color=colour(name), marker=mark, edgecolors="0.2", zorder=2)
+    for name, share in sorted(shares.items(), key=lambda item: -item[1])[:LABELLED]:
+        label, where = f"{name} {100 * share:.0f} %", tuple(middle[name])
+        axes.annotate(label, where, xytext=(8, 6), textcoords="offset points", fontsize=8, zorder=4)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.margins(0.15)
+
+
+def _flat(positions: Array, gravity: Array) -> Array:
+    """Return positions (n, 3) in the upright plane in which they spread most, (n, 2): across and up."""
+    up = -gravity / np.linalg.norm(gravity) if gravity.any() else np.array([0.0, 0.0, 1.0])
+    level = positions - positions.mean(axis=0)
+    level = level - np.outer(level @ up, up)
+    _, values, directions = np.linalg.svd(level)
+    across = directions[0] if values[0] > 0 else np.cross(up, [0.0, 1.0, 0.0])
+    across = across * (1.0 if across[np.argmax(np.abs(across))] > 0 else -1.0)
+    return np.stack([positions @ across, positions @ up], axis=-1)

@@ -1,0 +1,78 @@
+"""What places could do: effects at a place lie within its law, and others do not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from beamstiff.gap.baseline import Baseline
+from beamstiff.gap.effects import EFFECTS
+from beamstiff.gap.free_laws import MODES, FreeLaw, free_laws
+from beamstiff.gap.library import Library, state_library
+from beamstiff.gap.whitened import Whitened, whiten
+from beamstiff.se3 import Array
+from tests.gap.machines import POSITION, ROTATION, at_random, kr240, nominal
+
+Found = tuple[Baseline, Whitened, Library, list[FreeLaw]]
+
+
+@pytest.fixture(scope="module")
+def found() -> Found:
+    rows = at_random(kr240(), 60, seed=1, sigma_position=POSITION, sigma_rotation=ROTATION)
+    there = nominal(kr240(), rows)
+    white = whiten(there)
+    library = state_library(there, white)
+    return there, white, library, free_laws(there, library, white)
+
+
+def within(law: FreeLaw, columns: Array) -> float:
+    """Return the share of columns' square that lies in a law's modes."""
+    span, _ = np.linalg.qr(law.modes)
+    return float(((span.T @ columns) ** 2).sum() / (columns**2).sum())
+
+
+def signature(found: Found, effect: str, component: str | None, shape: str) -> Array:
+    there, white, _, _ = found
+    columns = next(one for one in EFFECTS[effect].shapes(there, component) if one.name == shape).columns
+    return white.leave(white.turn(columns))
+
+
+def law_at(found: Found, place: str, which: int = 0) -> FreeLaw:
+    return [law for law in found[3] if law.place == place][which]
+
+
+def test_every_place_has_a_law_of_as_much_variance(found: Found) -> None:
+    there, white, _, laws = found
+    places = [law.place for law in laws if law.inside]
+    assert places.count("q3") == 2  # its structure and its drive
+    assert {"base", "tool", *there.places.links} <= set(places)
+    for law in laws:
+        assert (law.modes**2).sum() == pytest.approx(white.gap.size)
+        assert law.modes.shape[1] <= MODES
+        np.testing.assert_allclose(white.tangent.T @ law.modes, 0, atol=1e-9)
+
+
+def test_what_is_outside_the_machine_stands_apart(found: Found) -> None:
+    outside = {law.place for law in found[3] if not law.inside}
+    assert {"load", "readings", "tool point", "q2"} <= outside  # q2: its encoder
+
+
+@pytest.mark.parametrize(
+    ("effect", "component", "shape", "place", "which", "far"),
+    [
+        ("backlash", "q3", "flank within 0.1", "q3", 1, "q6"),
+        ("hardening", "q2", "several knees", "q2", 1, "q1"),
+        ("actuator-lever", "q2", "any crank", "q2", 1, "q5"),
+        ("bearing-tilt", "q3", "tilt", "q3", 0, "q6"),
+        ("base-compliance", None, "tilt", "base", 0, "q5"),
+        ("tool-compliance", None, "rotation", "tool", 0, "q1"),
+    ],
+)
+def test_effects_at_a_place_lie_within_its_law(
+    effect: str, component: str | None, shape: str, place: str, which: int, far: str, found: Found
+) -> None:
+    columns = signature(found, effect, component, shape)
+    here = within(law_at(found, place, which), columns)
+    elsewhere = within(law_at(found, far, which), columns)
+    assert here > 0.7
+    assert here > elsewhere + 0.2
