@@ -11,25 +11,32 @@ beside the repository). Run `python examples/ur10_diagnosis.py [FIGURE.png]`.
 
 from __future__ import annotations
 
-import csv
-import os
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from geometric_calibration import Calibration, calibrate, held_out, rows_of
+from geometric_calibration import (
+    POSTURES,
+    SERIES,
+    SHARED,
+    UR10,
+    UR10_STAGES,
+    Stage,
+    held_out,
+    read_ur10,
+    rows_of,
+    stage,
+)
 from matplotlib.figure import Figure
 from rich.console import Console
 from rich.table import Table
 
-from beamstiff import Robot, load_robot
-from beamstiff.gap.baseline import fit_baseline, nominal_pose
+from beamstiff import load_robot
+from beamstiff.gap.baseline import fit_baseline
 from beamstiff.gap.diagnose import diagnose
 from beamstiff.gap.effects import EFFECTS
 from beamstiff.gap.result import Diagnosis
-from beamstiff.measure import Measurements, make_measurements
-from beamstiff.measure.rigid_motion import fit_rigid_motion
 from beamstiff.measure.rows import subset
 from beamstiff.report.diagnosis import named
 from beamstiff.report.figures import BLUE, ORANGE, new_figure, plain, save_figure
@@ -37,16 +44,8 @@ from beamstiff.report.tables import table
 from beamstiff.se3 import Array
 
 HERE = Path(__file__).resolve().parent
-SHARED = HERE.parent / os.environ.get("BEAMSTIFF_SHARED", "../shared")
-FOLDER = Path("real") / "ipa_ur10_lasertracker"
-SERIES = {
-    "C": "Series_C_measurements_random_poses.csv",
-    "B": "Series_B_measurements_joint_configurations.csv",
-}
 FIGURE = HERE / "output" / "ur10_diagnosis.png"
-JOINTS = ("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_1_joint", "wrist_2_joint")
 CLAIM = 1e-5  # m: median of the tracker's standard deviations, by axis
-POSTURES = 900
 WAVES = (6, 12, 20, 30, 40, 60)  # of a joint's error, at most so many a turn
 FINEST, COARSE = 30, 10  # waves drawn; cosines and sines of 1 to 5 are left out: geometry makes such as well
 AMPLITUDE, NOISE = 1e-4, 1e-4  # rad, m: ridge of the fit of waves
@@ -66,9 +65,9 @@ CONCLUSION = (
 
 def main(figure: Path = FIGURE) -> None:
     console = Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else 110)
-    missing = [name for name in SERIES.values() if not (SHARED / FOLDER / name).exists()]
+    missing = [name for name in SERIES.values() if not (SHARED / UR10 / name).exists()]
     if missing:
-        place = FOLDER / missing[0]
+        place = UR10 / missing[0]
         console.print(
             f"Skipped: shared data missing: {place} (set BEAMSTIFF_SHARED to the folder that holds it)"
         )
@@ -76,12 +75,12 @@ def main(figure: Path = FIGURE) -> None:
     robot = load_robot(HERE / "data" / "ur10.yaml")
     curves: dict[str, Waves] = {}
     before: dict[str, float] = {}
-    for series, name in SERIES.items():
-        rows = read(robot, SHARED / FOLDER / name)
+    for series in SERIES:
+        rows = read_ur10(robot, series)
         chosen = np.sort(np.random.default_rng(0).permutation(len(rows))[:POSTURES])
         some, train = subset(rows, chosen), held_out(POSTURES, 1 / 3)
         stages = {
-            name: calibrate(robot, some, train, geometry, rounds=4) for name, geometry in STAGES.items()
+            name: stage(robot, some, train, geometry, name=name) for name, geometry in UR10_STAGES.items()
         }
         console.print(stage_table(series, stages, train))
         found = stages["all kinematics"]
@@ -95,7 +94,7 @@ def main(figure: Path = FIGURE) -> None:
             "",
         )
         tested = held_out(len(rows), 1 / 3)
-        every = calibrate(robot, rows, tested, STAGES["all kinematics"], rounds=4)
+        every = stage(robot, rows, tested, UR10_STAGES["all kinematics"])
         curves[series] = waves(every, tested)
         before[series] = 1e3 * float(np.linalg.norm(every.left[~tested], axis=1).mean())
     console.print(wave_table(curves, before))
@@ -107,53 +106,10 @@ def main(figure: Path = FIGURE) -> None:
     console.print(f"\nErrors of the joints over their angles: {figure}", soft_wrap=True)
 
 
-def _stages() -> dict[str, list[str]]:
-    frames = ["base", "target"]
-    offsets = [*frames, *(f"q{k}" for k in range(1, 7))]
-    # axes 2, 3, 4 are parallel: one offset along them, and a rotation about y
-    lengths = [
-        f"f{k}.{part}"
-        for k in range(1, 7)
-        for part in ("alpha", "d", "r")
-        if (k, part) not in ((3, "r"), (4, "r"))
-    ]
-    return {
-        "frames": frames,
-        "encoder offsets": offsets,
-        "all kinematics": [*offsets, *lengths, "f3.beta", "f4.beta", "f4.b"],
-    }
-
-
-STAGES = _stages()
-
-
-def read(robot: Robot, path: Path) -> Measurements:
-    """Return the reflector's positions, laid over the robot's base by a rigid motion to begin with."""
-    with path.open(encoding="utf-8-sig") as file:
-        lines = list(csv.DictReader(file, delimiter=";"))
-
-    def column(name: str) -> list[float]:
-        return [float(line[name].replace(",", ".")) for line in lines]
-
-    names = [variable.name for variable in robot.actuated]
-    joints = np.transpose([column(name) for name in (*JOINTS, "wrist_3_joint")])
-    position = 1e-3 * np.transpose([column(f"measurement_{axis}") for axis in "xyz"])
-    rows = make_measurements(
-        names,
-        joints,
-        tcp=robot.tcp,
-        position=position,
-        temperature=column("measurement_temperature"),
-        source=path.name,
-    )
-    motion = fit_rigid_motion(position, nominal_pose(robot, rows)[0])
-    return replace(rows, position=position @ motion.rotation.T + motion.translation)
-
-
-def stage_table(series: str, stages: dict[str, Calibration], train: Array) -> Table:
+def stage_table(series: str, stages: dict[str, Stage], train: Array) -> Table:
     result = table(f"Series {series}: mean position error, mm", "calibrated", "fitted", "held out", "largest")
     for name, found in stages.items():
-        size = 1e3 * np.linalg.norm(found.left, axis=1)
+        size = found.errors
         result.add_row(name, f"{size[train].mean():.3f}", f"{size[~train].mean():.3f}", f"{size.max():.2f}")
     return result
 
@@ -200,7 +156,7 @@ def basis(angle: Array, most: int) -> Array:
     return np.stack([np.cos(phase), np.sin(phase)], axis=-1).reshape(*angle.shape, -1)
 
 
-def waves(found: Calibration, train: Array) -> Waves:
+def waves(found: Stage, train: Array) -> Waves:
     """Fit waves to what a calibration left."""
     baseline = fit_baseline(found.robot, found.rows)
     shapes = [EFFECTS["geometry-error"].shapes(baseline, f"q{k}")[0] for k in range(1, 6)]
