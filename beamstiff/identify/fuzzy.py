@@ -30,7 +30,8 @@ from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics
 from beamstiff.se3 import Array
 
-BETTER = 0.01  # share of the test error that one more set must take away
+BETTER = 0.03  # share of the test error that one more set must take away
+PATIENCE = 2  # steps that may be for nothing: two sets may help where one does not
 EVALUATIONS = 120  # of the random search, a partition
 MOST_RULES = 64
 CLOSEST = 0.02  # share of an input's range that modal values keep apart
@@ -162,10 +163,11 @@ def fit_fuzzy(
     task = _state(robot, table, inputs, symmetric, positive, method, test_share, seed)
     random = np.random.default_rng([seed, 1])
     variable = np.ptp(task.trained, axis=1) > 0
-    partition = equal_parts(task.names, task.trained, [1] * len(task.names))
+    partition = best = equal_parts(task.names, task.trained, [1] * len(task.names))
     train, test = task.errors(partition)
     steps = [_step(partition, train, test)]
-    while True:
+    for_nothing = 0
+    while for_nothing <= PATIENCE:
         found: tuple[float, float, Partition] | None = None
         for at in np.flatnonzero(variable):
             sets = [count + (one == at) for one, count in enumerate(partition.sets)]
@@ -175,11 +177,15 @@ def fit_fuzzy(
             train, test = task.errors(tried)
             if found is None or test < found[1]:
                 found = train, test, tried
-        if found is None or found[1] > (1 - BETTER) ** 2 * steps[-1].test ** 2:
+        if found is None:
             break
-        partition = found[2]
-        steps.append(_step(partition, found[0], found[1]))
-    return _concluded(task, partition, steps, table)
+        train, test, partition = found
+        if test < (1 - BETTER) ** 2 * steps[-1].test ** 2:
+            best, for_nothing = partition, 0
+            steps.append(_step(partition, train, test))
+        else:
+            for_nothing += 1
+    return _concluded(task, best, steps, table)
 
 
 def fit_fuzzy_tree(
@@ -222,7 +228,7 @@ def fit_fuzzy_tree(
         if test < (1 - BETTER) ** 2 * steps[-1].test ** 2:
             best = tree
             steps.append(_step(tree, train, test))
-        elif tree.count > best.count + 3:
+        elif tree.count > best.count + 2 * PATIENCE:
             break
     return _concluded(task, best, steps, table)
 

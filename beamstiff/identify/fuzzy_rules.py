@@ -21,7 +21,7 @@ from beamstiff.se3 import Array
 Method = Literal["exact", "gradient"]
 
 # weight of differences between conclusions, in readings of usual noise and load; data soon outweigh it
-SMOOTH = 1e-3
+SMOOTH = 1e-4
 LEAST = 1e-3  # share of the mean compliance below which no direction of a positive definite one may fall
 STEPS, CLOSE = 20_000, 1e-10  # of the gradient's descent, and the share of the conclusions it ends at
 

@@ -12,8 +12,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from beamstiff.errors import BeamstiffError
-from beamstiff.measure.arrays import finite
 from beamstiff.measure.table import make_measurements
 from beamstiff.model.ports import PortModel, reduce_to_ports
 from beamstiff.robot.description import Robot
@@ -68,17 +66,3 @@ def ports_at(robot: Robot, parameters: Sequence[str], q: ArrayLike, wrench: Arra
     names = [variable.name for variable in robot.actuated]
     rows = make_measurements(names, q, tcp=robot.tcp, wrench=wrench)
     return reduce_to_ports(robot, rows, parameters)
-
-
-def check_compliance(values: ArrayLike, *shape: int) -> Array:
-    """Return compliances as an array (..., m), all positive.
-
-    Raises
-    ------
-    BeamstiffError
-        When one is not.
-    """
-    result = finite(values, "compliances", *shape)
-    if (result <= 0).any():
-        raise BeamstiffError(f"compliances: found {result[result <= 0][0]}, expected positive numbers")
-    return result
