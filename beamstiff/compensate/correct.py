@@ -19,11 +19,13 @@ from beamstiff.compensate.path import ToolPath, difference
 from beamstiff.compensate.process.load import NoLoad, Process
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.arrays import Integers
+from beamstiff.robot.kinematics import pose_of, posture, twist_jacobian
 from beamstiff.se3 import Array, rotation_from_vector
 
 CLOSE = 1e-8  # m and rad: what remains of the error
 ROUNDS = 40
 SETTLED = 1e-10  # m and rad
+FREE = 1e-6  # of the largest velocity: a direction in which the tool moves
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,9 +112,16 @@ def correct_path(
             f"{path.source}: found no orientations, expected columns a, b, c (or qw to qz, or i, j, k): the "
             f"postures of {machine.controller.name!r} follow from them"
         )
+    if not whole and not np.allclose(machine.frames.tool, np.eye(4)):
+        raise BeamstiffError(
+            f"robot {machine.controller.name!r} has fewer than six joints: its tool has to be its TCP, found "
+            "another"
+        )
     turned = path.turns & (whole and not positions_only)
     first = follow(machine.kinematics, machine.frames.node_poses(path.poses), start)
     rows = np.flatnonzero(first.reached)
+    if not whole and rows.size:  # then orientations are what they are
+        path = _as_they_are(machine, path, first.q, rows)
     reasons = dict(first.reasons)
     count = len(path)
     before, after, wrench = np.full((count, 6), np.nan), np.full((count, 6), np.nan), np.zeros((count, 6))
@@ -166,6 +175,14 @@ def errors_of(
     return errors
 
 
+def _as_they_are(machine: Machine, path: ToolPath, q: Array, rows: NDArray[np.intp]) -> ToolPath:
+    """Return the path with the orientations that the controller's robot has at its targets."""
+    poses = path.poses.copy()
+    at = pose_of(machine.kinematics, posture(machine.kinematics, q[rows]), machine.controller.tcp)
+    poses[rows, :3, :3] = at[:, :3, :3]
+    return path.moved_to(poses)
+
+
 @dataclass(frozen=True, eq=False)
 class _Commands:
     poses: Array
@@ -189,6 +206,7 @@ def _commands(
         )
         error[left] = difference(reached, targets[left])
         error[~turned, 3:] = 0.0
+        error[left, :3] = _possible(machine, q[left], error[left, :3])
         left = left[np.abs(error[left]).max(axis=1, initial=0.0) > CLOSE]
         if not left.size:
             break
@@ -200,11 +218,25 @@ def _commands(
         for at in np.flatnonzero(~found.reached).tolist():
             reasons[int(left[at])] = f"its correction is {shortfall(machine.kinematics, found, at)}"
         left = left[found.reached]
+        if not left.size:
+            break
     for row in left.tolist():
         reasons[row] = f"no command found: {1e3 * np.linalg.norm(error[row, :3]):.3g} mm remain"
     for row in reasons:
         commands[row], q[row] = own[row], own_q[row]
     return _Commands(commands, q, reasons, count)
+
+
+def _possible(machine: Machine, q: Array, errors: Array) -> Array:
+    """Return the part of errors (N, 3) along which the tool moves: in its plane for a planar robot."""
+    if six_freedoms(machine.kinematics):
+        return errors
+    kinematics = machine.kinematics
+    jacobian = twist_jacobian(kinematics, posture(kinematics, q), machine.controller.tcp)[:, :3]
+    left, size, _ = np.linalg.svd(jacobian, full_matrices=False)
+    moving = size > FREE * size[:, :1]
+    result: Array = np.einsum("nij,nj,nkj,nk->ni", left, moving, left, errors)
+    return result
 
 
 def _constant(wrench: Array) -> Callable[[Array], Array]:

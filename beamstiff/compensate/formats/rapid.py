@@ -22,7 +22,7 @@ PARTS = ("position x, y, z", "quaternion q1 to q4", "axis configuration", "exter
 MILLIMETRE, DECIMALS = 1e-3, (3, 7)
 _DECLARED = re.compile(r"\brobtarget\s+(?P<name>\w+)\s*(?P<size>\{[^}]*\})?\s*:=\s*(?=\[)", re.IGNORECASE)
 _MOTION = re.compile(
-    r"\b(?P<name>(?:Move|Search|Trigg)\w*)(?:\s|\\\w+(?:\s*:=\s*\w+)?,?)*\s*(?=\[)", re.IGNORECASE
+    r"\b(?P<name>(?:Move(?!Abs)|Search|Trigg)\w*)(?:\s|\\\w+(?:\s*:=\s*\w+)?,?)*\s*(?=\[)", re.IGNORECASE
 )
 _NEXT = re.compile(r",\s*(?=\[)")  # a second target of MoveC
 _TOKEN = re.compile(rf"\s*(?:(?P<number>{NUMBER})|(?P<mark>[\[\],])|(?P<other>[^\s\[\],;]+|;))")

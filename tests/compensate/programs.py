@@ -1,0 +1,63 @@
+"""Programs made of pieces, so that a test knows which characters are numbers of targets."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from hypothesis import strategies as st
+
+NUMBER = rb"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """What stands between the numbers (n + 1), and the numbers as text (n)."""
+
+    between: tuple[str, ...]
+    numbers: tuple[str, ...]
+
+    @property
+    def text(self) -> str:
+        """The program."""
+        parts = [part for pair in zip(self.between, self.numbers, strict=False) for part in pair]
+        return "".join([*parts, self.between[-1]])
+
+    def pattern(self) -> re.Pattern[bytes]:
+        """Return what matches the program with any numbers; blanks in front of a number may give way."""
+        *heads, last = [piece.encode("latin-1") for piece in self.between]
+        parts = [re.escape(head.rstrip(b" ")) + rb" *(" + NUMBER + b")" for head in heads]
+        return re.compile(b"".join(parts) + re.escape(last))
+
+
+def number_texts(size: float) -> st.SearchStrategy[str]:
+    """Return numbers up to a size as people and programs write them."""
+    value = st.floats(-size, size).filter(lambda number: abs(number) > 1e-3)
+    forms = (
+        lambda number: f"{number:.3f}",
+        lambda number: f"{number:+.2f}",
+        lambda number: f"{number:.8f}",
+        lambda number: f"{number:.6E}",
+        lambda number: f"{number:.4e}",
+        lambda number: f"{round(number)}",
+        lambda number: f"{round(number)}.",
+    )
+    return st.builds(lambda number, form: form(number), value, st.sampled_from(forms))
+
+
+BLANKS = st.sampled_from(["", " ", "  ", "\t", " \t "])
+GAPS = st.sampled_from([" ", "  ", "     ", "\t"])
+ENDS = st.sampled_from(["\n", "\r\n", "\r"])
+REMARKS = st.text(st.characters(codec="latin-1", exclude_categories=["Cc"]), max_size=20)
+
+
+def joined(lines: list[list[str]], end: str) -> Pieces:
+    """Return pieces of lines that alternate between text and number, each ending with text."""
+    between, numbers = [""], []
+    for line in lines:
+        between[-1] += line[0]
+        for at in range(1, len(line), 2):
+            numbers.append(line[at])
+            between.append(line[at + 1])
+        between[-1] += end
+    return Pieces(tuple(between), tuple(numbers))

@@ -1,0 +1,136 @@
+"""Path tables: columns, units, conventions of orientation, and cells replaced in their place."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from beamstiff.compensate.formats import path_csv
+from beamstiff.compensate.orientation import KUKA
+from beamstiff.errors import BeamstiffError
+
+from .programs import BLANKS, ENDS, REMARKS, Pieces, joined, number_texts
+
+HEADERS = {
+    "mm, deg": ("x [mm]", "y [mm]", "z [mm]", "a [deg]", "b [deg]", "c [deg]"),
+    "SI": ("x", "y", "z", "a", "b", "c"),
+    "mixed": ("x [cm]", "y [in]", "z [m]", "a [rad]", "b [mrad]", "c [deg]"),
+}
+
+
+@st.composite
+def tables(draw: st.DrawFn) -> tuple[Pieces, int]:
+    """Return a path table and its number of rows."""
+    end, count = draw(ENDS), draw(st.integers(1, 4))
+    separator = draw(st.sampled_from([",", ";", "\t"]))
+    blanks = BLANKS if separator != "\t" else st.sampled_from(["", " "])
+    header = HEADERS[draw(st.sampled_from(sorted(HEADERS)))]
+    lines = [["# made by " + draw(REMARKS)], ["# orientation: KUKA ABC"], [separator.join(("name", *header, "n"))]]
+    for number in range(count):
+        name = draw(st.sampled_from([f"P{number}", f'"a{separator} {number}"', "", "#"])) or f"Q{number}"
+        line = [(name if name != "#" else "P") + separator]
+        for at in range(6):
+            line[-1] += draw(blanks)
+            line += [draw(number_texts(2.0)), draw(blanks) + separator]
+        line[-1] += draw(st.sampled_from(["5", "", "text"]))
+        lines.append(line)
+        lines.append([draw(st.sampled_from(["", "# x"]))])
+    return joined(lines, end), count
+
+
+@given(tables())
+def test_an_unmodified_table_is_the_same_byte_for_byte(made: tuple[Pieces, int]) -> None:
+    pieces, count = made
+    program = path_csv.read(pieces.text, "a.csv")
+    assert len(program.path) == count
+    assert program.with_poses(program.path.poses) == pieces.text.encode("latin-1")
+
+
+@given(tables(), st.integers(0, 2**32 - 1))
+def test_only_cells_of_targets_change_and_they_say_where_to(made: tuple[Pieces, int], seed: int) -> None:
+    pieces, count = made
+    program = path_csv.read(pieces.text, "a.csv")
+    random = np.random.default_rng(seed)
+    poses = program.path.poses.copy()
+    poses[:, :3, 3] += random.uniform(-2e-3, 2e-3, (count, 3))
+    poses[:, :3, :3] = KUKA.rotations(random.uniform(-2e-3, 2e-3, (count, 3))) @ poses[:, :3, :3]
+    content = program.with_poses(poses)
+    assert pieces.pattern().fullmatch(content)
+    again = path_csv.read(content.decode("latin-1"), "a.csv").path.poses
+    np.testing.assert_allclose(again[:, :3, 3], poses[:, :3, 3], rtol=0, atol=0.51e-6)
+    np.testing.assert_allclose(again[:, :3, :3], poses[:, :3, :3], rtol=0, atol=3e-6)
+
+
+def test_units_loads_and_further_columns() -> None:
+    text = "x [mm],y [cm],z,qw,qx,qy,qz,fz [kN],my [N*mm],depth [mm],note\n1000,50,0.25,0,0,1,0,-1.5,200,2,ok\n"
+    path = path_csv.read(text, "a.csv").path
+    np.testing.assert_allclose(path.poses[0, :3, 3], [1.0, 0.5, 0.25])
+    np.testing.assert_allclose(path.poses[0, :3, 2], [0, 0, -1], atol=1e-15)
+    assert path.wrench is not None
+    np.testing.assert_allclose(path.wrench[0], [0, 0, -1500, 0, 0.2, 0])
+    np.testing.assert_allclose(path.columns["depth"], [0.002])
+    assert "note" not in path.columns
+
+
+@pytest.mark.parametrize(
+    ("declared", "sequence"),
+    [("KUKA ABC", "ZYX"), ("Euler XYZ", "XYZ"), ("fixed XYZ", "xyz"), ("Euler ZYZ", "ZYZ")],
+)
+def test_a_declared_convention_is_that_of_scipy(declared: str, sequence: str) -> None:
+    from scipy.spatial.transform import Rotation
+
+    text = f"# orientation: {declared}\nx,y,z,a [deg],b [deg],c [deg]\n0,0,0,10,20,30\n"
+    expected = Rotation.from_euler(sequence, [10, 20, 30], degrees=True).as_matrix()
+    np.testing.assert_allclose(path_csv.read(text, "a.csv").path.poses[0, :3, :3], expected, atol=1e-15)
+
+
+def test_without_a_declaration_a_b_c_are_a_rotation_vector() -> None:
+    from scipy.spatial.transform import Rotation
+
+    text = "x,y,z,a,b,c\n0,0,0,0.1,-0.2,0.3\n"
+    expected = Rotation.from_rotvec([0.1, -0.2, 0.3]).as_matrix()
+    np.testing.assert_allclose(path_csv.read(text, "a.csv").path.poses[0, :3, :3], expected, atol=1e-15)
+
+
+def test_positions_alone_are_known_to_be_so() -> None:
+    path = path_csv.read("x,y,z\n1,2,3\n", "a.csv").path
+    assert not path.stated
+    assert not path.turns.any()
+
+
+def test_a_table_written_is_read_again() -> None:
+    text = "name,x,y,z,a,b,c,fz,depth\n\"a,b\",1,2,3,0.1,0.2,0.3,-5,0.001\nc,1,2,3,0,0,0,-6,0.002\n"
+    path = path_csv.read(text, "a.csv").path
+    again = path_csv.read(path_csv.write(path, "test"), "a.csv").path
+    assert again.names == path.names
+    np.testing.assert_allclose(again.poses, path.poses, atol=1e-8)
+    np.testing.assert_allclose(again.wrench, path.wrench)
+    np.testing.assert_allclose(again.columns["depth"], path.columns["depth"])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("x,y\n1,2\n", "a.csv:1: z: this column is missing"),
+        ("x,y,z,z\n1,2,3,4\n", "a.csv:1: z: found twice"),
+        ("x [deg],y,z\n1,2,3\n", "a.csv:1: x: found the unit 'deg', expected a unit of length"),
+        ("x,y,z,d [parsec]\n1,2,3,4\n", "a.csv:1: d: unknown unit 'parsec'"),
+        ("1,2,3\n4,5,6\n", "a.csv:1: column 1: found '1', expected a name"),
+        ("x,y,z\n1,2\n", "a.csv:2: found 2 cells, expected 3"),
+        ("x,y,z\n1,2,3,4\n", "a.csv:2: found 4 cells, expected 3 .*decimal points"),
+        ("x,y,z\n1,,3\n", "a.csv:2: y: found '', expected a number"),
+        ("x;y;z\n1;2,5;3\n", "a.csv:2: y: found '2,5', expected a number; decimals follow a point"),
+        ("x,y,z,a,b\n1,2,3,4,5\n", "a.csv:1: c: this column is missing, expected all of a b c"),
+        ("x,y,z,a,b,c,i,j,k\n" + "0," * 8 + "1\n", "a.csv:1: i: found beside a, expected one orientation"),
+        ("x,y,z,qw,qx,qy,qz\n1,2,3,1,1,0,0\n", "a.csv:2: row 1: found a quaternion of length 1.41421"),
+        ("x,y,z,fz\n1,2,3,\n", "a.csv:2: fz: found '', expected a number"),
+        ("# orientation: roll\nx,y,z,a,b,c\n1,2,3,0,0,0\n", "a.csv:1: orientation: found the orientation 'roll'"),
+        ("x,y,z\n", "a.csv: found no row"),
+        ("x [mm],y,z\n1,2,3000\n", "a.csv:2: row 1: found a position 3e\\+03 m away"),
+    ],
+)
+def test_a_broken_table_is_named(text: str, message: str) -> None:
+    with pytest.raises(BeamstiffError, match=message):
+        path_csv.read(text, "a.csv")
