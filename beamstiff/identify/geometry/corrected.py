@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -14,7 +15,7 @@ from beamstiff.robot.description import Robot
 from beamstiff.robot.expression import Expression, parse_expression
 from beamstiff.robot.frames import Kinematics
 from beamstiff.robot.kinematics import Posture, compile_kinematics, posture
-from beamstiff.robot.parts import Frame, Joint, Node, Variable
+from beamstiff.robot.parts import Frame, Joint, Node, Rigid, Variable
 from beamstiff.se3 import Array
 
 JOINED = 1e-9  # m: nearer than this, the nodes of a joint are left where they are
@@ -23,7 +24,8 @@ JOINED = 1e-9  # m: nearer than this, the nodes of a joint are left where they a
 def corrected(robot: Robot, changes: Mapping[str, float], q: Array) -> Robot:
     """Return a robot with other geometry.
 
-    Where frames move, the first node of each joint follows the second one, so that joints stay whole.
+    Where frames move, the first node of each joint follows the second one, so that joints stay whole; if it
+    is another joint's too, it stays and bears a bracket.
 
     Parameters
     ----------
@@ -126,33 +128,60 @@ def _joined(nominal: Robot, robot: Robot, q: Array) -> Robot:
         return robot  # they were apart before
     where = posture(now, q)
     apart = _gaps(now, where, robot.joints).max(axis=0) > JOINED
-    moving = [joint for joint, is_apart in zip(robot.joints, apart, strict=True) if is_apart]
-    places: dict[str, tuple[float, ...]] = {}
-    for joint in moving:
+    users = Counter(name for joint in robot.joints for name in joint.nodes)
+    users.update(name for strut in robot.struts for name in strut.nodes)
+    users.update((robot.tcp, *(name for loop in robot.loops for name in (loop.a, loop.b))))
+    places: dict[str, tuple[float, float, float]] = {}
+    seats: list[Node] = []
+    joints = list(robot.joints)
+    for number, joint in enumerate(robot.joints):
+        if not apart[number]:
+            continue
         first, second = (now.node_index[name] for name in joint.nodes)
-        at = now.node_at[second]
-        frame = int(now.node_frame[second])
-        if (tilt := now.constants[frame, MOTION_OF["beta"]]) and now.coefficients[
-            frame, MOTION_OF["theta"]
-        ].any():
-            # beta stands behind theta: the axis of the joint leans in the frame, and the node goes onto it
-            axis = np.array([-np.sin(tilt), 0.0, np.cos(tilt)])
-            foot = np.array([0.0, 0.0, -now.constants[frame, MOTION_OF["r"]]])
-            at = foot + ((at - foot) @ axis) * axis
+        at = _on_axis(now, second)
+        if np.abs(at - now.node_at[second]).max() > 0.0:
             places[joint.nodes[1]] = _point(at)
-        transforms = where.transforms[0]
-        seen = transforms[frame, :3, :3] @ at + transforms[frame, :3, 3]
-        own = transforms[now.node_frame[first]]
-        places[joint.nodes[0]] = _point(own[:3, :3].T @ (seen - own[:3, 3]))
+        frame, own = now.node_frame[second], int(now.node_frame[first])
+        seen = where.transforms[0, frame, :3, :3] @ at + where.transforms[0, frame, :3, 3]
+        back = where.transforms[0, own]
+        seat = _point(back[:3, :3].T @ (seen - back[:3, 3]))
+        if users[joint.nodes[0]] == 1:
+            places[joint.nodes[0]] = seat
+        else:  # the node is something else's too, which stays: the joint sits on a bracket
+            name = f"{joint.nodes[0]} of {joint.name}"
+            seats.append(Node(name=name, frame=now.frame_names[own], at=seat))
+            joints[number] = joint.model_copy(update={"nodes": (name, joint.nodes[1])})
     nodes = [
         item.model_copy(update={"at": places[item.name]}) if item.name in places else item
         for item in robot.nodes
     ]
-    return robot.model_copy(update={"nodes": tuple(nodes)})
+    brackets = [Rigid(name=item.name, nodes=(item.name.split(" of ")[0], item.name)) for item in seats]
+    return robot.model_copy(
+        update={
+            "nodes": (*nodes, *seats),
+            "joints": tuple(joints),
+            "rigids": (*robot.rigids, *brackets),
+        }
+    )
 
 
-def _point(at: Array) -> tuple[float, ...]:
-    return tuple(at.tolist())
+def _on_axis(kinematics: Kinematics, node: int) -> Array:
+    """Return a node's place (3,) in its frame, on the axis that the frame turns about."""
+    at: Array = kinematics.node_at[node]
+    frame = int(kinematics.node_frame[node])
+    tilt = kinematics.constants[frame, MOTION_OF["beta"]]
+    if not (tilt and kinematics.coefficients[frame, MOTION_OF["theta"]].any()):
+        return at
+    # beta stands behind theta: the joint's axis leans in the frame, and meets its z axis where r begins
+    axis = np.array([-np.sin(tilt), 0.0, np.cos(tilt)])
+    foot = np.array([0.0, 0.0, -kinematics.constants[frame, MOTION_OF["r"]]])
+    result: Array = foot + ((at - foot) @ axis) * axis
+    return result
+
+
+def _point(at: Array) -> tuple[float, float, float]:
+    x, y, z = at.tolist()
+    return x, y, z
 
 
 def _gaps(kinematics: Kinematics, where: Posture, joints: tuple[Joint, ...]) -> Array:

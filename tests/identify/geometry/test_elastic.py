@@ -9,11 +9,13 @@ import pytest
 
 from beamstiff import Robot, calibrate, load_robot
 from beamstiff.gap.baseline import nominal_pose, predict
+from beamstiff.identify.geometry.corrected import corrected
 from beamstiff.identify.geometry.elastic import elastic_displacement, gives_way, state_elastic
 from beamstiff.identify.geometry.validation import errors_on
 from beamstiff.measure.rows import concatenate
 from beamstiff.robot.reader import parse_robot
 from beamstiff.robot.writer import robot_to_yaml
+from beamstiff.se3 import Array
 from tests.identify.geometry.machines import (
     JOINTS,
     SIGMA,
@@ -29,7 +31,7 @@ STIFFNESS = {name: SOFT.parameter(name) * (0.6 + 0.15 * at) for at, name in enum
 REAL = machine(SOFT, machined(SOFT, 3)).with_parameters(STIFFNESS)
 
 
-def loaded(count: int, seed: int, size: float = 1000.0) -> dict[str, np.ndarray]:
+def loaded(count: int, seed: int, size: float = 1000.0) -> dict[str, Array]:
     wrench = np.zeros((count, 6))
     wrench[:, :3] = size * np.random.default_rng(seed).standard_normal((count, 3))
     return {"q": within(SOFT, count, seed), "wrench": wrench}
@@ -99,22 +101,46 @@ def test_what_nothing_loads_is_held_and_named() -> None:
     assert found.robot.parameter("J1.torsional") == SOFT.parameter("J1.torsional")
 
 
-@pytest.mark.parametrize("robot", [SOFT, load_robot("ir663")], ids=lambda robot: robot.name)
-def test_the_robot_found_is_whole_and_written_and_read_back(robot: Robot) -> None:
-    errors = machined(robot, 1) if robot is SOFT else {"f9.d": 1e-3, "q2": 1e-3, "f3.d": -1e-3}
-    q = within(robot, 8, 1)
-    if robot is not SOFT:
-        q = q.mean(axis=0) + 0.3 * (q - q.mean(axis=0))
-    built = machine(robot, errors) if robot is SOFT else _from(robot, errors, q)
+def bar_poses(count: int) -> Array:
+    """Return joint values (P, 2) of the four-bar about the middle of its workspace."""
+    spread = np.random.default_rng(1).uniform(-1, 1, (count, 2))
+    return np.array([0.1, 0.8]) + np.array([0.4, 0.25]) * spread
+
+
+BAR = load_robot("ir663")
+BAR_ERRORS = {"q2": 1e-3, "q8": -2e-3, "f3.d": 5e-4, "f9.d": 3e-4, "f11.d": -6e-4, "f1.r": 1e-3, "f2.d": 4e-4}
+
+
+def test_a_four_bars_compliances_are_found_with_its_geometry() -> None:
+    names = ["J12.torsional", "J18.torsional", "J1010.radial"]
+    truth = {name: BAR.parameter(name) * by for name, by in zip(names, (0.6, 0.8, 0.7), strict=True)}
+    real = corrected(BAR, BAR_ERRORS, bar_poses(1)).with_parameters(truth)
+    wrench = np.zeros((50, 6))
+    wrench[:, :3] = 1000 * np.random.default_rng(0).standard_normal((50, 3))
+    found = calibrate(BAR, measured(real, bar_poses(50), wrench=wrench), compliances=names, folds=0)
+    assert found.noise == pytest.approx(1.0, abs=0.15)
+    for item in found.compliances:
+        assert item.std is not None
+        assert abs(item.value - 1 / truth[item.name]) < 4 * item.std
+        assert item.std < 0.05 * item.value
+
+
+@pytest.mark.parametrize(
+    ("robot", "errors", "q"),
+    [(SOFT, machined(SOFT, 1), within(SOFT, 8, 1)), (BAR, BAR_ERRORS, bar_poses(8))],
+    ids=["kr500", "ir663"],
+)
+def test_the_robot_found_is_whole_and_written_and_read_back(
+    robot: Robot, errors: dict[str, float], q: Array
+) -> None:
+    built = corrected(robot, errors, q)
     again = parse_robot(robot_to_yaml(built))
     assert again == built
     rows = replace(measured(robot, q), wrench=np.full((8, 6), 100.0))
-    assert np.isfinite(elastic_displacement(built, rows)).all()  # joints' nodes coincide in every pose
+    moved = elastic_displacement(built, rows)  # joints' nodes coincide in every pose, or this is refused
+    before = elastic_displacement(robot, rows)
+    assert np.abs(moved - before).max() < 0.02 * np.abs(before).max()
     assert nominal_pose(built, rows)[0] == pytest.approx(nominal_pose(again, rows)[0], abs=1e-12)
     assert np.abs(nominal_pose(built, rows)[0] - nominal_pose(robot, rows)[0]).max() > SIGMA
-
-
-def _from(robot: Robot, errors: dict[str, float], q: np.ndarray) -> Robot:
-    from beamstiff.identify.geometry.corrected import corrected
-
-    return corrected(robot, errors, q)
+    back = corrected(built, {name: -by for name, by in errors.items()}, q)
+    assert nominal_pose(back, rows)[0] == pytest.approx(nominal_pose(robot, rows)[0], abs=1e-12)
