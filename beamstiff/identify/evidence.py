@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_solve, cholesky
 from scipy.optimize import minimize
 
-from beamstiff.model.gaussian_process import COMMON, Covariance, matern
+from beamstiff.model.gaussian_process import Covariance, matern
 from beamstiff.se3 import Array
 
 # priors of the logarithms of spreads, lengths and the noise over what is stated: mean, standard deviation
@@ -33,6 +33,7 @@ class LinearReadings:
     value : (n,) array
     slopes : (n, m) array
     posture : (n,) int array
+        Ascending.
     rest : float
         Sum of squares that no change of the posture's compliances could explain.
     lost : int
@@ -88,38 +89,57 @@ class Evidence:
         """Return the value and its gradient."""
         prior, noise = self.at(theta)
         readings, m = self.readings, len(prior.own)
-        at = self.postures[readings.posture]
-        apart = (at[:, None] - at) / prior.scale
-        squares = (apart / prior.lengths) ** 2
-        distance = np.sqrt(squares.sum(axis=2))
-        products = readings.slopes.T[:, :, None] * readings.slopes.T[:, None, :]
-        whole, whole_slope = matern(distance), _by_log_length(distance)
-        weighted = np.tensordot(prior.spread**2, products, 1)
-        total = COMMON**2 * products.sum(axis=0) + weighted * whole
-        parts = {}
-        for j, own in enumerate(prior.own):
-            if own >= 0:
-                along = np.abs(apart[:, :, own]) / prior.own_length
-                parts[j] = matern(along) * products[j], _by_log_length(along) * products[j]
-                total = total + prior.own_spread[j] ** 2 * parts[j][0]
+        present, of = np.unique(readings.posture, return_inverse=True)
+        at = self.postures[present]
+        total = prior_of_readings(prior.between(at, at), readings.slopes, of)
         root = readings_root(total, noise)
         inverse = cho_solve((root, True), np.eye(len(total)))
         alpha = inverse @ readings.value
         cost = 0.5 * float(readings.value @ alpha) + float(np.log(np.diagonal(root)).sum())
         cost += 0.5 * readings.rest / noise**2 + readings.lost * float(np.log(noise))
+        # the cost changes by half the sum of inner times the change of total: (m, P, P) by posture
         inner = inverse - np.outer(alpha, alpha)
-        # the cost changes by half the sum of inner times the change of total
+        first = np.flatnonzero(np.diff(of, prepend=-1))
+        by_posture = np.stack([_summed(inner * np.outer(u, u), first) for u in readings.slopes.T])
+        apart = (at[:, None] - at) / prior.scale
+        squares = (apart / prior.lengths) ** 2
+        distance = np.sqrt(squares.sum(axis=2))
         gradient = np.zeros_like(theta)
-        for j, (value, slope) in parts.items():
-            gradient[j] = prior.own_spread[j] ** 2 * float((inner * value).sum())
-            gradient[2 * m] += 0.5 * prior.own_spread[j] ** 2 * float((inner * slope).sum())
-        gradient[m : 2 * m] = prior.spread**2 * np.tensordot(products, inner * whole, 2)
-        share = np.divide(whole_slope, distance**2, out=np.zeros_like(distance), where=distance > 0)
-        gradient[2 * m + 1 : -1] = 0.5 * np.tensordot(inner * weighted * share, squares, 2)
+        for j, own in enumerate(prior.own):
+            if own >= 0:
+                along, weight = np.abs(apart[:, :, own]) / prior.own_length, prior.own_spread[j] ** 2
+                gradient[j] = weight * float((by_posture[j] * matern(along)).sum())
+                gradient[2 * m] += 0.5 * weight * float((by_posture[j] * _by_log_length(along)).sum())
+        gradient[m : 2 * m] = prior.spread**2 * np.tensordot(by_posture, matern(distance), 2)
+        slope = _by_log_length(distance) * np.tensordot(prior.spread**2, by_posture, 1)
+        share = np.divide(slope, distance**2, out=np.zeros_like(distance), where=distance > 0)
+        gradient[2 * m + 1 : -1] = 0.5 * np.tensordot(share, squares, 2)
         gradient[-1] = noise**2 * float(np.trace(inner)) - readings.rest / noise**2 + readings.lost
         mean, std = self.priors.T
         away = (theta - mean) / std
         return cost + 0.5 * float(away @ away), gradient + away / std
+
+
+def prior_of_readings(covariances: Array, slopes: Array, of: NDArray[np.intp]) -> Array:
+    """Return the covariance (n, n) of readings without noise, from those of the logarithms (m, P, P).
+
+    Parameters
+    ----------
+    covariances : (m, P, P) array
+    slopes : (n, m) array
+    of : (n,) int array
+        Posture of each reading, among the P.
+    """
+    total = np.zeros((len(slopes), len(slopes)))
+    for own, slope in zip(covariances, slopes.T, strict=True):
+        total += own[np.ix_(of, of)] * np.outer(slope, slope)
+    return total
+
+
+def _summed(values: Array, first: NDArray[np.intp]) -> Array:
+    """Return the sums of blocks of a matrix, (P, P), that begin at rows and columns `first`."""
+    result: Array = np.add.reduceat(np.add.reduceat(values, first, axis=0), first, axis=1)
+    return result
 
 
 def readings_root(total: Array, noise: float) -> Array:

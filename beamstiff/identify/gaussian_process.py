@@ -14,7 +14,13 @@ import numpy as np
 from scipy.linalg import cho_solve
 
 from beamstiff.identify.configuration import Begin, begin_with
-from beamstiff.identify.evidence import SPREAD, LinearReadings, most_evident, readings_root
+from beamstiff.identify.evidence import (
+    SPREAD,
+    LinearReadings,
+    most_evident,
+    prior_of_readings,
+    readings_root,
+)
 from beamstiff.identify.problem import Problem
 from beamstiff.measure.table import Measurements
 from beamstiff.model.gaussian_process import Covariance, GaussianProcessStiffness
@@ -172,9 +178,7 @@ def _solved(
     readings: LinearReadings, postures: Array, covariance: Covariance, noise: float
 ) -> tuple[Array, Array]:
     """Return the Cholesky factor of the readings' covariance, and its inverse times the readings."""
-    total = np.zeros((len(readings.value), len(readings.value)))
     own = covariance.between(postures, postures)
-    for of_spring, slopes in zip(own, readings.slopes.T, strict=True):
-        total += of_spring[np.ix_(readings.posture, readings.posture)] * np.outer(slopes, slopes)
+    total = prior_of_readings(own, readings.slopes, readings.posture)
     root = readings_root(total, noise)
     return root, cho_solve((root, True), readings.value)
