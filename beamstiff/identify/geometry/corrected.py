@@ -9,11 +9,11 @@ from dataclasses import replace
 import numpy as np
 
 from beamstiff.identify.geometry.parameters import AXES, Parameter
-from beamstiff.identify.geometry.widened import MOTION_OF
 from beamstiff.robot.coupling import frame_expressions, variable_kinds
 from beamstiff.robot.description import Robot
 from beamstiff.robot.expression import Expression, parse_expression
-from beamstiff.robot.frames import Kinematics
+from beamstiff.robot.forward import screws_of
+from beamstiff.robot.frames import MOTIONS, Kinematics
 from beamstiff.robot.kinematics import Posture, compile_kinematics, posture
 from beamstiff.robot.parts import Frame, Joint, Node, Rigid, Variable
 from beamstiff.se3 import Array
@@ -47,7 +47,8 @@ def corrected(robot: Robot, changes: Mapping[str, float], q: Array) -> Robot:
     >>> found.frames[1].theta, found.frames[2].d
     ('q2 + 0.001', 1.3002)
     """
-    changes = {name: float(by) for name, by in changes.items()}
+    changes = {name: float(by) for name, by in changes.items() if by}
+    robot = _apart_from_joints(robot, changes)
     declared = {variable.name for variable in robot.variables}
     zeros = {name: by for name, by in changes.items() if name in declared and by}
     result = robot.model_copy(
@@ -128,53 +129,93 @@ def _joined(nominal: Robot, robot: Robot, q: Array) -> Robot:
         return robot  # they were apart before
     where = posture(now, q)
     apart = _gaps(now, where, robot.joints).max(axis=0) > JOINED
-    users = Counter(name for joint in robot.joints for name in joint.nodes)
-    users.update(name for strut in robot.struts for name in strut.nodes)
-    users.update((robot.tcp, *(name for loop in robot.loops for name in (loop.a, loop.b))))
-    places: dict[str, tuple[float, float, float]] = {}
-    seats: list[Node] = []
+    seats = _Seats(robot)
     joints = list(robot.joints)
     for number, joint in enumerate(robot.joints):
         if not apart[number]:
             continue
         first, second = (now.node_index[name] for name in joint.nodes)
-        at = _on_axis(now, second)
-        if np.abs(at - now.node_at[second]).max() > 0.0:
-            places[joint.nodes[1]] = _point(at)
-        frame, own = now.node_frame[second], int(now.node_frame[first])
-        seen = where.transforms[0, frame, :3, :3] @ at + where.transforms[0, frame, :3, 3]
-        back = where.transforms[0, own]
-        seat = _point(back[:3, :3].T @ (seen - back[:3, 3]))
-        if users[joint.nodes[0]] == 1:
-            places[joint.nodes[0]] = seat
-        else:  # the node is something else's too, which stays: the joint sits on a bracket
-            name = f"{joint.nodes[0]} of {joint.name}"
-            seats.append(Node(name=name, frame=now.frame_names[own], at=seat))
-            joints[number] = joint.model_copy(update={"nodes": (name, joint.nodes[1])})
-    nodes = [
-        item.model_copy(update={"at": places[item.name]}) if item.name in places else item
-        for item in robot.nodes
+        at = _on_axis(now, where, second)
+        pose, back = (where.transforms[0, now.node_frame[node]] for node in (second, first))
+        seen = pose[:3, :3] @ at + pose[:3, 3]
+        nodes = (
+            seats.at(joint, 0, back[:3, :3].T @ (seen - back[:3, 3])),
+            seats.at(joint, 1, at),
+        )
+        joints[number] = joint.model_copy(update={"nodes": nodes})
+    return seats.robot.model_copy(update={"joints": tuple(joints)})
+
+
+def _apart_from_joints(robot: Robot, changes: Mapping[str, float]) -> Robot:
+    """Return the robot with joints on nodes of their own where they share one with a point that was moved."""
+    points = {node.name for node in robot.nodes if any(f"{node.name}.{axis}" in changes for axis in AXES)}
+    seats = _Seats(robot)
+    place = {node.name: np.array(node.at) for node in robot.nodes}
+    joints = [
+        joint.model_copy(
+            update={
+                "nodes": tuple(
+                    seats.new(joint, end, place[name]) if name in points else name
+                    for end, name in enumerate(joint.nodes)
+                )
+            }
+        )
+        for joint in robot.joints
     ]
-    brackets = [Rigid(name=item.name, nodes=(item.name.split(" of ")[0], item.name)) for item in seats]
-    return robot.model_copy(
-        update={
-            "nodes": (*nodes, *seats),
-            "joints": tuple(joints),
-            "rigids": (*robot.rigids, *brackets),
-        }
-    )
+    return seats.robot.model_copy(update={"joints": tuple(joints)}) if points else robot
 
 
-def _on_axis(kinematics: Kinematics, node: int) -> Array:
-    """Return a node's place (3,) in its frame, on the axis that the frame turns about."""
+class _Seats:
+    """Places of joints in a robot: a node that is the joint's alone is moved, another bears a bracket."""
+
+    def __init__(self, robot: Robot) -> None:
+        self._robot = robot
+        self._users = Counter(name for joint in robot.joints for name in joint.nodes)
+        self._users.update(name for strut in robot.struts for name in strut.nodes)
+        self._users.update((robot.tcp, *(name for loop in robot.loops for name in (loop.a, loop.b))))
+        self._nodes = {node.name: node for node in robot.nodes}
+        self._brackets: list[Rigid] = []
+
+    @property
+    def robot(self) -> Robot:
+        """The robot with the places taken so far."""
+        rigids = (*self._robot.rigids, *self._brackets)
+        return self._robot.model_copy(update={"nodes": tuple(self._nodes.values()), "rigids": rigids})
+
+    def at(self, joint: Joint, end: int, place: Array) -> str:
+        """Return the node for one end of a joint at a place (3,) of its frame."""
+        name = joint.nodes[end]
+        if np.abs(place - self._nodes[name].at).max() <= JOINED:
+            return name
+        if self._users[name] > 1:
+            return self.new(joint, end, place)
+        self._nodes[name] = self._nodes[name].model_copy(update={"at": _point(place)})
+        return name
+
+    def new(self, joint: Joint, end: int, place: Array) -> str:
+        """Return a new node for one end of a joint, on a bracket from its old one."""
+        old = self._nodes[joint.nodes[end]]
+        name = f"{old.name} of {joint.name}"
+        self._nodes[name] = Node(name=name, frame=old.frame, at=_point(place))
+        self._brackets.append(Rigid(name=name, nodes=(old.name, name)))
+        return name
+
+
+def _on_axis(kinematics: Kinematics, where: Posture, node: int) -> Array:
+    """Return a node's place (3,) in its frame, on the axis that the frame turns about.
+
+    Parameters behind the joint's motion (beta and r behind theta) carry the frame off its axis.
+    """
     at: Array = kinematics.node_at[node]
     frame = int(kinematics.node_frame[node])
-    tilt = kinematics.constants[frame, MOTION_OF["beta"]]
-    if not (tilt and kinematics.coefficients[frame, MOTION_OF["theta"]].any()):
+    chain = [int(kinematics.parents[frame]), frame]
+    screws = screws_of(kinematics, where.values[:1], where.transforms[:1], chain) if frame else []
+    turns = [screw for screw in screws if MOTIONS[screw.motion][1] == "turn"]
+    if len(turns) != 1:
         return at
-    # beta stands behind theta: the joint's axis leans in the frame, and meets its z axis where r begins
-    axis = np.array([-np.sin(tilt), 0.0, np.cos(tilt)])
-    foot = np.array([0.0, 0.0, -kinematics.constants[frame, MOTION_OF["r"]]])
+    pose = where.transforms[0, frame]
+    axis = pose[:3, :3].T @ turns[0].axis[:, 0]
+    foot = pose[:3, :3].T @ (turns[0].point[:, 0] - pose[:3, 3])
     result: Array = foot + ((at - foot) @ axis) * axis
     return result
 

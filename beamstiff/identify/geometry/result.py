@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from beamstiff.errors import BeamstiffError, suggest
 from beamstiff.identify.geometry.observability import Observability
 from beamstiff.identify.geometry.parameters import Parameter
 from beamstiff.measure.arrays import Integers
@@ -143,7 +144,10 @@ class Calibration:
     notes: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> Found:
-        return next(item for item in self.parameters if item.name == name)
+        known = {item.name: item for item in self.parameters}
+        if name not in known:
+            raise BeamstiffError(f"{name!r} was not among the parameters{suggest(name, known)}")
+        return known[name]
 
     @property
     def values(self) -> Mapping[str, float]:

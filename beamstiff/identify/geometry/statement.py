@@ -96,8 +96,9 @@ def state_calibration(
     seen = observability(jacobian, every, noticed)
     if not seen.identified:
         raise BeamstiffError(f"{rows.source}: the readings show none of {listed(seen.names)}")
-    if problem.count + int(np.isfinite(problem.prior).sum()) <= len(seen.identified):
-        poses = len(geometry.poses)
+    told = problem.count + int(np.isfinite(problem.prior).sum())
+    poses = len(geometry.poses)
+    if told <= len(seen.identified):
         raise BeamstiffError(
             f"{rows.source}: {problem.count} measured values in {poses} {'pose' if poses == 1 else 'poses'} "
             f"for {len(every)} parameters, of which they cannot tell apart more than {len(seen.identified)} "
@@ -105,6 +106,11 @@ def state_calibration(
         )
     idle = [name for name in compliances if name not in elastic.names]
     notes = [f"nothing loads {listed(idle)}: held as in the robot"] if idle else []
+    if told < 2 * len(seen.identified):
+        notes.append(
+            f"{problem.count} measured values in {poses} poses for {len(seen.identified)} parameters: little "
+            "is left to check the fit"
+        )
     return Statement(robot, problem, begin, seen, tuple(notes))
 
 

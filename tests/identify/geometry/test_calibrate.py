@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from beamstiff import BeamstiffError, calibrate
+from beamstiff import BeamstiffError, calibrate, load_robot
 from beamstiff.identify.geometry.corrected import corrected
 from beamstiff.identify.geometry.validation import errors_on, gap_of, in_base_frame
 from beamstiff.measure import make_measurements
@@ -155,6 +155,32 @@ def test_a_four_bar_with_ball_screws_is_calibrated() -> None:
     )
     again = calibrate(four_bar(), exact, names, noticed=0.0, folds=0)
     assert again.after.position_max == pytest.approx(0, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["kr240-2", "gantry", "tripod"])
+def test_robots_that_come_along_are_calibrated_in_ten_times_their_tolerances(name: str) -> None:
+    robot = load_robot(name)
+    q = within(robot, 40, 1)
+    q = q.mean(axis=0) + 0.5 * (q - q.mean(axis=0))
+    errors = dict.fromkeys([*variables(robot)[:2], f"{robot.frames[1].name}.d"], 1e-2)
+    rows = measured(corrected(robot, errors, q[:1]), q, turned=name == "tripod")
+    found = calibrate(robot, rows, folds=0)
+    assert found.message == "converged"
+    assert found.noise == pytest.approx(1.0, abs=0.15)
+
+
+def test_few_values_leave_little_to_check() -> None:
+    found = calibrate(serial(), measured(REAL, within(serial(), 10, 15)), folds=0)
+    assert found.notes == (
+        "30 measured values in 10 poses for 27 parameters: little is left to check the fit",
+    )
+
+
+def test_a_name_that_was_not_sought_is_told() -> None:
+    found = calibrate(serial(), measured(REAL, within(serial(), 20, 16)), ["q2", "q3"], folds=0)
+    assert list(found.values) == ["q2", "q3"]
+    with pytest.raises(BeamstiffError, match=r"'q4' was not among the parameters"):
+        _ = found["q4"]
 
 
 def test_gauss_newton_ends_where_levenberg_marquardt_does() -> None:
