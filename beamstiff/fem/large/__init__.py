@@ -1,0 +1,1 @@
+"""Frames of thousands of nodes and more: sparse stiffness, solvers that do not store what they need not."""

@@ -1,0 +1,117 @@
+"""Nested dissection: in which order to eliminate the nodes of a large graph, and in which groups.
+
+The graph is cut in two across its longest extent, both halves again, and so on; the nodes on a cut come after
+both its sides. In a slender frame the cuts are cross-sections, and the groups fold up like a chain.
+Source: George, Nested dissection of a regular finite element mesh, SIAM J. Numer. Anal. 10 (1973) 345.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from beamstiff.se3 import Array
+
+Index = NDArray[np.int64]
+LEAF = 24  # nodes: fewer are not worth a cut
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Nodes that are eliminated together.
+
+    Attributes
+    ----------
+    start, stop : int
+        Places of its nodes in the order.
+    boundary : (b,) int array
+        Places of the later nodes that it meets, ascending.
+    children : tuple of int
+        Groups that hand their rest on to this one.
+    """
+
+    start: int
+    stop: int
+    boundary: Index
+    children: tuple[int, ...]
+
+
+def dissect(graph: sparse.csr_array, points: Array, last: Index) -> tuple[Index, list[Group]]:
+    """Return an order of the nodes of a graph, and its groups, each after its children.
+
+    Parameters
+    ----------
+    graph : (N, N) sparse array
+        An entry for each pair of nodes that meet, both ways.
+    points : (N, 3) array
+        Positions of the nodes.
+    last : int array
+        Nodes that come last; they are no part of a group.
+
+    Returns
+    -------
+    order : (N,) int array
+        Nodes in the order of elimination.
+    groups : list of Group
+    """
+    pointers, neighbours = graph.indptr.astype(np.int64), graph.indices.astype(np.int64)
+    side = np.zeros(len(points), dtype=np.int8)
+    order: list[Index] = []
+    found: list[tuple[int, int, tuple[int, ...]]] = []
+    placed = 0
+
+    def meets(nodes: Index, mark: int) -> NDArray[np.bool_]:
+        """Return which of the nodes have a neighbour on a side."""
+        counts = pointers[nodes + 1] - pointers[nodes]
+        owner = np.repeat(np.arange(len(nodes)), counts)
+        entries = np.arange(counts.sum()) + np.repeat(pointers[nodes] - (np.cumsum(counts) - counts), counts)
+        result = np.zeros(len(nodes), dtype=np.bool_)
+        result[owner[side[neighbours[entries]] == mark]] = True
+        return result
+
+    def add(nodes: Index, children: tuple[int, ...]) -> int:
+        nonlocal placed
+        order.append(nodes)
+        found.append((placed, placed + len(nodes), children))
+        placed += len(nodes)
+        return len(found) - 1
+
+    def cut(nodes: Index) -> int:
+        if len(nodes) <= LEAF:
+            return add(nodes, ())
+        extent = np.ptp(points[nodes], axis=0)
+        along = points[nodes, int(np.argmax(extent))]
+        low = along < np.median(along) + 1e-9 * extent.max()
+        if low.all() or not low.any():  # all at one place: by halves
+            low = np.arange(len(nodes)) < len(nodes) // 2
+        one, other = nodes[low], nodes[~low]
+        side[one], side[other] = 1, 2
+        near, far = meets(one, 2), meets(other, 1)
+        side[nodes] = 0
+        # the cut on the side where it is shorter; of equal ones where the rest is more even
+        if (near.sum(), abs(len(one) - near.sum() - len(other))) <= (
+            far.sum(),
+            abs(len(other) - far.sum() - len(one)),
+        ):
+            between, one = one[near], one[~near]
+        else:
+            between, other = other[far], other[~far]
+        children = tuple(cut(part) for part in (one, other) if len(part))
+        return add(between, children) if len(between) else add(np.zeros(0, dtype=np.int64), children)
+
+    rest = np.setdiff1d(np.arange(len(points)), last)
+    if len(rest):
+        cut(rest)
+    whole = np.concatenate([*order, np.asarray(last, dtype=np.int64)])
+    place = np.empty(len(points), dtype=np.int64)
+    place[whole] = np.arange(len(points))
+    groups: list[Group] = []
+    for start, stop, children in found:
+        nodes = whole[start:stop]
+        own = [place[neighbours[pointers[node] : pointers[node + 1]]] for node in nodes]
+        met = np.unique(np.concatenate([*own, *(groups[child].boundary for child in children)] or [nodes]))
+        groups.append(Group(start, stop, met[met >= stop], children))
+    return whole, groups

@@ -1,0 +1,144 @@
+"""Large frames as plain arrays, and their sparse stiffness, assembled without a loop over elements."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from beamstiff.errors import BeamstiffError
+from beamstiff.fem.beam import beam_axes, beam_stiffness
+from beamstiff.fem.geometry import SHORTEST
+from beamstiff.se3 import Array
+
+Index = NDArray[np.int64]
+BEAMS = 20_000  # at a time in extended precision
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """A frame of beams, rigidly connected at its nodes.
+
+    Attributes
+    ----------
+    points : (N, 3) array, m
+        Positions of the nodes.
+    beams : (B, 2) int array
+        Nodes of each beam.
+    properties : dict of (B,) arrays
+        ``E G A Iy Iz J Ay Az``, SI, as `beam_stiffness` takes them.
+    up : (B, 3) array
+        Local y lies in the plane of the beam and `up`; NaN for any perpendicular.
+    fixed : (N,) bool array
+    """
+
+    points: Array
+    beams: Index
+    properties: dict[str, Array]
+    up: Array
+    fixed: NDArray[np.bool_]
+
+    @property
+    def unknowns(self) -> Index:
+        """Unknown of each direction of each node, (N, 6); -1 where it is fixed."""
+        free = np.repeat(~self.fixed, 6)
+        return np.where(free, np.cumsum(free) - 1, -1).reshape(-1, 6)
+
+
+def frame_stiffness(frame: Frame) -> sparse.csc_array:
+    """Return the stiffness of the free nodes, (n, n), six unknowns a node.
+
+    Raises
+    ------
+    BeamstiffError
+        When a beam has no length, a number is not finite or everything is fixed.
+
+    Examples
+    --------
+    >>> unit = {name: np.ones(1) for name in ("E", "G", "A", "Iy", "Iz", "J")}
+    >>> beam = Frame(
+    ...     points=np.array([[0.0, 0, 0], [2.0, 0, 0]]),
+    ...     beams=np.array([[0, 1]]),
+    ...     properties=unit | {"Ay": np.array([np.inf]), "Az": np.array([np.inf])},
+    ...     up=np.full((1, 3), np.nan),
+    ...     fixed=np.array([True, False]),
+    ... )
+    >>> frame_stiffness(beam).diagonal().round(3)
+    array([0.5, 1.5, 1.5, 0.5, 2. , 2. ])
+    """
+    axis = frame.points[frame.beams[:, 1]] - frame.points[frame.beams[:, 0]]
+    length = np.sqrt((axis * axis).sum(axis=1))
+    if not (np.isfinite(length) & (length > SHORTEST)).all():
+        odd = int(np.argmin(np.isfinite(length) & (length > SHORTEST)))
+        raise BeamstiffError(
+            f"beam {odd}: found a length of {length[odd]:.3g} m between nodes {frame.beams[odd].tolist()}, "
+            "expected one greater than zero"
+        )
+    numbers = frame.unknowns
+    count = int(numbers.max(initial=-1)) + 1
+    if count == 0:
+        raise BeamstiffError("all nodes of the frame are fixed, expected some that are free")
+    local = beam_stiffness(length, **frame.properties).reshape(-1, 4, 3, 4, 3)
+    turn = beam_axes(axis, frame.up)
+    turned = np.einsum("bij,bpjqk,blk->bpiql", turn, local, turn, optimize=True).reshape(-1, 12, 12)
+    if not np.isfinite(turned).all():
+        odd = int(np.argmin(np.isfinite(turned).all(axis=(1, 2))))
+        raise BeamstiffError(f"beam {odd}: its stiffness is not finite, expected finite positive properties")
+    at = numbers[frame.beams].reshape(-1, 12)
+    rows = np.broadcast_to(at[:, :, None], turned.shape)
+    columns = np.broadcast_to(at[:, None, :], turned.shape)
+    kept = (rows >= 0) & (columns >= 0) & (turned != 0.0)
+    entries = (turned[kept], (rows[kept].astype(np.int32), columns[kept].astype(np.int32)))
+    return sparse.coo_array(entries, shape=(count, count)).tocsc()
+
+
+def nodal_forces(frame: Frame, displacement: NDArray[Any]) -> NDArray[Any]:
+    """Return the wrenches (N, 6, c) that hold the nodes of a frame in given displacements (N, 6, c).
+
+    From the deformation of each beam, second end against the first carried along. Differences and sums are in
+    extended precision, so that a motion of the whole strains nothing and each beam is in equilibrium; what is
+    rounded is as a stiffness that differs in its last digit. The sums of an assembled matrix lose what the
+    condition of the frame takes.
+    """
+    exact = np.longdouble
+    result = np.zeros(displacement.shape, dtype=exact)
+    for start in range(0, len(frame.beams), BEAMS):
+        some = slice(start, start + BEAMS)
+        a, b = frame.beams[some].T
+        arm = frame.points[b].astype(exact) - frame.points[a].astype(exact)
+        axis = arm.astype(np.float64)
+        properties = {name: value[some] for name, value in frame.properties.items()}
+        local = beam_stiffness(np.sqrt((axis * axis).sum(axis=1)), **properties)[:, 6:, 6:]
+        turn = beam_axes(axis, frame.up[some])[:, None]
+        near = displacement[a].astype(exact)
+        moved = displacement[b].astype(exact) - near
+        moved[:, :3] -= _cross(near[:, 3:], arm)
+        strain = turn.swapaxes(-1, -2) @ moved.astype(np.float64).reshape(len(a), 2, 3, -1)
+        force = (turn @ (local @ strain.reshape(moved.shape)).reshape(strain.shape)).reshape(moved.shape)
+        ends = np.concatenate([-force, force]).astype(exact)
+        ends[: len(a), 3:] += _cross(force[:, :3].astype(exact), arm)
+        nodes = np.concatenate([a, b])
+        order = np.argsort(nodes, kind="stable")
+        met, starts = np.unique(nodes[order], return_index=True)
+        result[met] += np.add.reduceat(ends[order], starts, axis=0)
+    return result
+
+
+def _cross(vectors: NDArray[Any], arm: NDArray[Any]) -> NDArray[Any]:
+    """Return the cross product of vectors (B, 3, c) and arms (B, 3)."""
+    (x, y, z), (u, v, w) = vectors.swapaxes(0, 1), arm.T[:, :, None]
+    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=1)
+
+
+def rigid_motions(frame: Frame) -> Array:
+    """Return the six motions of the free nodes as one rigid body, (n, 6): what a multigrid has to keep."""
+    points = frame.points[~frame.fixed]
+    arms = points - points.mean(axis=0)
+    motions = np.zeros((len(points), 6, 6))
+    motions[:, range(6), range(6)] = 1.0
+    for turn in range(3):
+        motions[:, :3, 3 + turn] = np.cross(np.eye(3)[turn], arms)
+    return motions.reshape(-1, 6)

@@ -1,0 +1,46 @@
+"""How much memory there is, and refusing beforehand what does not fit."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from beamstiff.errors import BeamstiffError
+
+SHARE = 0.9  # of what is free
+GROWTH = 4 / 3  # of a factor with the unknowns, in a cube: the worst
+
+
+def free_bytes() -> float:
+    """Return how much memory is free, B; infinite where the system does not say."""
+    found = [float("inf")]
+    information = Path("/proc/meminfo")
+    if information.exists():
+        for line in information.read_text().splitlines():
+            if line.startswith("MemAvailable"):
+                found.append(1024.0 * float(line.split()[1]))
+    elif hasattr(os, "sysconf") and "SC_AVPHYS_PAGES" in os.sysconf_names:
+        found.append(float(os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")))
+    for limit, used in (("memory.max", "memory.current"),):  # of a container
+        one, other = Path("/sys/fs/cgroup") / limit, Path("/sys/fs/cgroup") / used
+        if one.exists() and other.exists() and (text := one.read_text().strip()).isdigit():
+            found.append(float(text) - float(other.read_text()))
+    return max(0.0, min(found))
+
+
+def refuse_unless_fits(what: str, needed: float, unknowns: int, instead: str = "") -> None:
+    """Refuse work that needs more memory than is free.
+
+    Raises
+    ------
+    BeamstiffError
+        Says what is needed, what is free and about how many unknowns would fit.
+    """
+    free = SHARE * free_bytes()
+    if needed <= free:
+        return
+    fitting = int(unknowns * (free / needed) ** (1 / GROWTH))
+    raise BeamstiffError(
+        f"{what} of {unknowns} unknowns needs {needed / 1e9:.2g} GB of memory, {free / 1e9:.2g} GB are free: "
+        f"about {float(f'{fitting:.1g}'):.0f} unknowns would fit{instead}"
+    )

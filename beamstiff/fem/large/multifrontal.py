@@ -1,0 +1,249 @@
+"""Multifrontal Cholesky factorisation and condensation of a sparse stiffness, in groups of nodes.
+
+Each group gathers its own entries and what its children hand on into one dense matrix, eliminates its
+unknowns, and hands on the rest: ``F22 - L21 L21^T``. All work is in dense products. Where only some nodes
+matter (the TCP), they come last and no factor is kept.
+Source: Duff and Reid, ACM Trans. Math. Softw. 9 (1983) 302.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.linalg.blas import dsyrk, dtrsm
+from scipy.linalg.lapack import dpotrf
+
+from beamstiff.fem.large.dissection import Group, dissect
+from beamstiff.se3 import Array
+
+Index = NDArray[np.int64]
+SOFTEST = 1e-13  # of what went into a pivot: what is left is rounding
+RUNS = 24  # more pieces than this are added one index at a time
+
+
+class Softness(Exception):  # noqa: N818 - turned into a message where the node has a name
+    """The stiffness against some unknown is zero or rounding."""
+
+    def __init__(self, unknown: int) -> None:
+        super().__init__(unknown)
+        self.unknown = unknown
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """The order of elimination of a frame, and what it takes.
+
+    Attributes
+    ----------
+    order : (n,) int array
+        Unknowns in the order of elimination.
+    groups : list of Group
+        In places of unknowns.
+    flops : float
+        Multiplications and additions of the factorisation.
+    factor_bytes : float
+        Size of the factor.
+    peak_bytes : float
+        Most that the dense matrices take at one time without a factor.
+    kept : int
+        How many unknowns stand last, outside all groups.
+    """
+
+    order: Index
+    groups: list[Group]
+    flops: float
+    factor_bytes: float
+    peak_bytes: float
+    kept: int
+
+
+def make_plan(graph: sparse.csr_array, points: Array, last: Index, first: Index) -> Plan:
+    """Return the plan for a graph of nodes with some unknowns each (see `dissect`).
+
+    Parameters
+    ----------
+    graph : (N, N) sparse array
+    points : (N, 3) array
+    last : int array
+        Nodes to keep.
+    first : (N + 1,) int array
+        Node i has the unknowns ``first[i]`` to ``first[i + 1] - 1``.
+    """
+    nodes, small = dissect(graph, points, last)
+    sizes = np.diff(first)[nodes]
+    ends = np.concatenate([[0], np.cumsum(sizes)])
+    order = _stretches(first[:-1][nodes], sizes)
+    groups = [
+        Group(
+            int(ends[group.start]),
+            int(ends[group.stop]),
+            _stretches(ends[group.boundary], sizes[group.boundary]),
+            group.children,
+        )
+        for group in small
+    ]
+    flops = factor = now = peak = 0.0
+    for group in groups:
+        own, met = float(group.stop - group.start), float(len(group.boundary))
+        flops += own**3 / 3 + own**2 * met + own * met**2
+        factor += 8 * own * (own + met)
+        now += 8 * met**2
+        peak = max(peak, now + 8 * own * (own + met))
+        now -= sum(8.0 * len(groups[child].boundary) ** 2 for child in group.children)
+    return Plan(order, groups, flops, factor, peak, len(order) - int(ends[len(nodes) - len(last)]))
+
+
+def _stretches(starts: Index, sizes: Index) -> Index:
+    """Return ``start, start + 1, ...`` of so many numbers each, one after another."""
+    before = np.cumsum(sizes) - sizes
+    return np.repeat(starts - before, sizes) + np.arange(int(sizes.sum()))
+
+
+@dataclass(frozen=True, eq=False)
+class Factor:
+    """What a factorisation leaves.
+
+    Attributes
+    ----------
+    plan : Plan
+    rest : (k, k) array
+        Stiffness of the unknowns that stand last, all others eliminated.
+    loads : (k, c) array
+        The same of right sides that went along.
+    blocks : list of (L11, L21)
+        The factor group by group; empty where it was not kept.
+    """
+
+    plan: Plan
+    rest: Array
+    loads: Array
+    blocks: list[tuple[Array, Array]]
+
+    def solve(self, right: Array) -> Array:
+        """Return the solution (n, c) for right sides (n, c), in the order of the matrix."""
+        x = np.asfortranarray(right[self.plan.order])
+        for group, (root, below) in zip(self.plan.groups, self.blocks, strict=True):
+            own = dtrsm(1.0, root, x[group.start : group.stop], lower=1)
+            x[group.start : group.stop] = own
+            x[group.boundary] -= below @ own
+        kept = len(x) - self.plan.kept
+        if self.plan.kept:
+            x[kept:] = np.linalg.solve(self.rest, x[kept:])
+        for group, (root, below) in zip(reversed(self.plan.groups), reversed(self.blocks), strict=True):
+            own = x[group.start : group.stop] - below.T @ x[group.boundary]
+            x[group.start : group.stop] = dtrsm(1.0, root, own, lower=1, trans_a=1)
+        result = np.empty_like(right)
+        result[self.plan.order] = x
+        return result
+
+
+def factorise(matrix: sparse.csc_array, plan: Plan, keep: bool = True, right: Array | None = None) -> Factor:
+    """Factorise a symmetric positive definite matrix by its plan.
+
+    Parameters
+    ----------
+    matrix : (n, n) sparse array
+    plan : Plan
+    keep : bool
+        Keep the factor, for `Factor.solve`; without it only the rest is left.
+    right : (n, c) array, optional
+        Right sides to eliminate along with the unknowns.
+
+    Raises
+    ------
+    Softness
+        When a pivot is zero or rounding: a mechanism.
+    """
+    place = np.empty_like(plan.order)
+    place[plan.order] = np.arange(len(plan.order))
+    entries = matrix.tocoo()
+    rows, columns = place[entries.row], place[entries.col]
+    lower = rows >= columns
+    shape = matrix.shape
+    below = sparse.coo_array((entries.data[lower], (rows[lower], columns[lower])), shape=shape).tocsc()
+    del entries, rows, columns, lower
+    pointers, indices, data = below.indptr.astype(np.int64), below.indices.astype(np.int64), below.data
+    size = matrix.diagonal()[plan.order]
+    loads = np.asfortranarray(np.zeros((len(size), 0)) if right is None else right[plan.order])
+    handed: dict[int, Array] = {}
+    blocks: list[tuple[Array, Array]] = []
+
+    def gathered(start: int, stop: int, boundary: Index, children: tuple[int, ...]) -> list[Array]:
+        own, met = stop - start, len(boundary)
+        first = np.zeros((own, own), order="F")
+        side, rest = np.zeros((met, own), order="F"), np.zeros((met, met), order="F")
+        some = slice(pointers[start], pointers[stop])
+        row, value = indices[some], data[some]
+        column = np.repeat(np.arange(own), np.diff(pointers[start : stop + 1]))
+        inside = row < stop
+        first[row[inside] - start, column[inside]] = value[inside]
+        side[np.searchsorted(boundary, row[~inside]), column[~inside]] = value[~inside]
+        for child in children:
+            given, update = plan.groups[child].boundary, handed.pop(child)
+            split = int(np.searchsorted(given, stop))
+            near, far = given[:split] - start, np.searchsorted(boundary, given[split:])
+            _add_lower(first, near, update[:split, :split])
+            _add(side, far, near, update[split:, :split])
+            _add_lower(rest, far, update[split:, split:])
+        return [first, side, rest]
+
+    for number, group in enumerate(plan.groups):
+        first, side, rest = gathered(group.start, group.stop, group.boundary, group.children)
+        if group.stop > group.start:
+            root, failed = dpotrf(first, lower=1, overwrite_a=1)
+            if failed:
+                raise Softness(int(plan.order[group.start + failed - 1]))
+            pivots = np.diagonal(root) ** 2
+            if (pivots < SOFTEST * size[group.start : group.stop]).any():
+                worst = int(np.argmin(pivots / size[group.start : group.stop]))
+                raise Softness(int(plan.order[group.start + worst]))
+            side = dtrsm(1.0, root, side, side=1, lower=1, trans_a=1, overwrite_b=1) if len(side) else side
+            if loads.size:
+                loads[group.start : group.stop] = dtrsm(1.0, root, loads[group.start : group.stop], lower=1)
+                loads[group.boundary] -= side @ loads[group.start : group.stop]
+            if len(rest):
+                rest = dsyrk(-1.0, side, beta=1.0, c=rest, lower=1, overwrite_c=1)
+            if keep:
+                blocks.append((root, side))
+        elif keep:
+            blocks.append((first, side))
+        handed[number] = rest
+    kept = len(plan.order) - plan.kept
+    last, _, _ = gathered(kept, len(plan.order), np.zeros(0, dtype=np.int64), tuple(handed))
+    return Factor(plan, np.tril(last) + np.tril(last, -1).T, loads[kept:], blocks)
+
+
+def _runs(index: Index) -> list[tuple[slice, slice]]:
+    """Return stretches of an ascending index that follow on one another: there, and here."""
+    ends = [0, *(np.flatnonzero(np.diff(index) != 1) + 1).tolist(), len(index)]
+    return [
+        (slice(int(index[a]), int(index[a]) + b - a), slice(a, b))
+        for a, b in itertools.pairwise(ends)
+        if b > a
+    ]
+
+
+def _add(to: Array, rows: Index, columns: Index, what: Array) -> None:
+    """Add a matrix into rows and columns of another."""
+    runs = _runs(rows)
+    for there, here in _runs(columns):
+        if len(runs) > RUNS:
+            to[rows, there] += what[:, here]
+            continue
+        for there_too, here_too in runs:
+            to[there_too, there] += what[here_too, here]
+
+
+def _add_lower(to: Array, index: Index, what: Array) -> None:
+    """Add the lower triangle of a symmetric matrix into that of another; what is above counts for nothing."""
+    runs = _runs(index)
+    for number, (there, here) in enumerate(runs):
+        if len(runs) > RUNS:
+            to[index[here.start :], there] += what[here.start :, here]
+            continue
+        for there_too, here_too in runs[number:]:
+            to[there_too, there] += what[here_too, here]

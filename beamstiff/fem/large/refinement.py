@@ -1,0 +1,108 @@
+"""How good a solution is: refinement by residuals in extended precision, condition.
+
+A factor in double precision leaves an error of condition times 1e-16: at a million unknowns one of 1e-3. With
+better residuals (Wilkinson; Higham, Accuracy and Stability of Numerical Algorithms, ch. 12) some more
+solutions bring it down to the last digits. Where `numpy.longdouble` is no more than a double the refinement
+stops earlier, and the error that remains says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.linalg import LinearOperator, onenormest
+
+from beamstiff.se3 import Array
+
+Solve = Callable[[Array], Array]
+ENOUGH = 1e-11  # relative error
+MOST = 12
+
+
+@dataclass(frozen=True)
+class Quality:
+    """What is known of a solution.
+
+    Attributes
+    ----------
+    error : float
+        Largest relative error of a column that is to be expected, in the norm scaled to unit diagonal.
+    residual : float
+        Largest ``|b - K x| / |b|``, likewise.
+    refinements : int
+        How often it was refined.
+    first_error : float
+        Relative error before the refinement.
+    """
+
+    error: float
+    residual: float
+    refinements: int
+    first_error: float
+
+
+def refined(
+    scale: Array, forces: Callable[[NDArray[Any]], NDArray[Any]], solve: Solve, right: Array
+) -> tuple[Array, Quality]:
+    """Return the solution (n, c) of a symmetric system, refined as far as it goes, and how good it is.
+
+    Parameters
+    ----------
+    scale : (n,) array
+        Square roots of the diagonal.
+    forces : callable
+        ``K x`` in extended precision.
+    solve : callable
+        ``K^-1 b`` in double precision.
+    right : (n, c) array
+    """
+    row = scale[:, None]
+    load = np.maximum(_norms(right / row), np.finfo(float).tiny)
+    x: NDArray[Any] = solve(right).astype(np.longdouble)
+    size = np.maximum(_norms(row * x.astype(np.float64)), np.finfo(float).tiny)
+    error = before = np.inf
+    first, times = 0.0, 0
+    left = (right - forces(x)).astype(np.float64)
+    while times < MOST and error > ENOUGH:
+        step = solve(left)
+        change = float((_norms(row * step) / size).max())
+        first = change if times == 0 else first
+        if not change < 0.5 * before:  # it grows no better
+            break
+        x = x + step
+        times += 1
+        left = (right - forces(x)).astype(np.float64)
+        # what a step leaves is to the step as the step was to the one before, or to the whole
+        rate = change / before if np.isfinite(before) else change
+        error, before = max(change * min(rate, 1.0), np.finfo(float).eps), change
+    residual = float((_norms(left / row) / load).max())
+    return x.astype(np.float64), Quality(min(error, before) if times else first, residual, times, first)
+
+
+def _norms(columns: Array) -> Array:
+    return np.asarray(np.sqrt((columns * columns).sum(axis=0)))
+
+
+def condition_estimate(matrix: sparse.csc_array, solve: Solve) -> float:
+    """Return an estimate of the condition of a symmetric matrix scaled to unit diagonal, in the 1-norm.
+
+    Higham and Tisseur, SIAM J. Matrix Anal. Appl. 21 (2000) 1185; some ten solutions.
+    """
+    scale = np.sqrt(matrix.diagonal())
+    inverse = sparse.diags_array(1.0 / scale)
+    scaled = inverse @ matrix @ inverse
+
+    def apply(right: Array) -> Array:
+        columns = right.reshape(len(scale), -1)
+        solved: Array = scale[:, None] * solve(scale[:, None] * columns)
+        return solved.reshape(right.shape)
+
+    operator = LinearOperator(
+        scaled.shape, matvec=apply, rmatvec=apply, matmat=apply, rmatmat=apply, dtype=float
+    )
+    return float(abs(scaled).sum(axis=0).max() * onenormest(operator))
