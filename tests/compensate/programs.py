@@ -5,8 +5,11 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
+from hypothesis import settings
 from hypothesis import strategies as st
 
+# programs take long to make; `--hypothesis-profile=thorough` makes more all the same
+FEWER = settings(max_examples=2 * (settings.default.max_examples if settings.default else 100) // 5)
 NUMBER = rb"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 
 

@@ -11,7 +11,7 @@ from beamstiff.compensate.formats import krl
 from beamstiff.compensate.orientation import KUKA
 from beamstiff.errors import BeamstiffError
 
-from .programs import BLANKS, ENDS, GAPS, REMARKS, Pieces, joined, number_texts
+from .programs import BLANKS, ENDS, FEWER, GAPS, REMARKS, Pieces, joined, number_texts
 
 
 @st.composite
@@ -44,6 +44,7 @@ def programs(draw: st.DrawFn) -> tuple[Pieces, int]:
     return joined(lines, end), count
 
 
+@FEWER
 @given(programs())
 def test_an_unmodified_program_is_the_same_byte_for_byte(made: tuple[Pieces, int]) -> None:
     pieces, count = made
@@ -52,6 +53,7 @@ def test_an_unmodified_program_is_the_same_byte_for_byte(made: tuple[Pieces, int
     assert program.with_poses(program.path.poses) == pieces.text.encode("latin-1")
 
 
+@FEWER
 @given(programs(), st.integers(0, 2**32 - 1))
 def test_only_numbers_of_targets_change_and_they_say_where_to(made: tuple[Pieces, int], seed: int) -> None:
     pieces, count = made
@@ -68,6 +70,7 @@ def test_only_numbers_of_targets_change_and_they_say_where_to(made: tuple[Pieces
     np.testing.assert_allclose(again.path.poses[:, :3, :3], poses[:, :3, :3], rtol=0, atol=3e-6)
 
 
+@FEWER
 @given(programs(), st.data())
 def test_targets_that_are_not_chosen_stay(made: tuple[Pieces, int], data: st.DataObject) -> None:
     pieces, count = made

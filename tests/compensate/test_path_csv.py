@@ -11,7 +11,7 @@ from beamstiff.compensate.formats import path_csv
 from beamstiff.compensate.orientation import KUKA
 from beamstiff.errors import BeamstiffError
 
-from .programs import BLANKS, ENDS, REMARKS, Pieces, joined, number_texts
+from .programs import BLANKS, ENDS, FEWER, REMARKS, Pieces, joined, number_texts
 
 HEADERS = {
     "mm, deg": ("x [mm]", "y [mm]", "z [mm]", "a [deg]", "b [deg]", "c [deg]"),
@@ -27,11 +27,12 @@ def tables(draw: st.DrawFn) -> tuple[Pieces, int]:
     separator = draw(st.sampled_from([",", ";", "\t"]))
     blanks = BLANKS if separator != "\t" else st.sampled_from(["", " "])
     header = HEADERS[draw(st.sampled_from(sorted(HEADERS)))]
-    lines = [["# made by " + draw(REMARKS)], ["# orientation: KUKA ABC"], [separator.join(("name", *header, "n"))]]
+    names = separator.join(("name", *header, "n"))
+    lines = [["# made by " + draw(REMARKS)], ["# orientation: KUKA ABC"], [names]]
     for number in range(count):
         name = draw(st.sampled_from([f"P{number}", f'"a{separator} {number}"', "", "#"])) or f"Q{number}"
         line = [(name if name != "#" else "P") + separator]
-        for at in range(6):
+        for _ in range(6):
             line[-1] += draw(blanks)
             line += [draw(number_texts(2.0)), draw(blanks) + separator]
         line[-1] += draw(st.sampled_from(["5", "", "text"]))
@@ -40,6 +41,7 @@ def tables(draw: st.DrawFn) -> tuple[Pieces, int]:
     return joined(lines, end), count
 
 
+@FEWER
 @given(tables())
 def test_an_unmodified_table_is_the_same_byte_for_byte(made: tuple[Pieces, int]) -> None:
     pieces, count = made
@@ -48,6 +50,7 @@ def test_an_unmodified_table_is_the_same_byte_for_byte(made: tuple[Pieces, int])
     assert program.with_poses(program.path.poses) == pieces.text.encode("latin-1")
 
 
+@FEWER
 @given(tables(), st.integers(0, 2**32 - 1))
 def test_only_cells_of_targets_change_and_they_say_where_to(made: tuple[Pieces, int], seed: int) -> None:
     pieces, count = made
@@ -64,7 +67,8 @@ def test_only_cells_of_targets_change_and_they_say_where_to(made: tuple[Pieces, 
 
 
 def test_units_loads_and_further_columns() -> None:
-    text = "x [mm],y [cm],z,qw,qx,qy,qz,fz [kN],my [N*mm],depth [mm],note\n1000,50,0.25,0,0,1,0,-1.5,200,2,ok\n"
+    text = "x [mm],y [cm],z,qw,qx,qy,qz,fz [kN],my [N*mm],depth [mm],note\n"
+    text += "1000,50,0.25,0,0,1,0,-1.5,200,2,ok\n"
     path = path_csv.read(text, "a.csv").path
     np.testing.assert_allclose(path.poses[0, :3, 3], [1.0, 0.5, 0.25])
     np.testing.assert_allclose(path.poses[0, :3, 2], [0, 0, -1], atol=1e-15)
@@ -101,7 +105,7 @@ def test_positions_alone_are_known_to_be_so() -> None:
 
 
 def test_a_table_written_is_read_again() -> None:
-    text = "name,x,y,z,a,b,c,fz,depth\n\"a,b\",1,2,3,0.1,0.2,0.3,-5,0.001\nc,1,2,3,0,0,0,-6,0.002\n"
+    text = 'name,x,y,z,a,b,c,fz,depth\n"a,b",1,2,3,0.1,0.2,0.3,-5,0.001\nc,1,2,3,0,0,0,-6,0.002\n'
     path = path_csv.read(text, "a.csv").path
     again = path_csv.read(path_csv.write(path, "test"), "a.csv").path
     assert again.names == path.names
@@ -126,7 +130,10 @@ def test_a_table_written_is_read_again() -> None:
         ("x,y,z,a,b,c,i,j,k\n" + "0," * 8 + "1\n", "a.csv:1: i: found beside a, expected one orientation"),
         ("x,y,z,qw,qx,qy,qz\n1,2,3,1,1,0,0\n", "a.csv:2: row 1: found a quaternion of length 1.41421"),
         ("x,y,z,fz\n1,2,3,\n", "a.csv:2: fz: found '', expected a number"),
-        ("# orientation: roll\nx,y,z,a,b,c\n1,2,3,0,0,0\n", "a.csv:1: orientation: found the orientation 'roll'"),
+        (
+            "# orientation: roll\nx,y,z,a,b,c\n1,2,3,0,0,0\n",
+            "a.csv:1: orientation: found the orientation 'roll'",
+        ),
         ("x,y,z\n", "a.csv: found no row"),
         ("x [mm],y,z\n1,2,3000\n", "a.csv:2: row 1: found a position 3e\\+03 m away"),
     ],

@@ -90,7 +90,8 @@ def test_along_the_tool_there_is_no_feed_frame() -> None:
 
 
 def test_loads_add_up() -> None:
-    both = parse_process("{kind: together, parts: [{kind: constant, fz: -920 N}, {kind: constant, fz: 20, mx: 1}]}")
+    parts = "[{kind: constant, fz: -920 N}, {kind: constant, fz: 20, mx: 1}]"
+    both = parse_process(f"{{kind: together, parts: {parts}}}")
     path = straight_path()
     np.testing.assert_allclose(both.wrench(path.poses, path), [[0, 0, -900, 1, 0, 0]] * 3)
 
@@ -103,15 +104,24 @@ def test_loads_add_up() -> None:
         ("{}", r"<text>:1: kind: is missing"),
         (BEAM.replace("585 mm", "585 N"), r"<text>:2: length: found the unit 'N', expected a unit of length"),
         (BEAM.replace("585 mm", "0"), r"<text>:2: length: found 0, expected more than 0"),
-        (BEAM.replace("friction: 0.15", "friction: -1"), r"<text>:10: friction: found -1, expected 0 or more"),
-        (BEAM.replace("friction", "frction"), r"<text>:10: frction: unknown key \(did you mean 'friction'\?\)"),
+        (
+            BEAM.replace("friction: 0.15", "friction: -1"),
+            r"<text>:10: friction: found -1, expected 0 or more",
+        ),
+        (
+            BEAM.replace("friction", "frction"),
+            r"<text>:10: frction: unknown key \(did you mean 'friction'\?\)",
+        ),
         (BEAM.replace("[-2, 0, 0]", "[0, 0, 0]"), r"<text>:8: clamp.x: found a zero vector"),
         (BEAM.replace("[-2, 0, 0]", "[0, 0, 3]"), r"<text>:9: clamp.z: found the direction of x"),
         (BEAM.replace("[-2, 0, 0]", "[1, 0]"), r"<text>:8: clamp.x: found .* expected a list of 3 numbers"),
         (BEAM + "method: exact", r"<text>:11: method: found 'exact', expected one of incremental"),
         (TABLE.replace("2 mm, 4 mm", "2 mm, 1 mm"), r"<text>:3: values: found values that do not rise"),
         (TABLE.replace("fz: [0, 50, 100]", "fz: [0, 50]"), r"<text>:5: fz: found .* list of 3 numbers"),
-        (TABLE.replace("FRAME", "wrist"), r"<text>:6: frame: found 'wrist', expected one of base, tool, feed"),
+        (
+            TABLE.replace("FRAME", "wrist"),
+            r"<text>:6: frame: found 'wrist', expected one of base, tool, feed",
+        ),
         ("kind: constant\nfz: -920 mm", r"<text>:2: fz: found the unit 'mm', expected a unit of force"),
         ("{kind: together, parts: [{kind: constant, fx: a}]}", r"parts.0.fx: found 'a'"),
     ],

@@ -11,7 +11,7 @@ from beamstiff.compensate.formats import rapid
 from beamstiff.compensate.orientation import KUKA
 from beamstiff.errors import BeamstiffError
 
-from .programs import BLANKS, ENDS, REMARKS, Pieces, joined, number_texts
+from .programs import BLANKS, ENDS, FEWER, REMARKS, Pieces, joined, number_texts
 
 QUATERNIONS = (
     ("1", "0", "0", "0"),
@@ -53,6 +53,7 @@ def programs(draw: st.DrawFn) -> tuple[Pieces, int]:
     return joined(lines, end), count
 
 
+@FEWER
 @given(programs())
 def test_an_unmodified_module_is_the_same_byte_for_byte(made: tuple[Pieces, int]) -> None:
     pieces, count = made
@@ -61,6 +62,7 @@ def test_an_unmodified_module_is_the_same_byte_for_byte(made: tuple[Pieces, int]
     assert program.with_poses(program.path.poses) == pieces.text.encode("latin-1")
 
 
+@FEWER
 @given(programs(), st.integers(0, 2**32 - 1))
 def test_only_numbers_of_targets_change_and_they_say_where_to(made: tuple[Pieces, int], seed: int) -> None:
     pieces, count = made

@@ -45,7 +45,8 @@ def test_no_step_is_longer_and_all_targets_are_still_there(
 
 def test_between_two_targets_all_is_linear() -> None:
     path = random_path(3, 2)
-    dense = resample(path, step=np.inf, angle=np.linalg.norm(difference(path.poses[1:], path.poses[:1])[:, 3:]) / 3.5)
+    whole = np.linalg.norm(difference(path.poses[1:], path.poses[:1])[:, 3:])
+    dense = resample(path, step=np.inf, angle=float(whole) / 3.5)
     assert dense.names == ("P0", "P0+1/4", "P0+2/4", "P0+3/4", "P1")
     np.testing.assert_allclose(dense.poses[2, :3, 3], path.poses[:, :3, 3].mean(axis=0))
     np.testing.assert_allclose(dense.columns["depth"], np.linspace(*path.columns["depth"], 5))

@@ -1,0 +1,219 @@
+"""`beamstiff compensate`: paths in, corrected paths out, whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+PROGRAM = (
+    "DEF cell()\r\n"
+    "  $BASE={FRAME: X 0,Y 0,Z 0,A 0,B 0,C 0}\r\n"
+    "  PTP {A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0}\r\n"
+    "  LIN {X 1500.000,Y -200.0,Z 900,A 0,B 110,C 0} C_DIS ; gr\xfc\xdfe\r\n"
+    "  LIN {X 1500,Y    0.0,Z 900,A 0,B 110,C 0} C_DIS\r\n"
+    "  LIN {X 1500,Y  200.0,Z 9.0E+02,A 0,B 110,C 0} C_DIS\r\n"
+    "END\r\n"
+)
+FAR = PROGRAM.replace("Y    0.0", "Y 9000.0")
+RESULT = re.compile(r"RMS (\S+) mm, at most .* RMS (\S+) mm, at most")
+
+
+@pytest.fixture
+def cell(folder: Path) -> Path:
+    """Return the folder, with two programs."""
+    (folder / "cell.src").write_bytes(PROGRAM.encode("latin-1"))
+    (folder / "far.src").write_bytes(FAR.encode("latin-1"))
+    return folder
+
+
+def test_a_program_is_corrected_and_nothing_else_of_it_changes(cell: Path, run: Callable[..., Any]) -> None:
+    result = run("compensate", "kr500", "cell.src", "--wrench", "fz=-900N,fx=300", "--out", "new.src")
+    assert result.exit_code == 0, result.stderr
+    old, new = PROGRAM.encode("latin-1").split(b"\r\n"), (cell / "new.src").read_bytes().split(b"\r\n")
+    assert [a == b for a, b in zip(old, new, strict=True)] == [
+        True,
+        True,
+        True,
+        False,
+        False,
+        False,
+        True,
+        True,
+    ]
+    number = rb"[-+0-9.E]+"
+    for a, b in zip(old[3:6], new[3:6], strict=True):
+        assert re.sub(rb" *" + number, b"#", a) == re.sub(rb" *" + number, b"#", b)
+    assert b"Z 9.00" in new[5]
+    assert b"E+02" in new[5]
+    before, after = map(float, RESULT.search(result.stdout).groups())  # type: ignore[union-attr]
+    assert before > 0.3
+    assert after < 0.001
+    assert "line 2 sets $BASE" in result.stderr
+    assert "axis values are left as they are: line 3" in result.stderr
+
+
+@pytest.mark.usefixtures("cell")
+def test_json_tells_every_target(run: Callable[..., Any]) -> None:
+    result = run("compensate", "kr500", "cell.src", "--wrench", "fz=-900N", "--json", "-")
+    assert result.exit_code == 0, result.stderr
+    facts = json.loads(result.stdout)
+    assert facts["format"] == "beamstiff-compensation/1"
+    assert facts["unreachable"] == []
+    assert [target["line"] for target in facts["targets"]] == [4, 5, 6]
+    assert facts["improvement"] > 0.99
+    error = np.array([target["before"] for target in facts["targets"]])
+    assert facts["before"]["max_mm"] == pytest.approx(1e3 * np.linalg.norm(error[:, :3], axis=1).max())
+    assert facts["targets"][0]["wrench"] == [0, 0, -900, 0, 0, 0]
+
+
+def test_a_target_out_of_reach_leaves_nothing_written(cell: Path, run: Callable[..., Any]) -> None:
+    figure = ("--figure", "p.png")
+    result = run("compensate", "kr500", "far.src", "--out", "new.src", "--json", "r.json", *figure)
+    assert result.exit_code == 2
+    assert result.stderr.count("error:") == 1
+    assert "far.src: 1 of 3 targets cannot be corrected: line 5 LIN (out of reach by" in result.stderr
+    assert not (cell / "new.src").exists()
+    assert not (cell / "p.png").exists()
+    [lost] = json.loads((cell / "r.json").read_text())["unreachable"]
+    assert (lost["line"], lost["name"]) == (5, "LIN")
+    assert lost["reason"].startswith("out of reach by")
+
+
+def test_targets_out_of_reach_can_be_left_as_they_are(cell: Path, run: Callable[..., Any]) -> None:
+    arguments = ("--wrench", "fz=-900N", "--unreachable", "keep", "--out", "new.src")
+    result = run("compensate", "kr500", "far.src", *arguments)
+    assert result.exit_code == 0, result.stderr
+    old, new = FAR.encode("latin-1").split(b"\r\n"), (cell / "new.src").read_bytes().split(b"\r\n")
+    assert [a == b for a, b in zip(old, new, strict=True)] == [
+        True,
+        True,
+        True,
+        False,
+        True,
+        False,
+        True,
+        True,
+    ]
+    assert "out of reach by" in result.stdout
+
+
+def test_the_real_robot_may_be_another(cell: Path, run: Callable[..., Any]) -> None:
+    from beamstiff.robot.library import robot_path
+
+    text = robot_path("kr500").read_text(encoding="utf-8")
+    (cell / "real.yaml").write_text(text.replace("theta: q2}", 'theta: "q2 + 0.05 deg"}'), encoding="utf-8")
+    result = run("compensate", "kr500", "cell.src", "--actual", "real.yaml", "--out", "new.src", "--quiet")
+    assert result.exit_code == 0, result.stderr
+    # joint 2 turns the arm down: the command goes up by some 1.1 m times the angle
+    z = float(re.search(rb"Z *([0-9.]+)", (cell / "new.src").read_bytes().split(b"\r\n")[4])[1])  # type: ignore[index]
+    assert 0.5 < z - 900 < 2.0
+    other = run("compensate", "kr500", "cell.src", "--actual", "ir663")
+    assert other.exit_code == 2
+    assert "expected those of 'kr500'" in other.stderr
+
+
+def test_frames_say_what_the_numbers_count_from(cell: Path, run: Callable[..., Any]) -> None:
+    import beamstiff.compensate.formats.krl as krl
+
+    here = krl.read(PROGRAM, "cell.src").path.poses[:, :3, 3]
+    moved = PROGRAM.replace("X 1500.000", "X 1000.000").replace("X 1500", "X 1000")
+    (cell / "moved.src").write_bytes(moved.encode("latin-1"))
+    load = ("--wrench", "fz=-900N", "--quiet")
+    assert run("compensate", "kr500", "cell.src", *load, "--out", "a.src").exit_code == 0
+    assert (
+        run("compensate", "kr500", "moved.src", *load, "--base", "x=500mm", "--out", "b.src").exit_code == 0
+    )
+    a, b = (
+        krl.read((cell / name).read_bytes().decode("latin-1"), name).path.poses[:, :3, 3]
+        for name in ("a.src", "b.src")
+    )
+    np.testing.assert_allclose(b + np.array([0.5, 0, 0]), a, atol=2e-6)
+    assert np.abs(a - here).max() > 1e-4
+
+
+def test_a_process_file_and_a_path_table(folder: Path, run: Callable[..., Any]) -> None:
+    (folder / "p.yaml").write_text("kind: cutting-table\nvariable: depth\nvalues: [0, 5 mm]\nfz: [0, -800]\n")
+    (folder / "p.csv").write_text(
+        "# orientation: KUKA ABC\nx [mm],y [mm],z [mm],a [deg],b [deg],c [deg],depth [mm],fx\n"
+        "1500,0,900,0,110,0,1,50\n1500,100,900,0,110,0,5,50\n"
+    )
+    result = run("compensate", "kr500", "p.csv", "--process", "p.yaml", "--json", "-")
+    assert result.exit_code == 0, result.stderr
+    loads = [target["wrench"][:3] for target in json.loads(result.stdout)["targets"]]
+    np.testing.assert_allclose(loads, [[50, 0, -160], [50, 0, -800]])
+
+
+def test_a_resampled_path_is_a_table(cell: Path, run: Callable[..., Any]) -> None:
+    load = ("--wrench", "fz=-900N")
+    result = run("compensate", "kr500", "cell.src", *load, "--resample", "step=50mm", "--out", "dense.csv")
+    assert result.exit_code == 0, result.stderr
+    lines = (cell / "dense.csv").read_text().splitlines()
+    assert lines[2].startswith("name,x [mm],y [mm],z [mm],a [deg]")
+    assert len(lines) == 3 + 9
+    # the corrected table holds commands: to run it again without load goes there
+    refused = run("compensate", "kr500", "cell.src", *load, "--resample", "step=50mm", "--out", "dense.src")
+    assert refused.exit_code == 2
+    assert "a resampled path is written as a table" in refused.stderr
+
+
+def test_only_some_targets(cell: Path, run: Callable[..., Any]) -> None:
+    point = "{X 1500,Y 0,Z 900,A 0,B 110,C 0}"
+    text = f"DECL E6POS XP1={point}\nDECL E6POS XQ1={point}\n"
+    (cell / "cell.dat").write_text(text)
+    load = ("--wrench", "fz=-900N", "--quiet")
+    assert run("compensate", "kr500", "cell.dat", *load, "--only", "XP*", "--out", "n.dat").exit_code == 0
+    old, new = text.splitlines(), (cell / "n.dat").read_text().splitlines()
+    assert [a == b for a, b in zip(old, new, strict=True)] == [False, True]
+    result = run("compensate", "kr500", "cell.dat", "--only", "XR*")
+    assert result.exit_code == 2
+    assert "found no target 'XR*'" in result.stderr
+
+
+def test_a_picture_is_drawn(cell: Path, run: Callable[..., Any]) -> None:
+    result = run("compensate", "kr500", "cell.src", "--wrench", "fz=-900N", "--figure", "p.png")
+    assert result.exit_code == 0, result.stderr
+    assert (cell / "p.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_path_without_load_and_weight_stays_as_it_is(cell: Path, run: Callable[..., Any]) -> None:
+    result = run("compensate", "kr500", "cell.src", "--out", "new.src")
+    assert result.exit_code == 0, result.stderr
+    assert (cell / "new.src").read_bytes() == PROGRAM.encode("latin-1")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["none.src"], "none.src: no such file"),
+        (["cell.txt.gz"], "found the ending '.gz', expected one of"),
+        (["cell.src", "--base", "x=1 N"], "--base: x: found the unit 'N', expected a unit of length"),
+        (["cell.src", "--base", "u=1"], "--base: found 'u=1', expected parts such as x=1200mm"),
+        (["cell.src", "--tool", "x=1,x=2"], "--tool: x is given twice"),
+        (["cell.src", "--tool", "qw=2"], "--tool: found a quaternion of length 2"),
+        (["cell.src", "--tool", "qw=1,a=2"], "--tool: found angles and a quaternion"),
+        (["cell.src", "--wrench", "fz"], "--wrench: found 'fz', expected name=value"),
+        (["cell.src", "--process", "no.yaml"], "no.yaml: no such file"),
+        (["cell.src", "--resample", "5mm"], "--resample: found '5mm', expected step=5mm"),
+        (["cell.src", "--resample", "step=0"], "--resample: step: found '0', expected more than 0"),
+        (["cell.src", "--unreachable", "drop"], "--unreachable: found 'drop', expected refuse, keep"),
+        (["cell.src", "--out", "cell.src"], "--out cell.src: would overwrite the input cell.src"),
+        (["cell.src", "--figure", "p.gif"], "p.gif: found the ending 'gif', expected a figure"),
+        (["cell.src", "--q", "q9=1"], "--q: unknown joint variable 'q9'"),
+        (["broken.src"], "broken.src:2: LIN: Y: found 'abc', expected a number"),
+    ],
+)
+def test_bad_input_is_one_line(
+    cell: Path, run: Callable[..., Any], arguments: list[str], message: str
+) -> None:
+    (cell / "broken.src").write_text("DEF a()\nLIN {X 1,Y abc,Z 3,A 0,B 0,C 0}\n")
+    (cell / "cell.txt.gz").write_text("x")
+    result = run("compensate", "kr500", *arguments)
+    assert result.exit_code == 2
+    assert message in result.stderr
+    assert result.stderr.strip().count("\n") == 0
