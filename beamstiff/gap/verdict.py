@@ -22,18 +22,20 @@ from beamstiff.gap.heldout import Shrink
 from beamstiff.gap.search import NONE, OUTLIERS, UNKNOWN, Pair, Search
 
 FAITH = 12.0
-LEFT, STEEP = 0.37, 1.5  # share left to the unknown at which a cause is as likely as not, and how sharply
-WORTHLESS, WEIGHT = 0.5, 6.8  # held-out shrink below which a cause is doubted, and how much
+# log odds that a cause is real: of its share left to the unknown, of the share of its evidence that free laws
+# of the places have, and of its worth on held-out postures
+REAL, LEFT, FREE, WORTH = 1.3, 1.0, 6.0, 2.8
+BEHIND = 20.0  # log odds that free laws need more of
 FEW = 60  # values less fitted ones, below which nothing can be called unknown
 FAINT, BARE = 15.0, 0.3  # log odds against none below which a cause has to be worth this share as well
 CAUTION = 2.0  # log odds that any effect needs before it is as likely as none
 CHANCE = 0.01  # share of simulated campaigns without an effect that look as if they had one
 SURE, SLIGHT = 0.93, 0.04  # probability of the verdict with what cannot be told from it; and of a member
+DOUBTED = 0.25  # probability of the unknown from which a set holds it
 SECOND = 8.0  # log odds of a second cause
-SECOND_SHARE = 0.03  # and these over the evidence of the first
-SECOND_WORTH = 0.5  # share of what the first leaves that both must close on held-out postures
+SECOND_WORTH = 0.8  # share of what the first leaves that both must close on held-out postures
+SECOND_LEFT, SECOND_LESS = 0.12, 0.35  # share that both leave to the unknown, and of what the first leaves
 CLEAR = 0.6  # probability that a second cause needs among those that could be it
-INSUFFICIENT, SUFFICIENT = 0.2, 0.12  # shares left to the unknown by one cause, and by two that will do
 DISTINCT, SEVERAL, STRONG = 1.3, 3, 1.8  # outliers: strength to be named, number and strength beside a cause
 SEEN = 0.9  # probability of outliers beside a cause
 MOST = 5  # effects in a set, beyond which the data tell nothing apart
@@ -72,27 +74,37 @@ def tempered(log_weight: Mapping[str, float], evidence: float) -> dict[str, floa
     return dict(zip(keys, share.tolist(), strict=True))
 
 
-def doubt(left: float, shrink: float) -> float:
-    """Return the log odds of the unknown against a cause that leaves a share and is worth a shrink."""
-    return STEEP * float(np.log(max(left, 1e-3) / LEFT)) + WEIGHT * max(WORTHLESS - shrink, 0.0)
+def doubt(left: float, free: float, shrink: float) -> float:
+    """Return the log odds of the unknown against a cause.
+
+    Parameters
+    ----------
+    left : float
+        Share of the gap's size that it leaves to the unknown.
+    free : float
+        Share of its evidence that the best free law of a place has.
+    shrink : float
+        Its worth on held-out postures.
+    """
+    return LEFT * float(np.log(left + 0.01)) + FREE * free - WORTH * shrink - REAL
+
+
+def share_of_free_laws(search: Search, log_weight: float) -> float:
+    """Return the share of a cause's evidence that the best free law of a place has."""
+    nothing = search.log_weight[NONE]
+    free = max(search.free.values(), default=-np.inf) - nothing + BEHIND
+    return float(np.clip(free / (max(log_weight - nothing, 0.0) + BEHIND), 0.0, 2.0))
 
 
 def accepted(pair: Pair | None, search: Search, single: Shrink, both: Shrink | None) -> bool:
     """Return whether a second cause has evidence of its own, and worth on postures it did not see."""
     if pair is None or both is None:
         return False
-    best = search.log_weight[search.named[0]]
-    margin = pair.log_weight - best
-    evidence = best - search.log_weight[NONE]
-    left = search.left[search.named[0]]
-    if margin < SECOND:
+    best = search.named[0]
+    if pair.log_weight - search.log_weight[best] < SECOND:
         return False
-    if left > INSUFFICIENT and pair.left < min(SUFFICIENT, 0.25 * left):
-        return True
-    if margin < SECOND_SHARE * evidence:
+    if pair.left > min(SECOND_LEFT, SECOND_LESS * search.left[best]):
         return False
-    if left > INSUFFICIENT and pair.left < min(SUFFICIENT, 0.5 * left):
-        return True
     open_before = single.after**2 - single.noise**2
     open_after = both.after**2 - both.noise**2
     return open_before > 0 and open_after <= (1.0 - SECOND_WORTH) * open_before
@@ -135,25 +147,27 @@ def judge(
         quiet = max(quiet, np.log(chance / CHANCE))
     pair = search.pairs[0] if search.pairs else None
     two = accepted(pair, search, single, both)
-    left, shrink = search.left[best], single.shrink
+    left, shrink, weight = search.left[best], single.shrink, search.log_weight[best]
     if two and pair is not None and both is not None:
-        left, shrink = pair.left, both.shrink
-    odd = doubt(left, shrink)
+        left, shrink, weight = pair.left, both.shrink, pair.log_weight
+    odd = doubt(left, share_of_free_laws(search, weight), shrink)
     if freedom < FEW:
         odd = min(odd, search.log_weight[UNKNOWN] - total, -1.0)
     logs = {nothing: quiet, UNKNOWN: min(odd, odd - quiet if quiet > 0 else odd)}
-    weight = logsumexp(np.array([0.0, *logs.values()]))
-    shares = {key: float(np.exp(value - weight)) for key, value in logs.items()}
-    real = float(np.exp(-weight))
+    whole = logsumexp(np.array([0.0, *logs.values()]))
+    shares = {key: float(np.exp(value - whole)) for key, value in logs.items()}
+    real = float(np.exp(-whole))
     if two and pair is not None:
-        return _two(search, pair, effects, shares, real, evidence)
+        return _two(search, pair, effects, shares, real)
     probabilities = {key: real * share for key, share in effects.items()} | shares
     if real >= max(shares.values()):
         verdict = max(effects, key=effects.__getitem__)
         wrong = outliers[0] >= SEVERAL and outliers[1] >= STRONG
         also = (OUTLIERS, SEEN) if wrong else (None, 0.0)
-        return Judged(probabilities, verdict, _set(effects, verdict), *also)
-    return Judged(probabilities, max(shares, key=shares.__getitem__), ())
+        doubted = (UNKNOWN,) if shares[UNKNOWN] >= DOUBTED else ()
+        return Judged(probabilities, verdict, _set(effects, verdict) + doubted, *also)
+    rivals = tuple(key for key in named if probabilities[key] >= DOUBTED)
+    return Judged(probabilities, max(shares, key=shares.__getitem__), rivals)
 
 
 def _set(effects: Mapping[str, float], verdict: str) -> tuple[str, ...]:
@@ -175,10 +189,10 @@ def _two(
     effects: Mapping[str, float],
     shares: dict[str, float],
     real: float,
-    evidence: float,
 ) -> Judged:
     names = {f"{k}": one for k, one in enumerate(search.pairs)}
-    among = tempered({k: one.log_weight for k, one in names.items()}, evidence)
+    margin = pair.log_weight - max(search.log_weight[pair.first], search.log_weight[pair.second])
+    among = tempered({k: one.log_weight for k, one in names.items()}, margin)
     member: dict[str, float] = {}
     for k, share in among.items():
         for key in (names[k].first, names[k].second):

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from beamstiff.gap.baseline import Baseline
-from beamstiff.gap.effects.effect import Effect, Quantity, Shape
+from beamstiff.gap.effects.effect import Effect, Quantity, Scales, Shape, stated_scale
 from beamstiff.gap.effects.laws import by_compliance, component_of, joint_of
+from beamstiff.gap.places import Place
+from beamstiff.se3 import Array
 
 TILT = Quantity("tilting_compliance", "rad/(N*m)", 2e-7)
 RADIAL = Quantity("radial_compliance", "m/N", 3e-9)
@@ -28,12 +30,44 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         Quantity("tilting_compliance_y", "rad/(N*m)", TILT.size),
         Quantity("tilting_compliance_z", "rad/(N*m)", TILT.size),
     )
+    contact = Quantity("tilt_at_usual_moment", "rad", TILT.size * usual_moment(baseline, str(component)))
     return [
         Shape("tilt", tilt[..., None], (TILT,)),
         Shape("tilt and radial", np.stack([tilt, radial], -1), (TILT, RADIAL)),
         Shape("tilt by axis", np.stack(by_axis, -1), (*two, skew)),
+        Shape(
+            "tilt that stiffens",
+            np.stack([tilt, _stiffening(baseline, place, str(component))], -1),
+            (TILT, contact),
+        ),
         Shape("all", np.stack([*by_axis, radial, axial], -1), (*two, skew, RADIAL, AXIAL)),
     ]
+
+
+def usual_moment(baseline: Baseline, component: str) -> float:
+    """Return the largest moment across the joint's axis from the loads of the rows that were fitted, N m."""
+    load = baseline.fit.places.joints[joint_of(baseline, component).name].load[:, 4:]
+    return stated_scale(baseline, "moment") or float(np.linalg.norm(load, axis=1).max(initial=0.0)) or 1.0
+
+
+def _stiffening(baseline: Baseline, place: Place, component: str) -> Array:
+    """Return the displacement (N, 6) of a tilt by the power 2/3 of the moment, as of rolling contacts."""
+    usual = usual_moment(baseline, component)
+
+    def law(wrench: Array) -> Array:
+        moment = wrench[:, 4:] / usual
+        size = np.maximum(np.linalg.norm(moment, axis=1, keepdims=True), 1e-9)
+        return np.concatenate([np.zeros((len(moment), 4)), moment * size ** (-1.0 / 3.0)], axis=1)
+
+    slip = law(place.load + place.dead)
+    if not baseline.absolute:
+        slip = slip - law(place.dead)
+    result: Array = np.einsum("nab,nb->na", place.shift, slip)
+    return result
+
+
+def _scales(baseline: Baseline, component: str | None) -> Scales:
+    return {"moment": usual_moment(baseline, str(component))}
 
 
 EFFECT = Effect(
@@ -45,4 +79,5 @@ EFFECT = Effect(
     separation="a reflector on either side of the joint",
     look_alikes=("link-bending", "base-compliance"),
     sources="1e-7 to 5e-7 rad/(N m), engineering estimate",
+    scales=_scales,
 )

@@ -15,7 +15,7 @@ from beamstiff.gap.effects.laws import axis_at, drive_compliance, drives, torque
 from beamstiff.measure.rows import history_order
 from beamstiff.se3 import Array
 
-LIMITS = (0.04, 0.1, 0.2, 0.4)  # friction over the largest torque
+LIMITS = (0.04, 0.1, 0.2, 0.4, 0.8)  # friction over the largest torque
 
 
 def held_torque(
@@ -25,6 +25,7 @@ def held_torque(
     order: NDArray[np.intp],
     limit: float,
     wound: bool = False,
+    arrived: float = 0.0,
 ) -> Array:
     """Return S_r (N,): the torque that friction holds, stepping through the rows in their order.
 
@@ -41,6 +42,8 @@ def held_torque(
     wound : bool
         Whether the dead weight has wound the drive up against its friction when a history begins: what is
         held is then counted from there.
+    arrived : float
+        Share of the friction, -1 to 1, that is left from the way to the pose.
 
     Examples
     --------
@@ -53,7 +56,7 @@ def held_torque(
     for row in order:
         if fresh[row]:
             before = start[row]
-            held = first = float(np.clip(before, -limit, limit)) if wound else 0.0
+            held = first = float(np.clip(before, -limit, limit)) if wound else arrived * limit
         held = float(np.clip(held + torque[row] - before, -limit, limit))
         before = torque[row]
         result[row] = held - first
@@ -86,6 +89,16 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
             for limit, column in zip(LIMITS, columns, strict=True)
         ]
         result.append(Shape(f"distributed friction{start}", np.stack(columns, -1), several, spread=4.0))
+    torque = axis.load + axis.dead
+    for limit in LIMITS:
+        ways = [
+            held_torque(torque, axis.dead, fresh, order, limit * largest, arrived=way) for way in (1.0, -1.0)
+        ]
+        columns = [-axis.shift * (held / largest)[:, None] for held in ways]
+        both = tuple(Quantity(f"held_windup_from_{side}", unit, 0.7 * give) for side in ("above", "below"))
+        result.append(
+            Shape(f"friction {limit:g}, left from the move", np.stack(columns, -1), both, spread=4.0)
+        )
     return result
 
 

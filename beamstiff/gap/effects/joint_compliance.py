@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from beamstiff.gap.baseline import Baseline, own_direction
 from beamstiff.gap.effects.effect import Effect, Quantity, Shape
-from beamstiff.gap.effects.laws import axis_at, by_law, component_of
+from beamstiff.gap.effects.laws import axis_at, by_law, component_of, torque_scale
 from beamstiff.robot.fields import RIGID
 
 
@@ -21,8 +23,18 @@ def _components(baseline: Baseline) -> list[str | None]:
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     axis = axis_at(baseline, str(component))
     unit, size = ("rad/(N*m)", 4e-7) if axis.turns else ("m/N", 5e-9)
-    columns = by_law(baseline, axis, lambda torque: torque)[..., None]
-    return [Shape("linear", columns, (Quantity("compliance", unit, size),), spread=30.0)]
+    compliance = Quantity("compliance", unit, size)
+    linear = by_law(baseline, axis, lambda torque: torque)
+
+    def grown(torque: np.ndarray) -> np.ndarray:
+        return np.asarray(-torque * np.abs(torque) / (axis.typical + np.abs(torque)))
+
+    less = by_law(baseline, axis, grown)
+    stiffer = Quantity("compliance_lost_at_much_torque", unit, 0.5 * size)
+    return [
+        Shape("linear", linear[..., None], (compliance,), spread=30.0),
+        Shape("stiffening", np.stack([linear, less], -1), (compliance, stiffer), spread=30.0),
+    ]
 
 
 EFFECT = Effect(
@@ -34,4 +46,5 @@ EFFECT = Effect(
     separation="load about this joint's axis alone, read the joint's motor encoder and the link behind it",
     look_alikes=("link-bending", "bearing-tilt"),
     sources="drives of industrial robots 3e5 to 1e7 N m/rad (seed 000, Table 6; 001, Table 2)",
+    scales=torque_scale,
 )

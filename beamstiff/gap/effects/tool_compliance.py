@@ -11,6 +11,7 @@ from beamstiff.gap.effects.laws import by_compliance
 ROTATION = 2e-6  # rad/(N m)
 TRANSLATION = 2e-8  # m/N
 COUPLING = 2e-7  # 1/N: an elastic centre a decimetre behind the TCP
+CENTRES = (0.05, 0.1, 0.2)  # m along the tool's axis z, at which it tilts
 
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: ARG001
@@ -32,11 +33,28 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     sliding = [column((0, 0)), column((1, 1)), column((2, 2))]
     skewed = [column((3, 4)), column((3, 5)), column((4, 5))]
     coupled = [column((a, 3 + b)) for a in range(3) for b in range(3)]
+    tilt = Quantity("tilting_compliance", "rad/(N*m)", ROTATION)
+    behind = [
+        np.stack(
+            [
+                column((3, 3), (4, 4))
+                + distance * (column((0, 4)) - column((1, 3)))
+                + distance**2 * column((0, 0), (1, 1)),
+                turning[2],
+            ],
+            -1,
+        )
+        for distance in CENTRES
+    ]
     slide = Quantity("translational_compliance", "m/N", TRANSLATION)
     both = [column((3, 3), (4, 4), (5, 5)), column((0, 0), (1, 1), (2, 2))]
     return [
         Shape("rotation", both[0][..., None], (even,)),
         Shape("rotation and translation", np.stack(both, -1), (even, slide)),
+        *(
+            Shape(f"about a centre {distance:g} m behind", columns, (tilt, rotations[2]))
+            for distance, columns in zip(CENTRES, behind, strict=True)
+        ),
         Shape("by axis", np.stack([*turning, *sliding], -1), (*rotations, *slides)),
         Shape(
             "all",

@@ -48,3 +48,13 @@ def test_a_rigid_bearing_tilts_by_the_moment_across_its_axis(joint: int) -> None
     close(found, arm.turned(across, joint))
     by_axis = shape_of(there, "bearing-tilt", f"q{joint + 1}", "tilt by axis").columns
     np.testing.assert_allclose(by_axis[..., :2].sum(axis=-1), found, atol=1e-9)
+
+
+def test_a_bearing_that_stiffens_tilts_by_the_power_two_thirds_of_the_moment() -> None:
+    rows = rows_of(elbow(), [0, 0], np.array([1000, -500, 125])[:, None] * np.eye(6)[2])
+    found = shape_of(nominal(elbow(), rows), "bearing-tilt", "q2", "tilt that stiffens").columns
+    # moment about -y of the straight arm along x, relative to the largest
+    share = np.array([1.0, -0.5, 0.125])
+    assert found[:, 4, 1] == pytest.approx(-np.sign(share) * np.abs(share) ** (2 / 3))
+    assert found[:, 4, 0] == pytest.approx(-0.8 * 1000 * share)
+    assert found[:, 2, 1] == pytest.approx(0.8 * np.sign(share) * np.abs(share) ** (2 / 3))

@@ -105,3 +105,13 @@ def test_wound_up_by_the_weight_a_further_load_slips_at_once_and_a_lifting_one_l
     assert held == pytest.approx([0.0])  # the friction is spent already
     held = stepped(np.array([5.0 - 2.0]), 0.5, start=5.0, wound=True)
     assert held == pytest.approx([-1.0])  # from one side to the other
+
+
+def test_friction_left_from_the_move_is_given_back_before_it_holds_the_other_way() -> None:
+    n = len(CYCLE)
+    found = held_torque(CYCLE, np.zeros(n), np.arange(n) == 0, np.arange(n), 0.3, arrived=1.0)
+    # nothing more is held on the way up; the whole range comes back on the way down
+    assert found[:3] == pytest.approx([0.0, 0.0, 0.0])
+    assert found[3:8] == pytest.approx([-0.5, -0.6, -0.6, -0.6, -0.6])
+    other = held_torque(-CYCLE, np.zeros(n), np.arange(n) == 0, np.arange(n), 0.3, arrived=-1.0)
+    assert other == pytest.approx(-found)

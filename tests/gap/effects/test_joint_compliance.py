@@ -29,3 +29,13 @@ def test_the_weight_of_absolute_positions_winds_it_up_too() -> None:
     arm = 0.8 * np.cos(rows.q.sum(axis=1))
     assert slip == pytest.approx(-50 * 9.81 * arm)
     assert shape_of(loaded, "joint-compliance", "q2", "linear").columns[:, 5, 0] != pytest.approx(slip)
+
+
+def test_a_joint_that_stiffens_gives_way_less_by_what_it_lost() -> None:
+    robot = elbow(torsional="rigid")
+    rows = rows_of(robot, [0, 0], np.array([1000, -500, 100])[:, None] * np.eye(6)[1])
+    found = shape_of(nominal(robot, rows), "joint-compliance", "q2", "stiffening").columns[:, 5]
+    torque = 0.8 * np.array([1000, -500, 100])
+    assert found[:, 0] == pytest.approx(torque)
+    # compliance of half its loss at the largest torque, of all of it far beyond
+    assert found[:, 1] == pytest.approx(-torque * np.abs(torque) / (800 + np.abs(torque)))

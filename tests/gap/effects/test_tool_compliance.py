@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from tests.gap.machines import arm_at, at_random, close, kr240, nominal, rows_of, shape_of
 
@@ -27,6 +28,19 @@ def test_an_uneven_one_is_any_6x6_compliance_that_turns_with_the_tool() -> None:
     columns = shape_of(there, "tool-compliance", None, "all").columns.reshape(72, -1)
     left = moved - columns @ np.linalg.lstsq(columns, moved)[0]
     assert np.linalg.norm(left) < 1e-9 * np.linalg.norm(moved)
+
+
+@pytest.mark.parametrize("distance", [0.05, 0.1, 0.2])
+def test_a_tool_that_tilts_about_a_centre_behind_the_tcp(distance: float) -> None:
+    there = nominal(kr240(), at_random(kr240(), 6, seed=5))
+    tool, wrench = arm_at(there.rows.q).tool, there.rows.wrench
+    arm = distance * tool[:, :, 2]  # from the centre to the TCP
+    moment = wrench[:, 3:] + np.cross(arm, wrench[:, :3])
+    about = np.einsum("na,na->n", moment, tool[:, :, 2])[:, None] * tool[:, :, 2]
+    turned = moment - about
+    found = shape_of(there, "tool-compliance", None, f"about a centre {distance:g} m behind").columns
+    close(found[..., 0], np.concatenate([np.cross(turned, arm), turned], axis=1))
+    close(found[..., 1], np.concatenate([0 * about, about], axis=1))
 
 
 def test_what_is_seen_before_the_flange_does_not_move() -> None:
