@@ -10,7 +10,7 @@ from scipy import stats
 
 from beamstiff.errors import listed
 from beamstiff.identify.geometry.corrected import corrected, nominal_value
-from beamstiff.identify.geometry.elastic import gives_way, state_elastic
+from beamstiff.identify.geometry.elastic import gives_way, is_rigid, state_elastic
 from beamstiff.identify.geometry.estimate import Estimate, covariance_of, estimate
 from beamstiff.identify.geometry.observability import NOTICED
 from beamstiff.identify.geometry.problem import Problem
@@ -129,21 +129,17 @@ def _settled(statement: Statement, method: str) -> tuple[Problem, Estimate]:
 
 
 def calibrated(robot: Robot, problem: Problem, theta: Array) -> Robot:
-    """Return the robot with parameters theta (t,): geometry and compliances."""
-    _, compliance = problem.split(theta)
-    names = [item.name for item in problem.parameters]
-    changes = {
-        item.name: float(value)
-        for item, value in zip(problem.parameters, theta, strict=True)
-        if item.group not in ("base", "compliance")
-    }
-    result = corrected(robot, changes, problem.geometry.poses[:1])
-    if not compliance.size:
-        return result
-    stiffness = problem.elastic.stiffness(compliance)
-    return result.with_parameters(
-        dict(zip(names[len(problem.geometry.parameters) :], stiffness.tolist(), strict=True))
-    )
+    """Return the robot with parameters theta (t,): geometry and compliances, what fell to zero as rigid."""
+    changes: dict[str, float] = {}
+    stiffness: dict[str, float] = {}
+    for item, value in zip(problem.parameters, theta.tolist(), strict=True):
+        if item.group == "compliance":
+            stiffness[item.name] = np.inf if is_rigid(item, value) else 1.0 / value
+        elif item.group != "base":
+            changes[item.name] = value
+    result = corrected(robot, changes, problem.geometry.poses[:1]).with_parameters(stiffness)
+    fitted = tuple(name for name in result.identify if stiffness.get(name) != np.inf)
+    return result.model_copy(update={"identify": fitted})
 
 
 def _told(statement: Statement, problem: Problem, found: Estimate, method: str, folds: int) -> Calibration:
@@ -159,22 +155,18 @@ def _told(statement: Statement, problem: Problem, found: Estimate, method: str, 
         covariance = covariance * factor**2
     std = np.sqrt(np.diag(covariance))
     sought = set(statement.identified)
-    parameters = tuple(
-        Found(
-            item,
-            nominal_value(statement.robot, item),
-            nominal_value(statement.robot, item) + float(value - start),
-            float(spread) if item.name in sought else None,
-        )
-        for item, value, start, spread in zip(problem.parameters, theta, problem.expected, std, strict=True)
-    )
+    parameters = []
+    for item, value, start, spread in zip(problem.parameters, theta, problem.expected, std, strict=True):
+        nominal = nominal_value(statement.robot, item)
+        found_value = 0.0 if is_rigid(item, value) else nominal + float(value - start)
+        parameters.append(Found(item, nominal, found_value, float(spread) if item.name in sought else None))
     rotation, position = problem.geometry.base(problem.split(theta)[0])
     held = held_out(statement, problem, found, method, folds)
     return Calibration(
         robot=calibrated(statement.robot, problem, theta),
         base=transform(rotation, position),
         target=problem.geometry.target(problem.split(theta)[0]),
-        parameters=parameters,
+        parameters=tuple(parameters),
         covariance=covariance,
         observability=seen,
         before=errors_of(rigid_gap(statement.problem), problem.used),

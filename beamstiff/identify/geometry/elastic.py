@@ -137,6 +137,11 @@ def _felt(robot: Robot, rows: Measurements, names: Sequence[str]) -> set[str]:
     return {name for name, slope in zip(names, slopes, strict=True) if slope > UNFELT * slopes.max()}
 
 
+def is_rigid(parameter: Parameter, value: float) -> bool:
+    """Tell whether a compliance fell to its floor."""
+    return parameter.group == "compliance" and value <= 2 * LEAST * parameter.size
+
+
 def compliances_of(robot: Robot, elastic: Elastic) -> Array:
     """Return the robot's compliances (m,), rigid ones as 0."""
     values = np.array([robot.parameter(name) for name in elastic.names], dtype=np.float64)

@@ -160,7 +160,8 @@ class Calibration:
         return tuple(item for item in self.parameters if item.parameter.group == "compliance")
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain data for JSON: SI, errors in mm and deg."""
+        """Return plain data for JSON: SI, errors in mm and deg; covariance in the order of `identified`."""
+        sought = [at for at, item in enumerate(self.parameters) if item.identified]
         return {
             "parameters": {
                 item.name: {
@@ -174,6 +175,7 @@ class Calibration:
                 for item in self.parameters
             },
             "identified": list(self.observability.identified),
+            "covariance": self.covariance[np.ix_(sought, sought)].tolist(),
             "dependent": {name: dict(like) for name, like in self.observability.dependent.items()},
             "silent": list(self.observability.silent),
             "condition": self.observability.condition,

@@ -18,6 +18,7 @@ from beamstiff.identify.geometry.registration import registered
 from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
+from beamstiff.robot.fields import FREE
 from beamstiff.robot.stiffness import stiffness_parameters
 from beamstiff.se3 import Array
 
@@ -79,6 +80,8 @@ def state_calibration(
                 f"robot {robot.name!r} has no stiffness {name!r}{suggest(name, stiffness)}; expected for "
                 "instance J2.torsional"
             )
+        if stiffness[name] == FREE:
+            raise BeamstiffError(f"robot {robot.name!r}: {name} is free: there is no compliance to estimate")
     turned = bool(rows.measured_mask[:, 3:].any())
     known = known_parameters(robot, list(dict.fromkeys(rows.point.tolist())), turned)
     chosen = choose_parameters(robot, known, parameters, fixed, last)

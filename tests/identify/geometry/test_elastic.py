@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from beamstiff import Robot, calibrate, load_robot
+from beamstiff import BeamstiffError, Robot, calibrate, load_robot
 from beamstiff.gap.baseline import nominal_pose, predict
 from beamstiff.identify.geometry.corrected import corrected
 from beamstiff.identify.geometry.elastic import elastic_displacement, gives_way, state_elastic
@@ -91,6 +91,27 @@ def test_a_joint_that_does_not_give_way_is_as_good_as_rigid() -> None:
     item = found["J3.torsional"]
     assert item.std is not None
     assert 0 <= item.value < 3 * item.std
+    if item.value == 0.0:
+        assert found.robot.parameter("J3.torsional") == np.inf
+
+
+def test_a_compliance_that_would_be_negative_is_none_and_written_as_rigid() -> None:
+    rows = measured(SOFT, **loaded(40, 8), noise=0.0, stated=False)
+    # more than the springs give: what moves against the load is no compliance
+    against = replace(rows, position=rows.position - 1.2 * elastic_displacement(SOFT, rows)[:, :3])
+    found = calibrate(SOFT, against, ["base"], compliances=JOINTS[:3], folds=0)
+    fallen = [item.name for item in found.compliances if item.value == 0.0]
+    assert fallen
+    assert all(found.robot.parameter(name) == np.inf for name in fallen)
+    assert not set(fallen) & set(found.robot.identify)
+    assert f"{', '.join(fallen)}: no compliance shows" in found.notes[-1]
+    assert parse_robot(robot_to_yaml(found.robot)) == found.robot
+
+
+def test_a_joint_that_is_free_has_no_compliance_to_estimate() -> None:
+    rows = measured(BAR, bar_poses(20))
+    with pytest.raises(BeamstiffError, match=r"J33.torsional is free: there is no compliance"):
+        calibrate(BAR, rows, compliances=["J33.torsional"])
 
 
 def test_what_nothing_loads_is_held_and_named() -> None:
