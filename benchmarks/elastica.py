@@ -3,7 +3,7 @@
 The inextensible beam of Euler: ``theta'' = k^2 sin(theta - phi)`` with ``k^2 = P L^2 / EI``, P in the
 direction phi. With ``theta - phi = chi - pi`` it is a pendulum, ``chi'' = -k^2 sin chi``, at rest at the tip,
 where the load stands at a known angle to the tangent: so the amplitude is known, ``sin(chi / 2) = p sin u``,
-and Jacobi's amplitude gives the root (Love, A treatise on the mathematical theory of elasticity, section 262).
+and Jacobi's amplitude gives the root (A. E. H. Love, The mathematical theory of elasticity, 262).
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ follows the tool and the tool the load.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +35,9 @@ class Correction:
     Attributes
     ----------
     path : ToolPath
-        In the base frame; with `taught`, as it is without load.
+        In the base frame, as programmed.
+    targets : (N, 4, 4) array
+        Where the real tool is meant to be; with `taught` where it is without load, else as programmed.
     before, after : (N, 6) array
         Error of the tool ``[p - p_t, rotation vector of R R_t^T]``, base frame, m and rad. NaN where the
         robot cannot follow.
@@ -56,6 +58,7 @@ class Correction:
     """
 
     path: ToolPath
+    targets: Array
     before: Array
     after: Array
     commands: Array
@@ -130,21 +133,18 @@ def correct_path(
         some = path.at(rows)
         if taught:
             still = np.zeros((len(rows), 6))
-            targets[rows] = _settled(machine, first.q[rows], _constant(still), some)
-            some = replace(some, poses=targets[rows])
-
-        def load_at(poses: Array) -> Array:
-            return load.wrench(poses, some)
-
-        before[rows] = difference(_settled(machine, first.q[rows], load_at, some), some.poses)
-        wrench[rows] = load_at(some.poses)
-        found = _commands(machine, some, path.poses[rows], wrench[rows], first.q[rows], turned[rows])
+            targets[rows] = _settled(machine, first.q[rows], _constant(still), some.poses)
+        meant, load_at = targets[rows], _load_at(load, some, targets[rows])
+        before[rows] = difference(_settled(machine, first.q[rows], load_at, meant), meant)
+        wrench[rows] = load_at(meant)
+        found = _commands(machine, meant, some.poses, wrench[rows], first.q[rows], turned[rows])
         commands[rows], q[rows], rounds = found.poses, found.q, found.rounds
         for row, reason in found.reasons.items():
             reasons[int(rows[row])] = reason
-        after[rows] = difference(_settled(machine, q[rows], load_at, some), some.poses)
+        after[rows] = difference(_settled(machine, q[rows], load_at, meant), meant)
     return Correction(
-        path=replace(path, poses=targets),
+        path=path,
+        targets=targets,
         before=before,
         after=after,
         commands=commands,
@@ -169,9 +169,9 @@ def errors_of(
     rows = np.flatnonzero(found.reached & ~np.isnan(correction.before[:, 0]))
     errors = np.full((len(commands), 6), np.nan)
     if rows.size:
-        some = correction.path.at(rows)
-        reached = _settled(machine, found.q[rows], lambda poses: load.wrench(poses, some), some)
-        errors[rows] = difference(reached, some.poses)
+        meant = correction.targets[rows]
+        load_at = _load_at(load, correction.path.at(rows), meant)
+        errors[rows] = difference(_settled(machine, found.q[rows], load_at, meant), meant)
     return errors
 
 
@@ -192,14 +192,14 @@ class _Commands:
 
 
 def _commands(
-    machine: Machine, path: ToolPath, start: Array, wrench: Array, q: Array, turned: NDArray[np.bool_]
+    machine: Machine, targets: Array, start: Array, wrench: Array, q: Array, turned: NDArray[np.bool_]
 ) -> _Commands:
     """Iterate ``P' = P - dP`` for all targets at once, until the real tool is at them."""
-    targets, commands, q = path.poses, start.copy(), q.copy()
+    commands, q = start.copy(), q.copy()
     own, own_q = start.copy(), q.copy()
     reasons: dict[int, str] = {}
-    left = np.arange(len(path))
-    error = np.zeros((len(path), 6))
+    left = np.arange(len(targets))
+    error = np.zeros((len(targets), 6))
     for count in range(1, ROUNDS + 1):  # noqa: B007 (told in the end)
         reached = machine.displaced(
             machine.undeformed(q[left]), machine.moved(q[left], wrench[left], targets[left])
@@ -243,7 +243,26 @@ def _constant(wrench: Array) -> Callable[[Array], Array]:
     return lambda _: wrench
 
 
-def _settled(machine: Machine, q: Array, load: Callable[[Array], Array], path: ToolPath) -> Array:
+def _load_at(load: Process, path: ToolPath, targets: Array) -> Callable[[Array], Array]:
+    """Return the load (N, 6) of poses (N, 4, 4) of the real tool.
+
+    What a process knows of places is in the coordinates of the program: a tool at its target is where the
+    program says, though the robot that was taught it stands elsewhere by its own errors.
+    """
+    if np.array_equal(path.poses, targets):
+        return lambda poses: load.wrench(poses, path)
+
+    def shifted(poses: Array) -> Array:
+        seen = poses.copy()
+        seen[:, :3, 3] += path.poses[:, :3, 3] - targets[:, :3, 3]
+        turn = targets[:, :3, :3].swapaxes(1, 2) @ path.poses[:, :3, :3]
+        seen[:, :3, :3] = poses[:, :3, :3] @ turn
+        return load.wrench(seen, path)
+
+    return shifted
+
+
+def _settled(machine: Machine, q: Array, load: Callable[[Array], Array], near: Array) -> Array:
     """Return the poses (N, 4, 4) at which load and displacement agree, for joint values (N, A).
 
     Broyden's method on ``x = moved(q, load(x))``, all targets at once; its first step is the fixed point's.
@@ -251,12 +270,12 @@ def _settled(machine: Machine, q: Array, load: Callable[[Array], Array], path: T
     Parameters
     ----------
     load : function of (N, 4, 4) to (N, 6)
-    path : ToolPath
+    near : (N, 4, 4) array
         Where to begin.
     """
     undeformed = machine.undeformed(q)
-    wrench = load(path.poses)
-    x = machine.moved(q, wrench, path.poses)
+    wrench = load(near)
+    x = machine.moved(q, wrench, near)
     inverse = np.broadcast_to(-np.eye(6), (len(q), 6, 6)).copy()
     gap: Array | None = None
     step = np.zeros_like(x)
@@ -281,6 +300,6 @@ def _settled(machine: Machine, q: Array, load: Callable[[Array], Array], path: T
         x, gap = x + step, new_gap
     worst = int(np.argmax(np.abs(new_gap).max(axis=1)))
     raise BeamstiffError(
-        f"{path.place(worst)}: no equilibrium of process load and robot: the load grows faster than the "
-        "robot resists"
+        f"no equilibrium of process load and robot, worst at target {worst + 1} of those within reach: the load "
+        "grows faster than the robot resists"
     )
