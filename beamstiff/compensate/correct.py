@@ -300,6 +300,6 @@ def _settled(machine: Machine, q: Array, load: Callable[[Array], Array], near: A
         x, gap = x + step, new_gap
     worst = int(np.argmax(np.abs(new_gap).max(axis=1)))
     raise BeamstiffError(
-        f"no equilibrium of process load and robot, worst at target {worst + 1} of those within reach: the load "
+        f"no equilibrium of process load and robot, worst at target {worst + 1} within reach: the load "
         "grows faster than the robot resists"
     )

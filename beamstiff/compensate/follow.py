@@ -22,7 +22,7 @@ from beamstiff.se3 import Array, transform, vector_from_rotation
 JUMP = 0.6  # most that a joint may turn, rad, or travel, machine sizes, between neighbours of a path
 LONGEST_RUN = 1024
 WALK = 12  # steps between targets far apart
-SEARCHED, RESTARTS = 64, 40  # targets at a time, starts each
+SEARCHED, RESTARTS = 256, 40  # targets at a time, starts each
 TRIED = 48  # starts for the posture to begin with
 TOLERANCE = 1e-9  # m, rad
 AT_LIMIT = 1e-6
