@@ -99,25 +99,52 @@ def solve_frame(frame: Frame, loads: Array, solver: str | None = None) -> Soluti
     return Solution(whole(x), quality, chosen, stiffness, solve)
 
 
-def interface_stiffness(frame: Frame, nodes: Index) -> Array:
-    """Return the stiffness (k, k) of some nodes, six rows each, everything else eliminated; keeps no factor.
+def interface_compliance(frame: Frame, nodes: Index) -> tuple[Array, float]:
+    """Return the compliance (k, k) at some nodes, six rows each, and its relative error.
 
-    The Schur complement ``K_ii - K_ir K_rr^-1 K_ri``: its inverse is the compliance at the nodes.
+    By refined solutions for unit wrenches if the factor fits into memory. Else by the Schur complement
+    ``K_ii - K_ir K_rr^-1 K_ri`` without a factor, which cannot be refined: it is done twice, once with all
+    entries off in their last digit, and what that changes is the error.
 
     Raises
     ------
     BeamstiffError
-        When the frame is a mechanism or does not fit into memory, or a node is fixed.
+        When the frame is a mechanism, does not fit into memory or is so slender that the error shows in the
+        sixth digit, or a node is fixed.
     """
     wanted = np.asarray(nodes, dtype=np.int64)
     if frame.fixed[wanted].any():
-        raise BeamstiffError(f"node {int(wanted[frame.fixed[wanted]][0])} is fixed: it has no stiffness")
+        raise BeamstiffError(f"node {int(wanted[frame.fixed[wanted]][0])} is fixed: it has no compliance")
+    plan = frame_plan(frame)
+    if plan.factor_bytes + plan.peak_bytes <= SHARE * free_bytes():
+        loads = np.zeros((len(frame.points), 6, 6 * len(wanted)))
+        for number, node in enumerate(wanted):
+            loads[node, :, 6 * number : 6 * number + 6] = np.eye(6)
+        found = solve_frame(frame, loads, "multifrontal")
+        compliance = found.displacement[wanted].reshape(6 * len(wanted), -1)
+        return 0.5 * (compliance + compliance.T), found.quality.error
     stiffness, plan = frame_stiffness(frame), frame_plan(frame, wanted)
     refuse_unless_fits("the condensation", plan.peak_bytes, stiffness.shape[0])
+    digits = sparse.triu(stiffness).tocsc()
+    digits.data = 1.0 + np.finfo(float).eps * np.random.default_rng(0).standard_normal(digits.nnz)
+    other = stiffness.multiply(sparse.triu(digits) + sparse.triu(digits, 1).T).tocsc()
     try:
-        return factorise(stiffness, plan, keep=False).rest
+        one, two = (_inverse(factorise(K, plan, keep=False).rest) for K in (stiffness, other))
     except Softness as soft:
         raise _mechanism(frame, soft) from None
+    scale = np.sqrt(np.diagonal(one))
+    error = float((np.abs(one - two) / np.outer(scale, scale)).max())
+    if not error <= STALLED:
+        raise BeamstiffError(
+            f"the compliance by condensation of {stiffness.shape[0]} unknowns is known to {error:.1g} "
+            f"of itself, expected {STALLED:g} or less: it needs a factor, and memory for it"
+        )
+    return one, error
+
+
+def _inverse(matrix: Array) -> Array:
+    inverse: Array = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
+    return 0.5 * (inverse + inverse.T)
 
 
 def frame_plan(frame: Frame, last: Index | None = None) -> Plan:
@@ -150,7 +177,7 @@ def _by_multifrontal(frame: Frame, stiffness: sparse.csc_array) -> Solve:
         "the factor",
         plan.factor_bytes + plan.peak_bytes,
         stiffness.shape[0],
-        f"; the stiffness at a few nodes alone (interface_stiffness) takes {plan.peak_bytes / 1e9:.2g} GB"
+        f"; the compliance at a few nodes alone (interface_compliance) takes {plan.peak_bytes / 1e9:.2g} GB"
         + ("" if _installed("pyamg") else ", and the multigrid (extra `amg`) less than a factor"),
     )
     try:
@@ -221,4 +248,4 @@ def _mechanism(frame: Frame, soft: Softness) -> BeamstiffError:
     )
 
 
-__all__ = ["ENOUGH", "Solution", "frame_plan", "interface_stiffness", "solve_frame"]
+__all__ = ["ENOUGH", "Solution", "frame_plan", "interface_compliance", "solve_frame"]
