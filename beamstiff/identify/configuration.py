@@ -16,7 +16,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import sparse
 from scipy.linalg import cho_factor, cho_solve
 
 from beamstiff.errors import BeamstiffError
@@ -114,7 +113,7 @@ def fit_varying(
     problem : Problem
         N rows, m springs.
     weights : (N, R) array
-        phi: of each row, not negative, summing to one.
+        phi: of each row, not negative, summing to one; equal in rows of one pose.
     compliance : (m,) array
         Start of all.
     correlation : (R, R) array, optional
@@ -137,19 +136,17 @@ def fit_varying(
     turn: Array = np.eye(count)  # x = turn @ z
     if correlation is not None:
         turn = np.asarray(np.linalg.cholesky(correlation), dtype=np.float64)
-    to_rows = sparse.hstack([sparse.csr_array(np.ones((rows, 1))), sparse.csr_array(weights @ turn)]).tocsr()
+    fit = _Fit(problem, np.hstack([np.ones((rows, 1)), weights @ turn]), compliance)
     tau = np.full(m, FIRST) if spread is None else np.asarray(spread, dtype=np.float64)
     noise, free, state = 1.0, spread is None, np.zeros((count + 1, m))
-    residual, jacobian = _linear(problem, to_rows, compliance, state)
+    residual = fit.residual(state)
     for _ in range(ROUNDS):
-        prior = _prior(tau, count)
-        gram = (jacobian.T @ jacobian).toarray() / noise**2
-        factor = cho_factor(gram + np.diag(1.0 / prior**2))
-        right = jacobian.T @ residual / noise**2 - state.T.ravel() / prior**2
+        prior = np.concatenate([np.append(COMMON, np.full(count, one)) for one in tau])
+        gram, slope = fit.normal_equations(state)
+        factor = cho_factor(gram / noise**2 + np.diag(1.0 / prior**2))
+        right = slope / noise**2 - state.T.ravel() / prior**2
         step = cho_solve(factor, right).reshape(m, count + 1).T
-        state, residual, jacobian, moved = _advance(
-            problem, to_rows, compliance, state, step, (prior, noise), residual, jacobian
-        )
+        state, residual, moved = fit.advance(state, step, residual, prior, noise)
         covariance = cho_solve(factor, np.eye(prior.size))
         known = (1.0 - np.diagonal(covariance) / prior**2).reshape(m, count + 1)
         old = np.append(tau, noise)
@@ -180,52 +177,69 @@ def _std(covariance: Array, turn: Array) -> Array:
     return result
 
 
-def _prior(tau: Array, count: int) -> Array:
-    """Return the prior standard deviations of g and x, spring by spring, (m (R + 1),)."""
-    return np.concatenate([np.append(COMMON, np.full(count, one)) for one in tau])
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """Residuals, and their normal equations in g and x, spring by spring: m (R + 1) values.
 
+    Attributes
+    ----------
+    problem : Problem
+    weights : (N, R + 1) array
+        Of g and x in every row, equal in those of a pose.
+    compliance : (m,) array
+    """
 
-def _linear(
-    problem: Problem, to_rows: sparse.csr_array, compliance: Array, state: Array
-) -> tuple[Array, sparse.csr_array]:
-    """Return whitened residuals (n,), and derivatives (n, m (R + 1)) of the predictions by g and x."""
-    there = compliance * np.exp(np.asarray(to_rows @ state))
-    predicted, slopes = displaced_with_slopes(problem.model, there)
-    used = problem.used
-    residual: Array = problem.whitening @ (problem.measured - predicted)[used]
-    of_row = to_rows[np.nonzero(used)[0]]
-    felt = slopes[used]  # (n, m)
-    columns = [sparse.diags_array(felt[:, at]) @ of_row for at in range(felt.shape[1])]
-    return residual, (problem.whitening @ sparse.hstack(columns)).tocsr()
+    problem: Problem
+    weights: Array
+    compliance: Array
 
+    def residual(self, state: Array) -> Array:
+        """Return the whitened residuals (n,) at g and x (R + 1, m)."""
+        predicted = displaced(self.problem.model, self._compliances(state))
+        result: Array = self.problem.whitening @ (self.problem.measured - predicted)[self.problem.used]
+        return result
 
-def _advance(
-    problem: Problem,
-    to_rows: sparse.csr_array,
-    compliance: Array,
-    state: Array,
-    step: Array,
-    weights: tuple[Array, float],
-    residual: Array,
-    jacobian: sparse.csr_array,
-) -> tuple[Array, Array, sparse.csr_array, float]:
-    """Return state, residuals and derivatives after a step that lowers the cost, and how far it went."""
-    prior, noise = weights
+    def normal_equations(self, state: Array) -> tuple[Array, Array]:
+        """Return ``J^T J`` and ``J^T r``, J the derivatives of the whitened predictions."""
+        problem = self.problem
+        predicted, slopes = displaced_with_slopes(problem.model, self._compliances(state))
+        felt = problem.whitening @ slopes[problem.used]  # (n, m); whitening joins rows of one pose only
+        residual = problem.whitening @ (problem.measured - predicted)[problem.used]
+        pose = problem.model.pose[np.nonzero(problem.used)[0]]
+        order = np.argsort(pose, kind="stable")
+        first = np.flatnonzero(np.diff(pose[order], prepend=-1))
+        felt, residual = felt[order], residual[order]
+        m = felt.shape[1]
+        squares = np.add.reduceat((felt[:, :, None] * felt[:, None, :]).reshape(-1, m * m), first)
+        moments = np.add.reduceat(felt * residual[:, None], first)
+        own = self.weights[np.unique(problem.model.pose, return_index=True)[1]][pose[order][first]]
+        blocks = own.T @ (squares.T[:, :, None] * own)  # (m m, R + 1, R + 1)
+        each = own.shape[1]
+        gram = blocks.reshape(m, m, each, each).swapaxes(1, 2).reshape(m * each, m * each)
+        slope: Array = (moments.T @ own).ravel()
+        return gram, slope
 
-    def cost(at: Array, rest: Array) -> float:
-        return float(rest @ rest) / noise**2 + float(((at.T.ravel() / prior) ** 2).sum())
+    def advance(
+        self, state: Array, step: Array, residual: Array, prior: Array, noise: float
+    ) -> tuple[Array, Array, float]:
+        """Return state and residuals after a step that lowers the cost, and how far it went."""
 
-    share = min(1.0, LARGEST / max(float(np.abs(step).max()), 1e-300))
-    before = cost(state, residual)
-    while share > 1e-6:
-        there = state + share * step
-        values = compliance * np.exp(np.asarray(to_rows @ there))
-        rest = problem.whitening @ (problem.measured - displaced(problem.model, values))[problem.used]
-        if cost(there, rest) <= before:
-            residual, jacobian = _linear(problem, to_rows, compliance, there)
-            return there, residual, jacobian, float(np.abs(share * step).max())
-        share /= 2
-    return state, residual, jacobian, 0.0
+        def cost(at: Array, rest: Array) -> float:
+            return float(rest @ rest) / noise**2 + float(((at.T.ravel() / prior) ** 2).sum())
+
+        share = min(1.0, LARGEST / max(float(np.abs(step).max()), 1e-300))
+        before = cost(state, residual)
+        while share > 1e-6:
+            there = state + share * step
+            rest = self.residual(there)
+            if cost(there, rest) <= before:
+                return there, rest, float(np.abs(share * step).max())
+            share /= 2
+        return state, residual, 0.0
+
+    def _compliances(self, state: Array) -> Array:
+        result: Array = self.compliance * np.exp(self.weights @ state)
+        return result
 
 
 def _evidence(residual: Array, state: Array, weights: tuple[Array, float], root: Array) -> float:

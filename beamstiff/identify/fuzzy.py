@@ -94,6 +94,11 @@ class _Task:
         found = fit_conclusions(training, premises, firing[self.train])
         return training.cost(firing[self.train], found), test.cost(firing[~self.train], found)
 
+    @property
+    def most_rules(self) -> int:
+        """Rules whose conclusions the training set has enough readings for."""
+        return int(self.readings.count[self.train].sum()) // len(self.readings.terms)
+
     def system(self, premises: Premises) -> FuzzySystem:
         """Return the rules fitted to all rows."""
         firing = premises.firing(self.x)
@@ -171,7 +176,7 @@ def fit_fuzzy(
         found: tuple[float, float, Partition] | None = None
         for at in np.flatnonzero(variable):
             sets = [count + (one == at) for one, count in enumerate(partition.sets)]
-            if np.prod(sets) > most_rules or np.prod(sets) > task.train.sum():
+            if np.prod(sets) > min(most_rules, task.most_rules):
                 continue
             tried = _placed(task, _with_one_more(task, partition, int(at)), evaluations, random)
             train, test = task.errors(tried)
@@ -219,7 +224,7 @@ def fit_fuzzy_tree(
     tree = best = Tree(task.names, (), task.trained)
     train, test = task.errors(tree)
     steps = [_step(tree, train, test)]
-    while tree.count < most_rules:
+    while tree.count < min(most_rules, task.most_rules):
         grown = [(task.errors(tree.grown(split)), split) for split in _splits(task, tree)]
         if not grown:
             break

@@ -16,7 +16,7 @@ from beamstiff.model.fuzzy_correction import FuzzyCorrection
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 
-WORTH = 2.0  # by how much one more set must raise the logarithm of the evidence
+WORTH = 6.0  # by how much one more set must raise the logarithm of the evidence: many are tried
 MOST_RULES = 36
 NEAR = 0.4  # share of an input's range over which the corrections of rules are alike
 
