@@ -75,7 +75,7 @@ def compensation_text(result: Compensated) -> str:
         f"RMS {number(after.rms_mm)} mm, at most {number(after.max_mm)} mm and {number(after.max_deg)} deg"
     )
     if before.rms_mm > 0:
-        text += f" ({100 * (1 - after.rms_mm / before.rms_mm):.1f} % less)"
+        text += f" ({100 * (1 - after.rms_mm / before.rms_mm):.2f} % less)"
     turned = result.correction.turned
     if not turned.all():
         what = "all targets" if not turned.any() else counted(int((~turned).sum()), "target")
@@ -113,6 +113,9 @@ def _draw_path(axes: Axes, result: Compensated, known: NDArray[np.bool_]) -> Non
     ):
         at = targets[known] + scale * errors
         axes.plot(*at[:, shown].T, style, color=colour, markersize=3, linewidth=1, label=label)
+    moved = 1e3 * result.correction.commands[known, :3, 3] - targets[known]
+    at = targets[known] + scale * moved
+    axes.plot(*at[:, shown].T, ":", color=GREEN, linewidth=1.2, label="commands")
     lost = targets[~known]
     if len(lost):
         axes.plot(*lost[:, shown].T, "x", color="black", label="out of reach")
