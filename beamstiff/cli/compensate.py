@@ -17,9 +17,11 @@ from beamstiff.errors import BeamstiffError, listed
 from beamstiff.files import write_whole
 
 if TYPE_CHECKING:
+    from beamstiff.compensate.formats import Program
     from beamstiff.compensate.machine import Machine
     from beamstiff.compensate.process.load import Process
     from beamstiff.compensate.rewrite import Compensated
+    from beamstiff.robot.description import Robot
     from beamstiff.se3 import Array
 
 REFUSE, KEEP = "refuse", "keep"
@@ -180,14 +182,14 @@ def compensate(
         result = compensate_program(
             program, machine, load, steps=steps, start=start, taught=taught, positions_only=positions_only
         )
-    for note in _notes(result, machine, program.notes, base, tool):
+    for note in _notes(result, machine, program, placed=base is not None or tool is not None, branch=bool(q)):
         say(f"note: {note}", quiet)
     reasons = result.correction.reasons
     console = people(quiet, json)
     if reasons:
         console.print(uncorrected_table(result))
     if reasons and unreachable == REFUSE:
-        write_json(_facts(result), json)
+        write_json(_facts(result, controller), json)
         raise _refusal(result)
     console.print(compensation_table(result))
     console.print(compensation_text(result))
@@ -197,7 +199,7 @@ def compensate(
         write_whole(out, result.content)
     elif not quiet:
         say("note: --out FILE writes the corrected path", quiet)
-    write_json(_facts(result), json)
+    write_json(_facts(result, controller), json)
     assert np.isfinite(result.after[result.known]).all()
 
 
@@ -234,12 +236,22 @@ def _steps(text: str | None) -> tuple[float, float] | None:
     return found["step"], found["angle"]
 
 
-def _notes(
-    result: Compensated, machine: Machine, notes: Sequence[str], base: str | None, tool: str | None
-) -> list[str]:
-    found = result.correction
-    given = [mark for mark, option in (("$BASE", base), ("$TOOL", tool)) if option]
-    said = [note for note in notes if not any(f"sets {mark}" in note for mark in given)]
+def _notes(result: Compensated, machine: Machine, program: Program, placed: bool, branch: bool) -> list[str]:
+    """Return what is worth knowing, where the frames are `placed` and the `branch` is chosen or not."""
+    from beamstiff.cli.variables import shown_value
+
+    found, said = result.correction, list(program.notes)
+    if not placed and program.frames:
+        said.append(
+            f"{'; '.join(program.frames)}: --base and --tool say where this is, here both are left out"
+        )
+    if not branch:
+        names = [variable.name for variable in machine.controller.actuated]
+        first = zip(names, found.q[0].tolist(), strict=True)
+        posture = ", ".join(
+            f"{name} = {shown_value(machine.controller, name, value)}" for name, value in first
+        )
+        said.append(f"the path begins at {posture}; --q chooses another posture")
     if found.switched.size:
         lines = listed([str(found.path.lines[row]) for row in found.switched.tolist()])
         said.append(f"the joints have to jump before line {lines}: another configuration")
@@ -258,7 +270,7 @@ def _refusal(result: Compensated) -> BeamstiffError:
     )
 
 
-def _facts(result: Compensated) -> dict[str, Any]:
+def _facts(result: Compensated, robot: Robot) -> dict[str, Any]:
     from dataclasses import asdict
 
     import numpy as np
@@ -267,6 +279,7 @@ def _facts(result: Compensated) -> dict[str, Any]:
     from beamstiff.se3 import vector_from_rotation
 
     found, known = result.correction, result.known
+    names = [variable.name for variable in robot.actuated]
     before, after = size_of(found.before[known]), size_of(result.after[known])
     turns = vector_from_rotation(found.commands[:, :3, :3])
 
@@ -279,6 +292,7 @@ def _facts(result: Compensated) -> dict[str, Any]:
             "line": int(found.path.lines[row]),
             "corrected": row not in found.reasons,
             "reason": found.reasons.get(row),
+            "q": dict(zip(names, found.q[row].tolist(), strict=True)),
             "command": [*found.commands[row, :3, 3].tolist(), *turns[row].tolist()],
             "wrench": found.wrench[row].tolist(),
             "before": row_of(found.before, row),

@@ -113,6 +113,11 @@ def test_what_is_no_robtarget_is_left_alone() -> None:
     assert any("several work objects (w, w2)" in note for note in program.notes)
 
 
+def test_the_work_object_is_told() -> None:
+    program = rapid.read(f"MoveL {TARGET},v100,z5,t\\WObj:=w1;", "a.mod")
+    assert program.frames == ("its targets are in the work object w1",)
+
+
 @pytest.mark.parametrize(
     ("line", "message"),
     [

@@ -30,6 +30,7 @@ _FRAMES = re.compile(
 )
 _COMPONENT = re.compile(r"\s*(?P<key>[A-Za-z_]\w*(?:\[\s*\d*\s*\])?)(?:\s+(?P<value>\S.*?))?\s*", re.DOTALL)
 _NUMBER = re.compile(NUMBER)
+_SET = re.compile(r"\$(BASE|TOOL)\s*=", re.IGNORECASE)
 _BASES = re.compile(r"\bTOOL_NO\s+(\d+)\s*,\s*BASE_NO\s+(\d+)", re.IGNORECASE)
 
 
@@ -50,18 +51,18 @@ def read(text: str, source: str) -> Program:
     notes: list[str] = []
     relative: list[int] = []
     axes: list[int] = []
+    frames: dict[str, int] = {}
     code = masked(text, ";")
     for number, at, line in lines(code):
+        for match in _SET.finditer(line):
+            frames.setdefault(f"sets ${match[1].upper()}", number)
         if "{" not in line or line.lstrip().startswith("&"):
             continue
         for start, end in _groups(line, source, number):
             inner = line[start + 1 : end]
             motion, name = _before(line[:start])
             keys = _keys(inner)
-            if name is not None and _FRAMES.fullmatch(name):
-                if name.upper() in ("$BASE", "$TOOL") and "X" in keys:
-                    notes.append(f"line {number} sets {name.upper()}: --base and --tool say what it is here")
-            elif "{" in inner or not keys:
+            if (name is not None and _FRAMES.fullmatch(name)) or "{" in inner or not keys:
                 continue
             elif motion is not None and motion.endswith("_REL"):
                 relative.append(number)
@@ -75,16 +76,19 @@ def read(text: str, source: str) -> Program:
     for what, found in (("relative motions", relative), ("axis values", axes)):
         if found:
             notes.append(f"{what} are left as they are: {_lines(found)}")
-    frames = sorted({(int(tool), int(base)) for tool, base in _BASES.findall(code)})
-    if len(frames) > 1:
-        known = "; ".join(f"tool {tool}, base {base}" for tool, base in frames)
+    said = [f"line {number} {what}" for what, number in frames.items()]
+    used = sorted({(int(tool), int(base)) for tool, base in _BASES.findall(code)})
+    known = "; ".join(f"tool {tool}, base {base}" for tool, base in used)
+    if len(used) > 1:
         notes.append(f"its points use several frames ({known}): take those of one at a time with --only")
+    elif used:
+        said.append(f"its points use {known}")
     if not places:
         raise BeamstiffError(
             f"{source}: found no target, expected literals such as {{X 1,Y 2,Z 3,A 0,B 90,C 0}}; the points "
             "of a .src may stand in its .dat"
         )
-    return make_program(text, source, places, KUKA, notes)
+    return make_program(text, source, places, KUKA, notes, said)
 
 
 def _groups(line: str, source: str, number: int) -> Iterator[tuple[int, int]]:

@@ -48,7 +48,9 @@ class Program:
     orientation : Orientation
         How the file writes orientations.
     notes : tuple of str
-        What is worth knowing: motions that are left as they are, frames that the file sets.
+        What is worth knowing, such as motions that are left as they are.
+    frames : tuple of str
+        What the file says of its frames, which only whoever calls knows the place of.
     chosen : tuple of int
         Which of the file's targets these are, where it has others (`only`).
     """
@@ -58,6 +60,7 @@ class Program:
     places: tuple[Place, ...]
     orientation: Orientation
     notes: tuple[str, ...] = ()
+    frames: tuple[str, ...] = ()
     chosen: tuple[int, ...] = ()
 
     def with_poses(self, poses: Array, which: NDArray[np.bool_] | None = None) -> bytes:
@@ -134,6 +137,7 @@ def make_program(
     places: Sequence[Place],
     orientation: Orientation,
     notes: Sequence[str] = (),
+    frames: Sequence[str] = (),
     *,
     stated: bool = True,
     wrench: Array | None = None,
@@ -172,4 +176,4 @@ def make_program(
         wrench=wrench,
         columns=columns or {},
     )
-    return Program(text, path, tuple(places), orientation, tuple(notes))
+    return Program(text, path, tuple(places), orientation, tuple(notes), tuple(frames))

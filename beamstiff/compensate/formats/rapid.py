@@ -58,13 +58,15 @@ def read(text: str, source: str) -> Program:
             "[9E9,9E9,9E9,9E9,9E9,9E9]]"
         )
     notes = []
-    if len(frames := list(dict.fromkeys(name.lower() for name in _FRAMES.findall(code)))) > 1:
+    frames = list(dict.fromkeys(name.lower() for name in _FRAMES.findall(code)))
+    if len(frames) > 1:
         notes.append(
             f"it uses several work objects ({', '.join(frames)}): take one's targets at a time with --only"
         )
     if match := _OFFSETS.search(code):
         notes.append(f"Offs and RelTool are left as they are, first in line {line_of(text, match.start())}")
-    return make_program(text, source, places, Quaternion(), notes)
+    said = [f"its targets are in the work object {frames[0]}"] if len(frames) == 1 else []
+    return make_program(text, source, places, Quaternion(), notes, said)
 
 
 def _literals(code: str) -> Iterator[tuple[str, int, bool]]:
