@@ -74,6 +74,13 @@ def calibrate(
     method: Annotated[
         str, typer.Option("--method", metavar="NAME", help="levenberg-marquardt or gauss-newton.")
     ] = "levenberg-marquardt",
+    stations: Annotated[
+        bool,
+        typer.Option(
+            "--stations",
+            help="Every table has a base of its own (base1, base2, ...): robot or tracker were moved.",
+        ),
+    ] = False,
     folds: Annotated[
         int, typer.Option("--folds", min=0, metavar="N", help="Folds of the errors held out; 0 for none.")
     ] = 5,
@@ -145,7 +152,10 @@ def calibrate(
         "fixed": parse_names(fix, "--fix") or (),
         "last": parse_names(last, "--last") or (),
         "compliances": parse_names(compliances, "--compliances") or (),
+        "stations": stations,
     }
+    if stations and tested:
+        raise BeamstiffError("--test: beside --stations it is not said where the robot stood; leave one out")
     with working(f"calibrating from {len(measured)} rows", quiet):
         if prior:
             known = state_calibration(machine, measured, **said).problem.parameters

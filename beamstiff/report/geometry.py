@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich.table import Table
 
+from beamstiff.errors import listed
 from beamstiff.identify.geometry.parameters import SPARE
 from beamstiff.identify.geometry.recursion import Recursion
 from beamstiff.identify.geometry.result import Calibration, Errors, Found
@@ -106,8 +107,9 @@ def calibration_text(found: Calibration) -> list[str]:
     stated = "stated noise" if found.claimed else "usual noise (none is stated)"
     lines.append(f"What is left is {found.noise:.2g} times the {stated}. {found.method}: {found.message}.")
     if any(item.parameter.group == "base" and item.identified for item in found.parameters):
-        place = ", ".join(f"{1e3 * value:.3f}" for value in found.base[:3, 3])
-        lines.append(f"The robot's base stands at ({place}) mm in the measuring frame.")
+        places = [", ".join(f"{1e3 * value:.3f}" for value in base[:3, 3]) for base in found.bases]
+        shown = listed([f"({place})" for place in places], 4)
+        lines.append(f"The robot's base stands at {shown} mm in the measuring frame.")
     if found.compliances:
         lines.append(f"Stiffness: {', '.join(map(_stiffness, found.compliances))}.")
     return lines

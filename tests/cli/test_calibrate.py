@@ -98,6 +98,18 @@ def test_the_tracker_may_stand_anywhere_and_readings_come_out_in_the_base_frame(
     assert facts["held_out"] is None
 
 
+def test_tables_may_come_from_several_stations(run: Run, folder: Path, arm: str) -> None:
+    robot = load_robot(folder / arm)
+    rows = read_measurements(folder / "fresh.csv", robot)
+    write_measurements(replace(rows, position=rows.position + np.eye(3)[0]), folder / "moved.csv", robot)
+    result = run("calibrate", arm, "poses.csv", "moved.csv", "--stations", "--folds", "0", "--json", "-")
+    facts = json.loads(result.stdout)
+    assert facts["rms_mm"] < 0.03
+    assert facts["bases"][1][0][3] - facts["bases"][0][0][3] == pytest.approx(1.0, abs=1e-4)
+    result = run("calibrate", arm, "poses.csv", "moved.csv", "--stations", "--test", "fresh.csv")
+    assert (result.exit_code, "it is not said where the robot stood" in result.stderr) == (2, True)
+
+
 def test_figures_are_drawn(run: Run, folder: Path, arm: str) -> None:
     result = run("calibrate", arm, "poses.csv", "--sensitivity", "s.png", "--recursion", "r.svg", "--quiet")
     assert (result.exit_code, result.stdout, result.stderr) == (0, "", "")

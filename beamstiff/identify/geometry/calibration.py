@@ -39,6 +39,7 @@ def calibrate(
     method: str = "levenberg-marquardt",
     noticed: float = NOTICED,
     folds: int = 5,
+    stations: bool = False,
 ) -> Calibration:
     """Calibrate the geometry of a robot from measured absolute positions, or poses.
 
@@ -67,6 +68,9 @@ def calibrate(
         Signal over noise of a realistic deviation (1 mm, 1 mrad) from which a parameter is sought.
     folds : int
         Of the poses, for the errors held out; 0 for none.
+    stations : bool
+        Every table was measured with the robot, or the tracker, in another place: each has a base of its own,
+        ``base1``, ``base2`` and so on.
 
     Returns
     -------
@@ -102,6 +106,7 @@ def calibrate(
         compliances=compliances,
         priors=priors,
         noticed=noticed,
+        stations=stations,
     )
     problem, found = _settled(statement, method)
     return _told(statement, problem, found, method, folds)
@@ -160,11 +165,11 @@ def _told(statement: Statement, problem: Problem, found: Estimate, method: str, 
         nominal = nominal_value(statement.robot, item)
         found_value = 0.0 if is_rigid(item, value) else nominal + float(value - start)
         parameters.append(Found(item, nominal, found_value, float(spread) if item.name in sought else None))
-    rotation, position = problem.geometry.base(problem.split(theta)[0])
+    rotation, position = problem.geometry.bases(problem.split(theta)[0])
     held = held_out(statement, problem, found, method, folds)
     return Calibration(
         robot=calibrated(statement.robot, problem, theta),
-        base=transform(rotation, position),
+        bases=transform(rotation, position),
         target=problem.geometry.target(problem.split(theta)[0]),
         parameters=tuple(parameters),
         covariance=covariance,

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.identify.geometry.parameters import AXES, TURNS, Parameter
+from beamstiff.identify.geometry.parameters import AXES, TURNS, Parameter, base_names
 from beamstiff.identify.geometry.widened import MOTION_OF, widened
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.closure import close_loops
@@ -63,6 +63,8 @@ class Geometry:
         Distinct joint readings.
     pose : (N,) array of int
         Which of them each row has.
+    stations : int
+        Places that the base has in measuring frames: 1, or one for every table of the rows.
     """
 
     robot: Robot
@@ -71,6 +73,12 @@ class Geometry:
     rows: Measurements
     poses: Array
     pose: Indices
+    stations: int = 1
+
+    @property
+    def station(self) -> Indices:
+        """Place of the base in each row, (N,)."""
+        return self.rows.run.astype(np.intp) if self.stations > 1 else np.zeros(len(self.rows), dtype=np.intp)
 
     @cached_property
     def _at(self) -> dict[str, int]:
@@ -106,9 +114,15 @@ class Geometry:
             node_at[self.kinematics.node_index[name]] += self._vector(theta, name, AXES)
         return replace(self.kinematics, constants=constants, node_at=node_at)
 
-    def base(self, theta: Array) -> tuple[Array, Array]:
-        """Return rotation (3, 3) and position (3,) of the base in the measuring frame."""
-        return rotation_from_vector(self._vector(theta, "base", TURNS)), self._vector(theta, "base", AXES)
+    def bases(self, theta: Array) -> tuple[Array, Array]:
+        """Return rotations (S, 3, 3) and positions (S, 3) of the base in the measuring frame, by station."""
+        names = base_names(self.stations)
+        turns = np.array([self._vector(theta, name, TURNS) for name in names])
+        return rotation_from_vector(turns), np.array([self._vector(theta, name, AXES) for name in names])
+
+    def turn(self, theta: Array) -> Array:
+        """Return the rotation of the base in each row, (N, 3, 3)."""
+        return self.bases(theta)[0][self.station]
 
     def target(self, theta: Array) -> Array:
         """Return how the measured target is turned against the frame of the TCP, (3, 3)."""
@@ -130,8 +144,9 @@ class Geometry:
         """
         kinematics = self.changed(theta)
         posture, position, rotation = self.in_base(kinematics, theta, moved)
-        turn, shift = self.base(theta)
-        return Placed(posture, position @ turn.T + shift, turn @ rotation @ self.target(theta))
+        turn, shift = (part[self.station] for part in self.bases(theta))
+        seen = (turn @ position[:, :, None])[:, :, 0] + shift
+        return Placed(posture, seen, turn @ rotation @ self.target(theta))
 
     def in_base(
         self, kinematics: Kinematics, theta: Array, moved: Array | None
@@ -176,10 +191,11 @@ class Geometry:
         """
         kinematics = self.changed(theta)
         posture, position, rotation = self.in_base(kinematics, theta, moved)
-        turn, shift = self.base(theta)
+        turn, shift = (part[self.station] for part in self.bases(theta))
         target_vector = self._vector(theta, "target", TURNS)
         turned = turn @ rotation
-        placed = Placed(posture, position @ turn.T + shift, turned @ rotation_from_vector(target_vector))
+        arm = (turn @ position[:, :, None])[:, :, 0]
+        placed = Placed(posture, arm + shift, turned @ rotation_from_vector(target_vector))
         result = np.zeros((len(self.rows), 6, len(self.parameters)))
         self._in_chain(kinematics, posture, result)
         for axis, name in enumerate(AXES):
@@ -190,15 +206,17 @@ class Geometry:
                     result[own, :3, number] = posture.transforms[self.pose[own], frame, :3, axis]
         result[:, :3] = turn @ result[:, :3]
         result[:, 3:] = turn @ result[:, 3:]
-        base_rate = _turning(self._vector(theta, "base", TURNS))
+        for station, name in enumerate(base_names(self.stations)):
+            own = self.station == station
+            rate = _turning(self._vector(theta, name, TURNS))
+            for axis in range(3):
+                if (number := self._at.get(f"{name}.{AXES[axis]}")) is not None:
+                    result[own, axis, number] = 1.0
+                if (number := self._at.get(f"{name}.{TURNS[axis]}")) is not None:
+                    result[own, :3, number] = np.cross(rate[:, axis], arm[own])
+                    result[own, 3:, number] = rate[:, axis]
         target_rate = turned @ _turning(target_vector)
-        arm = placed.position - shift
         for axis in range(3):
-            if (number := self._at.get(f"base.{AXES[axis]}")) is not None:
-                result[:, axis, number] = 1.0
-            if (number := self._at.get(f"base.{TURNS[axis]}")) is not None:
-                result[:, :3, number] = np.cross(base_rate[:, axis], arm)
-                result[:, 3:, number] = base_rate[:, axis]
             if (number := self._at.get(f"target.{TURNS[axis]}")) is not None:
                 result[:, 3:, number] = target_rate[:, :, axis]
         return placed, result
@@ -230,9 +248,11 @@ def _turning(vector: Array) -> Array:
     return np.asarray(np.linalg.inv(rotation_vector_rate(vector)), dtype=np.float64)
 
 
-def state_geometry(robot: Robot, rows: Measurements, parameters: Sequence[Parameter]) -> Geometry:
+def state_geometry(
+    robot: Robot, rows: Measurements, parameters: Sequence[Parameter], stations: int = 1
+) -> Geometry:
     """Return the geometry of a robot at the rows of a table; compliances are left out."""
     kinematics = compile_kinematics(robot)
     poses, pose = np.unique(rows.q, axis=0, return_inverse=True)
     geometry = tuple(item for item in parameters if item.group != "compliance")
-    return Geometry(robot, geometry, kinematics, rows, poses, pose.reshape(-1))
+    return Geometry(robot, geometry, kinematics, rows, poses, pose.reshape(-1), stations)

@@ -6,7 +6,8 @@ A parameter is a deviation from the robot as it is described:
 ``f3.d``                a frame's Khalil-Kleinfinger parameter (or Hayati's ``f3.beta``)
 ``q2``                  the zero of an encoder: added to the variable wherever it stands
 ``n7.x``                the place of a measured point, in its frame
-``base.x``, ``base.rx`` where the robot's base stands in the measuring frame
+``base.x``, ``base.rx`` where the robot's base stands in the measuring frame; ``base2.x`` in that of
+                        the second table, where each has its own
 ``target.rx``           how the measured target is turned against the frame of the TCP
 ``J2.torsional``        a compliance, 1 / stiffness, sought together with the geometry
 ======================  =======================================================================
@@ -62,7 +63,9 @@ class Parameter:
     rank: int
 
 
-def known_parameters(robot: Robot, points: Sequence[str], turned: bool) -> tuple[Parameter, ...]:
+def known_parameters(
+    robot: Robot, points: Sequence[str], turned: bool, stations: int = 1
+) -> tuple[Parameter, ...]:
     """Return all parameters of a robot's geometry that measurements could show.
 
     Parameters
@@ -72,6 +75,8 @@ def known_parameters(robot: Robot, points: Sequence[str], turned: bool) -> tuple
         Nodes that are measured.
     turned : bool
         Whether orientations are measured.
+    stations : int
+        Places that the robot, or the tracker, stood in.
 
     Examples
     --------
@@ -80,11 +85,16 @@ def known_parameters(robot: Robot, points: Sequence[str], turned: bool) -> tuple
     ['n6b.x', 'n6b.y', 'n6b.z', 'q1', 'q2', 'q3', 'q4', 'q5', 'q6', 'f1.gamma']
     """
     units = {"length": "m", "angle": "rad"}
-    found = [Parameter(f"base.{axis}", "base", "m", PLACED, SETUP) for axis in AXES]
-    found += [Parameter(f"base.{axis}", "base", "rad", PLACED, SETUP) for axis in TURNS]
+    found: list[Parameter] = []
+    for base in base_names(stations):
+        found += [Parameter(f"{base}.{axis}", "base", "m", PLACED, SETUP) for axis in AXES]
+        found += [Parameter(f"{base}.{axis}", "base", "rad", PLACED, SETUP) for axis in TURNS]
     ends = {name for loop in robot.loops for name in (loop.a, loop.b)}
     for point in points:
-        if point not in ends and point not in ("base", "target"):  # a loop's end is moved through its frame
+        if point not in ends and point not in (
+            "target",
+            *base_names(stations),
+        ):  # a loop's end is moved through its frame
             found += [Parameter(f"{point}.{axis}", "target", "m", PLACED, SETUP) for axis in AXES]
     if turned:
         found += [Parameter(f"target.{axis}", "target", "rad", PLACED, SETUP) for axis in TURNS]
@@ -100,6 +110,17 @@ def known_parameters(robot: Robot, points: Sequence[str], turned: bool) -> tuple
                 rank = NEEDED if name in USUAL else SPARE
                 found.append(Parameter(f"{frame}.{name}", "frame", units[kind], size, rank))
     return tuple(found)
+
+
+def base_names(stations: int) -> list[str]:
+    """Return what the places are called that the robot's base has in the measuring frame.
+
+    Examples
+    --------
+    >>> base_names(1), base_names(2)
+    (['base'], ['base1', 'base2'])
+    """
+    return ["base"] if stations == 1 else [f"base{number + 1}" for number in range(stations)]
 
 
 def choose_parameters(

@@ -108,7 +108,7 @@ class Problem:
         moved = self.elastic.displacement(compliance) if deformed else None
         placed, jacobian = self.geometry.jacobian(geometry, moved)
         if compliance.size:
-            turn, _ = self.geometry.base(geometry)
+            turn = self.geometry.turn(geometry)
             columns = self.elastic.columns(compliance)
             moved = np.concatenate([turn @ columns[:, :3], turn @ columns[:, 3:]], axis=1)
             jacobian = np.concatenate([jacobian, moved], axis=2)

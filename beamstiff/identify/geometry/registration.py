@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from beamstiff.errors import BeamstiffError
 from beamstiff.identify.geometry.estimate import estimate
 from beamstiff.identify.geometry.observability import observability
-from beamstiff.identify.geometry.parameters import AXES, TURNS
+from beamstiff.identify.geometry.parameters import AXES, TURNS, base_names
 from beamstiff.identify.geometry.problem import Problem
 from beamstiff.measure.rigid_motion import check_spread, fit_rigid_motion
 from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
@@ -24,22 +24,25 @@ def registered(problem: Problem, theta: Array) -> Array:
     result = theta.copy()
     at = {item.name: number for number, item in enumerate(problem.parameters)}
     placed = problem.placed(theta)
-    base = [at[f"base.{name}"] for name in (*AXES, *TURNS) if f"base.{name}" in at]
-    turn = np.eye(3)
-    if len(base) == 6:
-        seen = problem.used[:, :3].all(axis=1)
+    turn = np.tile(np.eye(3), (len(problem.rows), 1, 1))
+    for station, base in enumerate(base_names(problem.geometry.stations)):
+        sought = [at[f"{base}.{name}"] for name in (*AXES, *TURNS) if f"{base}.{name}" in at]
+        own = problem.geometry.station == station
+        seen = own & problem.used[:, :3].all(axis=1)
+        if len(sought) < 6:
+            continue
         try:
             check_spread(placed.position[seen], problem.rows.source)
-            motion = fit_rigid_motion(placed.position[seen], problem.rows.position[seen])
         except BeamstiffError:
-            return result  # too few points: the base stays, and observability will say so
-        turn = motion.rotation
-        result[base] = [*motion.translation, *vector_from_rotation(turn)]
+            continue  # too few points: the base stays, and observability will say so
+        motion = fit_rigid_motion(placed.position[seen], problem.rows.position[seen])
+        turn[own] = motion.rotation
+        result[sought] = [*motion.translation, *vector_from_rotation(motion.rotation)]
     target = [at[f"target.{name}"] for name in TURNS if f"target.{name}" in at]
     turned = problem.used[:, 3:].all(axis=1)
     if len(target) == 3 and turned.any():
         measured = rotation_from_vector(problem.rows.rotation[turned])
-        relative = (turn @ placed.rotation[turned]).swapaxes(-1, -2) @ measured
+        relative = (turn[turned] @ placed.rotation[turned]).swapaxes(-1, -2) @ measured
         result[target] = Rotation.from_matrix(relative).mean().as_rotvec()
     return result
 

@@ -94,8 +94,8 @@ class Calibration:
     ----------
     robot : Robot
         With the geometry, and the compliances, found. Writes itself with `save_robot`.
-    base : (4, 4) array
-        Where the robot's base stands in the measuring frame.
+    bases : (S, 4, 4) array
+        Where the robot's base stands in the measuring frame; in several, if each table has its own.
     target : (3, 3) array
         How the measured target is turned against the frame of the TCP.
     parameters : tuple of Found (t)
@@ -124,7 +124,7 @@ class Calibration:
     """
 
     robot: Robot
-    base: Array
+    bases: Array
     target: Array
     parameters: tuple[Found, ...]
     covariance: Array
@@ -148,6 +148,11 @@ class Calibration:
         if name not in known:
             raise BeamstiffError(f"{name!r} was not among the parameters{suggest(name, known)}")
         return known[name]
+
+    @property
+    def base(self) -> Array:
+        """Where the robot's base stands in the (first) measuring frame, (4, 4)."""
+        return np.asarray(self.bases[0])
 
     @property
     def values(self) -> Mapping[str, float]:
@@ -180,6 +185,7 @@ class Calibration:
             "silent": list(self.observability.silent),
             "condition": self.observability.condition,
             "base": self.base.tolist(),
+            "bases": self.bases.tolist(),
             "target": self.target.tolist(),
             "nominal": self.before.to_dict(),
             "calibrated": self.after.to_dict(),

@@ -58,12 +58,13 @@ def state_calibration(
     compliances: Sequence[str] = (),
     priors: Mapping[str, float] | None = None,
     noticed: float = NOTICED,
+    stations: bool = False,
 ) -> Statement:
     """State a calibration: the parameters, what the poses tell of them, where to start.
 
     Parameters
     ----------
-    robot, measurements, parameters, fixed, last, compliances, priors, noticed
+    robot, measurements, parameters, fixed, last, compliances, priors, noticed, stations
         As of `calibrate`.
 
     Raises
@@ -83,12 +84,13 @@ def state_calibration(
         if stiffness[name] == FREE:
             raise BeamstiffError(f"robot {robot.name!r}: {name} is free: there is no compliance to estimate")
     turned = bool(rows.measured_mask[:, 3:].any())
-    known = known_parameters(robot, list(dict.fromkeys(rows.point.tolist())), turned)
+    places = len(rows.sources) if stations else 1
+    known = known_parameters(robot, list(dict.fromkeys(rows.point.tolist())), turned, places)
     chosen = choose_parameters(robot, known, parameters, fixed, last)
-    opening = opening_parameters(state_geometry(robot, rows, chosen))
+    opening = opening_parameters(state_geometry(robot, rows, chosen, places))
     refuse_opening(opening, [*(parameters or ()), *(priors or ())])
     chosen = tuple(item for item in chosen if item.name not in opening)
-    geometry = state_geometry(robot, rows, chosen)
+    geometry = state_geometry(robot, rows, chosen, places)
     elastic = state_elastic(robot, rows, compliances)
     every = (*chosen, *compliance_parameters(robot, elastic))
     every = tuple(replace(item, size=(priors or {}).get(item.name, item.size)) for item in every)

@@ -47,7 +47,7 @@ def gap_of(robot: Robot, rows: Measurements, base: Array | None = None, target: 
     robot : Robot
     rows : Measurements
         Absolute.
-    base : (4, 4) array, optional
+    base : (4, 4) or (N, 4, 4) array, optional
         Where the robot's base stands in the measuring frame; default there.
     target : (3, 3) array, optional
         How the target is turned against the frame of the TCP.
@@ -62,26 +62,31 @@ def gap_of(robot: Robot, rows: Measurements, base: Array | None = None, target: 
     geometry = state_geometry(robot, rows, ())
     problem = state_problem(geometry, state_elastic(robot, rows, ()), (), np.zeros(0))
     placed = problem.placed(np.zeros(0))
-    turn = np.eye(3) if base is None else base[:3, :3]
-    shift = np.zeros(3) if base is None else base[:3, 3]
+    stands = np.eye(4) if base is None else base
+    turn, shift = stands[..., :3, :3], stands[..., :3, 3]
     seen = placed.rotation if target is None else placed.rotation @ target
-    moved = replace(placed, position=placed.position @ turn.T + shift, rotation=turn @ seen)
+    position = (turn @ placed.position[:, :, None])[:, :, 0] + shift
+    moved = replace(placed, position=position, rotation=turn @ seen)
     return np.where(problem.used, problem.gap_from(moved), np.nan)
 
 
-def errors_on(found: Calibration, rows: Measurements) -> Errors:
-    """Return the errors of a calibrated robot on other readings, in the same measuring frame."""
-    gap = gap_of(found.robot, rows, found.base, found.target)
+def errors_on(found: Calibration, rows: Measurements, station: int = 0) -> Errors:
+    """Return the errors of a calibrated robot on other readings, in the measuring frame of a station."""
+    gap = gap_of(found.robot, rows, found.bases[station], found.target)
     return errors_of(np.nan_to_num(gap), rows.measured_mask)
 
 
 def in_base_frame(found: Calibration, rows: Measurements) -> Measurements:
-    """Return readings in the base frame that a calibration found, of the TCP's frame itself."""
-    turn, shift = found.base[:3, :3], found.base[:3, 3]
+    """Return readings in the base frame that a calibration found, of the TCP's frame itself.
+
+    Where each table had a base of its own, the tables must come in the same order.
+    """
+    stands = found.bases[rows.run if len(found.bases) > 1 else np.zeros(len(rows), dtype=np.intp)]
+    back, shift = stands[:, :3, :3].swapaxes(-1, -2), stands[:, :3, 3]
     rotation = rows.rotation.copy()
     known = ~np.isnan(rotation).any(axis=1)
     if known.any():
-        rotation[known] = vector_from_rotation(
-            turn.T @ rotation_from_vector(rotation[known]) @ found.target.T
-        )
-    return replace(rows, position=(rows.position - shift) @ turn, rotation=rotation)
+        seen = back[known] @ rotation_from_vector(rotation[known]) @ found.target.T
+        rotation[known] = vector_from_rotation(seen)
+    position = (back @ (rows.position - shift)[:, :, None])[:, :, 0]
+    return replace(rows, position=position, rotation=rotation)

@@ -128,6 +128,25 @@ def test_several_reflectors_share_one_geometry() -> None:
         assert errors_on(found, fresh).position_rms == pytest.approx(1.732 * SIGMA, rel=0.3)
 
 
+def test_tables_from_several_stations_share_one_geometry() -> None:
+    other = transform(rotation_from_vector(np.array([0.0, 0.1, -2.0])), np.array([-1.0, 4.0, 0.2]))
+    tables = [
+        measured(REAL, within(serial(), 25, seed), base=base, seed=seed)
+        for seed, base in ((1, BASE), (2, other))
+    ]
+    found = calibrate(serial(), tables, stations=True)
+    assert found.noise == pytest.approx(1.0, abs=0.25)
+    assert found.bases.shape == (2, 4, 4)
+    for station, base in enumerate((BASE, other)):
+        fresh = measured(REAL, within(serial(), 100, 9), base=base, seed=9)
+        assert errors_on(found, fresh, station).position_rms == pytest.approx(1.732 * SIGMA, rel=0.3)
+    moved = in_base_frame(found, concatenate(tables))
+    assert np.nanmax(np.abs(gap_of(found.robot, moved))) < 6 * SIGMA
+    wrong = calibrate(serial(), tables, folds=0)
+    assert wrong.after.position_rms is not None
+    assert wrong.after.position_rms > 0.1
+
+
 def test_priors_hold_back_what_the_poses_hardly_show() -> None:
     rows = measured(REAL, within(serial(), 12, 10))
     fresh = measured(REAL, within(serial(), 200, 11), seed=1)

@@ -60,6 +60,19 @@ def test_columns_of_a_four_bar_with_ball_screws_carry_the_loops(size: float) -> 
     assert (alone > 0.1).all()
 
 
+def test_columns_of_two_stations_move_their_own_rows() -> None:
+    tables = [measured(serial(), within(serial(), 4, seed=seed), turned=True) for seed in (1, 2)]
+    known = known_parameters(serial(), ["ball"], True, 2)
+    assert [item.name for item in known][:12:6] == ["base1.x", "base2.x"]
+    geometry = state_geometry(serial(), concatenate(tables), known, 2)
+    theta = 0.2 * np.random.default_rng(3).standard_normal(len(known)) * [x.group == "base" for x in known]
+    _, jacobian = geometry.jacobian(theta)
+    assert np.abs(jacobian - by_differences(geometry, theta)).max() < 1e-8
+    second = [number for number, item in enumerate(known) if item.name.startswith("base2")]
+    assert not jacobian[:4, :, second].any()
+    assert np.abs(jacobian[4:, :, second]).max(axis=(0, 1)).all()
+
+
 def test_elastic_displacement_is_carried_along_by_the_base() -> None:
     robot = serial()
     rows = measured(robot, within(robot, 4, seed=3), turned=True)
