@@ -206,6 +206,7 @@ def _sets(inputs: Sequence[str], sets: Sequence[int]) -> str:
     return listed(used) if used else "no input"
 
 
+GIVEN = ("rigid", "nominal")  # what needs no fit
 FITS: Mapping[str, Callable[[Robot, Measurements, Options], Fitted]] = {
     "rigid": _rigid,
     "nominal": _nominal,
@@ -248,7 +249,8 @@ def fit_models(
     Raises
     ------
     BeamstiffError
-        When there is no such model, or the rows are no displacements of the TCP.
+        When there is no such model or parameter, the rows are no displacements of the TCP, or they carry no
+        model at all.
     """
     for name in names:
         if name not in FITS:
@@ -267,12 +269,17 @@ def fit_models(
             f"{table.place(row)}: measured at {str(table.point[row])!r} under a load at "
             f"{str(table.load_point[row])!r}, expected the TCP {robot.tcp!r} to compare models"
         )
+    for name in (options or Options()).parameters or ():
+        robot.parameter(name)  # one that does not exist is refused here, not by every model
     training = subset(table, split.fitted)
     judged = []
     for name in names:
         if progress is not None:
             progress(name)
         judged.append(_judge(name, robot, training, table, options or Options()))
+    fits = [one for one in judged if one.name not in GIVEN]
+    if fits and all(one.model is None for one in fits):
+        raise BeamstiffError(fits[0].about)
     return Models(tuple(judged), table, split, tcp_positions(robot, table.q))
 
 

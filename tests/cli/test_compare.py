@@ -1,0 +1,121 @@
+"""`beamstiff compare` as users run it: tables, JSON, pictures, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from beamstiff import load_robot, write_measurements
+from beamstiff.measure import make_measurements
+from beamstiff.model.linear import predict_displacements
+
+Run = Callable[..., Any]
+
+
+@pytest.fixture
+def data(folder: Path) -> str:
+    """Write readings of an IR-663 under two loads, whose axis 8 is softer the further it leans."""
+    robot, random = load_robot("ir663"), np.random.default_rng(0)
+    q = np.repeat(random.uniform([-0.2, 0.6], [0.4, 0.9], (24, 2)), 4, axis=0)
+    loads = [
+        [-300.0, 0, 0, 0, 0, 0],
+        [0, 0, -300.0, 0, 0, 0],
+        [-900.0, 0, 0, 0, 0, 0],
+        [0, 0, -900.0, 0, 0, 0],
+    ]
+    wrench = np.tile(loads, (24, 1))
+    still = make_measurements(["q2", "q8"], q, tcp="n7", wrench=wrench)
+    soft = robot.with_parameters({"J18.torsional": 0.5 * robot.parameter("J18.torsional")})
+    stiff, softer = (predict_displacements(one, still)[:, :3] for one in (robot, soft))
+    lean = ((q[:, 1:] - 0.6) / 0.3) ** 2
+    seen = stiff + lean * (softer - stiff) + 1e-5 * random.standard_normal((96, 3))
+    table = make_measurements(
+        ["q2", "q8"], q, tcp="n7", wrench=wrench, displacement=seen, sigma_position=1e-5
+    )
+    write_measurements(table, folder / "data.csv", robot)
+    return "data.csv"
+
+
+def test_models_are_shown_by_what_was_held_out_and_by_load(run: Run, data: str) -> None:
+    result = run("compare", "ir663", data)
+    assert (result.exit_code, result.stderr) == (0, "")
+    for text in ("fitted (36)", "new pose (12)", "new load (36)", "new pose and load (12)", "300 N", "900 N"):
+        assert text in result.stdout
+    for name in ("rigid", "nominal", "parametric", "fuzzy tree", "grid", "gray box", "gaussian process"):
+        assert f"\n{name} " in result.stdout
+    assert "The stated noise alone leaves 0.0173 mm RMS." in result.stdout
+
+
+def test_json_holds_every_model_and_the_split(run: Run, data: str) -> None:
+    result = run(
+        "compare", "ir663", data, "--json", "-", "--models", "parametric,gray box", "--fit-load", "900"
+    )
+    assert result.exit_code == 0
+    found = json.loads(result.stdout)
+    assert found["format"] == "beamstiff-compare/1"
+    assert found["split"]["fitted"] == 36
+    assert found["split"]["loads_held_out"] == pytest.approx([300.0])
+    parametric, gray = found["models"]
+    assert (parametric["name"], gray["name"]) == ("parametric", "gray box")
+    assert gray["unseen"]["rms_mm"] < 0.6 * parametric["unseen"]["rms_mm"]
+    assert gray["unseen"]["rows"] == gray["unseen"]["answered"] == 60
+    assert [one["load"] for one in gray["by_load"]] == pytest.approx([300.0, 900.0])
+    assert set(gray["by_kind"]) == {"fitted", "new_pose", "new_load", "new_pose_and_load"}
+
+
+def test_the_same_seed_gives_the_same_answer(run: Run, data: str) -> None:
+    answers = []
+    for _ in range(2):
+        found = json.loads(run("compare", "ir663", data, "--json", "-", "--seed", "3").stdout)
+        answers.append([{k: v for k, v in one.items() if k != "seconds"} for one in found["models"]])
+    assert answers[0] == answers[1]
+
+
+def test_pictures_are_drawn(run: Run, data: str, folder: Path) -> None:
+    options = ["--models", "parametric,fuzzy", "--figure", "errors.png", "--rules", "rules.svg"]
+    assert run("compare", "ir663", data, *options).exit_code == 0
+    assert (folder / "errors.png").read_bytes().startswith(b"\x89PNG")
+    assert (
+        "membership" in (folder / "rules.svg").read_text() or (folder / "rules.svg").stat().st_size > 10_000
+    )
+
+
+def test_cubes_have_the_size_that_was_asked_for(run: Run, data: str) -> None:
+    result = run("compare", "ir663", data, "--models", "grid", "--cube", "250")
+    assert "cubes of 250 mm" in result.stdout
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--models", "fuzy"], "there is no model 'fuzy' (did you mean 'fuzzy'?)"),
+        (["--share", "1.5"], "share of poses to hold out: found 1.5"),
+        (["--fit-load", "500"], "found no load of 500 N, expected one of 300, 900 N"),
+        (["--cube", "-3"], "--cube: found -3.0, expected a length in mm above 0"),
+        (["--seed", "-1"], "--seed: found -1"),
+        (["--models", "grid", "--rules", "a.png"], "--rules: expected fuzzy among the models"),
+        (["--figure", "a.gif"], "a.gif: found the ending 'gif'"),
+        (["--figure", "data.csv"], "would overwrite the input data.csv"),
+        (["--parameters", "J99.bending"], "no stiffness parameter 'J99.bending'"),
+    ],
+)
+def test_what_cannot_be_done_is_refused_in_one_line(
+    run: Run, data: str, options: list[str], message: str
+) -> None:
+    result = run("compare", "ir663", data, *options)
+    assert result.exit_code == 2
+    assert message in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+    assert result.stdout == ""
+
+
+def test_absolute_positions_are_refused(run: Run, folder: Path) -> None:
+    (folder / "absolute.csv").write_text("q2,q8,fx,x,y,z\n0,0.7,900,1.5,0,1.2\n0.1,0.7,900,1.5,0,1.2\n")
+    result = run("compare", "ir663", "absolute.csv", "--share", "0")
+    assert result.exit_code == 2
+    assert "absolute.csv: holds absolute positions; compare needs displacements" in result.stderr
