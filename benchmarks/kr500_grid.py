@@ -4,8 +4,8 @@ The machine is the exam's (rigid bodies, nonlinear springs, equilibrium on the d
 here shares its equations. What it lacks of a rigid robot with six constant springs is invented:
 
 - *as published*: drives whose compliance ripples with their own angle, by a factor of three and more either
-  way, which nobody has seen in a drive; drawn and sized until the paper's first two numbers come out: what the
-  payload does, and what one stiffness leaves. What cubes leave is then no longer chosen;
+  way, which nobody has seen in a drive; drawn and sized until the paper's first two numbers come out: what
+  the payload does, and what one stiffness leaves. What cubes leave is then no longer chosen;
 - *by posture*: the same ripple of all drives with the sum of the first three angles. The Gaussian process
   expects that drives tend to follow their own angle; here they do not;
 - *as usual*: gears whose lever changes with the angle on joints 2 and 3, joint 3 hardening, links 2 and 3
