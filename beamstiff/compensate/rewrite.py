@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from beamstiff.compensate.correct import Correction, correct_path, errors_of
 from beamstiff.compensate.editing import ENCODING
-from beamstiff.compensate.formats import ENDINGS, path_csv
+from beamstiff.compensate.formats import path_csv
 from beamstiff.compensate.formats.program import Program
 from beamstiff.compensate.machine import Machine
 from beamstiff.compensate.process.load import FromPath, Process, Together
@@ -86,8 +86,7 @@ def compensate_program(
     commands = machine.frames.to_path(correction.commands)
     if steps is None:
         content = program.with_poses(commands, correction.corrected)
-        again = ENDINGS[program.ending](content.decode(ENCODING), path.source)
-        written = again.matching(program).path
+        written = program.read_again(content).path
     else:
         text = path_csv.write(path.moved_to(commands), f"commands that correct {path.source}")
         content = text.encode("utf-8")

@@ -67,7 +67,7 @@ def read(text: str, source: str) -> Program:
     if not places:
         raise BeamstiffError(f"{source}: found no target, expected lines such as GOTO/10.0,0.0,25.0")
     notes = [f"{word} is left as it is, first in line {numbers[0]}" for word, numbers in left.items()]
-    return make_program(text, source, places, ToolAxis(), notes)
+    return make_program(text, source, places, ToolAxis(), read, notes)
 
 
 def _statements(text: str) -> list[tuple[int, int, str]]:

@@ -88,7 +88,7 @@ def read(text: str, source: str) -> Program:
             f"{source}: found no target, expected literals such as {{X 1,Y 2,Z 3,A 0,B 90,C 0}}; the points "
             "of a .src may stand in its .dat"
         )
-    return make_program(text, source, places, KUKA, notes, said)
+    return make_program(text, source, places, KUKA, read, notes, said)
 
 
 def _groups(line: str, source: str, number: int) -> Iterator[tuple[int, int]]:

@@ -256,7 +256,7 @@ def _program(
         orientation = RotationVector()
         places = [Place(p.name, p.line, p.position, (), (0.0, 0.0, 0.0)) for p in places]
     return make_program(
-        text, source, places, orientation, stated=bool(turning), wrench=wrench, columns=columns
+        text, source, places, orientation, read, stated=bool(turning), wrench=wrench, columns=columns
     )
 
 

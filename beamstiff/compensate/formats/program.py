@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +46,8 @@ class Program:
         One each target.
     orientation : Orientation
         How the file writes orientations.
+    read : function of text and name to Program
+        Of the file's format.
     notes : tuple of str
         What is worth knowing, such as motions that are left as they are.
     frames : tuple of str
@@ -59,6 +60,7 @@ class Program:
     path: ToolPath
     places: tuple[Place, ...]
     orientation: Orientation
+    read: Callable[[str, str], Program]
     notes: tuple[str, ...] = ()
     frames: tuple[str, ...] = ()
     chosen: tuple[int, ...] = ()
@@ -88,20 +90,10 @@ class Program:
             changes += list(zip(self.places[row].position, poses[row, :3, 3].tolist(), strict=True))
         return replaced(self.text, changes).encode(ENCODING)
 
-    @property
-    def ending(self) -> str:
-        """Of the file's name, which tells the format."""
-        return Path(self.path.source).suffix.lower()
-
-    def matching(self, other: Program) -> Program:
-        """Return the targets of this program that stand where those of another one stand, which it may lack.
-
-        Both are versions of one file with the same targets in the same order, the other maybe cut by `only`.
-        """
-        if len(self.places) == len(other.places):
-            return self
-        rows = list(other.chosen)
-        return self._cut(rows)
+    def read_again(self, content: bytes) -> Program:
+        """Return the same targets of another version of the file, such as `with_poses` makes."""
+        program = self.read(content.decode(ENCODING), self.path.source)
+        return program.cut(self.chosen) if self.chosen else program
 
     def only(self, patterns: Sequence[str]) -> Program:
         """Return the program with those targets alone whose names match one of the patterns (``XP*``).
@@ -123,9 +115,10 @@ class Program:
             for row, name in enumerate(names)
             if any(fnmatchcase(name.upper(), pattern.upper()) for pattern in patterns)
         ]
-        return self._cut(rows)
+        return self.cut(rows)
 
-    def _cut(self, rows: list[int]) -> Program:
+    def cut(self, rows: Sequence[int]) -> Program:
+        """Return the program with some of its targets alone."""
         path = self.path.at(np.array(rows, dtype=np.intp))
         chosen = tuple(self.chosen[row] if self.chosen else row for row in rows)
         return replace(self, path=path, places=tuple(self.places[row] for row in rows), chosen=chosen)
@@ -136,6 +129,7 @@ def make_program(
     source: str,
     places: Sequence[Place],
     orientation: Orientation,
+    read: Callable[[str, str], Program],
     notes: Sequence[str] = (),
     frames: Sequence[str] = (),
     *,
@@ -176,4 +170,4 @@ def make_program(
         wrench=wrench,
         columns=columns or {},
     )
-    return Program(text, path, tuple(places), orientation, tuple(notes), tuple(frames))
+    return Program(text, path, tuple(places), orientation, read, tuple(notes), tuple(frames))

@@ -66,7 +66,7 @@ def read(text: str, source: str) -> Program:
     if match := _OFFSETS.search(code):
         notes.append(f"Offs and RelTool are left as they are, first in line {line_of(text, match.start())}")
     said = [f"its targets are in the work object {frames[0]}"] if len(frames) == 1 else []
-    return make_program(text, source, places, Quaternion(), notes, said)
+    return make_program(text, source, places, Quaternion(), read, notes, said)
 
 
 def _literals(code: str) -> Iterator[tuple[str, int, bool]]:
