@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from beamstiff.gap.attribution import attribute, ceiling, shares
 from beamstiff.gap.baseline import Baseline, fit_baseline
 from beamstiff.gap.evidence import Scales, detection
 from beamstiff.gap.free_laws import FreeLaw, free_laws
-from beamstiff.gap.heldout import Shrink, fitted, held_out
+from beamstiff.gap.heldout import Shrink, fitted, folds, held_out
 from beamstiff.gap.library import Library, seen_by, state_library
 from beamstiff.gap.next import as_plain, programme
 from beamstiff.gap.noise import scale_after, scales_of
@@ -143,11 +144,14 @@ def _diagnosis(
         "pair_after": both.after if both else np.nan,
         "single_after": first.after,
     }
+    attributed = attribute(white, laws, scale)
+    fold, _ = folds(baseline, used, np.random.default_rng(seed))
     rivals = [(key, judged.probabilities[key], found.shapes[key]) for key in _rivals(judged, found)]
     proposed = programme(baseline, used, rivals, scale, seed)
     return Diagnosis(
         baseline=baseline,
         rms=first.before,
+        ceiling=ceiling(attributed, white, fold, baseline.sigma, scale),
         noise=float(np.sqrt(squares / max(used[:, :3].any(axis=1).sum(), 1))),
         candidates=candidates,
         verdict=verdict,
@@ -157,7 +161,7 @@ def _diagnosis(
         outliers=tuple(baseline.rows.place(row) for row in outlying.tolist()),
         notes=(*_unclear(judged), *notes(screened, white, verdict.effect, scale)),
         fits=fits,
-        where=where(baseline, white, used, laws, scale, seed),
+        where=where(baseline, used, shares(attributed, white, scale, seed)),
         next=as_plain(proposed),
         features=features,
     )

@@ -166,6 +166,19 @@ def solve(columns: Array, ridge: Array, gap: Array) -> tuple[Array, Array]:
     return inverse @ (columns.T @ gap), inverse
 
 
+def folds(
+    baseline: Baseline, used: NDArray[np.bool_], rng: np.random.Generator
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the fold of each row (N,), -1 where no position counts, and the postures that are folded."""
+    seen = np.flatnonzero(used[:, :3].any(axis=1))
+    poses = np.unique(baseline.rows.pose[seen])
+    fold_of = dict(
+        zip(rng.permutation(poses).tolist(), (np.arange(poses.size) % FOLDS).tolist(), strict=True)
+    )
+    fold = np.array([fold_of.get(pose, -1) for pose in baseline.rows.pose.tolist()], dtype=np.intp)
+    return fold, poses
+
+
 def held_out(
     baseline: Baseline,
     used: NDArray[np.bool_],
@@ -175,12 +188,7 @@ def held_out(
 ) -> Shrink:
     """Return what effects are worth on held-out postures; parameters as for `fitted`."""
     rng = np.random.default_rng(seed)
-    seen = np.flatnonzero(used[:, :3].any(axis=1))
-    poses = np.unique(baseline.rows.pose[seen])
-    fold_of = dict(
-        zip(rng.permutation(poses).tolist(), (np.arange(poses.size) % FOLDS).tolist(), strict=True)
-    )
-    fold = np.array([fold_of.get(pose, -1) for pose in baseline.rows.pose.tolist()])
+    fold, poses = folds(baseline, used, rng)
     left = [np.zeros_like(baseline.gap) for _ in range(2)]
     problems = [stated(baseline, used, effects, scale) for effects in ((), models)]
     for k in range(min(FOLDS, poses.size)):

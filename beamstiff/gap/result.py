@@ -87,6 +87,9 @@ class Diagnosis:
     next : sequence of mapping
     fits : tuple of Fitted
         Of the verdict, and of the second cause with it.
+    ceiling : float, m
+        What all that could give way, in any way at all, would leave on held-out postures: no cause can be
+        expected to leave less.
     features : mapping of str to float
         What the verdict rests on.
     """
@@ -102,6 +105,7 @@ class Diagnosis:
     outliers: tuple[str, ...]
     notes: tuple[str, ...]
     fits: tuple[Fitted, ...]
+    ceiling: float
     where: Mapping[str, Any] = field(default_factory=dict)
     next: Sequence[Mapping[str, Any]] = ()
     features: Mapping[str, float] = field(default_factory=dict)
@@ -131,6 +135,7 @@ class Diagnosis:
             "gap": {
                 "rms_mm": 1e3 * self.rms,
                 "noise_mm": 1e3 * self.noise,
+                "ceiling_mm": 1e3 * self.ceiling,
                 "explainable": self.explainable,
             },
             "where": dict(self.where),

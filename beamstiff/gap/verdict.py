@@ -21,17 +21,19 @@ from beamstiff.gap.evidence import logsumexp
 from beamstiff.gap.heldout import Shrink
 from beamstiff.gap.search import NONE, OUTLIERS, UNKNOWN, Pair, Search
 
-FAITH = 12.0
+FAITH = 50.0
+FAITH_IN_TWO = 24.0  # the same of which two causes there are
 # log odds that a cause is real: of its share left to the unknown, of the share of its evidence that free laws
 # of the places have, and of its worth on held-out postures
-REAL, LEFT, FREE, WORTH = 1.3, 1.0, 6.0, 2.8
-BEHIND = 20.0  # log odds that free laws need more of
+REAL, LEFT, FREE, WORTH = 1.7, 1.25, 6.8, 2.6
+BEHIND = 20.0  # log odds that are added to both evidences
+APART = 0.7  # share below which free laws do not speak for a cause any more
 FEW = 60  # values less fitted ones, below which nothing can be called unknown
 FAINT, BARE = 15.0, 0.3  # log odds against none below which a cause has to be worth this share as well
 CAUTION = 2.0  # log odds that any effect needs before it is as likely as none
 CHANCE = 0.01  # share of simulated campaigns without an effect that look as if they had one
-SURE, SLIGHT = 0.93, 0.04  # probability of the verdict with what cannot be told from it; and of a member
-DOUBTED = 0.25  # probability of the unknown from which a set holds it
+SURE, SLIGHT = 0.95, 0.03  # probability of the verdict with what cannot be told from it; and of a member
+DOUBTED = 0.12  # probability of the unknown from which a set holds it
 SECOND = 8.0  # log odds of a second cause
 SECOND_WORTH = 0.8  # share of what the first leaves that both must close on held-out postures
 SECOND_LEFT, SECOND_LESS = 0.12, 0.35  # share that both leave to the unknown, and of what the first leaves
@@ -65,11 +67,11 @@ class Judged:
     unclear: tuple[str, ...] = ()
 
 
-def tempered(log_weight: Mapping[str, float], evidence: float) -> dict[str, float]:
+def tempered(log_weight: Mapping[str, float], evidence: float, faith: float = FAITH) -> dict[str, float]:
     """Return probabilities of effects among themselves, from log weights and the evidence of the best."""
     keys = list(log_weight)
     values = np.array([log_weight[key] for key in keys])
-    values = (values - values.max()) / (1.0 + max(evidence, 0.0) / FAITH)
+    values = (values - values.max()) / (1.0 + max(evidence, 0.0) / faith)
     share = np.exp(values - logsumexp(values))
     return dict(zip(keys, share.tolist(), strict=True))
 
@@ -93,7 +95,7 @@ def share_of_free_laws(search: Search, log_weight: float) -> float:
     """Return the share of a cause's evidence that the best free law of a place has."""
     nothing = search.log_weight[NONE]
     free = max(search.free.values(), default=-np.inf) - nothing + BEHIND
-    return float(np.clip(free / (max(log_weight - nothing, 0.0) + BEHIND), 0.0, 2.0))
+    return float(np.clip(free / (max(log_weight - nothing, 0.0) + BEHIND), APART, 2.0))
 
 
 def accepted(pair: Pair | None, search: Search, single: Shrink, both: Shrink | None) -> bool:
@@ -192,7 +194,7 @@ def _two(
 ) -> Judged:
     names = {f"{k}": one for k, one in enumerate(search.pairs)}
     margin = pair.log_weight - max(search.log_weight[pair.first], search.log_weight[pair.second])
-    among = tempered({k: one.log_weight for k, one in names.items()}, margin)
+    among = tempered({k: one.log_weight for k, one in names.items()}, margin, FAITH_IN_TWO)
     member: dict[str, float] = {}
     for k, share in among.items():
         for key in (names[k].first, names[k].second):

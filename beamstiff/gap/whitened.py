@@ -70,6 +70,15 @@ class Whitened:
             start += at.size
         return result
 
+    def undo(self, columns: Array) -> Array:
+        """Return the inverse of `turn`: columns (n, c) of whitened values as they were measured, (n, c)."""
+        result = np.empty_like(columns)
+        start = 0
+        for at, block in self.axes:
+            result[at] = np.linalg.solve(block, columns[start : start + at.size])
+            start += at.size
+        return result
+
     def beside(self, cause: Array, loose: Array | None = None) -> Whitened:
         """Return the same where the whitened columns (n, c) of a cause are fitted as well.
 

@@ -81,7 +81,7 @@ def summary(result: Diagnosis) -> str:
     rms, noise = 1e3 * result.rms, 1e3 * result.noise
     first = (
         f"Gap that remains after the fit, on postures left out: {rms:.3f} mm RMS; noise alone would leave "
-        f"{noise:.3f} mm."
+        f"{noise:.3f} mm, all that could give way in any way {1e3 * result.ceiling:.3f} mm."
     )
     verdict = result.verdict
     percent = f"{100 * verdict.probability:.0f} %"
@@ -166,9 +166,10 @@ def draw_diagnosis(result: Diagnosis, path: str | Path) -> None:
     high = [item["interval"][1] - item["share"] for item in places]
     axes[1].barh([item["component"] for item in places], share, xerr=[low, high], color=ORANGE)
     axes[1].set(title="Where", xlabel="share of the explainable gap", xlim=(0, 1))
-    bars = {"gap": result.rms, "noise": result.noise}
+    bars = {"gap": result.rms}
     if result.verdict.shrink is not None:
-        bars = {"gap": result.rms, "with the cause": result.verdict.shrink.after, "noise": result.noise}
+        bars["with the cause"] = result.verdict.shrink.after
+    bars |= {"any law of any place": result.ceiling, "noise": result.noise}
     axes[2].bar(list(bars), [1e3 * value for value in bars.values()], color=GREEN)
     axes[2].set(title="How far", ylabel="held-out position gap, RMS, mm")
     worst = result.where.get("poses", [])

@@ -9,7 +9,17 @@ import pytest
 
 from beamstiff.gap.heldout import Shrink
 from beamstiff.gap.search import NONE, OUTLIERS, UNKNOWN, Pair, Search
-from beamstiff.gap.verdict import FEW, MOST, Judged, accepted, doubt, judge, tempered
+from beamstiff.gap.verdict import (
+    DOUBTED,
+    FEW,
+    MOST,
+    Judged,
+    accepted,
+    doubt,
+    judge,
+    share_of_free_laws,
+    tempered,
+)
 
 NOISE = 5e-5  # m
 GOOD = Shrink(before=4e-4, after=5.2e-5, shrink=0.99, interval=(0.97, 1.0), postures=14, noise=NOISE)
@@ -24,10 +34,12 @@ def search_of(
     unknown: float = -60.0,
     left: float = 0.02,
     pairs: tuple[Pair, ...] = (),
+    free: float = -40.0,
 ) -> Search:
-    """Return evidence: log weights of effects, of none and of the unknown; the effects leave a share."""
+    """Return evidence: log weights of effects, none, the unknown and free laws; the effects leave a share."""
     weights = effects | {NONE: none, UNKNOWN: unknown}
-    return Search(weights, pairs, {}, dict.fromkeys(effects, 0.1), dict.fromkeys(effects, left))
+    shares = dict.fromkeys(effects, 0.1), dict.fromkeys(effects, left)
+    return Search(weights, pairs, {}, *shares, {"q3": free, "base": free - 50.0})
 
 
 def pair_of(first: str, second: str, log_weight: float, left: float = 0.02) -> Pair:
@@ -119,10 +131,27 @@ def test_evidence_is_believed_less_the_more_of_it_there_is() -> None:
     assert sum(tempered(weights, 77.0).values()) == pytest.approx(1)
 
 
-def test_doubt_grows_with_what_is_left_and_shrinks_with_worth() -> None:
-    assert doubt(0.05, 1.0) < doubt(0.3, 1.0) < doubt(0.9, 1.0)
-    assert doubt(0.3, 0.0) > doubt(0.3, 0.3) > doubt(0.3, 0.5) == doubt(0.3, 1.0)
-    assert np.isfinite(doubt(0.0, 1.0))
+def test_doubt_grows_with_what_is_left_and_what_free_laws_explain_and_shrinks_with_worth() -> None:
+    assert doubt(0.05, 0.9, 1.0) < doubt(0.3, 0.9, 1.0) < doubt(0.9, 0.9, 1.0)
+    assert doubt(0.3, 0.7, 1.0) < doubt(0.3, 1.0, 1.0) < doubt(0.3, 1.3, 1.0)
+    assert doubt(0.3, 0.9, 0.0) > doubt(0.3, 0.9, 0.5) > doubt(0.3, 0.9, 1.0)
+    assert np.isfinite(doubt(0.0, 0.0, 1.0))
+
+
+def test_a_law_of_its_own_that_explains_far_more_than_any_name_is_unknown() -> None:
+    # a name that leaves little and is worth much, and yet its place does something else
+    assert judged(search_of(CLEAR, left=0.15, free=-20.0)).verdict == "backlash:q3"
+    found = judged(search_of(CLEAR, left=0.15, free=160.0))
+    assert found.verdict == UNKNOWN
+    assert share_of_free_laws(search_of(CLEAR, free=20.0), 0.0) == pytest.approx(240 / 220)
+
+
+def test_a_name_that_is_doubted_says_so_in_its_set_and_the_unknown_says_what_it_could_be() -> None:
+    named = judged(search_of(CLEAR, left=0.15, free=-20.0))
+    assert named.probabilities[UNKNOWN] > DOUBTED
+    assert (named.verdict, named.indistinguishable) == ("backlash:q3", (UNKNOWN,))
+    unknown = judged(search_of(CLEAR, left=0.3, free=0.0))
+    assert (unknown.verdict, unknown.indistinguishable) == (UNKNOWN, ("backlash:q3",))
 
 
 PAIR = pair_of("backlash:q3", "base-compliance:null", 60.0)
@@ -152,14 +181,15 @@ def test_of_two_causes_the_likelier_alone_comes_first() -> None:
         (None, HALF, GOOD),
         (PAIR, HALF, None),
         (pair_of("backlash:q3", "base-compliance:null", 2.0), HALF, GOOD),  # hardly likelier than one
-        (pair_of("backlash:q3", "base-compliance:null", 60.0, left=0.4), HALF, HALF),  # worth nothing more
+        (pair_of("backlash:q3", "base-compliance:null", 60.0, left=0.3), HALF, GOOD),  # leaves as much
+        (PAIR, HALF, HALF),  # worth nothing more
         (PAIR, GOOD, GOOD),  # nothing was left to close
     ],
-    ids=["no pair", "not tried", "no evidence", "no worth", "nothing left"],
+    ids=["no pair", "not tried", "no evidence", "no less left", "no worth", "nothing left"],
 )
 def test_a_second_cause_is_refused_without_evidence_and_worth(
     pair: Pair | None, single: Shrink, both: Shrink | None
 ) -> None:
-    search = search_of(CLEAR, pairs=() if pair is None else (pair,))
+    search = search_of(CLEAR, left=0.4, pairs=() if pair is None else (pair,))
     assert not accepted(pair, search, single, both)
     assert judged(search, single=single, both=both).also is None
