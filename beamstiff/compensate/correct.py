@@ -8,7 +8,7 @@ follows the tool and the tool the load.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,6 +75,13 @@ class Correction:
         mask = np.ones(len(self.path), dtype=np.bool_)
         mask[list(self.reasons)] = False
         return mask
+
+    def without(self, rows: list[int], reason: str) -> Correction:
+        """Return the correction with some targets left as they are, for a reason."""
+        commands = self.commands.copy()
+        commands[rows] = self.path.poses[rows]
+        reasons = dict(sorted((self.reasons | dict.fromkeys(rows, reason)).items()))
+        return replace(self, commands=commands, reasons=reasons)
 
 
 def correct_path(

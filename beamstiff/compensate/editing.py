@@ -84,6 +84,20 @@ def read_bytes(path: str | Path) -> str:
     return data.decode(ENCODING)
 
 
+def proper(text: str) -> str:
+    r"""Return text of a file as people wrote it: as UTF-8 where it is that, else as Latin-1.
+
+    Examples
+    --------
+    >>> proper("\xc3\xa4"), proper("\xe4")
+    ('ä', 'ä')
+    """
+    try:
+        return text.encode(ENCODING).decode("utf-8")
+    except UnicodeDecodeError:
+        return text
+
+
 def line_of(text: str, at: int) -> int:
     """Return the line, from 1, of a place in a text."""
     before = text[:at]

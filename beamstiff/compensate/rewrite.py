@@ -12,6 +12,7 @@ from beamstiff.compensate.editing import ENCODING
 from beamstiff.compensate.formats import path_csv
 from beamstiff.compensate.formats.program import Program
 from beamstiff.compensate.machine import Machine
+from beamstiff.compensate.path import ToolPath
 from beamstiff.compensate.process.load import FromPath, Process, Together
 from beamstiff.compensate.resample import resample
 from beamstiff.se3 import Array
@@ -83,13 +84,24 @@ def compensate_program(
         taught=taught,
         positions_only=positions_only,
     )
+    content, written = _written(program, machine, correction, path, steps is not None)
+    after = errors_of(machine, correction, machine.frames.to_base(written).poses, load)
+    lost = np.flatnonzero(correction.corrected & np.isnan(after).any(axis=1)).tolist()
+    if lost:
+        correction = correction.without(lost, "its command, rounded as the file needs it, is out of reach")
+        content, written = _written(program, machine, correction, path, steps is not None)
+        after = errors_of(machine, correction, machine.frames.to_base(written).poses, load)
+    return Compensated(correction, content, after)
+
+
+def _written(
+    program: Program, machine: Machine, correction: Correction, path: ToolPath, as_table: bool
+) -> tuple[bytes, ToolPath]:
+    """Return the file with the commands, and the path that is read from it."""
     commands = machine.frames.to_path(correction.commands)
-    if steps is None:
-        content = program.with_poses(commands, correction.corrected)
-        written = program.read_again(content).path
-    else:
+    if as_table:
         text = path_csv.write(path.moved_to(commands), f"commands that correct {path.source}")
         content = text.encode("utf-8")
-        written = path_csv.read(content.decode(ENCODING), path.source).path
-    after = errors_of(machine, correction, machine.frames.to_base(written).poses, load)
-    return Compensated(correction, content, after)
+        return content, path_csv.read(content.decode(ENCODING), path.source).path
+    content = program.with_poses(commands, correction.corrected)
+    return content, program.read_again(content).path

@@ -98,6 +98,16 @@ def test_without_a_declaration_a_b_c_are_a_rotation_vector() -> None:
     np.testing.assert_allclose(path_csv.read(text, "a.csv").path.poses[0, :3, :3], expected, atol=1e-15)
 
 
+@pytest.mark.parametrize("encoding", ["utf-8", "latin-1"])
+def test_names_and_units_beyond_ascii(encoding: str) -> None:
+    text = "name,x [mm],y,z,a [°],b,c,depth [µm]\nTür,1,2,3,90,0,0,50\n"
+    program = path_csv.read(text.encode(encoding).decode("latin-1"), "a.csv")
+    assert program.path.names == ("Tür",)
+    np.testing.assert_allclose(program.path.columns["depth"], [5e-5])
+    np.testing.assert_allclose(program.path.poses[0, :3, 1], [0, 0, 1], atol=1e-15)
+    assert program.with_poses(program.path.poses) == text.encode(encoding)
+
+
 def test_positions_alone_are_known_to_be_so() -> None:
     path = path_csv.read("x,y,z\n1,2,3\n", "a.csv").path
     assert not path.stated

@@ -15,7 +15,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from beamstiff.compensate.editing import NUMBER, Slot
+from beamstiff.compensate.editing import NUMBER, Slot, proper
 from beamstiff.compensate.formats.masking import lines
 from beamstiff.compensate.formats.program import Place, Program, make_program
 from beamstiff.compensate.orientation import (
@@ -151,7 +151,7 @@ def _cells(line: str, at: int, separator: str) -> list[tuple[int, str]]:
 
 def _header(cells: Sequence[tuple[int, str]], source: str, line: int) -> list[_Column]:
     columns: list[_Column] = []
-    for number, (_, cell) in enumerate(cells, start=1):
+    for number, cell in enumerate((proper(cell) for _, cell in cells), start=1):
         match = _CELL.fullmatch(cell)
         if match is None or not match["name"] or _NUMBER.fullmatch(cell):
             _fail(
@@ -230,7 +230,7 @@ def _program(
                 _fail(source, line, name, f"found {shown(cell)}, expected a number{hint}")
             decimals = max(0, round(-np.log10(NEEDED[_KIND[name]] / column.unit) + 0.49))
             slots[name] = Slot(start, start + len(cell), cell, column.unit, decimals)
-        label = cells[at["name"]][1] if "name" in at else ""
+        label = proper(cells[at["name"]][1]) if "name" in at else ""
         rest = () if turning else (0.0,) * orientation.count
         places.append(
             Place(
