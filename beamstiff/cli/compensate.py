@@ -244,10 +244,9 @@ def _notes(result: Compensated, machine: Machine, program: Program, placed: bool
         )
     if not branch:
         names = [variable.name for variable in machine.controller.actuated]
-        first = zip(names, found.q[0].tolist(), strict=True)
-        posture = ", ".join(
-            f"{name} = {shown_value(machine.controller, name, value)}" for name, value in first
-        )
+        first = zip(names, found.q[0].round(6).tolist(), strict=True)
+        shown = (f"{name} = {shown_value(machine.controller, name, value + 0.0)}" for name, value in first)
+        posture = ", ".join(shown)
         said.append(f"the path begins at {posture}; --q chooses another posture")
     if found.switched.size:
         lines = listed([str(found.path.lines[row]) for row in found.switched.tolist()])

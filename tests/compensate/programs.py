@@ -9,7 +9,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 
 # programs take long to make; `--hypothesis-profile=thorough` makes more all the same
-FEWER = settings(max_examples=2 * (settings.default.max_examples if settings.default else 100) // 5)
+FEWER = settings(max_examples=(settings.default.max_examples if settings.default else 100) // 4)
 NUMBER = rb"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 
 
