@@ -102,22 +102,15 @@ def gives_way(robot: Robot) -> bool:
 def state_elastic(robot: Robot, rows: Measurements, names: Sequence[str]) -> Elastic:
     """Return what gives way, with the compliances called `names` open.
 
-    Those that nothing loads are left out.
+    Something has to load each of them (`felt_names`).
 
     Raises
     ------
     BeamstiffError
-        When there is no such stiffness, or nothing loads any of them.
+        When there is no such stiffness.
     """
     if not names:
         return Elastic((), None, elastic_displacement(robot, rows), np.zeros(0))
-    felt = _felt(robot, rows, names)
-    if not felt:
-        raise BeamstiffError(
-            f"{rows.source}: nothing loads {listed(names)}: neither gravity on what they carry (`masses`, "
-            "`density`) nor any row's wrench"
-        )
-    names = [name for name in names if name in felt]
     model = reduce_to_ports(robot, rows, names, gravity=True)
     present = np.array([robot.parameter(name) for name in names])
     finite = np.isfinite(present) & (present > 0)
@@ -130,11 +123,23 @@ def state_elastic(robot: Robot, rows: Measurements, names: Sequence[str]) -> Ela
     return Elastic(tuple(names), model, held, size)
 
 
-def _felt(robot: Robot, rows: Measurements, names: Sequence[str]) -> set[str]:
-    """Return the stiffness values that gravity or a row's load acts on."""
+def felt_names(robot: Robot, rows: Measurements, names: Sequence[str]) -> list[str]:
+    """Return the stiffness values that gravity or a row's load acts on.
+
+    Raises
+    ------
+    BeamstiffError
+        When nothing loads any of them.
+    """
     model = reduce_to_ports(robot, rows, names, gravity=True)
     slopes = np.abs(model.derivatives(model.start, by="compliance")[1]).max(axis=(0, 1))
-    return {name for name, slope in zip(names, slopes, strict=True) if slope > UNFELT * slopes.max()}
+    felt = [name for name, slope in zip(names, slopes, strict=True) if slope > UNFELT * slopes.max()]
+    if not felt:
+        raise BeamstiffError(
+            f"{rows.source}: nothing loads {listed(names)}: neither gravity on what they carry (`masses`, "
+            "`density`) nor any row's wrench"
+        )
+    return felt
 
 
 def is_rigid(parameter: Parameter, value: float) -> bool:

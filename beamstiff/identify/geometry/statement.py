@@ -8,7 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from beamstiff.errors import BeamstiffError, listed, suggest
-from beamstiff.identify.geometry.elastic import compliance_parameters, compliances_of, state_elastic
+from beamstiff.identify.geometry.elastic import (
+    compliance_parameters,
+    compliances_of,
+    felt_names,
+    state_elastic,
+)
 from beamstiff.identify.geometry.error_jacobian import state_geometry
 from beamstiff.identify.geometry.observability import NOTICED, Observability, observability
 from beamstiff.identify.geometry.opening import opening_parameters, refuse_opening
@@ -91,7 +96,8 @@ def state_calibration(
     refuse_opening(opening, [*(parameters or ()), *(priors or ())])
     chosen = tuple(item for item in chosen if item.name not in opening)
     geometry = state_geometry(robot, rows, chosen, places)
-    elastic = state_elastic(robot, rows, compliances)
+    felt = felt_names(robot, rows, compliances) if compliances else []
+    elastic = state_elastic(robot, rows, felt)
     every = (*chosen, *compliance_parameters(robot, elastic))
     every = tuple(replace(item, size=(priors or {}).get(item.name, item.size)) for item in every)
     start = np.concatenate([np.zeros(len(chosen)), compliances_of(robot, elastic)])
@@ -109,7 +115,7 @@ def state_calibration(
             f"for {len(every)} parameters, of which they cannot tell apart more than {len(seen.identified)} "
             "and leave nothing to check the fit; measure more poses, or seek fewer parameters"
         )
-    idle = [name for name in compliances if name not in elastic.names]
+    idle = [name for name in compliances if name not in felt]
     notes = [f"nothing loads {listed(idle)}: held as in the robot"] if idle else []
     if told < 2 * len(seen.identified):
         notes.append(
