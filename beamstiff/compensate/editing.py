@@ -8,9 +8,11 @@ these only where the change would not fit into them.
 from __future__ import annotations
 
 import re
+from bisect import bisect_right
 from collections.abc import Iterable
 from dataclasses import dataclass
 from decimal import Decimal
+from functools import lru_cache
 from pathlib import Path
 
 from beamstiff.errors import BeamstiffError, suggest
@@ -100,8 +102,12 @@ def proper(text: str) -> str:
 
 def line_of(text: str, at: int) -> int:
     """Return the line, from 1, of a place in a text."""
-    before = text[:at]
-    return 1 + before.count("\n") + before.count("\r") - before.count("\r\n")
+    return bisect_right(_line_starts(text), at)
+
+
+@lru_cache(maxsize=4)
+def _line_starts(text: str) -> list[int]:
+    return [0, *(match.end() for match in re.finditer(r"\r\n|\r|\n", text))]
 
 
 def rewritten(text: str, value: float, decimals: int) -> str:

@@ -78,6 +78,10 @@ def test_without_an_axis_the_last_one_holds_and_is_not_written() -> None:
     assert program.path.turns.tolist() == [False, True, False]
 
 
+def test_a_text_that_ends_with_a_dollar_swallows_no_target() -> None:
+    assert len(apt.read("PPRINT 5 $\nGOTO/1,2,3\n", "a.apt").path) == 1
+
+
 def test_other_motions_are_told() -> None:
     program = apt.read("FROM/0,0,0\nGODLTA/0,0,1\nGOTO/1,2,3\nCIRCLE/0,0,0,0,0,1,5", "a.apt")
     assert len(program.path) == 1

@@ -113,6 +113,24 @@ def test_what_is_no_target_is_left_alone() -> None:
     assert "axis values are left as they are: line 8" in said
 
 
+def test_what_is_combined_or_set_in_parts_is_told() -> None:
+    text = "\n".join(
+        [
+            "LIN {X 1,Y 2,Z 3,A 0,B 0,C 0}",
+            "LIN XP1:{X 0,Y 0,Z 10,A 0,B 0,C 0}",
+            "XP2={X 0,Y 0,Z 10,A 0,B 0,C 0}:XP1",
+            "XP1.X = XP1.X + 100",
+            "SETBASE({X 1,Y 2,Z 3,A 0,B 0,C 0})",
+        ]
+    )
+    program = krl.read(text, "a.src")
+    assert program.path.lines.tolist() == [1]
+    said = " | ".join(program.notes)
+    assert "frames combined by ':' are left as they are: lines 2, 3" in said
+    assert "components set one by one are left as they are: line 4" in said
+    assert "neither moved to nor given a name are left as they are: line 5" in said
+
+
 def test_a_position_alone_keeps_the_orientation_before_it() -> None:
     program = krl.read("LIN {X 1,Y 2,Z 3,A 30,B 0,C 0}\nLIN {X 2,Y 2,Z 3}\n", "a.src")
     assert program.path.turns.tolist() == [True, False]

@@ -95,6 +95,15 @@ def test_arrays_and_both_targets_of_a_circle_are_found() -> None:
     assert path.lines.tolist() == [1, 2, 3, 4]
 
 
+def test_targets_assigned_or_passed_on_are_found() -> None:
+    text = f"p1 := {TARGET};\nMyMove {TARGET}, v10;\nq{{2}} := {TARGET};\n"
+    text += f"p1.trans.z := 5;\nMoveL {TARGET},v1,z1,t;"
+    program = rapid.read(text, "a.mod")
+    assert program.path.names == ("p1", "robtarget", "q", "MoveL")
+    assert program.path.lines.tolist() == [1, 2, 3, 5]
+    assert program.notes == ("components set one by one are left as they are: line 4",)
+
+
 def test_what_is_no_robtarget_is_left_alone() -> None:
     text = "\n".join(
         [

@@ -76,7 +76,8 @@ def _statements(text: str) -> list[tuple[int, int, str]]:
     more = False
     for number, at, line in lines(text):
         code = line.split("$$", 1)[0]
-        goes_on = code.rstrip().endswith("$")
+        # texts end with their line, whatever stands in them
+        goes_on = code.rstrip().endswith("$") and (more or not _TEXT.match(line))
         if goes_on:
             code = code[: code.rstrip().rfind("$")]
         if more:

@@ -22,6 +22,14 @@ from beamstiff.units import unit_factor
 
 POSITION, ROTATION = ("X", "Y", "Z"), ("A", "B", "C")
 MILLIMETRE, DEGREE = 1e-3, unit_factor("deg", "angle")[0]
+AXES = ("A1", "A2", "A3", "A4", "A5", "A6")
+LEFT = (
+    "relative motions",
+    "axis values",
+    "components set one by one",
+    "frames combined by ':'",
+    "literals that are neither moved to nor given a name",
+)
 DECIMALS = {"position": 3, "orientation": 4}
 _MOTION = re.compile(r"\b(S?PTP|S?LIN|S?CIRC|SPL)(_REL)?\b", re.IGNORECASE)
 _NAME = re.compile(r"([A-Za-z$_][\w$.]*(?:\[[^\]]*\])?)\s*=\s*\Z")
@@ -30,6 +38,7 @@ _FRAMES = re.compile(
 )
 _COMPONENT = re.compile(r"\s*(?P<key>[A-Za-z_]\w*(?:\[\s*\d*\s*\])?)(?:\s+(?P<value>\S.*?))?\s*", re.DOTALL)
 _NUMBER = re.compile(NUMBER)
+_PART = re.compile(r"^\s*[A-Za-z_]\w*(?:\[[^\]]*\])?\.[XYZABC]\s*=", re.IGNORECASE)
 _SET = re.compile(r"\$(BASE|TOOL)\s*=", re.IGNORECASE)
 _BASES = re.compile(r"\bTOOL_NO\s+(\d+)\s*,\s*BASE_NO\s+(\d+)", re.IGNORECASE)
 
@@ -49,13 +58,14 @@ def read(text: str, source: str) -> Program:
     """
     places: list[Place] = []
     notes: list[str] = []
-    relative: list[int] = []
-    axes: list[int] = []
+    left: dict[str, list[int]] = {what: [] for what in LEFT}
     frames: dict[str, int] = {}
     code = masked(text, ";")
     for number, at, line in lines(code):
         for match in _SET.finditer(line):
             frames.setdefault(f"sets ${match[1].upper()}", number)
+        if _PART.search(line):
+            left["components set one by one"].append(number)
         if "{" not in line or line.lstrip().startswith("&"):
             continue
         for start, end in _groups(line, source, number):
@@ -65,17 +75,19 @@ def read(text: str, source: str) -> Program:
             if (name is not None and _FRAMES.fullmatch(name)) or "{" in inner or not keys:
                 continue
             elif motion is not None and motion.endswith("_REL"):
-                relative.append(number)
-            elif keys[0].startswith("A") and keys[0] in ("A1", "A2", "A3", "A4", "A5", "A6"):
-                axes.append(number)
-            elif set(POSITION + ROTATION) & set(keys) and (motion or name):
-                label = name or f"{motion}"
-                places.append(
-                    _target(inner, at + start + 1, label, number, source, text, places, motion is not None)
-                )
-    for what, found in (("relative motions", relative), ("axis values", axes)):
-        if found:
-            notes.append(f"{what} are left as they are: {_lines(found)}")
+                left["relative motions"].append(number)
+            elif keys[0] in AXES:
+                left["axis values"].append(number)
+            elif not set(POSITION + ROTATION) & set(keys):
+                continue
+            elif line[:start].rstrip().endswith(":") or line[end + 1 :].lstrip().startswith(":"):
+                left["frames combined by ':'"].append(number)
+            elif label := name or motion:
+                at_place = at + start + 1
+                places.append(_target(inner, at_place, label, number, source, text, places, name is None))
+            else:
+                left["literals that are neither moved to nor given a name"].append(number)
+    notes += [f"{what} are left as they are: {_lines(found)}" for what, found in left.items() if found]
     said = [f"line {number} {what}" for what, number in frames.items()]
     used = sorted({(int(tool), int(base)) for tool, base in _BASES.findall(code)})
     known = "; ".join(f"tool {tool}, base {base}" for tool, base in used)

@@ -25,6 +25,9 @@ _MOTION = re.compile(
     r"\b(?P<name>(?:Move(?!Abs)|Search|Trigg)\w*)(?:\s|\\\w+(?:\s*:=\s*\w+)?,?)*\s*(?=\[)", re.IGNORECASE
 )
 _NEXT = re.compile(r",\s*(?=\[)")  # a second target of MoveC
+_NESTED = re.compile(r"\[\s*\[")
+_NAME = re.compile(r"(\w+)\s*(?:\{[^}]*\})?\s*:=\s*\Z")
+_PART = re.compile(r"\.(?:trans|rot)(?:\.\w+)?\s*:=", re.IGNORECASE)
 _TOKEN = re.compile(rf"\s*(?:(?P<number>{NUMBER})|(?P<mark>[\[\],])|(?P<other>[^\s\[\],;]+|;))")
 _FRAMES = re.compile(r"\\\s*WObj\s*:=\s*(\w+)", re.IGNORECASE)
 _OFFSETS = re.compile(r"\b(?:Offs|RelTool)\s*\(", re.IGNORECASE)
@@ -46,12 +49,17 @@ def read(text: str, source: str) -> Program:
     """
     code = masked(text, "!")
     places: list[Place] = []
+    ends = [0]
     for name, at, count in _literals(code):
-        found, _ = _bracket(code, at, source, name)
+        found, end = _bracket(code, at, source, name)
+        ends += [at, end]
         items = found if count else [found]
         for number, item in enumerate(items, start=1):
             label = f"{name}{{{number}}}" if count else name
             places.append(_target(item, label, code, at, text, source))
+    for start, stop in zip(ends[::2], [*ends[1::2], len(code)], strict=True):
+        places += _elsewhere(code, start, stop, text, source)
+    places.sort(key=lambda place: place.position[0].start)
     if not places:
         raise BeamstiffError(
             f"{source}: found no target, expected robtargets such as [[600,0,900],[0,0,1,0],[0,0,0,0],"
@@ -63,6 +71,8 @@ def read(text: str, source: str) -> Program:
         notes.append(
             f"it uses several work objects ({', '.join(frames)}): take one's targets at a time with --only"
         )
+    if match := _PART.search(code):
+        notes.append(f"components set one by one are left as they are: line {line_of(text, match.start())}")
     if match := _OFFSETS.search(code):
         notes.append(f"Offs and RelTool are left as they are, first in line {line_of(text, match.start())}")
     said = [f"its targets are in the work object {frames[0]}"] if len(frames) == 1 else []
@@ -79,6 +89,17 @@ def _literals(code: str) -> Iterator[tuple[str, int, bool]]:
             if second := _NEXT.match(code, end):
                 found.append((match["name"], second.end(), False))
     yield from sorted(found, key=lambda item: item[1])
+
+
+def _elsewhere(code: str, start: int, stop: int, text: str, source: str) -> Iterator[Place]:
+    """Yield the targets of a part of the text that are only assigned or passed on."""
+    for match in _NESTED.finditer(code, start, stop):
+        try:
+            found, _ = _bracket(code, match.start(), source, "")
+            name = _NAME.search(code, max(start, match.start() - 100), match.start())
+            yield _target(found, name[1] if name else "robtarget", code, match.start(), text, source)
+        except BeamstiffError:
+            continue  # other data: tools, work objects, poses
 
 
 def _end(code: str, at: int) -> int:
