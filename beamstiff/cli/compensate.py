@@ -12,7 +12,6 @@ from beamstiff.cli.frames import parse_frame
 from beamstiff.cli.identify_options import chosen
 from beamstiff.cli.options import Debug, Json, Quiet, RobotFile, parse_names, robot_file
 from beamstiff.cli.output import check_outputs, effects_text, people, say, working, write_json
-from beamstiff.cli.variables import parse_variables, parse_wrench
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.files import write_whole
 
@@ -144,6 +143,7 @@ def compensate(
       x [mm],y [mm],z [mm],a [deg],b [deg],c [deg],fz [N]
       1500,-200,900,0,90,0,-350
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
+    from beamstiff.cli.variables import parse_variables
     from beamstiff.compensate.formats import read_program
     from beamstiff.compensate.machine import Machine
     from beamstiff.compensate.path import Frames
@@ -201,6 +201,7 @@ def compensate(
 
 
 def _load(wrench: Sequence[str] | None, process: str | None) -> Process | None:
+    from beamstiff.cli.variables import parse_wrench
     from beamstiff.compensate.process.load import Constant, Together
     from beamstiff.compensate.process.reader import read_process
 

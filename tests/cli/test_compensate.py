@@ -218,3 +218,9 @@ def test_bad_input_is_one_line(
     assert result.exit_code == 2
     assert message in result.stderr
     assert result.stderr.strip().count("\n") == 0
+
+
+def test_the_help_teaches(run: Callable[..., Any]) -> None:
+    text = run("compensate", "--help").stdout
+    assert "beamstiff compensate kr500 cell.src" in text
+    assert "base frame" in " ".join(text.lower().split())
