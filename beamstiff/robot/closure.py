@@ -18,9 +18,9 @@ from beamstiff.robot.frames import Kinematics, all_values
 from beamstiff.robot.loops import LoopSystem, equations_at, loop_equations, loop_system, recorded
 from beamstiff.robot.newton import Mask, newton
 from beamstiff.se3 import Array
-from beamstiff.tape.program import MANY
 
 HELD = 1e-6  # gap per motion, in machine sizes and rad, that no passive motion makes up for
+GRID = 1024  # poses: for fewer it is not worth making a grid of starts
 SCATTERED = 48  # starts where the guess does not lead to a closed posture
 
 
@@ -66,7 +66,7 @@ def close_loops(kinematics: Kinematics, q: Array, strict: bool = True) -> Closur
     free[:, joined.actuated :] = declared_start(kinematics)[joined.actuated :]
     assembly = kinematics.assembly or _assembly_near(system, free) or _any_assembly(free[0], system)
     starts = None
-    if poses >= MANY:
+    if poses >= GRID:
         system = recorded(system)
         starts = grid_of_starts(system, assembly) if kinematics.assembly else None
     free, gaps, closed, flipped = close_in_branch(system, assembly, free, starts)

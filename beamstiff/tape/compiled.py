@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 from collections.abc import Callable
 from functools import cache
 from typing import Any
 
 import numpy as np
 
+SWITCH = "BEAMSTIFF_COMPILED"
 LANES = 64  # poses at a time: all places stay in the nearest cache
 
 
-@cache
 def kernel() -> Callable[..., None] | None:
-    """Return the compiled loop over steps, or None without numba."""
+    """Return the compiled loop over steps; None without numba, or where BEAMSTIFF_COMPILED is 0."""
+    return None if os.environ.get(SWITCH) == "0" else _compiled()
+
+
+@cache
+def _compiled() -> Callable[..., None] | None:
     if importlib.util.find_spec("numba") is None:
         return None
     import numba

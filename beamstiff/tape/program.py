@@ -18,7 +18,7 @@ from beamstiff.se3 import Array
 from beamstiff.tape.compiled import kernel
 from beamstiff.tape.expression import Expression, Op, Recorder
 
-MANY = 512  # poses: for fewer it is not worth writing a program
+MANY = 256  # poses: for fewer it is not worth writing a program
 WIDTH = 1024  # poses at a time: a step takes longer than its call
 
 Index = NDArray[np.int64]

@@ -15,6 +15,7 @@ from beamstiff.fem.condensation import condense, tcp_compliance
 from beamstiff.fem.constraints import has_constraints
 from beamstiff.fem.elimination import eliminate, elimination_order
 from beamstiff.fem.structure import Structure, compile_structure
+from beamstiff.robot.closure import GRID
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import posture
 from beamstiff.robot.library import robot_names
@@ -248,9 +249,9 @@ def test_another_robot_at_the_same_values_is_not_taken_for_this_one() -> None:
 
 def test_what_a_pose_gets_does_not_depend_on_the_others() -> None:
     structure = compile_structure(load_robot("ir663"))
-    q = within_limits(structure.robot, 3 * MANY)
+    q = within_limits(structure.robot, 3 * GRID)
     whole = tcp_compliance(structure, posture(structure.kinematics, q))
-    for some in (slice(5, 5 + MANY), slice(MANY - 1, 3 * MANY)):
+    for some in (slice(5, 5 + GRID), slice(GRID - 1, 3 * GRID)):
         assert (tcp_compliance(structure, posture(structure.kinematics, q[some])) == whole[some]).all()
 
 

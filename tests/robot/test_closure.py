@@ -12,14 +12,13 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.robot.closure import close_loops, closure_rates
+from beamstiff.robot.closure import GRID, close_loops, closure_rates
 from beamstiff.robot.frames import Kinematics
 from beamstiff.robot.kinematics import compile_kinematics, posture, posture_at, twist_jacobian
 from beamstiff.robot.loops import loop_equations, loop_system, recorded
 from beamstiff.robot.newton import newton
 from beamstiff.robot.parts import Frame, Loop, Node
 from beamstiff.robot.reader import load_robot
-from beamstiff.tape.program import MANY
 from tests.robot.machines import (
     BENNETT,
     D3,
@@ -415,7 +414,7 @@ def test_many_poses_close_as_few_do(name: str) -> None:
     """Many start from a grid and by equations written down, few from the assembly: the same postures."""
     kinematics = compile_kinematics(load_robot(name))
     limits = np.array([variable.limits for variable in kinematics.robot.actuated])
-    q = np.random.default_rng(5).uniform(*limits.T, (MANY, len(limits)))
+    q = np.random.default_rng(5).uniform(*limits.T, (GRID, len(limits)))
     q[7] = limits[:, 1] + np.ptp(limits, axis=1)  # outside
     together = close_loops(kinematics, q, strict=False)
     apart = [close_loops(kinematics, part, strict=False) for part in np.split(q, 2)]

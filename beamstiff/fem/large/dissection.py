@@ -16,6 +16,7 @@ from scipy import sparse
 from beamstiff.se3 import Array
 
 Index = NDArray[np.int64]
+TOGETHER = 4
 LEAF = 24  # nodes: fewer are not worth a cut
 
 
@@ -37,6 +38,24 @@ class Group:
     stop: int
     boundary: Index
     children: tuple[int, ...]
+
+
+def _half(points: Array) -> NDArray[np.bool_]:
+    """Return which points lie in the lower half along their longest extent."""
+    extent = np.ptp(points, axis=0)
+    along = points[:, int(np.argmax(extent))]
+    low: NDArray[np.bool_] = along < np.median(along) + 1e-9 * extent.max()
+    if low.all() or not low.any():  # all at one place: by halves
+        low = np.arange(len(points)) < len(points) // 2
+    return low
+
+
+def _folded(nodes: Index, points: Array) -> Index:
+    """Return the nodes of a cut half by half: what the parts beside it meet of it then follows on."""
+    if len(nodes) <= TOGETHER:
+        return nodes
+    low = _half(points[nodes])
+    return np.concatenate([_folded(nodes[low], points), _folded(nodes[~low], points)])
 
 
 def dissect(graph: sparse.csr_array, points: Array, last: Index) -> tuple[Index, list[Group]]:
@@ -82,11 +101,7 @@ def dissect(graph: sparse.csr_array, points: Array, last: Index) -> tuple[Index,
     def cut(nodes: Index) -> int:
         if len(nodes) <= LEAF:
             return add(nodes, ())
-        extent = np.ptp(points[nodes], axis=0)
-        along = points[nodes, int(np.argmax(extent))]
-        low = along < np.median(along) + 1e-9 * extent.max()
-        if low.all() or not low.any():  # all at one place: by halves
-            low = np.arange(len(nodes)) < len(nodes) // 2
+        low = _half(points[nodes])
         one, other = nodes[low], nodes[~low]
         side[one], side[other] = 1, 2
         near, far = meets(one, 2), meets(other, 1)
@@ -100,7 +115,7 @@ def dissect(graph: sparse.csr_array, points: Array, last: Index) -> tuple[Index,
         else:
             between, other = other[far], other[~far]
         children = tuple(cut(part) for part in (one, other) if len(part))
-        return add(between, children) if len(between) else add(np.zeros(0, dtype=np.int64), children)
+        return add(_folded(between, points), children)
 
     rest = np.setdiff1d(np.arange(len(points)), last)
     if len(rest):

@@ -22,7 +22,7 @@ from beamstiff.se3 import Array
 
 Index = NDArray[np.int64]
 SOFTEST = 1e-13  # of what went into a pivot: what is left is rounding
-RUNS = 24  # more pieces than this are added one index at a time
+RUNS = 60  # more pieces than this are added one index at a time
 
 
 class Softness(Exception):  # noqa: N818 - turned into a message where the node has a name
@@ -44,7 +44,7 @@ class Plan:
     groups : list of Group
         In places of unknowns.
     flops : float
-        Multiplications and additions of the factorisation.
+        Floating point operations of the factorisation.
     factor_bytes : float
         Size of the factor.
     peak_bytes : float

@@ -1,0 +1,434 @@
+"""How fast, beside what was asked and beside peers: `python -m benchmarks.speed [--peers PYTHON] [--large]`.
+
+Prints the tables and writes them into benchmarks/README.md. PYTHON is an interpreter that has openseespy and
+PyNiteFEA (neither is a dependency); `--large` adds 3e5 and 1e6 unknowns and 1e6 poses, some ten minutes.
+Times are medians of five on one core; answers are compared before times are.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from beamstiff import Robot, compile_structure, load_robot, posture
+from beamstiff.fem.compliance_program import compliance_program
+from beamstiff.fem.condensation import condense, tcp_compliance
+from beamstiff.fem.geometry import place
+from beamstiff.fem.structure import Structure
+from beamstiff.measure import make_measurements
+from beamstiff.model.ports import reduce_to_ports
+from beamstiff.robot.kinematics import Posture
+from beamstiff.robot.parts import STIFFNESS_KINDS
+from beamstiff.robot.sections import Section, section_properties
+from beamstiff.se3 import Array
+from beamstiff.tape import compiled
+from beamstiff.tape.expression import Op
+from beamstiff.tape.program import Program
+from benchmarks.batched_compliance import closing_poses, machine
+from benchmarks.lattice import cube, tip
+
+README = Path(__file__).parent / "README.md"
+AGREED = 1e-9
+Row = tuple[str, ...]
+
+
+def median(work: Callable[[], object], times: int = 5) -> float:
+    """Return the median duration, s, after one run that does not count."""
+    work()
+    durations = []
+    for _ in range(times):
+        start = time.perf_counter()
+        work()
+        durations.append(time.perf_counter() - start)
+    return statistics.median(durations)
+
+
+def floor() -> tuple[float, float]:
+    """Return what this core can do: dgemm in flop/s, copying in B/s (read and written)."""
+    a, b = np.random.default_rng(0).normal(size=(2, 1500, 1500))
+    long = np.zeros(2**25)
+    target = np.empty_like(long)
+    return 2 * 1500**3 / median(lambda: a @ b), 16 * 2**25 / median(lambda: np.copyto(target, long))
+
+
+def all_finite(robot: Robot, rigid: float = 1e9) -> Robot:
+    """Return a robot whose rigid joint directions have a stiffness."""
+    names = [f"{joint.name}.{kind}" for joint in robot.joints for kind in STIFFNESS_KINDS]
+    return robot.with_parameters({name: rigid for name in names if robot.parameter(name) == np.inf})
+
+
+def welded(robot: Robot) -> Robot:
+    """Return a robot with rigid joints and round sections: PyNite knows no springs between joined nodes."""
+    stiffness = dict.fromkeys(STIFFNESS_KINDS, "rigid")
+    fields = [joint.model_dump() | {"stiffness": stiffness} for joint in robot.joints]
+    joints = tuple(type(joint)(**field) for joint, field in zip(robot.joints, fields, strict=True))
+    round_ones = {name: section_properties(section) for name, section in robot.sections.items()}
+    # PyNite turns sections by rules of its own: take round ones
+    sections = {
+        name: Section(A=one.A, Iy=one.Iy + one.Iz, Iz=one.Iy + one.Iz, J=one.J)
+        for name, one in round_ones.items()
+    }
+    return robot.model_copy(update={"joints": joints, "sections": sections})
+
+
+def flops(program: Program) -> int:
+    """Return the floating point operations of a program for one pose."""
+    double = (Op.MUL_ADD, Op.MUL_SUB, Op.SUB_FROM_MUL)
+    return int(len(program.steps) + np.isin(program.steps[:, 0], double).sum())
+
+
+def off(found: Array, expected: Array) -> float:
+    """Return the largest difference of a compliance by its largest entry."""
+    size = np.abs(expected).max(axis=(-1, -2), keepdims=True)
+    return float((np.abs(found - expected) / size).max())
+
+
+def interpreted(work: Callable[[], object]) -> Callable[[], object]:
+    """Return the same work as it is without numba."""
+
+    def run() -> object:
+        kept = os.environ.get(compiled.SWITCH)
+        os.environ[compiled.SWITCH] = "0"
+        try:
+            return work()
+        finally:
+            os.environ.pop(compiled.SWITCH)
+            if kept is not None:
+                os.environ[compiled.SWITCH] = kept
+
+    return run
+
+
+def many_poses(rates: tuple[float, float], peers: str | None, count: int = 10_000) -> Iterator[Row]:
+    """Yield rows: work, way, microseconds a pose, difference, what was asked."""
+    yield ("work", "way", "us a pose", "differs by", "asked")
+    for what, robot in (
+        ("IR-663, 60 unknowns", all_finite(load_robot("ir663"))),
+        ("IR-663 as shipped, 45 unknowns", load_robot("ir663")),
+        ("KR 240-2, 6 unknowns", load_robot("kr240-2")),
+        ("gantry, 72 unknowns", load_robot("gantry")),
+    ):
+        structure = compile_structure(robot)
+        q = closing_poses(robot, count)
+        poses = posture(structure.kinematics, q)
+        program = compliance_program(structure)
+        assert program is not None
+        expected = condense(structure, poses, [robot.tcp]).clamped
+        micro = 1e6 / count
+
+        def everything(structure: Structure = structure, q: Array = q) -> Array:
+            return tcp_compliance(structure, posture(structure.kinematics, q))
+
+        def closing(structure: Structure = structure, q: Array = q) -> Posture:
+            return posture(structure.kinematics, q)
+
+        def general(structure: Structure = structure, poses: Posture = poses) -> object:
+            return condense(structure, poses, [structure.robot.tcp])
+
+        main = "60" in what
+        yield (what, "general way (condense)", f"{median(general, 1) * micro:.1f}", "-", "")
+        for way, run, asked in (
+            ("numpy", interpreted(everything), "<= 20"),
+            ("numba", everything, "<= 3"),
+        ):
+            if way == "numba" and compiled.kernel() is None:
+                yield (what, "numba", "not installed", "", asked)
+                continue
+            found = np.asarray(run())
+            both, loops = median(run), median(interpreted(closing) if way == "numpy" else closing)
+            yield (
+                what,
+                f"{way}, joint values to compliance (of it closing loops {loops * micro:.1f})",
+                f"{both * micro:.1f}",
+                f"{off(found, expected):.0e}",
+                asked if main else "",
+            )
+        work, moved = flops(program.program), 8 * (poses.values.shape[1] + 36)
+        by_flops, by_bytes = 1e6 * work / rates[0], 1e6 * moved / rates[1]
+        yield (what, f"floor: {work} flops, {moved} bytes", f"{by_flops:.2f}, {by_bytes:.2f}", "", "")
+        if peers and main:
+            for peer, some in (("opensees_poses", robot), ("pynite_poses", welded(robot))):
+                yield _peer_poses(peers, peer, some, q)
+
+
+def _peer_poses(peers: str, peer: str, robot: Robot, q: Array) -> Row:
+    structure = compile_structure(robot)
+    some = posture(structure.kinematics, q[: 20 if peer == "pynite_poses" else 500])
+    expected = condense(structure, some, [robot.tcp]).clamped
+    work = _stated(structure, some)
+    what = "the same"
+    if peer == "pynite_poses":  # nodes at one place are one node
+        what = "the same, joints welded, round"
+        same = np.arange(len(robot.nodes))
+        for a, b in structure.joint_nodes.tolist():
+            same[same == same[b]] = same[a]
+        kept, number = np.unique(same, return_inverse=True)
+        work |= {"points": work["points"][:, kept], "beams": number[work["beams"]]}
+        work |= {"fixed": number[work["fixed"]], "tcp": number[work["tcp"]]}
+    found, seconds = _ask(peers, peer, work)
+    name = {"opensees_poses": "OpenSeesPy", "pynite_poses": "PyNite"}[peer]
+    return (what, name, f"{1e6 * seconds / len(found):.0f}", f"{off(found, expected):.0e}", "")
+
+
+def _stated(structure: Structure, poses: Posture) -> dict[str, Array]:
+    geometry, robot = place(structure, poses), structure.robot
+    kinds = [STIFFNESS_KINDS[at] for at in (0, 1, 1, 2, 3, 3)]
+    names = ("E", "G", "A", "J", "Iy", "Iz")
+    return {
+        "points": poses.node_positions,
+        "beams": structure.elements[: len(robot.beams)],
+        "properties": np.stack([structure.beam_properties[name] for name in names], axis=1),
+        "across": geometry.beam_rotation[:, :, :, 2],
+        "joints": structure.joint_nodes,
+        "stiffness": np.array([[getattr(joint.stiffness, kind) for kind in kinds] for joint in robot.joints]),
+        "axes": geometry.joint_rotation.swapaxes(-1, -2),
+        "fixed": np.array([structure.kinematics.node_index[name] for name in robot.fixed]),
+        "tcp": np.array(structure.kinematics.node_index[robot.tcp]),
+    }
+
+
+def _ask(peers: str, peer: str, work: dict[str, Array]) -> tuple[Array, float]:
+    with tempfile.TemporaryDirectory() as folder:
+        source, target = Path(folder, "work.npz"), Path(folder, "result.npz")
+        np.savez(source, **work)  # type: ignore[arg-type]
+        script = Path(__file__).parent / "peers_run.py"
+        subprocess.run([peers, script, peer, source, target], check=True, capture_output=True, env=os.environ)
+        with np.load(target) as stored:
+            return stored["compliance"], float(stored["seconds"])
+
+
+def first_call() -> Iterator[Row]:
+    """Yield what the first call costs, in processes of their own."""
+    yield ("first call of 10,000 poses", "seconds")
+    code = (
+        "import time, numpy as np\n"
+        "from beamstiff import load_robot, compile_structure, posture, tcp_compliance\n"
+        "s = compile_structure(load_robot('kr240-2')); p = posture(s.kinematics, np.zeros((10000, 6)))\n"
+        "t = time.perf_counter(); tcp_compliance(s, p); print(time.perf_counter() - t)"
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        for what, change in (
+            ("numba, compiled for the first time", {"NUMBA_CACHE_DIR": folder}),
+            ("numba, machine code kept from before", {"NUMBA_CACHE_DIR": folder}),
+            ("numpy", {compiled.SWITCH: "0"}),
+        ):
+            if "numba" in what and compiled.kernel() is None:
+                continue
+            run = subprocess.run(
+                [sys.executable, "-c", code],
+                check=True,
+                capture_output=True,
+                text=True,
+                env=os.environ | change,
+            )
+            yield (what, f"{float(run.stdout.split()[-1]):.2f}")
+
+
+def ports(count: int = 10_000) -> Iterator[Row]:
+    """Yield rows of evaluations by ports where joint stiffness alone changes."""
+    yield ("work", "set up, us a row", "prediction", "with derivatives", "asked")
+    finite = all_finite(load_robot("ir663"))
+    hinged = finite.with_parameters({f"{joint.name}.torsional": 1e3 for joint in finite.joints[2:]})
+    joints = [joint.name for joint in finite.joints]
+    rng = np.random.default_rng(0)
+    for what, robot, names, asked in (
+        (
+            "IR-663, 8 parameters, 8 ports",
+            hinged,
+            [f"{name}.torsional" for name in joints] + [f"{name}.axial" for name in joints[:3]],
+            "<= 2",
+        ),
+        (
+            "IR-663, 8 parameters, 11 ports",
+            hinged,
+            [f"{name}.torsional" for name in joints] + [f"{name}.radial" for name in joints[:3]],
+            "",
+        ),
+        ("IR-663 as shipped, statics alone", load_robot("ir663"), None, ""),
+    ):
+        q, wrench = closing_poses(robot, count), rng.normal(size=(count, 6)) * 1000
+        table = make_measurements(
+            [variable.name for variable in robot.actuated],
+            q,
+            tcp=robot.tcp,
+            wrench=wrench,
+            displacement=np.zeros((count, 6)),
+        )
+        start = time.perf_counter()
+        model = reduce_to_ports(robot, table, names)
+        setting, micro = time.perf_counter() - start, 1e6 / count
+        yield (
+            what,
+            f"{setting * micro:.0f}",
+            f"{median(lambda model=model: model.predict(model.start)) * micro:.2f}",
+            f"{median(lambda model=model: model.derivatives(model.start, 'log')) * micro:.2f}",
+            asked,
+        )
+
+
+def lattices(rates: tuple[float, float], peers: str | None, large: bool) -> Iterator[Row]:
+    """Yield rows of large frames: assembly, factor and six right sides."""
+    yield (
+        "lattice",
+        "unknowns",
+        "solver",
+        "s",
+        "s refined",
+        "error before, after",
+        "peak GB",
+        "GFlop, floor s",
+    )
+    sizes = [("slender", 1e5), ("cube", 1e5)]
+    sizes += [("slender", 3e5), ("cube", 3e5), ("slender", 1e6)] if large else []
+    for kind, dofs in sizes:
+        ways = ["multifrontal", "condensation"] + ["splu"] * (kind == "slender")
+        ways += ["multigrid"] * (kind == "cube")
+        expected = None
+        for solver in ways:
+            if (kind, dofs) == ("cube", 3e5) and solver == "multifrontal":
+                continue
+            command = [sys.executable, "-m", "benchmarks.large_frame", kind, str(dofs), solver]
+            run = subprocess.run(command, check=True, capture_output=True, text=True)
+            report = json.loads(run.stdout.splitlines()[-1])
+            if "refused" in report:
+                yield (kind, f"{report['dofs']}", solver, report["refused"][:60], "", "", "", "")
+                continue
+            found = np.array(report["compliance"])
+            expected = found if expected is None else expected
+            errors = (
+                f"{report['first_error']:.0e}, {report['error']:.0e}"
+                if "error" in report
+                else f"{off(found, expected):.0e}, not refined"
+            )
+            work = (
+                f"{report['flops'] / 1e9:.0f}, {report['flops'] / rates[0]:.2f}" if "flops" in report else ""
+            )
+            yield (
+                kind,
+                f"{report['dofs']}",
+                solver,
+                f"{report['plain']:.1f}",
+                f"{report['refined']:.1f}" if "refined" in report else "-",
+                errors,
+                f"{report['peak'] / 1e9:.2f}",
+                work,
+            )
+    if peers:
+        yield _peer_lattice(peers)
+
+
+def _peer_lattice(peers: str) -> Row:
+    frame = cube(1e5)
+    up = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+    along_z = np.abs(frame.points[frame.beams[:, 1]] - frame.points[frame.beams[:, 0]])[:, 2] > 0
+    # local z of ours: across the beam and `up`
+    axis = frame.points[frame.beams[:, 1]] - frame.points[frame.beams[:, 0]]
+    work = {
+        "points": frame.points[None],
+        "beams": frame.beams,
+        "properties": np.stack([frame.properties[name] for name in ("E", "G", "A", "J", "Iy", "Iz")], axis=1),
+        "across": np.round(np.cross(axis, up[along_z.astype(int)]) / np.linalg.norm(axis, axis=1)[:, None])[
+            None
+        ],
+        "fixed": np.flatnonzero(frame.fixed),
+        "tcp": np.array(tip(frame)),
+    }
+    found, seconds = _ask(peers, "opensees_lattice", work)
+    command = [sys.executable, "-m", "benchmarks.large_frame", "cube", "1e5", "condensation"]
+    run = subprocess.run(command, check=True, capture_output=True, text=True)
+    expected = np.array(json.loads(run.stdout.splitlines()[-1])["compliance"])
+    dofs = f"{int(frame.unknowns.max()) + 1}"
+    return (
+        "cube",
+        dofs,
+        "OpenSeesPy with MUMPS",
+        f"{seconds:.1f}",
+        "-",
+        f"{off(found[0], expected):.0e}",
+        "",
+        "",
+    )
+
+
+def growth(large: bool) -> Iterator[Row]:
+    """Yield how the cost grows: exponents of the last decade."""
+    yield ("cost against", "size", "seconds", "exponent")
+    robot = load_robot("ir663")
+    structure = compile_structure(robot)
+    before: tuple[float, float] | None = None
+    for count in (100, 1_000, 10_000, 100_000, *((1_000_000,) if large else ())):
+        q = np.resize(closing_poses(robot, min(count, 10_000)), (count, len(robot.actuated)))
+        seconds = median(lambda q=q: tcp_compliance(structure, posture(structure.kinematics, q)), 3)
+        yield ("poses", f"{count:,}", f"{seconds:.3g}", _exponent(before, (count, seconds)))
+        before = (count, seconds)
+    for kind in ("slender", "cube"):
+        before = None
+        for dofs in (1e3, 1e4, 1e5):
+            command = [sys.executable, "-m", "benchmarks.large_frame", kind, str(dofs), "condensation"]
+            run = subprocess.run(command, check=True, capture_output=True, text=True)
+            report = json.loads(run.stdout.splitlines()[-1])
+            size = (float(report["dofs"]), float(report["plain"]))
+            yield (f"unknowns, {kind}", f"{report['dofs']:,}", f"{size[1]:.3g}", _exponent(before, size))
+            before = size
+
+
+def _exponent(before: tuple[float, float] | None, now: tuple[float, float]) -> str:
+    if before is None:
+        return ""
+    return f"{np.log(now[1] / before[1]) / np.log(now[0] / before[0]):.2f}"
+
+
+def written(title: str, rows: Iterator[Row]) -> str:
+    """Return rows as a table of Markdown, and print them as they come."""
+    lines = [f"## {title}", ""]
+    print(f"\n{title}")
+    for number, row in enumerate(rows):
+        lines.append("| " + " | ".join(row) + " |")
+        print(" | ".join(row), flush=True)
+        if number == 0:
+            lines.append("| " + " | ".join("---" for _ in row) + " |")
+    return "\n".join([*lines, ""])
+
+
+def main() -> None:
+    """Print all tables and write them down."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--peers", help="a Python that has openseespy and PyNiteFEA")
+    parser.add_argument("--large", action="store_true", help="up to a million unknowns and poses")
+    chosen = parser.parse_args()
+    rates = floor()
+    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan")
+    intro = (
+        f"{machine()}; dgemm {rates[0] / 1e9:.0f} GFlop/s, copy {rates[1] / 1e9:.0f} GB/s; "
+        f"load {load:.1f} at the start. Medians of five, one core."
+    )
+    print(intro)
+    tables = [
+        written(
+            "10,000 poses: joint values to the 6x6 compliance at the TCP", many_poses(rates, chosen.peers)
+        ),
+        written("First call", first_call()),
+        written("Only joint stiffness changes: microseconds a row and evaluation", ports()),
+        written("Large frames", lattices(rates, chosen.peers, chosen.large)),
+        written("Growth", growth(chosen.large)),
+    ]
+    head = "# Benchmarks\n\nWritten by `python -m benchmarks.speed --large --peers PYTHON`.\n\n"
+    README.write_text(head + intro + "\n\n" + "\n".join(tables), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    threads = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL")}
+    if not threads.keys() <= os.environ.keys():  # numpy asks once, when it is imported
+        command = [sys.executable, "-m", "benchmarks.speed", *sys.argv[1:]]
+        sys.exit(subprocess.call(command, env=threads | os.environ))
+    main()
