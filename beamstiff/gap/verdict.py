@@ -3,7 +3,8 @@
 Evidence takes its shapes for true, and no real drive or link has exactly the shape of a library: a truth
 that is off by a share of its own size shifts log odds by an amount that grows with the evidence itself. Log
 odds between effects are therefore divided by ``1 + E / FAITH``, E the log odds of the best against the
-unknown. What a cause leaves to the unknown, and what it is worth on postures it did not see, decides
+unknown, and more where values are few. What a cause leaves to the unknown, what it is worth on postures it
+did not see, and how far the free laws of the places explain more than it does, decide
 between it and `unknown`.
 
 The constants are those of simulated campaigns (`beamstiff exam`) on seeds of their own, which are not
@@ -29,6 +30,7 @@ REAL, LEFT, FREE, WORTH = 1.7, 1.25, 6.8, 2.6
 BEHIND = 20.0  # log odds that are added to both evidences
 APART = 0.7  # share below which free laws do not speak for a cause any more
 FEW = 60  # values less fitted ones, below which nothing can be called unknown
+ENOUGH = 200  # values less fitted ones, below which shapes are believed less
 FAINT, BARE = 15.0, 0.3  # log odds against none below which a cause has to be worth this share as well
 CAUTION = 2.0  # log odds that any effect needs before it is as likely as none
 CHANCE = 0.01  # share of simulated campaigns without an effect that look as if they had one
@@ -138,7 +140,8 @@ def judge(
     nothing = OUTLIERS if outliers[0] and outliers[1] >= DISTINCT else NONE
     best = named[0]
     evidence = search.log_weight[best] - search.log_weight[UNKNOWN]
-    effects = tempered({key: search.log_weight[key] for key in named}, evidence)
+    faith = FAITH * min(1.0, max(freedom, 1) / ENOUGH)
+    effects = tempered({key: search.log_weight[key] for key in named}, evidence, faith)
     total = float(logsumexp(np.array([search.log_weight[key] for key in named])))
     quiet = search.log_weight[NONE] - total  # log odds of nothing against any effect
     evidence_of_any = -quiet

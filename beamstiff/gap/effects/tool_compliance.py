@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from beamstiff.gap.baseline import Baseline
@@ -11,6 +13,7 @@ from beamstiff.gap.effects.laws import by_compliance
 ROTATION = 2e-6  # rad/(N m)
 TRANSLATION = 2e-8  # m/N
 COUPLING = 2e-7  # 1/N: an elastic centre a decimetre behind the TCP
+SPREAD = 5.0
 CENTRES = (0.05, 0.1, 0.2)  # m along the tool's axis z, at which it tilts
 
 
@@ -48,7 +51,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     ]
     slide = Quantity("translational_compliance", "m/N", TRANSLATION)
     both = [column((3, 3), (4, 4), (5, 5)), column((0, 0), (1, 1), (2, 2))]
-    return [
+    found = [
         Shape("rotation", both[0][..., None], (even,)),
         Shape("rotation and translation", np.stack(both, -1), (even, slide)),
         *(
@@ -62,6 +65,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
             (*rotations, *slides, *skews, *couplings),
         ),
     ]
+    return [replace(one, spread=SPREAD) for one in found]
 
 
 EFFECT = Effect(

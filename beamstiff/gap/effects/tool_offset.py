@@ -31,6 +31,9 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     if baseline.absolute:
         seat = np.concatenate([axes, nothing], 1)
         turn = np.concatenate([nothing, axes], 1)
+        # of a target whose unloaded place is known, the lever is left: what the tool turns moves it
+        tilt = np.concatenate([np.cross(baseline.predicted[:, 3:, None], axes, axis=1), nothing], 1)
+        levers = tuple(Quantity(f"target_lever_{axis}", "m", OFFSET) for axis in "xyz")
         places = tuple(Quantity(f"target_{axis}", "m", PLACED) for axis in "xyz")
         turns = tuple(Quantity(f"turn_{axis}", "rad", TURNED) for axis in "xyz")
         return [
@@ -38,6 +41,13 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
             Shape("target and its turn", np.concatenate([seat, turn], -1), (*places, *turns)),
             Shape("load", load, loads, weight=0.5),
             Shape("load and target", np.concatenate([load, seat], -1), (*loads, *places), weight=0.5),
+            Shape("target and its lever", np.concatenate([seat, tilt], -1), (*places, *levers), weight=0.5),
+            Shape(
+                "load, target and its lever",
+                np.concatenate([load, seat, tilt], -1),
+                (*loads, *places, *levers),
+                weight=0.5,
+            ),
         ]
     # the rotation as measured holds what the offset itself adds to it
     turned = np.where(baseline.used[:, 3:], baseline.measured[:, 3:], baseline.predicted[:, 3:])
