@@ -252,6 +252,8 @@ def _notes(result: Compensated, machine: Machine, program: Program, placed: bool
     if found.switched.size:
         lines = listed([str(found.path.lines[row]) for row in found.switched.tolist()])
         said.append(f"the joints have to jump before line {lines}: another configuration")
+    if machine.set_aside:
+        said.append(f"{effects_text(machine.set_aside)}: of measuring, which moves no tool: left out")
     if machine.real.effects:
         said.append(f"with the robot's effects: {effects_text(machine.real.effects)}")
     return said

@@ -14,12 +14,14 @@ import numpy as np
 from beamstiff.compensate.path import Frames
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.gap.apply import effects_displacement, predict_with_effects
+from beamstiff.gap.effects import EFFECTS
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.measure.wrench import transport_wrench
 from beamstiff.model.protocol import Model
 from beamstiff.robot.description import Robot
 from beamstiff.robot.frames import Kinematics
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
+from beamstiff.robot.parts import AddedEffect
 from beamstiff.se3 import Array, rotation_from_vector
 
 
@@ -58,10 +60,17 @@ class Machine:
                 f"of {self.controller.name!r}: {listed(names[0])}"
             )
 
-    @property
+    @cached_property
     def real(self) -> Robot:
-        """The robot that moves."""
-        return self.actual or self.controller
+        """The robot that moves; without those of its effects that are of measuring and move nothing."""
+        robot = self.actual or self.controller
+        moving = tuple(one for one in robot.effects if not _of_measuring(one))
+        return robot if moving == robot.effects else robot.model_copy(update={"effects": moving})
+
+    @property
+    def set_aside(self) -> tuple[AddedEffect, ...]:
+        """Effects of the robot that are of measuring: a frame askew, a cell that misreads, a drift."""
+        return tuple(one for one in (self.actual or self.controller).effects if _of_measuring(one))
 
     @cached_property
     def kinematics(self) -> Kinematics:
@@ -125,3 +134,7 @@ class Machine:
             pose=np.arange(count),
             source="path",
         )
+
+
+def _of_measuring(effect: AddedEffect) -> bool:
+    return effect.effect in EFFECTS and EFFECTS[effect.effect].family == "measurement"

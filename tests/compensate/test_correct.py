@@ -79,6 +79,14 @@ def test_the_first_fake_pose_takes_away_most_and_the_next_the_rest() -> None:
     assert np.abs(found.after).max() < 1e-2 * np.abs(rest).max()
 
 
+def test_effects_of_measuring_move_no_tool() -> None:
+    askew = AddedEffect(effect="frame-misalignment", shape="shift", parameters={"x": "1 mm"})
+    real = heavy()
+    machine = Machine(kr500(), real.model_copy(update={"effects": (*real.effects, askew)}))
+    assert [one.effect for one in machine.real.effects] == ["backlash"]
+    assert machine.set_aside == (askew,)
+
+
 def test_a_rigid_robot_without_weight_needs_no_correction() -> None:
     machine = Machine(kr500(gravity=(0.0, 0.0, 0.0)), elasticity=RigidModel())
     path = path_of(kr500())

@@ -109,6 +109,7 @@ def test_what_is_no_target_is_left_alone() -> None:
     assert program.path.lines.tolist() == [10]
     said = " | ".join(program.notes)
     assert program.frames == ("line 1 sets $BASE", "line 2 sets $TOOL")
+    assert "frames, tools and loads are left as they are: lines 3, 4, 5" in said
     assert "relative motions are left as they are: line 7" in said
     assert "axis values are left as they are: line 8" in said
 

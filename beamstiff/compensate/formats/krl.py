@@ -24,6 +24,7 @@ POSITION, ROTATION = ("X", "Y", "Z"), ("A", "B", "C")
 MILLIMETRE, DEGREE = 1e-3, unit_factor("deg", "angle")[0]
 AXES = ("A1", "A2", "A3", "A4", "A5", "A6")
 LEFT = (
+    "frames, tools and loads",
     "relative motions",
     "axis values",
     "components set one by one",
@@ -72,7 +73,10 @@ def read(text: str, source: str) -> Program:
             inner = line[start + 1 : end]
             motion, name = _before(line[:start])
             keys = _keys(inner)
-            if (name is not None and _FRAMES.fullmatch(name)) or "{" in inner or not keys:
+            if name is not None and _FRAMES.fullmatch(name):
+                if not name.startswith("$"):  # those are told apart
+                    left["frames, tools and loads"].append(number)
+            elif "{" in inner or not keys:
                 continue
             elif motion is not None and motion.endswith("_REL"):
                 left["relative motions"].append(number)
