@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from beamstiff import Robot
+from beamstiff import Frame, Node, Robot, Variable
 from beamstiff.identify.geometry.error_jacobian import state_geometry
 from beamstiff.identify.geometry.observability import Observability, observability
 from beamstiff.identify.geometry.parameters import Parameter, choose_parameters, known_parameters
@@ -33,6 +35,44 @@ def test_a_chain_of_six_revolute_joints_has_four_parameters_a_joint_and_the_two_
     assert len(found.identified) == found.exact_rank == count
     # of all six frames only the second, whose axis is parallel to the next one, needs Hayati's beta
     assert [name for name in found.identified if name.endswith((".beta", ".b", ".gamma"))] == ["f2.beta"]
+
+
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 2**32 - 1), joints=st.integers(3, 7), sliding=st.integers(0, 1))
+def test_any_chain_has_four_parameters_a_turning_joint_and_two_a_sliding_one(
+    seed: int, joints: int, sliding: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    slides = [at < sliding for at in range(joints)]
+    names = [f"v{at}" for at in range(joints)]
+    frames = [
+        Frame(
+            name=f"f{at}",
+            parent="base" if at == 0 else f"f{at - 1}",
+            alpha=rng.uniform(0.5, 2.5),
+            d=rng.uniform(0.2, 1.0),
+            **(
+                {"r": names[at], "theta": 0.3}
+                if slides[at]
+                else {"theta": names[at], "r": rng.uniform(0.2, 1.0)}
+            ),
+        )
+        for at in range(joints)
+    ]
+    chain = Robot(
+        name="chain",
+        variables=[
+            Variable(name=name, type="prismatic" if slide else "revolute", limits=(-1.0, 1.0))
+            for name, slide in zip(names, slides, strict=True)
+        ],
+        frames=frames,
+        nodes=[Node(name="tool", frame=frames[-1].name, at=(0.1, 0.2, 0.3))],
+        fixed=["tool"],
+        tcp="tool",
+    )
+    found, _, _ = seen(chain, within(chain, 60, seed=1), True)
+    assert found.exact_rank == 4 * (joints - sliding) + 2 * sliding + 6
+    assert len(found.identified) == found.exact_rank
 
 
 def test_dependent_columns_are_the_combinations_that_are_printed() -> None:
