@@ -70,3 +70,16 @@ def test_a_target_off_its_seat_is_off_in_absolute_positions(axis: int) -> None:
     assert not columns[:, 3:].any()
     turned = shape_of(there, "tool-offset", None, "target and its turn").columns[..., 3 + axis]
     np.testing.assert_allclose(turned[:, 3:], arm.tool[:, :, axis], atol=1e-12)
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_a_target_whose_unloaded_place_is_known_still_moves_with_what_the_load_turns(axis: int) -> None:
+    loaded = at_random(kr240(), 6, seed=6)
+    arm = arm_at(loaded.q)
+    read = arm.tip + predict_displacements(kr240(), loaded)[:, :3]
+    there = nominal(kr240(), rows_of(kr240(), loaded.q, loaded.wrench, position=read))
+    lug = replace(loaded, point=np.full(6, "lug"))
+    expected = predict_displacements(with_lug(axis), lug) - predict_displacements(kr240(), loaded)
+    columns = shape_of(there, "tool-offset", None, "target and its lever").columns[..., 3 + axis]
+    np.testing.assert_allclose(columns[:, :3] * OFFSET, expected[:, :3], rtol=2e-2, atol=1e-9)
+    assert not columns[:, 3:].any()
