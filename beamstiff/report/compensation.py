@@ -40,7 +40,7 @@ def compensation_table(result: Compensated) -> Table:
     """Return a table: every target, the error of the tool before and after, how far its command moved."""
     found = result.correction
     columns = ("line", "load [N]", "before [mm]", "[deg]", "after [mm]", "[deg]", "command moved [mm]", "")
-    made = table("Error of the tool at the targets", "target", *columns)
+    made = table("Predicted error of the tool at the targets", "target", *columns)
     made.columns[-1].justify = "left"
     shift = found.commands[:, :3, 3] - found.path.poses[:, :3, 3]
     rows = []
@@ -70,7 +70,7 @@ def compensation_text(result: Compensated) -> str:
     known = result.known
     before, after = size_of(result.correction.before[known]), size_of(result.after[known])
     text = (
-        f"Error of the tool at {counted(int(known.sum()), 'target')}: RMS {number(before.rms_mm)} mm, at "
+        f"Predicted error of the tool at {counted(int(known.sum()), 'target')}: RMS {number(before.rms_mm)} mm, at "
         f"most {number(before.max_mm)} mm and {number(before.max_deg)} deg; with the commands as written "
         f"RMS {number(after.rms_mm)} mm, at most {number(after.max_mm)} mm and {number(after.max_deg)} deg"
     )
@@ -106,7 +106,7 @@ def _draw_path(axes: Axes, result: Compensated, known: NDArray[np.bool_]) -> Non
     shown = sorted((first, second))
     largest = float(np.linalg.norm(before, axis=1).max(initial=0.0))
     scale = _round(0.15 * float(extent.max()) / largest) if largest > 0 and extent.max() > 0 else 1.0
-    axes.plot(*targets[:, shown].T, "-", color=GREY, linewidth=1.2, label="target")
+    axes.plot(*targets[:, shown].T, "-", color=GREY, linewidth=5, alpha=0.4, label="target")
     for errors, style, colour, label in (
         (before, "o-", ORANGE, "without compensation"),
         (after, "s--", BLUE, "compensated"),
