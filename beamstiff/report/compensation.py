@@ -70,8 +70,8 @@ def compensation_text(result: Compensated) -> str:
     known = result.known
     before, after = size_of(result.correction.before[known]), size_of(result.after[known])
     text = (
-        f"Predicted error of the tool at {counted(int(known.sum()), 'target')}: RMS {number(before.rms_mm)} mm, at "
-        f"most {number(before.max_mm)} mm and {number(before.max_deg)} deg; with the commands as written "
+        f"Predicted error of the tool at {counted(int(known.sum()), 'target')}: RMS {number(before.rms_mm)} mm, "
+        f"at most {number(before.max_mm)} mm and {number(before.max_deg)} deg; with the commands as written "
         f"RMS {number(after.rms_mm)} mm, at most {number(after.max_mm)} mm and {number(after.max_deg)} deg"
     )
     if before.rms_mm > 0:
