@@ -100,7 +100,7 @@ def calibration_text(found: Calibration) -> list[str]:
     """Return sentences: how many parameters, what the noise says, where the base stands."""
     seen = found.observability
     lines = [
-        f"{len(seen.identified)} of {counted(len(seen.names), 'parameter')} sought; "
+        f"{len(seen.identified)} of {counted(len(seen.names), 'parameter')} are sought; "
         f"{len(seen.dependent)} cannot be told from others, {len(seen.silent)} move nothing measured. "
         f"Condition number {seen.condition:.3g}."
     ]
