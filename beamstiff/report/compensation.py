@@ -69,8 +69,9 @@ def compensation_text(result: Compensated) -> str:
     """Return sentences on the error of the path before and after."""
     known = result.known
     before, after = size_of(result.correction.before[known]), size_of(result.after[known])
+    targets = counted(int(known.sum()), "target")
     text = (
-        f"Predicted error of the tool at {counted(int(known.sum()), 'target')}: RMS {number(before.rms_mm)} mm, "
+        f"Predicted error of the tool at {targets}: RMS {number(before.rms_mm)} mm, "
         f"at most {number(before.max_mm)} mm and {number(before.max_deg)} deg; with the commands as written "
         f"RMS {number(after.rms_mm)} mm, at most {number(after.max_mm)} mm and {number(after.max_deg)} deg"
     )
