@@ -1,0 +1,71 @@
+"""What is told of a corrected path."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from beamstiff.compensate.formats import krl
+from beamstiff.compensate.machine import Machine
+from beamstiff.compensate.process.load import Constant
+from beamstiff.compensate.rewrite import Compensated, compensate_program
+from beamstiff.report.compensation import (
+    compensation_figure,
+    compensation_table,
+    compensation_text,
+    size_of,
+    uncorrected_table,
+)
+from beamstiff.robot.reader import load_robot
+
+
+@pytest.fixture(scope="module")
+def result() -> Compensated:
+    """Return a corrected path of three targets, the second out of reach."""
+    text = "".join(f"LIN {{X 1500,Y {y},Z 900,A 0,B 110,C 0}}\n" for y in (-100, 9000, 100))
+    load = Constant((0.0, 0.0, -900.0, 0.0, 0.0, 0.0))
+    return compensate_program(krl.read(text, "a.src"), Machine(load_robot("kr500")), load)
+
+
+def shown(table: object) -> str:
+    console = Console(width=200, record=True, file=io.StringIO())
+    console.print(table)
+    return console.export_text()
+
+
+def test_sizes_are_root_mean_square_and_largest() -> None:
+    errors = np.zeros((2, 6))
+    errors[0, :2], errors[1, 5] = [3e-3, 4e-3], np.radians(0.5)
+    size = size_of(errors)
+    assert size.rms_mm == pytest.approx(5 / np.sqrt(2))
+    assert size.max_mm == pytest.approx(5)
+    assert size.max_deg == pytest.approx(0.5)
+    assert size_of(errors[:0]).max_mm == 0
+
+
+def test_the_text_counts_what_could_be_followed(result: Compensated) -> None:
+    text = compensation_text(result)
+    assert text.startswith("Predicted error of the tool at 2 targets: RMS 0.")
+    assert "99." in text
+    assert "position alone" not in text
+
+
+def test_every_target_that_is_not_corrected_stands_in_a_table(result: Compensated) -> None:
+    lost = shown(uncorrected_table(result))
+    assert "out of reach by" in lost
+    assert lost.count("LIN") == 1
+    assert shown(compensation_table(result)).count("LIN") == 3
+
+
+def test_the_picture_shows_path_commands_and_what_is_lost(result: Compensated) -> None:
+    left, right = compensation_figure(result, "title").axes
+    labels = [text.get_text() for text in left.get_legend().get_texts()]  # type: ignore[union-attr]
+    assert labels == ["target", "without compensation", "compensated", "commands", "out of reach"]
+    assert right.get_yscale() == "log"
+    before = right.lines[0].get_ydata()
+    np.testing.assert_allclose(
+        before, 1e3 * np.linalg.norm(result.correction.before[[0, 2], :3], axis=1), rtol=1e-12
+    )
