@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError, suggest
-from beamstiff.fem.assembly import assemble, node_map, scatter, stiffness_between
+from beamstiff.fem.assembly import assemble, node_map, scatter, sparse_stiffness, stiffness_between
 from beamstiff.fem.compliance_program import compliance_program
 from beamstiff.fem.constraints import (
     beam_rows,
@@ -33,6 +33,7 @@ from beamstiff.fem.constraints import (
     unknown_sizes,
 )
 from beamstiff.fem.geometry import Geometry, place
+from beamstiff.fem.large.robot import MANY_UNKNOWNS, solve_sparse
 from beamstiff.fem.loads import gravity_wrenches
 from beamstiff.fem.mechanism import mechanism_error, solve_stable
 from beamstiff.fem.structure import Structure
@@ -44,6 +45,7 @@ from beamstiff.tape.program import MANY
 
 STIFFEST = 1e-10  # a scaled compliance below this is rounding
 ROUNDING = 1e-11  # of the stiffness that meets at a port
+MOST_ENTRIES = 2_000_000  # of the maps of observed nodes of a chunk
 CHUNK = 128  # poses at a time: the matrices of a chunk stay in the processor's cache
 
 
@@ -130,6 +132,7 @@ def condense(
     if poses == 0:
         raise BeamstiffError("no poses: expected at least one")
     number = np.arange(poses) if number is None else number
+    chunk = max(1, min(chunk, MOST_ENTRIES // (6 * max(1, structure.unknowns.count))))
     parts = []
     for start in range(0, poses, chunk):
         some = slice(start, start + chunk)
@@ -179,8 +182,10 @@ def _condense_chunk(
     maps = [node_map(structure, geometry, index[name]) for name in observed]
     watch = np.concatenate(maps, axis=1)  # u_observed = watch @ z
     dead = scatter(structure, geometry, gravity_wrenches(structure, geometry))
-    stiffness, size = assemble(structure, geometry)
     rest, moved = _split(structure, geometry, ports)
+    if rest.ndim == 1 and rest.size > MANY_UNKNOWNS:
+        return _condense_sparse(structure, geometry, (watch, dead), rest, moved)
+    stiffness, size = assemble(structure, geometry)
     if rest.ndim == 1:
         size_r, size_p = size[:, rest], size[:, moved]
         k_rr = stiffness[:, rest[:, None], rest]
@@ -217,13 +222,41 @@ def _condense_chunk(
         _, unbalanced = stiffness_between(structure, geometry, moved - rest @ to_ports)
         to_ports = to_ports + solve_stable(k_rr, rest.swapaxes(-1, -2) @ unbalanced, size_r)[0]
         port_stiffness = _symmetric(stiffness_between(structure, geometry, moved - rest @ to_ports)[0])
-    # where nothing but its own spring holds a port, rounding must not: it may be set free later
-    left = np.abs(port_stiffness) > ROUNDING * np.sqrt(size_p[:, :, None] * size_p[:, None, :])
     return Condensed(
-        port_stiffness=np.where(left, port_stiffness, 0.0),
+        port_stiffness=_without_rounding(port_stiffness, size_p),
         port_map=(watch_p - watch_r @ to_ports).swapaxes(-1, -2),
         clamped=_symmetric(watch_r @ to_watch),
         port_dead=dead_p - (k_pr @ to_dead[..., None])[..., 0],
+        clamped_dead=(watch_r @ to_dead[..., None])[..., 0],
+    )
+
+
+def _condense_sparse(
+    structure: Structure,
+    geometry: Geometry,
+    seen: tuple[Array, Array],
+    rest: NDArray[np.int64],
+    moved: NDArray[np.int64],
+) -> Condensed:
+    """Condense by sparse matrices; `seen` are the rows of the observed nodes and the dead weight."""
+    watch, dead = seen
+    p, o = moved.size, watch.shape[1]
+    right = np.zeros((len(watch), structure.unknowns.count, p + o + 1))
+    pattern = [sparse_stiffness(structure, geometry.only(np.array([at]))) for at in range(len(watch))]
+    beside = np.array([matrix[:, moved].toarray() for matrix in pattern]).reshape(*right.shape[:2], p)
+    right[:, rest, :p] = beside[:, rest]
+    right[:, rest, p:-1] = watch[:, :, rest].swapaxes(-1, -2)
+    right[:, rest, -1] = dead[:, rest]
+    solved = solve_sparse(structure, geometry, right, rest)
+    k_pr = beside[:, rest].swapaxes(-1, -2)
+    to_ports, to_watch, to_dead = solved[:, rest, :p], solved[:, rest, p:-1], solved[:, rest, -1]
+    watch_r = watch[:, :, rest]
+    size_p = np.diagonal(beside[:, moved], axis1=1, axis2=2)
+    return Condensed(
+        port_stiffness=_without_rounding(_symmetric(beside[:, moved] - k_pr @ to_ports), size_p),
+        port_map=(watch[:, :, moved] - watch_r @ to_ports).swapaxes(-1, -2),
+        clamped=_symmetric(watch_r @ to_watch),
+        port_dead=dead[:, moved] - (k_pr @ to_dead[..., None])[..., 0],
         clamped_dead=(watch_r @ to_dead[..., None])[..., 0],
     )
 
@@ -260,6 +293,12 @@ def port_row(structure: Structure, geometry: Geometry, port: Port) -> Array:
         return strut_row(structure, geometry, port.index)
     rows = (joint_rows if port.kind == "joint" else beam_rows)(structure, geometry, port.index)
     return rows[:, port.direction : port.direction + 1]
+
+
+def _without_rounding(port_stiffness: Array, size: Array) -> Array:
+    # where nothing but its own spring holds a port, rounding must not: it may be set free later
+    left = np.abs(port_stiffness) > ROUNDING * np.sqrt(size[:, :, None] * size[:, None, :])
+    return np.where(left, port_stiffness, 0.0)
 
 
 def _symmetric(matrix: Array) -> Array:

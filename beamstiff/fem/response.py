@@ -11,6 +11,7 @@ from beamstiff.fem.assembly import assemble, element_forces, gather, scatter
 from beamstiff.fem.beam import uniform_load
 from beamstiff.fem.constraints import constraint_rows, has_constraints, null_space, ranks, unknown_sizes
 from beamstiff.fem.geometry import Geometry, place
+from beamstiff.fem.large.robot import MANY_UNKNOWNS, solve_sparse
 from beamstiff.fem.loads import gravity_wrenches
 from beamstiff.fem.mechanism import mechanism_error, solve_stable
 from beamstiff.fem.structure import Structure
@@ -143,6 +144,8 @@ def solve_unknowns(structure: Structure, geometry: Geometry, force: Array) -> Ar
     BeamstiffError
         When the structure is a mechanism; the free motion is named.
     """
+    if structure.unknowns.count > MANY_UNKNOWNS and not has_constraints(structure):
+        return solve_sparse(structure, geometry, force[..., None])[..., 0]
     stiffness, size = assemble(structure, geometry)
     return solve_constrained(structure, geometry, stiffness, force[..., None], size=size)[..., 0]
 
