@@ -22,7 +22,7 @@ from beamstiff.measure.arrays import Integers
 from beamstiff.robot.kinematics import pose_of, posture, twist_jacobian
 from beamstiff.se3 import Array, rotation_from_vector
 
-CLOSE = 1e-8  # m and rad: what remains of the error
+CLOSE, ENOUGH = 1e-8, 4e-7  # m and rad: what remains of the error; at most, beside a singular posture
 ROUNDS = 40
 SETTLED = 1e-10  # m and rad
 FREE = 1e-6  # of the largest velocity: a direction in which the tool moves
@@ -227,7 +227,7 @@ def _commands(
         left = left[found.reached]
         if not left.size:
             break
-    for row in left.tolist():
+    for row in left[np.abs(error[left]).max(axis=1, initial=0.0) > ENOUGH].tolist():
         reasons[row] = f"no command found: {1e3 * np.linalg.norm(error[row, :3]):.3g} mm remain"
     for row in reasons:
         commands[row], q[row] = own[row], own_q[row]

@@ -7,7 +7,7 @@ be one.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ WALK = 12  # steps between targets far apart
 SEARCHED, RESTARTS = 256, 40  # targets at a time, starts each
 TRIED = 48  # starts for the posture to begin with
 TOLERANCE = 1e-9  # m, rad
+NEARLY = 2e-7  # m, rad: where an arm is stretched, the last digits cost more steps than they are worth
 AT_LIMIT = 1e-6
 
 
@@ -57,7 +58,9 @@ def six_freedoms(kinematics: Kinematics) -> bool:
 def solve(kinematics: Kinematics, poses: Array, start: Array | None, restarts: int) -> InverseResult:
     """Return inverse geometry of poses (K, 4, 4); of their positions where the joints are fewer than six."""
     targets = poses if six_freedoms(kinematics) else poses[:, :3, 3]
-    return inverse_geometry(kinematics, targets, start=start, tolerance=TOLERANCE, restarts=restarts)
+    found = inverse_geometry(kinematics, targets, start=start, tolerance=TOLERANCE, restarts=restarts)
+    near = (found.position_error <= NEARLY) & (found.rotation_error <= NEARLY)
+    return replace(found, reached=near)
 
 
 def follow(kinematics: Kinematics, poses: Array, start: Array | None = None) -> Followed:
@@ -127,9 +130,9 @@ def _convenient(kinematics: Kinematics, pose: Array, known: Array, near: Array |
 def shortfall(kinematics: Kinematics, found: InverseResult, row: int) -> str:
     """Return how far from a target the robot stays, and which joints are at their limits."""
     parts = []
-    if found.position_error[row] > TOLERANCE:
+    if found.position_error[row] > NEARLY:
         parts.append(f"{1e3 * found.position_error[row]:.3g} mm")
-    if found.rotation_error[row] > TOLERANCE:
+    if found.rotation_error[row] > NEARLY:
         parts.append(f"{np.degrees(found.rotation_error[row]):.3g} deg")
     held = [
         variable.name

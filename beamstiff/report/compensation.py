@@ -15,6 +15,8 @@ from beamstiff.report.figures import BLUE, GREEN, GREY, ORANGE, new_figure, plai
 from beamstiff.report.tables import add_rows, counted, number, table
 from beamstiff.se3 import Array
 
+NOTHING = 1e-6  # mm
+
 
 @dataclass(frozen=True)
 class Size:
@@ -75,7 +77,7 @@ def compensation_text(result: Compensated) -> str:
         f"at most {number(before.max_mm)} mm and {number(before.max_deg)} deg; with the commands as written "
         f"RMS {number(after.rms_mm)} mm, at most {number(after.max_mm)} mm and {number(after.max_deg)} deg"
     )
-    if before.rms_mm > 0:
+    if before.rms_mm > NOTHING:
         text += f" ({100 * (1 - after.rms_mm / before.rms_mm):.2f} % less)"
     turned = result.correction.turned
     if not turned.all():

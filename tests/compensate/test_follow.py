@@ -63,6 +63,14 @@ def test_a_joint_that_is_in_the_way_is_named() -> None:
     assert found.reasons[0].endswith("q3 at the limit")
 
 
+def test_a_stretched_arm_is_no_reason_to_give_up() -> None:
+    stretched = START.copy()
+    stretched[2] = -np.arctan2(0.055, 1.025)
+    found = follow(KINEMATICS, np.repeat(poses_at(stretched), 3, axis=0), START)
+    assert found.reached.all()
+    np.testing.assert_allclose(poses_at(found.q), poses_at(np.tile(stretched, (3, 1))), atol=4e-7)
+
+
 def test_a_jump_to_another_configuration_is_told() -> None:
     # q1 on the other side of its gap: the only way there is a jump
     q = np.array([START, START])
