@@ -217,13 +217,18 @@ def _commands(
         left = left[np.abs(error[left]).max(axis=1, initial=0.0) > CLOSE]
         if not left.size:
             break
+        before, q_before = commands[left], q[left]
         commands[left, :3, 3] -= error[left, :3]
         turn = rotation_from_vector(-error[left, 3:])
         commands[left, :3, :3] = turn @ commands[left, :3, :3]
         found = solve(machine.kinematics, machine.frames.node_poses(commands[left]), q[left], restarts=0)
         q[left] = found.q
         for at in np.flatnonzero(~found.reached).tolist():
-            reasons[int(left[at])] = f"its correction is {shortfall(machine.kinematics, found, at)}"
+            row = int(left[at])
+            if np.abs(error[row]).max() <= ENOUGH:  # it was good enough already
+                commands[row], q[row] = before[at], q_before[at]
+            else:
+                reasons[row] = f"its correction is {shortfall(machine.kinematics, found, at)}"
         left = left[found.reached]
         if not left.size:
             break
