@@ -206,8 +206,9 @@ def fit_conclusions(
 
 def _normal_equations(readings: Readings, premises: Premises, firing: Array) -> tuple[Array, Array]:
     rules, terms = firing.shape[1], readings.moment.shape[1]
-    weighted = (firing[:, :, None, None] * readings.gram[:, None]).reshape(len(firing), -1)
-    hessian = (firing.T @ weighted).reshape(rules, rules, terms, terms).swapaxes(1, 2)
+    flat = readings.gram.reshape(len(firing), -1)
+    blocks = np.stack([firing.T @ (strength[:, None] * flat) for strength in firing.T])
+    hessian = blocks.reshape(rules, rules, terms, terms).swapaxes(1, 2)
     slope = (firing.T @ readings.moment).reshape(-1)
     smooth = premises.differences()
     each = np.diagonal(readings.gram.mean(axis=0))

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError, listed, suggest
-from beamstiff.identify.fuzzy import fit_fuzzy, fit_fuzzy_tree
+from beamstiff.identify.fuzzy import fit_fuzzy
 from beamstiff.identify.fuzzy_correction import fit_fuzzy_correction
+from beamstiff.identify.fuzzy_tree import fit_fuzzy_tree
 from beamstiff.identify.gaussian_process import fit_gaussian_process
 from beamstiff.identify.grid import cubes_about, fit_grid
 from beamstiff.identify.split import Split, position_errors

@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 from beamstiff import BeamstiffError, Robot, load_robot
-from beamstiff.identify.fuzzy import fit_fuzzy, fit_fuzzy_tree
+from beamstiff.identify.fuzzy import fit_fuzzy
 from beamstiff.identify.fuzzy_rules import fit_conclusions, rapid_prototype, state_readings
+from beamstiff.identify.fuzzy_tree import fit_fuzzy_tree
 from beamstiff.identify.solis_wets import solis_wets
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.fuzzy import FuzzySystem, Partition
