@@ -30,6 +30,7 @@ REAL, LEFT, FREE, WORTH = 1.7, 1.25, 6.8, 2.6
 BEHIND = 20.0  # log odds that are added to both evidences
 APART = 0.7  # share below which free laws do not speak for a cause any more
 FEW = 60  # values less fitted ones, below which nothing can be called unknown
+SCARCE, OPEN = 30, -0.7  # and below which the unknown keeps at least these log odds: nothing is sure
 ENOUGH = 200  # values less fitted ones, below which shapes are believed less
 FAINT, BARE = 15.0, 0.3  # log odds against none below which a cause has to be worth this share as well
 CAUTION = 2.0  # log odds that any effect needs before it is as likely as none
@@ -158,6 +159,8 @@ def judge(
     odd = doubt(left, share_of_free_laws(search, weight), shrink)
     if freedom < FEW:
         odd = min(odd, search.log_weight[UNKNOWN] - total, -1.0)
+    if freedom < SCARCE:
+        odd = max(odd, OPEN)
     logs = {nothing: quiet, UNKNOWN: min(odd, odd - quiet if quiet > 0 else odd)}
     whole = logsumexp(np.array([0.0, *logs.values()]))
     shares = {key: float(np.exp(value - whole)) for key, value in logs.items()}

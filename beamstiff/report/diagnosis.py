@@ -11,6 +11,7 @@ from rich.text import Text
 
 from beamstiff.gap.effects import EFFECTS
 from beamstiff.gap.result import Candidate, Diagnosis
+from beamstiff.gap.search import UNKNOWN
 from beamstiff.report.tables import add_rows, number, table
 
 SHOWN = 8
@@ -88,10 +89,13 @@ def summary(result: Diagnosis) -> str:
     if verdict.effect == "none":
         return f"{first}\nNothing beyond noise ({percent})."
     if verdict.effect == "unknown":
-        return (
+        text = (
             f"{first}\nUnknown ({percent}): there is a gap with structure, and no effect of the library "
             "explains it."
         )
+        if result.indistinguishable:
+            text += f"\nNot ruled out all the same: {', '.join(result.indistinguishable)}."
+        return text
     text = f"{first}\nCause: {named(verdict)} ({percent}). {EFFECTS[verdict.effect].meaning}"
     if verdict.shrink is not None:
         low, high = (100 * value for value in verdict.shrink.interval)
@@ -100,8 +104,11 @@ def summary(result: Diagnosis) -> str:
             f"{100 * verdict.shrink.shrink:.0f} % of the explainable gap closes ({low:.0f} to {high:.0f} %), "
             "within the postures and load directions measured."
         )
-    if result.indistinguishable:
-        text += f"\nThese data cannot tell it from: {', '.join(result.indistinguishable)}."
+    others = [key for key in result.indistinguishable if key != UNKNOWN]
+    if others:
+        text += f"\nThese data cannot tell it from: {', '.join(others)}."
+    if UNKNOWN in result.indistinguishable:
+        text += "\nNor do they rule out a cause that the library lacks."
     if result.also is not None:
         text += f"\nAlso: {named(result.also)} ({100 * result.also.probability:.0f} %)."
     if result.outliers:

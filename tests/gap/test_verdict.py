@@ -13,6 +13,7 @@ from beamstiff.gap.verdict import (
     DOUBTED,
     FEW,
     MOST,
+    SCARCE,
     Judged,
     accepted,
     doubt,
@@ -105,6 +106,14 @@ def test_worth_on_other_postures_speaks_against_the_unknown() -> None:
 def test_of_few_values_nothing_is_called_unknown() -> None:
     found = judged(search_of(CLEAR, left=0.95, unknown=-300.0), single=USELESS, freedom=FEW - 1)
     assert found.verdict != UNKNOWN
+
+
+def test_of_a_handful_of_values_nothing_is_sure() -> None:
+    for freedom in (3, SCARCE - 1):
+        found = judged(search_of(CLEAR), freedom=freedom)
+        assert found.verdict == "backlash:q3"
+        assert found.probabilities[UNKNOWN] > 0.3
+    assert judged(search_of(CLEAR), freedom=SCARCE).probabilities[UNKNOWN] < 0.1
 
 
 def test_causes_as_likely_as_the_verdict_are_its_equivalents() -> None:
