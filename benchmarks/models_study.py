@@ -1,7 +1,7 @@
 """Print what models of elasticity reach, beside what the papers did.
 
-Run as `python -m benchmarks.models_study` (a minute). The campaigns are simulated: `benchmarks.kr500_grid`
-and `benchmarks.ir663_models` say what the machines are. Published numbers are of other, real machines: they
+Run as `python -m benchmarks.models_study` (a minute and a half). The campaigns are simulated: `benchmarks.kr500_grid`,
+`benchmarks.ir663_models` and `benchmarks.fuzzy_six_joints` say what the machines are. Published numbers are of other, real machines: they
 are what was asked, not what must come out.
 """
 
@@ -18,7 +18,7 @@ from beamstiff import load_robot, read_measurements
 from beamstiff.identify.models import Models
 from beamstiff.model.fuzzy_compliance import rules_from_table
 from beamstiff.report.tables import table
-from benchmarks import ir663_models, kr500_grid
+from benchmarks import fuzzy_six_joints, ir663_models, kr500_grid
 from benchmarks.kr500_grid import Row
 
 KR500 = {
@@ -66,6 +66,16 @@ def table_5(machine: str, found: Models, share: float) -> Table:
     return result
 
 
+def six_joints_table(left: Sequence[fuzzy_six_joints.Left]) -> Table:
+    """Return what models of six joints and the wrench leave of all six components."""
+    heads = ("readings", "rules", "displacement left", "rotation left")
+    result = table("KR240-2, six joints and the wrench to six components, fresh poses", "model", *heads)
+    for one in left:
+        shares = (f"{100 * share:.1f} %" for share in (one.position, one.rotation))
+        result.add_row(one.name, str(one.readings), str(one.rules or ""), *shares)
+    return result
+
+
 def main() -> None:
     """Print all tables."""
     console = Console(width=130)
@@ -81,7 +91,8 @@ def main() -> None:
         console.print(table_5(machine, ir663_models.table_5(machine), 0.0))
         console.print()
     console.print(table_5("ir663-screws", ir663_models.table_5("ir663-screws", share=0.25), 0.25))
-    console.print(f"Noise alone: {1e3 * np.sqrt(3) * ir663_models.SIGMA:.3f} mm.")
+    console.print(f"Noise alone: {1e3 * np.sqrt(3) * ir663_models.SIGMA:.3f} mm.\n")
+    console.print(six_joints_table(fuzzy_six_joints.study()))
 
 
 if __name__ == "__main__":

@@ -20,7 +20,8 @@ from beamstiff.model.fuzzy import Partition, equal_parts
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 
-EVALUATIONS = 120  # of the random search, a partition
+EVALUATIONS, LEAST_EVALUATIONS = 120, 20  # of the random search, a partition
+MANY = 300  # unknown conclusions from which on fewer evaluations are spent
 MOST_RULES = 64
 CLOSEST = 0.02  # share of an input's range that modal values keep apart
 CLOSER_LOOK = 2  # inputs whose one more set is placed by random search: those that equal parts favour
@@ -150,6 +151,8 @@ def _placed(task: Task, partition: Partition, evaluations: int, random: np.rando
         firing = tried.firing(x)
         return training.cost(firing, fit_conclusions(training, tried, firing))
 
-    found, _ = solis_wets(cost, begin, 0.15, evaluations, random)
+    unknowns = partition.count * len(task.readings.terms)
+    spent = max(int(evaluations * min(1.0, (MANY / unknowns) ** 2)), LEAST_EVALUATIONS)
+    found, _ = solis_wets(cost, begin, 0.15, spent, random)
     result = moved(found)
     return partition if result is None else result

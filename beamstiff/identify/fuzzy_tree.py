@@ -96,7 +96,7 @@ def _ranked(task: Task, tree: Tree, splits: Sequence[Split]) -> list[Split]:
         if own:
             others = np.delete(firing, leaf, axis=1) @ np.delete(conclusions, leaf, axis=0)
             sides = [_sides(splits[at], firing[:, leaf], x) for at in own]
-            left[own] = _left(training, others, np.stack(sides))
+            left[own] = pairs_leave(training, others, np.stack(sides))
     return [splits[at] for at in np.argsort(left, kind="stable")]
 
 
@@ -106,7 +106,7 @@ def _sides(split: Split, firing: Array, x: Array) -> Array:
     return np.stack([firing * (1.0 - high), firing * high])
 
 
-def _left(readings: Readings, others: Array, sides: Array) -> Array:
+def pairs_leave(readings: Readings, others: Array, sides: Array) -> Array:
     """Return the squares that pairs of rules leave, (C,), beside terms (N, K) that others make up.
 
     Parameters

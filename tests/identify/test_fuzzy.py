@@ -15,7 +15,7 @@ from scipy.optimize import minimize
 from beamstiff import BeamstiffError, Robot, load_robot
 from beamstiff.identify.fuzzy import fit_fuzzy
 from beamstiff.identify.fuzzy_rules import fit_conclusions, rapid_prototype, state_readings
-from beamstiff.identify.fuzzy_tree import fit_fuzzy_tree
+from beamstiff.identify.fuzzy_tree import fit_fuzzy_tree, pairs_leave
 from beamstiff.identify.solis_wets import solis_wets
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.fuzzy import FuzzySystem, Partition
@@ -291,3 +291,24 @@ def test_readings_elsewhere_or_of_another_kind_are_refused() -> None:
 def test_too_few_poses_for_a_test_set_are_refused() -> None:
     with pytest.raises(BeamstiffError, match=r"found 1 poses, expected enough to hold a share of 0.3"):
         fit_fuzzy(ir663(), replace(rows(planted(PARTITION).predict, 20), pose=np.zeros(20, dtype=np.int64)))
+
+
+def test_a_pair_of_rules_beside_others_leaves_what_least_squares_does() -> None:
+    """The ranking of splits, against numpy on the readings themselves."""
+    random = np.random.default_rng(4)
+    table = rows(planted(PARTITION).predict, 50, noise=1e-5)
+    readings = state_readings(table, LENGTH, "n7")
+    sides = random.uniform(size=(3, 2, 50))
+    others = random.normal(size=(50, len(readings.terms)))
+    i, j = readings.terms.T
+    slopes = np.zeros((50, 3, len(i)))
+    for k in range(len(i)):
+        slopes[:, i[k], k] += table.wrench[:, j[k]] * readings.scale[i[k], j[k]] / SIGMA
+        if i[k] != j[k]:
+            slopes[:, j[k], k] += table.wrench[:, i[k]] * readings.scale[i[k], j[k]] / SIGMA
+    seen = table.displacement[:, :3] / SIGMA - np.einsum("nik,nk->ni", slopes, others)
+    found = pairs_leave(readings, others, sides) + readings.squares.sum()
+    for pair, squares in zip(sides, found, strict=True):
+        columns = np.concatenate([side[:, None, None] * slopes for side in pair], axis=2).reshape(150, -1)
+        best, *_ = np.linalg.lstsq(columns, seen.reshape(-1))
+        assert np.isclose(squares, ((columns @ best - seen.reshape(-1)) ** 2).sum(), rtol=1e-6)

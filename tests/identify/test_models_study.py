@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks import ir663_models, kr500_grid
+from benchmarks import fuzzy_six_joints, ir663_models, kr500_grid
 from benchmarks.models_study import grid_table, table_4, table_5
 
 
@@ -52,3 +52,9 @@ def test_fuzzy_leaves_less_than_the_parametric_model_of_an_ir663_with_ball_screw
     assert left["fuzzy"] < 0.6 * left["parametric"]
     assert left["gray box"] < 1.2 * left["gaussian process"] < 1.5 * 0.035
     assert table_5("ir663-screws", found, 0.25).row_count == 8
+
+
+def test_six_joints_are_many_for_rules_that_know_nothing_of_the_machine() -> None:
+    left = {one.name: one.position for one in fuzzy_six_joints.study((60,))}
+    assert left["parametric"] < 0.05
+    assert left["parametric"] < 0.2 * left["fuzzy tree"] < 0.2
