@@ -1,8 +1,8 @@
 """Print what models of elasticity reach, beside what the papers did.
 
-Run as `python -m benchmarks.models_study` (a minute and a half). The campaigns are simulated: `benchmarks.kr500_grid`,
-`benchmarks.ir663_models` and `benchmarks.fuzzy_six_joints` say what the machines are. Published numbers are of other, real machines: they
-are what was asked, not what must come out.
+Run as `python -m benchmarks.models_study` (a minute and a half). The campaigns are simulated;
+`benchmarks.kr500_grid`, `benchmarks.ir663_models` and `benchmarks.fuzzy_six_joints` say what the machines
+are. Published numbers are of other, real machines: they are what was asked, not what must come out.
 """
 
 from __future__ import annotations

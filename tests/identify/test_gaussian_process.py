@@ -5,15 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from scipy.optimize import check_grad
 from scipy.spatial.distance import cdist
 from scipy.special import gamma, kv
 
-from beamstiff import identify
+from beamstiff import identify, load_robot
 from beamstiff.identify.evidence import Evidence, LinearReadings, most_evident
 from beamstiff.identify.gaussian_process import fit_gaussian_process
-from beamstiff.measure.rows import subset
+from beamstiff.measure import make_measurements
 from beamstiff.model.gaussian_process import COMMON, Covariance, matern
 from beamstiff.model.linear import predict_displacements
 from tests.identify.varying_machines import compliances, kr500, lever, loads, nothing, postures, table
@@ -164,12 +163,11 @@ def test_compliances_stay_positive() -> None:
     assert np.abs(np.log(model.compliances(postures(30)) / compliances()) - lever(postures(30))).max() < 0.2
 
 
-@pytest.mark.parametrize("robot", ["ir663-screws"])
-def test_springs_without_a_joint_value_of_their_own_follow_the_posture(robot: str) -> None:
-    from benchmarks.ir663_models import campaign
-
-    model, rows, _ = campaign(robot)
-    fit = fit_gaussian_process(
-        model, subset(rows, np.arange(0, len(rows), 6)), ["J12.torsional", "J1010.radial"]
-    )
+def test_springs_without_a_joint_value_of_their_own_follow_the_posture() -> None:
+    robot, random = load_robot("ir663"), np.random.default_rng(0)
+    q, wrench = random.uniform([-0.2, 0.6], [0.4, 0.9], (24, 2)), 900 * random.normal(size=(24, 6))
+    still = make_measurements(["q2", "q8"], q, tcp="n7", wrench=wrench)
+    seen = predict_displacements(robot, still)[:, :3]
+    rows = make_measurements(["q2", "q8"], q, tcp="n7", wrench=wrench, displacement=seen, sigma_position=1e-5)
+    fit = fit_gaussian_process(robot, rows, ["J12.torsional", "J1010.radial"])
     assert fit.model.covariance.own.tolist() == [0, -1]
