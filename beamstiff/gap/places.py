@@ -20,14 +20,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.fem.beam import beam_axes
+from beamstiff.fem.beam import beam_axes, beam_stiffness
 from beamstiff.fem.condensation import Condensed, Port, condense
-from beamstiff.fem.geometry import SHORTEST, place
+from beamstiff.fem.geometry import SHORTEST, Geometry, place
 from beamstiff.fem.loads import gravity_wrenches
 from beamstiff.fem.structure import Structure, compile_structure
 from beamstiff.fem.unknowns import joint_values
 from beamstiff.measure.table import Measurements
-from beamstiff.model.ports import opened, unit_springs
+from beamstiff.model.ports import opened
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import RIGID
 from beamstiff.robot.kinematics import Posture, compile_kinematics, posture
@@ -173,7 +173,7 @@ def _open(
     ports += [Port(cut.beams[at].name, "beam", at, side) for at in beams for side in range(6)]
     observed = list(dict.fromkeys([*rows.point.tolist(), *rows.load_point.tolist()]))
     condensed = condense(structure, where, observed, ports)
-    wrench, dead = _passed(condensed, *_springs(cut, structure, where, ports))
+    wrench, dead = _passed(condensed, *_springs(cut, structure, geometry, ports))
     columns = {name: 6 * at + np.arange(6) for at, name in enumerate(observed)}
     seen = np.array([columns[name] for name in rows.point])
     loaded = np.array([columns[name] for name in rows.load_point])
@@ -226,7 +226,7 @@ def _passed(condensed: Condensed, springs: Array, rigid: NDArray[np.bool_]) -> t
     """Return wrenches at the ports per unit wrench at observed nodes (P, o, p), and the dead one (P, p)."""
     right = np.concatenate([condensed.port_map, condensed.port_dead[..., None]], axis=2)
     loose = ~rigid
-    own = springs[np.ix_(loose, loose)]
+    own = springs[:, loose][:, :, loose]
     matrix = condensed.port_stiffness[:, loose][:, :, loose] + own
     slip = np.linalg.solve(matrix, right[:, loose])
     result = np.zeros_like(right)
@@ -236,24 +236,23 @@ def _passed(condensed: Condensed, springs: Array, rigid: NDArray[np.bool_]) -> t
 
 
 def _springs(
-    robot: Robot, structure: Structure, where: Posture, ports: Sequence[Port]
+    robot: Robot, structure: Structure, geometry: Geometry, ports: Sequence[Port]
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Return the stiffness that the ports have in the robot (p, p), and which of them are rigid (p,)."""
+    """Return the stiffness that the ports have in the robot (P, p, p), and which of them are rigid (p,)."""
     joints = [port for port in ports if port.kind == "joint"]
     values = np.array([joint_values(robot.joints[port.index])[port.direction] for port in joints])
     rigid = np.zeros(len(ports), dtype=np.bool_)
     rigid[: len(joints)] = values == RIGID
-    result = np.zeros((len(ports), len(ports)))
-    beams = [port for port in ports if port.kind == "beam"]
-    if beams:
-        indices = list(dict.fromkeys(port.index for port in beams))
-        owner = np.array([indices.index(port.index) for port in beams])
-        moduli = np.array([robot.materials[robot.beams[at].material].E for at in indices])
-        result[len(joints) :, len(joints) :] = np.tensordot(
-            moduli, unit_springs(structure, where, beams, owner), 1
-        )
+    result = np.zeros((len(geometry.beam_length), len(ports), len(ports)))
+    for at, port in enumerate(ports):
+        if (
+            port.kind == "beam" and port.direction == 0
+        ):  # as long as it is in each pose: some grow with a slide
+            own = {name: value[[port.index]] for name, value in structure.beam_properties.items()}
+            lengths = geometry.beam_length[:, [port.index]]
+            result[:, at : at + 6, at : at + 6] = beam_stiffness(lengths, **own)[:, 0, 6:, 6:]
     diagonal = np.arange(len(joints))
-    result[diagonal, diagonal] = np.where(rigid[: len(joints)], 0.0, values)
+    result[:, diagonal, diagonal] = np.where(rigid[: len(joints)], 0.0, values)
     return result, rigid
 
 

@@ -3,11 +3,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from beamstiff import load_robot
+from beamstiff import Robot, load_robot
 from beamstiff.gap.places import Place, find_places, has_loops
 from beamstiff.measure.table import Measurements
 from beamstiff.model.linear import predict_displacements
-from beamstiff.robot.sections import section_properties
+from beamstiff.robot.parts import Beam, Frame, Material, Node, Strut, Variable
+from beamstiff.robot.sections import Section, section_properties
 from beamstiff.se3 import Array
 from tests.gap.machines import FORE, UPPER, at_random, bent, by_compliance_of, elbow, kr240, rows_of
 
@@ -177,3 +178,24 @@ def test_places_that_rigid_parts_of_a_loop_hold_are_named_with_the_reason() -> N
     assert set(places.held) <= rigid | {joint.name for joint in machine.joints}
     assert not set(places.held) & (set(places.joints) | set(places.links))
     assert all(why for why in places.held.values())
+
+
+def test_a_column_that_grows_beside_a_strut_carries_its_share_at_every_height() -> None:
+    E, A, strut = 2e11, 1e-3, 1e8
+    robot = Robot(
+        name="lift",
+        variables=[Variable(name="h", type="prismatic", limits=(0.5, 2.0))],
+        frames=[Frame(name="f1", r="h")],
+        nodes=[Node(name="foot"), Node(name="cellar", at=(0, 0, -1)), Node(name="top", frame="f1")],
+        beams=[Beam(name="column", nodes=["foot", "top"], section="tube", material="steel")],
+        struts=[Strut(name="tie", nodes=["cellar", "top"], stiffness=strut)],
+        sections={"tube": Section(A=A, Iy=1e-6, Iz=1e-6, J=2e-6)},
+        materials={"steel": Material(E=E, G=8e10)},
+        fixed=["foot", "cellar"],
+        tcp="top",
+    )
+    heights = np.array([0.5, 1.0, 2.0])
+    rows = rows_of(robot, heights[:, None], np.tile(1000.0 * np.eye(6)[2], (3, 1)))
+    column = E * A / heights
+    found = find_places(robot, rows).links["column"].load[:, 0]
+    np.testing.assert_allclose(found, 1000.0 * column / (column + strut), rtol=1e-9)
