@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError, suggest
 from beamstiff.fem.assembly import assemble, node_map, scatter, sparse_stiffness, stiffness_between
-from beamstiff.fem.compliance_program import compliance_program
+from beamstiff.fem.condensation_program import CondensationProgram, condensation_program
 from beamstiff.fem.constraints import (
     beam_rows,
     constraint_rows,
@@ -99,9 +99,12 @@ def condense(
     observed: Sequence[str],
     ports: Sequence[Port] = (),
     chunk: int = CHUNK,
-    number: NDArray[np.int64] | None = None,
+    dead: bool = True,
 ) -> Condensed:
     """Condense a structure to its ports and observed nodes at every pose.
+
+    Many poses that follow from joint values go by the program of the structure (`condensation_program`), as
+    far as that is sure of its answer; all else goes by matrices.
 
     Parameters
     ----------
@@ -114,8 +117,8 @@ def condense(
         Directions whose stiffness is left open (their present values are not used).
     chunk : int
         How many poses at a time.
-    number : (P,) int array, optional
-        Numbers of the poses, for messages; default 0, 1, 2...
+    dead : bool
+        Whether what the dead weight does is wanted; without it those parts may be zero.
 
     Raises
     ------
@@ -127,11 +130,49 @@ def condense(
     for name in observed:
         if name not in index:
             raise BeamstiffError(f"robot {structure.robot.name!r} has no node {name!r}{suggest(name, index)}")
+    if len(posture.values) == 0:
+        raise BeamstiffError("no poses: expected at least one")
+    everything = np.arange(len(posture.values))
+    program = _program(structure, posture, observed, ports, dead)
+    if program is None:
+        return condense_by_matrices(structure, posture, observed, ports, chunk, everything)
+    parts, sure = program.run(posture.values)
+    parts[0] = _without_rounding(parts[0], program.port_size[None])
+    rest = np.flatnonzero(~sure)
+    if rest.size:
+        others = condense_by_matrices(structure, posture.only(rest), observed, ports, chunk, rest)
+        for part, item in zip(parts, fields(Condensed), strict=True):
+            part[rest] = getattr(others, item.name)
+    return Condensed(*parts)
+
+
+def _program(
+    structure: Structure, posture: Posture, observed: Sequence[str], ports: Sequence[Port], dead: bool
+) -> CondensationProgram | None:
+    """Return the program for these poses: the one place that decides which way they go."""
+    if len(posture.values) < MANY or not isinstance(posture, ClosedPosture) or posture.kinematics is None:
+        return None
+    if not same_geometry(posture.kinematics, structure.kinematics):
+        return None
+    number = joint_unknowns(structure.unknowns)
+    own = [number.get((port.index, port.direction), -1) if port.kind == "joint" else -1 for port in ports]
+    if -1 in own:
+        return None
+    index = structure.kinematics.node_index
+    return condensation_program(structure, tuple(index[name] for name in observed), tuple(own), dead)
+
+
+def condense_by_matrices(
+    structure: Structure,
+    posture: Posture,
+    observed: Sequence[str],
+    ports: Sequence[Port],
+    chunk: int,
+    number: NDArray[np.int64],
+) -> Condensed:
+    """Do what `condense` does, for any structure and posture; `number` stands for the poses in messages."""
     open_structure = without_ports(structure, ports)
     poses = posture.node_positions.shape[0]
-    if poses == 0:
-        raise BeamstiffError("no poses: expected at least one")
-    number = np.arange(poses) if number is None else number
     chunk = max(1, min(chunk, MOST_ENTRIES // (6 * max(1, structure.unknowns.count))))
     parts = []
     for start in range(0, poses, chunk):
@@ -317,20 +358,7 @@ def tcp_compliance(structure: Structure, posture: Posture, chunk: int = CHUNK) -
     >>> tcp_compliance(structure, posture(structure.kinematics, np.zeros((1, 0)))).shape
     (1, 6, 6)
     """
-    # the one place that decides: many poses that follow from joint values go by the program of the structure,
-    # as far as that is sure of its answer; everything else by `condense`
-    tcp, poses = [structure.robot.tcp], len(posture.values)
-    program = None
-    if poses >= MANY and isinstance(posture, ClosedPosture) and posture.kinematics is not None:
-        own = same_geometry(posture.kinematics, structure.kinematics)
-        program = compliance_program(structure) if own else None
-    if program is None:
-        return condense(structure, posture, tcp, chunk=chunk).clamped
-    compliance, sure = program.run(posture.values)
-    rest = np.flatnonzero(~sure)
-    if rest.size:
-        compliance[rest] = condense(structure, posture.only(rest), tcp, chunk=chunk, number=rest).clamped
-    return compliance
+    return condense(structure, posture, [structure.robot.tcp], chunk=chunk, dead=False).clamped
 
 
 def tcp_stiffness(compliance: Array, robot: str = "robot") -> Array:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from beamstiff.fem.beam import beam_axes, beam_stiffness
 from beamstiff.fem.geometry import SHORTEST
 from beamstiff.fem.structure import Structure
+from beamstiff.fem.unknowns import turning_nodes
 from beamstiff.robot.forward import chain_to, place
 from beamstiff.tape.expression import Expression, square_root
 
@@ -39,12 +40,14 @@ class RecordedStiffness:
     Attributes
     ----------
     matrix : dict
-        Stiffness by unknown and unknown.
+        Stiffness by unknown and unknown, without the springs of the ports.
     sound : list of expressions
         Each positive where the structure is as it was taken to be: joints together, beams of some length.
     """
 
-    def __init__(self, structure: Structure, values: NDArray[Any]) -> None:
+    def __init__(
+        self, structure: Structure, values: NDArray[Any], ports: frozenset[int] = frozenset()
+    ) -> None:
         self.structure, self.kinematics = structure, structure.kinematics
         self._values = values[None]
         self.matrix: Symmetric = {}
@@ -53,7 +56,8 @@ class RecordedStiffness:
         self._placed = cache(self._place)
         self._join_joints()
         for at, value in zip(structure.springs.tolist(), structure.spring_values, strict=True):
-            self._add(at, at, float(value))
+            if at not in ports:
+                self._add(at, at, float(value))
         for at in range(len(structure.elements)):
             self._add_element(at)
 
@@ -188,6 +192,35 @@ class RecordedStiffness:
                 value = _dot(strain[row], forces[column])
                 if isinstance(value, Expression) or value != 0.0:
                     self._add(row, column, value)
+
+    def dead_loads(self) -> dict[int, Any]:
+        """Return the force of the dead weight on each unknown (see `loads.gravity_wrenches`)."""
+        structure, robot = self.structure, self.structure.robot
+        loads: dict[int, Any] = {}
+
+        def load(node: int, frame: int, force: Entries, moment: Entries) -> None:
+            for unknown, column in self.map_of(node, frame).items():
+                loads[unknown] = loads.get(unknown, 0.0) + _dot(column[:3], force) + _dot(column[3:], moment)
+
+        per_metre = structure.beam_density * np.nan_to_num(structure.beam_properties["A"], posinf=0.0)
+        gravity = np.array(robot.gravity)
+        for (a, b), heavy in zip(structure.elements.tolist(), per_metre.tolist(), strict=False):
+            frame = int(self.kinematics.node_frame[a])
+            arm = self.arm(a, b, frame)
+            weight = _product(self.rotation(frame, 0), heavy * gravity)
+            length = self._length(arm)
+            couple = _cross(arm, weight) * (length * (1 / 12))
+            load(a, frame, weight * (length * 0.5), couple)
+            load(b, frame, weight * (length * 0.5), -couple)
+        turning = turning_nodes(robot)
+        for mass in robot.masses:
+            if mass.node not in turning and any(mass.at):
+                raise Unfit
+            node = self.kinematics.node_index[mass.node]
+            frame = int(self.kinematics.node_frame[node])
+            weight = _product(self.rotation(frame, 0), mass.mass * gravity)
+            load(node, frame, weight, _cross(np.array(mass.at), weight))
+        return loads
 
     def _length(self, way: Entries) -> Expression | float:
         square = _dot(way, way)

@@ -3,23 +3,32 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from hypothesis import event, given
+from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.fem.compliance_program import compliance_program
-from beamstiff.fem.condensation import condense, tcp_compliance
+from beamstiff.fem.condensation import (
+    CHUNK,
+    Condensed,
+    Port,
+    condense,
+    condense_by_matrices,
+    tcp_compliance,
+)
+from beamstiff.fem.condensation_program import CondensationProgram, condensation_program
 from beamstiff.fem.constraints import has_constraints
 from beamstiff.fem.elimination import eliminate, elimination_order
 from beamstiff.fem.structure import Structure, compile_structure
+from beamstiff.fem.unknowns import joint_unknowns
 from beamstiff.robot.closure import GRID
 from beamstiff.robot.description import Robot
-from beamstiff.robot.kinematics import posture
+from beamstiff.robot.kinematics import Posture, posture
 from beamstiff.robot.library import robot_names
-from beamstiff.robot.parts import Beam, Frame, Joint, Material, Node, Rigid, Strut, Variable
+from beamstiff.robot.parts import Beam, Frame, Joint, Mass, Material, Node, Rigid, Strut, Variable
 from beamstiff.robot.reader import load_robot
 from beamstiff.robot.sections import Section
 from beamstiff.tape.program import MANY
@@ -28,6 +37,20 @@ from tests.fem.random_frames import machine_frame
 from tests.tape.test_program import WAYS
 
 AGREED = 1e-9
+
+
+def program_of(structure: Structure) -> CondensationProgram | None:
+    """Return the program of the compliance at the TCP."""
+    tcp = structure.kinematics.node_index[structure.robot.tcp]
+    return condensation_program(structure, (tcp,), (), False)
+
+
+def generally(
+    structure: Structure, poses: Posture, observed: list[str] | None = None, ports: Sequence[Port] = ()
+) -> Condensed:
+    number = np.arange(len(poses.values))
+    seen = [structure.robot.tcp] if observed is None else observed
+    return condense_by_matrices(structure, poses, seen, ports, CHUNK, number)
 
 
 def disagreement(found: np.ndarray, expected: np.ndarray) -> float:
@@ -46,11 +69,11 @@ def within_limits(robot: Robot, count: int, seed: int = 0) -> np.ndarray:
 def test_shipped_robots(name: str, way: bool) -> None:
     structure = compile_structure(load_robot(name))
     poses = posture(structure.kinematics, within_limits(structure.robot, 40))
-    program = compliance_program(structure)
+    program = program_of(structure)
     assert program is not None
-    found, sure = program.run(poses.values, way)
+    (_, _, found, _, _), sure = program.run(poses.values, way)
     assert sure.all()
-    assert disagreement(found, condense(structure, poses, [structure.robot.tcp]).clamped) <= AGREED
+    assert disagreement(found, generally(structure, poses).clamped) <= AGREED
     assert (found == found.swapaxes(-1, -2)).all()
 
 
@@ -63,14 +86,14 @@ def test_shipped_robots(name: str, way: bool) -> None:
 def test_random_machines(seed: int, more: int, loops: int, rigid: float) -> None:
     """All kinds of parts, loops of beams and struts among them; mechanisms and rigid loops are left alone."""
     structure = compile_structure(machine_frame(seed, more, loops, rigid=rigid).robot())
-    program = compliance_program(structure)
+    program = program_of(structure)
     rest = at_rest(structure)
     if program is None:
         event("constraints" if has_constraints(structure) else "nothing to say")
         return
-    found, sure = program.run(rest.values)
+    (_, _, found, _, _), sure = program.run(rest.values)
     assert sure.all()  # a machine without variables: what is not sure has no program
-    expected = condense(structure, rest, [structure.robot.tcp]).clamped
+    expected = generally(structure, rest).clamped
     size = max(np.abs(expected).max(), 1e-20)
     assert np.abs(found - expected).max() <= AGREED * size
 
@@ -147,16 +170,17 @@ def _turn(gamma: float, alpha: float) -> np.ndarray:
     return np.array([[c, -s * k, s * t], [s, c * k, -c * t], [0.0, t, k]])
 
 
+@settings(max_examples=40)
 @given(seed=st.integers(0, 2**32 - 1), links=st.integers(1, 4))
 def test_random_arms_in_random_postures(seed: int, links: int) -> None:
     structure = compile_structure(moving_machine(seed, links))
     q = np.random.default_rng(seed).uniform(0.3, 1.5, (5, links))
     poses = posture(structure.kinematics, q)
-    program = compliance_program(structure)
+    program = program_of(structure)
     assert program is not None
-    found, sure = program.run(poses.values)
+    (_, _, found, _, _), sure = program.run(poses.values)
     assert sure.all()
-    assert disagreement(found, condense(structure, poses, [structure.robot.tcp]).clamped) <= AGREED
+    assert disagreement(found, generally(structure, poses).clamped) <= AGREED
 
 
 def stayed(q: np.ndarray) -> tuple[Structure, np.ndarray]:
@@ -188,9 +212,7 @@ def test_a_mechanism_among_many_poses_is_named_with_its_number() -> None:
     q = np.linspace(0.2, 1.2, MANY)
     structure, values = stayed(q)
     poses = posture(structure.kinematics, values)
-    assert (
-        disagreement(tcp_compliance(structure, poses), condense(structure, poses, ["tip"]).clamped) <= AGREED
-    )
+    assert disagreement(tcp_compliance(structure, poses), generally(structure, poses).clamped) <= AGREED
     values[MANY - 7] = 0.0
     with pytest.raises(BeamstiffError, match=rf"mechanism at pose {MANY - 7}: .* through J\.torsional"):
         tcp_compliance(structure, posture(structure.kinematics, values))
@@ -201,11 +223,11 @@ def test_near_a_mechanism_the_general_way_decides() -> None:
     structure, values = stayed(np.linspace(0.2, 1.2, MANY))
     values[3] = 2e-4
     poses = posture(structure.kinematics, values)
-    program = compliance_program(structure)
+    program = program_of(structure)
     assert program is not None
     assert np.flatnonzero(~program.run(poses.values)[1]).tolist() == [3]
     one = posture(structure.kinematics, values[3:4])
-    assert (tcp_compliance(structure, poses)[3] == condense(structure, one, ["tip"]).clamped[0]).all()
+    assert (tcp_compliance(structure, poses)[3] == generally(structure, one).clamped[0]).all()
 
 
 def test_loops_that_do_not_close_are_refused_in_many_poses_as_in_few() -> None:
@@ -226,7 +248,7 @@ def test_a_posture_changed_by_hand_is_taken_as_it_is() -> None:
     structure = compile_structure(load_robot("kr240-2"))
     poses = posture(structure.kinematics, within_limits(structure.robot, MANY))
     moved = dataclasses.replace(poses, node_positions=1.1 * poses.node_positions)
-    expected = condense(structure, moved, [structure.robot.tcp]).clamped
+    expected = generally(structure, moved).clamped
     assert (tcp_compliance(structure, moved) == expected).all()
     assert disagreement(tcp_compliance(structure, poses), expected) > 0.01
 
@@ -236,13 +258,13 @@ def test_another_robot_at_the_same_values_is_not_taken_for_this_one() -> None:
     stiffer = robot.with_parameters({robot.identify[0]: 1e9})
     structure, same = compile_structure(robot), compile_structure(stiffer)
     poses = posture(same.kinematics, within_limits(robot, MANY))
-    general = condense(structure, poses, [robot.tcp]).clamped
+    general = generally(structure, poses).clamped
     assert disagreement(tcp_compliance(structure, poses), general) <= AGREED
     structure, values = stayed(np.linspace(0.2, 1.2, MANY))
     tip = structure.robot.nodes[-1].model_copy(update={"at": (1.1, 0.0, 0.0)})
     longer = structure.robot.model_copy(update={"nodes": (*structure.robot.nodes[:-1], tip)})
     other = posture(compile_structure(longer).kinematics, values)
-    expected = condense(structure, other, ["tip"]).clamped
+    expected = generally(structure, other).clamped
     assert (tcp_compliance(structure, other) == expected).all()
     assert disagreement(tcp_compliance(structure, posture(structure.kinematics, values)), expected) > 0.01
 
@@ -253,6 +275,59 @@ def test_what_a_pose_gets_does_not_depend_on_the_others() -> None:
     whole = tcp_compliance(structure, posture(structure.kinematics, q))
     for some in (slice(5, 5 + GRID), slice(GRID - 1, 3 * GRID)):
         assert (tcp_compliance(structure, posture(structure.kinematics, q[some])) == whole[some]).all()
+
+
+def alike(one: Condensed, other: Condensed, met: float) -> None:
+    """Check all parts, pose by pose against the largest entry; S is a difference of stiffness that met."""
+    floors = {"port_stiffness": 1e-5 * met, "port_dead": 1e-6, "clamped_dead": 1e-6}
+    for item in dataclasses.fields(Condensed):
+        found, expected = (getattr(each, item.name).reshape(len(one.clamped), -1) for each in (one, other))
+        size = np.abs(expected).max(axis=1, initial=0.0)
+        off = np.abs(found - expected).max(axis=1, initial=0.0)
+        assert (off <= AGREED * np.maximum(size, floors.get(item.name, 0.0))).all(), item.name
+
+
+@pytest.mark.parametrize("name", ["ir663", "ir663-screws-beams", "gantry", "kr240-2", "tripod"])
+def test_ports_and_dead_weight_of_shipped_robots(name: str) -> None:
+    robot = load_robot(name)
+    structure = compile_structure(robot)
+    poses = posture(structure.kinematics, within_limits(robot, MANY))
+    rng = np.random.default_rng(1)
+    known = joint_unknowns(structure.unknowns)
+    own = sorted(known)
+    ports = [Port(robot.joints[at].name, "joint", at, direction) for at, direction in own]
+    ports = [ports[at] for at in np.sort(rng.choice(len(ports), min(4, len(ports)), replace=False))]
+    observed = [robot.tcp, next(node.name for node in robot.nodes if node.name not in robot.fixed)]
+    numbers = tuple(known[port.index, port.direction] for port in ports)
+    nodes = tuple(structure.kinematics.node_index[node] for node in observed)
+    program = condensation_program(structure, nodes, numbers, True)
+    assert program is not None
+    assert program.run(poses.values)[1].all()
+    met = float(program.port_size.max())
+    alike(condense(structure, poses, observed, ports), generally(structure, poses, observed, ports), met)
+
+
+@settings(max_examples=25)
+@given(seed=st.integers(0, 2**32 - 1), links=st.integers(1, 3))
+def test_ports_and_dead_weight_of_random_arms(seed: int, links: int) -> None:
+    made = moving_machine(seed, links)
+    masses = [Mass(node=f"c{links - 1}", mass=40.0, at=(0.1, 0.2, -0.3)), Mass(node="a0", mass=10.0)]
+    robot = made.model_copy(update={"masses": tuple(masses), "gravity": (1.0, -2.0, -9.0)})
+    structure = compile_structure(robot)
+    known = joint_unknowns(structure.unknowns)
+    rng = np.random.default_rng(seed)
+    ports = [Port("", "joint", at, direction) for at, direction in sorted(known) if rng.random() < 0.3]
+    poses = posture(structure.kinematics, rng.uniform(0.3, 1.5, (5, links)))
+    observed = [f"c{links - 1}", "b0"]
+    nodes = tuple(structure.kinematics.node_index[node] for node in observed)
+    numbers = tuple(known[port.index, port.direction] for port in ports)
+    program = condensation_program(structure, nodes, numbers, True)
+    assert program is not None
+    parts, sure = program.run(poses.values)
+    assert sure.all()
+    general = generally(structure, poses, observed, ports)
+    parts[0] = np.where(general.port_stiffness == 0.0, 0.0, parts[0])  # rounding
+    alike(Condensed(*parts), general, float(program.port_size.max(initial=0.0)))
 
 
 def test_elimination_is_a_schur_complement() -> None:
