@@ -75,7 +75,7 @@ class Begin:
     parameters : tuple of str
         The m springs that the readings feel.
     compliance : (m,) array
-        One over their stiffness.
+        Theirs, about one over the stiffness.
     problem : Problem
     """
 
@@ -88,6 +88,8 @@ class Begin:
 def begin_with(robot: Robot, table: Measurements, parameters: Sequence[str] | None = None) -> Begin:
     """Identify one stiffness for all configurations, and keep the springs that the readings feel.
 
+    One that fits best as good as rigid begins where a reading would just show it: in places it may give way.
+
     Raises
     ------
     BeamstiffError
@@ -96,7 +98,11 @@ def begin_with(robot: Robot, table: Measurements, parameters: Sequence[str] | No
     found = identify(robot, table, parameters, folds=0)
     felt = [not item.silent for item in found.parameters]
     names = tuple(item.name for item, own in zip(found.parameters, felt, strict=True) if own)
-    return Begin(found.robot, names, 1.0 / found.stiffness[felt], state_problem(found.robot, table, names))
+    problem, compliance = state_problem(found.robot, table, names), 1.0 / found.stiffness[felt]
+    _, slopes = displaced_with_slopes(problem.model, np.tile(compliance, (len(table), 1)))
+    shown = np.abs(problem.whitening @ slopes[problem.used]).max(axis=0)  # standard deviations
+    compliance = compliance / np.where(shown > 0, np.minimum(shown, 1.0), 1.0)
+    return Begin(found.robot, names, compliance, problem)
 
 
 def fit_varying(
@@ -124,7 +130,7 @@ def fit_varying(
     Raises
     ------
     BeamstiffError
-        When weights do not fit, or the fit does not converge.
+        When weights do not fit.
     """
     rows, m = problem.used.shape[0], len(problem.model.parameters)
     if weights.shape[0] != rows or np.abs(weights.sum(axis=1) - 1).max(initial=0.0) > 1e-9:

@@ -118,3 +118,14 @@ def test_weights_that_do_not_sum_to_one_are_refused() -> None:
         BeamstiffError, match=r"found weights of shape \(60, 2\), expected a row that sums to"
     ):
         fit_varying(problem, np.ones((60, 2)), compliances())
+
+
+def test_a_spring_that_fits_as_rigid_begins_where_a_reading_would_show_it() -> None:
+    q, push = postures(30), loads(30)
+    stiff = np.array([0, 0, -18.0, 0, 0, 0])  # joint 3 gives way by less than a nanometre
+    start = begin_with(kr500(), table(q, push, lambda q: np.tile(stiff, (len(q), 1))))
+    at = start.parameters.index("J3.torsional")
+    model = start.problem.model
+    assert model.by_compliance is not None
+    moved = np.abs(model.by_compliance[:, :, at] * start.compliance[at]).max()
+    assert 0.9e-5 < moved < 1e-4
