@@ -125,7 +125,7 @@ def measured(robot: Robot, reality: Reality, q: Array, seed: int | None) -> Meas
     return make_measurements(names, q, tcp=robot.tcp, wrench=wrench, displacement=seen, sigma_position=SIGMA)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Row:
     """How a model does at the check points.
 
@@ -134,17 +134,26 @@ class Row:
     name : str
     measurements : int
         Rows that it was fitted to.
-    mean, largest : float, m
-        Position error.
+    errors : (P,) array, m
+        Position error at each check point.
     published : float or None, m
         What the paper reached with it.
     """
 
     name: str
     measurements: int
-    mean: float
-    largest: float
+    errors: Array
     published: float | None = None
+
+    @property
+    def mean(self) -> float:
+        """Mean error, m."""
+        return float(self.errors.mean())
+
+    @property
+    def largest(self) -> float:
+        """Largest error, m."""
+        return float(self.errors.max())
 
 
 @dataclass(frozen=True)
@@ -158,8 +167,7 @@ class Bench:
     def row(self, name: str, model: Model, measurements: int, published: float | None = None) -> Row:
         """Return how a model does."""
         gap = self.check.displacement[:, :3] - model.predict(self.check.q, self.check.wrench)[:, :3]
-        size = np.linalg.norm(gap, axis=1)
-        return Row(name, measurements, float(size.mean()), float(size.max()), published)
+        return Row(name, measurements, np.linalg.norm(gap, axis=1), published)
 
     def sampled(self, positions: Array, seed: int) -> Measurements:
         """Return readings at positions, the tool turned three ways at each."""

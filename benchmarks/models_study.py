@@ -1,22 +1,26 @@
 """Print what models of elasticity reach, beside what the papers did.
 
-Run as `python -m benchmarks.models_study` (a minute and a half). The campaigns are simulated;
+Run as `python -m benchmarks.models_study [FIGURE.png]` (a minute and a half). The campaigns are simulated;
 `benchmarks.kr500_grid`, `benchmarks.ir663_models` and `benchmarks.fuzzy_six_joints` say what the machines
 are. Published numbers are of other, real machines: they are what was asked, not what must come out.
 """
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 from rich.console import Console
 from rich.table import Table
 
 from beamstiff import load_robot, read_measurements
 from beamstiff.identify.models import Models
 from beamstiff.model.fuzzy_compliance import rules_from_table
+from beamstiff.report.check_points import check_points_figure
+from beamstiff.report.figures import save_figure
 from beamstiff.report.tables import table
 from benchmarks import fuzzy_six_joints, ir663_models, kr500_grid
 from benchmarks.kr500_grid import Row
@@ -76,13 +80,32 @@ def six_joints_table(left: Sequence[fuzzy_six_joints.Left]) -> Table:
     return result
 
 
+def cubes_figure(rows: Sequence[Row]) -> Figure:
+    """Draw errors point by point and over the size of cubes, as figures 6 and 7 of seed 001."""
+    by_name = {row.name: row for row in rows}
+    sizes = {f"{cubes.count} cubes of {size} mm": 1e-3 * size for size, cubes in kr500_grid.CUBES.items()}
+    shown = ["none", "one stiffness", *(name for name in sizes if name in by_name)]
+    errors = {name: by_name[name].errors for name in shown}
+    errors |= {f"{row.name}, {row.measurements}": row.errors for row in rows if row.name.startswith("gauss")}
+    whole = (np.inf, by_name["one stiffness"].mean)
+    by_size = {}
+    for way in ("", ", shrunk", ", shrunk and interpolated"):
+        curve = [(size, by_name[name + way].mean) for name, size in sizes.items() if name + way in by_name]
+        by_size[way.removeprefix(", ") or "each cube for itself"] = [whole, *curve]
+    paper = [(sizes[row.name], row.published) for row in rows if row.published and row.name in sizes]
+    by_size["paper, another machine"] = [(np.inf, 0.1049e-3), *paper]
+    return check_points_figure(errors, by_size, "KR500, simulated: errors at 128 check points")
+
+
 def main() -> None:
-    """Print all tables."""
+    """Print all tables; with the name of a file, draw the KR500's errors there."""
     console = Console(width=130)
     for title, truth in KR500.items():
         asked = truth is kr500_grid.published
         rows = kr500_grid.study(kr500_grid.bench(truth))
         console.print(grid_table(f"KR500, 128 check points, {title}", rows, asked))
+        if asked and len(sys.argv) > 1:
+            save_figure(cubes_figure(rows), sys.argv[1])
         console.print()
     console.print(
         f"Table 4 of seed 003 at its 12 modal values: differs by {table_4():.1e} mm (asked: exact).\n"

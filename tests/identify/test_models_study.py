@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks import fuzzy_six_joints, ir663_models, kr500_grid
-from benchmarks.models_study import grid_table, table_4, table_5
+from benchmarks.models_study import cubes_figure, grid_table, table_4, table_5
 
 
 @pytest.fixture(scope="module")
@@ -14,8 +14,10 @@ def rows() -> dict[str, float]:
     """Return mean errors, mm, by model, of the two coarsest grids and few measurements."""
     found = kr500_grid.study(kr500_grid.bench(kr500_grid.published), (600, 300), (27,))
     assert grid_table("KR500", found).row_count == len(found) == 11
-    by_name = {f"{row.name}, {row.measurements}": 1e3 * row.mean for row in found}
-    return by_name
+    points, sizes = cubes_figure(found).axes
+    assert [len(np.asarray(line.get_xdata())) for line in points.lines] == [128] * 5
+    assert [label.get_text() for label in sizes.get_xticklabels()] == ["whole", "600", "300"]
+    return {f"{row.name}, {row.measurements}": 1e3 * row.mean for row in found}
 
 
 def test_the_invented_machine_has_the_gap_of_the_paper(rows: dict[str, float]) -> None:
