@@ -10,8 +10,25 @@ from typing import Any
 
 import numpy as np
 
+from beamstiff.tape.expression import Op
+
 SWITCH = "BEAMSTIFF_COMPILED"
 LANES = 64  # poses at a time: all places stay in the nearest cache
+
+# plain numbers, which numba takes for constants
+_ADD = int(Op.ADD)
+_SUB = int(Op.SUB)
+_MUL = int(Op.MUL)
+_DIV = int(Op.DIV)
+_MIN = int(Op.MIN)
+_ADD_CONSTANT = int(Op.ADD_CONSTANT)
+_MUL_CONSTANT = int(Op.MUL_CONSTANT)
+_DIV_CONSTANT = int(Op.DIV_CONSTANT)
+_SQRT = int(Op.SQRT)
+_COS = int(Op.COS)
+_MUL_ADD = int(Op.MUL_ADD)
+_MUL_SUB = int(Op.MUL_SUB)
+_SUB_FROM_MUL = int(Op.SUB_FROM_MUL)
 
 
 def kernel() -> Callable[..., None] | None:
@@ -37,7 +54,7 @@ def _compiled() -> Callable[..., None] | None:
 def _run(  # type: ignore[no-untyped-def]
     steps, constants, outputs, factors, offsets, places, values, result
 ):
-    """Run all steps on some poses after another; `Op` says what the numbers of the instructions mean."""
+    """Run all steps on some poses after another; the steps used most come first."""
     poses = values.shape[1]
     rows = np.zeros((places, LANES))
     for start in range(0, poses, LANES):
@@ -50,44 +67,44 @@ def _run(  # type: ignore[no-untyped-def]
             out, x = rows[steps[number, 1]], rows[steps[number, 2]]
             y, z = rows[steps[number, 3]], rows[steps[number, 4]]
             c = constants[number]
-            if op == 13:
+            if op == _MUL_SUB:
                 for lane in range(LANES):
                     out[lane] = z[lane] - x[lane] * y[lane]
-            elif op == 12:
+            elif op == _MUL_ADD:
                 for lane in range(LANES):
                     out[lane] = z[lane] + x[lane] * y[lane]
-            elif op == 3:
+            elif op == _MUL:
                 for lane in range(LANES):
                     out[lane] = x[lane] * y[lane]
-            elif op == 7:
+            elif op == _MUL_CONSTANT:
                 for lane in range(LANES):
                     out[lane] = c * x[lane]
-            elif op == 1:
+            elif op == _ADD:
                 for lane in range(LANES):
                     out[lane] = x[lane] + y[lane]
-            elif op == 2:
+            elif op == _SUB:
                 for lane in range(LANES):
                     out[lane] = x[lane] - y[lane]
-            elif op == 14:
+            elif op == _SUB_FROM_MUL:
                 for lane in range(LANES):
                     out[lane] = x[lane] * y[lane] - z[lane]
-            elif op == 6:
+            elif op == _ADD_CONSTANT:
                 for lane in range(LANES):
                     out[lane] = x[lane] + c
-            elif op == 8:
+            elif op == _DIV_CONSTANT:
                 for lane in range(LANES):
                     out[lane] = c / x[lane]
-            elif op == 5:
+            elif op == _MIN:
                 for lane in range(LANES):
                     a, b = x[lane], y[lane]
                     out[lane] = a if a < b or a != a else b
-            elif op == 4:
+            elif op == _DIV:
                 for lane in range(LANES):
                     out[lane] = x[lane] / y[lane]
-            elif op == 9:
+            elif op == _SQRT:
                 for lane in range(LANES):
                     out[lane] = np.sqrt(x[lane])
-            elif op == 10:
+            elif op == _COS:
                 for lane in range(LANES):
                     out[lane] = np.cos(x[lane])
             else:

@@ -77,6 +77,17 @@ def test_shipped_robots(name: str, way: bool) -> None:
     assert (found == found.swapaxes(-1, -2)).all()
 
 
+@pytest.mark.skipif(len(WAYS) == 1, reason="numba is not installed (extra `fast`)")
+@pytest.mark.parametrize("name", robot_names())
+def test_compiled_and_interpreted_are_one_answer(name: str) -> None:
+    structure = compile_structure(load_robot(name))
+    poses = posture(structure.kinematics, within_limits(structure.robot, 200))
+    program = program_of(structure)
+    assert program is not None
+    (_, _, one, _, _), (_, _, other, _, _) = (program.run(poses.values, way)[0] for way in (True, False))
+    assert disagreement(one, other) <= 1e-12
+
+
 @given(
     seed=st.integers(0, 2**32 - 1),
     more=st.integers(1, 6),

@@ -22,7 +22,7 @@ from beamstiff.errors import BeamstiffError, suggest
 from beamstiff.fem.large.frame import Frame, Index, frame_stiffness, nodal_forces, rigid_motions
 from beamstiff.fem.large.memory import SHARE, free_bytes, refuse_unless_fits
 from beamstiff.fem.large.multifrontal import Plan, Softness, factorise, make_plan
-from beamstiff.fem.large.refinement import ENOUGH, Quality, Solve, condition_estimate, refined
+from beamstiff.fem.large.refinement import Quality, Solve, condition_estimate, refined
 from beamstiff.se3 import Array
 
 DIRECTIONS = ("x", "y", "z", "about x", "about y", "about z")
@@ -246,6 +246,3 @@ def _mechanism(frame: Frame, soft: Softness) -> BeamstiffError:
         f"the frame is a mechanism: nothing resists node {node} {DIRECTIONS[direction]} once the nodes "
         "around it give way; fix more of it, or check how it is connected"
     )
-
-
-__all__ = ["ENOUGH", "Solution", "frame_plan", "interface_compliance", "solve_frame"]
