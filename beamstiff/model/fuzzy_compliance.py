@@ -95,8 +95,10 @@ def inputs_of(
     Raises
     ------
     BeamstiffError
-        When there is no such variable.
+        When there is no such variable, or no input at all.
     """
+    if not inputs:
+        raise BeamstiffError("found no inputs for fuzzy rules, expected joint variables that they may follow")
     values = finite(q, "joint values", -1, len(variables))
     load = np.zeros((len(values), 6)) if wrench is None else finite(wrench, "wrench", len(values), 6)
     columns = dict(zip(variables, values.T, strict=True)) | dict(zip(WRENCH, load.T, strict=True))

@@ -166,6 +166,7 @@ def test_rules_that_hardly_fired_in_training_do_not_answer() -> None:
         (lambda: FuzzySystem(Partition(("q",), (np.arange(3.0),)), np.zeros(2)), r"found 2 conclusions, exp"),
         (lambda: Tree(("q",), (Split(1, 0, 0, 1),), np.zeros((1, 2))), r"split 0: found leaf 1"),
         (lambda: Tree(("q",), (Split(0, 0, 1, 1),), np.zeros((1, 2))), r"split 0: found 1 to 1"),
+        (lambda: inputs_of([], ["q2", "q8"], [[0.0, 1.0]]), r"found no inputs for fuzzy rules"),
         (lambda: inputs_of(["qq2"], ["q2", "q8"], [[0.0, 1.0]]), r"no input 'qq2' \(did you mean 'q2'"),
         (lambda: table_4().system([[np.nan, 0.0]]), r"inputs of the fuzzy system: found nan"),
     ],
