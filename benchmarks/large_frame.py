@@ -27,20 +27,20 @@ def run(kind: str, dofs: float, solver: str) -> dict[str, object]:
     loads = np.zeros((len(frame.points), 6, 6))
     loads[node] = np.eye(6)
     report: dict[str, object] = {"dofs": int(frame.unknowns.max()) + 1}
-    start = time.perf_counter()
+    start = time.process_time()
     try:
         if solver == "condensation":
             plan = frame_plan(frame, np.array([node]))
             compliance = np.linalg.inv(factorise(frame_stiffness(frame), plan, keep=False).rest)
-            report["plain"] = time.perf_counter() - start
+            report["plain"] = time.process_time() - start
             report |= {"flops": plan.flops, "bytes": plan.peak_bytes}
         else:
             stiffness = frame_stiffness(frame)
             SOLVERS[solver](frame, stiffness)(loads.reshape(-1, 6)[frame.unknowns.reshape(-1) >= 0])
-            report["plain"] = time.perf_counter() - start
-            start = time.perf_counter()
+            report["plain"] = time.process_time() - start
+            start = time.process_time()
             found = solve_frame(frame, loads, solver)
-            report["refined"] = time.perf_counter() - start
+            report["refined"] = time.process_time() - start
             report |= {"error": found.quality.error, "first_error": found.quality.first_error}
             report["refinements"] = found.quality.refinements
             compliance = found.displacement[node]

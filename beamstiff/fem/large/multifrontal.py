@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.linalg.blas import dsyrk, dtrsm
+from scipy.linalg.blas import dgemm, dsyrk, dtrsm
 from scipy.linalg.lapack import dpotrf
 
 from beamstiff.fem.large.dissection import Group, dissect
@@ -22,6 +22,7 @@ from beamstiff.se3 import Array
 
 Index = NDArray[np.int64]
 SOFTEST = 1e-13  # of what went into a pivot: what is left is rounding
+SMALL = 32
 RUNS = 60  # more pieces than this are added one index at a time
 
 
@@ -170,12 +171,14 @@ def factorise(matrix: sparse.csc_array, plan: Plan, keep: bool = True, right: Ar
     size = matrix.diagonal()[plan.order]
     loads = np.asfortranarray(np.zeros((len(size), 0)) if right is None else right[plan.order])
     handed: dict[int, Array] = {}
+    pool = _Pool()
     blocks: list[tuple[Array, Array]] = []
 
     def gathered(start: int, stop: int, boundary: Index, children: tuple[int, ...]) -> list[Array]:
         own, met = stop - start, len(boundary)
-        first = np.zeros((own, own), order="F")
-        side, rest = np.zeros((met, own), order="F"), np.zeros((met, met), order="F")
+        # what is kept takes no more memory than it needs
+        make = (lambda *shape: np.zeros(shape, order="F")) if keep else pool.take
+        first, side, rest = make(own, own), make(met, own), pool.take(met, met)
         some = slice(pointers[start], pointers[stop])
         row, value = indices[some], data[some]
         column = np.repeat(np.arange(own), np.diff(pointers[start : stop + 1]))
@@ -189,6 +192,7 @@ def factorise(matrix: sparse.csc_array, plan: Plan, keep: bool = True, right: Ar
             _add_lower(first, near, update[:split, :split])
             _add(side, far, near, update[split:, :split])
             _add_lower(rest, far, update[split:, split:])
+            pool.give(update)
         return [first, side, rest]
 
     for number, group in enumerate(plan.groups):
@@ -201,20 +205,63 @@ def factorise(matrix: sparse.csc_array, plan: Plan, keep: bool = True, right: Ar
             if (pivots < SOFTEST * size[group.start : group.stop]).any():
                 worst = int(np.argmin(pivots / size[group.start : group.stop]))
                 raise Softness(int(plan.order[group.start + worst]))
-            side = dtrsm(1.0, root, side, side=1, lower=1, trans_a=1, overwrite_b=1) if len(side) else side
+            if len(side):
+                _divide(side, root)
             if loads.size:
                 loads[group.start : group.stop] = dtrsm(1.0, root, loads[group.start : group.stop], lower=1)
                 loads[group.boundary] -= side @ loads[group.start : group.stop]
             if len(rest):
                 rest = dsyrk(-1.0, side, beta=1.0, c=rest, lower=1, overwrite_c=1)
-            if keep:
-                blocks.append((root, side))
-        elif keep:
+            first = root
+        if keep:
             blocks.append((first, side))
+        else:
+            pool.give(first, side)
         handed[number] = rest
     kept = len(plan.order) - plan.kept
     last, _, _ = gathered(kept, len(plan.order), np.zeros(0, dtype=np.int64), tuple(handed))
     return Factor(plan, np.tril(last) + np.tril(last, -1).T, loads[kept:], blocks)
+
+
+class _Pool:
+    """Memory for matrices that is used again: to touch fresh pages takes longer than the sums in them."""
+
+    def __init__(self) -> None:
+        self._free: list[Array] = []
+
+    def take(self, rows: int, columns: int) -> Array:
+        """Return zeros (rows, columns), a column after another."""
+        size = rows * columns
+        fitting = [at for at, buffer in enumerate(self._free) if buffer.size >= size]
+        if fitting:
+            buffer = self._free.pop(min(fitting, key=lambda at: self._free[at].size))
+            buffer[:size] = 0.0
+        else:
+            if self._free and size:  # in place of the largest that is too small
+                self._free.pop(max(range(len(self._free)), key=lambda at: self._free[at].size))
+            buffer = np.zeros(size)
+        return buffer[:size].reshape(rows, columns, order="F")
+
+    def give(self, *matrices: Array) -> None:
+        """Take back what `take` gave."""
+        for matrix in matrices:
+            buffer = matrix
+            while isinstance(buffer.base, np.ndarray):
+                buffer = buffer.base
+            if buffer.size:
+                self._free.append(buffer)
+
+
+def _divide(side: Array, root: Array) -> None:
+    """Replace `side` by ``side root^-T``, by halves: products are faster than divisions."""
+    half = len(root) // 2
+    if half < SMALL:
+        side[:] = dtrsm(1.0, root, side, side=1, lower=1, trans_a=1, overwrite_b=1)
+        return
+    _divide(side[:, :half], root[:half, :half])
+    rest = side[:, half:]
+    rest[:] = dgemm(-1.0, side[:, :half], root[half:, :half], beta=1.0, c=rest, trans_b=1, overwrite_c=1)
+    _divide(rest, root[half:, half:])
 
 
 def _runs(index: Index) -> list[tuple[slice, slice]]:
