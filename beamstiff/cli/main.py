@@ -12,6 +12,7 @@ from beamstiff.cli.compare import compare
 from beamstiff.cli.compensate import compensate
 from beamstiff.cli.deflect import deflect
 from beamstiff.cli.diagnose import diagnose
+from beamstiff.cli.doctor import doctor
 from beamstiff.cli.exam import exam
 from beamstiff.cli.group import Commands
 from beamstiff.cli.identify import identify
@@ -22,7 +23,7 @@ from beamstiff.cli.stiffness import stiffness
 app = typer.Typer(
     name="beamstiff",
     cls=Commands,
-    add_completion=False,
+    add_completion=True,  # --install-completion, --show-completion
     rich_markup_mode=None,  # examples keep their lines, in pipes too
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
@@ -52,6 +53,7 @@ def beamstiff(
     To begin with:
       beamstiff show ir663
       beamstiff stiffness ir663 --q q2=10deg,q8=45deg
+      beamstiff doctor
 
     Exit code: 0 success, 2 bad input (one line on stderr says what), 1 a fault of beamstiff,
     130 after Ctrl-C. Output files are written whole or not at all.
@@ -60,5 +62,17 @@ def beamstiff(
         typer.echo(context.get_help())
 
 
-for command in (show, stiffness, deflect, identify, calibrate, compare, diagnose, plan, compensate, exam):
+for command in (
+    show,
+    stiffness,
+    deflect,
+    identify,
+    calibrate,
+    compare,
+    diagnose,
+    plan,
+    compensate,
+    exam,
+    doctor,
+):
     app.command()(command)

@@ -1,0 +1,188 @@
+"""`beamstiff doctor`: what is installed, and whether it calculates right."""
+
+from __future__ import annotations
+
+import os
+import platform
+import re
+import sys
+from importlib import metadata
+from time import perf_counter
+from typing import Annotated, Any
+
+import typer
+
+from beamstiff._version import __version__
+from beamstiff.cli.options import Debug, Json, Quiet
+from beamstiff.cli.output import check_outputs, people, write_json
+from beamstiff.errors import BeamstiffError
+
+DEVELOPERS = ("dev", "docs")  # extras that users do not miss
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+EXACT = 1e-9  # relative error of the self check
+REQUIREMENT = re.compile(
+    r"(?P<name>[\w.-]+)(?:\[.*?])?(?P<bounds>[^;]*)(?:.*extra\s*==\s*['\"](?P<extra>\w+))?"
+)
+
+
+def doctor(
+    check: Annotated[
+        bool, typer.Option("--check/--no-check", help="Compare a cantilever with its closed form.")
+    ] = True,
+    json: Json = None,
+    quiet: Quiet = False,
+    debug: Debug = False,  # noqa: ARG001
+) -> None:
+    """Say which versions are installed, which optional parts are there, and whether they calculate right.
+
+    What is missing is named with the command that installs it. The self check takes a second: the
+    compliance of a clamped tube against its closed form. Exit code 2 where something must be mended.
+    Send the output along when you report a fault.
+
+    \b
+    Examples:
+      beamstiff doctor
+      beamstiff doctor --json -
+    """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
+    check_outputs([], json)
+    needed, optional = parts(metadata.requires("beamstiff") or [])
+    facts: dict[str, Any] = {
+        "beamstiff": __version__,
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "needed": needed,
+        "optional": optional,
+        "linear_algebra": linear_algebra(),
+        "self_check": self_check() if check and all(one["fits"] for one in needed) else None,
+    }
+    found = problems(facts)
+    _print(facts, found, quiet, json)
+    write_json({**facts, "problems": found}, json)
+    if found:
+        raise BeamstiffError(f"doctor: {'; '.join(found)}")
+
+
+def parts(requirements: list[str]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Return the libraries that are needed and those of optional parts, each with what is installed.
+
+    Parameters
+    ----------
+    requirements : list of str
+        As in the metadata of a package: ``"numba>=0.61; extra == 'fast'"``.
+
+    Examples
+    --------
+    >>> needed, optional = parts(["numpy>=1.0", "no-such-library>=2; extra == 'rare'"])
+    >>> needed[0]["name"], needed[0]["fits"]
+    ('numpy', True)
+    >>> optional
+    [{'name': 'no-such-library', 'wanted': '>=2', 'installed': None, 'fits': False, 'extra': 'rare'}]
+    """
+    needed, optional = list[dict[str, Any]](), list[dict[str, Any]]()
+    for requirement in requirements:
+        found = REQUIREMENT.match(requirement)
+        if found is None or found["extra"] in DEVELOPERS:
+            continue
+        installed = _installed(found["name"])
+        least = re.search(r">=\s*([\d.]+)", found["bounds"])
+        fits = installed is not None and (least is None or _numbers(installed) >= _numbers(least[1]))
+        one = {"name": found["name"], "wanted": found["bounds"].strip(), "installed": installed, "fits": fits}
+        if found["extra"]:
+            optional.append({**one, "extra": found["extra"]})
+        else:
+            needed.append(one)
+    return needed, optional
+
+
+def _installed(name: str) -> str | None:
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def _numbers(version: str) -> tuple[int, ...]:
+    return tuple(int(number) for number in re.findall(r"\d+", version)[:3])
+
+
+def linear_algebra() -> dict[str, Any]:
+    """Return what numpy calculates with, how many cores there are and how threads are limited."""
+    try:
+        import numpy as np
+
+        built = dict(np.show_config(mode="dicts")["Build Dependencies"]["blas"])
+        blas = f"{built.get('name', '?')} {built.get('version', '')}".strip()
+    except (ImportError, KeyError, TypeError):
+        blas = "unknown"
+    return {
+        "blas": blas,
+        "cores": os.cpu_count(),
+        "threads": {name: os.environ[name] for name in THREADS if name in os.environ},
+    }
+
+
+def self_check() -> dict[str, Any]:
+    """Return the compliance of a clamped tube across its axis beside the closed form, and the time it took.
+
+    Under a force across the axis the tip turns by ``L^2 / (2 E I)``, whatever is taken for the shear area.
+    """
+    from math import pi
+
+    begun = perf_counter()
+    from beamstiff import compile_structure, load_robot, posture, tcp_compliance
+
+    structure = compile_structure(load_robot("cantilever"))
+    compliance = tcp_compliance(structure, posture(structure.kinematics, {}))[0]
+    length, modulus, outer, inner = 1.0, 210e9, 60e-3, 52e-3
+    exact = length**2 / (2.0 * modulus * pi / 64.0 * (outer**4 - inner**4))
+    error = abs(float(compliance[5, 1]) / exact - 1.0)
+    return {"expected": exact, "found": float(compliance[5, 1]), "error": error, "s": perf_counter() - begun}
+
+
+def problems(facts: dict[str, Any]) -> list[str]:
+    """Return what must be mended, each with what to do."""
+    found = [
+        f"{one['name']} {one['installed'] or 'is missing'}, expected {one['wanted'] or 'any version'} "
+        f"(pip install '{one['name']}{one['wanted']}')"
+        for one in facts["needed"]
+        if not one["fits"]
+    ]
+    check = facts["self_check"]
+    if check is not None and not check["error"] < EXACT:
+        found.append(
+            f"the cantilever turns {check['found']:.10g} rad/N, expected {check['expected']:.10g}: install "
+            "numpy and scipy anew, and report it with this output"
+        )
+    return found
+
+
+def _print(facts: dict[str, Any], found: list[str], quiet: bool, json_to: str | None) -> None:
+    from beamstiff.report.tables import table
+
+    console = people(quiet, json_to)
+    console.print(f"beamstiff {facts['beamstiff']}, Python {facts['python']}, {facts['platform']}")
+    console.print(f"in {sys.prefix}", soft_wrap=True)
+    console.print()
+    result = table("Libraries", "name", "installed", "wanted", "", left=4)
+    for one in facts["needed"]:
+        result.add_row(one["name"], one["installed"] or "-", one["wanted"], "" if one["fits"] else "MISSING")
+    console.print(result)
+    console.print()
+    result = table("Optional parts", "name", "installed", "wanted", "", left=4)
+    for one in facts["optional"]:
+        how = "" if one["fits"] else f"pip install '{one['name']}{one['wanted']}'"
+        result.add_row(one["name"], one["installed"] or "-", one["wanted"], how)
+    console.print(result)
+    algebra = facts["linear_algebra"]
+    threads = ", ".join(f"{name}={value}" for name, value in algebra["threads"].items())
+    hint = "not limited: many small matrices are faster with OMP_NUM_THREADS=1"
+    console.print(f"\nLinear algebra: {algebra['blas']}, {algebra['cores']} cores, threads {threads or hint}")
+    check = facts["self_check"]
+    if check is not None:
+        right = "right" if check["error"] < EXACT else "WRONG"
+        console.print(
+            f"Self check: {right}; a cantilever to {check['error']:.0e} of its closed form, in "
+            f"{check['s']:.1f} s"
+        )
+    if not found:
+        console.print("Nothing to mend. Next: beamstiff show ir663")

@@ -1,0 +1,105 @@
+"""`beamstiff doctor` names what is missing and what mends it; completion, help, colours of every command."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from beamstiff import __version__
+from beamstiff.cli import doctor
+from beamstiff.cli.main import app
+
+Run = Callable[..., Any]
+COMMANDS = [command.callback.__name__ for command in app.registered_commands if command.callback is not None]
+
+
+def test_it_says_versions_optional_parts_and_the_self_check(run: Run) -> None:
+    result = run("doctor")
+    assert (result.exit_code, result.stderr) == (0, "")
+    for word in (__version__, "numpy", "scipy", "numba", "Self check: right", "show ir663"):
+        assert word in result.stdout
+
+
+def test_json_holds_the_same(run: Run) -> None:
+    facts = json.loads(run("doctor", "--json", "-").stdout)
+    assert facts["self_check"]["error"] < 1e-12
+    assert facts["problems"] == []
+    assert {"numpy", "scipy", "typer"} <= {one["name"] for one in facts["needed"]}
+    assert {one["extra"] for one in facts["optional"]}.isdisjoint({"dev", "docs"})
+
+
+def test_quiet_prints_nothing(run: Run) -> None:
+    result = run("doctor", "--quiet", "--no-check")
+    assert (result.exit_code, result.stdout, result.stderr) == (0, "", "")
+
+
+def test_a_missing_and_an_old_library_are_named_with_what_installs_them(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wanted = ["numpy>=99", "no-such-library>=2", "also-not-there>=1; extra == 'rare'"]
+    monkeypatch.setattr(doctor.metadata, "requires", lambda _: wanted)
+    result = run("doctor")
+    assert result.exit_code == 2
+    assert "numpy 2." in result.stderr
+    assert "(pip install 'numpy>=99')" in result.stderr
+    assert "no-such-library is missing" in result.stderr
+    assert "pip install 'also-not-there>=1'" in result.stdout  # optional: told, no fault
+    assert "also-not-there" not in result.stderr
+
+
+def test_a_library_that_calculates_wrong_is_a_problem(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    wrong = {"expected": 1.0, "found": 1.001, "error": 1e-3, "s": 0.1}
+    monkeypatch.setattr(doctor, "self_check", lambda: wrong)
+    result = run("doctor")
+    assert result.exit_code == 2
+    assert "the cantilever turns 1.001 rad/N, expected 1" in result.stderr
+    assert "Self check: WRONG" in result.stdout
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish", "powershell"])
+def test_completion_is_there_for_every_shell(run: Run, shell: str) -> None:
+    result = run("--show-completion", shell)
+    assert result.exit_code == 0
+    assert "_BEAMSTIFF_COMPLETE" in result.stdout
+
+
+def test_completion_completes_commands(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("_BEAMSTIFF_COMPLETE", "complete_bash")
+    monkeypatch.setenv("COMP_WORDS", "beamstiff dia")
+    monkeypatch.setenv("COMP_CWORD", "1")
+    result = CliRunner().invoke(app, [], prog_name="beamstiff")
+    assert result.stdout.split() == ["diagnose"]
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_has_an_example_quiet_json_and_debug(run: Run, command: str) -> None:
+    shown = run(command, "--help").stdout
+    assert f"\n    beamstiff {command}" in shown
+    for option in ("--quiet", "--json", "--debug"):
+        assert option in shown
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_in_a_pipe_has_no_colours(run: Run, command: str) -> None:
+    assert "\x1b" not in run(command, "--help").stdout
+
+
+@pytest.mark.parametrize(
+    ("typed", "told"),
+    [
+        (("shwo",), "Did you mean 'show'"),
+        (("show", "ir66"), "did you mean 'ir663'"),
+        (("show", "ir663", "--jsno", "-"), "--json"),
+        (("stiffness", "ir663", "--q", "q22=1"), "did you mean 'q2'"),
+        (("identify", "ir663"), "beamstiff identify --help"),
+    ],
+)
+def test_errors_suggest_the_next_step(run: Run, typed: tuple[str, ...], told: str) -> None:
+    result = run(*typed)
+    assert result.exit_code == 2
+    assert told in result.stderr
+    assert result.stderr.count("\n") == 1
