@@ -7,12 +7,13 @@ from typing import Annotated
 
 import typer
 
-from beamstiff.cli.options import DataFile, Debug, Json, Quiet, RobotFile, parse_names, robot_file
+from beamstiff.cli.options import DataFile, Debug, Html, Json, Quiet, RobotFile, parse_names, robot_file
 from beamstiff.cli.output import check_outputs, effects_text, people, say, working, write_json
 from beamstiff.errors import BeamstiffError
 
 
 def diagnose(
+    context: typer.Context,
     robot: RobotFile,
     data: DataFile,
     without: Annotated[
@@ -45,6 +46,7 @@ def diagnose(
         str | None, typer.Option("--figure", metavar="FILE", help="Draw the diagnosis (.png, .svg or .pdf).")
     ] = None,
     json_to: Json = None,
+    html: Html = None,
     quiet: Quiet = False,
     debug: Debug = False,  # noqa: ARG001
 ) -> None:
@@ -59,6 +61,7 @@ def diagnose(
     \b
     Example:
       beamstiff diagnose ir663 examples/data/ir663_compliance_xx.csv --json diagnosis.json
+      beamstiff diagnose robot.yaml data.csv --html report.html
       beamstiff diagnose robot.yaml data.csv --apply extended.yaml
     """  # noqa: D301
     from beamstiff.files import write_whole
@@ -69,11 +72,16 @@ def diagnose(
     from beamstiff.robot.reader import load_robot
 
     file = robot_file(robot)
-    check_outputs([file, data], json_to, next=next_to, apply=apply, figure=figure)
+    check_outputs([file, data], json_to, next=next_to, apply=apply, figure=figure, html=html)
     if figure is not None:
         from beamstiff.report.figures import check_format
 
         check_format(figure)
+    source = None
+    if html is not None:
+        from beamstiff.report.html.provenance import provenance
+
+        source = provenance([file, data], seed, context.find_root().obj or ())
     machine = load_robot(file)
     rows = read_measurements(data, machine)
     with working("diagnosing", quiet):
@@ -101,3 +109,7 @@ def diagnose(
         console.print(f"{apply}: the fitted stiffness, and {added} added.")
     if figure is not None:
         draw_diagnosis(result, figure)
+    if html is not None and source is not None:
+        from beamstiff.report.html.diagnosis import diagnosis_html
+
+        write_whole(html, diagnosis_html(result, source))

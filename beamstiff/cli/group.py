@@ -32,6 +32,7 @@ class Commands(TyperGroup):
             if hasattr(stream, "reconfigure"):  # an old code page shows a `?` for a sign that it lacks
                 stream.reconfigure(errors="replace")
         arguments = sys.argv[1:] if args is None else list(args)
+        extra.setdefault("obj", arguments)  # what was typed: reports say it
         try:
             code = super().main(
                 args=args,

@@ -19,7 +19,7 @@ from beamstiff.cli.identify_options import (
     parse_priors,
     parse_ties,
 )
-from beamstiff.cli.options import Debug, Json, Quiet, RobotFile, parse_names, robot_file
+from beamstiff.cli.options import Debug, Html, Json, Quiet, RobotFile, parse_names, robot_file
 from beamstiff.cli.output import check_outputs, effects_text, people, say, working, write_json
 from beamstiff.errors import BeamstiffError
 from beamstiff.files import write_whole
@@ -37,6 +37,7 @@ USES = ("both", "position", "rotation")
 
 
 def identify(
+    context: typer.Context,
     robot: RobotFile,
     data: Annotated[
         list[str],
@@ -146,6 +147,7 @@ def identify(
             help="Draw measured against predicted displacements (.png, .svg or .pdf).",
         ),
     ] = None,
+    html: Html = None,
     quiet: Quiet = False,
     debug: Debug = False,  # noqa: ARG001
 ) -> None:
@@ -201,11 +203,16 @@ def identify(
         "loss": loss,
         "components": use,
     }
-    check_outputs([robot_file(robot), *data], json, out=out, reduce=reduce, figure=figure)
+    check_outputs([robot_file(robot), *data], json, out=out, reduce=reduce, figure=figure, html=html)
     if figure is not None:
         from beamstiff.report.figures import check_format
 
         check_format(figure)
+    source = None
+    if html is not None:
+        from beamstiff.report.html.provenance import provenance
+
+        source = provenance([robot_file(robot), *data], seed, context.find_root().obj or ())
     whole, measured = description, concatenate(tables)
     if whole.effects:
         from beamstiff.gap.apply import without_effects
@@ -254,7 +261,12 @@ def identify(
         from beamstiff.report.parity import parity_figure
 
         save_figure(parity_figure(measured, found.predicted, description.name), figure)
-    write_json(_facts(found, drawn, reduced), json)
+    facts = _facts(found, drawn, reduced)
+    if html is not None and source is not None:
+        from beamstiff.report.html.identification import identification_html
+
+        write_whole(html, identification_html(found, description, measured, source, folds, facts, notes))
+    write_json(facts, json)
     if stopped:
         raise typer.Exit(INTERRUPTED)
 

@@ -27,6 +27,10 @@ Json = Annotated[
         "--json", metavar="FILE", help="Write the result as JSON, SI; - is stdout (no tables then)."
     ),
 ]
+Html = Annotated[
+    str | None,
+    typer.Option("--html", metavar="FILE", help="Write a report as one HTML page that works offline."),
+]
 Preload = Annotated[
     bool,
     typer.Option("--preload", help="Let gravity, payload and the load itself stiffen or soften the machine."),

@@ -1,0 +1,266 @@
+"""The report of a diagnosis: the verdict in words, the robot, and the evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from beamstiff.gap.heldout import shift
+from beamstiff.gap.result import Candidate, Diagnosis
+from beamstiff.report.diagnosis import named, separations, summary
+from beamstiff.report.html.bars import bars
+from beamstiff.report.html.page import Page, render
+from beamstiff.report.html.parts import Fact, Figure, Section, Table
+from beamstiff.report.html.provenance import Provenance
+from beamstiff.report.html.robot_view import RobotView, Shown, robot_view
+from beamstiff.report.html.rows import Compared, line_of, row_figures
+from beamstiff.report.tables import number
+from beamstiff.robot.fields import stiffness_text
+from beamstiff.se3 import Array
+
+SHOWN = 8  # candidates and places in figures; tables hold all
+LEAST = 0.0005  # probability of a candidate in the table
+VERDICTS = {"none": "Nothing beyond noise", "unknown": "A gap that nothing in the library explains"}
+PARTS_OF_GAP = {
+    "directions": "By direction",
+    "loads": "By load",
+    "history": "Loading and unloading",
+    "time": "Over time",
+}
+
+
+def diagnosis_html(result: Diagnosis, provenance: Provenance) -> str:
+    """Return the report of a diagnosis as one HTML page.
+
+    Parameters
+    ----------
+    result : Diagnosis
+    provenance : Provenance
+    """
+    baseline = result.baseline
+    compared = Compared(
+        baseline.nominal,
+        baseline.rows,
+        baseline.measured,
+        baseline.predicted,
+        baseline.used,
+        _with_cause(result),
+    )
+    rows = row_figures(compared, ("fitted model", f"with {named(result.verdict)}"))
+    verdict = VERDICTS.get(result.verdict.effect, f"Cause: {named(result.verdict)}")
+    return render(
+        Page(
+            title="Diagnosis",
+            robot=baseline.nominal.name,
+            verdict=verdict,
+            summary=summary(result).splitlines(),
+            facts=list(_facts(result)),
+            view=_view(result),
+            sections=[_which(result), _where(result), _how_far(result), *rows.sections, *_others(result)],
+            provenance=provenance,
+            data=result.to_dict(),
+            shared=rows.shared,
+        )
+    )
+
+
+def _with_cause(result: Diagnosis) -> Array | None:
+    """Return what the model says with the verdict's effects in it; None where the verdict has none."""
+    if not result.fits:
+        return None
+    columns = [[one.hypothesis.shape.columns for one in fit.shapes] for fit in result.fits]
+    return result.baseline.predicted + shift(result.baseline, result.fits, columns)
+
+
+def _facts(result: Diagnosis) -> Iterator[Fact]:
+    yield Fact("How sure", f"{100 * result.verdict.probability:.0f} %", "probability of the verdict")
+    yield Fact("Gap", f"{1e3 * result.rms:.3f} mm", "RMS, model fitted, on postures left out of the fit")
+    if result.verdict.shrink is not None:
+        yield Fact(
+            "With the cause", f"{1e3 * result.verdict.shrink.after:.3f} mm", "the same, its effect added"
+        )
+    yield Fact("Noise", f"{1e3 * result.noise:.3f} mm", "what noise alone would leave")
+
+
+def _view(result: Diagnosis) -> RobotView | None:
+    baseline, shown = result.baseline, []
+    rows = baseline.rows
+    shares = {item["component"]: float(item["share"]) for item in result.where.get("components", [])}
+    for worst in result.where.get("poses", []):
+        own = np.flatnonzero(rows.pose == worst["pose"])
+        at = int(own[np.argmax(np.linalg.norm(rows.wrench[own], axis=1))])
+        name = f"pose {worst['pose']}: gap {worst['rms_mm']:.3g} mm ({line_of(rows, at)})"
+        shown.append(Shown(name, rows.q[at], rows.wrench[at], str(rows.load_point[at]), shares))
+    return robot_view(baseline.robot, shown, "share of the gap", gravity=baseline.absolute)
+
+
+def _which(result: Diagnosis) -> Section:
+    first = result.candidates[:SHOWN]
+    traces, layout = bars(
+        [named(one) for one in first],
+        [one.probability for one in first],
+        "blue",
+        "probability",
+        range=[0, 1.02],
+        tickformat=".0%",
+    )
+    likely = [one for one in result.candidates if one.probability >= LEAST or one in first]
+    columns = ("effect", "component", "probability", "shape", "gap after", "closes", "90 %")
+    figure = Figure(
+        "which",
+        "Which effect",
+        "Probability of every explanation; none and unknown are among them.",
+        traces,
+        layout,
+        Table("The candidates", columns, [_candidate(one) for one in likely], left=2),
+    )
+    texts = []
+    if result.indistinguishable:
+        texts.append(f"These data cannot tell the verdict from: {', '.join(result.indistinguishable)}.")
+    sizes = [
+        [
+            one.key,
+            item.name,
+            number(item.value),
+            number(item.std),
+            f"{number(item.realistic[0])} to {number(item.realistic[1])}",
+            "yes" if item.plausible else "no, larger than that",
+            item.unit,
+        ]
+        for one in result.candidates
+        if one.key in {result.verdict.key, *result.indistinguishable} or one is result.also
+        for item in one.estimates
+    ]
+    large = Table(
+        "How large: its parameters",
+        ("effect", "parameter", "value", "std", "realistic", "plausible", "unit"),
+        sizes,
+        left=2,
+    )
+    return Section("which", "Which cause", texts, [figure], [large] if sizes else [])
+
+
+def _candidate(one: Candidate) -> list[str]:
+    head = [one.effect, one.component or "-", f"{100 * one.probability:.1f} %", one.shape]
+    if one.shrink is None:
+        return [*head, "-", "-", "-"]
+    low, high = one.shrink.interval
+    return [
+        *head,
+        f"{1e3 * one.shrink.after:.3f} mm",
+        f"{100 * one.shrink.shrink:.0f} %",
+        f"{100 * low:.0f} to {100 * high:.0f} %",
+    ]
+
+
+def _where(result: Diagnosis) -> Section:
+    places: Sequence[Mapping[str, Any]] = result.where.get("components", [])
+    first = places[:SHOWN]
+    figures = []
+    if first:
+        traces, layout = bars(
+            [item["component"] for item in first],
+            [item["share"] for item in first],
+            "orange",
+            "share of the explainable gap",
+            [tuple(item["interval"]) for item in first],
+            range=[0, 1.02],
+            tickformat=".0%",
+        )
+        rows = [
+            [
+                item["component"],
+                f"{100 * item['share']:.1f} %",
+                f"{100 * item['interval'][0]:.0f} to {100 * item['interval'][1]:.0f} %",
+            ]
+            for item in places
+        ]
+        table = Table("The places", ("place", "share", "90 %"), rows)
+        caption = "Share of the explainable gap that each place could make, with its 90 % interval."
+        figures.append(Figure("where", "Where on the robot", caption, traces, layout, table))
+    tables = [
+        Table(title, (key, "mm"), _rms(result.where[key]))
+        for key, title in PARTS_OF_GAP.items()
+        if result.where.get(key)
+    ]
+    tables += [
+        Table(f"By {name}", (f"{name}, rad or m", "mm"), _rms(values))
+        for name, values in result.where.get("joints", {}).items()
+    ]
+    text = "Position gap of the fitted model by direction, load and joint reading, RMS in mm."
+    return Section("where", "Where the gap is", figures=figures, tables=tables, tables_text=text)
+
+
+def _rms(values: Mapping[str, float]) -> list[list[str]]:
+    return [[name, f"{value:.3f}"] for name, value in values.items()]
+
+
+def _how_far(result: Diagnosis) -> Section:
+    left = {"fitted model": result.rms}
+    if result.verdict.shrink is not None:
+        left[f"with {named(result.verdict)}"] = result.verdict.shrink.after
+    left |= {"any law of any place": result.ceiling, "noise alone": result.noise}
+    traces, layout = bars(
+        list(left),
+        [1e3 * value for value in left.values()],
+        "green",
+        "position gap on postures left out, RMS, mm",
+        rangemode="tozero",
+    )
+    figure = Figure(
+        "how-far",
+        "What is left",
+        "On postures that were not fitted: no cause can be expected to leave less than any law of any place.",
+        traces,
+        layout,
+        Table("What is left", ("model", "mm"), [[name, f"{1e3 * v:.4f}"] for name, v in left.items()]),
+    )
+    return Section("how-far", "How far the gap closes", figures=[figure])
+
+
+def _others(result: Diagnosis) -> Iterator[Section]:
+    baseline = result.baseline
+    fitted = [
+        [name, _stiffness(baseline.nominal.parameter(name)), _stiffness(baseline.robot.parameter(name))]
+        for name in baseline.fitted
+    ]
+    if fitted:
+        text = (
+            "Fitted to the same rows before anything was blamed; `beamstiff identify` gives their intervals."
+        )
+        table = Table("Stiffness values, SI", ("parameter", "as given", "fitted"), fitted)
+        yield Section("parameters", "Parameters of the model", [text.replace("`", "")], tables=[table])
+    following = [
+        [
+            ", ".join(f"{name} = {value:.4g}" for name, value in item["q"].items()),
+            ", ".join(f"{value:.4g}" for value in item["wrench"]),
+            ", ".join(item["separates"]),
+        ]
+        for item in result.next
+    ]
+    columns = ("joint variables, rad or m", "wrench, N and N m", "separates")
+    tables = [Table(f"{len(following)} states that would tell most", columns, following, 3, open=False)]
+    yield Section("next", "What to measure next", separations(result), tables=tables if following else [])
+    hidden = [[one.effect, one.component or "-", one.why] for one in result.untestable]
+    yield Section(
+        "untestable",
+        "What these data cannot show",
+        tables=[Table("Not testable", ("effect", "component", "why"), hidden, 3)] if hidden else [],
+    )
+    limits = list(result.notes)
+    limits += [f"nothing explains this row, which was left out: {row}" for row in result.outliers]
+    yield Section("limits", "What limits the conclusions", items=limits)
+    features = [[name, number(float(value))] for name, value in result.features.items()]
+    yield Section(
+        "evidence",
+        "What the verdict rests on",
+        ["Logarithms of evidence and ratios from which the probability of the verdict was calibrated."],
+        tables=[Table("Evidence", ("quantity", "value"), features, open=False)] if features else [],
+    )
+
+
+def _stiffness(value: float) -> str:
+    text = stiffness_text(value)
+    return text if isinstance(text, str) else number(text)

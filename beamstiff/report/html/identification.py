@@ -1,0 +1,195 @@
+"""The report of an identification: what is known of each stiffness, what is not, and the gap that remains."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from beamstiff.identify.result import Identification
+from beamstiff.measure.table import Measurements
+from beamstiff.report.html.bars import intervals
+from beamstiff.report.html.page import Page, render
+from beamstiff.report.html.parts import Fact, Figure, Section, Table, axis, css, label, plain_layout
+from beamstiff.report.html.provenance import Provenance
+from beamstiff.report.html.robot_view import RobotView, Shown, robot_view
+from beamstiff.report.html.rows import Compared, line_of, row_figures
+from beamstiff.report.identification import combinations_text, identification_text
+from beamstiff.report.tables import counted, number
+from beamstiff.robot.description import Robot
+from beamstiff.robot.fields import stiffness_text
+
+POSES = 5  # that the robot is shown in
+MOST_NAMED = 30  # parameters whose correlation is drawn
+
+
+def identification_html(
+    found: Identification,
+    robot: Robot,
+    measured: Measurements,
+    provenance: Provenance,
+    folds: int = 5,
+    facts: Mapping[str, Any] | None = None,
+    notes: Sequence[str] = (),
+) -> str:
+    """Return the report of an identification as one HTML page.
+
+    Parameters
+    ----------
+    found : Identification
+    robot : Robot
+        As it was before: the start.
+    measured : Measurements
+        The rows that were fitted.
+    provenance : Provenance
+    folds : int
+        Of the held-out gap that was asked for.
+    facts : mapping, optional
+        What ``--json`` writes, where that is more than ``found.to_dict()``.
+    notes : sequence of str
+        About the data, beside those of the identification.
+    """
+    used = measured.measured_mask
+    compared = Compared(found.robot, measured, np.where(used, measured.measured, 0.0), found.predicted, used)
+    known = sum(item.value is not None for item in found.parameters)
+    rows = row_figures(compared, ("identified model", ""))
+    return render(
+        Page(
+            title="Identification",
+            robot=robot.name,
+            verdict=f"{known} of {counted(len(found.parameters), 'stiffness value')} identified",
+            summary=identification_text(found, measured, folds).splitlines(),
+            facts=list(_facts(found)),
+            view=_view(found, measured),
+            sections=[
+                _parameters(found, robot),
+                *_degeneracies(found),
+                *rows.sections,
+                Section("notes", "Notes", items=[*notes, *found.notes]),
+                Section("method", "Method", texts=[_method(found)]),
+            ],
+            provenance=provenance,
+            data=facts or found.to_dict(),
+            shared=rows.shared,
+        )
+    )
+
+
+def _facts(found: Identification) -> Iterator[Fact]:
+    yield Fact("Gap", f"{1e3 * found.rms:.3f} mm", "RMS in position, over the rows fitted")
+    if found.rms_held_out is not None:
+        yield Fact("Held out", f"{1e3 * found.rms_held_out:.3f} mm", "on poses left out of the fit")
+    if found.rms_held_out_load is not None:
+        yield Fact("Other loads", f"{1e3 * found.rms_held_out_load:.3f} mm", "on loads left out of the fit")
+    yield Fact("Against noise", f"{np.sqrt(found.chi_square):.2f} times", "1: noise explains what is left")
+
+
+def _view(found: Identification, measured: Measurements) -> RobotView | None:
+    gap = np.linalg.norm(np.nan_to_num(measured.measured - found.predicted)[:, :3], axis=1)
+    shown: list[Shown] = []
+    poses: set[int] = set()
+    for at in np.argsort(-gap).tolist():
+        if len(shown) < POSES and int(measured.pose[at]) not in poses:
+            poses.add(int(measured.pose[at]))
+            name = f"pose {measured.pose[at]}: gap {1e3 * gap[at]:.3g} mm ({line_of(measured, at)})"
+            shown.append(Shown(name, measured.q[at], measured.wrench[at], str(measured.load_point[at])))
+    return robot_view(found.robot, shown, "share of the strain energy", gravity=measured.kind == "absolute")
+
+
+def _parameters(found: Identification, robot: Robot) -> Section:
+    names = [item.name for item in found.parameters]
+    rows, ends = [], list[tuple[float | None, float | None]]()
+    for item in found.parameters:
+        start = stiffness_text(robot.parameter(item.name))
+        low, high = item.interval or (item.lower_bound, None)
+        high = high if high is not None and np.isfinite(high) else None
+        ends.append((low, high))
+        rows.append(
+            [
+                item.name,
+                start if isinstance(start, str) else number(start),
+                "-" if item.value is None else number(item.value),
+                "-" if item.std is None else number(item.std),
+                f"{number(low or 0.0)} to {'rigid' if high is None else number(high)}",
+                item.unit,
+                item.reason or "",
+            ]
+        )
+    units = list(dict.fromkeys(item.unit for item in found.parameters))
+    figures = []
+    for at, unit in enumerate(units):
+        own = [k for k, item in enumerate(found.parameters) if item.unit == unit]
+        traces, layout = intervals(
+            [names[k] for k in own],
+            [found.parameters[k].value for k in own],
+            [ends[k] for k in own],
+            f"stiffness, {unit}",
+        )
+        figures.append(
+            Figure(
+                f"parameters-{at + 1}",
+                f"Stiffness, {unit}",
+                "Identified value and 95 % interval; an arrow where the data set no upper end.",
+                traces,
+                layout,
+            )
+        )
+    columns = ("parameter", "start", "identified", "std", "95 %", "unit", "why no value")
+    table = Table("Identified stiffness", columns, rows)
+    correlation = [_correlation(found)] if 1 < len(names) <= MOST_NAMED else []
+    return Section("parameters", "The stiffness values", figures=[*figures, *correlation], tables=[table])
+
+
+def _correlation(found: Identification) -> Figure:
+    names = [item.name for item in found.parameters]
+    values = [[round(v, 3) if np.isfinite(v) else None for v in row] for row in found.correlation.tolist()]
+    places = list(range(len(names)))
+    ticks: dict[str, Any] = {
+        "tickvals": places,
+        "ticktext": [label(name) for name in names],
+        "showgrid": False,
+    }
+    trace = {
+        "type": "heatmap",
+        "x": places,
+        "y": places,
+        "z": values,
+        "zmin": -1,
+        "zmax": 1,
+        "colorscale": [[0, css("blue")], [0.5, css("panel")], [1, css("orange")]],
+        "hovertemplate": "%{z}<extra></extra>",
+        "colorbar": {"thickness": 12},
+    }
+    height = 160 + 30 * len(names)
+    layout = plain_layout(height, xaxis=axis(**ticks), yaxis=axis(**ticks, autorange="reversed"))
+    rows = [
+        [name, *("-" if v is None else f"{v:.2f}" for v in row)]
+        for name, row in zip(names, values, strict=True)
+    ]
+    return Figure(
+        "correlation",
+        "Correlation",
+        "Of the logarithms of the values: near 1 or -1, the data hardly tell two apart.",
+        [trace],
+        layout,
+        Table("Correlation", ("", *names), rows, open=False),
+    )
+
+
+def _degeneracies(found: Identification) -> Iterator[Section]:
+    texts = [text for text in combinations_text(found) if isinstance(text, str) and text]
+    groups = [item for item in (*found.degenerate, *found.ill_determined) if item.value is not None]
+    rows = []
+    for item in groups:
+        assert item.value is not None
+        between = "-" if item.interval is None else " to ".join(number(end) for end in item.interval)
+        std = "-" if item.std is None else number(item.std)
+        rows.append([item.relation, item.kind, number(item.value), std, between, item.unit])
+    columns = ("sum", "how", "value", "std", "95 %", "unit")
+    tables = [Table("Known together only", columns, rows, left=2)] if rows else []
+    yield Section("degeneracies", "What only acts together", items=texts, tables=tables)
+
+
+def _method(found: Identification) -> str:
+    return f"{found.method}, {counted(found.evaluations, 'evaluation')}: {found.message.rstrip('.')}."

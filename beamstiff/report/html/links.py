@@ -1,0 +1,115 @@
+"""The parts of a robot as lines that move: links, bent as beams bend, and the axes of the joints."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from beamstiff.gap.effects.laws import component_of
+from beamstiff.report.html.parts import numbers
+from beamstiff.robot.description import Robot
+from beamstiff.robot.kinematics import compile_kinematics, posture
+from beamstiff.se3 import Array
+
+BENT, STRAIGHT = 9, 3  # points along a beam, and along what stays straight
+MOST_LINKS = 2000  # that are drawn
+JOINT = 0.035  # of the robot's size: half the length of a joint
+
+
+@dataclass(frozen=True)
+class Lines:
+    """Lines with a gap after each: n points, how they move, the part that each belongs to."""
+
+    points: Array  # (n, 3), NaN in the gaps
+    moved: Array  # (n, 3)
+    names: Sequence[str]
+
+    def moving(self, still: bool = False) -> dict[str, Any]:
+        """Return the lines as a trace; `still`: they stay where they are."""
+        result: dict[str, Any] = {name: numbers(self.points[:, k]) for k, name in enumerate("xyz")}
+        if not still:
+            result |= {f"d{name}": numbers(self.moved[:, k]) for k, name in enumerate("xyz")}
+        return result
+
+    def middles(self) -> dict[str, tuple[Array, Array]]:
+        """Return the middle of every line and how it moves, by its name."""
+        ends = np.flatnonzero(np.isnan(self.points[:, 0]))
+        starts = np.concatenate([[0], ends[:-1] + 1])
+        middle = (starts + ends - 1) // 2
+        return {self.names[at]: (self.points[at], self.moved[at]) for at in middle.tolist()}
+
+
+def link_lines(robot: Robot, positions: Array, moved: Array) -> Lines:
+    """Return beams, rigids and struts, at most `MOST_LINKS` of them, evenly chosen.
+
+    Parameters
+    ----------
+    robot : Robot
+    positions : (N, 3) array, m
+    moved : (N, 6) array, m and rad
+    """
+    index = {node.name: at for at, node in enumerate(robot.nodes)}
+    parts = [(beam.name, beam.nodes, True) for beam in robot.beams]
+    parts += [(rigid.name, rigid.nodes, False) for rigid in robot.rigids]
+    parts += [(strut.name, strut.nodes, False) for strut in robot.struts]
+    if len(parts) > MOST_LINKS:
+        parts = [parts[at] for at in np.linspace(0, len(parts) - 1, MOST_LINKS).astype(int)]
+
+    def lines() -> Iterator[tuple[str, Array, Array]]:
+        for name, nodes, bends in parts:
+            ends = [index[node] for node in nodes]
+            yield name, *_bent(positions[ends], moved[ends], BENT if bends else STRAIGHT, bends)
+
+    return _joined(lines())
+
+
+def _bent(ends: Array, moved: Array, count: int, bends: bool) -> tuple[Array, Array]:
+    """Return points along a beam and their displacement: cubic across it, by the turning of its ends.
+
+    Shear, where the section has any, changes the ends' displacement but is not drawn along the beam.
+    """
+    s = np.linspace(0.0, 1.0, count)[:, None]
+    points = (1 - s) * ends[0] + s * ends[1]
+    way = (1 - s) * moved[0, :3] + s * moved[1, :3]
+    if not bends:
+        return points, way
+    span = ends[1] - ends[0]
+    chord = moved[1, :3] - moved[0, :3]
+    # slopes of the ends against the chord, times the length
+    first, second = np.cross(moved[0, 3:], span), np.cross(moved[1, 3:], span)
+    across = chord - span * (chord @ span) / (span @ span)
+    way = way + s * (1 - s) ** 2 * (first - across) - s**2 * (1 - s) * (second - across)
+    return points, way
+
+
+def joint_lines(robot: Robot, q: Array, positions: Array, moved: Array, size: float) -> Lines:
+    """Return a short line along the axis of every joint, which turns as its node does."""
+    kinematics = compile_kinematics(robot)
+    rotations = posture(kinematics, q[None]).transforms[0, :, :3, :3]
+    frames = {name: at for at, name in enumerate(kinematics.frame_names)}
+
+    def lines() -> Iterator[tuple[str, Array, Array]]:
+        for joint in robot.joints:
+            node = kinematics.node_index[joint.nodes[0]]
+            direction = rotations[frames[joint.frame]] @ np.array(joint.axis)
+            direction = direction / np.linalg.norm(direction)
+            arms = JOINT * size * np.array([-1.0, 0.0, 1.0])[:, None] * direction
+            yield (
+                component_of(joint),
+                positions[node] + arms,
+                moved[node, :3] + np.cross(moved[node, 3:], arms),
+            )
+
+    return _joined(lines())
+
+
+def _joined(lines: Iterator[tuple[str, Array, Array]]) -> Lines:
+    points, moved, names = [np.zeros((0, 3))], [np.zeros((0, 3))], list[str]()
+    for name, at, way in lines:
+        points += [at, np.full((1, 3), np.nan)]
+        moved += [way, np.zeros((1, 3))]
+        names += [name] * (len(at) + 1)
+    return Lines(np.concatenate(points), np.concatenate(moved), names)

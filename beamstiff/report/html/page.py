@@ -1,0 +1,96 @@
+"""One self-contained HTML page from its parts: no other file, no network."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from beamstiff.report.html.parts import Fact, Figure, Section, embedded
+from beamstiff.report.html.provenance import Provenance
+from beamstiff.report.html.robot_view import RobotView
+
+
+@dataclass(frozen=True)
+class Page:
+    """A report.
+
+    Attributes
+    ----------
+    title, robot : str
+        What is reported, of which robot.
+    verdict : str
+        The answer in a line.
+    summary : sequence of str
+        In plain words, a paragraph each.
+    facts : sequence of Fact
+        Numbers to begin with.
+    view : RobotView or None
+        The robot in three dimensions.
+    sections : sequence of Section
+    provenance : Provenance
+    data : mapping
+        The result, as ``--json`` writes it.
+    shared : mapping of str to list
+        Arrays that several figures draw.
+    """
+
+    title: str
+    robot: str
+    verdict: str
+    summary: Sequence[str]
+    facts: Sequence[Fact]
+    view: RobotView | None
+    sections: Sequence[Section]
+    provenance: Provenance
+    data: Mapping[str, Any]
+    shared: Mapping[str, Sequence[Any]] = field(default_factory=dict)
+
+
+def render(page: Page) -> str:
+    """Return a page as HTML: one file with its style, its scripts and its data.
+
+    Everything that comes from people's files is escaped.
+    """
+    environment = Environment(
+        loader=PackageLoader("beamstiff.report.html"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    figures = [one for section in page.sections for one in section.figures]
+    drawn = {one.key: _drawn(one) for one in figures}
+    if page.view is not None:
+        drawn[page.view.figure.key] = _drawn(page.view.figure) | {"views": page.view.views}
+    return environment.get_template("report.html").render(
+        page=page,
+        sections=[one for one in page.sections if one.texts or one.items or one.figures or one.tables],
+        style=Markup(_asset("report.css")),
+        script=Markup(_asset("report.js")),
+        plotly=Markup(plotly_script()),
+        figures=Markup(embedded({"figures": drawn, "shared": page.shared})),
+        data=Markup(embedded(page.data)),
+    )
+
+
+def _drawn(figure: Figure) -> dict[str, Any]:
+    return {"traces": figure.traces, "layout": figure.layout}
+
+
+@cache
+def plotly_script() -> str:
+    """Return plotly.js as it comes with the Python package, fit to stand in a page."""
+    from plotly.offline import get_plotlyjs
+
+    text: str = get_plotlyjs()
+    return text.replace("</script", r"<\/script")
+
+
+def _asset(name: str) -> str:
+    return files("beamstiff.report.html").joinpath("templates", name).read_text(encoding="utf-8")

@@ -1,0 +1,176 @@
+"""What a report is made of: text, tables, figures, sections; plain data that the templates write.
+
+Figures are those of plotly, as plain data with two additions that the page resolves when it draws:
+``{"css": "--name"}`` is a colour of the page's theme, and ``{"shared": "name"}`` an array that several
+figures draw, which the page holds once.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from beamstiff.se3 import Array
+
+DIGITS = 5  # of numbers in figures: more than a screen shows
+MARGIN = {"l": 56, "r": 16, "t": 34, "b": 48}
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table as text.
+
+    Attributes
+    ----------
+    caption : str
+    columns : tuple of str
+    rows : sequence of sequences of str
+    left : int
+        So many columns are aligned left, the others right.
+    open : bool
+        Shown at once; else behind its caption.
+    """
+
+    caption: str
+    columns: tuple[str, ...]
+    rows: Sequence[Sequence[str]]
+    left: int = 1
+    open: bool = True
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure of plotly.
+
+    Attributes
+    ----------
+    key : str
+        Its id in the page.
+    title, caption : str
+    traces : sequence of mapping
+    layout : mapping
+    table : Table or None
+        The numbers that it shows.
+    """
+
+    key: str
+    title: str
+    caption: str
+    traces: Sequence[Mapping[str, Any]]
+    layout: Mapping[str, Any] = field(default_factory=dict)
+    table: Table | None = None
+
+    @property
+    def height(self) -> int:
+        """Its height in the page, px."""
+        return int(self.layout.get("height", 340))
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of the page under a heading of its own; what is empty is left out."""
+
+    key: str
+    title: str
+    texts: Sequence[str] = ()
+    figures: Sequence[Figure] = ()
+    tables: Sequence[Table] = ()
+    items: Sequence[str] = ()
+    tables_text: str = ""
+
+
+@dataclass(frozen=True)
+class Fact:
+    """A number that the page begins with: what it is, how much, and what it means."""
+
+    name: str
+    value: str
+    meaning: str = ""
+
+
+def css(name: str) -> dict[str, str]:
+    """Return a colour of the page's theme.
+
+    Examples
+    --------
+    >>> css("ink")
+    {'css': '--ink'}
+    """
+    return {"css": f"--{name}"}
+
+
+def shared(name: str) -> dict[str, str]:
+    """Return what stands in a figure for an array that the page holds once."""
+    return {"shared": name}
+
+
+def numbers(values: Array, digits: int = DIGITS) -> list[float | None]:
+    """Return numbers as figures hold them: few digits, None where there is none.
+
+    Examples
+    --------
+    >>> numbers(np.array([1 / 3, np.nan, -0.0]))
+    [0.33333, None, 0.0]
+    """
+    flat = np.asarray(values, dtype=float).ravel().tolist()
+    return [float(f"{value:.{digits}g}") + 0.0 if np.isfinite(value) else None for value in flat]
+
+
+def label(text: str) -> str:
+    """Return a text from people's files for a figure: plotly would read tags in it.
+
+    Examples
+    --------
+    >>> label("<b>J1</b>")
+    '&lt;b&gt;J1&lt;/b&gt;'
+    """
+    return escape(text, quote=False)
+
+
+def axis(title: str = "", **more: Any) -> dict[str, Any]:
+    """Return an axis in the look of the report."""
+    return {
+        "title": {"text": title},
+        "gridcolor": css("grid"),
+        "zerolinecolor": css("grid"),
+        "linecolor": css("muted"),
+        "automargin": True,
+        **more,
+    }
+
+
+def plain_layout(height: int = 340, **more: Any) -> dict[str, Any]:
+    """Return the layout that all figures share."""
+    return {
+        "height": height,
+        "margin": dict(MARGIN),
+        "paper_bgcolor": "rgba(0,0,0,0)",
+        "plot_bgcolor": "rgba(0,0,0,0)",
+        "font": {"family": "system-ui, sans-serif", "size": 13, "color": css("ink")},
+        "hoverlabel": {"align": "left"},
+        "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
+        **more,
+    }
+
+
+def embedded(value: Any) -> str:
+    r"""Return JSON that may stand in a script of a page: no text in it can end the script.
+
+    Examples
+    --------
+    >>> embedded({"name": "</script>"})
+    '{"name":"\\u003c/script\\u003e"}'
+    """
+    text = json.dumps(value, allow_nan=False, separators=(",", ":"), default=_plain)
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    raise TypeError(f"no JSON of {type(value).__name__}")

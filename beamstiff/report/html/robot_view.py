@@ -1,0 +1,331 @@
+"""The robot in three dimensions: its parts, its load, its deformed shape, the ellipsoid of its compliance."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from beamstiff.errors import BeamstiffError
+from beamstiff.fem.condensation import tcp_compliance
+from beamstiff.fem.response import Response, nodal_loads, respond
+from beamstiff.fem.structure import compile_structure
+from beamstiff.gap.effects.laws import component_of
+from beamstiff.report.html.arrows import force_and_moment
+from beamstiff.report.html.links import Lines, joint_lines, link_lines
+from beamstiff.report.html.parts import Figure, Table, axis, css, label, numbers, plain_layout
+from beamstiff.report.tables import millimetres, number
+from beamstiff.robot.description import Robot
+from beamstiff.robot.fields import RIGID
+from beamstiff.robot.kinematics import posture
+from beamstiff.robot.stiffness import stiffness_parameters
+from beamstiff.se3 import Array
+
+LABELLED = 3
+SEEN = 0.005  # share that is worth a label
+DEFORMED = 0.12  # of the robot's size: the deformed shape to begin with
+FURTHER = 2.0  # times this at most
+ELLIPSOID = 0.12  # of the robot's size: its longest half axis
+AROUND = 0.22  # of the robot's size: room about it
+LEAST_SCALE = 0.05  # share that gets the full colour at least
+CAMERAS = {
+    "oblique": {"eye": {"x": 1.15, "y": -1.35, "z": 0.6}, "center": {"x": 0.0, "y": 0.0, "z": -0.1}},
+    "front (along x)": {"eye": {"x": 1.7, "y": 0.0, "z": 0.0}},
+    "side (along y)": {"eye": {"x": 0.0, "y": -1.7, "z": 0.0}},
+    "top (along z)": {"eye": {"x": 0.0, "y": -0.01, "z": 1.8}},
+}
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A posture to show: its name, actuated values (A,), load (6,) and its node, shares of the parts.
+
+    Without shares the parts are coloured by their share of the strain energy.
+    """
+
+    name: str
+    q: Array
+    wrench: Array
+    load_point: str
+    shares: Mapping[str, float] | None = None
+
+
+@dataclass(frozen=True)
+class RobotView:
+    """The figure, and for each posture where its traces are and how they move.
+
+    Attributes
+    ----------
+    figure : Figure
+    views : list of dict
+        ``name``; ``traces``: what differs, with ``dx, dy, dz`` for the way at magnification 1; ``labels``.
+    magnification, most : float
+        To begin with, and at most; 0 where nothing moves.
+    cameras : mapping
+        By name, where the robot is seen from.
+    note : str
+    """
+
+    figure: Figure
+    views: list[dict[str, Any]]
+    magnification: float
+    most: float
+    cameras: Mapping[str, Any]
+    note: str = ""
+
+
+def robot_view(robot: Robot, shown: Sequence[Shown], share: str, gravity: bool = False) -> RobotView | None:
+    """Return a robot in some postures, or None where there is none to show.
+
+    Parameters
+    ----------
+    robot : Robot
+    shown : sequence of Shown
+    share : str
+        What the shares are of, such as "share of the gap".
+    gravity : bool
+        Let the dead weight deform it as well.
+
+    Raises
+    ------
+    BeamstiffError
+        When a posture cannot close its loops.
+    """
+    if not shown:
+        return None
+    structure = compile_structure(robot)
+    where = posture(structure.kinematics, np.array([one.q for one in shown]))
+    loads = np.concatenate([nodal_loads(structure, 1, {one.load_point: one.wrench}) for one in shown])
+    response, compliance, note = None, np.zeros((len(shown), 6, 6)), ""
+    if any(0.0 < value < RIGID for value in stiffness_parameters(robot).values()):
+        try:
+            response = respond(structure, where, loads, gravity)
+            compliance = tcp_compliance(structure, where)
+        except BeamstiffError as error:
+            note = f"No deformed shape: {error}."
+    else:
+        note = "No deformed shape: every part of the model is rigid."
+    moved = np.zeros((*where.node_positions.shape[:2], 6)) if response is None else response.displacement
+    size = float(np.ptp(where.node_positions, axis=1).max()) or 1.0
+    largest = float(np.linalg.norm(moved[..., :3], axis=-1).max(initial=0.0))
+    magnification = _nice(DEFORMED * size / largest) if largest > 0.0 else 0.0
+    views = []
+    for at, one in enumerate(shown):
+        shares = one.shares if one.shares is not None else _energy(robot, response, at)
+        views.append(
+            _View(robot, where.node_positions[at], moved[at], size).made(one, shares, compliance[at])
+        )
+    most = max([LEAST_SCALE, *(value for view in views for value in view.pop("shares"))])
+    figure = Figure(
+        "robot",
+        "The robot",
+        f"Colour tells each part's {share}. The deformed shape is that of the fitted model under "
+        "the load shown"
+        + (" and its own weight" if gravity else "")
+        + ", magnified; the undeformed one is dashed. The ellipsoid at the tool is its compliance: how far "
+        "the tool gives way to a force of one size in any direction.",
+        _styles(share, most),
+        _layout(where.node_positions, size),
+        _table(shown, moved, compliance, structure.kinematics.node_index[robot.tcp]),
+    )
+    return RobotView(figure, views, magnification, FURTHER * magnification, CAMERAS, note)
+
+
+def _nice(value: float) -> float:
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(power * max(step for step in (1, 2, 5) if step * power <= value * (1 + 1e-9)))
+
+
+def _energy(robot: Robot, response: Response | None, at: int) -> dict[str, float]:
+    """Return shares of the strain energy by component."""
+    result: dict[str, float] = {}
+    if response is not None:
+        names = {joint.name: component_of(joint) for joint in robot.joints}
+        for name, value in response.energy_shares().items():
+            key = name if name not in names and "." not in name else name.rpartition(".")[0] or name
+            key = names.get(key, key)
+            result[key] = result.get(key, 0.0) + float(value[at])
+    return result
+
+
+@dataclass(frozen=True)
+class _View:
+    robot: Robot
+    positions: Array  # (N, 3)
+    moved: Array  # (N, 6)
+    size: float
+
+    def made(self, one: Shown, shares: Mapping[str, float], compliance: Array) -> dict[str, Any]:
+        """Return the traces of a posture, in the order of `_styles`."""
+        index = {node.name: at for at, node in enumerate(self.robot.nodes)}
+        links = link_lines(self.robot, self.positions, self.moved)
+        joints = joint_lines(self.robot, one.q, self.positions, self.moved, self.size)
+        tool, base = index[self.robot.tcp], index[self.robot.fixed[0]]
+        ends = np.array([base, tool])
+        load = index[one.load_point]
+        arrows = force_and_moment(one.wrench, self.positions[load], 0.2 * self.size)
+        told = {name: f"{label(name)}: {100 * value:.1f} %" for name, value in shares.items()}
+        ghost = links.moving(still=True) | {"hovertext": None}
+        return {
+            "name": one.name,
+            "traces": [
+                ghost,
+                _coloured(links, shares, told),
+                _coloured(joints, shares, told),
+                {
+                    **_points(self.positions[ends], self.moved[ends, :3]),
+                    "hovertext": [
+                        f"base {told.get('base', '')}",
+                        f"tool {told.get('tool', told.get('tool point', ''))}",
+                    ],
+                },
+                {**arrows.lines(self.moved[load, :3])},
+                {**arrows.heads(self.moved[load, :3])},
+                self._ellipsoid(compliance, tool),
+            ],
+            "labels": self._labels(shares, links, joints, index),
+            "shares": list(shares.values()),
+        }
+
+    def _labels(
+        self, shares: Mapping[str, float], links: Lines, joints: Lines, index: Mapping[str, int]
+    ) -> list[dict[str, Any]]:
+        """Return where the parts with the largest shares are named."""
+        ends = {
+            name: (self.positions[index[node]], self.moved[index[node], :3])
+            for name, node in (
+                ("base", self.robot.fixed[0]),
+                ("tool", self.robot.tcp),
+                ("tool point", self.robot.tcp),
+            )
+        }
+        places = {**ends, **links.middles(), **joints.middles()}
+        first = sorted(shares.items(), key=lambda item: -item[1])[:LABELLED]
+        return [
+            {
+                "text": f"{label(name)} {100 * value:.0f} %",
+                "at": numbers(places[name][0]),
+                "by": numbers(places[name][1]),
+            }
+            for name, value in first
+            if name in places and value >= SEEN
+        ]
+
+    def _ellipsoid(self, compliance: Array, tool: int) -> dict[str, Any]:
+        """Return the surface that a turning unit force moves the tool to, scaled to a share of the robot."""
+        part = compliance[:3, :3]
+        largest = float(np.linalg.norm(part, 2))
+        scale = ELLIPSOID * self.size / largest if largest > 0.0 else 0.0
+        around, up = np.meshgrid(np.linspace(0, 2 * np.pi, 25), np.linspace(0, np.pi, 13))
+        sphere = np.stack([np.cos(around) * np.sin(up), np.sin(around) * np.sin(up), np.cos(up)])
+        surface = scale * np.einsum("ij,jab->iab", part, sphere) + self.positions[tool][:, None, None]
+        rows = {
+            name: [numbers(row, 4) for row in values] for name, values in zip("xyz", surface, strict=True)
+        }
+        return rows | {
+            f"d{name}": value for name, value in zip("xyz", numbers(self.moved[tool, :3]), strict=True)
+        }
+
+
+def _points(positions: Array, moved: Array) -> dict[str, Any]:
+    result: dict[str, Any] = {name: numbers(positions[:, k]) for k, name in enumerate("xyz")}
+    return result | {f"d{name}": numbers(moved[:, k]) for k, name in enumerate("xyz")}
+
+
+def _coloured(lines: Lines, shares: Mapping[str, float], told: Mapping[str, str]) -> dict[str, Any]:
+    value = [float(f"{shares.get(name, 0.0):.4g}") for name in lines.names]
+    text = [told.get(name, label(name)) for name in lines.names]
+    return lines.moving() | {"line.color": value, "hovertext": text}
+
+
+def _styles(share: str, most: float) -> list[dict[str, Any]]:
+    """Return the looks of the traces; where they are comes from the posture shown."""
+    scale = [[0.0, css("part")], [0.12, css("warm")], [1.0, css("hot")]]
+    coloured = {"colorscale": scale, "cmin": 0.0, "cmax": most}
+    bar = {
+        "title": {"text": share, "side": "right"},
+        "tickformat": ".0%",
+        "thickness": 12,
+        "len": 0.7,
+        "outlinewidth": 0,
+    }
+    lines = {"type": "scatter3d", "mode": "lines", "connectgaps": False}
+    return [
+        {
+            **lines,
+            "name": "undeformed",
+            "line": {"color": css("muted"), "width": 3, "dash": "dash"},
+            "hoverinfo": "skip",
+        },
+        {
+            **lines,
+            "name": "links",
+            "line": {"width": 9, **coloured, "colorbar": bar, "showscale": True},
+            "hoverinfo": "text",
+        },
+        {**lines, "name": "joints", "line": {"width": 22, **coloured}, "hoverinfo": "text"},
+        {
+            "type": "scatter3d",
+            "mode": "markers",
+            "name": "base and tool",
+            "marker": {"symbol": ["square", "diamond"], "size": [9, 6], "color": css("ink")},
+            "hoverinfo": "text",
+        },
+        {**lines, "name": "load", "line": {"color": css("blue"), "width": 6}, "hoverinfo": "text"},
+        {
+            "type": "cone",
+            "name": "load",
+            "anchor": "tip",
+            "sizemode": "raw",
+            "sizeref": 1,
+            "showscale": False,
+            "colorscale": [[0, css("blue")], [1, css("blue")]],
+            "hoverinfo": "skip",
+        },
+        {
+            "type": "surface",
+            "name": "compliance",
+            "showscale": False,
+            "opacity": 0.35,
+            "colorscale": [[0, css("green")], [1, css("green")]],
+            "hoverinfo": "name",
+            "contours": {"x": {"highlight": False}, "y": {"highlight": False}, "z": {"highlight": False}},
+        },
+    ]
+
+
+def _layout(positions: Array, size: float) -> dict[str, Any]:
+    low, high = positions.min(axis=(0, 1)) - AROUND * size, positions.max(axis=(0, 1)) + AROUND * size
+    scene: dict[str, Any] = {
+        f"{name}axis": axis(
+            f"{name}, m", showbackground=False, nticks=6, range=numbers(np.array([low[k], high[k]]))
+        )
+        for k, name in enumerate("xyz")
+    }
+    scene |= {"aspectmode": "data", "camera": CAMERAS["oblique"], "dragmode": "turntable"}
+    return plain_layout(520, margin={"l": 0, "r": 0, "t": 0, "b": 0}, scene=scene, showlegend=False)
+
+
+def _table(shown: Sequence[Shown], moved: Array, compliance: Array, tool: int) -> Table:
+    rows = []
+    for at, one in enumerate(shown):
+        force, moment = np.linalg.norm(one.wrench[:3]), np.linalg.norm(one.wrench[3:])
+        values, directions = np.linalg.eigh(0.5 * (compliance[at] + compliance[at].T)[:3, :3])
+        along = directions[:, -1] * (
+            1.0 if directions[np.argmax(np.abs(directions[:, -1])), -1] > 0 else -1.0
+        )
+        soft = f"{1e6 * values[-1]:.4g} µm/N along ({', '.join(f'{part:.2f}' for part in along)})"
+        rows.append(
+            [
+                one.name,
+                number(float(force)),
+                number(float(moment)),
+                millimetres([float(np.linalg.norm(moved[at, tool, :3]))])[0],
+                soft if values[-1] > 0 else "rigid",
+                f"{1e6 * max(values[0], 0.0):.4g} µm/N" if values[-1] > 0 else "-",
+            ]
+        )
+    columns = ("posture", "force, N", "moment, N m", "tool moves, mm", "softest direction", "stiffest")
+    return Table("The postures shown", columns, rows, left=1, open=False)

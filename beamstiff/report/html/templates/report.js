@@ -1,0 +1,129 @@
+"use strict";
+(() => {
+  const held = JSON.parse(document.getElementById("figures").textContent);
+  const config = {
+    responsive: true, displaylogo: false, displayModeBar: true, scrollZoom: false,
+    plotlyServerURL: "", showSendToCloud: false, showLink: false,  // nothing leaves the page
+    toImageButtonOptions: { format: "svg" },
+  };
+  const buttons = (figure) => (figure.views ? [["toImage", "resetCameraDefault3d"]] : [["toImage", "zoom2d", "pan2d", "resetScale2d"]]);
+
+  // What the data leaves to the page: colours of the theme, arrays that several figures draw.
+  const resolve = (value, style) => {
+    if (Array.isArray(value)) {
+      return value.some((item) => item !== null && typeof item === "object") ? value.map((item) => resolve(item, style)) : value;
+    }
+    if (value === null || typeof value !== "object") return value;
+    if (typeof value.css === "string") return style.getPropertyValue(value.css).trim();
+    if (typeof value.shared === "string") return held.shared[value.shared];
+    return Object.fromEntries(Object.entries(value).map(([key, item]) => [key, resolve(item, style)]));
+  };
+
+  const posture = document.getElementById("posture");
+  const magnification = document.getElementById("magnification");
+  const magnified = document.getElementById("magnified");
+  const camera = document.getElementById("camera");
+
+  const plus = (values, ways, factor) => {
+    if (ways === undefined || ways === null) return values;
+    if (!Array.isArray(ways)) {  // the whole moves alike
+      const shift = factor * ways;
+      return values.map((one) => (Array.isArray(one) ? one.map((item) => item + shift) : one === null ? null : one + shift));
+    }
+    return values.map((one, at) => (one === null ? null : one + factor * ways[at]));
+  };
+
+  // The robot in the posture chosen, its displacement magnified.
+  const robot = (figure, style) => {
+    const view = figure.views[Number(posture.value)];
+    const factor = Number(magnification.value);
+    const traces = resolve(figure.traces, style).map((trace, at) => {
+      const { dx, dy, dz, x, y, z, "line.color": colour, ...more } = view.traces[at];
+      const moved = { ...trace, ...more, x: plus(x, dx, factor), y: plus(y, dy, factor), z: plus(z, dz, factor) };
+      if (colour) moved.line = { ...moved.line, color: colour };
+      return moved;
+    });
+    const layout = resolve(figure.layout, style);
+    layout.scene.annotations = view.labels.map((one, at) => ({
+      text: one.text, showarrow: true, arrowhead: 0, arrowwidth: 1, ax: [36, -40, 40][at % 3], ay: [-30, -26, 30][at % 3],
+      x: one.at[0] + factor * one.by[0], y: one.at[1] + factor * one.by[1], z: one.at[2] + factor * one.by[2],
+      font: { color: layout.font.color, size: 13 }, arrowcolor: layout.font.color,
+      bgcolor: style.getPropertyValue("--panel").trim(), borderpad: 2, opacity: 0.9,
+    }));
+    layout.uirevision = "kept";  // the view that people turned to stays
+    return [traces, layout];
+  };
+
+  const draw = (plot) => {
+    const key = plot.dataset.figure;
+    const figure = held.figures[key];
+    const style = getComputedStyle(document.documentElement);
+    const [traces, layout] = figure.views ? robot(figure, style) : [resolve(figure.traces, style), resolve(figure.layout, style)];
+    layout.hoverlabel = { ...layout.hoverlabel, bgcolor: style.getPropertyValue("--panel").trim(), font: { color: layout.font.color } };
+    layout.modebar = { bgcolor: "rgba(0,0,0,0)", color: style.getPropertyValue("--muted").trim(), activecolor: layout.font.color };
+    layout.legend = { ...layout.legend, bgcolor: "rgba(0,0,0,0)" };
+    if (!figure.views) layout.dragmode = plot.layout ? plot.layout.dragmode : false;  // a finger scrolls the page
+    const narrow = plot.clientWidth < 480;
+    if (narrow && layout.scene) {
+      layout.height = 420;
+      traces.forEach((trace) => { if (trace.line && trace.line.colorbar) trace.line.colorbar = { ...trace.line.colorbar, orientation: "h", y: -0.05, len: 0.9, title: { ...trace.line.colorbar.title, side: "top" } }; });
+    }
+    return Plotly.react(plot, traces, layout, { ...config, modeBarButtons: buttons(figure) });
+  };
+
+  const plots = [...document.querySelectorAll(".plot")];
+  const drawAll = () => Promise.all(plots.map(draw));
+
+  const tell = () => {
+    const text = `× ${Number(Number(magnification.value).toPrecision(3)).toLocaleString("en")}`;
+    magnified.textContent = text;
+    magnification.setAttribute("aria-valuetext", text);
+  };
+  if (posture) {
+    const plot = document.getElementById("plot-robot");
+    let waiting = false;
+    const again = () => {
+      tell();
+      if (waiting) return;
+      waiting = true;
+      requestAnimationFrame(() => { waiting = false; draw(plot); });
+    };
+    tell();
+    posture.addEventListener("change", again);
+    magnification.addEventListener("input", again);
+    const cameras = JSON.parse(camera.dataset.cameras);
+    camera.addEventListener("change", () => Plotly.relayout(plot, { "scene.camera": cameras[camera.value] }));
+  }
+
+  document.getElementById("save").addEventListener("click", () => {
+    const text = JSON.stringify(JSON.parse(document.getElementById("result").textContent), null, 2);
+    const link = document.createElement("a");
+    link.href = URL.createObjectURL(new Blob([text], { type: "application/json" }));
+    link.download = "result.json";
+    link.click();
+    URL.revokeObjectURL(link.href);
+  });
+
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", drawAll);
+  let closed = [];
+  addEventListener("beforeprint", () => {
+    document.documentElement.dataset.theme = "print";
+    closed = [...document.querySelectorAll("details:not([open])")].filter((one) => !one.closest("#rows"));
+    closed.forEach((one) => { one.open = true; });
+    drawAll();
+  });
+  addEventListener("afterprint", () => {
+    delete document.documentElement.dataset.theme;
+    closed.forEach((one) => { one.open = false; });
+    drawAll();
+  });
+
+  // One at a time, from the top, so that the page answers meanwhile.
+  (async () => {
+    for (const plot of plots) {
+      await draw(plot);
+      await new Promise((go) => setTimeout(go));
+    }
+    document.documentElement.dataset.drawn = String(plots.length);
+  })();
+})();
