@@ -18,6 +18,7 @@ from beamstiff.se3 import Array
 COLOURS = "YlOrRd"
 QUIET = "0.75"  # parts without a share
 LABELLED = 3
+TOOL_POINT = "tool point"  # where the tool is taken to be, which may be off
 
 
 def draw_shares(axes: Axes, robot: Robot, q: Array, shares: Mapping[str, float]) -> None:
@@ -30,7 +31,7 @@ def draw_shares(axes: Axes, robot: Robot, q: Array, shares: Mapping[str, float])
     q : (A,) array
         Actuated joint values, rad or m.
     shares : mapping of str to float
-        From 0 to 1, by joint component, beam, rigid, ``base`` or ``tool``.
+        From 0 to 1, by joint component, beam, rigid, ``base``, ``tool`` or ``tool point``.
 
     Raises
     ------
@@ -58,11 +59,14 @@ def draw_shares(axes: Axes, robot: Robot, q: Array, shares: Mapping[str, float])
         wide = 4.0 if shares.get(name) else 2.0
         axes.plot(line[:, 0], line[:, 1], color=colour(name), lw=wide, solid_capstyle="round", zorder=1)
     marks = [(component_of(joint), joint.nodes[0], "o") for joint in robot.joints]
-    for name, node, mark in [*marks, ("base", robot.fixed[0], "^"), ("tool", robot.tcp, "D")]:
+    marks += [("base", robot.fixed[0], "^"), ("tool", robot.tcp, "D")]
+    marks += [(TOOL_POINT, robot.tcp, "D")] if TOOL_POINT in shares else []
+    for name, node, mark in marks:
         x, y = middle[name] = at[node]
         size = 40.0 + 160.0 * shares.get(name, 0.0) / most
         axes.scatter(x, y, s=size, color=colour(name), marker=mark, edgecolors="0.2", zorder=2)
-    for name, share in sorted(shares.items(), key=lambda item: -item[1])[:LABELLED]:
+    placed = [(name, share) for name, share in shares.items() if name in middle]
+    for name, share in sorted(placed, key=lambda item: -item[1])[:LABELLED]:
         label, where = f"{name} {100 * share:.0f} %", tuple(middle[name])
         axes.annotate(label, where, xytext=(8, 6), textcoords="offset points", fontsize=8, zorder=4)
     axes.set_aspect("equal", adjustable="datalim")

@@ -39,3 +39,9 @@ def test_the_picture_keeps_lengths_in_its_upright_plane() -> None:
     true = [np.linalg.norm(where[index[a]] - where[index[b]]) for a, b in parts]
     drawn = [np.hypot(*np.diff(np.array(line.get_data(), dtype=float), axis=1)[:, 0]) for line in axes.lines]
     np.testing.assert_allclose(drawn, true, rtol=1e-9)  # q1 = 0: the arm lies in one upright plane
+
+
+def test_the_tool_point_has_its_place_and_a_share_without_place_no_label() -> None:
+    axes = new_figure(4, 4).subplots()
+    draw_shares(axes, load_robot("ir663"), np.array([0.1, 0.8]), {"tool point": 0.9, "nowhere": 0.1})
+    assert [text.get_text() for text in axes.texts] == ["tool point 90 %"]
