@@ -64,6 +64,7 @@ class Robot(Described):
     tcp: Name
     identify: tuple[Name, ...] = ()
     effects: tuple[AddedEffect, ...] = ()
+    urdf: str | None = None  # the text of the file it was read from, for `robot.urdf` to write back
 
     @model_validator(mode="after")
     def _cross_references(self) -> Robot:

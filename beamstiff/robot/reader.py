@@ -20,7 +20,7 @@ VERSION = 1
 
 
 def load_robot(path: str | os.PathLike[str]) -> Robot:
-    """Return the robot that a YAML file describes.
+    """Return the robot that a YAML, URDF or SDF file describes, told apart by its ending.
 
     Parameters
     ----------
@@ -51,6 +51,14 @@ def load_robot(path: str | os.PathLike[str]) -> Robot:
                 f"{file}: no such file, and no robot of this name comes with beamstiff"
                 f"{suggest(file.name, names)}"
             )
+    if file.suffix.lower() == ".urdf":
+        from beamstiff.robot.urdf.reader import read_urdf
+
+        return read_urdf(file)
+    if file.suffix.lower() == ".sdf":
+        from beamstiff.robot.sdf import read_sdf
+
+        return read_sdf(file)
     return parse_robot(read_text(file), str(file))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from beamstiff.robot.parts import STIFFNESS_KINDS
@@ -23,6 +24,19 @@ def stiffness_parameters(robot: Robot) -> dict[str, float]:
     }
     parameters |= {strut.name: strut.stiffness for strut in robot.struts}
     return parameters | {f"{beam.name}.E": robot.materials[beam.material].E for beam in robot.beams}
+
+
+def missing_stiffness(robot: Robot) -> list[str]:
+    """Return the joints along or about whose own axis nothing gives way, of a robot without any stiffness.
+
+    Empty where anything gives way: a spring in any joint, a strut or a beam.
+    """
+    gives = any(
+        getattr(joint.stiffness, kind) != math.inf for joint in robot.joints for kind in STIFFNESS_KINDS
+    )
+    if gives or robot.beams or robot.struts:
+        return []
+    return [joint.name for joint in robot.joints if joint.variable is not None]
 
 
 def parameter_unit(robot: Robot, name: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,8 @@ from beamstiff.robot.parts import AXES, Joint, JointStiffness, Strut
 from beamstiff.robot.reader import VERSION
 
 _BARE = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*\Z")
+# lines that YAML keeps as they are in a block: the first not blank, at most one line end at the end
+_BLOCK = re.compile(r"[^\s\x85\u2028\u2029\ufeff](?:[\t\x20-\x7e\xa0-\u2027\u202a-\ud7ff]|\n)*?[^\s]\n?")
 _RESOLVER: Any = yaml.resolver.Resolver()
 _ESCAPES = {'"': '\\"', "\\": "\\\\"}
 
@@ -47,7 +49,13 @@ def robot_to_yaml(robot: Robot) -> str:
     fixed: [n0]
     tcp: n0
     """
-    return "\n".join([f"beamstiff: {VERSION}", *_rows(robot)]) + "\n"
+    return "\n".join([f"beamstiff: {VERSION}", *_rows(_written_fields(robot))]) + "\n"
+
+
+def fragment_to_yaml(robot: Robot, keys: Iterable[str]) -> str:
+    """Return the YAML text of some keys of a robot, those with their default value too."""
+    written = _written_fields(robot)
+    return "\n".join(_rows({key: written.get(key, getattr(robot, key)) for key in keys})) + "\n"
 
 
 def save_robot(robot: Robot, path: str | os.PathLike[str]) -> None:
@@ -61,9 +69,12 @@ def save_robot(robot: Robot, path: str | os.PathLike[str]) -> None:
     write_whole(Path(path), robot_to_yaml(robot))
 
 
-def _rows(robot: Robot) -> Iterator[str]:
-    for name, value in _written_fields(robot).items():
-        if isinstance(value, Mapping):
+def _rows(fields: Mapping[str, object]) -> Iterator[str]:
+    for name, value in fields.items():
+        if name == "urdf" and isinstance(value, str) and _BLOCK.fullmatch(value):
+            yield f"{name}: |{'' if value.endswith(chr(10)) else '-'}"
+            yield from (f"  {line}" if line else "" for line in value.removesuffix("\n").split("\n"))
+        elif isinstance(value, Mapping) and value:
             yield f"{name}:"
             yield from (f"  {_text(key)}: {_flow(item)}" for key, item in value.items())
         elif isinstance(value, tuple) and value and isinstance(value[0], Described):

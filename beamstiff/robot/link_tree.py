@@ -1,0 +1,373 @@
+"""Links and joints, as URDF, SDF and tables of frames give them, to a robot: frames, nodes, rigids, joints.
+
+Every link has a frame and a node of its name. A joint that moves is an elastic joint, rigid until it is given
+a stiffness, between a node of its own name (on the side of the parent) and the child's; both stand at the
+child's origin, where the axis is. What joins two of them within a link is a rigid of the link's name.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, NoReturn
+
+import numpy as np
+
+from beamstiff.errors import BeamstiffError, listed, shown, suggest
+from beamstiff.robot.checks import TABLE_COLUMNS
+from beamstiff.robot.description import Robot
+from beamstiff.robot.fields import DescriptionError, path_text
+from beamstiff.robot.parts import STIFFNESS_KINDS
+from beamstiff.robot.placement import frame_parameters, turned_to
+from beamstiff.robot.xml_text import Element
+from beamstiff.se3 import Array, transform
+
+Kind = Literal["fixed", "revolute", "prismatic"]
+EXTENSION = "beamstiff"  # the element of ours, which other readers pass over
+ALONG = {"revolute": "torsional", "prismatic": "axial"}
+
+
+def _raise(message: str) -> NoReturn:
+    raise BeamstiffError(message)
+
+
+@dataclass(frozen=True)
+class TreeLink:
+    """A body.
+
+    Attributes
+    ----------
+    name : str
+    mass : float, kg
+    centre : (3,) tuple, m
+        Centre of mass in the link's frame.
+    fail : callable
+        Raises an error at the link's place in its file.
+    """
+
+    name: str
+    mass: float = 0.0
+    centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    fail: Callable[[str], NoReturn] = field(default=_raise, compare=False)
+
+
+@dataclass(frozen=True)
+class Mimic:
+    """A joint that follows another: ``multiplier * joint + offset``."""
+
+    joint: str
+    multiplier: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class TreeJoint:
+    """A joint of a link with its parent.
+
+    Attributes
+    ----------
+    name, parent, child : str
+    kind : "fixed", "revolute" or "prismatic"
+    placed : (4, 4) array
+        Child's frame in the parent's, the joint at 0.
+    axis : (3,) array
+        Direction of the axis, in the child's frame.
+    limits : tuple of two float, rad or m, or None
+    mimic : Mimic or None
+    stiffness : mapping of str to float or str
+        As in a robot file: ``{"torsional": "1e6 N*m/rad"}``.
+    variable : str
+        What the joint's variable is called; by default after the joint.
+    fail : callable
+        Raises an error at the joint's place in its file.
+    """
+
+    name: str
+    parent: str
+    child: str
+    kind: Kind
+    placed: Array
+    axis: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    limits: tuple[float, float] | None = None
+    mimic: Mimic | None = None
+    stiffness: Mapping[str, Any] = field(default_factory=dict)
+    variable: str = ""
+    fail: Callable[[str], NoReturn] = _raise
+
+
+@dataclass(frozen=True)
+class LinkTree:
+    """Links and joints of a file."""
+
+    name: str
+    links: tuple[TreeLink, ...]
+    joints: tuple[TreeJoint, ...]
+    source: str
+
+
+def robot_data(tree: LinkTree, tcp: str | None = None) -> dict[str, Any]:
+    """Return what a robot file would say of links and joints: keyword arguments of `Robot`.
+
+    Parameters
+    ----------
+    tree : LinkTree
+    tcp : str, optional
+        Link whose origin is the TCP; without it the only link at the end of what moves.
+
+    Raises
+    ------
+    BeamstiffError
+        When names are doubled or unknown, the links are no tree, or it has several ends and no `tcp`.
+    """
+    root, joints = _ordered(tree)
+    variables = variable_names(joints)
+    nodes: list[dict[str, Any]] = [{"name": root.name}]
+    frames: list[dict[str, Any]] = []
+    rigids: list[dict[str, Any]] = []
+    elastic: list[dict[str, Any]] = []
+    names = {link.name for link in tree.links}
+    frame_of = {root.name: "base"}
+    taken_nodes, taken_frames, taken_elements = set(names), {*names, "base"}, {joint.name for joint in joints}
+    children = [joint.parent for joint in joints]
+    for joint in joints:
+        own = joint.child if joint.child != "base" else _free("base link", taken_frames)
+        frame_of[joint.child] = own
+        frames += _frames(joint, frame_of[joint.parent], own, variables.get(joint.name), taken_frames)
+        nodes.append({"name": joint.child, "frame": own})
+        start, end = joint.parent, joint.child
+        if joint.kind != "fixed" or joint.stiffness:
+            end = _free(joint.name, taken_nodes, " joint")
+            nodes.append({"name": end, "frame": own})
+            spring = {
+                "name": joint.name,
+                "nodes": [end, joint.child],
+                "frame": own,
+                "axis": _axis(joint.axis),
+                "stiffness": dict(joint.stiffness),
+            }
+            elastic.append(spring | ({"variable": variables[joint.name]} if joint.name in variables else {}))
+        alone = children.count(joint.parent) == 1
+        link = joint.parent if alone else f"{joint.parent} to {joint.child}"
+        rigids.append({"name": _free(link, taken_elements, " link"), "nodes": [start, end]})
+    data: dict[str, Any] = {
+        "name": tree.name,
+        "variables": [_variable(joint, variables, joints) for joint in joints if joint.kind != "fixed"],
+        "frames": frames,
+        "nodes": nodes,
+        "rigids": rigids,
+        "joints": elastic,
+        "masses": [
+            {"node": link.name, "mass": link.mass, "at": list(link.centre)}
+            for link in tree.links
+            if link.mass > 0
+        ],
+        "fixed": [root.name],
+        "tcp": _tcp(tree, root.name, joints, tcp),
+        "identify": [
+            f"{joint.name}.{kind}"
+            for joint in joints
+            for kind, value in joint.stiffness.items()
+            if value not in ("rigid", "free")
+        ],
+    }
+    return {key: value for key, value in data.items() if value}
+
+
+def with_stiffness(tree: LinkTree, stiffness: Mapping[str, Any]) -> LinkTree:
+    """Return the tree with a stiffness along or about the axis of joints that have none."""
+    moving = [joint.name for joint in tree.joints if joint.kind != "fixed"]
+    for name in stiffness:
+        if name not in moving:
+            raise BeamstiffError(
+                f"{tree.source}: there is no moving joint {name!r}{suggest(name, moving)}, expected one of "
+                f"{listed(moving, 12)}"
+            )
+    joints = tuple(
+        replace(joint, stiffness={ALONG[joint.kind]: stiffness[joint.name]} | dict(joint.stiffness))
+        if joint.name in stiffness
+        else joint
+        for joint in tree.joints
+    )
+    return replace(tree, joints=joints)
+
+
+def stiffness_of(item: Element) -> dict[str, Any]:
+    """Return the stiffness that a joint's element `<beamstiff>` gives."""
+    extension = item.one(EXTENSION)
+    if extension is None:
+        return {}
+    for name in extension.attributes:
+        if name not in STIFFNESS_KINDS:
+            extension.fail(
+                f"unknown attribute {shown(name)}{suggest(name, STIFFNESS_KINDS)}, expected "
+                f"{listed(STIFFNESS_KINDS)}"
+            )
+    return dict(extension.attributes)
+
+
+def robot_of(fail: Callable[[str], NoReturn], data: Mapping[str, Any]) -> Robot:
+    """Return the robot of such keyword arguments, what is wrong with it told by `fail`."""
+    try:
+        return Robot(**data)
+    except DescriptionError as error:
+        path, message = error.problems[0]
+        fail(f"{path_text(path)}: {message}" if path else message)
+
+
+def tree_robot(tree: LinkTree, tcp: str | None = None) -> Robot:
+    """Return the robot of links and joints; see `robot_data`."""
+
+    def fail(message: str) -> NoReturn:
+        raise BeamstiffError(f"{tree.source}: {message}")
+
+    return robot_of(fail, robot_data(tree, tcp))
+
+
+def variable_names(joints: Iterable[TreeJoint]) -> dict[str, str]:
+    """Return the variables of the joints that move: letters, digits and _, all unlike."""
+    taken: set[str] = {*TABLE_COLUMNS, "pi"}
+    names: dict[str, str] = {}
+    for joint in joints:
+        if joint.kind != "fixed":
+            plain = re.sub(r"[^A-Za-z0-9_]", "_", joint.variable or joint.name)[:80]
+            plain = plain if re.match(r"[A-Za-z_]", plain) else f"q_{plain}"
+            names[joint.name] = _free(plain, taken, "_", number_first=True)
+    return names
+
+
+def ends(root: str, joints: Sequence[TreeJoint]) -> list[str]:
+    """Return the links that no joint leaves, of those that move (of all where none does)."""
+    parents = {joint.parent for joint in joints}
+    moving = {root: False}
+    for joint in joints:
+        moving[joint.child] = moving[joint.parent] or joint.kind != "fixed"
+    leaves = [name for name in moving if name not in parents]
+    return [name for name in leaves if moving[name]] or leaves
+
+
+def _tcp(tree: LinkTree, root: str, joints: Sequence[TreeJoint], tcp: str | None) -> str:
+    if tcp is not None:  # `Robot` refuses a node that is none
+        return tcp
+    leaves = ends(root, joints)
+    if len(leaves) > 1:
+        raise BeamstiffError(
+            f"{tree.source}: found {len(leaves)} ends of the chain ({listed(leaves, 12)}), expected to be "
+            f"told which is the TCP: `beamstiff convert {tree.source} --tcp {leaves[0]} --out ROBOT.yaml`, "
+            f'or <beamstiff tcp="{leaves[0]}"/> in <robot>'
+        )
+    return leaves[0]
+
+
+def _ordered(tree: LinkTree) -> tuple[TreeLink, list[TreeJoint]]:
+    """Return the root, and the joints each after the one that carries its parent, as a walk meets them."""
+    if not tree.links:
+        raise BeamstiffError(f"{tree.source}: found no link, expected links and joints")
+    links: dict[str, TreeLink] = {}
+    for link in tree.links:
+        if link.name in links:
+            link.fail("found a second link of this name, expected one")
+        links[link.name] = link
+    seen: set[str] = set()
+    carrier: dict[str, TreeJoint] = {}
+    leaving: dict[str, list[TreeJoint]] = {}
+    for joint in tree.joints:
+        if joint.name in seen:
+            joint.fail("found a second joint of this name, expected one")
+        seen.add(joint.name)
+        for what, name in (("parent", joint.parent), ("child", joint.child)):
+            if name not in links:
+                joint.fail(f"{what}: there is no link {name!r}{suggest(name, links)}")
+        if joint.child in carrier:
+            joint.fail(
+                f"the link {joint.child!r} hangs on {carrier[joint.child].name!r} already: a loop, which a "
+                "tree of links cannot say; describe the loop in a robot file (loops:)"
+            )
+        carrier[joint.child] = joint
+        leaving.setdefault(joint.parent, []).append(joint)
+    roots = [name for name in links if name not in carrier]
+    if len(roots) != 1:
+        found = f"{len(roots)} links without a parent ({listed(roots)})" if roots else "a cycle of joints"
+        raise BeamstiffError(f"{tree.source}: found {found}, expected one base link that all others hang on")
+    order: list[TreeJoint] = []
+    waiting = list(reversed(leaving.get(roots[0], [])))
+    while waiting:
+        joint = waiting.pop()
+        order.append(joint)
+        waiting += reversed(leaving.get(joint.child, []))
+    if len(order) < len(tree.joints):
+        lost = next(joint for joint in tree.joints if joint not in order)
+        lost.fail(f"is part of a cycle of joints that does not hang on the base link {roots[0]!r}")
+    return links[roots[0]], order
+
+
+def _free(name: str, taken: set[str], suffix: str = "", *, number_first: bool = False) -> str:
+    """Return the name, changed until it is not taken, and take it."""
+    tried, count = name, 1 if number_first else 0
+    while tried in taken:
+        count += 1
+        tried = f"{name}{suffix}{'' if count == 1 else count}"
+    taken.add(tried)
+    return tried
+
+
+def _axis(axis: Array) -> list[float]:
+    return [float(value) for value in axis]
+
+
+def _frames(
+    joint: TreeJoint, parent: str, own: str, variable: str | None, taken: set[str]
+) -> Iterator[dict[str, Any]]:
+    """Yield the frames from a parent's to a child's, one where the axis is the child's z."""
+    if joint.kind == "fixed":
+        yield from _chain(parent, frame_parameters(joint.placed), own, taken)
+        return
+    across = float(np.hypot(*joint.axis[:2]))
+    turned: Array = np.eye(4)
+    sign = "-" if across == 0.0 and joint.axis[2] < 0 else ""
+    if across > 0.0:
+        turned = transform(turned_to(joint.axis), np.zeros(3))
+    name = own if across == 0.0 else _free(f"{own} axis", taken)
+    parts = frame_parameters(joint.placed @ turned)
+    moved = "theta" if joint.kind == "revolute" else "r"
+    constant = parts[-1].pop(moved, 0.0)
+    more = f" {'-' if constant < 0 else '+'} {abs(constant)!r}" if constant else ""
+    expression: dict[str, Any] = {moved: f"{sign}{variable}{more}"}
+    yield from _chain(parent, [*parts[:-1], {**parts[-1], **expression}], name, taken)
+    if name != own:
+        yield from _chain(name, frame_parameters(turned.swapaxes(0, 1)), own, taken)
+
+
+def _chain(
+    parent: str, parts: Sequence[Mapping[str, Any]], own: str, taken: set[str]
+) -> Iterator[dict[str, Any]]:
+    for part in parts[:-1]:
+        name = _free(f"{own} origin", taken)
+        yield {"name": name, "parent": parent, **part}
+        parent = name
+    yield {"name": own, "parent": parent, **parts[-1]}
+
+
+def _variable(joint: TreeJoint, variables: Mapping[str, str], joints: Sequence[TreeJoint]) -> dict[str, Any]:
+    data: dict[str, Any] = {"name": variables[joint.name], "type": joint.kind}
+    if joint.limits is not None and joint.limits[0] < joint.limits[1]:
+        data["limits"] = list(joint.limits)
+    if joint.mimic is not None:
+        followed = {other.name: other.kind for other in joints}
+        source = joint.mimic.joint
+        if source not in variables:
+            what = "is fixed" if source in followed else f"is no joint{suggest(source, variables)}"
+            joint.fail(f"mimic: {source!r} {what}, expected a joint that moves")
+        unit = {("revolute", "prismatic"): " rad/m", ("prismatic", "revolute"): " m/rad"}.get(
+            (joint.kind, followed[source]), ""
+        )
+        factor = joint.mimic.multiplier
+        offset = joint.mimic.offset
+        term = (
+            f"{abs(factor)!r}{unit} * {variables[source]}"
+            if factor not in (1.0, -1.0) or unit
+            else variables[source]
+        )
+        more = f" {'-' if offset < 0 else '+'} {abs(offset)!r}" if offset else ""
+        data["equals"] = f"{'-' if factor < 0 else ''}{term}{more}"
+    return data

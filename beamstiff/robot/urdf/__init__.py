@@ -1,0 +1,1 @@
+"""URDF in and out, with what it cannot say in `<beamstiff>` elements that other readers pass over."""

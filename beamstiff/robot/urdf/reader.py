@@ -1,0 +1,205 @@
+"""URDF to a robot.
+
+The tree of links gives frames, nodes, rigids, joints and masses (`link_tree`). What URDF has no words for
+stands in elements `<beamstiff>`, which other readers pass over:
+
+- in a ``<joint>`` its stiffness: ``<beamstiff torsional="1e6 N*m/rad" tilting="rigid"/>``, fixed joints too;
+- in ``<robot>`` the TCP, ``<beamstiff tcp="tool0"/>``, and as its text, in YAML, keys of a robot file that
+  take the place of what the tree says: ``gravity``, ``beams``, ``loops``, ``effects`` and so on.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from beamstiff.errors import shown, suggest
+from beamstiff.files import read_text
+from beamstiff.robot.description import Robot
+from beamstiff.robot.link_tree import (
+    EXTENSION,
+    LinkTree,
+    Mimic,
+    TreeJoint,
+    TreeLink,
+    robot_data,
+    robot_of,
+    stiffness_of,
+    with_stiffness,
+)
+from beamstiff.robot.placement import from_roll_pitch_yaw
+from beamstiff.robot.urdf.agreement import check_agreement
+from beamstiff.robot.xml_text import Element, parse_xml
+from beamstiff.robot.yaml_text import parse_yaml
+from beamstiff.se3 import Array
+
+KINDS = {"fixed": "fixed", "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
+UNSAID = ("urdf", "beamstiff")  # keys that an extension may not hold
+
+
+def read_urdf(
+    path: str | os.PathLike[str], *, tcp: str | None = None, stiffness: Mapping[str, Any] | None = None
+) -> Robot:
+    """Return the robot of a URDF file.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+    tcp : str, optional
+        Link whose origin is the TCP; by default what the extension names, else the only end of the tree.
+    stiffness : mapping of str to float or str, optional
+        Stiffness along or about the axis by joint, for joints that the file gives none.
+
+    Raises
+    ------
+    BeamstiffError
+        When the file cannot be read or its robot cannot be used: ``FILE:LINE: <joint elbow>: message``.
+    """
+    return parse_urdf(read_text(os.fspath(path)), str(path), tcp=tcp, stiffness=stiffness)
+
+
+def parse_urdf(
+    text: str, name: str = "<text>", *, tcp: str | None = None, stiffness: Mapping[str, Any] | None = None
+) -> Robot:
+    """Return the robot of a URDF text; otherwise as `read_urdf`.
+
+    Examples
+    --------
+    >>> robot = parse_urdf('''<robot name="crane"><link name="foot"/><link name="arm"/>
+    ...     <joint name="slew" type="revolute"><parent link="foot"/><child link="arm"/>
+    ...     <origin xyz="0 0 2"/><axis xyz="0 0 1"/><limit lower="-3" upper="3"/>
+    ...     <beamstiff torsional="1e6 N*m/rad"/></joint></robot>''')
+    >>> robot.tcp, robot.variables[0].limits, robot.parameter("slew.torsional")
+    ('arm', (-3.0, 3.0), 1000000.0)
+    """
+    root = parse_xml(text, name)
+    tree = read_tree(root)
+    if stiffness:
+        tree = with_stiffness(tree, stiffness)
+    extension, fragment = _extension(root)
+    for joint in tree.joints:
+        if joint.stiffness and "joints" in fragment:
+            joint.fail(
+                "its stiffness stands in joints: of the robot's <beamstiff> too, expected one of the two"
+            )
+    data = robot_data(tree, tcp or fragment.get("tcp"))
+    place = (root if extension is None else extension).fail
+    robot = robot_of(place, data | fragment | ({"tcp": tcp} if tcp else {}) | {"urdf": text})
+    if fragment.keys() & {"frames", "variables"}:
+        check_agreement(robot_of(root.fail, data | {"tcp": tree.links[0].name}), robot, place)
+    return robot
+
+
+def read_tree(root: Element) -> LinkTree:
+    """Return the links and joints of a ``<robot>``."""
+    if root.name != "robot":
+        hint = " (a file of SDF ends in .sdf)" if root.name == "sdf" else ""
+        root.fail(f"expected <robot> as the outermost element{hint}")
+    for child in root.children:
+        if child.name.startswith("xacro:"):
+            child.fail("found a macro, expected plain URDF: expand it with `xacro FILE > robot.urdf`")
+    links = tuple(_link(item) for item in root.all("link"))
+    joints = tuple(_joint(item) for item in root.all("joint"))
+    if not joints and root.one(EXTENSION) is None:
+        root.fail("found no joint, expected links and joints of a machine")
+    return LinkTree(root.attribute("name"), links, joints, root.source)
+
+
+def _link(item: Element) -> TreeLink:
+    name = item.attribute("name")
+    inertial = item.one("inertial")
+    if inertial is None:
+        return TreeLink(name, fail=item.fail)
+    value = inertial.need("mass")
+    mass = value.numbers(value.attribute("value"), 1, "value")[0]
+    if mass < 0:
+        value.fail(f"found {mass:g} kg, expected a mass of 0 or more")
+    x, y, z = _origin(inertial)[:3, 3].tolist()
+    return TreeLink(name, mass, (x, y, z), fail=item.fail)
+
+
+def _joint(item: Element) -> TreeJoint:
+    name, kind = item.attribute("name"), item.attribute("type")
+    if kind not in KINDS:
+        item.fail(
+            f"type: found {shown(kind)}{suggest(kind, KINDS)}, expected fixed, revolute, continuous or "
+            "prismatic"
+        )
+    axis = np.array([1.0, 0.0, 0.0])  # URDF's default
+    given = item.one("axis")
+    if given is not None:
+        axis = np.array(given.numbers(given.attribute("xyz"), 3, "xyz"))
+        length = float(np.linalg.norm(axis))
+        if not 1e-6 < length < 1e6:
+            if KINDS[kind] != "fixed":
+                given.fail(f"xyz: found a vector of length {length:g}, expected a direction")
+            axis, length = np.array([0.0, 0.0, 1.0]), 1.0
+        axis = axis / length
+    if KINDS[kind] == "fixed":
+        axis = np.array([0.0, 0.0, 1.0])
+    return TreeJoint(
+        name=name,
+        parent=item.need("parent").attribute("link"),
+        child=item.need("child").attribute("link"),
+        kind=KINDS[kind],  # type: ignore[arg-type]  # one of the three
+        placed=_origin(item),
+        axis=axis + 0.0,
+        limits=_limits(item) if kind != "continuous" else None,
+        mimic=_mimic(item),
+        stiffness=stiffness_of(item),
+        fail=item.fail,
+    )
+
+
+def _origin(item: Element) -> Array:
+    origin = item.one("origin")
+    if origin is None:
+        return np.eye(4)
+    rpy, xyz = (
+        np.array(origin.numbers(origin.attributes.get(name, "0 0 0"), 3, name)) for name in ("rpy", "xyz")
+    )
+    return from_roll_pitch_yaw(rpy, xyz)
+
+
+def _limits(item: Element) -> tuple[float, float] | None:
+    limit = item.one("limit")
+    if limit is None or item.attributes["type"] == "fixed":
+        return None
+    low, high = (limit.numbers(limit.attributes.get(name, "0"), 1, name)[0] for name in ("lower", "upper"))
+    if low > high:
+        limit.fail(f"found lower {low:g} above upper {high:g}, expected the lower limit below the upper one")
+    return low, high
+
+
+def _mimic(item: Element) -> Mimic | None:
+    mimic = item.one("mimic")
+    if mimic is None or item.attributes["type"] == "fixed":
+        return None
+    multiplier, offset = (
+        mimic.numbers(mimic.attributes.get(name, default), 1, name)[0]
+        for name, default in (("multiplier", "1"), ("offset", "0"))
+    )
+    return Mimic(mimic.attribute("joint"), multiplier, offset)
+
+
+def _extension(root: Element) -> tuple[Element | None, dict[str, Any]]:
+    """Return the extension of the robot as a whole, and the keys of a robot file that it says."""
+    extension = root.one(EXTENSION)
+    if extension is None:
+        return None, {}
+    fragment: Any = {}
+    if extension.text.strip():
+        fragment, _ = parse_yaml(extension.text, f"{extension.source}:{extension.line}: <beamstiff>")
+        if not isinstance(fragment, dict):
+            extension.fail(f"found {shown(fragment)}, expected keys of a robot file")
+    for name in UNSAID:
+        if name in fragment:
+            extension.fail(f"the key {name!r} does not belong here")
+    for name, value in extension.attributes.items():
+        if name != "tcp":
+            extension.fail(f"unknown attribute {shown(name)}, expected tcp")
+        fragment["tcp"] = value
+    return extension, fragment
