@@ -82,6 +82,11 @@ def test_a_text_that_ends_with_a_dollar_swallows_no_target() -> None:
     assert len(apt.read("PPRINT 5 $\nGOTO/1,2,3\n", "a.apt").path) == 1
 
 
+def test_coordinates_that_are_set_are_told() -> None:
+    program = apt.read("MSYS/100,0,0,1,0,0,0,1,0\nGOTO/1,2,3\nTRANS/0,0,5\nMSYS/0,0,0,1,0,0,0,1,0", "a.cls")
+    assert program.frames == ("line 1 sets MSYS", "line 3 sets TRANS")
+
+
 def test_other_motions_are_told() -> None:
     program = apt.read("FROM/0,0,0\nGODLTA/0,0,1\nGOTO/1,2,3\nCIRCLE/0,0,0,0,0,1,5", "a.apt")
     assert len(program.path) == 1

@@ -173,3 +173,36 @@ def test_points_of_several_tools_are_told() -> None:
 def test_a_broken_line_is_named(line: str, message: str) -> None:
     with pytest.raises(BeamstiffError, match=message):
         krl.read(f"DEF a()\n{line}\nEND", "a.dat")
+
+
+LITERAL = "{X 1500,Y 0,Z 900,A 0,B 90,C 0}"
+
+
+@pytest.mark.parametrize(
+    ("frame", "rest"),
+    [
+        (f"MYBASE={LITERAL}", "$BASE=MYBASE"),
+        (f"DECL FRAME MYTOOL={LITERAL}", "  $tool = mytool"),
+        (f"TABLE={LITERAL}", "BASE_DATA[2] = TABLE"),
+        (f"TABLE[1]={LITERAL}", "$BASE = ROOM:TABLE[1]"),
+        (f"DECL GLOBAL FRAME ELSEWHERE={LITERAL}", "; the $BASE of another file"),
+        (f"ELSEWHERE={LITERAL}", "DECL FRAME OTHER, ELSEWHERE"),
+    ],
+)
+def test_a_variable_that_is_a_base_or_a_tool_is_no_target(frame: str, rest: str) -> None:
+    program = krl.read(f"{frame}\n{rest}\nLIN {LITERAL}\n", "a.src")
+    assert program.path.names == ("LIN",)
+    assert "frames, tools and loads are left as they are: line 1" in program.notes
+
+
+def test_a_frame_that_a_motion_goes_to_is_a_target() -> None:
+    program = krl.read(f"DECL FRAME P1={LITERAL}\nLIN P1 C_DIS\n", "a.src")
+    assert program.path.names == ("P1",)
+
+
+@pytest.mark.parametrize(
+    ("axes", "told"), [("E1 0,E2 0.0,E3 -0.0E+01", False), ("E1 0,E2 -0.5", True), ("E1 1500", True)]
+)
+def test_a_robot_that_travels_on_external_axes_is_told(axes: str, told: bool) -> None:
+    notes = krl.read(f"XP1={LITERAL[:-1]},S 2,T 35,{axes}}}\n", "a.dat").notes
+    assert ("external axes, which are not followed, are left as they are: line 1" in " ".join(notes)) == told

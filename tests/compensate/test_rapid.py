@@ -101,7 +101,15 @@ def test_targets_assigned_or_passed_on_are_found() -> None:
     program = rapid.read(text, "a.mod")
     assert program.path.names == ("p1", "robtarget", "q", "MoveL")
     assert program.path.lines.tolist() == [1, 2, 3, 5]
-    assert program.notes == ("components set one by one are left as they are: line 4",)
+    assert program.notes == (
+        "components set one by one are left as they are: line 4",
+        "external axes are not followed, first in line 1",
+    )
+
+
+def test_external_axes_that_are_not_there_or_at_rest_are_not_told() -> None:
+    target = TARGET.replace("11,12.3", "0.0,9E+09")
+    assert rapid.read(f"p1 := {target};", "a.mod").notes == ()
 
 
 def test_what_is_no_robtarget_is_left_alone() -> None:

@@ -25,6 +25,7 @@ UNITS = {
 }
 DECIMALS = {1e-3: 3, 1e-2: 4, 0.0254: 5, 0.3048: 6, 1.0: 6}
 AXIS_DECIMALS = 7
+PLACED = ("MSYS", "ORIGIN", "TRACUT", "TRANS", "COPY")  # of the coordinates that targets count in
 _WORD = re.compile(r"\s*(?:\d+\s+)?(?P<word>[A-Za-z]\w*)\s*/", re.ASCII)
 _TEXT = re.compile(r"\s*(?:\d+\s+)?(?:PARTNO|PPRINT|REMARK|INSERT|LETTER)\b", re.IGNORECASE)
 _NUMBER = re.compile(NUMBER)
@@ -45,6 +46,7 @@ def read(text: str, source: str) -> Program:
     """
     places: list[Place] = []
     left: dict[str, list[int]] = {}
+    moved: dict[str, int] = {}
     unit, axis = 1e-3, (0.0, 0.0, 1.0)
     for number, at, statement in _statements(text):
         match = _WORD.match(statement)
@@ -64,10 +66,13 @@ def read(text: str, source: str) -> Program:
             places.append(place)
         elif word in ("GODLTA", "CIRCLE", "FROM", "ARC", "MOVARC"):
             left.setdefault(word, []).append(number)
+        elif word in PLACED:
+            moved.setdefault(word, number)
     if not places:
         raise BeamstiffError(f"{source}: found no target, expected lines such as GOTO/10.0,0.0,25.0")
     notes = [f"{word} is left as it is, first in line {numbers[0]}" for word, numbers in left.items()]
-    return make_program(text, source, places, ToolAxis(), read, notes)
+    said = [f"line {number} sets {word}" for word, number in moved.items()]
+    return make_program(text, source, places, ToolAxis(), read, notes, said)
 
 
 def _statements(text: str) -> list[tuple[int, int, str]]:

@@ -2,9 +2,10 @@
 
 X Y Z are mm in $BASE, A B C degrees about the turned axes z, y, x (intrinsic Z-Y-X). Targets are literals in
 declarations, assignments and motions (PTP, LIN, CIRC, SPL, SLIN, ...). Not targets, and left as they are:
-$BASE, $TOOL, BASE_DATA[..] and the like; axis values {A1 ..}; relative motions (LIN_REL ...); structures
-within structures. S, T and the external axes E1 to E6 of a target stay. A motion to {X ..,Y ..,Z ..} alone
-keeps the orientation of the target before it.
+$BASE, $TOOL, BASE_DATA[..] and the like, and variables that these are set to; FRAME variables that no motion
+of the file goes to, since they may be bases and tools (move one, and all its targets move); axis values
+{A1 ..}; relative motions (LIN_REL ...); structures within structures. S, T and the external axes E1 to E6 of
+a target stay. A motion to {X ..,Y ..,Z ..} alone keeps the orientation of the target before it.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ LEFT = (
     "frames, tools and loads",
     "relative motions",
     "axis values",
+    "external axes, which are not followed,",
     "components set one by one",
     "frames combined by ':'",
     "literals that are neither moved to nor given a name",
@@ -40,7 +42,14 @@ _FRAMES = re.compile(
 _COMPONENT = re.compile(r"\s*(?P<key>[A-Za-z_]\w*(?:\[\s*\d*\s*\])?)(?:\s+(?P<value>\S.*?))?\s*", re.DOTALL)
 _NUMBER = re.compile(NUMBER)
 _PART = re.compile(r"^\s*[A-Za-z_]\w*(?:\[[^\]]*\])?\.[XYZABC]\s*=", re.IGNORECASE)
+_EXTERNAL = re.compile(r"\bE[1-6]\s+[-+.0]*[1-9]", re.IGNORECASE)
 _SET = re.compile(r"\$(BASE|TOOL)\s*=", re.IGNORECASE)
+_GIVEN = re.compile(r"(?:\$(?:BASE|TOOL)|(?:BASE|TOOL)_DATA\s*\[[^\]]*\])\s*=(?P<from>.*)", re.IGNORECASE)
+_FRAME = re.compile(
+    r"\s*(?:DECL\s+)?(?:GLOBAL\s+)?(?:CONST\s+)?FRAME\s+(?P<names>[A-Za-z_].*)", re.IGNORECASE
+)
+_LITERAL = re.compile(r"\{[^{}]*\}?")
+_WORD = re.compile(r"[A-Za-z_]\w*")
 _BASES = re.compile(r"\bTOOL_NO\s+(\d+)\s*,\s*BASE_NO\s+(\d+)", re.IGNORECASE)
 
 
@@ -62,6 +71,7 @@ def read(text: str, source: str) -> Program:
     left: dict[str, list[int]] = {what: [] for what in LEFT}
     frames: dict[str, int] = {}
     code = masked(text, ";")
+    apart = _frame_names(code)
     for number, at, line in lines(code):
         for match in _SET.finditer(line):
             frames.setdefault(f"sets ${match[1].upper()}", number)
@@ -73,7 +83,7 @@ def read(text: str, source: str) -> Program:
             inner = line[start + 1 : end]
             motion, name = _before(line[:start])
             keys = _keys(inner)
-            if name is not None and _FRAMES.fullmatch(name):
+            if name is not None and (_FRAMES.fullmatch(name) or name.partition("[")[0].upper() in apart):
                 if not name.startswith("$"):  # those are told apart
                     left["frames, tools and loads"].append(number)
             elif "{" in inner or not keys:
@@ -87,6 +97,8 @@ def read(text: str, source: str) -> Program:
             elif line[:start].rstrip().endswith(":") or line[end + 1 :].lstrip().startswith(":"):
                 left["frames combined by ':'"].append(number)
             elif label := name or motion:
+                if _EXTERNAL.search(inner):
+                    left["external axes, which are not followed,"].append(number)
                 at_place = at + start + 1
                 places.append(_target(inner, at_place, label, number, source, text, places, name is None))
             else:
@@ -105,6 +117,20 @@ def read(text: str, source: str) -> Program:
             "of a .src may stand in its .dat"
         )
     return make_program(text, source, places, KUKA, read, notes, said)
+
+
+def _frame_names(code: str) -> set[str]:
+    """Return variables that are bases or tools: what these are set to, frames that no motion goes to."""
+    given, declared, moved_to = set(), set(), set()
+    for _, _, line in lines(code):
+        bare = _LITERAL.sub("", line)
+        if match := _GIVEN.search(bare):
+            given.update(_WORD.findall(match["from"].upper()))
+        if match := _FRAME.match(bare):
+            declared.update(_WORD.findall(match["names"].upper()))
+        elif match := _MOTION.search(bare):
+            moved_to.update(_WORD.findall(bare[match.end() :].upper()))
+    return given | (declared - moved_to)
 
 
 def _groups(line: str, source: str, number: int) -> Iterator[tuple[int, int]]:

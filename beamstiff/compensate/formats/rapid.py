@@ -20,6 +20,7 @@ from beamstiff.errors import BeamstiffError, shown
 SIZES = (3, 4, 4, 6)
 PARTS = ("position x, y, z", "quaternion q1 to q4", "axis configuration", "external axes")
 MILLIMETRE, DECIMALS = 1e-3, (3, 7)
+NO_AXIS = 9e8  # an external axis of 9E9 is not there
 _DECLARED = re.compile(r"\brobtarget\s+(?P<name>\w+)\s*(?P<size>\{[^}]*\})?\s*:=\s*(?=\[)", re.IGNORECASE)
 _MOTION = re.compile(
     r"\b(?P<name>(?:Move(?!Abs)|Search|Trigg)\w*)(?:\s|\\\w+(?:\s*:=\s*\w+)?,?)*\s*(?=\[)", re.IGNORECASE
@@ -49,6 +50,7 @@ def read(text: str, source: str) -> Program:
     """
     code = masked(text, "!")
     places: list[Place] = []
+    travelling: list[int] = []
     ends = [0]
     for name, at, count in _literals(code):
         found, end = _bracket(code, at, source, name)
@@ -56,9 +58,9 @@ def read(text: str, source: str) -> Program:
         items = found if count else [found]
         for number, item in enumerate(items, start=1):
             label = f"{name}{{{number}}}" if count else name
-            places.append(_target(item, label, code, at, text, source))
+            places.append(_target(item, label, code, at, text, source, travelling))
     for start, stop in zip(ends[::2], [*ends[1::2], len(code)], strict=True):
-        places += _elsewhere(code, start, stop, text, source)
+        places += _elsewhere(code, start, stop, text, source, travelling)
     places.sort(key=lambda place: place.position[0].start)
     if not places:
         raise BeamstiffError(
@@ -75,6 +77,8 @@ def read(text: str, source: str) -> Program:
         notes.append(f"components set one by one are left as they are: line {line_of(text, match.start())}")
     if match := _OFFSETS.search(code):
         notes.append(f"Offs and RelTool are left as they are, first in line {line_of(text, match.start())}")
+    if travelling:
+        notes.append(f"external axes are not followed, first in line {min(travelling)}")
     said = [f"its targets are in the work object {frames[0]}"] if len(frames) == 1 else []
     return make_program(text, source, places, Quaternion(), read, notes, said)
 
@@ -91,13 +95,17 @@ def _literals(code: str) -> Iterator[tuple[str, int, bool]]:
     yield from sorted(found, key=lambda item: item[1])
 
 
-def _elsewhere(code: str, start: int, stop: int, text: str, source: str) -> Iterator[Place]:
+def _elsewhere(
+    code: str, start: int, stop: int, text: str, source: str, travelling: list[int]
+) -> Iterator[Place]:
     """Yield the targets of a part of the text that are only assigned or passed on."""
     for match in _NESTED.finditer(code, start, stop):
         try:
             found, _ = _bracket(code, match.start(), source, "")
             name = _NAME.search(code, max(start, match.start() - 100), match.start())
-            yield _target(found, name[1] if name else "robtarget", code, match.start(), text, source)
+            yield _target(
+                found, name[1] if name else "robtarget", code, match.start(), text, source, travelling
+            )
         except BeamstiffError:
             continue  # other data: tools, work objects, poses
 
@@ -139,7 +147,10 @@ def _bracket(code: str, at: int, source: str, name: str) -> tuple[list[object], 
     _fail(source, code, at, name, "found '[' without its ']'")
 
 
-def _target(item: object, name: str, code: str, at: int, text: str, source: str) -> Place:
+def _target(
+    item: object, name: str, code: str, at: int, text: str, source: str, travelling: list[int]
+) -> Place:
+    """Return the target of a literal; its line goes to `travelling` where external axes are not at 0."""
     if not isinstance(item, list) or len(item) != 4 or not all(isinstance(part, list) for part in item):
         count = len(item) if isinstance(item, list) else 1
         _fail(
@@ -151,6 +162,9 @@ def _target(item: object, name: str, code: str, at: int, text: str, source: str)
         if len(part) != size or not all(isinstance(number, tuple) for number in part):
             where = part[0][0] if part and isinstance(part[0], tuple) else at
             _fail(source, code, where, name, f"found {len(part)} numbers for the {what}, expected {size}")
+    line = line_of(text, item[0][0][0])
+    if any(0.0 < abs(float(number)) < NO_AXIS for _, number in item[3]):
+        travelling.append(line)
     units = (MILLIMETRE, 1.0)
     slots = [
         tuple(
@@ -159,7 +173,7 @@ def _target(item: object, name: str, code: str, at: int, text: str, source: str)
         )
         for part, unit, decimals in zip(item[:2], units, DECIMALS, strict=True)
     ]
-    return Place(name, line_of(text, item[0][0][0]), slots[0], slots[1])
+    return Place(name, line, slots[0], slots[1])
 
 
 def _fail(source: str, code: str, at: int, name: str, message: str) -> NoReturn:
