@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.identify.fuzzy_rules import Method, Readings, fit_conclusions, state_readings
+from beamstiff.identify.split import configurations
 from beamstiff.measure.table import Measurements
 from beamstiff.model.fuzzy import FuzzySystem, Partition, Premises
 from beamstiff.model.fuzzy_compliance import FuzzyCompliance, inputs_of
@@ -116,7 +117,8 @@ def state_task(
         names = tuple(name for name, varies in zip(names, varying, strict=True) if varies)
         x = x[:, varying]
     readings = state_readings(table, compile_kinematics(robot).size, robot.tcp, symmetric)
-    poses = np.unique(table.pose)
+    stood = configurations(table)
+    poses = np.unique(stood)
     held = round(test_share * len(poses))
     if not 0 < held < len(poses):
         raise BeamstiffError(
@@ -125,7 +127,7 @@ def state_task(
         )
     chosen = np.random.default_rng(seed).permutation(poses)[:held]
     trained = np.stack([x.min(axis=0), x.max(axis=0)], axis=1)
-    train = ~np.isin(table.pose, chosen)
+    train = ~np.isin(stood, chosen)
     return Task(names, x, trained, readings, train, method, positive and symmetric)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError
+from beamstiff.measure.arrays import equal_rows
 from beamstiff.measure.table import Measurements
 from beamstiff.se3 import Array
 
@@ -69,6 +70,11 @@ def split_rows(
     BeamstiffError
         When there are too few poses to hold some out, or there is no such load.
 
+    Notes
+    -----
+    What is held out is where the robot stood: rows of equal joint values leave together, in whatever table
+    and under whatever pose id they are.
+
     Examples
     --------
     >>> from beamstiff.measure import make_measurements
@@ -79,7 +85,8 @@ def split_rows(
     """
     if not 0.0 <= share < 1.0:
         raise BeamstiffError(f"share of poses to hold out: found {share}, expected at least 0, less than 1")
-    poses = np.unique(table.pose)
+    stood = configurations(table)
+    poses = np.unique(stood)
     held = round(share * len(poses)) if share else 0
     if share and not 1 <= held < len(poses):
         raise BeamstiffError(
@@ -90,8 +97,8 @@ def split_rows(
     level, loads, unit = load_levels(table)
     new_load = np.zeros(len(table), dtype=np.bool_)
     if fit_load is not None:
-        near = np.abs(np.array(loads) / fit_load - 1.0)
-        if near.min() > SAME:
+        near = np.abs(np.array(loads) - fit_load)
+        if not (near <= SAME * np.array(loads)).any():
             known = ", ".join(f"{load:.4g}" for load in loads)
             raise BeamstiffError(
                 f"{table.source}: found no load of {fit_load:.4g} {unit}, expected one of {known} {unit}"
@@ -99,10 +106,17 @@ def split_rows(
         new_load = level != int(near.argmin())
     elif len(loads) > 1:
         new_load = level == len(loads) - 1
-    split = Split(np.isin(table.pose, out), new_load, level, loads, unit)
+    split = Split(np.isin(stood, out), new_load, level, loads, unit)
     if not split.fitted.any():
         raise BeamstiffError(f"{table.source}: no row is left to fit, expected several poses under each load")
     return split
+
+
+def configurations(table: Measurements) -> NDArray[np.int64]:
+    """Return an id for every row (N,), equal where the robot stood the same; tables number poses apart."""
+    whole = table.q[np.unique(table.pose, return_index=True)[1]]  # one reading for all rows of a pose
+    of_pose = equal_rows(whole)
+    return of_pose[np.unique(table.pose, return_inverse=True)[1].reshape(-1)]
 
 
 def load_levels(table: Measurements) -> tuple[NDArray[np.int64], tuple[float, ...], str]:

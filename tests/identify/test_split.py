@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from beamstiff import BeamstiffError
 from beamstiff.identify.split import KINDS, load_levels, position_errors, split_rows
+from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements, make_measurements
 
 
@@ -27,6 +28,13 @@ def test_whole_poses_are_held_out(poses: int, seed: int) -> None:
     assert not np.isin(table.pose[split.new_pose], table.pose[~split.new_pose]).any()
 
 
+def test_a_pose_that_several_tables_hold_is_held_out_in_all() -> None:
+    table = concatenate([rows(8, [load]) for load in (300.0, 600.0, 900.0)])
+    split = split_rows(table)
+    assert split.new_pose.sum() == 3 * 2
+    assert not np.isin(table.q[split.new_pose], table.q[~split.new_pose]).any()
+
+
 def test_the_largest_load_is_held_out_where_there_are_several() -> None:
     split = split_rows(rows(8, [300.0, -900.0, 600.0]))
     assert split.loads == (300.0, 600.0, 900.0)
@@ -41,6 +49,12 @@ def test_one_load_alone_may_be_fitted() -> None:
         BeamstiffError, match=r"campaign.csv: found no load of 950 N, expected one of 300, 600"
     ):
         split_rows(rows(8, [300.0, 600.0]), fit_load=950.0)
+
+
+@pytest.mark.parametrize("load", [float("nan"), float("inf"), 0.0, -900.0])
+def test_a_load_that_is_none_is_refused(load: float) -> None:
+    with pytest.raises(BeamstiffError, match="found no load of"):
+        split_rows(rows(8, [300.0, 900.0]), fit_load=load)
 
 
 def test_without_a_share_no_pose_is_held_out() -> None:
