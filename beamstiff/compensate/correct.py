@@ -286,18 +286,13 @@ def _settled(machine: Machine, q: Array, load: Callable[[Array], Array], near: A
         Where to begin.
     """
     undeformed = machine.undeformed(q)
-    wrench = load(near)
-    x = machine.moved(q, wrench, near)
+    x = machine.moved(q, load(near), near)
     inverse = np.broadcast_to(-np.eye(6), (len(q), 6, 6)).copy()
     gap: Array | None = None
     step = np.zeros_like(x)
     for _ in range(ROUNDS):
         at = machine.displaced(undeformed, x)
-        new_wrench = load(at)
-        if (new_wrench == wrench).all():
-            return at
-        wrench = new_wrench
-        new_gap = machine.moved(q, wrench, at) - x
+        new_gap = machine.moved(q, load(at), at) - x
         if np.abs(new_gap).max() < SETTLED:
             return at
         if gap is not None:

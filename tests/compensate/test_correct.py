@@ -268,3 +268,20 @@ def test_a_tool_on_a_planar_robot_is_refused() -> None:
     machine = Machine(load_robot("ir663"), frames=Frames(tool=transform(np.eye(3), np.array([0.1, 0, 0]))))
     with pytest.raises(BeamstiffError, match="fewer than six joints: its tool has to be its TCP"):
         correct_path(machine, path_of(kr500()), LOAD)
+
+
+def test_without_correction_a_load_acts_where_its_tool_came_to() -> None:
+    # its lever about the flange, 0.4 m long, has turned with the tool
+    tool = transform(rotation_from_vector(np.array([0.3, -0.2, 0.5])), np.array([0.1, 0.05, 0.4]))
+    machine, path = Machine(kr500(), heavy(), frames=Frames(tool=tool)), path_of(kr500())
+    kinematics = compile_kinematics(kr500())
+    tip = path.moved_to(path.poses @ tool)
+    found = correct_path(machine, tip, LOAD, start=START)
+    q = START + np.linspace(0, 0.2, len(path))[:, None] * [1, -1, 0.5, 1, 1, 1]
+    assert np.allclose(pose_of(kinematics, posture(kinematics, q), "n6b"), path.poses)
+    at = tip.poses
+    for _ in range(8):
+        wrench = np.tile(LOAD.value, (len(path), 1))
+        at = machine.displaced(machine.undeformed(q), machine.moved(q, wrench, at))
+    expected = at[:, :3, 3] - tip.poses[:, :3, 3]
+    np.testing.assert_allclose(found.before[:, :3], expected, rtol=0, atol=1e-9)
