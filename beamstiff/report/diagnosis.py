@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.console import RenderableType
@@ -13,6 +14,9 @@ from beamstiff.gap.effects import EFFECTS
 from beamstiff.gap.result import Candidate, Diagnosis
 from beamstiff.gap.search import UNKNOWN
 from beamstiff.report.tables import add_rows, number, table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 SHOWN = 8
 
@@ -150,14 +154,21 @@ def _row(one: Candidate) -> list[str]:
 
 
 def draw_diagnosis(result: Diagnosis, path: str | Path) -> None:
-    """Draw the candidates, the places and the gap before and after, to a file.
+    """Draw a diagnosis to a file.
 
     Raises
     ------
     BeamstiffError
         When the file cannot be written or its kind is not known.
     """
-    from beamstiff.report.figures import BLUE, GREEN, ORANGE, new_figure, plain, save_figure
+    from beamstiff.report.figures import save_figure
+
+    save_figure(diagnosis_figure(result), path)
+
+
+def diagnosis_figure(result: Diagnosis) -> Figure:
+    """Draw the candidates, the places and the gap before and after."""
+    from beamstiff.report.figures import BLUE, GREEN, ORANGE, new_figure, plain
     from beamstiff.report.skeleton import draw_shares
 
     figure = new_figure(12.0, 7.2)
@@ -175,8 +186,8 @@ def draw_diagnosis(result: Diagnosis, path: str | Path) -> None:
     axes[1].set(title="Where", xlabel="share of the explainable gap", xlim=(0, 1))
     bars = {"gap": result.rms}
     if result.verdict.shrink is not None:
-        bars["with the cause"] = result.verdict.shrink.after
-    bars |= {"any law of any place": result.ceiling, "noise": result.noise}
+        bars["with\nthe cause"] = result.verdict.shrink.after
+    bars |= {"any law of\nany place": result.ceiling, "noise": result.noise}
     axes[2].bar(list(bars), [1e3 * value for value in bars.values()], color=GREEN)
     axes[2].set(title="How far", ylabel="held-out position gap, RMS, mm")
     worst = result.where.get("poses", [])
@@ -187,4 +198,4 @@ def draw_diagnosis(result: Diagnosis, path: str | Path) -> None:
         axes[3].set(
             title=f"Where on the robot (worst posture, {worst[0]['rms_mm']:.2f} mm)", xlabel="m", ylabel="m"
         )
-    save_figure(figure, path)
+    return figure

@@ -66,9 +66,12 @@ def draw_shares(axes: Axes, robot: Robot, q: Array, shares: Mapping[str, float])
         size = 40.0 + 160.0 * shares.get(name, 0.0) / most
         axes.scatter(x, y, s=size, color=colour(name), marker=mark, edgecolors="0.2", zorder=2)
     placed = [(name, share) for name, share in shares.items() if name in middle]
+    labelled = dict[tuple[float, ...], int]()  # labels of one place stand below one another
     for name, share in sorted(placed, key=lambda item: -item[1])[:LABELLED]:
         label, where = f"{name} {100 * share:.0f} %", tuple(middle[name])
-        axes.annotate(label, where, xytext=(8, 6), textcoords="offset points", fontsize=8, zorder=4)
+        below = labelled[where] = labelled.get(where, -1) + 1
+        offset = (8, 6 - 10 * below)
+        axes.annotate(label, where, xytext=offset, textcoords="offset points", fontsize=8, zorder=4)
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.15)
 
