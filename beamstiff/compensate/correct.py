@@ -25,6 +25,7 @@ from beamstiff.se3 import Array, rotation_from_vector
 CLOSE, ENOUGH = 1e-8, 4e-7  # m and rad: what remains of the error; at most, beside a singular posture
 ROUNDS = 40
 SETTLED = 1e-10  # m and rad
+LONGEST_STEP = 3.0  # of the error that it is to take away
 FREE = 1e-6  # of the largest velocity: a direction in which the tool moves
 
 
@@ -201,42 +202,68 @@ class _Commands:
 def _commands(
     machine: Machine, targets: Array, start: Array, wrench: Array, q: Array, turned: NDArray[np.bool_]
 ) -> _Commands:
-    """Iterate ``P' = P - dP`` for all targets at once, until the real tool is at them."""
-    commands, q = start.copy(), q.copy()
-    own, own_q = start.copy(), q.copy()
+    """Iterate ``P' = P - dP`` for all targets at once, until the real tool is at them.
+
+    Beside a singular posture a little of the command turns the joints, and so the error, far: there the steps
+    need Broyden's method, of which the first is ``-dP``. The best command of all rounds is kept.
+    """
+    commands, first, q = start.copy(), q, q.copy()
+    best, best_q, least = start.copy(), q.copy(), np.full(len(targets), np.inf)
     reasons: dict[int, str] = {}
     left = np.arange(len(targets))
-    error = np.zeros((len(targets), 6))
+    error, step = np.zeros((len(targets), 6)), np.zeros((len(targets), 6))
+    inverse = np.tile(np.eye(6), (len(targets), 1, 1))
     for count in range(1, ROUNDS + 1):  # noqa: B007 (told in the end)
         reached = machine.displaced(
             machine.undeformed(q[left]), machine.moved(q[left], wrench[left], targets[left])
         )
+        old = error[left]
         error[left] = difference(reached, targets[left])
         error[~turned, 3:] = 0.0
         error[left, :3] = _possible(machine, q[left], error[left, :3])
-        left = left[np.abs(error[left]).max(axis=1, initial=0.0) > CLOSE]
+        if count > 1:
+            inverse[left] = _secant(inverse[left], step[left], error[left] - old)
+        size = np.abs(error[left]).max(axis=1, initial=0.0)
+        better = left[size < least[left]]
+        best[better], best_q[better] = commands[better], q[better]
+        least[left] = np.minimum(size, least[left])
+        left = left[size > CLOSE]
         if not left.size:
             break
-        before, q_before = commands[left], q[left]
-        commands[left, :3, 3] -= error[left, :3]
-        turn = rotation_from_vector(-error[left, 3:])
-        commands[left, :3, :3] = turn @ commands[left, :3, :3]
+        step[left] = _steps(inverse[left], error[left])
+        commands[left, :3, 3] += step[left, :3]
+        commands[left, :3, :3] = rotation_from_vector(step[left, 3:]) @ commands[left, :3, :3]
         found = solve(machine.kinematics, machine.frames.node_poses(commands[left]), q[left], restarts=0)
         q[left] = found.q
         for at in np.flatnonzero(~found.reached).tolist():
             row = int(left[at])
-            if np.abs(error[row]).max() <= ENOUGH:  # it was good enough already
-                commands[row], q[row] = before[at], q_before[at]
-            else:
+            if least[row] > ENOUGH:  # else it was good enough already
                 reasons[row] = f"its correction is {shortfall(machine.kinematics, found, at)}"
         left = left[found.reached]
         if not left.size:
             break
-    for row in left[np.abs(error[left]).max(axis=1, initial=0.0) > ENOUGH].tolist():
-        reasons[row] = f"no command found: {1e3 * np.linalg.norm(error[row, :3]):.3g} mm remain"
+    for row in left[least[left] > ENOUGH].tolist():
+        reasons[row] = f"no command found: {1e3 * least[row]:.3g} mm (or mrad) remain"
     for row in reasons:
-        commands[row], q[row] = own[row], own_q[row]
-    return _Commands(commands, q, reasons, count)
+        best[row], best_q[row] = start[row], first[row]
+    return _Commands(best, best_q, reasons, count)
+
+
+def _steps(inverse: Array, error: Array) -> Array:
+    """Return the steps (K, 6) that take errors (K, 6) away; where they would be far longer than these, less."""
+    step: Array = -np.einsum("nij,nj->ni", inverse, error)
+    most = LONGEST_STEP * np.abs(error).max(axis=1, keepdims=True)
+    return step * np.minimum(1.0, most / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-300))
+
+
+def _secant(inverse: Array, step: Array, change: Array) -> Array:
+    """Return approximate inverse derivatives (K, 6, 6) that explain a change (K, 6) by its step (K, 6)."""
+    back = np.einsum("nij,nj->ni", inverse, change)
+    row = np.einsum("ni,nij->nj", step, inverse)
+    size = np.einsum("ni,ni->n", step, back)
+    usable = np.abs(size) > 1e-30
+    scale = np.where(usable, 1.0 / np.where(usable, size, 1.0), 0.0)
+    return inverse + scale[:, None, None] * (step - back)[:, :, None] * row[:, None, :]
 
 
 def _possible(machine: Machine, q: Array, errors: Array) -> Array:
@@ -296,13 +323,7 @@ def _settled(machine: Machine, q: Array, load: Callable[[Array], Array], near: A
         if np.abs(new_gap).max() < SETTLED:
             return at
         if gap is not None:
-            change = new_gap - gap
-            back = np.einsum("nij,nj->ni", inverse, change)
-            row = np.einsum("ni,nij->nj", step, inverse)
-            size = np.einsum("ni,ni->n", step, back)
-            usable = np.abs(size) > 1e-30
-            scale = np.where(usable, 1.0 / np.where(usable, size, 1.0), 0.0)
-            inverse += scale[:, None, None] * (step - back)[:, :, None] * row[:, None, :]
+            inverse = _secant(inverse, step, new_gap - gap)
         step = -np.einsum("nij,nj->ni", inverse, new_gap)
         x, gap = x + step, new_gap
     worst = int(np.argmax(np.abs(new_gap).max(axis=1)))

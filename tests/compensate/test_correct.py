@@ -285,3 +285,16 @@ def test_without_correction_a_load_acts_where_its_tool_came_to() -> None:
         at = machine.displaced(machine.undeformed(q), machine.moved(q, wrench, at))
     expected = at[:, :3, 3] - tip.poses[:, :3, 3]
     np.testing.assert_allclose(found.before[:, :3], expected, rtol=0, atol=1e-9)
+
+
+def test_beside_a_stretched_wrist_a_command_is_found() -> None:
+    # the correction turns the tool by as much as the wrist is bent: a small step of it turns joint 4 far
+    kinematics = compile_kinematics(kr500())
+    q = np.tile(START, (5, 1))
+    q[:, 4] = [1e-2, 3e-3, 1e-3, 3e-4, -1e-3]
+    poses = pose_of(kinematics, posture(kinematics, q), "n6b")
+    path = ToolPath("path", tuple("abcde"), np.arange(1, 6), poses, np.full(5, True))
+    found = correct_path(Machine(kr500(), heavy()), path, LOAD, start=q[0])
+    assert not found.reasons
+    assert np.abs(found.before[:, 3:]).min(axis=0).max() > 1e-4
+    assert np.abs(found.after).max() < 4e-7
