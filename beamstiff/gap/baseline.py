@@ -154,7 +154,7 @@ def fit_baseline(
     measured, used = deviation(robot, rows), rows.measured_mask
     claimed = bool((np.isfinite(rows.sigma) & used).any())
     spread = _sigma(rows) if sigma is None else sigma
-    sharing = rows.pose if rows.shared_unloaded else np.full(len(rows), -1)
+    sharing = rows.sharing
     fitted = robot
     predicted, loaded = predict(fitted, rows)
     if names:
@@ -198,7 +198,7 @@ def fit_baseline(
         used=used,
         sigma=spread,
         claimed=claimed,
-        sharing=np.asarray(sharing, dtype=np.int64),
+        sharing=sharing,
         predicted=predicted,
         loaded=loaded,
         tangent=tangent,
@@ -226,7 +226,7 @@ def at_rows(fit: Baseline, rows: Measurements) -> Baseline:
         used=used,
         sigma=_sigma(rows),
         claimed=fit.claimed,
-        sharing=rows.pose if rows.shared_unloaded else np.full(len(rows), -1),
+        sharing=rows.sharing,
         predicted=predicted,
         loaded=loaded,
         tangent=tangent,

@@ -245,7 +245,6 @@ def state_problem(
             f"{source}: {int(used.sum())} measured components for {len(model.parameters)} parameters "
             f"({listed(model.parameters)}); measure more, {state}or identify fewer"
         )
-    sharing = measurements.pose if measurements.shared_unloaded else np.full(len(measurements), -1)
     spread = np.where(used, sigma, 1.0) if stated.any() else np.full(used.shape, UNIT_NOISE)
     return Problem(
         model=model,
@@ -253,10 +252,10 @@ def state_problem(
         used=used,
         sigma=spread,
         sigma_known=bool(stated.any()),
-        sharing=sharing,
+        sharing=measurements.sharing,
         pose=measurements.pose,
         load=equal_rows(measurements.wrench),
-        whitening=whitening(spread, used, sharing),
+        whitening=whitening(spread, used, measurements.sharing),
         source=source,
         notes=tuple(notes),
     )

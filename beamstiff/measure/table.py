@@ -123,6 +123,14 @@ class Measurements:
         """Which of the six values of each row were measured (N, 6)."""
         return ~np.isnan(self.measured)
 
+    @property
+    def sharing(self) -> Integers:
+        """The number of the unloaded reading of each row, (N,): one a pose and reflector; -1 its own."""
+        if not self.shared_unloaded:
+            return np.full(len(self), -1)
+        reflector = np.unique(self.point, return_inverse=True)[1]
+        return equal_rows(np.stack([self.pose, reflector], axis=1).astype(np.float64))
+
     def place(self, row: int) -> str:
         """Return where a row stands, as ``file:line``."""
         return f"{self.sources[self.run[row]]}:{self.rows[row]}"
