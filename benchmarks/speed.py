@@ -9,7 +9,6 @@ and peers once); answers are compared before times are.
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import statistics
 import subprocess
@@ -36,7 +35,8 @@ from beamstiff.tape import compiled
 from beamstiff.tape.expression import Op
 from beamstiff.tape.program import Program
 from benchmarks.batched_compliance import closing_poses, machine
-from benchmarks.lattice import cube, tip
+from benchmarks.large_frame import in_a_process, lattices
+from benchmarks.peers import ask, off
 
 README = Path(__file__).parent / "README.md"
 AGREED = 1e-9
@@ -92,12 +92,6 @@ def flops(program: Program) -> int:
     """Return the floating point operations of a program for one pose."""
     double = (Op.MUL_ADD, Op.MUL_SUB, Op.SUB_FROM_MUL)
     return int(len(program.steps) + np.isin(program.steps[:, 0], double).sum())
-
-
-def off(found: Array, expected: Array) -> float:
-    """Return the largest difference of a compliance by its largest entry."""
-    size = np.abs(expected).max(axis=(-1, -2), keepdims=True)
-    return float((np.abs(found - expected) / size).max())
 
 
 def interpreted(work: Callable[[], object]) -> Callable[[], object]:
@@ -186,7 +180,7 @@ def _peer_poses(peers: str, peer: str, robot: Robot, q: Array) -> Row:
         kept, number = np.unique(same, return_inverse=True)
         work |= {"points": work["points"][:, kept], "beams": number[work["beams"]]}
         work |= {"fixed": number[work["fixed"]], "tcp": number[work["tcp"]]}
-    found, seconds = _ask(peers, peer, work)
+    found, seconds = ask(peers, peer, work)
     name = {"opensees_poses": "OpenSeesPy", "pynite_poses": "PyNite"}[peer]
     return (what, name, f"{1e6 * seconds / len(found):.0f}", f"{off(found, expected):.0e}", "")
 
@@ -206,16 +200,6 @@ def _stated(structure: Structure, poses: Posture) -> dict[str, Array]:
         "fixed": np.array([structure.kinematics.node_index[name] for name in robot.fixed]),
         "tcp": np.array(structure.kinematics.node_index[robot.tcp]),
     }
-
-
-def _ask(peers: str, peer: str, work: dict[str, Array]) -> tuple[Array, float]:
-    with tempfile.TemporaryDirectory() as folder:
-        source, target = Path(folder, "work.npz"), Path(folder, "result.npz")
-        np.savez(source, **work)  # type: ignore[arg-type]
-        script = Path(__file__).parent / "peers_run.py"
-        subprocess.run([peers, script, peer, source, target], check=True, capture_output=True, env=os.environ)
-        with np.load(target) as stored:
-            return stored["compliance"], float(stored["seconds"])
 
 
 def first_call() -> Iterator[Row]:
@@ -287,90 +271,6 @@ def ports(count: int = 10_000) -> Iterator[Row]:
         )
 
 
-def lattices(rates: tuple[float, float], peers: str | None, large: bool) -> Iterator[Row]:
-    """Yield rows of large frames: assembly, factor and six right sides."""
-    yield (
-        "lattice",
-        "unknowns",
-        "solver",
-        "s",
-        "s refined",
-        "error before, after",
-        "peak GB",
-        "GFlop, floor s",
-    )
-    sizes = [("slender", 1e5), ("cube", 1e5)]
-    sizes += [("slender", 3e5), ("cube", 3e5), ("slender", 1e6)] if large else []
-    for kind, dofs in sizes:
-        ways = ["multifrontal", "condensation"] + ["splu"] * (kind == "slender")
-        ways += ["multigrid"] * (kind == "cube")
-        expected = None
-        for solver in ways:
-            if (kind, dofs) == ("cube", 3e5) and solver == "multifrontal":
-                continue
-            command = [sys.executable, "-m", "benchmarks.large_frame", kind, str(dofs), solver]
-            run = subprocess.run(command, check=True, capture_output=True, text=True)
-            report = json.loads(run.stdout.splitlines()[-1])
-            if "refused" in report:
-                yield (kind, f"{report['dofs']}", solver, report["refused"][:60], "", "", "", "")
-                continue
-            found = np.array(report["compliance"])
-            expected = found if expected is None else expected
-            errors = (
-                f"{report['first_error']:.0e}, {report['error']:.0e}"
-                if "error" in report
-                else f"{off(found, expected):.0e}, not refined"
-            )
-            work = (
-                f"{report['flops'] / 1e9:.0f}, {report['flops'] / rates[0]:.2f}" if "flops" in report else ""
-            )
-            yield (
-                kind,
-                f"{report['dofs']}",
-                solver,
-                f"{report['plain']:.1f}",
-                f"{report['refined']:.1f}" if "refined" in report else "-",
-                errors,
-                f"{report['peak'] / 1e9:.2f}",
-                work,
-            )
-    if peers:
-        yield _peer_lattice(peers)
-
-
-def _peer_lattice(peers: str) -> Row:
-    frame = cube(1e5)
-    up = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
-    along_z = np.abs(frame.points[frame.beams[:, 1]] - frame.points[frame.beams[:, 0]])[:, 2] > 0
-    # local z of ours: across the beam and `up`
-    axis = frame.points[frame.beams[:, 1]] - frame.points[frame.beams[:, 0]]
-    work = {
-        "points": frame.points[None],
-        "beams": frame.beams,
-        "properties": np.stack([frame.properties[name] for name in ("E", "G", "A", "J", "Iy", "Iz")], axis=1),
-        "across": np.round(np.cross(axis, up[along_z.astype(int)]) / np.linalg.norm(axis, axis=1)[:, None])[
-            None
-        ],
-        "fixed": np.flatnonzero(frame.fixed),
-        "tcp": np.array(tip(frame)),
-    }
-    found, seconds = _ask(peers, "opensees_lattice", work)
-    command = [sys.executable, "-m", "benchmarks.large_frame", "cube", "1e5", "condensation"]
-    run = subprocess.run(command, check=True, capture_output=True, text=True)
-    expected = np.array(json.loads(run.stdout.splitlines()[-1])["compliance"])
-    dofs = f"{int(frame.unknowns.max()) + 1}"
-    return (
-        "cube",
-        dofs,
-        "OpenSeesPy with MUMPS",
-        f"{seconds:.1f}",
-        "-",
-        f"{off(found[0], expected):.0e}",
-        "",
-        "",
-    )
-
-
 def growth(large: bool) -> Iterator[Row]:
     """Yield how the cost grows: exponents of the last decade."""
     yield ("cost against", "size", "seconds", "exponent")
@@ -385,9 +285,7 @@ def growth(large: bool) -> Iterator[Row]:
     for kind in ("slender", "cube"):
         before = None
         for dofs in (1e3, 1e4, 1e5):
-            command = [sys.executable, "-m", "benchmarks.large_frame", kind, str(dofs), "condensation"]
-            run = subprocess.run(command, check=True, capture_output=True, text=True)
-            report = json.loads(run.stdout.splitlines()[-1])
+            report = in_a_process(kind, dofs, "condensation")
             size = (float(report["dofs"]), float(report["plain"]))
             yield (f"unknowns, {kind}", f"{report['dofs']:,}", f"{size[1]:.3g}", _exponent(before, size))
             before = size

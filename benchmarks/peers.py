@@ -1,0 +1,29 @@
+"""Ask a finite element program of others for the answer to stated work (see `peers_run.py`)."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from beamstiff.se3 import Array
+
+
+def ask(peers: str, peer: str, work: dict[str, Array]) -> tuple[Array, float]:
+    """Return the compliances (P, 6, 6) that a peer finds, and its seconds; `peers` is its Python."""
+    with tempfile.TemporaryDirectory() as folder:
+        source, target = Path(folder, "work.npz"), Path(folder, "result.npz")
+        np.savez(source, **work)  # type: ignore[arg-type]
+        script = Path(__file__).parent / "peers_run.py"
+        subprocess.run([peers, script, peer, source, target], check=True, capture_output=True, env=os.environ)
+        with np.load(target) as stored:
+            return stored["compliance"], float(stored["seconds"])
+
+
+def off(found: Array, expected: Array) -> float:
+    """Return the largest difference of a compliance by its largest entry."""
+    size = np.abs(expected).max(axis=(-1, -2), keepdims=True)
+    return float((np.abs(found - expected) / size).max())
