@@ -181,6 +181,7 @@ def identify(
         identification_text,
     )
     from beamstiff.robot.reader import load_robot
+    from beamstiff.robot.stiffness import check_stiffness
 
     chosen("--method", method, list(METHODS))
     chosen("--loss", loss, list(LOSSES))
@@ -190,6 +191,7 @@ def identify(
     at_least("--evaluations", evaluations, 1)
     at_least("--population", population, 5)
     description = load_robot(robot)
+    check_stiffness(description)
     if twice := [path for number, path in enumerate(data) if path in data[:number]]:
         raise BeamstiffError(f"{twice[0]}: is given twice, its rows would count twice")
     tables = [read_measurements(path, description) for path in data]

@@ -10,6 +10,7 @@ from beamstiff._version import __version__
 from beamstiff.cli.calibrate import calibrate
 from beamstiff.cli.compare import compare
 from beamstiff.cli.compensate import compensate
+from beamstiff.cli.convert import convert
 from beamstiff.cli.deflect import deflect
 from beamstiff.cli.diagnose import diagnose
 from beamstiff.cli.doctor import doctor
@@ -45,7 +46,8 @@ def beamstiff(
 ) -> None:
     """Elastostatic robot models: stiffness at the tool, and joint stiffness from measurements.
 
-    ROBOT is always a YAML file or the name of a robot that comes along (beamstiff show lists them).
+    ROBOT is always a YAML, URDF or SDF file, or the name of a robot that comes along (beamstiff show
+    lists them).
     Numbers without a unit are SI: m, rad, N, N m. Wrenches [f, m] and displacements [d, r] are at
     the TCP, in the base frame; r is a rotation vector.
 
@@ -72,6 +74,7 @@ for command in (
     diagnose,
     plan,
     compensate,
+    convert,
     exam,
     doctor,
 ):

@@ -11,7 +11,8 @@ import typer
 from beamstiff.errors import BeamstiffError
 
 RobotFile = Annotated[
-    str, typer.Argument(metavar="ROBOT", help="YAML file, or the name of a robot that comes along.")
+    str,
+    typer.Argument(metavar="ROBOT", help="YAML, URDF or SDF file, or the name of a robot that comes along."),
 ]
 DataFile = Annotated[
     str,

@@ -1,206 +1,27 @@
-"""How files write an orientation: rotation vector, quaternion, Euler angles in a named order, tool axis.
+"""How robot programs write an orientation; the conventions are those of measured frames."""
 
-Each convention turns rows of numbers into rotation matrices and back. Back, of all numbers that mean the same
-rotation the ones nearest to those that stood there before are taken.
-"""
+from beamstiff.measure.orientation import (
+    KUKA,
+    LOCKED,
+    NORM_TOLERANCE,
+    EulerAngles,
+    Orientation,
+    Quaternion,
+    RotationVector,
+    RowError,
+    ToolAxis,
+    named_orientation,
+)
 
-from __future__ import annotations
-
-import re
-import warnings
-from dataclasses import dataclass
-from typing import Protocol
-
-import numpy as np
-from scipy.spatial.transform import Rotation
-
-from beamstiff.errors import BeamstiffError, shown
-from beamstiff.se3 import Array, rotation_about, rotation_from_vector, vector_from_rotation
-
-NORM_TOLERANCE = 5e-3  # of quaternions and axes as people write them: three digits
-LOCKED = 1e-7  # rad: nearer to the pole, first and third angle turn about one line
-_NAMED = re.compile(r"(?P<how>euler|intrinsic|fixed|extrinsic)[\s:,-]+(?P<axes>[xyz]{3})", re.IGNORECASE)
-
-
-class Orientation(Protocol):
-    """A convention for writing orientations, with numbers in SI (angles in rad)."""
-
-    @property
-    def count(self) -> int:
-        """How many numbers an orientation takes."""
-        ...
-
-    def rotations(self, values: Array) -> Array:
-        """Return rotation matrices (N, 3, 3) of numbers (N, count); raises what is wrong with one of them."""
-        ...
-
-    def numbers(self, rotations: Array, like: Array) -> Array:
-        """Return numbers (N, count) of rotation matrices (N, 3, 3), the nearest to `like` (N, count)."""
-        ...
-
-
-@dataclass(frozen=True)
-class RotationVector:
-    """Axis times angle, rad."""
-
-    count: int = 3
-
-    def rotations(self, values: Array) -> Array:
-        """Return rotation matrices (N, 3, 3)."""
-        return rotation_from_vector(values)
-
-    def numbers(self, rotations: Array, like: Array) -> Array:
-        """Return rotation vectors (N, 3); whole turns as in `like`."""
-        vectors = vector_from_rotation(rotations)
-        angle = np.linalg.norm(vectors, axis=1, keepdims=True)
-        axis = np.where(angle > 0, vectors / np.where(angle > 0, angle, 1.0), 0.0)
-        turns = np.round((np.sum(axis * like, axis=1, keepdims=True) - angle) / (2 * np.pi))
-        result: Array = vectors + 2 * np.pi * turns * axis
-        return result
-
-
-@dataclass(frozen=True)
-class Quaternion:
-    """Unit quaternion, scalar first as in RAPID (`q1` of `orient`), unless `scalar_last`."""
-
-    scalar_last: bool = False
-    count: int = 4
-
-    def rotations(self, values: Array) -> Array:
-        """Return rotation matrices (N, 3, 3)."""
-        length = np.linalg.norm(values, axis=1)
-        if (wrong := np.abs(length - 1) > NORM_TOLERANCE).any():
-            row = int(np.argmax(wrong))
-            raise RowError(row, f"found a quaternion of length {length[row]:.6g}, expected 1")
-        ordered = values if self.scalar_last else np.roll(values, -1, axis=1)
-        result: Array = Rotation.from_quat(ordered).as_matrix()
-        return result
-
-    def numbers(self, rotations: Array, like: Array) -> Array:
-        """Return quaternions (N, 4), of the two signs the one of `like`."""
-        quaternions = Rotation.from_matrix(rotations).as_quat()
-        if not self.scalar_last:
-            quaternions = np.roll(quaternions, 1, axis=1)
-        sign = np.where(np.sum(quaternions * like, axis=1, keepdims=True) < 0, -1.0, 1.0)
-        result: Array = sign * quaternions
-        return result
-
-
-@dataclass(frozen=True)
-class EulerAngles:
-    """Three turns one after the other: `ZYX` about the turned axes (intrinsic), `xyz` about fixed ones.
-
-    Examples
-    --------
-    >>> KUKA.rotations(np.radians([[0.0, 90.0, 0.0]])).round(9)[0, :, 2]
-    array([1., 0., 0.])
-    """
-
-    order: str
-    count: int = 3
-
-    def rotations(self, values: Array) -> Array:
-        """Return rotation matrices (N, 3, 3)."""
-        result = np.broadcast_to(np.eye(3), (len(values), 3, 3))
-        for axis, angle in zip(self.order, values.T, strict=True):
-            turn = rotation_about("xyz".index(axis.lower()), angle)
-            result = result @ turn if self.order.isupper() else turn @ result
-        return np.array(result)
-
-    def numbers(self, rotations: Array, like: Array) -> Array:
-        """Return angles (N, 3): of the two solutions, and whole turns, those nearest to `like`."""
-        with warnings.catch_warnings():  # of the pole, which is seen to below
-            warnings.simplefilter("ignore", UserWarning)
-            first = Rotation.from_matrix(rotations).as_euler(self.order)  # type: ignore[call-overload]
-        symmetric = self.order[0] == self.order[2]
-        pole = np.sin(first[:, 1]) if symmetric else np.cos(first[:, 1])
-        first = np.where((np.abs(pole) < LOCKED)[:, None], self._at_pole(rotations, first, like), first)
-        middle = -first[:, 1] if symmetric else np.pi - first[:, 1]
-        second = np.stack([first[:, 0] + np.pi, middle, first[:, 2] + np.pi], axis=1)
-        near = [angles + 2 * np.pi * np.round((like - angles) / (2 * np.pi)) for angles in (first, second)]
-        far = [np.abs(angles - like).sum(axis=1, keepdims=True) for angles in near]
-        result: Array = np.where(far[0] <= far[1] + 1e-9, near[0], near[1])
-        return result
-
-    def _at_pole(self, rotations: Array, angles: Array, like: Array) -> Array:
-        """Return angles with the first as in `like` and the third what is left."""
-        kept = np.stack([like[:, 0], angles[:, 1], np.zeros(len(angles))], axis=1)
-        before = self.rotations(kept)
-        intrinsic = self.order.isupper()
-        left = before.swapaxes(1, 2) @ rotations if intrinsic else rotations @ before.swapaxes(1, 2)
-        axis = "xyz".index(self.order[2].lower())
-        kept[:, 2] = vector_from_rotation(left)[:, axis]
-        return kept
-
-
-KUKA = EulerAngles("ZYX")
-
-
-@dataclass(frozen=True)
-class ToolAxis:
-    """The direction from the tool's tip to its holder, as in APT; the tool's z points the other way.
-
-    What turn about the axis the file leaves open is chosen so that the tool's x lies in the plane of the axis
-    and the x of the path's frame, or of its y where the axis runs along x.
-    """
-
-    count: int = 3
-
-    def rotations(self, values: Array) -> Array:
-        """Return rotation matrices (N, 3, 3)."""
-        length = np.linalg.norm(values, axis=1)
-        if (wrong := np.abs(length - 1) > NORM_TOLERANCE).any():
-            row = int(np.argmax(wrong))
-            raise RowError(row, f"found a tool axis of length {length[row]:.6g}, expected 1")
-        z = -values / length[:, None]
-        along = np.where((np.abs(z[:, :1]) > 0.9), [0.0, 1.0, 0.0], [1.0, 0.0, 0.0])
-        x = along - np.sum(along * z, axis=1, keepdims=True) * z
-        x /= np.linalg.norm(x, axis=1, keepdims=True)
-        return np.stack([x, np.cross(z, x), z], axis=2)
-
-    def numbers(self, rotations: Array, like: Array) -> Array:  # noqa: ARG002 (there is but one)
-        """Return axes (N, 3)."""
-        result: Array = -rotations[:, :, 2]
-        return result
-
-
-class RowError(BeamstiffError):
-    """Numbers that are no orientation; `row` is their place among those given."""
-
-    def __init__(self, row: int, message: str) -> None:
-        self.row = row
-        super().__init__(message)
-
-
-def named_orientation(name: str) -> Orientation:
-    """Return the convention of three columns a b c by its name.
-
-    Parameters
-    ----------
-    name : str
-        ``rotation vector``; ``KUKA ABC`` (intrinsic Z-Y-X); ``Euler ZYX`` and the like (intrinsic, in the
-        order of the columns); ``fixed XYZ`` and the like (about axes that stand still).
-
-    Raises
-    ------
-    BeamstiffError
-        When it is none of these.
-
-    Examples
-    --------
-    >>> named_orientation("Euler ZYZ").order, named_orientation("fixed XYZ").order
-    ('ZYZ', 'xyz')
-    """
-    plain = re.sub(r"[\s_-]+", " ", name.strip().lower())
-    if plain in ("rotation vector", "rotvec"):
-        return RotationVector()
-    if plain in ("kuka abc", "kuka a b c", "kuka"):
-        return KUKA
-    if match := _NAMED.fullmatch(name.strip()):
-        axes = match["axes"].upper()
-        if axes[0] != axes[1] and axes[1] != axes[2]:
-            return EulerAngles(axes if match["how"].lower() in ("euler", "intrinsic") else axes.lower())
-    raise BeamstiffError(
-        f"found the orientation {shown(name)}, expected rotation vector, KUKA ABC, Euler ZYX (or another "
-        "order, about turned axes) or fixed XYZ (about fixed axes)"
-    )
+__all__ = [
+    "KUKA",
+    "LOCKED",
+    "NORM_TOLERANCE",
+    "EulerAngles",
+    "Orientation",
+    "Quaternion",
+    "RotationVector",
+    "RowError",
+    "ToolAxis",
+    "named_orientation",
+]

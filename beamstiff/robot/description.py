@@ -27,9 +27,10 @@ from beamstiff.robot.parts import (
 )
 from beamstiff.robot.sections import Section
 from beamstiff.robot.stiffness import stiffness_parameters
+from beamstiff.shown import Shown
 
 
-class Robot(Described):
+class Robot(Shown, Described):
     """A robot as a graph of nodes, beams, rigids, joints and struts on moving frames.
 
     Examples

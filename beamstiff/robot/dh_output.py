@@ -69,6 +69,7 @@ def robot_to_table(robot: Robot, convention: str) -> Table:
         rows = _modified(rows)
         if convention == "classic":
             rows = _classic(rows)
+    rows = [row for row in rows if any(value != ZERO for value in row.values.values())]
     fixed = [row.name for row in rows if not row.moves]
     notes = []
     if fixed:

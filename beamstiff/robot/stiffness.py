@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from beamstiff.errors import BeamstiffError, listed
 from beamstiff.robot.parts import STIFFNESS_KINDS
 
 if TYPE_CHECKING:
@@ -37,6 +38,22 @@ def missing_stiffness(robot: Robot) -> list[str]:
     if gives or robot.beams or robot.struts:
         return []
     return [joint.name for joint in robot.joints if joint.variable is not None]
+
+
+def check_stiffness(robot: Robot) -> None:
+    """Refuse a robot in which nothing gives way, such as one from a URDF that says no stiffness.
+
+    Raises
+    ------
+    BeamstiffError
+        Naming the joints, and how to give them a stiffness.
+    """
+    if missing := missing_stiffness(robot):
+        raise BeamstiffError(
+            f"robot {robot.name!r}: nothing gives way, the joints {listed(missing, 12)} are rigid: expected "
+            "a stiffness (`stiffness: {torsional: 1e6 N*m/rad}`; of a URDF: beamstiff convert IN "
+            "--joint-stiffness '1e6 N*m/rad' --out OUT)"
+        )
 
 
 def parameter_unit(robot: Robot, name: str) -> str:

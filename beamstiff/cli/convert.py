@@ -1,0 +1,270 @@
+"""`beamstiff convert`: robots and point lists from and to the files of other programs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from beamstiff.cli.options import Debug, Quiet, robot_file
+from beamstiff.cli.output import check_outputs, people, say
+from beamstiff.errors import BeamstiffError, listed, shown
+from beamstiff.files import read_text, write_whole
+
+if TYPE_CHECKING:
+    from beamstiff.robot.description import Robot
+
+WRITTEN = {".yaml": "robot file", ".yml": "robot file", ".urdf": "URDF", ".csv": "table of frames"}
+
+
+def convert(
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="IN",
+            help="Robot: YAML, URDF, SDF or a table of frames (CSV, YAML). With --profile: a list of points.",
+        ),
+    ],
+    out: Annotated[
+        str,
+        typer.Option(
+            "--out",
+            metavar="FILE",
+            help="What to write, by its ending: .yaml, .urdf or .csv (frames, or with --profile points).",
+        ),
+    ],
+    tcp: Annotated[
+        str | None,
+        typer.Option(
+            "--tcp", metavar="NAME", help="Link (or node) at the TCP, where there are several ends."
+        ),
+    ] = None,
+    joint_stiffness: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--joint-stiffness",
+            metavar="[NAME=]VALUE",
+            help="Stiffness about (or along) the axis of a joint, or of all that have none and fit the unit: "
+            "'1e6 N*m/rad', 'lift=1e8 N/m'. May be given several times.",
+        ),
+    ] = None,
+    convention: Annotated[
+        str | None,
+        typer.Option(
+            "--convention",
+            metavar="NAME",
+            help="Of a table of frames: classic or modified (Denavit-Hartenberg) or khalil-kleinfinger.",
+        ),
+    ] = None,
+    like: Annotated[
+        str | None,
+        typer.Option(
+            "--like", metavar="URDF", help="Write into this URDF text; by default the one that IN came from."
+        ),
+    ] = None,
+    profile: Annotated[
+        str | None,
+        typer.Option(
+            "--profile", metavar="FILE", help="What the columns of a list of points are: a YAML file."
+        ),
+    ] = None,
+    joints: Annotated[
+        str | None,
+        typer.Option(
+            "--joints",
+            metavar="CSV",
+            help="With --profile: joint values and loads, to be joined with the points.",
+        ),
+    ] = None,
+    quiet: Quiet = False,
+    debug: Debug = False,  # noqa: ARG001
+) -> None:
+    """Convert robots and measured points from and to the files of other programs.
+
+    URDF keeps what beamstiff has no use for (meshes, inertias, transmissions, comments): it is
+    written back as it was, with stiffness in <beamstiff> elements that other readers pass over. SDF
+    is read only. Tables of frames hold the chain to the TCP. A profile says what the columns of a
+    tracker's list of points are, and in which units; docs/files.md shows some.
+
+    \b
+    Examples:
+      beamstiff convert arm.urdf --tcp tool0 --joint-stiffness "1e6 N*m/rad" --out arm.yaml
+      beamstiff convert fitted.yaml --out fitted.urdf
+      beamstiff convert table.csv --convention modified --out arm.yaml
+      beamstiff convert kr500 --convention classic --out kr500.csv
+      beamstiff convert points.txt --profile leica.yaml --out measurements.csv
+    """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
+    inputs: list[str | Path] = [
+        robot_file(source),
+        *(path for path in (like, profile, joints) if path is not None),
+    ]
+    check_outputs(inputs, None, out=out)
+    if profile is not None:
+        _points(source, profile, joints, out, quiet)
+        return
+    if joints is not None:
+        raise BeamstiffError("--joints: goes with --profile, for lists of points")
+    ending = Path(out).suffix.lower()
+    if ending not in WRITTEN:
+        raise BeamstiffError(
+            f"--out {out}: found the ending {ending or 'none'!r}, expected {listed(WRITTEN)}"
+        )
+    robot = with_joint_stiffness(read_robot(source, tcp, convention, written=ending), joint_stiffness or [])
+    notes = [*_notes(robot)]
+    if ending == ".urdf":
+        from beamstiff.robot.urdf.writer import robot_to_urdf
+
+        text = robot_to_urdf(robot, None if like is None else read_text(like))
+        if robot.loops:
+            notes.append("URDF knows no loops: its passive joints look free to other readers")
+    elif ending == ".csv":
+        from beamstiff.robot.dh_output import robot_to_table
+
+        if convention is None:
+            raise BeamstiffError("--convention: is missing, expected classic, modified or khalil-kleinfinger")
+        made = robot_to_table(robot, convention)
+        text, notes = made.text, list(made.notes)
+    else:
+        from beamstiff.robot.writer import robot_to_yaml
+
+        text = robot_to_yaml(robot)
+    if like is not None and ending != ".urdf":
+        raise BeamstiffError("--like: goes with an --out that ends in .urdf")
+    write_whole(out, text)
+    for note in notes:
+        say(f"note: {note}", quiet)
+    moving = [variable.name for variable in robot.variables]
+    people(quiet, None).print(
+        f"{robot.name}: {len(robot.frames)} frames, {len(robot.joints)} joints, TCP {robot.tcp}, variables "
+        f"{listed(moving, 12) or 'none'}. Written to {out} ({WRITTEN[ending]})."
+    )
+
+
+def read_robot(source: str, tcp: str | None, convention: str | None, written: str = "") -> Robot:
+    """Return the robot of any file that one can be read from.
+
+    Parameters
+    ----------
+    source : str
+    tcp : str or None
+        Node at the TCP.
+    convention : str or None
+        Of a table that does not say.
+    written : str
+        Ending of the output: a convention given for a table to be written is none of the input.
+    """
+    from beamstiff.robot.dh_tables import is_table, parse_yaml_table, read_table
+    from beamstiff.robot.reader import load_robot, parse_robot
+    from beamstiff.robot.sdf import read_sdf
+    from beamstiff.robot.urdf.reader import read_urdf
+    from beamstiff.robot.yaml_text import parse_yaml
+
+    file = robot_file(source)
+    ending = file.suffix.lower()
+    of_input = convention if written != ".csv" else None
+    if ending == ".urdf":
+        return read_urdf(file, tcp=tcp)
+    if ending == ".sdf":
+        return read_sdf(file, tcp=tcp)
+    if ending == ".csv":
+        robot = read_table(file, of_input)
+    elif ending in (".yaml", ".yml"):
+        text = read_text(file)
+        table = "rows" in text and is_table(parse_yaml(text, str(file))[0])
+        robot = parse_yaml_table(text, of_input, str(file)) if table else parse_robot(text, str(file))
+    else:
+        robot = load_robot(source)
+    if tcp is None:
+        return robot
+    from beamstiff.robot.link_tree import robot_of
+
+    def fail(message: str) -> Any:
+        raise BeamstiffError(f"--tcp: {message}")
+
+    return robot_of(fail, {key: getattr(robot, key) for key in type(robot).model_fields} | {"tcp": tcp})
+
+
+def with_joint_stiffness(robot: Robot, texts: list[str]) -> Robot:
+    """Return the robot with a stiffness about or along the axis of joints that are rigid there.
+
+    Raises
+    ------
+    BeamstiffError
+        When a text is no stiffness with its unit, or fits no joint.
+    """
+    from beamstiff.robot.coupling import variable_kinds
+    from beamstiff.robot.stiffness import stiffness_parameters
+    from beamstiff.units import quantity
+
+    if not texts:
+        return robot
+    kinds = variable_kinds(robot)
+    own = {
+        joint.name: "axial" if kinds[joint.variable] == "length" else "torsional"
+        for joint in robot.joints
+        if joint.variable is not None
+    }
+    given: dict[str, float] = {}
+    for text in texts:
+        name, named, value = text.rpartition("=")
+        name = name.strip()
+        if named and name not in own:
+            from beamstiff.errors import suggest
+
+            raise BeamstiffError(
+                f"--joint-stiffness: there is no moving joint {name!r}{suggest(name, own)}, expected one of "
+                f"{listed(own, 12)}"
+            )
+        found: dict[str, float] = {}
+        for direction, kind in (
+            ("torsional", "rotational stiffness"),
+            ("axial", "translational stiffness"),
+        ):
+            try:
+                found[direction] = quantity(value, kind)
+            except BeamstiffError as error:
+                problem = error
+        if len(found) != 1:  # a plain number fits both
+            why = f": {problem}" if not found else ""
+            raise BeamstiffError(
+                f"--joint-stiffness: found {shown(text)}, expected a stiffness with its unit, such as "
+                f"'1e6 N*m/rad' or '1e8 N/m'{why}"
+            )
+        ((direction, size),) = found.items()
+        fitting = [name] if named else [joint for joint, kind in own.items() if kind == direction]
+        if not fitting or own[fitting[0]] != direction:
+            raise BeamstiffError(
+                f"--joint-stiffness: found {shown(text)}, which is {direction}; no joint "
+                f"{'of this name ' if named else ''}moves so"
+            )
+        rigid = [
+            joint for joint in fitting if named or robot.parameter(f"{joint}.{direction}") == float("inf")
+        ]
+        given |= {f"{joint}.{direction}": size for joint in rigid}
+    wanted = {*robot.identify, *given}
+    ordered = [name for name in stiffness_parameters(robot) if name in wanted]
+    return robot.with_parameters(given).model_copy(update={"identify": tuple(ordered)})
+
+
+def _notes(robot: Robot) -> list[str]:
+    from beamstiff.robot.stiffness import missing_stiffness
+
+    missing = missing_stiffness(robot)
+    if not missing:
+        return []
+    return [
+        f"nothing gives way: the joints {listed(missing, 12)} are rigid; give them a stiffness with "
+        "--joint-stiffness '1e6 N*m/rad' (or NAME='...')"
+    ]
+
+
+def _points(source: str, profile: str, joints: str | None, out: str, quiet: bool) -> None:
+    from beamstiff.measure.point_lists import convert_points
+    from beamstiff.measure.profiles import read_profile
+
+    made = convert_points(source, read_profile(profile), joints)
+    write_whole(out, made.text)
+    for note in made.notes:
+        say(f"note: {note}", quiet)
+    people(quiet, None).print(f"{made.count} points written to {out}.")

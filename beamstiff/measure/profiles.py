@@ -1,0 +1,163 @@
+"""Lists of points from trackers and their programs, by a profile that says what the columns are.
+
+Every program lets its user choose the columns of an export, so that no name of a program tells them: a
+profile does, in YAML, with the unit of everything that has one.
+
+.. code-block:: yaml
+
+    comment: "//"                       # lines that begin so are passed over
+    separator: whitespace               # or comma (default), semicolon, tab
+    columns: {pose: 2, point: 3, x: 4, y: 5, z: 6}    # numbers from 1, or names of the header
+    units: {length: mm}                 # of lengths, angles, ... or of one column: {x: mm, t: s}
+    points: {SMR1: tool, SMR2: wrist}   # their points, our nodes; others are left out
+    base: {B1: [0, 0, 0], B2: ["1 m", 0, 0], B3: [0, "1 m", 0]}   # points known in the robot's base frame
+
+With `base` the list is carried to the base frame (`measure.registration`); without it, it is taken to be in
+it. Orientations: columns a b c with `orientation` (KUKA ABC, Euler ZYX, fixed XYZ, rotation vector), or a
+quaternion as columns qw qx qy qz.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator
+
+from beamstiff.errors import BeamstiffError, listed, shown, suggest
+from beamstiff.files import read_text
+from beamstiff.measure.columns import LABELS, QUANTITIES
+from beamstiff.measure.orientation import named_orientation
+from beamstiff.robot.fields import Described, DescriptionError, Name, Point
+from beamstiff.robot.yaml_text import parse_yaml
+from beamstiff.units import UNITS, unit_factor
+
+POSITION, ANGLES, QUATERNION = ("x", "y", "z"), ("a", "b", "c"), ("qw", "qx", "qy", "qz")
+
+
+def _texts(value: Any) -> Any:
+    return [value] if isinstance(value, str) else value
+
+
+def _column(value: Any) -> Any:
+    numbered = isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= 1000
+    if not numbered and not isinstance(value, str):
+        raise BeamstiffError(f"found {shown(value)}, expected the number of a column, from 1, or its name")
+    return value
+
+
+class Profile(Described):
+    """What the columns of a list of points are.
+
+    Attributes
+    ----------
+    columns : mapping of str to int or str
+        Our columns, and theirs: numbers from 1, or names of the header.
+    units : mapping of str to str
+        Unit by column, or by kind of quantity (length, angle, time, ...).
+    separator, decimal, comment, skip
+        Form of the file; `skip` lines at its beginning hold neither names nor points.
+    orientation : str or None
+        What a b c are.
+    points : mapping of str to str or None
+        Their names of points to nodes of the robot.
+    base : mapping of str to point or None
+        Points known in the base frame, m.
+    sigma_position : str or None
+        Standard deviation, such as ``0.03 mm``, written along.
+    """
+
+    columns: Mapping[str, Annotated[int | str, BeforeValidator(_column)]]
+    units: Mapping[str, str]
+    separator: Literal["comma", "semicolon", "tab", "whitespace"] = "comma"
+    decimal: Literal["point", "comma"] = "point"
+    comment: Annotated[tuple[str, ...], BeforeValidator(_texts)] = ("#",)
+    skip: int = 0
+    orientation: str | None = None
+    points: Mapping[str, Name] | None = None
+    base: Mapping[str, Point] | None = None
+    sigma_position: str | None = None
+
+
+def read_profile(path: str | os.PathLike[str]) -> Profile:
+    """Return the profile of a YAML file.
+
+    Raises
+    ------
+    BeamstiffError
+        When it cannot be read, names an unknown column or leaves a unit unsaid: ``FILE:LINE: key: message``.
+    """
+    return parse_profile(read_text(Path(path)), str(path))
+
+
+def parse_profile(text: str, name: str = "<profile>") -> Profile:
+    """Return the profile of a YAML text; otherwise as `read_profile`."""
+    data, lines = parse_yaml(text, name)
+    if not isinstance(data, dict):
+        raise BeamstiffError(f"{name}:{lines.at(())}: found {shown(data)}, expected keys with values")
+    try:
+        profile = Profile(**data)
+        _check(profile)
+    except DescriptionError as error:
+        path, message = error.problems[0]
+        raise BeamstiffError(f"{name}:{lines.at(path)}: {'.'.join(map(str, path))}: {message}") from None
+    return profile
+
+
+def _check(profile: Profile) -> None:
+    known = [*LABELS, *QUANTITIES, *QUATERNION]
+    for name in profile.columns:
+        if name in LABELS or name in QUATERNION:
+            continue
+        kind = QUANTITIES.get(name)
+        unit = profile.units.get(name, profile.units.get(kind or ""))
+        if unit is None:
+            what = f"expected `units: {{{kind or name}: ...}}`"
+            hint = "" if kind else f"; {name!r} is taken for a joint variable{suggest(name, known)}"
+            raise DescriptionError([(("units",), f"the unit of {name} is missing, {what}{hint}")])
+        try:
+            for one in (kind,) if kind else ("angle", "length"):
+                try:
+                    unit_factor(unit, one)
+                    break
+                except BeamstiffError:
+                    if one != "angle":
+                        raise
+        except BeamstiffError as error:
+            raise DescriptionError([(("units",), f"{name}: {error}")]) from None
+    for name in profile.units:
+        if name not in profile.columns and name not in UNITS:
+            raise DescriptionError(
+                [
+                    (
+                        ("units", name),
+                        f"is no column and no kind of quantity{suggest(name, [*UNITS, *profile.columns])}",
+                    )
+                ]
+            )
+    for group in (POSITION, ANGLES, QUATERNION):
+        some = [name for name in group if name in profile.columns]
+        if some and len(some) < len(group):
+            raise DescriptionError([(("columns",), f"found only {listed(some)}, expected {listed(group)}")])
+    if ("a" in profile.columns) != (profile.orientation is not None):
+        raise DescriptionError(
+            [
+                (
+                    ("orientation",),
+                    "columns a b c and `orientation` go together: expected KUKA ABC, Euler ZYX (or another "
+                    "order, about turned axes), fixed XYZ (about fixed axes) or rotation vector",
+                )
+            ]
+        )
+    if "a" in profile.columns and "qw" in profile.columns:
+        raise DescriptionError([(("columns",), "found angles and a quaternion, expected one of the two")])
+    if profile.orientation is not None:
+        try:
+            named_orientation(profile.orientation)
+        except BeamstiffError as error:
+            raise DescriptionError([(("orientation",), str(error))]) from None
+    for key in ("points", "base"):
+        if getattr(profile, key) is not None and "point" not in profile.columns:
+            raise DescriptionError([((key,), "needs a column of names: `columns: {point: ...}`")])
