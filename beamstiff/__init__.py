@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from beamstiff.identify.stiffness import identify
     from beamstiff.measure.reader import read_measurements
     from beamstiff.measure.writer import write_measurements
+    from beamstiff.report.shown import plot
     from beamstiff.robot.description import Robot
     from beamstiff.robot.kinematics import posture
     from beamstiff.robot.library import robot_names
@@ -43,6 +44,7 @@ _HOME = {
     "compile_structure": "fem.structure",
     "identify": "identify.stiffness",
     "load_robot": "robot.reader",
+    "plot": "report.shown",
     "posture": "robot.kinematics",
     "read_measurements": "measure.reader",
     "robot_names": "robot.library",
@@ -90,6 +92,7 @@ __all__ = [
     "compile_structure",
     "identify",
     "load_robot",
+    "plot",
     "posture",
     "read_measurements",
     "robot_names",

@@ -11,6 +11,7 @@ from beamstiff.errors import BeamstiffError, suggest
 from beamstiff.identify.validation import HeldOut
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
+from beamstiff.shown import Shown
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -81,7 +82,7 @@ class Combination:
 
 
 @dataclass(frozen=True)
-class Identification:
+class Identification(Shown):
     """Identified stiffness of a robot.
 
     Attributes

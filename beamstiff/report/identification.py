@@ -55,6 +55,15 @@ def identification_table(
     return result
 
 
+def parameters_told(found: Identification, title: str = "Identified stiffness") -> Table:
+    """Return a table of the identified values alone."""
+    result = table(title, "parameter", "identified", "std", "std/value", "unit")
+    result.columns[-1].justify = "left"
+    for item in found.parameters:
+        result.add_row(item.name, *_cells(item), item.unit)
+    return result
+
+
 def _cells(item: Parameter) -> tuple[str, str, str]:
     if item.value is None or item.std is None:
         return f"> {number(item.lower_bound)}" if item.lower_bound else "?", "-", "-"

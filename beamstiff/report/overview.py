@@ -19,7 +19,7 @@ from beamstiff.robot.coupling import variable_kinds
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import stiffness_text
 from beamstiff.robot.graph import structural_loops, structure_graph, support_tree
-from beamstiff.robot.kinematics import Kinematics, Posture, forward, posture_at
+from beamstiff.robot.kinematics import Kinematics, Posture, compile_kinematics, forward, posture_at
 from beamstiff.robot.parts import STIFFNESS_KINDS, Variable
 from beamstiff.se3 import Array
 
@@ -104,6 +104,26 @@ def describe(robot: Robot, samples: int = 1000, seed: int = 0) -> dict[str, Any]
         "condition": _condition(structure, geometry),
         "reach": {**_reach(kinematics, closure.values[closure.closed]), "samples": len(q), "seed": seed},
     }
+
+
+def reference_posture(robot: Robot, samples: int = 1000, seed: int = 0) -> Array:
+    """Return the actuated joint values (A,) of the reference: mid limits, or a sample that closes.
+
+    Raises
+    ------
+    BeamstiffError
+        When no posture closes the loops.
+    """
+    kinematics = compile_kinematics(robot)
+    q = _samples(robot, samples, seed)
+    for some in (q[:1], q):
+        closure = close_loops(kinematics, some, strict=False)
+        if closure.closed.any():
+            reference: Array = some[int(np.argmax(closure.closed))]
+            return reference
+    raise BeamstiffError(
+        f"robot {robot.name!r}: none of {len(q)} postures closes the loops: {closure.reasons[0]}"
+    )
 
 
 def _samples(robot: Robot, count: int, seed: int) -> Array:

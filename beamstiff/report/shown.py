@@ -1,0 +1,188 @@
+"""One way to show anything: `plot` draws a robot or a result, `told` yields what rich prints of it."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator, Mapping
+from functools import singledispatch
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from rich.console import Console, RenderableType
+
+from beamstiff.compensate.rewrite import Compensated
+from beamstiff.errors import BeamstiffError, listed, suggest
+from beamstiff.gap.result import Diagnosis
+from beamstiff.identify.geometry.result import Calibration
+from beamstiff.identify.models import Models
+from beamstiff.identify.result import Identification
+from beamstiff.measure.table import Measurements
+from beamstiff.report.compare import models_figure, models_table
+from beamstiff.report.compensation import compensation_figure, compensation_table, compensation_text
+from beamstiff.report.diagnosis import diagnosis_figure, diagnosis_tables
+from beamstiff.report.figures import BLUE, new_figure, plain
+from beamstiff.report.geometry import calibration_text, errors_table, parameters_table
+from beamstiff.report.identification import combinations_text, parameters_told
+from beamstiff.report.overview import describe, reference_posture
+from beamstiff.report.overview_tables import overview_tables
+from beamstiff.report.parity import parity_figure
+from beamstiff.report.skeleton import draw_shares
+from beamstiff.robot.description import Robot
+
+WIDTH = 110  # characters, in Jupyter
+PRE = '<pre style="white-space:pre;overflow-x:auto;line-height:1.2;font-family:monospace">{code}</pre>'
+
+
+def console(width: int = WIDTH) -> Console:
+    """Return a console that takes names as they are: no markup, no emoji codes, no guessed colours."""
+    return Console(
+        file=io.StringIO(),
+        width=width,
+        record=True,
+        markup=False,
+        emoji=False,
+        highlight=False,
+        no_color=True,
+    )
+
+
+def as_html(thing: object) -> str:
+    """Return what rich prints as HTML, everything from files escaped."""
+    page = console()
+    for part in told(thing):
+        page.print(part)
+    return page.export_html(inline_styles=True, code_format=PRE)
+
+
+@singledispatch
+def plot(thing: object, **options: Any) -> Figure:  # noqa: ARG001
+    """Draw a robot or a result.
+
+    Parameters
+    ----------
+    thing : Robot, Identification, Calibration, Models, Diagnosis or Compensated
+    **options
+        Of a robot: ``q``, actuated joint values by name, rad or m (default: the posture that
+        ``beamstiff show`` calls the reference), and ``shares``, 0 to 1 by part, which colour it. Of an
+        identification: ``measured``, to draw predicted over measured displacements instead of values.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Jupyter shows it; ``savefig("name.png")`` writes it.
+
+    Raises
+    ------
+    BeamstiffError
+        When nothing is known of how to draw it.
+
+    Examples
+    --------
+    >>> from beamstiff import load_robot, plot
+    >>> plot(load_robot("ir663"), q={"q2": 0.1, "q8": 0.8}).axes[0].get_title()
+    'ir663'
+    """
+    raise BeamstiffError(f"plot: found {type(thing).__name__}, expected a robot or a result of beamstiff")
+
+
+@singledispatch
+def told(thing: object) -> Iterator[RenderableType]:
+    """Yield the tables and sentences that tell of a robot or a result."""
+    yield repr(thing)
+
+
+@plot.register
+def _(
+    thing: Robot, q: Mapping[str, float] | None = None, shares: Mapping[str, float] | None = None
+) -> Figure:
+    names = [item.name for item in thing.actuated]
+    values = dict(zip(names, reference_posture(thing), strict=True))
+    for name, value in (q or {}).items():
+        if name not in values:
+            raise BeamstiffError(
+                f"plot: {name!r} is no actuated variable{suggest(name, names)}, expected {listed(names, 9)}"
+            )
+        values[name] = float(value)
+    figure = new_figure(6.0, 5.0)
+    axes = figure.subplots()
+    draw_shares(axes, thing, np.array([values[name] for name in names]), shares or {})
+    axes.set(title=thing.name.replace("$", r"\$"), xlabel="m", ylabel="m")
+    plain(axes)
+    return figure
+
+
+@told.register
+def _(thing: Robot) -> Iterator[RenderableType]:
+    yield from overview_tables(describe(thing, samples=100))
+
+
+@plot.register
+def _(thing: Identification, measured: Measurements | None = None) -> Figure:
+    if measured is not None:
+        return parity_figure(measured, thing.predicted, thing.robot.name.replace("$", r"\$"))
+    figure = new_figure(6.4, 1.2 + 0.35 * len(thing.parameters))
+    axes = figure.subplots()
+    for at, item in enumerate(thing.parameters[::-1]):
+        low, high = item.interval or (item.lower_bound or 0.0, np.inf)
+        if item.value is not None:
+            axes.plot(item.value, at, "o", color=BLUE)
+        if low > 0 and np.isfinite(high):
+            axes.plot([low, high], [at, at], color=BLUE)
+        elif low > 0:  # nothing bounds it from above
+            axes.plot([low, 10 * low], [at, at], ":>", color=BLUE, markevery=[1])
+    axes.set_yticks(
+        range(len(thing.parameters)), [f"{one.name}, {one.unit}" for one in thing.parameters][::-1]
+    )
+    axes.set(xscale="log", title="Identified stiffness, 95 %", ylim=(-0.7, len(thing.parameters) - 0.3))
+    plain(axes)
+    return figure
+
+
+@told.register
+def _(thing: Identification) -> Iterator[RenderableType]:
+    yield parameters_told(thing)
+    yield from combinations_text(thing)
+    gap = f"Gap that remains in position: RMS {1e3 * thing.rms:.3f} mm over the rows fitted"
+    held = "" if thing.rms_held_out is None else f", {1e3 * thing.rms_held_out:.3f} mm on poses left out"
+    yield f"{gap}{held}; {np.sqrt(thing.chi_square):.2f} times the noise."
+    if thing.notes:
+        yield f"Mind: {listed(thing.notes, 4)}."
+
+
+@plot.register
+def _(thing: Diagnosis) -> Figure:
+    return diagnosis_figure(thing)
+
+
+@told.register
+def _(thing: Diagnosis) -> Iterator[RenderableType]:
+    yield from diagnosis_tables(thing)
+
+
+@plot.register
+def _(thing: Compensated) -> Figure:
+    return compensation_figure(thing)
+
+
+@told.register
+def _(thing: Compensated) -> Iterator[RenderableType]:
+    yield compensation_table(thing)
+    yield compensation_text(thing)
+
+
+@plot.register
+def _(thing: Models) -> Figure:
+    return models_figure(thing, "")
+
+
+@told.register
+def _(thing: Models) -> Iterator[RenderableType]:
+    yield models_table(thing, "Models of elasticity")
+
+
+@told.register
+def _(thing: Calibration) -> Iterator[RenderableType]:
+    yield parameters_table(thing, f"{thing.robot.name}: calibrated geometry")
+    yield errors_table(thing)
+    yield from calibration_text(thing)

@@ -1,0 +1,38 @@
+"""What draws and describes itself: in a terminal by rich, in Jupyter, and by `plot()`.
+
+The one place that reaches up to `report/`, when it is asked to (an exception in the import contract).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from rich.console import Console, ConsoleOptions, RenderResult
+
+
+class Shown:
+    """A robot or a result, which knows how to show itself."""
+
+    __slots__ = ()
+
+    def plot(self, **options: Any) -> Figure:
+        """Return a figure, see `beamstiff.plot`: Jupyter shows it, ``savefig("name.png")`` writes it."""
+        from beamstiff.report.shown import plot
+
+        return plot(self, **options)
+
+    def __rich_console__(self, _: Console, options: ConsoleOptions) -> RenderResult:
+        """Show tables where rich prints."""
+        from beamstiff.report.shown import console, told
+
+        plain = console(options.max_width)  # names from files are no markup
+        for part in told(self):
+            yield from plain.render(part, options)
+
+    def _repr_html_(self) -> str:
+        """Return the same tables for Jupyter."""
+        from beamstiff.report.shown import as_html
+
+        return as_html(self)
