@@ -16,6 +16,7 @@ from beamstiff.model.grid import Cubes, GriddedStiffness, tcp_positions
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array, skew
 
+MOST_CUBES = 1000  # fitted together: their matrix is dense
 LOOSEST = 1e-3  # rad: prior of a cube's rotation, against points that hardly tell it
 
 
@@ -38,11 +39,22 @@ class GridFit:
 
 
 def cubes_about(robot: Robot, table: Measurements, size: float) -> Cubes:
-    """Return cubes of a size, m, centred about the TCP positions of a table, enough to hold all."""
+    """Return cubes of a size, m, centred about the TCP positions of a table, enough to hold all.
+
+    Raises
+    ------
+    BeamstiffError
+        When they would be more than `MOST_CUBES`.
+    """
     at = tcp_positions(robot, table.q)
     low, high = at.min(axis=0), at.max(axis=0)
-    counts = np.maximum(np.ceil((high - low) / size - 1e-6), 1).astype(int)
-    nx, ny, nz = counts.tolist()
+    counts = np.maximum(np.ceil((high - low) / size - 1e-6), 1)
+    if counts.prod() > MOST_CUBES:
+        raise BeamstiffError(
+            f"{table.source}: found {counts.prod():.3g} cubes of {1e3 * size:.4g} mm about the TCP, "
+            f"expected {MOST_CUBES} at most: make them larger"
+        )
+    nx, ny, nz = counts.astype(int).tolist()
     return Cubes(0.5 * (low + high) - 0.5 * size * counts, size, (nx, ny, nz))
 
 

@@ -125,6 +125,12 @@ def test_cubes_about_a_table_hold_all_its_rows() -> None:
         assert cubes_about(kr500(), rows, size).inside(tcp_positions(kr500(), rows.q)).any(axis=1).all()
 
 
+def test_cubes_that_nobody_could_fit_are_refused_before_they_take_all_memory() -> None:
+    rows = table(postures(50), loads(50), nothing)
+    with pytest.raises(BeamstiffError, match=r"cubes of 0.001 mm about the TCP, expected 1000 at most"):
+        cubes_about(kr500(), rows, 1e-6)
+
+
 def test_a_planted_offset_of_the_kinematics_comes_back() -> None:
     robot, q = kr500(), sampled()
     at = tcp_positions(robot, q)
