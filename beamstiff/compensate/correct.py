@@ -213,7 +213,7 @@ def _commands(
     left = np.arange(len(targets))
     error, step = np.zeros((len(targets), 6)), np.zeros((len(targets), 6))
     inverse = np.tile(np.eye(6), (len(targets), 1, 1))
-    for count in range(1, ROUNDS + 1):  # noqa: B007 (told in the end)
+    for count in range(1, ROUNDS + 1):
         reached = machine.displaced(
             machine.undeformed(q[left]), machine.moved(q[left], wrench[left], targets[left])
         )
@@ -250,10 +250,11 @@ def _commands(
 
 
 def _steps(inverse: Array, error: Array) -> Array:
-    """Return the steps (K, 6) that take errors (K, 6) away; where they would be far longer than these, less."""
+    """Return the steps (K, 6) that take errors (K, 6) away; less where they would be far longer."""
     step: Array = -np.einsum("nij,nj->ni", inverse, error)
     most = LONGEST_STEP * np.abs(error).max(axis=1, keepdims=True)
-    return step * np.minimum(1.0, most / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-300))
+    result: Array = step * np.minimum(1.0, most / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-300))
+    return result
 
 
 def _secant(inverse: Array, step: Array, change: Array) -> Array:
@@ -263,7 +264,8 @@ def _secant(inverse: Array, step: Array, change: Array) -> Array:
     size = np.einsum("ni,ni->n", step, back)
     usable = np.abs(size) > 1e-30
     scale = np.where(usable, 1.0 / np.where(usable, size, 1.0), 0.0)
-    return inverse + scale[:, None, None] * (step - back)[:, :, None] * row[:, None, :]
+    result: Array = inverse + scale[:, None, None] * (step - back)[:, :, None] * row[:, None, :]
+    return result
 
 
 def _possible(machine: Machine, q: Array, errors: Array) -> Array:
