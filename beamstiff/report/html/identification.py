@@ -51,7 +51,9 @@ def identification_html(
         About the data, beside those of the identification.
     """
     used = measured.measured_mask
-    compared = Compared(found.robot, measured, np.where(used, measured.measured, 0.0), found.predicted, used)
+    compared = Compared(
+        found.robot, measured, np.where(used, measured.displacement, 0.0), found.predicted, used
+    )
     known = sum(item.value is not None for item in found.parameters)
     rows = row_figures(compared, ("identified model", ""))
     return render(
@@ -86,7 +88,7 @@ def _facts(found: Identification) -> Iterator[Fact]:
 
 
 def _view(found: Identification, measured: Measurements) -> RobotView | None:
-    gap = np.linalg.norm(np.nan_to_num(measured.measured - found.predicted)[:, :3], axis=1)
+    gap = np.linalg.norm(np.nan_to_num(measured.displacement - found.predicted)[:, :3], axis=1)
     shown: list[Shown] = []
     poses: set[int] = set()
     for at in np.argsort(-gap).tolist():
@@ -94,7 +96,7 @@ def _view(found: Identification, measured: Measurements) -> RobotView | None:
             poses.add(int(measured.pose[at]))
             name = f"pose {measured.pose[at]}: gap {1e3 * gap[at]:.3g} mm ({line_of(measured, at)})"
             shown.append(Shown(name, measured.q[at], measured.wrench[at], str(measured.load_point[at])))
-    return robot_view(found.robot, shown, "share of the strain energy", gravity=measured.kind == "absolute")
+    return robot_view(found.robot, shown, "share of the strain energy")
 
 
 def _parameters(found: Identification, robot: Robot) -> Section:

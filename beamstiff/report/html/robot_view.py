@@ -28,10 +28,10 @@ SEEN = 0.005  # share that is worth a label
 DEFORMED = 0.12  # of the robot's size: the deformed shape to begin with
 FURTHER = 2.0  # times this at most
 ELLIPSOID = 0.12  # of the robot's size: its longest half axis
-AROUND = 0.22  # of the robot's size: room about it
+AROUND = 0.25  # of the robot's size: room about it
 LEAST_SCALE = 0.05  # share that gets the full colour at least
 CAMERAS = {
-    "oblique": {"eye": {"x": 1.15, "y": -1.35, "z": 0.6}, "center": {"x": 0.0, "y": 0.0, "z": -0.1}},
+    "oblique": {"eye": {"x": 1.2, "y": -1.4, "z": 0.6}, "center": {"x": 0.0, "y": 0.0, "z": -0.16}},
     "front (along x)": {"eye": {"x": 1.7, "y": 0.0, "z": 0.0}},
     "side (along y)": {"eye": {"x": 0.0, "y": -1.7, "z": 0.0}},
     "top (along z)": {"eye": {"x": 0.0, "y": -0.01, "z": 1.8}},
@@ -60,7 +60,8 @@ class RobotView:
     ----------
     figure : Figure
     views : list of dict
-        ``name``; ``traces``: what differs, with ``dx, dy, dz`` for the way at magnification 1; ``labels``.
+        ``name``; ``traces``: what differs, with ``dx, dy, dz`` for the way at magnification 1; ``labels``;
+        ``ranges`` of the axes.
     magnification, most : float
         To begin with, and at most; 0 where nothing moves.
     cameras : mapping
@@ -127,7 +128,7 @@ def robot_view(robot: Robot, shown: Sequence[Shown], share: str, gravity: bool =
         + ", magnified; the undeformed one is dashed. The ellipsoid at the tool is its compliance: how far "
         "the tool gives way to a force of one size in any direction.",
         _styles(share, most),
-        _layout(where.node_positions, size),
+        _layout(),
         _table(shown, moved, compliance, structure.kinematics.node_index[robot.tcp]),
     )
     return RobotView(figure, views, magnification, FURTHER * magnification, CAMERAS, note)
@@ -186,8 +187,15 @@ class _View:
                 self._ellipsoid(compliance, tool),
             ],
             "labels": self._labels(shares, links, joints, index),
+            "ranges": self._ranges(),
             "shares": list(shares.values()),
         }
+
+    def _ranges(self) -> dict[str, list[float | None]]:
+        """Return the ranges of the axes: the magnified shape stays in them."""
+        low = self.positions.min(axis=0) - AROUND * self.size
+        high = self.positions.max(axis=0) + AROUND * self.size
+        return {name: numbers(np.array([low[k], high[k]])) for k, name in enumerate("xyz")}
 
     def _labels(
         self, shares: Mapping[str, float], links: Lines, joints: Lines, index: Mapping[str, int]
@@ -215,14 +223,16 @@ class _View:
 
     def _ellipsoid(self, compliance: Array, tool: int) -> dict[str, Any]:
         """Return the surface that a turning unit force moves the tool to, scaled to a share of the robot."""
-        part = compliance[:3, :3]
-        largest = float(np.linalg.norm(part, 2))
+        part = 0.5 * (compliance + compliance.T)[:3, :3]
+        values, directions = np.linalg.eigh(part)
+        largest = float(values.max())
         scale = ELLIPSOID * self.size / largest if largest > 0.0 else 0.0
         around, up = np.meshgrid(np.linspace(0, 2 * np.pi, 25), np.linspace(0, np.pi, 13))
         sphere = np.stack([np.cos(around) * np.sin(up), np.sin(around) * np.sin(up), np.cos(up)])
-        surface = scale * np.einsum("ij,jab->iab", part, sphere) + self.positions[tool][:, None, None]
+        axes = scale * directions * values
+        surface = np.einsum("ij,jab->iab", axes, sphere) + self.positions[tool][:, None, None]
         rows = {
-            name: [numbers(row, 4) for row in values] for name, values in zip("xyz", surface, strict=True)
+            name: [numbers(row, 6) for row in values] for name, values in zip("xyz", surface, strict=True)
         }
         return rows | {
             f"d{name}": value for name, value in zip("xyz", numbers(self.moved[tool, :3]), strict=True)
@@ -296,16 +306,14 @@ def _styles(share: str, most: float) -> list[dict[str, Any]]:
     ]
 
 
-def _layout(positions: Array, size: float) -> dict[str, Any]:
-    low, high = positions.min(axis=(0, 1)) - AROUND * size, positions.max(axis=(0, 1)) + AROUND * size
+def _layout() -> dict[str, Any]:
     scene: dict[str, Any] = {
-        f"{name}axis": axis(
-            f"{name}, m", showbackground=False, nticks=6, range=numbers(np.array([low[k], high[k]]))
-        )
-        for k, name in enumerate("xyz")
+        f"{name}axis": axis(f"{name}, m", showbackground=False, nticks=6) for name in "xyz"
     }
+    for one in scene.values():
+        del one["automargin"]  # which axes in space do not have
     scene |= {"aspectmode": "data", "camera": CAMERAS["oblique"], "dragmode": "turntable"}
-    return plain_layout(520, margin={"l": 0, "r": 0, "t": 0, "b": 0}, scene=scene, showlegend=False)
+    return plain_layout(540, margin={"l": 0, "r": 0, "t": 0, "b": 0}, scene=scene, showlegend=False)
 
 
 def _table(shown: Sequence[Shown], moved: Array, compliance: Array, tool: int) -> Table:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from beamstiff.measure.table import ABSOLUTE, DISPLACEMENT, Measurements
+from beamstiff.measure.table import DISPLACEMENT, Measurements
 from beamstiff.report.html.parts import (
     MARGIN,
     Figure,
@@ -32,7 +32,10 @@ WORST = 100  # of them in any case
 LEGEND = 62  # px above a figure, for its buttons and its legend
 JOINTS = 12  # at most, those that vary
 MARKS = (("circle", "blue"), ("square", "orange"), ("triangle-up", "green"))
-PARTS = ((0, "displacement", "mm"), (3, "rotation", "mrad"))
+PARTS = {
+    "displacement": ((0, "displacement", "mm"), (3, "rotation", "mrad")),
+    "absolute": ((0, "deviation", "mm"), (3, "rotation", "mrad")),
+}
 
 
 @dataclass(frozen=True)
@@ -162,8 +165,7 @@ def _parity(
     predictions = [("before", compared.before)]
     if compared.after is not None:
         predictions.append(("after", compared.after))
-    components = DISPLACEMENT
-    for first, what, unit in PARTS:
+    for first, what, unit in PARTS[compared.rows.kind]:
         part = slice(first, first + 3)
         used = compared.used[chosen][:, part]
         if not used.any():
@@ -197,7 +199,7 @@ def _parity(
                             "y": numbers(value[:, k], 4),
                             "text": shared("rows"),
                             "hovertemplate": "%{text}: measured %{x}, predicted %{y} " + unit,
-                            "name": components[first + k],
+                            "name": DISPLACEMENT[first + k],
                             "marker": {"symbol": symbol, "color": css(colour), "size": 6, "opacity": 0.75},
                         }
                     )
@@ -327,7 +329,6 @@ def _table(
     factors = [180 / np.pi if turns.get(name, True) else 1e3 for name in rows.variables]
     blocks = [rows.q[chosen] * factors]
     shown = [k for k in range(6) if compared.used[chosen, k].any()]
-    quantity = DISPLACEMENT if rows.kind == "displacement" else ABSOLUTE
     blocks.append(rows.wrench[chosen])
     columns += ["fx, N", "fy, N", "fz, N", "mx, N m", "my, N m", "mz, N m"]
     for what, values in (
@@ -336,7 +337,7 @@ def _table(
         *([] if compared.after is None else [(names[1], compared.after)]),
     ):
         blocks.append(1e3 * values[chosen][:, shown])
-        columns += [f"{quantity[k]} {what}, {'mm' if k < 3 else 'mrad'}" for k in shown]
+        columns += [f"{DISPLACEMENT[k]} {what}, {'mm' if k < 3 else 'mrad'}" for k in shown]
     blocks += [value[chosen][:, None] for value in gaps.values()]
     columns += [f"gap {name}, mm" for _, name in zip(gaps, names, strict=False)]
     body = np.concatenate(blocks, axis=1)

@@ -50,6 +50,7 @@
       font: { color: layout.font.color, size: 13 }, arrowcolor: layout.font.color,
       bgcolor: style.getPropertyValue("--panel").trim(), borderpad: 2, opacity: 0.9,
     }));
+    for (const name of "xyz") layout.scene[`${name}axis`].range = view.ranges[name];
     layout.uirevision = "kept";  // the view that people turned to stays
     return [traces, layout];
   };

@@ -1,0 +1,125 @@
+"""Print how long writing a report takes and how large it is: asked beside reached.
+
+Run as `python -m benchmarks.report_size [ROWS]`. The KR 240-2 with noise, on a base that gives way: what is
+reported is computed before the clock starts. The first report of a process also loads what all need.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from beamstiff import Robot, load_robot
+from beamstiff.files import write_whole
+from beamstiff.gap.baseline import at_rows
+from beamstiff.gap.diagnose import diagnose
+from beamstiff.gap.result import Diagnosis, columns_at
+from beamstiff.identify.stiffness import identify
+from beamstiff.measure.table import Measurements, make_measurements
+from beamstiff.model.linear import predict_displacements
+from beamstiff.report.html.diagnosis import diagnosis_html
+from beamstiff.report.html.identification import identification_html
+from beamstiff.report.html.provenance import provenance
+
+ASKED_SECONDS, ASKED_MEGABYTES = 3.0, 6.0
+NOISE = 2e-5  # m
+LEVELS = (0.3, 0.6, 1.0)  # of the load, at every pose
+DIAGNOSED = 60  # rows; the report then shows as many as asked for
+
+
+def campaign(robot: Robot, count: int, seed: int = 0) -> Measurements:
+    """Return rows of a robot whose base gives way too: several loads at every pose, with noise."""
+    draw = np.random.default_rng(seed)
+    poses = -(-count // len(LEVELS))
+    low, high = np.array([item.limits or (-1.5, 1.5) for item in robot.actuated]).T
+    q = np.repeat(draw.uniform(0.6 * low, 0.6 * high, (poses, len(low))), len(LEVELS), axis=0)[:count]
+    force = draw.normal(size=(poses, 3))
+    force *= 1500.0 / np.linalg.norm(force, axis=1, keepdims=True)
+    wrench = np.zeros((poses * len(LEVELS), 6))
+    wrench[:, :3] = np.repeat(force, len(LEVELS), axis=0) * np.tile(LEVELS, poses)[:, None]
+    names = [item.name for item in robot.actuated]
+    plain = make_measurements(
+        names, q, tcp=robot.tcp, wrench=wrench[:count], displacement=np.zeros((count, 6))
+    )
+    moved = predict_displacements(robot, plain)
+    moved[:, :3] += 2e-7 * wrench[:count, :3]  # what the model lacks
+    moved[:, :3] += draw.normal(0.0, NOISE, (count, 3))
+    moved[:, 3:] += draw.normal(0.0, 2e-5, (count, 3))
+    return make_measurements(
+        names,
+        q,
+        tcp=robot.tcp,
+        wrench=wrench[:count],
+        displacement=moved,
+        sigma_position=NOISE,
+        sigma_rotation=2e-5,
+    )
+
+
+def with_rows(result: Diagnosis, rows: Measurements) -> Diagnosis:
+    """Return a diagnosis that reports other rows than those it was made of, its causes at these rows."""
+    baseline = at_rows(result.baseline, rows)
+    fits = []
+    for fit in result.fits:
+        shapes = []
+        for one in fit.shapes:
+            shape = replace(one.hypothesis.shape, columns=columns_at(baseline, one.hypothesis))
+            shapes.append(replace(one, hypothesis=replace(one.hypothesis, shape=shape)))
+        fits.append(replace(fit, shapes=tuple(shapes)))
+    poses = [{**one, "pose": at} for at, one in enumerate(result.where["poses"])]
+    return replace(result, baseline=baseline, fits=tuple(fits), where={**result.where, "poses": poses})
+
+
+def written(text_of: Callable[[], str], path: Path) -> tuple[float, float]:
+    """Return seconds and megabytes of writing a report that a function makes."""
+    start = time.perf_counter()
+    write_whole(path, text_of())
+    return time.perf_counter() - start, path.stat().st_size / 1e6
+
+
+def measure(count: int) -> dict[str, tuple[float, float]]:
+    """Return seconds and megabytes of the reports of an identification and of a diagnosis."""
+    robot = load_robot("kr240-2")
+    rows = campaign(robot, count)
+    found = identify(robot, rows, folds=0)
+    verdict = diagnose(robot, campaign(robot, DIAGNOSED))
+    reported = with_rows(verdict, rows)
+    source = provenance([], 0, ["diagnose", "robot.yaml", "data.csv", "--html", "report.html"])
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "report.html"
+        return {
+            "identification": written(lambda: identification_html(found, robot, rows, source), path),
+            "diagnosis": written(lambda: diagnosis_html(reported, source), path),
+        }
+
+
+def main(count: int = 1000) -> None:
+    """Print a row for each report."""
+    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan")
+    table = Table(title=f"Reports of {count} rows; load of the machine {load:.1f}")
+    for heading in ("report", "seconds", "asked", "MB", "asked", ""):
+        table.add_column(heading, justify="left" if heading == "report" else "right")
+    for name, (seconds, size) in measure(count).items():
+        good = seconds < ASKED_SECONDS and size < ASKED_MEGABYTES
+        table.add_row(
+            name,
+            f"{seconds:.2f}",
+            f"< {ASKED_SECONDS:g}",
+            f"{size:.2f}",
+            f"< {ASKED_MEGABYTES:g}",
+            "met" if good else "missed",
+        )
+    Console().print(table)
+
+
+if __name__ == "__main__":
+    main(*map(int, sys.argv[1:]))
