@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -190,3 +191,15 @@ def test_a_continuous_history_with_time_may_come_back_to_a_pose() -> None:
 def test_runs_follow_one_another_whatever_their_clocks_say() -> None:
     late, early = table(2, time=[100, 99]), table(2, time=[1, 2])
     assert history_order(concatenate([late, early])).tolist() == [1, 0, 2, 3]
+
+
+def test_rows_share_an_unloaded_reading_by_pose_and_reflector() -> None:
+    pose, point = [0, 0, 0, 1, 1, 1], ["tip", "elbow", "tip", "tip", "elbow", "elbow"]
+    rows = make_measurements(
+        ["q1"], np.zeros((6, 1)), tcp="tip", displacement=np.zeros((6, 6)), pose=pose, point=point
+    )
+    assert rows.sharing.tolist() == [-1] * 6
+    shared = replace(rows, shared_unloaded=True).sharing
+    together = shared[:, None] == shared[None]
+    same = np.equal.outer(pose, pose) & (np.array(point)[:, None] == np.array(point))
+    assert (together == same).all()
