@@ -65,9 +65,13 @@ def table_5(machine: str, found: Models, share: float) -> Table:
         cells = []
         for level in range(len(found.split.loads)):
             rows = judged & (found.split.level == level)
-            cells.append(f"{1e3 * (one.rms(rows) or 0):.3f} / {1e3 * (one.largest(rows) or 0):.3f}")
-        result.add_row(one.name, *cells, f"{1e3 * (one.rms(judged) or 0):.3f}")
+            cells.append(f"{_millimetres(one.rms(rows))} / {_millimetres(one.largest(rows))}")
+        result.add_row(one.name, *cells, _millimetres(one.rms(judged)))
     return result
+
+
+def _millimetres(error: float | None) -> str:
+    return "no answer" if error is None else f"{1e3 * error:.3f}"
 
 
 def six_joints_table(left: Sequence[fuzzy_six_joints.Left]) -> Table:

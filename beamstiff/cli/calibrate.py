@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from beamstiff.cli.options import Debug, Json, Quiet, RobotFile, parse_names, robot_file
-from beamstiff.cli.output import check_outputs, people, say, working, write_json
+from beamstiff.cli.output import check_once, check_outputs, people, say, working, write_json
 from beamstiff.errors import BeamstiffError, suggest
 from beamstiff.units import quantity
 
@@ -143,8 +143,7 @@ def calibrate(
 
             check_format(figure)
     machine = load_robot(file)
-    if twice := [path for number, path in enumerate(data) if path in data[:number]]:
-        raise BeamstiffError(f"{twice[0]}: is given twice, its rows would count twice")
+    check_once(data, test or ())
     measured = concatenate([read_measurements(path, machine) for path in data])
     tested = {path: read_measurements(path, machine) for path in test or ()}
     said: Any = {

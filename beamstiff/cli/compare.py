@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from beamstiff.cli.options import Debug, Json, Quiet, RobotFile, parse_names, robot_file
-from beamstiff.cli.output import check_outputs, effects_text, people, say, working, write_json
+from beamstiff.cli.output import check_once, check_outputs, effects_text, people, say, working, write_json
 from beamstiff.errors import BeamstiffError
 
 
@@ -101,6 +101,7 @@ def compare(
         raise BeamstiffError(f"--seed: found {seed}, expected 0 or more")
     if rules is not None and "fuzzy" not in names:
         raise BeamstiffError("--rules: expected fuzzy among the models")
+    check_once(data)
     whole = load_robot(robot)
     tables = [read_measurements(path, whole) for path in data]
     check_outputs([robot_file(robot), *data], json, figure=figure, rules=rules)
@@ -125,6 +126,8 @@ def compare(
         notes = [note for table in tables for note in doubts(table, description)]
         split = split_rows(measured, share, fit_load, seed)
         found = fit_models(description, measured, split, names, options)
+    if rules is not None and found["fuzzy"].model is None:
+        raise BeamstiffError(f"--rules: there is no fuzzy model: {found['fuzzy'].about}")
 
     for note in notes:
         say(f"note: {note}", quiet)
@@ -148,8 +151,7 @@ def compare(
         from beamstiff.report.fuzzy import rules_figure
 
         model = found["fuzzy"].model
-        if not isinstance(model, FuzzyCompliance):
-            raise BeamstiffError(f"--rules: there is no fuzzy model: {found['fuzzy'].about}")
+        assert isinstance(model, FuzzyCompliance)
         angles = [variable.name for variable in description.variables if variable.kind == "angle"]
         save_figure(rules_figure(model, angles=angles), rules)
     write_json(models_facts(found), json)

@@ -225,6 +225,8 @@ def _steps(text: str | None) -> tuple[float, float] | None:
         name, equals, value = (word.strip() for word in part.partition("="))
         if name not in kinds or not equals:
             raise BeamstiffError(f"--resample: found {part.strip()!r}, expected step=5mm, angle=1deg or both")
+        if found[name] < float("inf"):
+            raise BeamstiffError(f"--resample: {name} is given twice")
         try:
             found[name] = quantity(value, kinds[name])
         except BeamstiffError as error:

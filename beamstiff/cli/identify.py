@@ -20,7 +20,7 @@ from beamstiff.cli.identify_options import (
     parse_ties,
 )
 from beamstiff.cli.options import Debug, Html, Json, Quiet, RobotFile, parse_names, robot_file
-from beamstiff.cli.output import check_outputs, effects_text, people, say, working, write_json
+from beamstiff.cli.output import check_once, check_outputs, effects_text, people, say, working, write_json
 from beamstiff.errors import BeamstiffError
 from beamstiff.files import write_whole
 
@@ -192,8 +192,7 @@ def identify(
     at_least("--population", population, 5)
     description = load_robot(robot)
     check_stiffness(description)
-    if twice := [path for number, path in enumerate(data) if path in data[:number]]:
-        raise BeamstiffError(f"{twice[0]}: is given twice, its rows would count twice")
+    check_once(data)
     tables = [read_measurements(path, description) for path in data]
     what: dict[str, Any] = {
         "parameters": parse_names(parameters),

@@ -104,6 +104,24 @@ def check_outputs(inputs: Iterable[str | Path], json_to: str | None, **files: st
             taken[target] = f"the output --{option}"
 
 
+def check_once(data: Iterable[str], tests: Iterable[str] = ()) -> None:
+    """Refuse tables that are given twice, by whatever path, and tests that are fitted too.
+
+    Raises
+    ------
+    BeamstiffError
+        Naming the table.
+    """
+    fitted: set[Path] = set()
+    for path in data:
+        if Path(path).resolve() in fitted:
+            raise BeamstiffError(f"{path}: is given twice, its rows would count twice")
+        fitted.add(Path(path).resolve())
+    for path in tests:
+        if Path(path).resolve() in fitted:
+            raise BeamstiffError(f"--test {path}: is fitted too, expected readings that are not")
+
+
 def write_json(value: Mapping[str, Any], json_to: str | None) -> None:
     """Write plain data as JSON to a file or, for ``-``, to stdout; nowhere for None."""
     if json_to is None:

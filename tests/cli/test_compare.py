@@ -101,6 +101,8 @@ def test_cubes_have_the_size_that_was_asked_for(run: Run, data: str) -> None:
         (["--models", "grid", "--rules", "a.png"], "--rules: expected fuzzy among the models"),
         (["--figure", "a.gif"], "a.gif: found the ending 'gif'"),
         (["--figure", "data.csv"], "would overwrite the input data.csv"),
+        (["./data.csv"], "./data.csv: is given twice, its rows would count twice"),
+        (["--fit-load", "nan"], "found no load of nan N"),
         (["--parameters", "J99.bending"], "no stiffness parameter 'J99.bending'"),
     ],
 )

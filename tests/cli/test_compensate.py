@@ -202,6 +202,7 @@ def test_a_path_without_load_and_weight_stays_as_it_is(cell: Path, run: Callable
         (["cell.src", "--process", "no.yaml"], "no.yaml: no such file"),
         (["cell.src", "--resample", "5mm"], "--resample: found '5mm', expected step=5mm"),
         (["cell.src", "--resample", "step=0"], "--resample: step: found '0', expected more than 0"),
+        (["cell.src", "--resample", "step=1mm,step=2mm"], "--resample: step is given twice"),
         (["cell.src", "--unreachable", "drop"], "--unreachable: found 'drop', expected refuse, keep"),
         (["cell.src", "--out", "cell.src"], "--out cell.src: would overwrite the input cell.src"),
         (["cell.src", "--figure", "p.gif"], "p.gif: found the ending 'gif', expected a figure"),
