@@ -108,6 +108,18 @@ def test_names_and_units_beyond_ascii(encoding: str) -> None:
     assert program.with_poses(program.path.poses) == text.encode(encoding)
 
 
+def test_temperatures_are_in_degrees_celsius() -> None:
+    path = path_csv.read("x,y,z,room [degC],oil [K]\n1,2,3,21.5,300\n", "a.csv").path
+    assert path.columns["room"] == [21.5]
+    np.testing.assert_allclose(path.columns["oil"], [26.85])
+
+
+def test_what_is_no_number_is_shown_as_people_wrote_it() -> None:
+    text = "x,y,z\n1,drüben,3\n".encode().decode("latin-1")
+    with pytest.raises(BeamstiffError, match=r"a.csv:2: y: found 'drüben', expected a number"):
+        path_csv.read(text, "a.csv")
+
+
 def test_positions_alone_are_known_to_be_so() -> None:
     path = path_csv.read("x,y,z\n1,2,3\n", "a.csv").path
     assert not path.stated

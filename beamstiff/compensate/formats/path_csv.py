@@ -56,6 +56,7 @@ class _Column:
     name: str
     kind: str | None  # None: whatever the cells hold
     unit: float
+    offset: float = 0.0  # of temperatures
 
 
 def read(text: str, source: str) -> Program:
@@ -175,13 +176,13 @@ def _header(cells: Sequence[tuple[int, str]], source: str, line: int) -> list[_C
 def _column(name: str, unit: str | None, source: str, line: int) -> _Column:
     if name == "name":
         return _Column(name, "name", 1.0)
-    kinds = [_KIND[name]] if name in _KIND else [kind for kind in UNITS if kind != "temperature"]
+    kinds = [_KIND[name]] if name in _KIND else list(UNITS)
     if unit is None or unit.strip() in ("", "-", "1"):
         return _Column(name, _KIND.get(name), 1.0)
     problem = ""
     for kind in kinds:
         try:
-            return _Column(name, _KIND.get(name), unit_factor(unit, kind)[0])
+            return _Column(name, _KIND.get(name), *unit_factor(unit, kind))
         except BeamstiffError as error:
             problem = problem or str(error)
     if name in _KIND:
@@ -227,7 +228,7 @@ def _program(
             column, (start, cell) = header[at[name]], cells[at[name]]
             if not _NUMBER.fullmatch(cell):
                 hint = "; decimals follow a point" if re.fullmatch(r"[+-]?\d+,\d+", cell) else ""
-                _fail(source, line, name, f"found {shown(cell)}, expected a number{hint}")
+                _fail(source, line, name, f"found {shown(proper(cell))}, expected a number{hint}")
             decimals = max(0, round(-np.log10(NEEDED[_KIND[name]] / column.unit) + 0.49))
             slots[name] = Slot(start, start + len(cell), cell, column.unit, decimals)
         label = proper(cells[at["name"]][1]) if "name" in at else ""
@@ -269,9 +270,9 @@ def _numbers(
         cell = cells[at][1]
         if not _NUMBER.fullmatch(cell) or not np.isfinite(float(cell)):
             if strict:
-                _fail(source, line, column.name, f"found {shown(cell)}, expected a number")
+                _fail(source, line, column.name, f"found {shown(proper(cell))}, expected a number")
             return None
-        values[row] = float(cell) * column.unit
+        values[row] = float(cell) * column.unit + column.offset
     return values
 
 
