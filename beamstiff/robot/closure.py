@@ -20,7 +20,7 @@ from beamstiff.robot.newton import Mask, newton
 from beamstiff.se3 import Array
 
 HELD = 1e-6  # gap per motion, in machine sizes and rad, that no passive motion makes up for
-GRID = 1024  # poses: for fewer it is not worth making a grid of starts
+GRID = 512  # poses: for fewer it is not worth making a grid of starts
 SCATTERED = 48  # starts where the guess does not lead to a closed posture
 
 
