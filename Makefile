@@ -7,12 +7,13 @@ JOBS ?= 2
 PYTEST_ARGS ?=
 BIN := .venv/bin
 STAMP := .venv/.installed
+DOCS_STAMP := .venv/.installed-docs
 
 # Many small matrices: threads inside the linear algebra would only get in the way of JOBS.
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: venv demo readme test slow figures lint clean
+.PHONY: venv demo readme test slow figures lint docs pictures clean
 
 venv: $(STAMP)
 
@@ -47,6 +48,18 @@ lint: venv
 	for check in "ruff check ." "ruff format --check ." "mypy --strict beamstiff" "lint-imports"; do \
 		echo "$$check"; $(BIN)/$$check || failed=1; \
 	done; exit $$failed
+
+# The pages of docs/ as build/docs/index.html; a warning is a fault.
+docs: $(DOCS_STAMP)
+	$(BIN)/sphinx-build --fail-on-warning --keep-going --quiet --fresh-env docs build/docs
+
+$(DOCS_STAMP): $(STAMP)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
+	@touch $@
+
+# The pictures that docs/ shows.
+pictures: venv
+	$(BIN)/python -m docs.pictures
 
 clean:
 	rm -rf .venv build dist .pytest_cache .hypothesis .mypy_cache .ruff_cache .import_linter_cache examples/output
