@@ -206,13 +206,14 @@ def _how_far(result: Diagnosis) -> Section:
         list(left),
         [1e3 * value for value in left.values()],
         "green",
-        "position gap on postures left out, RMS, mm",
+        "RMS gap, mm",
         rangemode="tozero",
     )
     figure = Figure(
         "how-far",
         "What is left",
-        "On postures that were not fitted: no cause can be expected to leave less than any law of any place.",
+        "Position gap on postures that were not fitted. No cause can be expected to leave less than any law "
+        "of any place.",
         traces,
         layout,
         Table("What is left", ("model", "mm"), [[name, f"{1e3 * v:.4f}"] for name, v in left.items()]),
@@ -234,8 +235,8 @@ def _others(result: Diagnosis) -> Iterator[Section]:
         yield Section("parameters", "Parameters of the model", [text.replace("`", "")], tables=[table])
     following = [
         [
-            ", ".join(f"{name} = {value:.4g}" for name, value in item["q"].items()),
-            ", ".join(f"{value:.4g}" for value in item["wrench"]),
+            ", ".join(f"{name} = {number(value)}" for name, value in item["q"].items()),
+            ", ".join(number(value + 0.0) for value in item["wrench"]),
             ", ".join(item["separates"]),
         ]
         for item in result.next

@@ -340,7 +340,7 @@ def _table(
         columns += [f"{DISPLACEMENT[k]} {what}, {'mm' if k < 3 else 'mrad'}" for k in shown]
     blocks += [value[chosen][:, None] for value in gaps.values()]
     columns += [f"gap {name}, mm" for _, name in zip(gaps, names, strict=False)]
-    body = np.concatenate(blocks, axis=1)
+    body = np.concatenate(blocks, axis=1) + 0.0  # no -0
     cells = [
         [
             line_of(rows, at),

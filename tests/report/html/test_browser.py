@@ -15,6 +15,7 @@ import pytest
 from tests.report.html.conftest import JOINT_NAME, LINK_NAME, ROBOT_NAME
 
 WIDE, NARROW = 1280, 390
+PAPER = 700
 SHAPE = "const plot = document.getElementById('plot-robot'); return [plot.data[0].x, plot.data[1].x];"
 CHANGE = (
     "const control = document.getElementById(arguments[0]); control[arguments[1]] = arguments[2];"
@@ -173,7 +174,12 @@ def test_the_page_prints_light_with_its_tables_open(opened: Any) -> None:
     closed = "return document.querySelectorAll('details:not([open])').length"
     scheme = "return getComputedStyle(document.documentElement).colorScheme"
     before = opened.execute_script(closed)
-    opened.execute_script("dispatchEvent(new Event('beforeprint'))")
+    # at once: paper does not wait
+    widest = opened.execute_script(
+        "dispatchEvent(new Event('beforeprint')); return Math.max("
+        "...[...document.querySelectorAll('.main-svg')].map((one) => one.clientWidth))"
+    )
+    assert 300 < widest <= PAPER
     assert opened.execute_script(closed) == 1  # the rows stay closed
     assert opened.execute_script(scheme) == "light"
     opened.execute_script("dispatchEvent(new Event('afterprint'))")

@@ -66,9 +66,13 @@
     if (!figure.views) layout.dragmode = plot.layout ? plot.layout.dragmode : false;  // a finger scrolls the page
     const narrow = plot.clientWidth < 480;
     if (narrow && layout.scene) {
-      layout.height = 420;
-      traces.forEach((trace) => { if (trace.line && trace.line.colorbar) trace.line.colorbar = { ...trace.line.colorbar, orientation: "h", y: -0.05, len: 0.9, title: { ...trace.line.colorbar.title, side: "top" } }; });
+      layout.height = 440;
+      layout.scene.domain = { x: [0, 1], y: [0.14, 1] };  // the bar of colours is below
+      traces.forEach((trace) => { if (trace.line && trace.line.colorbar) trace.line.colorbar = { ...trace.line.colorbar, orientation: "h", y: 0, yanchor: "bottom", len: 0.9, title: { ...trace.line.colorbar.title, side: "top" } }; });
     }
+    // paper does not wait for a figure to find out how wide it may be
+    if (document.documentElement.dataset.theme === "print") layout.width = plot.clientWidth;
+    plot.style.minHeight = `${layout.height}px`;
     return Plotly.react(plot, traces, layout, { ...config, modeBarButtons: buttons(figure) });
   };
 
@@ -116,7 +120,7 @@
   addEventListener("afterprint", () => {
     delete document.documentElement.dataset.theme;
     closed.forEach((one) => { one.open = false; });
-    drawAll();
+    drawAll().then(() => plots.forEach((plot) => Plotly.Plots.resize(plot)));
   });
 
   // One at a time, from the top, so that the page answers meanwhile.
