@@ -126,7 +126,7 @@ def _modified(rows: list[_Row]) -> list[_Row]:
     for row in rows:
         if row.get("gamma") != ZERO or row.get("b") != ZERO:
             if not result:
-                result.append(_Row("base"))
+                result.append(_Row("mount"))
             result[-1].add("theta", row.get("gamma"))
             result[-1].add("d", row.get("b"))
         new = _Row(
@@ -138,7 +138,7 @@ def _modified(rows: list[_Row]) -> list[_Row]:
 
 
 def _classic(rows: list[_Row]) -> list[_Row]:
-    result = [_Row("base")]
+    result = [_Row("mount")]
     for row in rows:
         result[-1].values |= {"a": row.get("a"), "alpha": row.get("alpha")}
         result.append(_Row(row.name, {"theta": row.get("theta"), "d": row.get("d")}))

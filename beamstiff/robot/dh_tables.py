@@ -293,10 +293,17 @@ def _chain(rows: list[Row], read: list[Row], convention: str) -> tuple[list[Row]
     }
     frames: list[Row] = []
     joints: list[TreeJoint] = []
+    names, moved = {"base"}, set[str]()
     before: Row = {}
     previous = "base"
 
     def add(name: str, parent: str, values: Row, row: Row, own: Row) -> None:
+        if name in names:
+            raise BeamstiffError(f"{row['place']}: name: {name!r} is taken, expected another name")
+        names.add(name)
+        if own.get("variable") in moved:
+            raise BeamstiffError(f"{row['place']}: {own['variable']} moves another row already")
+        moved.update([own["variable"]] if own.get("variable") else [])
         frame: Row = {"name": name, "parent": parent}
         for key, value in values.items():
             try:
