@@ -8,11 +8,10 @@ begins a comment. FROM, GODLTA, CIRCLE and all else stay as they are.
 from __future__ import annotations
 
 import re
-from typing import NoReturn
 
 from beamstiff.compensate.editing import NUMBER, Slot
 from beamstiff.compensate.formats.masking import lines
-from beamstiff.compensate.formats.program import Place, Program, make_program
+from beamstiff.compensate.formats.program import Place, Program, make_program, refuse
 from beamstiff.compensate.orientation import ToolAxis
 from beamstiff.errors import BeamstiffError, shown
 
@@ -55,7 +54,7 @@ def read(text: str, source: str) -> Program:
         word, tail = match["word"].upper(), statement[match.end() :]
         if word == "UNITS":
             if (name := tail.strip().upper()) not in UNITS:
-                _fail(source, number, "", f"found UNITS/{tail.strip()}, expected one of {', '.join(UNITS)}")
+                refuse(source, number, "", f"found UNITS/{tail.strip()}, expected one of {', '.join(UNITS)}")
             unit = UNITS[name]
         elif word == "GOTO":
             name = f"GOTO {len(places) + 1}"
@@ -100,11 +99,11 @@ def _numbers(
     slots: list[Slot] = []
     pieces = tail.split(",")
     if len(pieces) not in (3, 6):
-        _fail(source, line, name, f"found {len(pieces)} numbers, expected 3 (x,y,z) or 6 (x,y,z,i,j,k)")
+        refuse(source, line, name, f"found {len(pieces)} numbers, expected 3 (x,y,z) or 6 (x,y,z,i,j,k)")
     for number, piece in enumerate(pieces):
         bare = piece.strip()
         if not _NUMBER.fullmatch(bare):
-            _fail(source, line, name, f"found {shown(bare)}, expected a number")
+            refuse(source, line, name, f"found {shown(bare)}, expected a number")
         start = at + len(piece) - len(piece.lstrip())
         is_axis = number >= 3
         slots.append(
@@ -118,7 +117,3 @@ def _numbers(
         )
         at += len(piece) + 1
     return tuple(slots)
-
-
-def _fail(source: str, line: int, name: str, message: str) -> NoReturn:
-    raise BeamstiffError(f"{source}:{line}: {name}: {message}" if name else f"{source}:{line}: {message}")

@@ -12,11 +12,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from typing import NoReturn
 
 from beamstiff.compensate.editing import NUMBER, Slot
 from beamstiff.compensate.formats.masking import lines, masked
-from beamstiff.compensate.formats.program import Place, Program, make_program
+from beamstiff.compensate.formats.program import Place, Program, make_program, refuse
 from beamstiff.compensate.orientation import KUKA
 from beamstiff.errors import BeamstiffError, shown
 from beamstiff.units import unit_factor
@@ -143,11 +142,11 @@ def _groups(line: str, source: str, number: int) -> Iterator[tuple[int, int]]:
         elif letter == "}":
             depth -= 1
             if depth < 0:
-                _fail(source, number, "", "found '}' without '{' before it")
+                refuse(source, number, "", "found '}' without '{' before it")
             if depth == 0:
                 yield start, at
     if depth:
-        _fail(
+        refuse(
             source, number, "", f"found {shown(line[start:].strip())}, expected a closing '}}' in this line"
         )
 
@@ -187,14 +186,14 @@ def _target(
             end = inner.find(",", offset)
             piece = inner[offset : end if end >= 0 else len(inner)].strip()
             hint = "; decimals follow a point, not a comma" if _NUMBER.fullmatch(piece) else ""
-            _fail(source, line, name, f"found {shown(piece)}, expected a component such as X 12.5{hint}")
+            refuse(source, line, name, f"found {shown(piece)}, expected a component such as X 12.5{hint}")
         key, value = match["key"].upper(), match["value"]
         if key not in POSITION + ROTATION:
             continue
         if not _NUMBER.fullmatch(value):
-            _fail(source, line, name, f"{key}: found {shown(value)}, expected a number")
+            refuse(source, line, name, f"{key}: found {shown(value)}, expected a number")
         if key in slots:
-            _fail(source, line, name, f"{key}: found twice, expected once")
+            refuse(source, line, name, f"{key}: found twice, expected once")
         kind = "position" if key in POSITION else "orientation"
         start = at + offset + match.start("value")
         unit = MILLIMETRE if kind == "position" else DEGREE
@@ -206,7 +205,7 @@ def _target(
         inherited = last.inherited or tuple(slot.value for slot in last.orientation)
     elif missing:
         why = ": what is left out follows the target before, which is corrected" if motion else ""
-        _fail(source, line, name, f"found no {', '.join(missing)}, expected all of X, Y, Z, A, B, C{why}")
+        refuse(source, line, name, f"found no {', '.join(missing)}, expected all of X, Y, Z, A, B, C{why}")
     rotation = () if missing else tuple(slots[key] for key in ROTATION)
     return Place(name, line, tuple(slots[key] for key in POSITION), rotation, inherited)
 
@@ -215,7 +214,3 @@ def _lines(numbers: list[int]) -> str:
     some = ", ".join(map(str, numbers[:6]))
     more = f" and {len(numbers) - 6} more" if len(numbers) > 6 else ""
     return f"line{'s' if len(numbers) > 1 else ''} {some}{more}"
-
-
-def _fail(source: str, line: int, name: str, message: str) -> NoReturn:
-    raise BeamstiffError(f"{source}:{line}: {name}: {message}" if name else f"{source}:{line}: {message}")

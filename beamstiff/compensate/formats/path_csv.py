@@ -11,13 +11,12 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NoReturn
 
 import numpy as np
 
 from beamstiff.compensate.editing import NUMBER, Slot, proper
 from beamstiff.compensate.formats.masking import lines
-from beamstiff.compensate.formats.program import Place, Program, make_program
+from beamstiff.compensate.formats.program import Place, Program, make_program, refuse
 from beamstiff.compensate.orientation import (
     Orientation,
     Quaternion,
@@ -97,7 +96,7 @@ def read(text: str, source: str) -> Program:
             comma = (
                 "; write decimal points, not commas" if separator == "," and len(cells) > len(header) else ""
             )
-            _fail(
+            refuse(
                 source,
                 number,
                 "",
@@ -155,19 +154,19 @@ def _header(cells: Sequence[tuple[int, str]], source: str, line: int) -> list[_C
     for number, cell in enumerate((proper(cell) for _, cell in cells), start=1):
         match = _CELL.fullmatch(cell)
         if match is None or not match["name"] or _NUMBER.fullmatch(cell):
-            _fail(
+            refuse(
                 source, line, f"column {number}", f"found {shown(cell)}, expected a name and its unit: x [mm]"
             )
         name = match["name"]
         known = name.lower() if name.lower() in (*_KIND, "name") else name
         if any(column.name == known for column in columns):
-            _fail(source, line, known, "found twice, expected once")
+            refuse(source, line, known, "found twice, expected once")
         columns.append(_column(known, match["unit"], source, line))
     names = [column.name for column in columns]
     for axis in POSITION:
         if axis not in names:
             hint = suggest(axis, names)
-            _fail(
+            refuse(
                 source, line, axis, f"this column is missing{hint}, found {listed(names)}, expected x, y, z"
             )
     return columns
@@ -186,8 +185,8 @@ def _column(name: str, unit: str | None, source: str, line: int) -> _Column:
         except BeamstiffError as error:
             problem = problem or str(error)
     if name in _KIND:
-        _fail(source, line, name, problem)
-    _fail(source, line, name, f"unknown unit {shown(unit)}")
+        refuse(source, line, name, problem)
+    refuse(source, line, name, f"unknown unit {shown(unit)}")
 
 
 def _orientation(
@@ -199,16 +198,16 @@ def _orientation(
         try:
             angles = named_orientation(declared[0])
         except BeamstiffError as error:
-            _fail(source, declared[1], "orientation", str(error))
+            refuse(source, declared[1], "orientation", str(error))
     kinds = ((ANGLES, angles), (QUATERNION, Quaternion()), (AXIS, ToolAxis()))
     present = [(columns, kind) for columns, kind in kinds if set(columns) & set(names)]
     if len(present) > 1:
-        _fail(source, line, present[1][0][0], f"found beside {present[0][0][0]}, expected one orientation")
+        refuse(source, line, present[1][0][0], f"found beside {present[0][0][0]}, expected one orientation")
     if not present:
         return angles, ()
     columns, kind = present[0]
     if missing := [name for name in columns if name not in names]:
-        _fail(source, line, missing[0], f"this column is missing, expected all of {' '.join(columns)}")
+        refuse(source, line, missing[0], f"this column is missing, expected all of {' '.join(columns)}")
     return kind, columns
 
 
@@ -228,7 +227,7 @@ def _program(
             column, (start, cell) = header[at[name]], cells[at[name]]
             if not _NUMBER.fullmatch(cell):
                 hint = "; decimals follow a point" if re.fullmatch(r"[+-]?\d+,\d+", cell) else ""
-                _fail(source, line, name, f"found {shown(proper(cell))}, expected a number{hint}")
+                refuse(source, line, name, f"found {shown(proper(cell))}, expected a number{hint}")
             decimals = max(0, round(-np.log10(NEEDED[_KIND[name]] / column.unit) + 0.49))
             slots[name] = Slot(start, start + len(cell), cell, column.unit, decimals)
         label = proper(cells[at["name"]][1]) if "name" in at else ""
@@ -270,11 +269,7 @@ def _numbers(
         cell = cells[at][1]
         if not _NUMBER.fullmatch(cell) or not np.isfinite(float(cell)):
             if strict:
-                _fail(source, line, column.name, f"found {shown(proper(cell))}, expected a number")
+                refuse(source, line, column.name, f"found {shown(proper(cell))}, expected a number")
             return None
         values[row] = float(cell) * column.unit + column.offset
     return values
-
-
-def _fail(source: str, line: int, name: str, message: str) -> NoReturn:
-    raise BeamstiffError(f"{source}:{line}: {name}: {message}" if name else f"{source}:{line}: {message}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -124,6 +125,11 @@ class Program:
         return replace(self, path=path, places=tuple(self.places[row] for row in rows), chosen=chosen)
 
 
+def refuse(source: str, line: int, name: str, message: str) -> NoReturn:
+    """Raise an error at a line of a file, and at a target or column of it where one has a name."""
+    raise BeamstiffError(f"{source}:{line}: {name}: {message}" if name else f"{source}:{line}: {message}")
+
+
 def make_program(
     text: str,
     source: str,
@@ -149,11 +155,14 @@ def make_program(
     for row, place in enumerate(places):
         numbers[row] = [slot.value for slot in place.orientation] or place.inherited
         if not (np.isfinite(numbers[row]).all() and np.isfinite(positions[row]).all()):
-            raise BeamstiffError(f"{source}:{place.line}: {place.name}: found a number that is not finite")
+            refuse(source, place.line, place.name, "found a number that is not finite")
         if np.abs(positions[row]).max() > MOST:
-            raise BeamstiffError(
-                f"{source}:{place.line}: {place.name}: found a position {np.abs(positions[row]).max():.3g} m "
-                "away, expected one that a robot reaches; check the unit"
+            refuse(
+                source,
+                place.line,
+                place.name,
+                f"found a position {np.abs(positions[row]).max():.3g} m away, expected one that a robot "
+                "reaches; check the unit",
             )
     try:
         rotations = orientation.rotations(numbers)

@@ -13,7 +13,7 @@ from typing import NoReturn
 
 from beamstiff.compensate.editing import NUMBER, Slot, line_of
 from beamstiff.compensate.formats.masking import masked
-from beamstiff.compensate.formats.program import Place, Program, make_program
+from beamstiff.compensate.formats.program import Place, Program, make_program, refuse
 from beamstiff.compensate.orientation import Quaternion
 from beamstiff.errors import BeamstiffError, shown
 
@@ -177,4 +177,4 @@ def _target(
 
 
 def _fail(source: str, code: str, at: int, name: str, message: str) -> NoReturn:
-    raise BeamstiffError(f"{source}:{line_of(code, at)}: {name}: {message}")
+    refuse(source, line_of(code, at), name, message)
