@@ -5,8 +5,14 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
+import numpy as np
 from hypothesis import settings
 from hypothesis import strategies as st
+
+from beamstiff.compensate.formats.program import Program
+from beamstiff.compensate.orientation import KUKA
+from beamstiff.compensate.path import ToolPath
+from beamstiff.se3 import Array
 
 # programs take long to make; `--hypothesis-profile=thorough` makes more all the same
 FEWER = settings(max_examples=(settings.default.max_examples if settings.default else 100) // 4)
@@ -64,3 +70,25 @@ def joined(lines: list[list[str]], end: str) -> Pieces:
             between.append(line[at + 1])
         between[-1] += end
     return Pieces(tuple(between), tuple(numbers))
+
+
+def check_unmodified(program: Program, pieces: Pieces, count: int) -> None:
+    """Assert that a program has its targets, and is the same byte for byte while they stay."""
+    assert len(program.path) == count
+    assert program.with_poses(program.path.poses) == pieces.text.encode("latin-1")
+
+
+def check_moved(program: Program, pieces: Pieces, seed: int) -> tuple[Array, ToolPath]:
+    """Assert that numbers alone change when targets are moved, and positions come back.
+
+    Returns where the targets were moved to, (N, 4, 4), and the path that is read again.
+    """
+    random, count = np.random.default_rng(seed), len(program.path)
+    poses = program.path.poses.copy()
+    poses[:, :3, 3] += random.uniform(-2e-3, 2e-3, (count, 3))
+    poses[:, :3, :3] = KUKA.rotations(random.uniform(-2e-3, 2e-3, (count, 3))) @ poses[:, :3, :3]
+    content = program.with_poses(poses)
+    assert pieces.pattern().fullmatch(content)
+    again = program.read(content.decode("latin-1"), program.path.source).path
+    np.testing.assert_allclose(again.poses[:, :3, 3], poses[:, :3, 3], rtol=0, atol=0.51e-6)
+    return poses, again

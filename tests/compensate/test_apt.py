@@ -8,10 +8,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from beamstiff.compensate.formats import apt
-from beamstiff.compensate.orientation import KUKA
 from beamstiff.errors import BeamstiffError
 
-from .programs import BLANKS, ENDS, FEWER, REMARKS, Pieces, joined, number_texts
+from .programs import (
+    BLANKS,
+    ENDS,
+    FEWER,
+    REMARKS,
+    Pieces,
+    check_moved,
+    check_unmodified,
+    joined,
+    number_texts,
+)
 
 AXES = (("0", "0", "1"), ("0.6", "0.0", "8.0E-01"), ("-.7071068", "0", ".7071068"), ("1.", "0", "0"))
 
@@ -42,26 +51,16 @@ def programs(draw: st.DrawFn) -> tuple[Pieces, int]:
 @given(programs())
 def test_an_unmodified_file_is_the_same_byte_for_byte(made: tuple[Pieces, int]) -> None:
     pieces, count = made
-    program = apt.read(pieces.text, "a.apt")
-    assert len(program.path) == count
-    assert program.with_poses(program.path.poses) == pieces.text.encode("latin-1")
+    check_unmodified(apt.read(pieces.text, "a.apt"), pieces, count)
 
 
 @FEWER
 @given(programs(), st.integers(0, 2**32 - 1))
 def test_only_numbers_of_targets_change_and_they_say_where_to(made: tuple[Pieces, int], seed: int) -> None:
-    pieces, count = made
-    program = apt.read(pieces.text, "a.apt")
-    random = np.random.default_rng(seed)
-    poses = program.path.poses.copy()
-    poses[:, :3, 3] += random.uniform(-2e-3, 2e-3, (count, 3))
-    poses[:, :3, :3] = KUKA.rotations(random.uniform(-2e-3, 2e-3, (count, 3))) @ poses[:, :3, :3]
-    content = program.with_poses(poses)
-    assert pieces.pattern().fullmatch(content)
-    again = apt.read(content.decode("latin-1"), "a.apt")
-    np.testing.assert_allclose(again.path.poses[:, :3, 3], poses[:, :3, 3], rtol=0, atol=0.51e-6)
-    turned = program.path.turns
-    np.testing.assert_allclose(again.path.poses[turned, :3, 2], poses[turned, :3, 2], rtol=0, atol=1e-6)
+    pieces, _ = made
+    poses, again = check_moved(apt.read(pieces.text, "a.apt"), pieces, seed)
+    turned = again.turns
+    np.testing.assert_allclose(again.poses[turned, :3, 2], poses[turned, :3, 2], rtol=0, atol=1e-6)
 
 
 @pytest.mark.parametrize(

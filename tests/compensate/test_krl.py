@@ -8,10 +8,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from beamstiff.compensate.formats import krl
-from beamstiff.compensate.orientation import KUKA
 from beamstiff.errors import BeamstiffError
 
-from .programs import BLANKS, ENDS, FEWER, GAPS, REMARKS, Pieces, joined, number_texts
+from .programs import (
+    BLANKS,
+    ENDS,
+    FEWER,
+    GAPS,
+    REMARKS,
+    Pieces,
+    check_moved,
+    check_unmodified,
+    joined,
+    number_texts,
+)
 
 
 @st.composite
@@ -48,26 +58,16 @@ def programs(draw: st.DrawFn) -> tuple[Pieces, int]:
 @given(programs())
 def test_an_unmodified_program_is_the_same_byte_for_byte(made: tuple[Pieces, int]) -> None:
     pieces, count = made
-    program = krl.read(pieces.text, "a.src")
-    assert len(program.path) == count
-    assert program.with_poses(program.path.poses) == pieces.text.encode("latin-1")
+    check_unmodified(krl.read(pieces.text, "a.src"), pieces, count)
 
 
 @FEWER
 @given(programs(), st.integers(0, 2**32 - 1))
 def test_only_numbers_of_targets_change_and_they_say_where_to(made: tuple[Pieces, int], seed: int) -> None:
-    pieces, count = made
-    program = krl.read(pieces.text, "a.src")
-    random = np.random.default_rng(seed)
-    poses = program.path.poses.copy()
-    poses[:, :3, 3] += random.uniform(-2e-3, 2e-3, (count, 3))
-    poses[:, :3, :3] = KUKA.rotations(random.uniform(-2e-3, 2e-3, (count, 3))) @ poses[:, :3, :3]
-    content = program.with_poses(poses)
-    assert pieces.pattern().fullmatch(content)
-    again = krl.read(content.decode("latin-1"), "a.src")
-    np.testing.assert_allclose(again.path.poses[:, :3, 3], poses[:, :3, 3], rtol=0, atol=0.51e-6)
+    pieces, _ = made
+    poses, again = check_moved(krl.read(pieces.text, "a.src"), pieces, seed)
     # 0.0001 deg, of three angles
-    np.testing.assert_allclose(again.path.poses[:, :3, :3], poses[:, :3, :3], rtol=0, atol=3e-6)
+    np.testing.assert_allclose(again.poses[:, :3, :3], poses[:, :3, :3], rtol=0, atol=3e-6)
 
 
 @FEWER
