@@ -16,9 +16,9 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from beamstiff.errors import BeamstiffError
+from beamstiff.errors import BeamstiffError, listed
 from beamstiff.files import write_whole
-from beamstiff.robot.coupling import frame_expressions
+from beamstiff.robot.coupling import coupling, frame_expressions
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import RIGID, stiffness_text
 from beamstiff.robot.forward import forward
@@ -98,6 +98,12 @@ def _written_into(text: str, robot: Robot) -> str:
     if robot.name != root.attributes.get("name"):
         edits.attribute(root, "name", robot.name)
     tree = read_tree(root)
+    own = coupling(robot).free
+    if unknown := [name for name in coupling(Robot(**_told(tree))).free if name not in own]:
+        raise BeamstiffError(
+            f"robot {robot.name!r} has no joint variable {listed(unknown)}: the URDF that it is to be written "
+            "into is of another machine, expected the one that it was read from"
+        )
     elements = {item.attributes["name"]: item for item in root.all("joint")}
     for joint in tree.joints:
         _write_stiffness(edits, elements[joint.name], joint, robot)

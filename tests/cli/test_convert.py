@@ -1,0 +1,146 @@
+"""`beamstiff convert` as a user runs it."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from beamstiff import load_robot, read_measurements
+from beamstiff.cli.convert import with_joint_stiffness
+from beamstiff.errors import BeamstiffError
+from beamstiff.robot.urdf.reader import parse_urdf
+from tests.robot.urdf_texts import EVERYTHING
+
+Run = Callable[..., Any]
+
+# the crane of conftest.py, said by a URDF
+CRANE = """<robot name="crane">
+  <link name="foot"/>
+  <link name="arm"/>
+  <link name="tip"><visual><geometry><sphere radius="0.1"/></geometry></visual></link>
+  <joint name="q1" type="revolute"><parent link="foot"/><child link="arm"/><axis xyz="0 0 1"/>
+    <limit lower="-2.9" upper="2.9" effort="1" velocity="1"/></joint>
+  <joint name="boom" type="fixed"><parent link="arm"/><child link="tip"/><origin xyz="1 0 0"/></joint>
+</robot>
+"""
+
+
+@pytest.fixture
+def urdf(folder: Path) -> Path:
+    (folder / "arm.urdf").write_text(EVERYTHING, encoding="utf-8")
+    (folder / "crane.urdf").write_text(CRANE, encoding="utf-8")
+    return folder
+
+
+@pytest.mark.usefixtures("urdf")
+def test_a_urdf_given_a_stiffness_is_identified_and_comes_back_with_the_fit(run: Run, folder: Path) -> None:
+    stiff = ("--joint-stiffness", "5e5 N*m/rad")
+    assert run("convert", "crane.urdf", *stiff, "--out", "start.yaml").exit_code == 0
+    # a push of 1 kN across the arm of 1 m turns it by 1 mrad: 1e6 N m/rad
+    (folder / "data.csv").write_text(
+        "# sigma_position: 0.01 mm\nq1,fy,dx [mm],dy [mm]\n0,1000,0,1\n0,-2000,0,-2\n"
+    )
+    result = run("identify", "start.yaml", "data.csv", "--out", "fitted.yaml", "--json", "fit.json")
+    assert result.exit_code == 0, result.stderr
+    assert run("convert", "fitted.yaml", "--out", "fitted.urdf").exit_code == 0
+    text = (folder / "fitted.urdf").read_text()
+    assert parse_urdf(text).parameter("q1.torsional") == pytest.approx(1e6, rel=1e-6)
+    assert re.sub(r"\n *<beamstiff torsional=.*? N\*m/rad\"/>", "", text) == CRANE
+
+
+@pytest.mark.usefixtures("urdf")
+def test_commands_take_a_urdf_as_it_is(run: Run, folder: Path) -> None:
+    text = CRANE.replace('velocity="1"/>', 'velocity="1"/><beamstiff torsional="1e6 N*m/rad"/>')
+    (folder / "stiff.urdf").write_text(text)
+    (folder / "loads.csv").write_text("q1,fy\n0,1000\n")
+    answer = json.loads(run("deflect", "stiff.urdf", "loads.csv", "--json", "-").stdout)
+    np.testing.assert_allclose(answer["displacement"], [[0, 1e-3, 0, 0, 0, 1e-3]], atol=1e-12)
+    assert run("show", "stiff.urdf").exit_code == 0
+
+
+@pytest.mark.usefixtures("urdf")
+@pytest.mark.parametrize("command", ["stiffness", "identify"])
+def test_a_urdf_without_stiffness_says_which_joints_need_one(run: Run, command: str) -> None:
+    result = run(command, "crane.urdf", *(["crane.csv"] if command == "identify" else []))
+    assert result.exit_code == 2
+    assert "the joints q1 are rigid" in result.stderr
+    assert "--joint-stiffness" in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+
+
+@pytest.mark.usefixtures("urdf")
+def test_urdf_to_yaml_to_urdf_is_the_same_text(run: Run, folder: Path) -> None:
+    assert run("convert", "crane.urdf", "--out", "crane2.yaml").exit_code == 0
+    assert run("convert", "crane2.yaml", "--out", "back.urdf").exit_code == 0
+    assert (folder / "back.urdf").read_text() == CRANE
+
+
+@pytest.mark.usefixtures("urdf")
+def test_tables_go_in_and_out(run: Run, folder: Path) -> None:
+    assert run("convert", "kr500", "--convention", "modified", "--out", "kr500.csv").exit_code == 0
+    assert run("convert", "kr500.csv", "--out", "kr500.urdf").exit_code == 0
+    assert run("convert", "kr500.urdf", "--convention", "classic", "--out", "classic.csv").exit_code == 0
+    assert "f3,q3 - 90,0,-55,-90" in (folder / "classic.csv").read_text()
+    (folder / "rows.yaml").write_text("{convention: modified, rows: [{theta: q1, a: 1 m}]}")
+    assert run("convert", "rows.yaml", "--out", "one.yaml").exit_code == 0
+    assert load_robot(folder / "one.yaml").frames[0].d == 1.0
+
+
+@pytest.mark.usefixtures("urdf")
+def test_points_and_joint_values_become_measurements(run: Run, folder: Path) -> None:
+    (folder / "points.txt").write_text("tip 1000 1 0\ntip 0 1001 0\n")
+    (folder / "p.yaml").write_text(
+        "{separator: whitespace, columns: {point: 1, x: 2, y: 3, z: 4}, units: {length: mm}}"
+    )
+    (folder / "q.csv").write_text("q1 [deg],fy\n0,1000\n90,0\n")
+    arguments = ("--profile", "p.yaml", "--joints", "q.csv", "--out", "measured.csv")
+    assert run("convert", "points.txt", *arguments).exit_code == 0
+    table = read_measurements(folder / "measured.csv", load_robot(folder / "crane.yaml"))
+    np.testing.assert_allclose(table.position, [[1, 1e-3, 0], [0, 1.001, 0]])
+
+
+@pytest.mark.usefixtures("urdf")
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("arm.urdf", "--out", "x.yaml"), "found 3 ends of the chain (jaw_a, jaw_b, sensor mount)"),
+        (("arm.urdf", "--tcp", "jaw", "--out", "x.yaml"), "unknown node 'jaw' (did you mean 'jaw_b'?)"),
+        (
+            ("crane.yaml", "--tcp", "tap", "--out", "x.yaml"),
+            "--tcp: tcp: unknown node 'tap' (did you mean 'tip'?)",
+        ),
+        (("crane.urdf", "--out", "x.txt"), "found the ending '.txt'"),
+        (("crane.urdf", "--out", "crane.urdf"), "would overwrite the input"),
+        (("crane.urdf", "--out", "x.csv"), "--convention: is missing"),
+        (("crane.urdf", "--like", "arm.urdf", "--out", "x.yaml"), "--like: goes with"),
+        (("crane.urdf", "--like", "arm.urdf", "--out", "x.urdf"), "has no joint variable base_yaw"),
+        (("crane.urdf", "--joint-stiffness", "1e6", "--out", "x.yaml"), "expected a stiffness with its unit"),
+        (("crane.urdf", "--joint-stiffness", "q2=1 N/m", "--out", "x.yaml"), "no moving joint 'q2'"),
+        (("crane.urdf", "--joint-stiffness", "q1=1 N/m", "--out", "x.yaml"), "which is axial"),
+        (("crane.urdf", "--joint-stiffness", "1 N/m", "--out", "x.yaml"), "no joint moves so"),
+        (("crane.urdf", "--joints", "crane.csv", "--out", "x.yaml"), "--joints: goes with --profile"),
+        (("nothing.urdf", "--out", "x.yaml"), "nothing.urdf: no such file"),
+    ],
+)
+def test_bad_input_ends_with_one_line_and_code_2(run: Run, arguments: tuple[str, ...], message: str) -> None:
+    result = run("convert", *arguments)
+    assert result.exit_code == 2
+    assert message in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+    assert not Path("x.yaml").exists()
+
+
+def test_stiffness_goes_to_the_joints_that_have_none_and_fit_its_unit() -> None:
+    robot = parse_urdf(EVERYTHING, tcp="jaw_a", stiffness={"base-yaw": 5e5})
+    new = with_joint_stiffness(robot, ["1e6 N*m/rad", "lift=2e8 N/m"])
+    assert new.parameter("base-yaw.torsional") == 5e5
+    assert new.parameter("grip.torsional") == 1e6
+    assert new.parameter("lift.axial") == 2e8
+    with pytest.raises(BeamstiffError, match="N/m"):
+        with_joint_stiffness(robot, ["1 N"])
