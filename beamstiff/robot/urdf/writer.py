@@ -101,8 +101,8 @@ def _written_into(text: str, robot: Robot) -> str:
     own = coupling(robot).free
     if unknown := [name for name in coupling(Robot(**_told(tree))).free if name not in own]:
         raise BeamstiffError(
-            f"robot {robot.name!r} has no joint variable {listed(unknown)}: the URDF that it is to be written "
-            "into is of another machine, expected the one that it was read from"
+            f"robot {robot.name!r} has no joint variable {listed(unknown)}: the URDF that it is to be "
+            "written into is of another machine, expected the one that it was read from"
         )
     elements = {item.attributes["name"]: item for item in root.all("joint")}
     for joint in tree.joints:
