@@ -2,6 +2,10 @@
 
 import sys
 from pathlib import Path
+from typing import Any
+
+from docutils import nodes
+from latex2mathml.converter import convert
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
@@ -11,7 +15,7 @@ project = "beamstiff"
 author = "The beamstiff authors"
 copyright = "2026, The beamstiff authors"
 release = __version__
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.mathjax"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 exclude_patterns = ["pictures"]
 myst_enable_extensions = ["dollarmath", "deflist"]
 myst_heading_anchors = 3
@@ -20,6 +24,27 @@ autodoc_typehints = "none"  # the docstrings say more: shapes and units
 autodoc_member_order = "bysource"
 napoleon_google_docstring = False
 napoleon_use_rtype = False
+highlight_language = "none"
+html_math_renderer = "mathml"
 html_theme = "furo"
 html_title = f"beamstiff {__version__}"
 html_show_sourcelink = False
+
+
+def inline_math(page: Any, node: nodes.math) -> None:
+    """Write an equation as MathML: browsers show it without any script from elsewhere."""
+    page.body.append(convert(node.astext()))
+    raise nodes.SkipNode
+
+
+def block_math(page: Any, node: nodes.math_block) -> None:
+    """Write an equation on a line of its own."""
+    page.body.append(
+        f'<div class="math" style="overflow-x:auto">{convert(node.astext(), display="block")}</div>'
+    )
+    raise nodes.SkipNode
+
+
+def setup(app: Any) -> None:
+    """Tell Sphinx how to write equations."""
+    app.add_html_math_renderer("mathml", (inline_math, None), (block_math, None))
