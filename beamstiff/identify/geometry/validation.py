@@ -13,6 +13,7 @@ from beamstiff.identify.geometry.estimate import Estimate, estimate
 from beamstiff.identify.geometry.problem import Problem, state_problem
 from beamstiff.identify.geometry.result import Calibration, Errors, errors_of
 from beamstiff.identify.geometry.statement import Statement
+from beamstiff.identify.split import configurations
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
@@ -21,8 +22,11 @@ from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 def held_out(
     statement: Statement, problem: Problem, found: Estimate, method: str, folds: int
 ) -> Array | None:
-    """Return the residuals (N, 6) of poses left out, fold by fold; None where too little is left to fit."""
-    pose = problem.geometry.pose
+    """Return the residuals (N, 6) of poses left out, fold by fold; None where too little is left to fit.
+
+    Rows of one pose leave together, also where the encoders read it a little differently each time.
+    """
+    pose = configurations(problem.rows)
     count = int(pose.max()) + 1
     folds = min(folds, count)
     if folds < 2:

@@ -117,6 +117,19 @@ def test_held_out_errors_are_those_of_fresh_poses() -> None:
     assert calibrate(serial(), rows, folds=0).held_out is None
 
 
+def test_readings_of_one_pose_are_held_out_together_though_the_encoders_tremble() -> None:
+    # each pose has an error of its own, common to its four rows: whoever fits three of them knows the fourth
+    q, common = np.repeat(within(serial(), 14, 6), 4, axis=0), np.repeat(np.arange(14), 4)
+    seen = measured(REAL, q, noise=0.0, base=BASE)
+    shift = 1e-4 * np.random.default_rng(3).standard_normal((14, 3))[common]
+    rows = replace(seen, position=seen.position + shift, pose=common.astype(np.int64))
+    tremble = 1e-10 * np.random.default_rng(4).standard_normal(q.shape)
+    still, moving = (calibrate(serial(), one).held_out for one in (rows, replace(rows, q=q + tremble)))
+    assert still is not None
+    assert moving is not None
+    assert moving.position_rms == pytest.approx(still.position_rms, rel=1e-3)
+
+
 def test_several_reflectors_share_one_geometry() -> None:
     q = within(serial(), 20, 8)
     rows = concatenate([measured(REAL, q, point=point, base=BASE) for point in ("ball", "other")])
