@@ -23,6 +23,7 @@ from beamstiff.robot.kinematics import posture
 from beamstiff.robot.stiffness import stiffness_parameters
 from beamstiff.se3 import Array
 
+TOOL = ("tool", "tool point")  # places at the tool
 LABELLED = 3
 SEEN = 0.005  # share that is worth a label
 DEFORMED = 0.12  # of the robot's size: the deformed shape to begin with
@@ -60,8 +61,8 @@ class RobotView:
     ----------
     figure : Figure
     views : list of dict
-        ``name``; ``traces``: what differs, with ``dx, dy, dz`` for the way at magnification 1; ``labels``;
-        ``ranges`` of the axes.
+        ``name``; ``traces``: what differs, with ``dx, dy, dz`` for the way at magnification 1 and ``shares``
+        for the colours; ``labels``; ``ranges`` of the axes.
     magnification, most : float
         To begin with, and at most; 0 where nothing moves.
     cameras : mapping
@@ -118,7 +119,7 @@ def robot_view(robot: Robot, shown: Sequence[Shown], share: str, gravity: bool =
         views.append(
             _View(robot, where.node_positions[at], moved[at], size).made(one, shares, compliance[at])
         )
-    most = max([LEAST_SCALE, *(value for view in views for value in view.pop("shares"))])
+    most = max(LEAST_SCALE, *(view.pop("largest") for view in views))
     figure = Figure(
         "robot",
         "The robot",
@@ -177,9 +178,10 @@ class _View:
                 _coloured(joints, shares, told),
                 {
                     **_points(self.positions[ends], self.moved[ends, :3]),
+                    "shares": [shares.get("base", 0.0), max(shares.get(name, 0.0) for name in TOOL)],
                     "hovertext": [
                         f"base {told.get('base', '')}",
-                        f"tool {told.get('tool', told.get('tool point', ''))}",
+                        "<br>".join(["tool", *(told[name] for name in TOOL if name in told)]),
                     ],
                 },
                 {**arrows.lines(self.moved[load, :3])},
@@ -188,7 +190,7 @@ class _View:
             ],
             "labels": self._labels(shares, links, joints, index),
             "ranges": self._ranges(),
-            "shares": list(shares.values()),
+            "largest": max(shares.values(), default=0.0),
         }
 
     def _ranges(self) -> dict[str, list[float | None]]:
@@ -247,7 +249,7 @@ def _points(positions: Array, moved: Array) -> dict[str, Any]:
 def _coloured(lines: Lines, shares: Mapping[str, float], told: Mapping[str, str]) -> dict[str, Any]:
     value = [float(f"{shares.get(name, 0.0):.4g}") for name in lines.names]
     text = [told.get(name, label(name)) for name in lines.names]
-    return lines.moving() | {"line.color": value, "hovertext": text}
+    return lines.moving() | {"shares": value, "hovertext": text}
 
 
 def _styles(share: str, most: float) -> list[dict[str, Any]]:
@@ -280,7 +282,12 @@ def _styles(share: str, most: float) -> list[dict[str, Any]]:
             "type": "scatter3d",
             "mode": "markers",
             "name": "base and tool",
-            "marker": {"symbol": ["square", "diamond"], "size": [9, 6], "color": css("ink")},
+            "marker": {
+                "symbol": ["square", "diamond"],
+                "size": [9, 7],
+                **coloured,
+                "line": {"width": 1, "color": css("ink")},
+            },
             "hoverinfo": "text",
         },
         {**lines, "name": "load", "line": {"color": css("blue"), "width": 6}, "hoverinfo": "text"},
@@ -312,7 +319,7 @@ def _layout() -> dict[str, Any]:
     }
     for one in scene.values():
         del one["automargin"]  # which axes in space do not have
-    scene |= {"aspectmode": "data", "camera": CAMERAS["oblique"], "dragmode": "turntable"}
+    scene |= {"aspectmode": "manual", "camera": CAMERAS["oblique"], "dragmode": "turntable"}
     return plain_layout(540, margin={"l": 0, "r": 0, "t": 0, "b": 0}, scene=scene, showlegend=False)
 
 

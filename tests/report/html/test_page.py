@@ -6,6 +6,7 @@ import json
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -133,7 +134,7 @@ def test_provenance_names_files_seed_command_and_versions(outline: Outline, sour
 def test_plotly_knows_every_property_of_every_figure(outline: Outline) -> None:
     held = json.loads(outline.scripts["figures"])
 
-    def resolved(value: object) -> object:
+    def resolved(value: Any) -> Any:
         if isinstance(value, list):
             return [resolved(item) for item in value]
         if isinstance(value, dict):
@@ -148,10 +149,12 @@ def test_plotly_knows_every_property_of_every_figure(outline: Outline) -> None:
         go.Figure(data=resolved(figure["traces"]), layout=resolved(figure["layout"]))
         for view in figure.get("views", []):
             for style, own in zip(figure["traces"], view["traces"], strict=True):
-                shape = {
-                    key: item for key, item in own.items() if key not in ("dx", "dy", "dz", "line.color")
-                }
-                go.Figure(data=[resolved(style) | shape])
+                shape = {key: item for key, item in own.items() if key not in ("dx", "dy", "dz", "shares")}
+                drawn = resolved(style) | shape
+                if "shares" in own:
+                    part = "marker" if style["mode"] == "markers" else "line"
+                    drawn[part] = drawn[part] | {"color": own["shares"]}
+                go.Figure(data=[drawn])
 
 
 def test_a_colour_that_a_figure_asks_for_is_one_of_the_style(page: str, outline: Outline) -> None:

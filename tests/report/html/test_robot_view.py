@@ -100,9 +100,10 @@ def test_shares_colour_their_parts_and_the_largest_are_named() -> None:
     q = np.zeros(len(robot.actuated)) + 0.2
     view = view_of(robot, q, np.array([0, 0, -F, 0, 0, 0]), shares=shares).views[0]
     links = view["traces"][1]
-    coloured = dict(zip(links["hovertext"], links["line.color"], strict=True))
+    coloured = dict(zip(links["hovertext"], links["shares"], strict=True))
     assert coloured[f"{link}: 60.0 %"] == 0.6
     assert sorted(coloured.values())[-2] == 0.0
+    assert view["traces"][3]["shares"] == [0.001, 0.08]  # base and tool
     assert [one["text"] for one in view["labels"]] == [
         f"{link} 60 %",
         f"{joint.variable or joint.name} 30 %",
@@ -115,7 +116,7 @@ def test_without_shares_the_energy_colours_and_adds_up_to_one() -> None:
     view = view_of(robot, np.full(len(robot.actuated), 0.3), np.array([100.0, 50, -F, 0, 0, 0])).views[0]
     parts = {}
     for trace in view["traces"][1:3]:
-        parts |= dict(zip(trace["hovertext"], trace["line.color"], strict=True))
+        parts |= dict(zip(trace["hovertext"], trace["shares"], strict=True))
     assert sum(parts.values()) == pytest.approx(1.0, abs=2e-3)
 
 

@@ -38,10 +38,10 @@
     const view = figure.views[Number(posture.value)];
     const factor = Number(magnification.value);
     const traces = resolve(figure.traces, style).map((trace, at) => {
-      const { dx, dy, dz, x, y, z, "line.color": colour, ...more } = view.traces[at];
+      const { dx, dy, dz, x, y, z, shares, ...more } = view.traces[at];
       const moved = { ...trace, ...more, x: plus(x, dx, factor), y: plus(y, dy, factor), z: plus(z, dz, factor) };
-      if (colour) moved.line = { ...moved.line, color: colour };
-      return moved;
+      const part = trace.mode === "markers" ? "marker" : "line";
+      return shares ? { ...moved, [part]: { ...trace[part], color: shares } } : moved;
     });
     const layout = resolve(figure.layout, style);
     layout.scene.annotations = view.labels.map((one, at) => ({
@@ -50,6 +50,10 @@
       font: { color: layout.font.color, size: 13 }, arrowcolor: layout.font.color,
       bgcolor: style.getPropertyValue("--panel").trim(), borderpad: 2, opacity: 0.9,
     }));
+    // lengths as they are, the longest always as long: thin robots would fill the picture otherwise
+    const lengths = Object.entries(view.ranges).map(([name, [low, high]]) => [name, high - low]);
+    const longest = Math.max(...lengths.map(([, length]) => length));
+    layout.scene.aspectratio = Object.fromEntries(lengths.map(([name, length]) => [name, 1.55 * length / longest]));
     for (const name of "xyz") layout.scene[`${name}axis`].range = view.ranges[name];
     layout.uirevision = "kept";  // the view that people turned to stays
     return [traces, layout];
