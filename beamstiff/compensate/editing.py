@@ -7,6 +7,7 @@ these only where the change would not fit into them.
 
 from __future__ import annotations
 
+import os
 import re
 from bisect import bisect_right
 from collections.abc import Iterable
@@ -66,9 +67,9 @@ def read_bytes(path: str | Path) -> str:
         When it is missing, unreadable, empty, UTF-16 or too large.
     """
     where = Path(path)
+    if os.path.isdir(where):
+        raise BeamstiffError(f"{path}: is a folder, expected a file")
     try:
-        if where.is_dir():
-            raise BeamstiffError(f"{path}: is a folder, expected a file")
         with where.open("rb") as file:
             data = file.read(LARGEST + 1)
     except FileNotFoundError:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -74,11 +77,14 @@ def test_lines_are_counted_whatever_their_ends(end: str) -> None:
     ("content", "message"),
     [(b"", "is empty"), (b"\xff\xfeL\0", "UTF-16"), (b"LIN\0", "binary"), (None, "no such file")],
 )
-def test_files_that_are_no_text_are_refused(tmp_path: object, content: bytes | None, message: str) -> None:
-    from pathlib import Path
-
-    path = Path(str(tmp_path)) / "a.src"
+def test_files_that_are_no_text_are_refused(tmp_path: Path, content: bytes | None, message: str) -> None:
+    path = tmp_path / "a.src"
     if content is not None:
         path.write_bytes(content)
     with pytest.raises(BeamstiffError, match=message):
         read_bytes(path)
+
+
+def test_a_folder_is_no_file(tmp_path: Path) -> None:
+    with pytest.raises(BeamstiffError, match=f"^{re.escape(str(tmp_path))}: is a folder, expected a file$"):
+        read_bytes(tmp_path)

@@ -165,6 +165,7 @@ def test_points_of_several_tools_are_told() -> None:
         ("XP1={X 1,Y 2,Z 3,A 0,B 0,C 0", r"a.dat:2: found .* expected a closing '}'"),
         ("XP1=X 1,Y 2,Z 3,A 0,B 0,C 0}{", r"a.dat:2: found '}' without '{'"),
         ("XP1={X 1e9,Y 2,Z 3,A 0,B 0,C 0}", r"a.dat:2: XP1: found a position 1e\+06 m away"),
+        ("XP1={X 1,Y 2,Z 3,A 1e300,B 0,C 0}", r"a.dat:2: XP1: found an angle of more than 100 turns"),
         ("XP1={X 1e999,Y 2,Z 3,A 0,B 0,C 0}", r"a.dat:2: XP1: found a number that is not finite"),
         ("LIN {X 1,Y 2}", r"a.dat:2: LIN: found no Z, A, B, C"),
         ("", r"a.dat: found no target"),

@@ -17,6 +17,7 @@ from beamstiff.errors import BeamstiffError, listed, suggest
 from beamstiff.se3 import Array, transform
 
 MOST = 1e3  # m
+MOST_TURNED = 1e3  # rad: beyond, angles lose the decimals that count
 
 
 @dataclass(frozen=True)
@@ -156,6 +157,8 @@ def make_program(
         numbers[row] = [slot.value for slot in place.orientation] or place.inherited
         if not (np.isfinite(numbers[row]).all() and np.isfinite(positions[row]).all()):
             refuse(source, place.line, place.name, "found a number that is not finite")
+        if np.abs(numbers[row]).max() > MOST_TURNED:
+            refuse(source, place.line, place.name, "found an angle of more than 100 turns; check the unit")
         if np.abs(positions[row]).max() > MOST:
             refuse(
                 source,
