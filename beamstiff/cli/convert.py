@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from beamstiff.cli.options import Debug, Quiet, robot_file
-from beamstiff.cli.output import check_outputs, people, say
+from beamstiff.cli.options import Debug, Json, Quiet, robot_file
+from beamstiff.cli.output import check_outputs, people, say, write_json
 from beamstiff.errors import BeamstiffError, listed, shown
 from beamstiff.files import read_text, write_whole
 
@@ -77,6 +77,7 @@ def convert(
             help="With --profile: joint values and loads, to be joined with the points.",
         ),
     ] = None,
+    json: Json = None,
     quiet: Quiet = False,
     debug: Debug = False,  # noqa: ARG001
 ) -> None:
@@ -99,9 +100,9 @@ def convert(
         robot_file(source),
         *(path for path in (like, profile, joints) if path is not None),
     ]
-    check_outputs(inputs, None, out=out)
+    check_outputs(inputs, json, out=out)
     if profile is not None:
-        _points(source, profile, joints, out, quiet)
+        _points(source, profile, joints, out, json, quiet)
         return
     if joints is not None:
         raise BeamstiffError("--joints: goes with --profile, for lists of points")
@@ -135,9 +136,13 @@ def convert(
     for note in notes:
         say(f"note: {note}", quiet)
     moving = [variable.name for variable in robot.variables]
-    people(quiet, None).print(
+    write_json(
+        {"robot": robot.name, "tcp": robot.tcp, "variables": moving, "written": out, "notes": notes}, json
+    )
+    people(quiet, json).print(
         f"{robot.name}: {len(robot.frames)} frames, {len(robot.joints)} joints, TCP {robot.tcp}, variables "
-        f"{listed(moving, 12) or 'none'}. Written to {out} ({WRITTEN[ending]})."
+        f"{listed(moving, 12) or 'none'}. Written to {out} ({WRITTEN[ending]}).",
+        soft_wrap=True,
     )
 
 
@@ -259,7 +264,7 @@ def _notes(robot: Robot) -> list[str]:
     ]
 
 
-def _points(source: str, profile: str, joints: str | None, out: str, quiet: bool) -> None:
+def _points(source: str, profile: str, joints: str | None, out: str, json: str | None, quiet: bool) -> None:
     from beamstiff.measure.point_lists import convert_points
     from beamstiff.measure.profiles import read_profile
 
@@ -267,4 +272,5 @@ def _points(source: str, profile: str, joints: str | None, out: str, quiet: bool
     write_whole(out, made.text)
     for note in made.notes:
         say(f"note: {note}", quiet)
-    people(quiet, None).print(f"{made.count} points written to {out}.")
+    write_json({"points": made.count, "written": out, "notes": list(made.notes)}, json)
+    people(quiet, json).print(f"{made.count} points written to {out}.")

@@ -75,6 +75,13 @@ def test_a_urdf_without_stiffness_says_which_joints_need_one(run: Run, command: 
 
 
 @pytest.mark.usefixtures("urdf")
+def test_json_says_what_was_written(run: Run) -> None:
+    answer = json.loads(run("convert", "crane.urdf", "--out", "crane2.yaml", "--json", "-").stdout)
+    assert answer["variables"] == ["q1"]
+    assert "--joint-stiffness" in answer["notes"][0]
+
+
+@pytest.mark.usefixtures("urdf")
 def test_urdf_to_yaml_to_urdf_is_the_same_text(run: Run, folder: Path) -> None:
     assert run("convert", "crane.urdf", "--out", "crane2.yaml").exit_code == 0
     assert run("convert", "crane2.yaml", "--out", "back.urdf").exit_code == 0
