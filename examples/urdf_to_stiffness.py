@@ -1,8 +1,8 @@
 """From a URDF to the stiffness at its tool, and back into the URDF.
 
 A six-axis arm as its maker might publish it: links, joints, masses and meshes, no word of stiffness. Its
-joints get a stiffness, the tool is pushed in a few postures, and the URDF is written again, the same but for the
-stiffness, with the deformed structure for ParaView beside it.
+joints get a stiffness, the tool is pushed in a few postures, and the URDF is written again, the same but for
+the stiffness, with the deformed structure for ParaView beside it.
 
 Run `python examples/urdf_to_stiffness.py [FOLDER]`; files go to FOLDER (default `examples/output`).
 """
