@@ -22,6 +22,7 @@ from beamstiff.robot.urdf.reader import parse_urdf, read_urdf
 from beamstiff.robot.urdf.writer import differences, robot_to_urdf
 from beamstiff.robot.writer import robot_to_yaml
 from beamstiff.se3 import Array, transform
+from benchmarks.urdf_round_trip import round_trips
 from tests.robot.urdf_texts import EVERYTHING, trees
 
 TCP = "jaw_a"
@@ -186,6 +187,16 @@ def test_the_trailblazer_is_read_and_written_without_loss(shared_path: Callable[
     assert written.replace('\n  <beamstiff tcp="prism"/>', "") == text
     weights = [float(item.get("value", 0)) for item in ET.fromstring(text).iter("mass")]
     assert sum(mass.mass for mass in robot.masses) == pytest.approx(sum(weights))
+
+
+def test_the_study_of_public_files_counts_what_changed_and_what_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "good.urdf").write_text(EVERYTHING, encoding="utf-8")
+    (tmp_path / "lf.urdf").write_bytes(EVERYTHING.replace("\n", "\r\n").encode())
+    (tmp_path / "bad.urdf").write_text("<robot name='cup'><link name='a'/></robot>")
+    found = round_trips(sorted(tmp_path.glob("*.urdf")))
+    assert (found.read, found.same, found.changed) == (2, 2, [])
+    assert found.farthest < 1e-12
+    assert sum(found.refused.values()) == 1
 
 
 def test_an_extension_and_a_tree_that_tell_of_two_machines_are_refused() -> None:
