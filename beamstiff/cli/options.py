@@ -10,9 +10,21 @@ import typer
 
 from beamstiff.errors import BeamstiffError
 
+
+def robots_beginning(incomplete: str) -> list[str]:
+    """Return the robots that come along whose name begins so: what the shell offers, or else files."""
+    from beamstiff.robot.library import robot_names
+
+    return [name for name in robot_names() if name.startswith(incomplete)]
+
+
 RobotFile = Annotated[
     str,
-    typer.Argument(metavar="ROBOT", help="YAML, URDF or SDF file, or the name of a robot that comes along."),
+    typer.Argument(
+        metavar="ROBOT",
+        help="YAML, URDF or SDF file, or the name of a robot that comes along.",
+        autocompletion=robots_beginning,
+    ),
 ]
 DataFile = Annotated[
     str,

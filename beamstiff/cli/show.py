@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamstiff.cli.options import Debug, Json, Quiet, robot_file
+from beamstiff.cli.options import Debug, Json, Quiet, robot_file, robots_beginning
 from beamstiff.cli.output import check_outputs, effects_text, people, say, working, write_json
 from beamstiff.errors import BeamstiffError
 
@@ -22,6 +22,7 @@ def show(
         typer.Argument(
             metavar="ROBOT",
             help="YAML file, or the name of a robot that comes along; without it these are listed.",
+            autocompletion=robots_beginning,
         ),
     ] = None,
     json: Json = None,

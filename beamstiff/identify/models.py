@@ -23,6 +23,7 @@ from beamstiff.model.grid import tcp_positions
 from beamstiff.model.protocol import Model, RigidModel, StructuralModel
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
+from beamstiff.shown import Shown
 
 CUBES_ALONG = 3  # the longest side of the workspace, where no size of cubes is given
 
@@ -104,7 +105,7 @@ class Judged:
 
 
 @dataclass(frozen=True, eq=False)
-class Models:
+class Models(Shown):
     """Models side by side.
 
     Attributes

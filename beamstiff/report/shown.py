@@ -114,7 +114,9 @@ def _(
 
 @told.register
 def _(thing: Robot) -> Iterator[RenderableType]:
-    yield from overview_tables(describe(thing, samples=100))
+    for part in overview_tables(describe(thing, samples=100)):
+        yield part
+        yield ""
 
 
 @plot.register
@@ -134,7 +136,9 @@ def _(thing: Identification, measured: Measurements | None = None) -> Figure:
     axes.set_yticks(
         range(len(thing.parameters)), [f"{one.name}, {one.unit}" for one in thing.parameters][::-1]
     )
-    axes.set(xscale="log", title="Identified stiffness, 95 %", ylim=(-0.7, len(thing.parameters) - 0.3))
+    axes.set(
+        xscale="log", xlabel="stiffness, with its 95 % interval", ylim=(-0.7, len(thing.parameters) - 0.3)
+    )
     plain(axes)
     return figure
 
@@ -142,6 +146,7 @@ def _(thing: Identification, measured: Measurements | None = None) -> Figure:
 @told.register
 def _(thing: Identification) -> Iterator[RenderableType]:
     yield parameters_told(thing)
+    yield ""
     yield from combinations_text(thing)
     gap = f"Gap that remains in position: RMS {1e3 * thing.rms:.3f} mm over the rows fitted"
     held = "" if thing.rms_held_out is None else f", {1e3 * thing.rms_held_out:.3f} mm on poses left out"
@@ -168,6 +173,7 @@ def _(thing: Compensated) -> Figure:
 @told.register
 def _(thing: Compensated) -> Iterator[RenderableType]:
     yield compensation_table(thing)
+    yield ""
     yield compensation_text(thing)
 
 
@@ -184,5 +190,7 @@ def _(thing: Models) -> Iterator[RenderableType]:
 @told.register
 def _(thing: Calibration) -> Iterator[RenderableType]:
     yield parameters_table(thing, f"{thing.robot.name}: calibrated geometry")
+    yield ""
     yield errors_table(thing)
+    yield ""
     yield from calibration_text(thing)

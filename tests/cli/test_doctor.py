@@ -75,6 +75,15 @@ def test_completion_completes_commands(monkeypatch: pytest.MonkeyPatch) -> None:
     assert result.stdout.split() == ["diagnose"]
 
 
+@pytest.mark.parametrize("command", ["show", "stiffness", "diagnose"])
+def test_completion_completes_robots_that_come_along(monkeypatch: pytest.MonkeyPatch, command: str) -> None:
+    monkeypatch.setenv("_BEAMSTIFF_COMPLETE", "complete_bash")
+    monkeypatch.setenv("COMP_WORDS", f"beamstiff {command} kr")
+    monkeypatch.setenv("COMP_CWORD", "2")
+    result = CliRunner().invoke(app, [], prog_name="beamstiff")
+    assert result.stdout.split() == ["kr240-2", "kr500"]
+
+
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_has_an_example_quiet_json_and_debug(run: Run, command: str) -> None:
     shown = run(command, "--help").stdout
