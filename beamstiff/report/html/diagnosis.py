@@ -116,9 +116,6 @@ def _which(result: Diagnosis) -> Section:
         layout,
         Table("The candidates", columns, [_candidate(one) for one in likely], left=2),
     )
-    texts = []
-    if result.indistinguishable:
-        texts.append(f"These data cannot tell the verdict from: {', '.join(result.indistinguishable)}.")
     sizes = [
         [
             one.key,
@@ -139,7 +136,7 @@ def _which(result: Diagnosis) -> Section:
         sizes,
         left=2,
     )
-    return Section("which", "Which cause", texts, [figure], [large] if sizes else [])
+    return Section("which", "Which cause", figures=[figure], tables=[large] if sizes else [])
 
 
 def _candidate(one: Candidate) -> list[str]:
