@@ -4,12 +4,14 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import typer
 from docutils import nodes
 from latex2mathml.converter import convert
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from beamstiff import __version__
+from beamstiff.cli.main import app as commands
 
 project = "beamstiff"
 author = "The beamstiff authors"
@@ -45,6 +47,16 @@ def block_math(page: Any, node: nodes.math_block) -> None:
     raise nodes.SkipNode
 
 
+def help_of_commands(_: Any, page: str, source: list[str]) -> None:
+    """Append to the page of commands what their `--help` says."""
+    if page == "commands":
+        group = typer.main.get_command(commands)
+        for name, command in group.commands.items():
+            context = typer.Context(command, info_name=f"beamstiff {name}", max_content_width=90)
+            source[0] += f"\n## {name}\n\n````\n{command.get_help(context)}\n````\n"
+
+
 def setup(app: Any) -> None:
     """Tell Sphinx how to write equations."""
+    app.connect("source-read", help_of_commands)
     app.add_html_math_renderer("mathml", (inline_math, None), (block_math, None))
