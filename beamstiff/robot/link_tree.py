@@ -133,17 +133,21 @@ def robot_data(tree: LinkTree, tcp: str | None = None) -> dict[str, Any]:
     for joint in joints:
         own = joint.child if joint.child != "base" else _free("base link", taken_frames)
         frame_of[joint.child] = own
-        frames += _frames(joint, frame_of[joint.parent], own, variables.get(joint.name), taken_frames)
+        made = [*_frames(joint, frame_of[joint.parent], own, variables.get(joint.name), taken_frames)]
+        frames += made
+        # the frame that the joint turns or slides: its z axis is the joint's
+        turned = joint.kind != "fixed" and bool(np.any(joint.axis[:2]))
+        held, axis = (made[-2]["name"], [0.0, 0.0, 1.0]) if turned else (own, _axis(joint.axis))
         nodes.append({"name": joint.child, "frame": own})
         start, end = joint.parent, joint.child
         if joint.kind != "fixed" or joint.stiffness:
             end = _free(joint.name, taken_nodes, " joint")
-            nodes.append({"name": end, "frame": own})
+            nodes.append({"name": end, "frame": held})
             spring = {
                 "name": joint.name,
                 "nodes": [end, joint.child],
-                "frame": own,
-                "axis": _axis(joint.axis),
+                "frame": held,
+                "axis": axis,
                 "stiffness": dict(joint.stiffness),
             }
             elastic.append(spring | ({"variable": variables[joint.name]} if joint.name in variables else {}))

@@ -157,6 +157,45 @@ def test_what_no_origin_can_say_as_it_is_stands_in_the_extension_too() -> None:
     np.testing.assert_allclose(poses(changed, q)["slide"], theirs["slide"], atol=1e-12)
 
 
+@settings(max_examples=40)
+@given(trees(), st.integers(0, 10))
+def test_a_calibrated_machine_is_written_for_every_reader(text: str, seed: int) -> None:
+    """Each parameter a little off, so that axes miss the origins of their links."""
+    robot = parse_urdf(text, tcp="l0")
+    generator = np.random.default_rng(seed)
+    frames = tuple(
+        frame.model_copy(
+            update={
+                key: value + 1e-3 * generator.normal()
+                for key in ("gamma", "b", "alpha", "d", "theta", "r", "beta")
+                if isinstance(value := getattr(frame, key), float)
+            }
+        )
+        for frame in robot.frames
+    )
+    changed = robot.model_copy(update={"frames": frames})
+    written = robot_to_urdf(changed)
+    assert differences(changed, parse_urdf(written)) == []
+    q = {variable.name: float(generator.uniform(-2, 2)) for variable in robot.actuated}
+    mine, theirs = poses(changed, q), by_scipy(written, q)
+    for link, expected in by_scipy(text, q).items():
+        size = 1 + np.abs(expected).max()
+        np.testing.assert_allclose(mine[link], theirs[link], atol=1e-9 * size)
+
+
+def test_the_axis_of_an_elastic_joint_is_that_of_its_link() -> None:
+    robot = parse_urdf(EVERYTHING, tcp=TCP)
+    lift = next(joint for joint in robot.joints if joint.name == "lift")
+    q = {"base_yaw": 0.3, "lift": 0.2, "grip": 0.1}
+    turned = Rotation.from_euler("xyz", [0, 0, 0.3]) * Rotation.from_euler("xyz", [0.2, -0.3, 1.1])
+    frame = next(node for node in robot.nodes if node.name == "lift").frame
+    assert frame == lift.frame
+    kinematics = compile_frames(robot)
+    free = np.array([[q[name] for name in kinematics.coupling.free]])
+    placed = forward(kinematics, all_values(kinematics, free))[0, kinematics.frame_index[frame]]
+    np.testing.assert_allclose(placed[:3, :3] @ lift.axis, turned.apply([0, 1, 1]) / np.sqrt(2), atol=1e-14)
+
+
 @pytest.mark.parametrize("name", robot_names())
 def test_robots_that_never_were_urdf_come_back_whole(name: str) -> None:
     robot = load_robot(name)

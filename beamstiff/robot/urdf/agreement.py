@@ -55,8 +55,10 @@ def disagreement(tree: Robot, robot: Robot) -> str:
     same = values[:, [free.index(name) for name in one.coupling.free]]
     placed: list[Array] = [forward(one, all_values(one, same)), forward(other, all_values(other, values))]
     size = max(one.size, other.size, 1.0)
-    for name, at in one.frame_index.items():
+    inner = {joint.nodes[0] for joint in tree.joints}  # nodes that are no links; their frames are ours alone
+    for name in dict.fromkeys(node.frame for node in tree.nodes if node.name not in inner):
         if name in other.frame_index:
+            at = one.frame_index[name]
             gap = np.abs(placed[0][:, at] - placed[1][:, other.frame_index[name]]).max()
             if gap > SAME * size:
                 return f"the frame {name!r} stands {gap:.3g} (m or rad) beside the link of this name"

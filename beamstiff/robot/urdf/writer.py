@@ -30,7 +30,7 @@ from beamstiff.robot.urdf.export import numbers_text, urdf_skeleton
 from beamstiff.robot.urdf.reader import parse_urdf, read_tree
 from beamstiff.robot.writer import fragment_to_yaml
 from beamstiff.robot.xml_text import Edit, Element, add_child, apply_edits, parse_xml, remove, set_attribute
-from beamstiff.se3 import vector_from_rotation
+from beamstiff.se3 import Array, vector_from_rotation
 from beamstiff.units import NUMBER
 
 SAME = 1e-12  # m, rad, or relative: nearer, the number in the file stays as it is written
@@ -94,7 +94,7 @@ def _written_into(text: str, robot: Robot) -> str:
     """Return the text with the robot's values, the extension only where it says something."""
     data = text.encode("utf-8")
     root = parse_xml(text, "<urdf>")
-    edits = _Edits(data)
+    edits = _Edits(data, root)
     if robot.name != root.attributes.get("name"):
         edits.attribute(root, "name", robot.name)
     tree = read_tree(root)
@@ -123,7 +123,7 @@ def _with_extension(text: str, robot: Robot) -> str:
     """Return the text with one extension of the robot as a whole: the keys that the tree does not tell."""
     data = text.encode("utf-8")
     root = parse_xml(text, "<urdf>")
-    edits = _Edits(data)
+    edits = _Edits(data, root)
     for old in root.all(EXTENSION):
         edits.remove(old)
     tree = read_tree(root)
@@ -157,8 +157,9 @@ def _needs_other_tcp(tree: LinkTree, robot: Robot) -> bool:
 class _Edits:
     """Edits of a text, the children that an element gets together."""
 
-    def __init__(self, text: bytes) -> None:
+    def __init__(self, text: bytes, root: Element) -> None:
         self.text = text
+        self.root = root
         self.edits: list[Edit] = []
         self.children: dict[int, tuple[Element, list[str]]] = {}
 
@@ -208,15 +209,47 @@ def _write_places(edits: _Edits, robot: Robot, tree: LinkTree, elements: Mapping
         parent, child = (kinematics.frame_index[frames[name]] for name in (joint.parent, joint.child))
         rest, moved = np.linalg.inv(placed[[0, row], parent]) @ placed[[0, row], child]
         element = elements[joint.name]
+        axis = joint.axis
+        if joint.kind != "fixed":
+            motion = np.linalg.inv(rest) @ moved
+            if joint.kind == "prismatic":
+                axis = motion[:3, 3]
+            else:
+                axis = vector_from_rotation(motion[:3, :3])
+                rest = _onto_axis(edits, element, joint, rest, motion, tree)
         if np.abs(rest[:3, 3] - joint.placed[:3, 3]).max() > SAME:
             edits.child_attribute(element, "origin", "xyz", numbers_text(rest[:3, 3]))
         if np.abs(rest[:3, :3] - joint.placed[:3, :3]).max() > SAME:
             edits.child_attribute(element, "origin", "rpy", numbers_text(roll_pitch_yaw(rest[:3, :3])))
-        if joint.kind != "fixed":
-            motion = np.linalg.inv(rest) @ moved
-            axis = vector_from_rotation(motion[:3, :3]) if joint.kind == "revolute" else motion[:3, 3]
-            if np.abs(axis - joint.axis).max() > 10 * SAME:
-                edits.child_attribute(element, "axis", "xyz", numbers_text(axis))
+        if np.abs(axis - joint.axis).max() > 10 * SAME:
+            edits.child_attribute(element, "axis", "xyz", numbers_text(axis))
+
+
+def _onto_axis(
+    edits: _Edits, element: Element, joint: TreeJoint, rest: Array, motion: Array, tree: LinkTree
+) -> Array:
+    """Return where the joint is at 0: a link in between where the axis misses the origin of the child.
+
+    A turn by R about an axis through c moves the origin by ``(1 - R) c``.
+    """
+    point: Array = np.asarray(np.linalg.lstsq(np.eye(3) - motion[:3, :3], motion[:3, 3])[0], dtype=np.float64)
+    if np.abs(point).max() <= 10 * SAME:
+        return rest
+    between = f"{joint.child} on axis"
+    while between in {link.name for link in tree.links}:
+        between += "_"
+    edits.attribute(element.need("child"), "link", between)
+    edits.child(edits.root, f"<link name={quoteattr(between)}/>")
+    edits.child(
+        edits.root,
+        f'<joint name={quoteattr(f"{between} to {joint.child}")} type="fixed"><parent '
+        f"link={quoteattr(between)}/><child link={quoteattr(joint.child)}/>"
+        f'<origin xyz="{numbers_text(-point)}"/></joint>',
+    )
+    shift = np.eye(4)
+    shift[:3, 3] = point
+    result: Array = rest @ shift
+    return result
 
 
 def _moved_by(robot: Robot, parent: str, child: str) -> set[str] | None:
