@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import traceback
 from collections.abc import Sequence
@@ -13,6 +14,9 @@ from beamstiff.cli.output import say
 from beamstiff.errors import BeamstiffError
 
 SUCCESS, FAILURE, REFUSED, INTERRUPTED = 0, 1, 2, 130
+# Many small matrices: threads inside the linear algebra get in one another's way, twenty times slower on a
+# busy machine. Read when the library loads, which no command has done yet; what the user has set stays.
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 class Commands(TyperGroup):
@@ -28,6 +32,8 @@ class Commands(TyperGroup):
         **extra: Any,
     ) -> Any:
         """Run a command and exit."""
+        for name in THREADS:
+            os.environ.setdefault(name, "1")
         for stream in (sys.stdout, sys.stderr):
             if hasattr(stream, "reconfigure"):  # an old code page shows a `?` for a sign that it lacks
                 stream.reconfigure(errors="replace")

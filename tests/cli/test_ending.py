@@ -179,3 +179,21 @@ def test_help_needs_none_of_the_heavy_libraries() -> None:
     )
     result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert json.loads(result.stdout) == []
+
+
+@pytest.mark.parametrize(("stated", "expected"), [(None, "1"), ("3", "3")])
+def test_linear_algebra_has_one_thread_unless_the_user_says_otherwise(
+    stated: str | None, expected: str
+) -> None:
+    code = (
+        "import os, sys; from beamstiff.cli.main import app; "
+        "app(['--version'], standalone_mode=False); "
+        "assert 'numpy' not in sys.modules; print(os.environ['OPENBLAS_NUM_THREADS'])"
+    )
+    environment = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
+    if stated is not None:
+        environment["OPENBLAS_NUM_THREADS"] = stated
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.split()[-1] == expected
