@@ -217,7 +217,8 @@ def _write_places(edits: _Edits, robot: Robot, tree: LinkTree, elements: Mapping
             else:
                 axis = vector_from_rotation(motion[:3, :3])
                 rest = _onto_axis(edits, element, joint, rest, motion, tree)
-        if np.abs(rest[:3, 3] - joint.placed[:3, 3]).max() > SAME:
+        size = max(1.0, float(np.abs(joint.placed[:3, 3]).max()))
+        if np.abs(rest[:3, 3] - joint.placed[:3, 3]).max() > SAME * size:
             edits.child_attribute(element, "origin", "xyz", numbers_text(rest[:3, 3]))
         if np.abs(rest[:3, :3] - joint.placed[:3, :3]).max() > SAME:
             edits.child_attribute(element, "origin", "rpy", numbers_text(roll_pitch_yaw(rest[:3, :3])))
