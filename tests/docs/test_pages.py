@@ -87,13 +87,17 @@ def test_links_lead_somewhere(page: Path) -> None:
         assert not anchor or anchor in anchors(there), f"{page.name}: no heading for {target}"
 
 
+def test_pictures_are_small() -> None:
+    assert max(path.stat().st_size for path in DOCS.rglob("*.png")) < LARGEST
+
+
 @pytest.mark.parametrize(
     "page", ["stiffness", "planning", "identification", "calibration", "models", "diagnosis", "compensation"]
 )
 def test_a_method_has_its_picture(page: str) -> None:
     text = (DOCS / f"{page}.md").read_text(encoding="utf-8")
     assert f"(pictures/{page}.png)" in text
-    assert (DOCS / "pictures" / f"{page}.png").stat().st_size < LARGEST
+    assert (DOCS / "pictures" / f"{page}.png").exists()
 
 
 def test_every_page_is_in_the_table_of_contents() -> None:
