@@ -45,7 +45,7 @@ def doctor(
       beamstiff doctor --json -
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
     check_outputs([], json)
-    needed, optional = parts(metadata.requires("beamstiff") or [])
+    needed, optional = parts(_requirements())
     facts: dict[str, Any] = {
         "beamstiff": __version__,
         "python": platform.python_version(),
@@ -92,6 +92,16 @@ def parts(requirements: list[str]) -> tuple[list[dict[str, Any]], list[dict[str,
         else:
             needed.append(one)
     return needed, optional
+
+
+def _requirements() -> list[str]:
+    try:
+        return metadata.requires("beamstiff") or []
+    except metadata.PackageNotFoundError:
+        raise BeamstiffError(
+            "doctor: beamstiff runs from a folder and is not installed, so nothing is known of what it needs: "
+            "pip install . in that folder"
+        ) from None
 
 
 def _installed(name: str) -> str | None:

@@ -51,6 +51,16 @@ def test_a_missing_and_an_old_library_are_named_with_what_installs_them(
     assert "also-not-there" not in result.stderr
 
 
+def test_where_it_is_not_installed_it_says_how(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    def requires(name: str) -> list[str]:
+        raise doctor.metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(doctor.metadata, "requires", requires)
+    result = run("doctor")
+    assert result.exit_code == 2
+    assert "pip install ." in result.stderr
+
+
 def test_a_library_that_calculates_wrong_is_a_problem(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     wrong = {"expected": 1.0, "found": 1.001, "error": 1e-3, "s": 0.1}
     monkeypatch.setattr(doctor, "self_check", lambda: wrong)
