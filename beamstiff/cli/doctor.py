@@ -13,12 +13,12 @@ from typing import Annotated, Any
 import typer
 
 from beamstiff._version import __version__
+from beamstiff.cli.group import THREADS
 from beamstiff.cli.options import Debug, Json, Quiet
 from beamstiff.cli.output import check_outputs, people, write_json
 from beamstiff.errors import BeamstiffError
 
 DEVELOPERS = ("dev", "docs")  # extras that users do not miss
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 EXACT = 1e-9  # relative error of the self check
 REQUIREMENT = re.compile(
     r"(?P<name>[\w.-]+)(?:\[.*?])?(?P<bounds>[^;]*)(?:.*extra\s*==\s*['\"](?P<extra>\w+))?"
@@ -99,7 +99,7 @@ def _requirements() -> list[str]:
         return metadata.requires("beamstiff") or []
     except metadata.PackageNotFoundError:
         raise BeamstiffError(
-            "doctor: beamstiff runs from a folder and is not installed, so nothing is known of what it needs: "
+            "doctor: beamstiff runs from a folder and is not installed, so what it needs is not known: "
             "pip install . in that folder"
         ) from None
 
@@ -185,8 +185,10 @@ def _print(facts: dict[str, Any], found: list[str], quiet: bool, json_to: str | 
     console.print(result)
     algebra = facts["linear_algebra"]
     threads = ", ".join(f"{name}={value}" for name, value in algebra["threads"].items())
-    hint = "not limited: many small matrices are faster with OMP_NUM_THREADS=1"
-    console.print(f"\nLinear algebra: {algebra['blas']}, {algebra['cores']} cores, threads {threads or hint}")
+    console.print(
+        f"\nLinear algebra: {algebra['blas']}, {algebra['cores']} cores; {threads or 'threads not limited'}"
+    )
+    console.print("In Python, OMP_NUM_THREADS=1 before numpy loads is the fastest for many small matrices.")
     check = facts["self_check"]
     if check is not None:
         right = "right" if check["error"] < EXACT else "WRONG"
