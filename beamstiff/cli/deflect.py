@@ -64,8 +64,11 @@ def deflect(
     from beamstiff.measure import doubts, read_measurements
     from beamstiff.model.linear import predict_displacements
     from beamstiff.robot.reader import load_robot
+    from beamstiff.robot.stiffness import check_stiffness
 
     description = load_robot(robot)
+    if not description.effects:
+        check_stiffness(description)
     loads = read_measurements(data, description, require_measured=False)
     check_outputs([robot_file(robot), data], json, out=out)
     with working(f"deflecting {len(loads)} rows", quiet):

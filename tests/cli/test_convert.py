@@ -65,9 +65,9 @@ def test_commands_take_a_urdf_as_it_is(run: Run, folder: Path) -> None:
 
 
 @pytest.mark.usefixtures("urdf")
-@pytest.mark.parametrize("command", ["stiffness", "identify"])
+@pytest.mark.parametrize("command", ["stiffness", "identify", "deflect"])
 def test_a_urdf_without_stiffness_says_which_joints_need_one(run: Run, command: str) -> None:
-    result = run(command, "crane.urdf", *(["crane.csv"] if command == "identify" else []))
+    result = run(command, "crane.urdf", *([] if command == "stiffness" else ["crane.csv"]))
     assert result.exit_code == 2
     assert "the joints q1 are rigid" in result.stderr
     assert "--joint-stiffness" in result.stderr
