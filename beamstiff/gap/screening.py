@@ -24,7 +24,6 @@ from beamstiff.se3 import Array
 MOST = 0.15  # of the rows
 ROUNDS = 6
 SURE = 1e-3  # probability that any row of a sound table is flagged
-SHAPES = 3  # of a candidate, that take part
 CLAIM, NO_CLAIM = 0.6, 2.0  # standard deviation of the log noise scale: claims are off by two at times
 
 
@@ -128,8 +127,12 @@ def _unit_columns(some: Sequence[Hypothesis], white: Whitened) -> Array:
 
 
 def _some_shapes(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
-    """Return a few shapes of every candidate: many are near others."""
+    """Return a few shapes of every candidate, for many are near others: the first, the freest, the last."""
     by_key: dict[str, list[Hypothesis]] = defaultdict(list)
     for one in hypotheses:
         by_key[one.key].append(one)
-    return [one for some in by_key.values() for one in some[:: 1 + (len(some) - 1) // SHAPES]]
+    chosen: list[Hypothesis] = []
+    for some in by_key.values():
+        freest = max(range(len(some)), key=lambda k: len(some[k].shape.parameters))
+        chosen += [some[k] for k in sorted({0, freest, len(some) - 1})]
+    return chosen
