@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -207,3 +208,11 @@ def test_a_list_that_does_not_follow_its_profile_is_refused(points: str, profile
 def test_joint_values_that_do_not_fit_are_refused(joints: str, message: str) -> None:
     with pytest.raises(BeamstiffError, match=message):
         parse_points(SA, parse_profile(SA_PROFILE), "sa.txt", split_table(joints, "q.csv"))
+
+
+def test_the_profiles_in_the_documentation_are_profiles() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "files.md").read_text(encoding="utf-8")
+    profiles = re.findall(r"```yaml\n(.*?)```", page, re.DOTALL)
+    assert len(profiles) == 3
+    for text in profiles:
+        parse_profile(text)

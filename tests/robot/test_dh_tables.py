@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -228,3 +230,9 @@ def test_a_table_that_cannot_be_used_is_refused_in_one_line(text: str, message: 
 def test_what_no_table_says_is_refused() -> None:
     with pytest.raises(BeamstiffError, match=r"'fx': d moves .* expected joints about or along z"):
         robot_to_table(load_robot("gantry"), "classic")
+
+
+def test_the_table_in_the_documentation_is_one() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "files.md").read_text(encoding="utf-8")
+    (text,) = re.findall(r"```\n(# convention.*?)```", page, re.DOTALL)
+    assert parse_csv_table(text).parameter("q3.torsional") == 8e5
