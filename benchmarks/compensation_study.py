@@ -27,7 +27,7 @@ from beamstiff import Robot, load_robot
 from beamstiff.compensate.correct import Correction, correct_path, errors_of
 from beamstiff.compensate.formats import apt, krl, rapid
 from beamstiff.compensate.machine import Machine
-from beamstiff.compensate.orientation import KUKA
+from beamstiff.measure.orientation import KUKA
 from beamstiff.compensate.path import ToolPath
 from beamstiff.compensate.process.cantilever import Cantilever, Method
 from beamstiff.compensate.process.corotational import straight, under_load

@@ -32,7 +32,7 @@ def parse_frame(option: str, text: str | None) -> Array:
     """
     import numpy as np
 
-    from beamstiff.compensate.orientation import KUKA, Quaternion
+    from beamstiff.measure.orientation import KUKA, Quaternion
     from beamstiff.se3 import transform
 
     values: dict[str, float] = {}

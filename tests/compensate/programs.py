@@ -10,8 +10,8 @@ from hypothesis import settings
 from hypothesis import strategies as st
 
 from beamstiff.compensate.formats.program import Program
-from beamstiff.compensate.orientation import KUKA
 from beamstiff.compensate.path import ToolPath
+from beamstiff.measure.orientation import KUKA
 from beamstiff.se3 import Array
 
 # programs take long to make; `--hypothesis-profile=thorough` makes more all the same

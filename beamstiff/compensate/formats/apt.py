@@ -12,8 +12,8 @@ import re
 from beamstiff.compensate.editing import NUMBER, Slot
 from beamstiff.compensate.formats.masking import lines
 from beamstiff.compensate.formats.program import Place, Program, make_program, refuse
-from beamstiff.compensate.orientation import ToolAxis
 from beamstiff.errors import BeamstiffError, shown
+from beamstiff.measure.orientation import ToolAxis
 
 UNITS = {
     **dict.fromkeys(("MM", "MILLIMETERS", "MILLIMETRES"), 1e-3),

@@ -16,8 +16,8 @@ from collections.abc import Iterator
 from beamstiff.compensate.editing import NUMBER, Slot
 from beamstiff.compensate.formats.masking import lines, masked
 from beamstiff.compensate.formats.program import Place, Program, make_program, refuse
-from beamstiff.compensate.orientation import KUKA
 from beamstiff.errors import BeamstiffError, shown
+from beamstiff.measure.orientation import KUKA
 from beamstiff.units import unit_factor
 
 POSITION, ROTATION = ("X", "Y", "Z"), ("A", "B", "C")

@@ -17,15 +17,15 @@ import numpy as np
 from beamstiff.compensate.editing import NUMBER, Slot, proper
 from beamstiff.compensate.formats.masking import lines
 from beamstiff.compensate.formats.program import Place, Program, make_program, refuse
-from beamstiff.compensate.orientation import (
+from beamstiff.compensate.path import ToolPath
+from beamstiff.errors import BeamstiffError, listed, shown, suggest
+from beamstiff.measure.orientation import (
     Orientation,
     Quaternion,
     RotationVector,
     ToolAxis,
     named_orientation,
 )
-from beamstiff.compensate.path import ToolPath
-from beamstiff.errors import BeamstiffError, listed, shown, suggest
 from beamstiff.measure.table import WRENCH
 from beamstiff.se3 import Array
 from beamstiff.units import UNITS, unit_factor

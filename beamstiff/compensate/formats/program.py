@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.compensate.editing import ENCODING, Slot, replaced
-from beamstiff.compensate.orientation import Orientation, RowError
 from beamstiff.compensate.path import ToolPath
 from beamstiff.errors import BeamstiffError, listed, suggest
+from beamstiff.measure.orientation import Orientation, RowError
 from beamstiff.se3 import Array, transform
 
 MOST = 1e3  # m

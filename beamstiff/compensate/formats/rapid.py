@@ -14,8 +14,8 @@ from typing import NoReturn
 from beamstiff.compensate.editing import NUMBER, Slot, line_of
 from beamstiff.compensate.formats.masking import masked
 from beamstiff.compensate.formats.program import Place, Program, make_program, refuse
-from beamstiff.compensate.orientation import Quaternion
 from beamstiff.errors import BeamstiffError, shown
+from beamstiff.measure.orientation import Quaternion
 
 SIZES = (3, 4, 4, 6)
 PARTS = ("position x, y, z", "quaternion q1 to q4", "axis configuration", "external axes")

@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from beamstiff.compensate.orientation import (
+from beamstiff.errors import BeamstiffError
+from beamstiff.measure.orientation import (
     KUKA,
     EulerAngles,
     Orientation,
@@ -17,7 +18,6 @@ from beamstiff.compensate.orientation import (
     ToolAxis,
     named_orientation,
 )
-from beamstiff.errors import BeamstiffError
 
 ANGLE = st.floats(-6.0, 6.0)
 ORDERS = ["ZYX", "XYZ", "ZYZ", "ZXZ", "xyz", "zyx", "zyz", "YXZ"]
