@@ -27,7 +27,6 @@ from beamstiff import Robot, load_robot
 from beamstiff.compensate.correct import Correction, correct_path, errors_of
 from beamstiff.compensate.formats import apt, krl, rapid
 from beamstiff.compensate.machine import Machine
-from beamstiff.measure.orientation import KUKA
 from beamstiff.compensate.path import ToolPath
 from beamstiff.compensate.process.cantilever import Cantilever, Method
 from beamstiff.compensate.process.corotational import straight, under_load
@@ -35,6 +34,7 @@ from beamstiff.compensate.process.load import Constant, Process, Together
 from beamstiff.compensate.rewrite import Compensated, compensate_program
 from beamstiff.identify.models import Options, fit_models
 from beamstiff.identify.split import split_rows
+from beamstiff.measure.orientation import KUKA
 from beamstiff.model.protocol import Model
 from beamstiff.robot.reader import parse_robot
 from beamstiff.robot.writer import robot_to_yaml
