@@ -16,10 +16,11 @@ from beamstiff.compensate.path import ToolPath
 from beamstiff.compensate.process.load import FromPath, Process, Together
 from beamstiff.compensate.resample import resample
 from beamstiff.se3 import Array
+from beamstiff.shown import Shown
 
 
 @dataclass(frozen=True, eq=False)
-class Compensated:
+class Compensated(Shown):
     """A corrected file, and what is known of it; N targets.
 
     Attributes

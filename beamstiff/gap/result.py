@@ -14,6 +14,7 @@ from beamstiff.gap.heldout import Fitted, Shrink, shift
 from beamstiff.gap.library import Untestable, key_of
 from beamstiff.measure.table import Measurements
 from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
+from beamstiff.shown import Shown
 
 FORMAT = "beamstiff-diagnosis/1"
 
@@ -64,7 +65,7 @@ class Candidate:
 
 
 @dataclass(frozen=True)
-class Diagnosis:
+class Diagnosis(Shown):
     """A diagnosis; see the format ``beamstiff-diagnosis/1`` for what its JSON holds.
 
     Attributes

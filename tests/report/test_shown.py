@@ -15,7 +15,6 @@ from beamstiff import BeamstiffError, Robot, identify, load_robot, read_measurem
 from beamstiff.gap.diagnose import diagnose
 from beamstiff.identify.result import Identification
 from beamstiff.measure.table import Measurements
-from beamstiff.report.shown import as_html
 
 DATA = Path(__file__).resolve().parents[2] / "examples" / "data" / "ir663_compliance_xx.csv"
 
@@ -88,10 +87,11 @@ def test_names_from_files_run_nothing_and_are_no_markup() -> None:
     assert odd.plot()._repr_png_().startswith(b"\x89PNG")
 
 
-def test_a_diagnosis_is_shown_by_the_same_function(robot: Robot, measured: Measurements) -> None:
+def test_a_diagnosis_shows_itself_too(robot: Robot, measured: Measurements) -> None:
     result = diagnose(robot, measured)
-    assert len(beamstiff.plot(result).axes) == 4
-    assert "Which effect" in as_html(result)
+    assert len(result.plot().axes) == len(beamstiff.plot(result).axes) == 4
+    assert "Which effect" in result._repr_html_()
+    assert "Which effect" in printed(result)
 
 
 def test_what_is_unknown_is_refused() -> None:

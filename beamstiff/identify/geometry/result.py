@@ -15,6 +15,7 @@ from beamstiff.identify.geometry.parameters import Parameter
 from beamstiff.measure.arrays import Integers
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
+from beamstiff.shown import Shown
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,7 @@ class Found:
 
 
 @dataclass(frozen=True, eq=False)
-class Calibration:
+class Calibration(Shown):
     """A calibrated robot, how sure its parameters are, and what is left; N rows, t parameters.
 
     Attributes
