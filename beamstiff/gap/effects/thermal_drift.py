@@ -14,6 +14,8 @@ from beamstiff.se3 import Array
 DRIFT = 1e-4  # m over the campaign
 TURN = 1e-4  # rad over the campaign
 WARMTH = 2e-5  # m/K
+GROWTH = 1e-4  # over the campaign: steel that warms by 8 K
+EXPANSION = 1.2e-5  # 1/K, of steel
 DECAYS = (0.1, 0.3, 1.0)  # of the campaign's duration
 LAGS = (0.0, 0.05, 0.2)  # of the campaign's duration, by which the machine follows its temperature
 TURNING = ("linear", "warming up within 0.3")
@@ -44,10 +46,12 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
             label = "temperature" if lag == 0 else f"temperature, lagging by {lag:g}"
             if stated or not shared:
                 result.append(Shape(label, _along(warmth), _named("expansion", "m/K", WARMTH)))
+                result.append(_grown(baseline, f"growing with {label}", warmth))
             if stated or shared:
-                change = _along(since_pose(baseline, warmth))
+                change = since_pose(baseline, warmth)
                 label = f"{label}, since the unloaded reading"
-                result.append(Shape(label, change, _named("expansion", "m/K", WARMTH)))
+                result.append(Shape(label, _along(change), _named("expansion", "m/K", WARMTH)))
+                result.append(_grown(baseline, f"growing with {label}", change))
     return result
 
 
@@ -64,10 +68,18 @@ def _in_time(baseline: Baseline, courses: dict[str, Array], since: str) -> list[
     )
     every = np.concatenate([_along(course) for course in courses.values()], -1)
     turning = [_turning(baseline, courses[name]) for name in TURNING]
+    growing = np.concatenate([_growing(baseline, course) for course in courses.values()], -1)
+    growths = tuple(Quantity(f"growth_{name}", "1", 0.5 * GROWTH) for name in names)
     return [
         *result,
         Shape(f"any course{since}", every, drifts),
         Shape(f"any course, turning{since}", np.concatenate([every, *turning], -1), (*drifts, *turns)),
+        Shape(f"growing{since}", growing, growths),
+        Shape(
+            f"growing and turning{since}",
+            np.concatenate([growing, *turning], -1),
+            (*growths, *turns),
+        ),
     ]
 
 
@@ -106,6 +118,17 @@ def _along(course: Array) -> Array:
     result = np.zeros((len(course), 6, 3))
     result[:, [0, 1, 2], [0, 1, 2]] = course[:, None]
     return result
+
+
+def _growing(baseline: Baseline, course: Array) -> Array:
+    """Return the displacement (N, 6, 1) of growing away from the base, following a course (N,)."""
+    position = nominal_pose(baseline.nominal, baseline.rows)[0]
+    result: Array = course[:, None, None] * np.concatenate([position, 0.0 * position], axis=1)[..., None]
+    return result
+
+
+def _grown(baseline: Baseline, name: str, warmth: Array) -> Shape:
+    return Shape(name, _growing(baseline, warmth), (Quantity("growth", "1/K", EXPANSION),), weight=0.5)
 
 
 def _turning(baseline: Baseline, course: Array) -> Array:

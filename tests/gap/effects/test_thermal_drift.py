@@ -1,10 +1,12 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from beamstiff.gap.effects import EFFECTS
-from tests.gap.machines import at_random, elbow, nominal, rows_of, shape_of
+from tests.gap.machines import FORE, UPPER, at_random, elbow, nominal, rows_of, shape_of
 
 TIME = np.array([0.0, 100, 200, 300, 350, 400])
 
@@ -80,3 +82,26 @@ def test_a_turning_frame_moves_points_by_their_distance() -> None:
     for axis in range(3):
         assert turn[:, 3 + axis, axis] == pytest.approx(course)
         assert np.cross(np.eye(3)[axis], turn[:, :3, axis]) @ np.eye(3)[axis] == pytest.approx(0.0)
+
+
+def test_a_machine_that_grows_moves_every_point_away_from_its_base_by_its_distance() -> None:
+    rows = at_random(elbow(), 6, seed=1, time=TIME)
+    rows = replace(rows, point=np.array(["tip", "end"] * 3))
+    shape = shape_of(nominal(elbow(), rows), "thermal-drift", None, "growing")
+    first, both = rows.q[:, 0], rows.q.sum(axis=1)
+    tip = np.where(np.arange(6) % 2 == 0, 1.0, 0.0)[:, None]
+    away = UPPER * np.stack([np.cos(first), np.sin(first), 0 * first], -1)
+    away = away + tip * FORE * np.stack([np.cos(both), np.sin(both), 0 * both], -1)
+    course = TIME / 400 - 0.5
+    np.testing.assert_allclose(shape.columns[:, :3, 0], course[:, None] * away, atol=1e-12)
+    assert not shape.columns[:, 3:].any()
+
+
+def test_a_machine_that_grows_with_its_temperature_does_so_by_the_kelvin() -> None:
+    warmth = np.array([20.0, 21, 23, 22, 25, 21])
+    rows = at_random(elbow(), 6, seed=3, temperature=warmth)
+    there = nominal(elbow(), rows)
+    found = shape_of(there, "thermal-drift", None, "growing with temperature").columns[:, :3, 0]
+    first, both = rows.q[:, 0], rows.q.sum(axis=1)
+    away = UPPER * np.cos(first) + FORE * np.cos(both)
+    assert found[:, 0] == pytest.approx((warmth - 22) * away)

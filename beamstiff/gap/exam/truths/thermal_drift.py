@@ -35,9 +35,11 @@ def impose(truth: Truth, reality: Reality) -> Reality:
         if campaign.shared_unloaded and campaign.kind == "displacement":
             share = share - _at_start_of_pose(campaign, share)
         if truth.form == "growth":  # the machine grows: away from its base
-            node = reality.machine.node(reality.machine.tcp)
-            reach = placed.node(node)
-            ways = reach / np.linalg.norm(reach, axis=1, keepdims=True)
+            ways = np.empty((len(values), 3))
+            for name in np.unique(campaign.point):
+                rows = campaign.point == name
+                reach = placed.node(reality.machine.node(str(name)))[rows]
+                ways[rows] = reach / np.maximum(np.linalg.norm(reach, axis=1, keepdims=True), 1e-9)
         else:
             ways = np.broadcast_to(along, (len(values), 3))
         drift = p["drift"] * share[:, None] * ways
