@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 import pytest
-from hypothesis import event, given
+from hypothesis import event, example, given
 from hypothesis import strategies as st
 
 from beamstiff.errors import BeamstiffError
@@ -32,11 +32,16 @@ def sparsely(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def alike(one: Condensed, other: Condensed) -> float:
-    names = ("port_stiffness", "port_map", "clamped", "port_dead", "clamped_dead")
-    return max(relative_error(getattr(one, name), getattr(other, name)) for name in names)
+    names = ("port_stiffness", "port_map", "clamped", "port_dead")
+    worst = max(relative_error(getattr(one, name), getattr(other, name)) for name in names)
+    # where the weight hangs on what is fixed, the rest is rounding: against what a newton does at least
+    newton = np.abs(other.clamped).max(initial=0.0)
+    size = max(np.abs(other.clamped_dead).max(initial=0.0), newton, 1e-20)
+    return max(worst, float(np.abs(one.clamped_dead - other.clamped_dead).max(initial=0.0) / size))
 
 
 @given(seed=st.integers(0, 2**32 - 1), more=st.integers(2, 7), loops=st.integers(0, 3))
+@example(seed=5718, more=4, loops=1)  # all of its weight hangs on what is fixed
 def test_random_machines_both_ways(seed: int, more: int, loops: int) -> None:
     made = machine_frame(seed, more, loops, rigid_loops=False)
     robot = made.robot()
