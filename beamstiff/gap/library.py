@@ -122,16 +122,21 @@ def state_library(baseline: Baseline, white: Whitened, without: Sequence[str] = 
     return seen_by(Library(tuple(hypotheses), tuple(untestable)), white)
 
 
+def by_candidate(hypotheses: Sequence[Hypothesis]) -> dict[str, list[int]]:
+    """Return where the shapes of each candidate stand among hypotheses, in their order."""
+    result: dict[str, list[int]] = {}
+    for at, one in enumerate(hypotheses):
+        result.setdefault(one.key, []).append(at)
+    return result
+
+
 def seen_by(library: Library, white: Whitened) -> Library:
     """Return a library whitened anew, and what these data cannot show of it."""
     hypotheses = whitened(library.hypotheses, white)
-    by_key: dict[str, list[Hypothesis]] = {}
-    for one in hypotheses:
-        by_key.setdefault(one.key, []).append(one)
+    by_key = by_candidate(hypotheses)
+    shapes = [[hypotheses[at] for at in places] for places in by_key.values()]
     hidden = [
-        Untestable(some[0].effect, some[0].component, why)
-        for some in by_key.values()
-        if (why := _hidden(some, white))
+        Untestable(some[0].effect, some[0].component, why) for some in shapes if (why := _hidden(some, white))
     ]
     never = [one for one in library.untestable if key_of(one.effect, one.component) not in by_key]
     return Library(hypotheses, (*never, *hidden))

@@ -7,7 +7,6 @@ processes: Rasmussen & Williams 2006, eqs 5.10 to 5.12).
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from beamstiff.gap.baseline import Baseline
-from beamstiff.gap.library import Hypothesis, Library, whitened
+from beamstiff.gap.library import Hypothesis, Library, by_candidate, whitened
 from beamstiff.gap.variance import Variance, estimate, precision
 from beamstiff.gap.whitened import SILENT, Whitened, whiten
 from beamstiff.se3 import Array
@@ -128,11 +127,8 @@ def _unit_columns(some: Sequence[Hypothesis], white: Whitened) -> Array:
 
 def _some_shapes(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
     """Return a few shapes of every candidate, for many are near others: the first, the freest, the last."""
-    by_key: dict[str, list[Hypothesis]] = defaultdict(list)
-    for one in hypotheses:
-        by_key[one.key].append(one)
     chosen: list[Hypothesis] = []
-    for some in by_key.values():
-        freest = max(range(len(some)), key=lambda k: len(some[k].shape.parameters))
-        chosen += [some[k] for k in sorted({0, freest, len(some) - 1})]
+    for places in by_candidate(hypotheses).values():
+        freest = max(places, key=lambda at: len(hypotheses[at].shape.parameters))
+        chosen += [hypotheses[at] for at in sorted({places[0], freest, places[-1]})]
     return chosen

@@ -6,8 +6,7 @@ weighed again on what they leave, so that two causes are found together.
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -17,7 +16,7 @@ from beamstiff.gap.effects import Shape
 from beamstiff.gap.evidence import EXACT, Evidence, Scales, evidence
 from beamstiff.gap.free_laws import FreeLaw
 from beamstiff.gap.heldout import Weighted
-from beamstiff.gap.library import Hypothesis
+from beamstiff.gap.library import Hypothesis, by_candidate
 from beamstiff.gap.whitened import Whitened
 
 NONE, UNKNOWN, OUTLIERS = "none:null", "unknown:null", "outliers:null"
@@ -105,9 +104,7 @@ def search(
     """Weigh every candidate, the places' free laws, and the likeliest candidates with a second."""
     alone = evidence(white, hypotheses, scales)
     weights = _log_weights(hypotheses, alone)
-    by_key: dict[str, list[int]] = defaultdict(list)
-    for at, one in enumerate(hypotheses):
-        by_key[one.key].append(at)
+    by_key = by_candidate(hypotheses)
     log_weight = {key: float(logsumexp(weights[places])) for key, places in by_key.items()}
     log_weight[NONE] = alone.none + np.log(PRIOR[NONE])
     log_weight[UNKNOWN] = alone.unknown + np.log(PRIOR[UNKNOWN])
@@ -134,7 +131,7 @@ def search(
         first = ahead.pop(0)
         tried.add(first)
         at = max(by_key[first], key=lambda k: weights[k])
-        for pair in _beside(white, hypotheses, scales, laws, at, result):
+        for pair in _beside(white, hypotheses, by_key, scales, laws, at, result):
             both = frozenset((pair.first, pair.second))
             if both not in found or pair.log_weight > found[both].log_weight:
                 found[both] = pair
@@ -150,6 +147,7 @@ def search(
 def _beside(
     white: Whitened,
     hypotheses: Sequence[Hypothesis],
+    by_key: Mapping[str, Sequence[int]],
     scales: Scales,
     laws: Sequence[FreeLaw],
     at: int,
@@ -167,9 +165,6 @@ def _beside(
     base = float(_log_weights([first], alike)[0])
     nothing = np.logaddexp(np.log(EXACT) + second.none, np.log(1.0 - EXACT) + second.unknown)
     rest = _log_weights(hypotheses, second) - nothing + np.log(PAIR)
-    by_key: dict[str, list[int]] = defaultdict(list)
-    for k, one in enumerate(hypotheses):
-        by_key[one.key].append(k)
     for key, some in by_key.items():
         if not rivals(first.key, key):
             best = max(some, key=rest.__getitem__)
