@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from beamstiff.cli.options import Debug, Json, Quiet, RobotFile, parse_names, robot_file
+from beamstiff.cli.options import Debug, Html, Json, Quiet, RobotFile, parse_names, robot_file
 from beamstiff.cli.output import check_once, check_outputs, people, say, working, write_json
 from beamstiff.errors import BeamstiffError, suggest
 from beamstiff.units import quantity
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 
 def calibrate(
+    context: typer.Context,
     robot: RobotFile,
     data: Annotated[
         list[str],
@@ -107,7 +108,14 @@ def calibrate(
         str | None,
         typer.Option("--recursion", metavar="FILE", help="Draw the residual, pose after pose counted in."),
     ] = None,
+    figure: Annotated[
+        str | None,
+        typer.Option(
+            "--figure", metavar="FILE", help="Draw errors and changes, before and after (.png, .svg or .pdf)."
+        ),
+    ] = None,
     json: Json = None,
+    html: Html = None,
     quiet: Quiet = False,
     debug: Debug = False,  # noqa: ARG001
 ) -> None:
@@ -119,7 +127,7 @@ def calibrate(
 
     \b
     Examples:
-      beamstiff calibrate robot.yaml poses.csv --out calibrated.yaml
+      beamstiff calibrate robot.yaml poses.csv --out calibrated.yaml --html report.html
       beamstiff calibrate robot.yaml poses.csv --fix base --prior frames=0.5mm --test fresh.csv
       beamstiff calibrate robot.yaml loaded.csv unloaded.csv --compliances J2.torsional,J3.torsional
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
@@ -135,13 +143,19 @@ def calibrate(
     from beamstiff.robot.writer import robot_to_yaml
 
     file = robot_file(robot)
-    outputs = {"out": out, "readings": readings, "sensitivity": sensitivity, "recursion": recursion}
-    check_outputs([file, *data, *(test or ())], json, **outputs)
-    for figure in (sensitivity, recursion):
-        if figure is not None:
+    outputs = {"out": out, "readings": readings, "html": html}
+    drawings = {"figure": figure, "sensitivity": sensitivity, "recursion": recursion}
+    check_outputs([file, *data, *(test or ())], json, **outputs, **drawings)
+    for drawing in drawings.values():
+        if drawing is not None:
             from beamstiff.report.figures import check_format
 
-            check_format(figure)
+            check_format(drawing)
+    source = None
+    if html is not None:
+        from beamstiff.report.html.provenance import provenance
+
+        source = provenance([file, *data, *(test or ())], 0, context.find_root().obj or ())
     machine = load_robot(file)
     check_once(data, test or ())
     measured = concatenate([read_measurements(path, machine) for path in data])
@@ -182,6 +196,15 @@ def calibrate(
     facts = found.to_dict()
     if tests:
         facts["tests"] = {path: one.to_dict() for path, one in tests.items()}
+    if figure is not None:
+        from beamstiff.report.figures import save_figure
+
+        save_figure(found.plot(), figure)
+    if html is not None and source is not None:
+        from beamstiff.report.html.calibration import calibration_html
+
+        named = {Path(path).name: one for path, one in tests.items()}
+        write_whole(html, calibration_html(found, machine, measured, source, named, facts))
     write_json(facts, json)
 
 

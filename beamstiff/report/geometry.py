@@ -14,12 +14,14 @@ from beamstiff.identify.geometry.parameters import SPARE
 from beamstiff.identify.geometry.recursion import Recursion
 from beamstiff.identify.geometry.result import Calibration, Errors, Found
 from beamstiff.identify.geometry.sensitivity import SensitivityIndices
-from beamstiff.report.figures import BLUE, ORANGE, new_figure, plain
+from beamstiff.report.figures import BLUE, GREEN, GREY, ORANGE, new_figure, plain
 from beamstiff.report.tables import counted, number, table
 from beamstiff.se3 import Array
 
 PER_SI = {"m": ("mm", 1e3), "rad": ("deg", 180 / np.pi)}  # as people read them
 MOST_TERMS = 4
+SETUP = ("base", "target")  # what was set up for the measurement: no errors of the robot
+WITHIN = 1.96  # standard deviations: 95 %
 
 
 def parameters_table(found: Calibration, title: str) -> Table:
@@ -122,6 +124,54 @@ def _stiffness(item: Found) -> str:
         return f"{item.name} over {number(bound)} {unit}"
     spread = (item.std or 0.0) / item.value
     return f"{item.name} {number(1.0 / item.value)} {unit} (std {100 * spread:.2g} %)"
+
+
+def calibration_figure(found: Calibration, title: str) -> Figure:
+    """Draw what share of the readings is off by less than so much, and every change with its 95 % interval.
+
+    Places and turns that were set up for the measurement (base, target) are left out.
+    """
+    own = [item for item in found.parameters if item.identified and item.parameter.group not in SETUP]
+    units = list(dict.fromkeys(item.parameter.unit for item in own))
+    most = max((sum(item.parameter.unit == unit for item in own) for unit in units), default=0)
+    figure = new_figure(5.0 + 3.4 * len(units), max(4.2, 1.2 + 0.26 * most))
+    figure.suptitle(title)
+    errors, *panels = figure.subplots(1, 1 + len(units), squeeze=False)[0]
+    _errors(errors, found)
+    figure.legend(loc="outside lower left", ncols=3, frameon=False)
+    for axes, unit in zip(panels, units, strict=True):
+        some = [item for item in own if item.parameter.unit == unit]
+        shown, factor = PER_SI.get(unit, (unit, 1.0))
+        change = factor * np.array([item.change for item in some])
+        half = factor * WITHIN * np.array([item.std or 0.0 for item in some])
+        place = np.arange(len(some))
+        axes.axvline(0.0, color=GREY, linewidth=1)
+        axes.errorbar(change, place, xerr=half, fmt="o", color=BLUE, capsize=3, markersize=4)
+        axes.set_yticks(place, [item.name for item in some])
+        axes.set(xlabel=f"change and its 95 % interval, {shown}", ylim=(len(some) - 0.4, -0.6))
+        plain(axes)
+    return figure
+
+
+def _errors(axes: Axes, found: Calibration) -> None:
+    part, factor, unit = (slice(0, 3), 1e3, "mm")
+    if found.after.position_rms is None:
+        part, factor, unit = (slice(3, 6), 180 / np.pi, "deg")
+    gaps = {"as described": found.nominal_residual, "calibrated": found.residual}
+    if found.held_out_residual is not None:
+        gaps["on poses left out"] = found.held_out_residual
+    for (name, gap), colour, style in zip(
+        gaps.items(), (ORANGE, BLUE, GREEN), ("-", "-", "--"), strict=False
+    ):
+        seen = gap[np.isfinite(gap[:, part]).any(axis=1), part]
+        size = np.sort(factor * np.linalg.norm(np.nan_to_num(seen), axis=1))
+        share = np.arange(1, size.size + 1) / size.size
+        rms = float(np.sqrt((size**2).mean()))
+        axes.step(
+            size, share, where="post", color=colour, linestyle=style, label=f"{name}: RMS {rms:.3g} {unit}"
+        )
+    axes.set(xlabel=f"error, {unit}", ylabel="share of the readings", xscale="log", ylim=(0, 1.02))
+    plain(axes)
 
 
 def sensitivity_figure(found: SensitivityIndices, title: str) -> Figure:

@@ -22,7 +22,7 @@ from beamstiff.report.compare import models_figure, models_table
 from beamstiff.report.compensation import compensation_figure, compensation_table, compensation_text
 from beamstiff.report.diagnosis import diagnosis_figure, diagnosis_tables
 from beamstiff.report.figures import BLUE, new_figure, plain
-from beamstiff.report.geometry import calibration_text, errors_table, parameters_table
+from beamstiff.report.geometry import calibration_figure, calibration_text, errors_table, parameters_table
 from beamstiff.report.identification import combinations_text, parameters_told
 from beamstiff.report.overview import describe, reference_posture
 from beamstiff.report.overview_tables import overview_tables
@@ -185,6 +185,11 @@ def _(thing: Models) -> Figure:
 @told.register
 def _(thing: Models) -> Iterator[RenderableType]:
     yield models_table(thing, "Models of elasticity")
+
+
+@plot.register
+def _(thing: Calibration) -> Figure:
+    return calibration_figure(thing, f"{thing.robot.name}: calibrated geometry".replace("$", r"\$"))
 
 
 @told.register

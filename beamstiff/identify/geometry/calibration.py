@@ -167,6 +167,7 @@ def _told(statement: Statement, problem: Problem, found: Estimate, method: str, 
         parameters.append(Found(item, nominal, found_value, float(spread) if item.name in sought else None))
     rotation, position = problem.geometry.bases(problem.split(theta)[0])
     held = held_out(statement, problem, found, method, folds)
+    laid_over = rigid_gap(statement.problem)
     return Calibration(
         robot=calibrated(statement.robot, problem, theta),
         bases=transform(rotation, position),
@@ -174,11 +175,12 @@ def _told(statement: Statement, problem: Problem, found: Estimate, method: str, 
         parameters=tuple(parameters),
         covariance=covariance,
         observability=seen,
-        before=errors_of(rigid_gap(statement.problem), problem.used),
+        before=errors_of(laid_over, problem.used),
         after=errors_of(gap, problem.used),
         held_out=None if held is None else errors_of(held, problem.used),
         predicted=np.concatenate([placed.position, vector_from_rotation(placed.rotation)], axis=1),
         residual=np.where(problem.used, gap, np.nan),
+        nominal_residual=np.where(problem.used, laid_over, np.nan),
         held_out_residual=None if held is None else np.where(problem.used, held, np.nan),
         pose=problem.geometry.pose.astype(np.int64),
         noise=factor,

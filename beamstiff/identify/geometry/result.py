@@ -111,7 +111,9 @@ class Calibration(Shown):
     predicted : (N, 6) array
         Positions and rotation vectors in the measuring frame.
     residual : (N, 6) array, m and rad
-        Measured less predicted, ``[d, r]``; NaN where not measured.
+        Measured less predicted, ``[d, r]``, in the measuring frame; NaN where not measured.
+    nominal_residual : (N, 6) array, m and rad
+        The same of the robot as described, laid over the readings as a rigid body (`before`).
     held_out_residual : (N, 6) array or None
     pose : (N,) array of int
         Rows of one pose have one number.
@@ -135,6 +137,7 @@ class Calibration(Shown):
     held_out: Errors | None
     predicted: Array
     residual: Array
+    nominal_residual: Array
     held_out_residual: Array | None
     pose: Integers
     noise: float

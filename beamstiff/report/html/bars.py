@@ -61,14 +61,15 @@ def intervals(
     values: Sequence[float | None],
     ends: Sequence[tuple[float | None, float | None]],
     title: str,
+    log: bool = True,
 ) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """Return the traces and the layout of values with intervals on a logarithmic axis.
+    """Return the traces and the layout of values with intervals, on a logarithmic axis or not.
 
     An interval without an upper end has an arrow there.
     """
     traces: list[dict[str, Any]] = []
     for at, (low, high) in enumerate(ends):
-        if low is not None and low > 0:
+        if low is not None and (low > 0 or not log):
             traces.append(
                 {
                     "type": "scatter",
@@ -98,7 +99,8 @@ def intervals(
             "name": "identified",
         }
     )
-    return traces, named_rows(names, title, type="log", exponentformat="power")
+    more = {"type": "log", "exponentformat": "power"} if log else {}
+    return traces, named_rows(names, title, **more)
 
 
 def named_rows(names: Sequence[str], title: str, **more: Any) -> dict[str, Any]:

@@ -10,11 +10,13 @@ import numpy as np
 from beamstiff.identify.result import Identification
 from beamstiff.measure.table import Measurements
 from beamstiff.report.html.bars import intervals
+from beamstiff.report.html.matrix import correlation_figure
 from beamstiff.report.html.page import Page, render
-from beamstiff.report.html.parts import Fact, Figure, Section, Table, axis, css, label, plain_layout
+from beamstiff.report.html.parts import Fact, Figure, Section, Table
+from beamstiff.report.html.places import line_of
 from beamstiff.report.html.provenance import Provenance
 from beamstiff.report.html.robot_view import RobotView, Shown, robot_view
-from beamstiff.report.html.rows import Compared, line_of, row_figures
+from beamstiff.report.html.rows import Compared, row_figures
 from beamstiff.report.identification import combinations_text, identification_text
 from beamstiff.report.tables import counted, number
 from beamstiff.robot.description import Robot
@@ -139,44 +141,8 @@ def _parameters(found: Identification, robot: Robot) -> Section:
         )
     columns = ("parameter", "start", "identified", "std", "95 %", "unit", "why no value")
     table = Table("Identified stiffness", columns, rows)
-    correlation = [_correlation(found)] if 1 < len(names) <= MOST_NAMED else []
+    correlation = [correlation_figure(names, found.correlation)] if 1 < len(names) <= MOST_NAMED else []
     return Section("parameters", "The stiffness values", figures=[*figures, *correlation], tables=[table])
-
-
-def _correlation(found: Identification) -> Figure:
-    names = [item.name for item in found.parameters]
-    values = [[round(v, 3) if np.isfinite(v) else None for v in row] for row in found.correlation.tolist()]
-    places = list(range(len(names)))
-    ticks: dict[str, Any] = {
-        "tickvals": places,
-        "ticktext": [label(name) for name in names],
-        "showgrid": False,
-    }
-    trace = {
-        "type": "heatmap",
-        "x": places,
-        "y": places,
-        "z": values,
-        "zmin": -1,
-        "zmax": 1,
-        "colorscale": [[0, css("blue")], [0.5, css("panel")], [1, css("orange")]],
-        "hovertemplate": "%{z}<extra></extra>",
-        "colorbar": {"thickness": 12},
-    }
-    height = 160 + 30 * len(names)
-    layout = plain_layout(height, xaxis=axis(**ticks), yaxis=axis(**ticks, autorange="reversed"))
-    rows = [
-        [name, *("-" if v is None else f"{v:.2f}" for v in row)]
-        for name, row in zip(names, values, strict=True)
-    ]
-    return Figure(
-        "correlation",
-        "Correlation",
-        "Of the logarithms of the values: near 1 or -1, the data hardly tell two apart.",
-        [trace],
-        layout,
-        Table("Correlation", ("", *names), rows, open=False),
-    )
 
 
 def _degeneracies(found: Identification) -> Iterator[Section]:

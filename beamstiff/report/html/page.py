@@ -38,6 +38,8 @@ class Page:
         The result, as ``--json`` writes it.
     shared : mapping of str to list
         Arrays that several figures draw.
+    papers : str
+        The option that draws for papers; empty where there is none.
     """
 
     title: str
@@ -50,6 +52,7 @@ class Page:
     provenance: Provenance
     data: Mapping[str, Any]
     shared: Mapping[str, Sequence[Any]] = field(default_factory=dict)
+    papers: str = "--figure"
 
 
 def render(page: Page) -> str:

@@ -67,7 +67,8 @@ class RobotView:
         To begin with, and at most; 0 where nothing moves.
     cameras : mapping
         By name, where the robot is seen from.
-    note : str
+    note, slider : str
+        What is to be said, and what the slider magnifies.
     """
 
     figure: Figure
@@ -76,6 +77,7 @@ class RobotView:
     most: float
     cameras: Mapping[str, Any]
     note: str = ""
+    slider: str = "Magnification of the deformed shape"
 
 
 def robot_view(robot: Robot, shown: Sequence[Shown], share: str, gravity: bool = False) -> RobotView | None:
@@ -112,7 +114,7 @@ def robot_view(robot: Robot, shown: Sequence[Shown], share: str, gravity: bool =
     moved = np.zeros((*where.node_positions.shape[:2], 6)) if response is None else response.displacement
     size = float(np.ptp(where.node_positions, axis=1).max()) or 1.0
     largest = float(np.linalg.norm(moved[..., :3], axis=-1).max(initial=0.0))
-    magnification = _nice(DEFORMED * size / largest) if largest > 0.0 else 0.0
+    magnification = nice(DEFORMED * size / largest) if largest > 0.0 else 0.0
     views = []
     for at, one in enumerate(shown):
         shares = one.shares if one.shares is not None else _energy(robot, response, at)
@@ -129,13 +131,14 @@ def robot_view(robot: Robot, shown: Sequence[Shown], share: str, gravity: bool =
         + ", magnified; the undeformed one is dashed. The ellipsoid at the tool is its compliance: how far "
         "the tool gives way to a force of one size in any direction.",
         _styles(share, most),
-        _layout(),
+        space(showlegend=False),
         _table(shown, moved, compliance, structure.kinematics.node_index[robot.tcp]),
     )
     return RobotView(figure, views, magnification, FURTHER * magnification, CAMERAS, note)
 
 
-def _nice(value: float) -> float:
+def nice(value: float) -> float:
+    """Return a number cut to 1, 2 or 5 times a power of ten."""
     power = 10.0 ** np.floor(np.log10(value))
     return float(power * max(step for step in (1, 2, 5) if step * power <= value * (1 + 1e-9)))
 
@@ -313,14 +316,15 @@ def _styles(share: str, most: float) -> list[dict[str, Any]]:
     ]
 
 
-def _layout() -> dict[str, Any]:
+def space(**more: Any) -> dict[str, Any]:
+    """Return the layout of a figure in three dimensions."""
     scene: dict[str, Any] = {
         f"{name}axis": axis(f"{name}, m", showbackground=False, nticks=6) for name in "xyz"
     }
     for one in scene.values():
         del one["automargin"]  # which axes in space do not have
     scene |= {"aspectmode": "manual", "camera": CAMERAS["oblique"], "dragmode": "turntable"}
-    return plain_layout(540, margin={"l": 0, "r": 0, "t": 0, "b": 0}, scene=scene, showlegend=False)
+    return plain_layout(540, margin={"l": 0, "r": 0, "t": 0, "b": 0}, scene=scene, **more)
 
 
 def _table(shown: Sequence[Shown], moved: Array, compliance: Array, tool: int) -> Table:

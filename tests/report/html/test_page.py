@@ -189,5 +189,5 @@ def test_of_many_rows_the_worst_are_shown_and_the_page_stays_small(
     outline = Outline(page)
     assert f"1000 of the {len(many)} rows are shown" in "".join(outline.text)
     held = json.loads(outline.scripts["figures"])["shared"]
-    assert len(held["rows"]) == len(held["gap_before"]) == 1000
-    assert max(held["gap_before"]) > 500  # mm
+    assert len(held["rows"]) == len(held["size_before"]) == 1000
+    assert max(held["size_before"]) > 500  # mm

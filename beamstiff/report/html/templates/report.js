@@ -38,7 +38,7 @@
     const view = figure.views[Number(posture.value)];
     const factor = Number(magnification.value);
     const traces = resolve(figure.traces, style).map((trace, at) => {
-      const { dx, dy, dz, x, y, z, shares, ...more } = view.traces[at];
+      const { dx, dy, dz, x, y, z, shares, ...more } = resolve(view.traces[at], style);
       const moved = { ...trace, ...more, x: plus(x, dx, factor), y: plus(y, dy, factor), z: plus(z, dz, factor) };
       const part = trace.mode === "markers" ? "marker" : "line";
       return shares ? { ...moved, [part]: { ...trace[part], color: shares } } : moved;

@@ -1,0 +1,284 @@
+"""The report of a geometric calibration: errors before and after, what was found, what cannot be told."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from beamstiff.errors import listed
+from beamstiff.identify.geometry.result import Calibration, Errors, Found
+from beamstiff.identify.geometry.validation import in_base_frame
+from beamstiff.measure.table import Measurements
+from beamstiff.report.geometry import (
+    PER_SI,
+    SETUP,
+    WITHIN,
+    calibration_text,
+    dependent_table,
+    errors_table,
+)
+from beamstiff.report.html.bars import intervals
+from beamstiff.report.html.curves import along, distribution
+from beamstiff.report.html.from_rich import of_rich
+from beamstiff.report.html.page import Page, render
+from beamstiff.report.html.parts import Fact, Figure, Section, Table
+from beamstiff.report.html.places import Sizes, line_of, over_places, rows_table
+from beamstiff.report.html.provenance import Provenance
+from beamstiff.report.html.still_view import Deviations, StillView, still_view
+from beamstiff.report.tables import counted, number
+from beamstiff.robot.description import Robot
+from beamstiff.se3 import Array
+
+POSES = 5  # that the robot is shown in
+BEFORE, AFTER, HELD_OUT = "as described", "calibrated", "on poses left out"
+PARTS = (("position", slice(0, 3), 1e3, "mm"), ("orientation", slice(3, 6), 180 / np.pi, "deg"))
+
+
+def calibration_html(
+    found: Calibration,
+    robot: Robot,
+    measured: Measurements,
+    provenance: Provenance,
+    tests: Mapping[str, Errors] | None = None,
+    facts: Mapping[str, Any] | None = None,
+) -> str:
+    """Return the report of a calibration as one HTML page.
+
+    Parameters
+    ----------
+    found : Calibration
+    robot : Robot
+        As it was described.
+    measured : Measurements
+        The rows that were fitted.
+    provenance : Provenance
+    tests : mapping of str to Errors, optional
+        On other readings, by name.
+    facts : mapping, optional
+        What ``--json`` writes, where that is more than ``found.to_dict()``.
+    """
+    sizes = Sizes(
+        found.robot,
+        measured,
+        {"before": _size(found.nominal_residual), "after": _size(found.residual)},
+        (BEFORE, AFTER),
+        "error",
+    )
+    seen = _view(found, measured, sizes)
+    rows = over_places(sizes)
+    sections = [_errors(found, tests or {}), _parameters(found), *_untold(found), *rows.sections]
+    return render(
+        Page(
+            title="Calibration",
+            robot=robot.name,
+            verdict=_verdict(found),
+            summary=calibration_text(found),
+            facts=list(_facts(found)),
+            view=None if seen is None else seen.view,
+            sections=[
+                *sections,
+                Section("rows", "The rows", tables=[_rows(found, measured, sizes)]),
+                Section("notes", "Notes", items=found.notes),
+            ],
+            provenance=provenance,
+            data=facts or found.to_dict(),
+            shared=rows.shared | ({} if seen is None else seen.shared),
+        )
+    )
+
+
+def _verdict(found: Calibration) -> str:
+    before, after = found.before.position_rms, (found.held_out or found.after).position_rms
+    if before is None or after is None:
+        return f"{counted(len(found.observability.identified), 'parameter')} calibrated"
+    where = ", on poses that were left out" if found.held_out is not None else ""
+    return f"From {1e3 * before:.3g} to {1e3 * after:.3g} mm{where}"
+
+
+def _facts(found: Calibration) -> Iterator[Fact]:
+    for part, _, factor, unit in PARTS:
+        values = [
+            ("Before", found.before, "RMS, the robot as described, laid over the readings"),
+            ("After", found.after, "RMS, calibrated, over the rows fitted"),
+            ("Left out", found.held_out, "RMS, on poses left out of the fit"),
+        ]
+        for name, errors, meaning in values:
+            value = None if errors is None else getattr(errors, f"{part}_rms")
+            if value is not None and (part == "position" or found.after.position_rms is None):
+                yield Fact(name, f"{factor * value:.4f} {unit}", meaning)
+    sought = len(found.observability.identified)
+    yield Fact("Parameters", f"{sought} of {len(found.observability.names)}", "that these poses tell apart")
+
+
+def _size(gap: Array) -> Array:
+    """Return the norm of the position error of every row, mm; NaN where none was measured."""
+    return _norm(gap[:, :3], 1e3)
+
+
+def _turn(gap: Array) -> Array:
+    return _norm(gap[:, 3:], 180 / np.pi)
+
+
+def _norm(gap: Array, factor: float) -> Array:
+    seen = np.isfinite(gap).any(axis=1)
+    result: Array = np.where(seen, factor * np.linalg.norm(np.nan_to_num(gap), axis=1), np.nan)
+    return result
+
+
+def _view(found: Calibration, measured: Measurements, sizes: Sizes) -> StillView | None:
+    chosen = sizes.shown
+    chosen = chosen[np.isfinite(_size(found.residual)[chosen])]
+    stands = found.bases[measured.run if len(found.bases) > 1 else np.zeros(len(measured), dtype=np.intp)]
+    back = stands[chosen, :3, :3].swapaxes(-1, -2)
+    at = in_base_frame(found, _predicted(found, measured)).position[chosen]
+    deviations = []
+    for key, name, gap, colour in (
+        ("nominal", "residual before", found.nominal_residual, "orange"),
+        ("left", "residual after", found.residual, "blue"),
+    ):
+        own = np.nan_to_num(gap[chosen, :3])
+        texts = [
+            f"{line_of(measured, row)}: {1e3 * size:.3g} mm {name.partition(' ')[2]}"
+            for row, size in zip(chosen.tolist(), np.linalg.norm(own, axis=1).tolist(), strict=True)
+        ]
+        away = (back @ own[:, :, None])[:, :, 0]
+        deviations.append(Deviations(key, name, colour, at, away, texts))
+    worst = np.argsort(-np.nan_to_num(sizes.values["after"]))
+    worst = worst[np.isin(worst, chosen)]
+    first = worst[np.sort(np.unique(measured.pose[worst], return_index=True)[1])][:POSES].tolist()
+    before, after = _size(found.nominal_residual), _size(found.residual)
+    postures = [
+        (f"pose {measured.pose[row]}: {after[row]:.3g} mm left ({line_of(measured, row)})", measured.q[row])
+        for row in first
+    ]
+    lines = [
+        [line_of(measured, row), str(measured.pose[row]), number(before[row]), number(after[row])]
+        for row in first
+    ]
+    table = Table("The postures shown", ("row", "pose", "before, mm", "after, mm"), lines, open=False)
+    caption = (
+        "The calibrated robot, and at every place that was measured a line from where the robot is predicted "
+        "to where it was seen, magnified: before and after the calibration. Lines that all point one way, or "
+        "turn with the arm, are an error that is left; lines that point anywhere are noise."
+    )
+    return still_view(found.robot, postures, deviations, "Magnification of the residuals", caption, table)
+
+
+def _predicted(found: Calibration, measured: Measurements) -> Measurements:
+
+    return replace(measured, position=found.predicted[:, :3])
+
+
+def _errors(found: Calibration, tests: Mapping[str, Errors]) -> Section:
+    figures = []
+    for part, columns, factor, unit in PARTS:
+        gaps = {BEFORE: found.nominal_residual, AFTER: found.residual}
+        if found.held_out_residual is not None:
+            gaps[HELD_OUT] = found.held_out_residual
+        sizes = {name: _norm(gap[:, columns], factor) for name, gap in gaps.items()}
+        if not np.isfinite(sizes[AFTER]).any():
+            continue
+        figures.append(
+            distribution(
+                f"errors-{part}",
+                f"Errors in {part}",
+                "What share of the rows is off by less than so much.",
+                sizes,
+                unit,
+            )
+        )
+        rows = np.arange(1.0, len(found.residual) + 1)
+        texts = [f"row {row:.0f}" for row in rows]
+        axes = ("row, as in the table", f"error, {unit}")
+        caption = "Every reading in its order: steps and drifts are of the measuring, not of the robot."
+        values = dict(list(sizes.items())[:2])
+        figures.append(
+            along(
+                f"order-{part}",
+                f"Errors in {part}, row by row",
+                caption,
+                rows,
+                values,
+                axes,
+                texts,
+                type="log",
+            )
+        )
+    named = {f"calibrated, {name}": one for name, one in tests.items()}
+    return Section(
+        "errors", "Before and after", figures=figures, tables=[of_rich(errors_table(found, named))]
+    )
+
+
+def _parameters(found: Calibration) -> Section:
+    sought = [item for item in found.parameters if item.identified]
+    figures = []
+    own = [item for item in sought if item.parameter.group not in SETUP]
+    for at, unit in enumerate(dict.fromkeys(item.parameter.unit for item in own)):
+        some = [item for item in own if item.parameter.unit == unit]
+        shown, factor = PER_SI.get(unit, (unit, 1.0))
+        half = [factor * WITHIN * (item.std or 0.0) for item in some]
+        change = [factor * item.change for item in some]
+        traces, layout = intervals(
+            [item.name for item in some],
+            change,
+            [(value - wide, value + wide) for value, wide in zip(change, half, strict=True)],
+            f"change, {shown}",
+            log=False,
+        )
+        caption = "Change against the robot as described, with its 95 % interval."
+        figures.append(Figure(f"parameters-{at + 1}", f"Changes, {shown}", caption, traces, layout))
+    columns = ("parameter", "nominal", "found", "change", "std", "95 % of the change", "unit")
+    table = Table("What was found", columns, [_cells(item) for item in sought])
+    text = (
+        "Places and turns that were set up for the measurement (base, target) are in the table only."
+        if len(own) < len(sought)
+        else ""
+    )
+    return Section("parameters", "Parameters", [text] if text else [], figures, [table])
+
+
+def _cells(item: Found) -> list[str]:
+    unit, factor = PER_SI.get(item.parameter.unit, (item.parameter.unit, 1.0))
+    std = item.std or 0.0
+    values = (item.nominal, item.value, item.change, std)
+    low, high = (factor * (item.change + sign * WITHIN * std) for sign in (-1, 1))
+    if unit in ("mm", "deg"):
+        return [item.name, *(f"{factor * v + 0.0:.4f}" for v in values), f"{low:.4f} to {high:.4f}", unit]
+    return [item.name, *(number(factor * v) for v in values), f"{number(low)} to {number(high)}", unit]
+
+
+def _untold(found: Calibration) -> Iterator[Section]:
+    seen = found.observability
+    texts = []
+    if seen.dependent:
+        texts.append(
+            "An error of one of these looks, in these poses, like errors of others that were sought: it is "
+            "held as it was, and its error is counted to them. Other poses may tell more of them apart."
+        )
+    if seen.silent:
+        texts.append(f"These move nothing that was measured: {listed(seen.silent, 40)}.")
+    told = dependent_table(found)
+    tables = [] if told is None else [of_rich(told)]
+    yield Section("untold", "What cannot be told", texts, tables=tables)
+
+
+def _rows(found: Calibration, measured: Measurements, sizes: Sizes) -> Table:
+    used = measured.measured_mask
+    names = ("x", "y", "z", "a", "b", "c")
+    more = [
+        (f"{names[k]} left, {'mm' if k < 3 else 'mrad'}", 1e3 * found.residual[:, k])
+        for k in range(6)
+        if used[:, k].any()
+    ]
+    if used[:, :3].any():
+        more += [
+            ("error before, mm", _size(found.nominal_residual)),
+            ("error after, mm", _size(found.residual)),
+        ]
+        if found.held_out_residual is not None:
+            more.append(("error left out, mm", _size(found.held_out_residual)))
+    return rows_table(found.robot, measured, sizes.shown, more)

@@ -1,0 +1,91 @@
+"""Curves of errors: what share stays below a size, and how they go along a path or by rows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from beamstiff.report.html.parts import MARGIN, Figure, axis, css, label, numbers, plain_layout, shared
+from beamstiff.report.html.places import BEFORE_AFTER, LEGEND
+from beamstiff.se3 import Array
+
+LINES = (("solid", "orange"), ("solid", "blue"), ("dash", "green"), ("dot", "muted"))
+MOST = 400  # points of a curve
+
+
+def distribution(key: str, title: str, caption: str, sizes: Mapping[str, Array], unit: str) -> Figure:
+    """Return the share of rows whose size stays below each size, a curve by name; rows without one are out."""
+    traces = []
+    for (name, values), (dash, colour) in zip(sizes.items(), LINES, strict=False):
+        own = np.sort(values[values > 0])  # NaN is not
+        at = np.unique(np.linspace(0, own.size - 1, min(own.size, MOST)).astype(int))
+        if own.size:
+            traces.append(
+                {
+                    "type": "scatter",
+                    "mode": "lines",
+                    "x": numbers(own[at]),
+                    "y": numbers((at + 1) / own.size),
+                    "name": label(name),
+                    "line": {"color": css(colour), "dash": dash, "width": 2.5, "shape": "hv"},
+                    "hovertemplate": f"%{{y:.0%}} below %{{x}} {unit}",
+                }
+            )
+    layout = plain_layout(
+        380,
+        margin=MARGIN | {"t": LEGEND + 10},
+        xaxis=axis(f"error, {unit}", type="log"),
+        yaxis=axis("share of the rows", tickformat=".0%", range=[0, 1.02]),
+    )
+    return Figure(key, title, caption, traces, layout)
+
+
+def along(
+    key: str,
+    title: str,
+    caption: str,
+    x: Array,
+    values: Mapping[str, Array],
+    axes: tuple[str, str],
+    texts: Sequence[str] | str,
+    lines: bool = False,
+    **more: Any,
+) -> Figure:
+    """Return values along something, a curve (or marks) by name.
+
+    Parameters
+    ----------
+    key, title, caption : str
+    x : (n,) array
+    values : mapping of str to (n,) array
+    axes : (str, str)
+        What is drawn across and up.
+    texts : sequence of str, or str
+        What each point is; a name of an array that the page holds.
+    lines : bool
+        Join the points.
+    **more
+        Of the axis of values.
+    """
+    said = shared(texts) if isinstance(texts, str) else [label(text) for text in texts]
+    traces = []
+    for (name, value), (symbol, colour) in zip(values.items(), BEFORE_AFTER, strict=False):
+        traces.append(
+            {
+                "type": "scatter",
+                "mode": "lines+markers" if lines else "markers",
+                "x": numbers(x),
+                "y": numbers(value, 4),
+                "text": said,
+                "hovertemplate": "%{text}: %{y}",
+                "name": label(name),
+                "marker": {"symbol": symbol, "color": css(colour), "size": 6 if lines else 7},
+                "line": {"color": css(colour), "width": 1.5},
+            }
+        )
+    layout = plain_layout(
+        380, margin=MARGIN | {"t": LEGEND + 10}, xaxis=axis(axes[0]), yaxis=axis(axes[1], **more)
+    )
+    return Figure(key, title, caption, traces, layout)

@@ -1,0 +1,246 @@
+"""Sizes of rows, such as their gap, over the workspace and over the joints; and all numbers as a table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamstiff.measure.table import Measurements
+from beamstiff.report.html.parts import (
+    MARGIN,
+    Figure,
+    Section,
+    Table,
+    axis,
+    css,
+    label,
+    numbers,
+    plain_layout,
+    shared,
+)
+from beamstiff.robot.description import Robot
+from beamstiff.robot.kinematics import compile_kinematics, posture
+from beamstiff.se3 import Array
+
+MOST_ROWS = 1000  # that figures and tables show
+WORST = 100  # of them in any case
+LEGEND = 62  # px above a figure, for its buttons and its legend
+JOINTS = 12  # at most, those that vary
+MARKS = (("circle", "blue"), ("square", "orange"), ("triangle-up", "green"))
+BEFORE_AFTER = (("circle-open", "orange"), ("circle", "blue"), ("triangle-up", "green"))
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """A length of every row, by what it is of.
+
+    Attributes
+    ----------
+    robot : Robot
+    rows : Measurements
+    values : mapping of str to (N,) array
+        By a key for ids, mm; NaN where there is none.
+    names : sequence of str
+        Of the values, as people read them.
+    what : str
+        Such as "gap".
+    """
+
+    robot: Robot
+    rows: Measurements
+    values: Mapping[str, Array]
+    names: Sequence[str]
+    what: str = "gap"
+
+    @property
+    def shown(self) -> NDArray[np.intp]:
+        """The rows that are shown: all, or the worst by the first value and others evenly chosen."""
+        count = len(self.rows)
+        if count <= MOST_ROWS:
+            return np.arange(count)
+        worst = np.argsort(-np.nan_to_num(next(iter(self.values.values()))))[:WORST]
+        rest = np.setdiff1d(np.arange(count), worst)
+        even = rest[np.linspace(0, rest.size - 1, MOST_ROWS - WORST).astype(int)]
+        return np.sort(np.concatenate([worst, even]))
+
+    @property
+    def left_out(self) -> str:
+        """A sentence on rows that are not shown; empty where all are."""
+        if len(self.rows) <= MOST_ROWS:
+            return ""
+        of = f"{MOST_ROWS} of the {len(self.rows)} rows are shown"
+        return f"{of}: the {WORST} worst, and others evenly chosen."
+
+    @property
+    def largest(self) -> float:
+        """The largest value, mm; 0 where there is none."""
+        return max(float(np.nanmax(one, initial=0.0)) for one in self.values.values())
+
+
+@dataclass(frozen=True)
+class RowFigures:
+    """Sections that show rows, and the arrays that their figures share."""
+
+    sections: list[Section]
+    shared: dict[str, list[Any]]
+
+
+def over_places(sizes: Sizes, joints: bool = True) -> RowFigures:
+    """Return the sections that show the sizes of rows where the tool was, and by joint reading.
+
+    Sections are empty where no row has a size.
+    """
+    chosen, rows = sizes.shown, sizes.rows
+    held: dict[str, list[Any]] = {"rows": [label(line_of(rows, at)) for at in chosen.tolist()]}
+    held |= {f"size_{key}": numbers(value[chosen], 4) for key, value in sizes.values.items()}
+    if not any(np.isfinite(value).any() for value in sizes.values.values()):
+        return RowFigures([], held)
+    places = tool_places(sizes.robot, rows, chosen)
+    held |= {f"place_{name}": numbers(places[:, k], 4) for k, name in enumerate("xyz")}
+    what, said = sizes.what, f" {sizes.left_out}" if sizes.left_out else ""
+    sections = [
+        Section(
+            "workspace",
+            "Where in the workspace",
+            texts=[
+                f"The position {what} of every row at the place of the tool: from above and from the side. "
+                f"Larger and darker is worse.{said}"
+            ],
+            figures=_maps(sizes),
+        )
+    ]
+    if joints:
+        text = f"The position {what} of every row over each joint's reading. A trend points at a joint; so "
+        sections.append(
+            Section("joints", "Over the joints", texts=[f"{text}does a step."], figures=_joints(sizes))
+        )
+    return RowFigures(sections, held)
+
+
+def tool_places(robot: Robot, rows: Measurements, chosen: NDArray[np.intp]) -> Array:
+    """Return where the measured points of some rows are, (n, 3), m."""
+    kinematics = compile_kinematics(robot)
+    poses, number = np.unique(rows.q[chosen], axis=0, return_inverse=True)
+    where = posture(kinematics, poses).node_positions[number.reshape(-1)]
+    seen = np.array([kinematics.node_index[name] for name in rows.point[chosen].tolist()])
+    result: Array = where[np.arange(chosen.size), seen]
+    return result
+
+
+def line_of(rows: Measurements, at: int) -> str:
+    """Return where a row stands: its line, and the name of its file where there are several."""
+    line = f"line {rows.rows[at]}"
+    return f"{Path(rows.sources[rows.run[at]]).name}, {line}" if len(rows.sources) > 1 else line
+
+
+def rows_table(
+    robot: Robot, rows: Measurements, chosen: NDArray[np.intp], more: Iterable[tuple[str, Array]]
+) -> Table:
+    """Return all numbers of some rows: joint values, load, and whatever else, (N,) each, by its heading."""
+    columns, values = joint_columns(robot, rows.variables)
+    blocks = [rows.q * values, rows.wrench]
+    columns += ["fx, N", "fy, N", "fz, N", "mx, N m", "my, N m", "mz, N m"]
+    for name, value in more:
+        columns.append(name)
+        blocks.append(value[:, None])
+    body = np.concatenate([one[chosen] for one in blocks], axis=1) + 0.0  # no -0
+    cells = [
+        [line_of(rows, at), str(rows.pose[at]), *(f"{v:.4g}" if np.isfinite(v) else "" for v in line)]
+        for at, line in zip(chosen.tolist(), body.tolist(), strict=True)
+    ]
+    return Table(f"All numbers of {len(cells)} rows", ("row", "pose", *columns), cells, left=1, open=False)
+
+
+def joint_columns(robot: Robot, names: Sequence[str]) -> tuple[list[str], list[float]]:
+    """Return headings of joint variables with their units, and the factors from SI."""
+    turns = {item.name: item.kind != "length" for item in robot.variables}
+    headings = [f"{name}, {'deg' if turns.get(name, True) else 'mm'}" for name in names]
+    return headings, [180 / np.pi if turns.get(name, True) else 1e3 for name in names]
+
+
+def _maps(sizes: Sizes) -> list[Figure]:
+    figures, most = [], sizes.largest
+    for key, name in zip(sizes.values, sizes.names, strict=False):
+        for a, b, view in (("x", "y", "from above"), ("x", "z", "from the side")):
+            trace = {
+                "type": "scatter",
+                "mode": "markers",
+                "x": shared(f"place_{a}"),
+                "y": shared(f"place_{b}"),
+                "text": shared("rows"),
+                "customdata": shared(f"size_{key}"),
+                "hovertemplate": "%{text}: %{customdata} mm<extra></extra>",
+                "name": label(name),
+                "marker": {
+                    "color": shared(f"size_{key}"),
+                    "size": shared(f"size_{key}"),
+                    "sizemode": "diameter",
+                    "sizeref": most / 16 or 1.0,
+                    "sizemin": 4,
+                    "cmin": 0,
+                    "cmax": most,
+                    "colorscale": [[0, css("low")], [0.5, css("middle")], [1, css("high")]],
+                    "showscale": True,
+                    "colorbar": {"title": {"text": f"{sizes.what}, mm", "side": "right"}, "thickness": 12},
+                    "line": {"width": 0.5, "color": css("ink")},
+                },
+            }
+            figures.append(
+                Figure(
+                    f"map-{key}-{a}{b}",
+                    f"{name[0].upper()}{name[1:]}, {view}",
+                    "",
+                    [trace],
+                    plain_layout(
+                        340,
+                        xaxis=axis(f"{a}, m"),
+                        yaxis=axis(f"{b}, m", scaleanchor="x", scaleratio=1),
+                        showlegend=False,
+                    ),
+                )
+            )
+    return figures
+
+
+def _joints(sizes: Sizes) -> list[Figure]:
+    figures, chosen, rows = [], sizes.shown, sizes.rows
+    marks = BEFORE_AFTER if len(sizes.values) > 1 else MARKS
+    headings, factors = joint_columns(sizes.robot, rows.variables)
+    varying = [k for k in range(rows.q.shape[1]) if np.ptp(rows.q[chosen, k]) > 0][:JOINTS]
+    for k in varying:
+        q = numbers(factors[k] * rows.q[chosen, k], 4)
+        unit = headings[k].rpartition(", ")[2]
+        traces = [
+            {
+                "type": "scatter",
+                "mode": "markers",
+                "x": q,
+                "y": shared(f"size_{key}"),
+                "text": shared("rows"),
+                "hovertemplate": "%{text}: %{y} mm at %{x} " + unit,
+                "name": label(name),
+                "marker": {"symbol": symbol, "color": css(colour), "size": 6, "opacity": 0.7},
+            }
+            for key, name, (symbol, colour) in zip(sizes.values, sizes.names, marks, strict=False)
+        ]
+        figures.append(
+            Figure(
+                f"joint-{k + 1}",
+                f"Over {rows.variables[k]}",
+                "",
+                traces,
+                plain_layout(
+                    320,
+                    margin=MARGIN | {"t": LEGEND + 18},
+                    xaxis=axis(label(headings[k])),
+                    yaxis=axis(f"{sizes.what}, mm", rangemode="tozero"),
+                    showlegend=len(traces) > 1,
+                ),
+            )
+        )
+    return figures

@@ -1,0 +1,185 @@
+"""The robot as it stands, with deviations of places in space: readings, a tool path."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from beamstiff.report.html.links import joint_lines, link_lines
+from beamstiff.report.html.parts import Figure, Table, css, label, numbers, shared
+from beamstiff.report.html.robot_view import CAMERAS, FURTHER, RobotView, nice, space
+from beamstiff.robot.description import Robot
+from beamstiff.robot.kinematics import compile_kinematics, posture
+from beamstiff.se3 import Array
+
+AROUND = 0.12  # of the size of what is shown: room about it
+DEVIATION = 0.1  # of the size: the largest deviation to begin with
+SMALLEST = 20.0  # times what it begins with at most, to see the smallest deviations
+
+
+@dataclass(frozen=True)
+class Deviations:
+    """Places and how far each is off: (n, 3), m.
+
+    Attributes
+    ----------
+    key : str
+        By which the page holds them.
+    name : str
+    colour : str
+        Of the theme.
+    places, away : (n, 3) arrays, m
+    texts : sequence of str
+        What each is.
+    path : bool
+        One line from place to place; else a line from each place to where it went.
+    dash : str
+        Of plotly.
+    """
+
+    key: str
+    name: str
+    colour: str
+    places: Array
+    away: Array
+    texts: Sequence[str]
+    path: bool = False
+    dash: str = "solid"
+
+    def lines(self) -> tuple[Array, Array, list[str]]:
+        """Return the points of the lines (k, 3), how they move (k, 3), and what each is."""
+        texts = [label(text) for text in self.texts]
+        if self.path:
+            return self.places, self.away, texts
+        gap = np.full_like(self.places, np.nan)
+        points = np.stack([self.places, self.places, gap], axis=1).reshape(-1, 3)
+        moved = np.stack([0 * self.away, self.away, 0 * self.away], axis=1).reshape(-1, 3)
+        return points, moved, [text for text in texts for _ in range(3)]
+
+
+@dataclass(frozen=True)
+class StillView:
+    """A robot view and the arrays that it shares."""
+
+    view: RobotView
+    shared: dict[str, list[Any]]
+
+
+def still_view(
+    robot: Robot,
+    postures: Sequence[tuple[str, Array]],
+    deviations: Sequence[Deviations],
+    slider: str,
+    caption: str,
+    table: Table,
+) -> StillView | None:
+    """Return a robot in some postures and deviations that a slider magnifies; None without a posture.
+
+    Parameters
+    ----------
+    robot : Robot
+    postures : sequence of (str, (A,) array)
+        What each is, and its actuated values.
+    deviations : sequence of Deviations
+        In the base frame.
+    slider : str
+        What is magnified.
+    caption : str
+    table : Table
+        The numbers.
+
+    Raises
+    ------
+    BeamstiffError
+        When a posture cannot close its loops.
+    """
+    if not postures:
+        return None
+    where = posture(compile_kinematics(robot), np.array([q for _, q in postures])).node_positions
+    around = np.concatenate([where.reshape(-1, 3), *(one.places for one in deviations)])
+    size = float(np.ptp(around, axis=0).max()) or 1.0
+    low, high = around.min(axis=0) - AROUND * size, around.max(axis=0) + AROUND * size
+    ranges = {name: numbers(np.array([low[k], high[k]])) for k, name in enumerate("xyz")}
+    magnification, most = _magnification(size, deviations)
+    held: dict[str, list[Any]] = {}
+    own = []
+    for one in deviations:
+        points, moved, texts = one.lines()
+        columns = {name: points[:, k] for k, name in enumerate("xyz")}
+        columns |= {f"d{name}": moved[:, k] for k, name in enumerate("xyz")}
+        held |= {f"{one.key}_{name}": numbers(value, 6) for name, value in columns.items()}
+        held[f"{one.key}_texts"] = texts
+        trace = {name: shared(f"{one.key}_{name}") for name in columns}
+        own.append(trace | {"hovertext": shared(f"{one.key}_texts")})
+    views = []
+    for (name, q), positions in zip(postures, where, strict=True):
+        views.append(
+            {
+                "name": name,
+                "traces": [*_robot(robot, q, positions, size), *own],
+                "labels": [],
+                "ranges": ranges,
+            }
+        )
+    figure = Figure(
+        "robot",
+        "The robot",
+        caption,
+        _styles(deviations),
+        space(legend={"orientation": "h", "x": 0, "y": 1, "yanchor": "top"}),
+        table,
+    )
+    return StillView(RobotView(figure, views, magnification, most, CAMERAS, slider=slider), held)
+
+
+def _magnification(size: float, deviations: Sequence[Deviations]) -> tuple[float, float]:
+    """Return what to begin with, by the largest deviation, and the most, by the smallest kind of them."""
+    found = [float(np.linalg.norm(one.away, axis=1).max(initial=0.0)) for one in deviations]
+    found = [value for value in found if value > 0.0]
+    if not found:
+        return 0.0, 0.0
+    begin = nice(DEVIATION * size / max(found))
+    return begin, max(FURTHER * begin, min(SMALLEST * begin, nice(DEVIATION * size / min(found))))
+
+
+def _robot(robot: Robot, q: Array, positions: Array, size: float) -> list[dict[str, Any]]:
+    still = np.zeros((len(positions), 6))
+    ends = np.array(
+        [positions[[node.name for node in robot.nodes].index(n)] for n in (robot.fixed[0], robot.tcp)]
+    )
+    links, joints = link_lines(robot, positions, still), joint_lines(robot, q, positions, still, size)
+    return [
+        *(
+            one.moving(still=True) | {"hovertext": [label(name) for name in one.names]}
+            for one in (links, joints)
+        ),
+        {**{name: numbers(ends[:, k]) for k, name in enumerate("xyz")}, "hovertext": ["base", "tool"]},
+    ]
+
+
+def _styles(deviations: Sequence[Deviations]) -> list[dict[str, Any]]:
+    """Return the looks of the traces; where they are comes from the posture shown."""
+    lines = {"type": "scatter3d", "mode": "lines", "connectgaps": False, "hoverinfo": "text"}
+    return [
+        {**lines, "name": "links", "line": {"width": 8, "color": css("part")}, "showlegend": False},
+        {**lines, "name": "joints", "line": {"width": 18, "color": css("muted")}, "showlegend": False},
+        {
+            "type": "scatter3d",
+            "mode": "markers",
+            "name": "base and tool",
+            "hoverinfo": "text",
+            "marker": {"symbol": ["square", "diamond"], "size": [9, 7], "color": css("soft")},
+            "showlegend": False,
+        },
+        *(
+            {
+                **lines,
+                "name": label(one.name),
+                "line": {"width": 5, "color": css(one.colour), "dash": one.dash},
+            }
+            for one in deviations
+        ),
+    ]
