@@ -1,12 +1,15 @@
 """Nested dissection: in which order to eliminate the nodes of a large graph, and in which groups.
 
 The graph is cut in two across its longest extent, both halves again, and so on; the nodes on a cut come after
-both its sides. In a slender frame the cuts are cross-sections, and the groups fold up like a chain.
+both its sides. In a slender frame the cuts are cross-sections, and the groups fold up like a chain. A part as
+wide as long may be cut across a diagonal: where nodes meet along the axes of a grid, a diagonal plane parts
+it with a quarter fewer nodes than a plane along the grid does, and leaves parts that are rounder.
 Source: George, Nested dissection of a regular finite element mesh, SIAM J. Numer. Anal. 10 (1973) 345.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +21,12 @@ from beamstiff.se3 import Array
 Index = NDArray[np.int64]
 TOGETHER = 4
 LEAF = 24  # nodes: fewer are not worth a cut
+MANY = 200  # nodes: for fewer it is not worth looking for the best cut
+COMPACT = 5.0  # longest by shortest extent of a part that diagonal cuts may suit
+UNEVEN = 5.0  # how much a cut with unlike sides counts as longer
+OFTEN = 0.05  # of all neighbours: a direction of a grid
+ACROSS = 0.1  # sine between a direction and those before it
+DIAGONALS = np.array([[1.0, 1, 1], [1, 1, -1], [1, -1, 1], [-1, 1, 1]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +59,48 @@ def _half(points: Array) -> NDArray[np.bool_]:
     return low
 
 
+def _cuts(points: Array) -> Iterator[NDArray[np.bool_]]:
+    """Yield ways to halve some points: which ones are on the lower side."""
+    yield _half(points)
+    extent = np.ptp(points, axis=0)
+    if len(points) < MANY or extent.max() > COMPACT * extent.min():
+        return
+    for along in DIAGONALS @ points.T:
+        middle, rounding = np.median(along), 1e-9 * np.ptp(along)
+        for low in (along < middle + rounding, along < middle - rounding):
+            if low.any() and not low.all():
+                yield low
+
+
+def _in_pitches(points: Array, pointers: Index, neighbours: Index) -> Array:
+    """Return the coordinates (N, 3) of the points along the axes of the grid that they form, in its pitches.
+
+    The axes are the directions of the shortest of many like neighbours; points in no order stay as they are.
+    """
+    way = points[neighbours] - np.repeat(points, np.diff(pointers), axis=0)
+    length = np.sqrt((way * way).sum(axis=1))
+    some = (length > 0.0) & np.isfinite(length)
+    way, length = way[some], length[some]
+    if not len(way):
+        return points
+    unit = way / length[:, None]
+    code = np.round(500.0 * unit).astype(np.int64) @ [1, 10**4, 10**8]  # alike to some thousandths
+    _, first, number, counts = np.unique(code, return_index=True, return_inverse=True, return_counts=True)
+    directions = unit[first]
+    pitches = np.bincount(number, weights=length) / counts
+    often = counts > 0.5 * OFTEN * len(unit)  # each way there and back
+    axes: list[int] = []
+    for at in np.flatnonzero(often)[np.argsort(pitches[often], kind="stable")].tolist():
+        tried = directions[[*axes, at]]
+        if np.linalg.det(tried @ tried.T) > ACROSS**2:
+            axes.append(at)
+    if len(axes) < 3:
+        return points
+    basis = directions[axes] * pitches[axes, None]
+    found: Array = np.linalg.solve(basis.T, points.T).T
+    return found
+
+
 def _folded(nodes: Index, points: Array) -> Index:
     """Return the nodes of a cut half by half: what the parts beside it meet of it then follows on."""
     if len(nodes) <= TOGETHER:
@@ -77,6 +128,7 @@ def dissect(graph: sparse.csr_array, points: Array, last: Index) -> tuple[Index,
     groups : list of Group
     """
     pointers, neighbours = graph.indptr.astype(np.int64), graph.indices.astype(np.int64)
+    points = _in_pitches(points, pointers, neighbours)
     side = np.zeros(len(points), dtype=np.int8)
     order: list[Index] = []
     found: list[tuple[int, int, tuple[int, ...]]] = []
@@ -98,22 +150,25 @@ def dissect(graph: sparse.csr_array, points: Array, last: Index) -> tuple[Index,
         placed += len(nodes)
         return len(found) - 1
 
+    def parted(nodes: Index) -> tuple[Index, Index, Index]:
+        """Return the nodes on the best of some cuts, and those on both its sides."""
+        best, least = (nodes, nodes[:0], nodes[:0]), np.inf
+        for low in _cuts(points[nodes]):
+            one, other = nodes[low], nodes[~low]
+            side[one], side[other] = 1, 2
+            near, far = meets(one, 2), meets(other, 1)
+            side[nodes] = 0
+            for found in ((one[near], one[~near], other), (other[far], one, other[~far])):
+                between, left, right = map(len, found)
+                length = between * (1.0 + UNEVEN * ((left - right) / len(nodes)) ** 2)
+                if length < least:
+                    best, least = found, length
+        return best
+
     def cut(nodes: Index) -> int:
         if len(nodes) <= LEAF:
             return add(nodes, ())
-        low = _half(points[nodes])
-        one, other = nodes[low], nodes[~low]
-        side[one], side[other] = 1, 2
-        near, far = meets(one, 2), meets(other, 1)
-        side[nodes] = 0
-        # the cut on the side where it is shorter; of equal ones where the rest is more even
-        if (near.sum(), abs(len(one) - near.sum() - len(other))) <= (
-            far.sum(),
-            abs(len(other) - far.sum() - len(one)),
-        ):
-            between, one = one[near], one[~near]
-        else:
-            between, other = other[far], other[~far]
+        between, one, other = parted(nodes)
         children = tuple(cut(part) for part in (one, other) if len(part))
         return add(_folded(between, points), children)
 

@@ -14,7 +14,7 @@ from beamstiff.fem.geometry import Geometry
 from beamstiff.fem.large.memory import refuse_unless_fits
 from beamstiff.fem.large.multifrontal import Plan, Softness, factorise, make_plan
 from beamstiff.fem.large.refinement import refined
-from beamstiff.fem.mechanism import mechanism_error
+from beamstiff.fem.mechanism import SOFTEST, mechanism_error
 from beamstiff.fem.structure import Index, Structure
 from beamstiff.se3 import Array
 
@@ -62,6 +62,12 @@ def solve_sparse(structure: Structure, geometry: Geometry, right: Array, rest: I
         scale = np.sqrt(stiffness.diagonal())
         result[pose, some], quality = refined(scale, forces, solve, right[pose, some])
         if not quality.error <= DOUBTFUL:
+            motion = np.zeros(structure.unknowns.count)
+            most = np.abs(scale[:, None] * result[pose, some]).max(axis=1, initial=0.0)
+            motion[some] = _softest(stiffness, plan, int(np.argmax(most)))
+            energy = float(motion[some] @ forces(motion[some, None])[:, 0])
+            if energy < SOFTEST * float(((scale * motion[some]) ** 2).sum()):
+                raise mechanism_error(structure, geometry, pose, motion)
             raise BeamstiffError(
                 f"robot {structure.robot.name!r}: the displacements at pose {geometry.number[pose]} may be "
                 f"off by {quality.error:.1g} of themselves: parts too unlike, or nearly a mechanism"
