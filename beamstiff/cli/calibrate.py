@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from beamstiff.cli.options import Debug, Html, Json, Quiet, RobotFile, parse_names, robot_file
-from beamstiff.cli.output import check_once, check_outputs, people, say, working, write_json
+from beamstiff.cli.output import check_once, check_outputs, people, say, source_of, working, write_json
 from beamstiff.errors import BeamstiffError, suggest
 from beamstiff.units import quantity
 
@@ -151,11 +151,7 @@ def calibrate(
             from beamstiff.report.figures import check_format
 
             check_format(drawing)
-    source = None
-    if html is not None:
-        from beamstiff.report.html.provenance import provenance
-
-        source = provenance([file, *data, *(test or ())], 0, context.find_root().obj or ())
+    source = source_of(context, html, [file, *data, *(test or ())])
     machine = load_robot(file)
     check_once(data, test or ())
     measured = concatenate([read_measurements(path, machine) for path in data])

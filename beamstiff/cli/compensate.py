@@ -10,8 +10,8 @@ import typer
 
 from beamstiff.cli.frames import parse_frame
 from beamstiff.cli.identify_options import chosen
-from beamstiff.cli.options import Debug, Json, Quiet, RobotFile, parse_names, robot_file
-from beamstiff.cli.output import check_outputs, effects_text, people, say, working, write_json
+from beamstiff.cli.options import Debug, Html, Json, Quiet, RobotFile, parse_names, robot_file
+from beamstiff.cli.output import check_outputs, effects_text, people, say, source_of, working, write_json
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.files import write_whole
 
@@ -27,6 +27,7 @@ REFUSE, KEEP = "refuse", "keep"
 
 
 def compensate(
+    context: typer.Context,
     robot: RobotFile,
     path: Annotated[
         str,
@@ -115,6 +116,7 @@ def compensate(
         typer.Option("--figure", metavar="FILE", help="Draw the path before and after (.png, .svg or .pdf)."),
     ] = None,
     json: Json = None,
+    html: Html = None,
     quiet: Quiet = False,
     debug: Debug = False,  # noqa: ARG001
 ) -> None:
@@ -127,7 +129,7 @@ def compensate(
     for byte. The error after correction is that of the numbers as they are written.
 
     Loads add up: columns fx to mz of a path table, --wrench, --process. A target that cannot be
-    reached or corrected is listed with its line; unless --unreachable keep, nothing is written
+    reached or corrected is listed with its line; unless --unreachable keep, no path is written
     then and the exit code is 2.
 
     \b
@@ -135,7 +137,7 @@ def compensate(
       beamstiff compensate kr500 cell.src --wrench fz=-900N --out corrected.src
       beamstiff compensate kr500 cell.dat --actual calibrated.yaml --process milling.yaml \\
           --base x=1200mm,z=600mm --tool z=180mm --out corrected.dat --figure path.png
-      beamstiff compensate kr240-2 path.csv --resample step=5mm --out dense.csv --json report.json
+      beamstiff compensate kr240-2 path.csv --resample step=5mm --out dense.csv --html report.html
 
     \b
     A path table (a, b, c: rotation vector, or declared before the header as KUKA ABC, Euler ZYX ...):
@@ -175,19 +177,27 @@ def compensate(
     load = _load(wrench, process)
     inputs: list[str | Path] = [robot_file(robot), path, *([robot_file(actual)] if actual else [])]
     inputs += [process] if process else []
-    check_outputs(inputs, json, out=out, figure=figure)
+    check_outputs(inputs, json, out=out, figure=figure, html=html)
+    source = source_of(context, html, inputs)
     with working(f"correcting {len(program.path)} targets", quiet):
         result = compensate_program(
             program, machine, load, steps=steps, start=start, taught=taught, positions_only=positions_only
         )
-    for note in _notes(result, machine, program, placed=base is not None or tool is not None, branch=bool(q)):
+    placed = base is not None or tool is not None
+    notes = _notes(result, machine, program, placed=placed, branch=bool(q))
+    for note in notes:
         say(f"note: {note}", quiet)
+    facts = _facts(result, controller)
+    if html is not None and source is not None:
+        from beamstiff.report.html.compensation import compensation_html
+
+        write_whole(html, compensation_html(result, controller, source, facts, notes))
     reasons = result.correction.reasons
     console = people(quiet, json)
     if reasons:
         console.print(uncorrected_table(result))
     if reasons and unreachable == REFUSE:
-        write_json(_facts(result, controller), json)
+        write_json(facts, json)
         raise _refusal(result)
     console.print(compensation_table(result))
     console.print(compensation_text(result))
@@ -197,7 +207,7 @@ def compensate(
         write_whole(out, result.content)
     elif not quiet:
         say("note: --out FILE writes the corrected path", quiet)
-    write_json(_facts(result, controller), json)
+    write_json(facts, json)
 
 
 def _load(wrench: Sequence[str] | None, process: str | None) -> Process | None:
@@ -267,7 +277,7 @@ def _refusal(result: Compensated) -> BeamstiffError:
     each = [f"line {path.lines[row]} {path.names[row]} ({reason})" for row, reason in reasons.items()]
     return BeamstiffError(
         f"{path.source}: {len(reasons)} of {len(path)} targets cannot be corrected: {listed(each, 5)}; "
-        "nothing is written, --unreachable keep leaves them as they are"
+        "no path is written, --unreachable keep leaves them as they are"
     )
 
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamstiff.cli.options import DataFile, Debug, Json, Preload, Quiet, RobotFile, robot_file
-from beamstiff.cli.output import check_outputs, effects_text, people, say, working, write_json
+from beamstiff.cli.options import DataFile, Debug, Html, Json, Preload, Quiet, RobotFile, robot_file
+from beamstiff.cli.output import check_outputs, effects_text, people, say, source_of, working, write_json
 from beamstiff.files import write_whole
 from beamstiff.report.tables import add_rows, number, table
 
@@ -24,6 +24,7 @@ ROUNDING = 1e-12
 
 
 def deflect(
+    context: typer.Context,
     robot: RobotFile,
     data: DataFile,
     preload: Preload = False,
@@ -34,6 +35,7 @@ def deflect(
             "--out", metavar="FILE", help="Write the loads with the predicted displacements as a CSV table."
         ),
     ] = None,
+    html: Html = None,
     quiet: Quiet = False,
     debug: Debug = False,  # noqa: ARG001
 ) -> None:
@@ -53,7 +55,7 @@ def deflect(
     Examples:
       beamstiff deflect cantilever loads.csv
       beamstiff deflect ir663 measured.csv --json predicted.json --out predicted.csv
-      beamstiff deflect kr240-2 loads.csv --preload
+      beamstiff deflect kr240-2 loads.csv --preload --html report.html
 
     \b
     A table of loads (passive joint variables are solved, missing wrench columns are 0):
@@ -70,7 +72,8 @@ def deflect(
     if not description.effects:
         check_stiffness(description)
     loads = read_measurements(data, description, require_measured=False)
-    check_outputs([robot_file(robot), data], json, out=out)
+    check_outputs([robot_file(robot), data], json, out=out, html=html)
+    source = source_of(context, html, [robot_file(robot), data])
     with working(f"deflecting {len(loads)} rows", quiet):
         notes = doubts(loads, description)
         predicted = predict_displacements(description, loads, preload)
@@ -84,12 +87,20 @@ def deflect(
         say(f"note: {note}", quiet)
     console = people(quiet, json)
     console.print(_table(description, loads, predicted, preload))
-    console.print(gap)
+    said = [gap] if gap else []
     if description.effects:
-        console.print(f"With the robot's effects: {effects_text(description.effects)}.")
+        said.append(f"With the robot's effects: {effects_text(description.effects)}.")
+    console.print("\n".join(said))
     if out is not None:
         write_whole(out, _csv(description, loads, predicted, preload))
-    write_json({"displacement": predicted.tolist()}, json)
+    facts = {"displacement": predicted.tolist()}
+    if html is not None and source is not None:
+        from beamstiff.report.html.deflection import deflection_html
+
+        if preload:
+            said.append("With gravity and K_C; the shape that is drawn is the linear one, without them.")
+        write_whole(html, deflection_html(description, loads, predicted, source, facts, notes, said))
+    write_json(facts, json)
 
 
 def gap_text(measured: Measurements, predicted: Array) -> str:

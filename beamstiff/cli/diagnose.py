@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from beamstiff.cli.options import DataFile, Debug, Html, Json, Quiet, RobotFile, parse_names, robot_file
-from beamstiff.cli.output import check_outputs, effects_text, people, say, working, write_json
+from beamstiff.cli.output import check_outputs, effects_text, people, say, source_of, working, write_json
 from beamstiff.errors import BeamstiffError
 
 
@@ -77,11 +77,7 @@ def diagnose(
         from beamstiff.report.figures import check_format
 
         check_format(figure)
-    source = None
-    if html is not None:
-        from beamstiff.report.html.provenance import provenance
-
-        source = provenance([file, data], seed, context.find_root().obj or ())
+    source = source_of(context, html, [file, data], seed)
     machine = load_robot(file)
     rows = read_measurements(data, machine)
     with working("diagnosing", quiet):

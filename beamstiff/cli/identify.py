@@ -20,7 +20,16 @@ from beamstiff.cli.identify_options import (
     parse_ties,
 )
 from beamstiff.cli.options import Debug, Html, Json, Quiet, RobotFile, parse_names, robot_file
-from beamstiff.cli.output import check_once, check_outputs, effects_text, people, say, working, write_json
+from beamstiff.cli.output import (
+    check_once,
+    check_outputs,
+    effects_text,
+    people,
+    say,
+    source_of,
+    working,
+    write_json,
+)
 from beamstiff.errors import BeamstiffError
 from beamstiff.files import write_whole
 
@@ -209,11 +218,7 @@ def identify(
         from beamstiff.report.figures import check_format
 
         check_format(figure)
-    source = None
-    if html is not None:
-        from beamstiff.report.html.provenance import provenance
-
-        source = provenance([robot_file(robot), *data], seed, context.find_root().obj or ())
+    source = source_of(context, html, [robot_file(robot), *data], seed)
     whole, measured = description, concatenate(tables)
     if whole.effects:
         from beamstiff.gap.apply import without_effects

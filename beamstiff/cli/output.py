@@ -15,6 +15,9 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.files import check_writable, write_whole
 
 if TYPE_CHECKING:
+    import typer
+
+    from beamstiff.report.html.provenance import Provenance
     from beamstiff.robot.description import Robot
     from beamstiff.robot.parts import AddedEffect
 
@@ -102,6 +105,23 @@ def check_outputs(inputs: Iterable[str | Path], json_to: str | None, **files: st
                     f"--{option} {path}: would overwrite {taken[target]}, expected another file"
                 )
             taken[target] = f"the output --{option}"
+
+
+def source_of(
+    context: typer.Context, html: str | None, inputs: Iterable[str | Path], seed: int = 0
+) -> Provenance | None:
+    """Return where the report that is asked for comes from, taken before any work; None without a report.
+
+    Raises
+    ------
+    BeamstiffError
+        When an input cannot be read.
+    """
+    if html is None:
+        return None
+    from beamstiff.report.html.provenance import provenance
+
+    return provenance(inputs, seed, context.find_root().obj or ())
 
 
 def check_once(data: Iterable[str], tests: Iterable[str] = ()) -> None:

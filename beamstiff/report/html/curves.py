@@ -16,7 +16,7 @@ MOST = 400  # points of a curve
 
 
 def distribution(key: str, title: str, caption: str, sizes: Mapping[str, Array], unit: str) -> Figure:
-    """Return the share of rows whose size stays below each size, a curve by name; rows without one are out."""
+    """Return the share of rows whose size stays below each size, a curve by name; others are left out."""
     traces = []
     for (name, values), (dash, colour) in zip(sizes.items(), LINES, strict=False):
         own = np.sort(values[values > 0])  # NaN is not
@@ -36,7 +36,7 @@ def distribution(key: str, title: str, caption: str, sizes: Mapping[str, Array],
     layout = plain_layout(
         380,
         margin=MARGIN | {"t": LEGEND + 10},
-        xaxis=axis(f"error, {unit}", type="log"),
+        xaxis=axis(f"error, {unit}", type="log", exponentformat="power"),
         yaxis=axis("share of the rows", tickformat=".0%", range=[0, 1.02]),
     )
     return Figure(key, title, caption, traces, layout)
@@ -51,6 +51,7 @@ def along(
     axes: tuple[str, str],
     texts: Sequence[str] | str,
     lines: bool = False,
+    marks: Sequence[tuple[str, str]] = BEFORE_AFTER,
     **more: Any,
 ) -> Figure:
     """Return values along something, a curve (or marks) by name.
@@ -66,12 +67,14 @@ def along(
         What each point is; a name of an array that the page holds.
     lines : bool
         Join the points.
+    marks : sequence of (str, str)
+        Symbol and colour of each; default: those of before and after.
     **more
         Of the axis of values.
     """
     said = shared(texts) if isinstance(texts, str) else [label(text) for text in texts]
     traces = []
-    for (name, value), (symbol, colour) in zip(values.items(), BEFORE_AFTER, strict=False):
+    for (name, value), (symbol, colour) in zip(values.items(), marks, strict=False):
         traces.append(
             {
                 "type": "scatter",
@@ -86,6 +89,9 @@ def along(
             }
         )
     layout = plain_layout(
-        380, margin=MARGIN | {"t": LEGEND + 10}, xaxis=axis(axes[0]), yaxis=axis(axes[1], **more)
+        380,
+        margin=MARGIN | {"t": LEGEND + 10},
+        xaxis=axis(axes[0]),
+        yaxis=axis(axes[1], exponentformat="power", **more),
     )
     return Figure(key, title, caption, traces, layout)

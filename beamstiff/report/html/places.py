@@ -115,10 +115,10 @@ def over_places(sizes: Sizes, joints: bool = True) -> RowFigures:
         )
     ]
     if joints:
-        text = f"The position {what} of every row over each joint's reading. A trend points at a joint; so "
-        sections.append(
-            Section("joints", "Over the joints", texts=[f"{text}does a step."], figures=_joints(sizes))
-        )
+        text = f"The position {what} of every row over each joint's reading."
+        if what != "displacement":
+            text += " A trend points at a joint; so does a step."
+        sections.append(Section("joints", "Over the joints", texts=[text], figures=_joints(sizes)))
     return RowFigures(sections, held)
 
 

@@ -30,6 +30,7 @@ DEFORMED = 0.12  # of the robot's size: the deformed shape to begin with
 FURTHER = 2.0  # times this at most
 ELLIPSOID = 0.12  # of the robot's size: its longest half axis
 AROUND = 0.25  # of the robot's size: room about it
+LONGEST = 1.55  # of the figure's own lengths: its longest side
 LEAST_SCALE = 0.05  # share that gets the full colour at least
 CAMERAS = {
     "oblique": {"eye": {"x": 1.2, "y": -1.4, "z": 0.6}, "center": {"x": 0.0, "y": 0.0, "z": -0.16}},
@@ -80,7 +81,13 @@ class RobotView:
     slider: str = "Magnification of the deformed shape"
 
 
-def robot_view(robot: Robot, shown: Sequence[Shown], share: str, gravity: bool = False) -> RobotView | None:
+def robot_view(
+    robot: Robot,
+    shown: Sequence[Shown],
+    share: str,
+    gravity: bool = False,
+    model: str = "the fitted model",
+) -> RobotView | None:
     """Return a robot in some postures, or None where there is none to show.
 
     Parameters
@@ -91,6 +98,8 @@ def robot_view(robot: Robot, shown: Sequence[Shown], share: str, gravity: bool =
         What the shares are of, such as "share of the gap".
     gravity : bool
         Let the dead weight deform it as well.
+    model : str
+        Whose deformed shape it is.
 
     Raises
     ------
@@ -125,7 +134,7 @@ def robot_view(robot: Robot, shown: Sequence[Shown], share: str, gravity: bool =
     figure = Figure(
         "robot",
         "The robot",
-        f"Colour tells each part's {share}. The deformed shape is that of the fitted model under "
+        f"Colour tells each part's {share}. The deformed shape is that of {model} under "
         "the load shown"
         + (" and its own weight" if gravity else "")
         + ", magnified; the undeformed one is dashed. The ellipsoid at the tool is its compliance: how far "

@@ -156,7 +156,7 @@ def _parity(
         "parity",
         "Measured against predicted",
         texts=[
-            f"On the line the model is right. RowFigures is the {kind} of every row, component by component; "
+            f"On the line the model is right. Shown is the {kind} of every row, component by component; "
             "the numbers are in the table of rows below."
         ],
         figures=figures,

@@ -10,13 +10,13 @@ import numpy as np
 
 from beamstiff.report.html.links import joint_lines, link_lines
 from beamstiff.report.html.parts import Figure, Table, css, label, numbers, shared
-from beamstiff.report.html.robot_view import CAMERAS, FURTHER, RobotView, nice, space
+from beamstiff.report.html.robot_view import AROUND, CAMERAS, FURTHER, LONGEST, RobotView, nice, space
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.se3 import Array
 
-AROUND = 0.12  # of the size of what is shown: room about it
 DEVIATION = 0.1  # of the size: the largest deviation to begin with
+FAR, NEAR, NEAREST = 1.0, 1.4, 0.2  # of the camera that looks at them from near
 SMALLEST = 20.0  # times what it begins with at most, to see the smallest deviations
 
 
@@ -102,8 +102,11 @@ def still_view(
     around = np.concatenate([where.reshape(-1, 3), *(one.places for one in deviations)])
     size = float(np.ptp(around, axis=0).max()) or 1.0
     low, high = around.min(axis=0) - AROUND * size, around.max(axis=0) + AROUND * size
-    ranges = {name: numbers(np.array([low[k], high[k]])) for k, name in enumerate("xyz")}
     magnification, most = _magnification(size, deviations)
+    cameras = dict(CAMERAS)
+    if close := _close(deviations, magnification, 0.5 * (low + high), float((high - low).max())):
+        cameras["close"] = close
+    ranges = {name: numbers(np.array([low[k], high[k]])) for k, name in enumerate("xyz")}
     held: dict[str, list[Any]] = {}
     own = []
     for one in deviations:
@@ -132,7 +135,7 @@ def still_view(
         space(legend={"orientation": "h", "x": 0, "y": 1, "yanchor": "top"}),
         table,
     )
-    return StillView(RobotView(figure, views, magnification, most, CAMERAS, slider=slider), held)
+    return StillView(RobotView(figure, views, magnification, most, cameras, slider=slider), held)
 
 
 def _magnification(size: float, deviations: Sequence[Deviations]) -> tuple[float, float]:
@@ -143,6 +146,24 @@ def _magnification(size: float, deviations: Sequence[Deviations]) -> tuple[float
         return 0.0, 0.0
     begin = nice(DEVIATION * size / max(found))
     return begin, max(FURTHER * begin, min(SMALLEST * begin, nice(DEVIATION * size / min(found))))
+
+
+def _close(
+    deviations: Sequence[Deviations], magnification: float, middle: Array, longest: float
+) -> dict[str, Any] | None:
+    """Return the camera that looks at the deviations from near, None where they are all over the picture."""
+    places = np.concatenate([one.places + magnification * one.away for one in deviations])
+    if not len(places):
+        return None
+    scale = LONGEST / longest  # the figure's own lengths
+    extent = scale * float(np.ptp(places, axis=0).max())
+    if extent > FAR:
+        return None
+    at = scale * (0.5 * (places.min(axis=0) + places.max(axis=0)) - middle)
+    eye = at + max(NEAR * extent, NEAREST) * np.array([0.6, -0.7, 0.4])
+    return {
+        name: dict(zip("xyz", numbers(value), strict=True)) for name, value in (("eye", eye), ("center", at))
+    }
 
 
 def _robot(robot: Robot, q: Array, positions: Array, size: float) -> list[dict[str, Any]]:

@@ -71,7 +71,8 @@
     const narrow = plot.clientWidth < 480;
     if (narrow && layout.scene) {
       layout.height = 440;
-      layout.scene.domain = { x: [0, 1], y: [0.14, 1] };  // the bar of colours is below
+      layout.scene.domain = { x: [0, 1], y: [0.14, 1] };  // the bar of colours, or the legend, is below
+      layout.legend = { ...layout.legend, y: 0, yanchor: "bottom" };
       traces.forEach((trace) => { if (trace.line && trace.line.colorbar) trace.line.colorbar = { ...trace.line.colorbar, orientation: "h", y: 0, yanchor: "bottom", len: 0.9, title: { ...trace.line.colorbar.title, side: "top" } }; });
     }
     // paper does not wait for a figure to find out how wide it may be

@@ -1,0 +1,258 @@
+"""The report of a corrected path: where the tool would go, where it will, and what was changed for it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from beamstiff.compensate.rewrite import Compensated
+from beamstiff.report.compensation import compensation_text, size_of, uncorrected_table
+from beamstiff.report.html.curves import along
+from beamstiff.report.html.from_rich import of_rich
+from beamstiff.report.html.page import Page, render
+from beamstiff.report.html.parts import Fact, Figure, Section, Table
+from beamstiff.report.html.places import MARKS
+from beamstiff.report.html.provenance import Provenance
+from beamstiff.report.html.still_view import Deviations, StillView, still_view
+from beamstiff.report.tables import counted, number
+from beamstiff.robot.description import Robot
+from beamstiff.se3 import Array, vector_from_rotation
+
+POSES = 5  # along the path, that the robot is shown in
+MOST = 1000  # targets that are drawn and listed
+LEAST = 1e-7  # mm: what logarithmic axes show of no error
+AXES = ("x", "y", "z")
+BEFORE, AFTER = "without compensation", "compensated, as written"
+
+
+def compensation_html(
+    result: Compensated,
+    robot: Robot,
+    provenance: Provenance,
+    facts: Mapping[str, Any],
+    notes: Sequence[str] = (),
+) -> str:
+    """Return the report of a corrected path as one HTML page.
+
+    Parameters
+    ----------
+    result : Compensated
+    robot : Robot
+        That the controller takes for true.
+    provenance : Provenance
+    facts : mapping
+        What ``--json`` writes.
+    notes : sequence of str
+    """
+    some = shown(len(result.known))
+    seen = _view(result, robot, some)
+    said = (
+        f"{MOST} of {len(result.known)} targets are shown, evenly chosen."
+        if len(some) < len(result.known)
+        else ""
+    )
+    return render(
+        Page(
+            title="Compensation",
+            robot=robot.name,
+            verdict=_verdict(result),
+            summary=[compensation_text(result), *([said] if said else [])],
+            facts=list(_facts(result)),
+            view=None if seen is None else seen.view,
+            sections=[
+                _uncorrected(result),
+                _errors(result, some),
+                _changes(result, some),
+                Section("targets", "The targets", tables=[_table(result, some)]),
+                Section("notes", "Notes", items=notes),
+            ],
+            provenance=provenance,
+            data=facts,
+            shared={} if seen is None else seen.shared,
+        )
+    )
+
+
+def shown(count: int) -> Array:
+    """Return which of so many targets are shown, at most `MOST`, the first and the last among them."""
+    return np.unique(np.linspace(0, count - 1, min(count, MOST)).astype(int))
+
+
+def _verdict(result: Compensated) -> str:
+    reasons = result.correction.reasons
+    if reasons:
+        return f"{len(reasons)} of {counted(len(result.known), 'target')} cannot be corrected"
+    known = result.known
+    before, after = size_of(result.correction.before[known]), size_of(result.after[known])
+    return f"From {short(before.rms_mm)} to {short(after.rms_mm)} mm along the path, as predicted"
+
+
+def _facts(result: Compensated) -> Iterator[Fact]:
+    known = result.known
+    before, after = size_of(result.correction.before[known]), size_of(result.after[known])
+    yield Fact("Before", f"{short(before.rms_mm)} mm", f"RMS; at most {short(before.max_mm)} mm")
+    yield Fact(
+        "After", f"{short(after.rms_mm)} mm", f"RMS; at most {short(after.max_mm)} mm, numbers rounded"
+    )
+    found = result.correction
+    moved = 1e3 * np.linalg.norm(found.commands[:, :3, 3] - found.path.poses[:, :3, 3], axis=1)
+    yield Fact("Commands move", f"{short(moved.max(initial=0.0))} mm", "at most")
+    yield Fact("Corrected", f"{int(found.corrected.sum())} of {len(found.path)}", "targets")
+
+
+def short(value: float) -> str:
+    """Return a number of three digits at most.
+
+    Examples
+    --------
+    >>> short(0.00040012), short(2.33333)
+    ('0.0004', '2.33')
+    """
+    return f"{value:.3g}"
+
+
+def _view(result: Compensated, robot: Robot, some: Array) -> StillView | None:
+    found, known = result.correction, result.known
+    own = some[known[some]]
+    if not own.size:
+        return None
+    targets = found.targets[own, :3, 3]
+    still = np.zeros_like(targets)
+    names = [_name(result, row) for row in own.tolist()]
+    size = {BEFORE: found.before[own, :3], AFTER: result.after[own, :3]}
+    texts = {
+        key: [
+            f"{name}: {1e3 * far:.3g} mm"
+            for name, far in zip(names, np.linalg.norm(off, axis=1), strict=True)
+        ]
+        for key, off in size.items()
+    }
+    commands = found.commands[own, :3, 3] - targets
+    deviations = [
+        Deviations("path", "targets", "muted", targets, still, names, path=True, dash="dash"),
+        Deviations("commands", "commands", "green", targets, commands, names, path=True, dash="dot"),
+        Deviations("before", BEFORE, "orange", targets, size[BEFORE], texts[BEFORE], path=True),
+        Deviations("after", AFTER, "blue", targets, size[AFTER], texts[AFTER], path=True),
+    ]
+    stops = own[np.unique(np.linspace(0, own.size - 1, POSES).astype(int))].tolist()
+    before, after = (1e3 * np.linalg.norm(gap[:, :3], axis=1) for gap in (found.before, result.after))
+    postures = [(f"{_name(result, row)}: {before[row]:.3g} mm before", found.q[row]) for row in stops]
+    table = Table(
+        "The postures shown",
+        ("target", "before, mm", "after, mm"),
+        [[_name(result, row), number(before[row]), number(after[row])] for row in stops],
+        open=False,
+    )
+    caption = (
+        "The tool's path in the base frame: where it is meant to go, where it would go as programmed, where "
+        "it goes with the commands as written, and the commands. What is off is magnified."
+    )
+    return still_view(robot, postures, deviations, "Magnification of what is off", caption, table)
+
+
+def _name(result: Compensated, row: int) -> str:
+    path = result.correction.path
+    return f"{path.names[row]} (line {path.lines[row]})"
+
+
+def _uncorrected(result: Compensated) -> Section:
+    reasons = result.correction.reasons
+    text = "These have no command of their own and stay as they are."
+    tables = [of_rich(uncorrected_table(result))] if reasons else []
+    return Section(
+        "uncorrected", "Targets that cannot be corrected", [text] if reasons else [], tables=tables
+    )
+
+
+def _way(result: Compensated) -> Array:
+    step = np.linalg.norm(np.diff(result.correction.path.poses[:, :3, 3], axis=0), axis=1)
+    return 1e3 * np.concatenate([[0.0], np.cumsum(step)])
+
+
+def _errors(result: Compensated, some: Array) -> Section:
+    way, figures = _way(result)[some], list[Figure]()
+    names = [_name(result, row) for row in some.tolist()]
+    for part, columns, factor, unit in (
+        ("Position", slice(0, 3), 1e3, "mm"),
+        ("Orientation", slice(3, 6), 180 / np.pi, "deg"),
+    ):
+        if part == "Orientation" and not result.correction.turned.any():
+            continue
+        values = {
+            BEFORE: factor * np.linalg.norm(result.correction.before[some, columns], axis=1),
+            AFTER: factor * np.linalg.norm(result.after[some, columns], axis=1),
+        }
+        values = {name: np.where(size < LEAST, LEAST, size) for name, size in values.items()}
+        axes = ("way along the path, mm", f"error, {unit}")
+        key, title = f"error-{part.lower()}", f"{part} along the path"
+        caption = "Predicted error of the tool at its targets."
+        figures.append(along(key, title, caption, way, values, axes, names, lines=True, type="log"))
+    return Section("errors", "Predicted error along the path", figures=figures)
+
+
+def _changes(result: Compensated, some: Array) -> Section:
+    way = _way(result)[some]
+    names = [_name(result, row) for row in some.tolist()]
+    moved, turned = (part[some] for part in _moved(result))
+    figures = []
+    for key, title, values, unit in (
+        ("change-position", "Commands move", 1e3 * moved, "mm"),
+        ("change-orientation", "Commands turn", np.degrees(turned), "deg"),
+    ):
+        if key == "change-position" or np.any(values):
+            by = {f"about {a}" if unit == "deg" else f"along {a}": values[:, k] for k, a in enumerate(AXES)}
+            axes = ("way along the path, mm", f"change, {unit}")
+            caption = "Command less target, base frame."
+            figures.append(along(key, title, caption, way, by, axes, names, lines=True, marks=MARKS))
+    return Section("changes", "What was changed", figures=figures)
+
+
+def _moved(result: Compensated) -> tuple[Array, Array]:
+    """Return how far commands are from the programmed poses, (N, 3) m and (N, 3) rad."""
+    found = result.correction
+    turn = found.commands[:, :3, :3] @ found.path.poses[:, :3, :3].swapaxes(1, 2)
+    return found.commands[:, :3, 3] - found.path.poses[:, :3, 3], vector_from_rotation(turn)
+
+
+def _table(result: Compensated, some: Array) -> Table:
+    found = result.correction
+    moved, turned = _moved(result)
+    force, moment = (np.linalg.norm(found.wrench[:, part], axis=1) for part in (slice(0, 3), slice(3, 6)))
+    columns = (
+        "target",
+        "line",
+        *(f"{a}, mm" for a in AXES),
+        "force, N",
+        "moment, N m",
+        "before, mm",
+        "before, deg",
+        "after, mm",
+        "after, deg",
+        *(f"moved {a}, mm" for a in AXES),
+        "turned, deg",
+    )
+    errors = [
+        (1e3 * np.linalg.norm(gap[:, :3], axis=1), np.degrees(np.linalg.norm(gap[:, 3:], axis=1)))
+        for gap in (found.before, result.after)
+    ]
+    blocks = [
+        *(1e3 * found.path.poses[:, k, 3] for k in range(3)),
+        force,
+        moment,
+        *errors[0],
+        *errors[1],
+        *(1e3 * moved[:, k] for k in range(3)),
+        np.degrees(np.linalg.norm(turned, axis=1)),
+    ]
+    body = np.stack(blocks, axis=1)[some] + 0.0  # no -0
+    rows = [
+        [
+            found.path.names[row],
+            str(found.path.lines[row]),
+            *(number(v) if np.isfinite(v) else "" for v in line),
+        ]
+        for row, line in zip(some.tolist(), body.tolist(), strict=True)
+    ]
+    return Table(f"All numbers of {len(rows)} targets", columns, rows, left=1, open=False)

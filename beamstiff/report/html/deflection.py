@@ -1,0 +1,118 @@
+"""The report of a prediction: how far every load moves the tool, and the deformed robot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from beamstiff.measure.table import DISPLACEMENT, Measurements
+from beamstiff.report.html.curves import along
+from beamstiff.report.html.page import Page, render
+from beamstiff.report.html.parts import Fact, Figure, Section
+from beamstiff.report.html.places import MARKS, Sizes, line_of, over_places, rows_table
+from beamstiff.report.html.provenance import Provenance
+from beamstiff.report.html.robot_view import RobotView, Shown, robot_view
+from beamstiff.report.html.rows import Compared, row_figures
+from beamstiff.report.tables import counted, number
+from beamstiff.robot.description import Robot
+from beamstiff.se3 import Array
+
+POSES = 5  # that the robot is shown in
+UNITS = ("mm",) * 3 + ("mrad",) * 3
+
+
+def deflection_html(
+    robot: Robot,
+    loads: Measurements,
+    predicted: Array,
+    provenance: Provenance,
+    facts: Mapping[str, Any],
+    notes: Sequence[str] = (),
+    texts: Sequence[str] = (),
+) -> str:
+    """Return the report of predicted displacements as one HTML page.
+
+    Parameters
+    ----------
+    robot : Robot
+    loads : Measurements
+        The rows; where they hold measured displacements, these are compared.
+    predicted : (N, 6) array, m and rad
+    provenance : Provenance
+    facts : mapping
+        What ``--json`` writes.
+    notes : sequence of str
+        About the data.
+    texts : sequence of str
+        What else is to be said: how it was calculated, the gap to what was measured.
+    """
+    moved = 1e3 * np.linalg.norm(predicted[:, :3], axis=1)
+    used = loads.measured_mask & (loads.kind == "displacement")
+    if used.any():
+        measured = np.where(used, loads.displacement, 0.0)
+        rows = row_figures(Compared(robot, loads, measured, predicted, used), ("the model", ""))
+    else:
+        sizes = Sizes(robot, loads, {"moved": moved}, ("the tool",), "displacement")
+        rows = over_places(sizes)
+        more = [(f"{name}, {UNITS[k]}", 1e3 * predicted[:, k]) for k, name in enumerate(DISPLACEMENT)]
+        table = rows_table(robot, loads, sizes.shown, [*more, ("displacement, mm", moved)])
+        said = [sizes.left_out] if sizes.left_out else []
+        rows.sections.append(Section("rows", "The rows", said, tables=[table]))
+    worst = int(np.argmax(moved))
+    return render(
+        Page(
+            title="Deflection",
+            robot=robot.name,
+            verdict=f"The tool moves {number(moved[worst])} mm at most",
+            summary=[
+                f"{counted(len(loads), 'row')}; the largest displacement is that of {line_of(loads, worst)}.",
+                *texts,
+            ],
+            facts=list(_facts(moved, predicted)),
+            view=_view(robot, loads, moved),
+            sections=[
+                _displacements(loads, predicted),
+                *rows.sections,
+                Section("notes", "Notes", items=notes),
+            ],
+            provenance=provenance,
+            data=facts,
+            shared=rows.shared,
+            papers="",
+        )
+    )
+
+
+def _facts(moved: Array, predicted: Array) -> Iterator[Fact]:
+    yield Fact("Largest", f"{number(moved.max())} mm", "displacement of the point read")
+    yield Fact("RMS", f"{number(np.sqrt((moved**2).mean()))} mm", "over all rows")
+    turned = 1e3 * np.linalg.norm(predicted[:, 3:], axis=1)
+    yield Fact("Turns", f"{number(turned.max())} mrad", "at most")
+    yield Fact("Rows", str(len(moved)), "postures under loads")
+
+
+def _view(robot: Robot, loads: Measurements, moved: Array) -> RobotView | None:
+    shown: list[Shown] = []
+    poses: set[int] = set()
+    for at in np.argsort(-moved).tolist():
+        if len(shown) < POSES and int(loads.pose[at]) not in poses:
+            poses.add(int(loads.pose[at]))
+            name = f"pose {loads.pose[at]}: {moved[at]:.3g} mm ({line_of(loads, at)})"
+            shown.append(Shown(name, loads.q[at], loads.wrench[at], str(loads.load_point[at])))
+    return robot_view(robot, shown, "share of the strain energy", model="the linear model")
+
+
+def _displacements(loads: Measurements, predicted: Array) -> Section:
+    """Return the displacement of every row, by component."""
+    figures = list[Figure]()
+    x = np.arange(1.0, len(loads) + 1)
+    texts = [line_of(loads, at) for at in range(len(loads))]
+    for first, what, unit in ((0, "Displacement", "mm"), (3, "Rotation", "mrad")):
+        values = {DISPLACEMENT[k]: 1e3 * predicted[:, k] for k in range(first, first + 3)}
+        axes = ("row, as in the table", f"{what.lower()}, {unit}")
+        caption = "Loaded minus unloaded, in the base frame."
+        title = f"{what}, row by row"
+        figures.append(along(f"moved-{first}", title, caption, x, values, axes, texts, marks=MARKS))
+    return Section("displacement", "How far the tool moves", figures=figures)
