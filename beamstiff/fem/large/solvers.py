@@ -1,14 +1,17 @@
 """Solvers of large frames, and which of them to use.
 
 Direct ones by default: our multifrontal factorisation, or with the TCP alone its condensation, which keeps no
-factor. What does not fit into memory goes to a multigrid (extra `amg`), whose residual is checked: it is at
-its best in huge cubes and stalls in slender frames.
+factor. A factor too large for memory goes to PARDISO (extra `pardiso`: MKL, free of charge but closed), whose
+factor is smaller, and beyond that to a multigrid (extra `amg`), whose residual is checked: it is at its best
+in huge cubes and stalls in slender frames. On one core the default is the fastest of them
+(benchmarks/README.md).
 """
 
 from __future__ import annotations
 
 import importlib.util
 import warnings
+import weakref
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -27,6 +30,12 @@ from beamstiff.se3 import Array
 
 DIRECTIONS = ("x", "y", "z", "about x", "about y", "about z")
 ITERATIONS = 500
+POSITIVE_DEFINITE, ANALYSIS, FACTOR, SOLUTION = 2, 11, 22, 33  # by the numbers of PARDISO's manual
+PARDISO_ERRORS = {
+    -2: "it does not fit into memory",
+    -4: "the frame is a mechanism; the multifrontal solver says where",
+}
+LESS = 0.65  # of our memory: what PARDISO takes, measured; it tells exactly once it has analysed
 STALLED = 1e-6  # a residual above this is no solution
 
 
@@ -61,8 +70,8 @@ def solve_frame(frame: Frame, loads: Array, solver: str | None = None) -> Soluti
     frame : Frame
     loads : (N, 6, c) array
         Wrenches ``[f, m]`` on the nodes, N and N m.
-    solver : "multifrontal", "splu" or "multigrid", optional
-        Default: the first if its factor fits into memory, else the last if it is installed.
+    solver : "multifrontal", "pardiso", "splu" or "multigrid", optional
+        Default: the first if its factor fits into memory, else the second or the last if it is installed.
 
     Raises
     ------
@@ -161,10 +170,14 @@ def frame_plan(frame: Frame, last: Index | None = None) -> Plan:
 
 
 def _choice(frame: Frame) -> str:
-    plan = frame_plan(frame)
-    if plan.factor_bytes + plan.peak_bytes <= SHARE * free_bytes() or not _installed("pyamg"):
-        return "multifrontal"
-    return "multigrid"
+    plan, free = frame_plan(frame), SHARE * free_bytes()
+    needed = plan.factor_bytes + plan.peak_bytes
+    if needed > free:
+        if LESS * needed <= free and _installed("pypardiso"):
+            return "pardiso"
+        if _installed("pyamg"):
+            return "multigrid"
+    return "multifrontal"
 
 
 def _installed(package: str) -> bool:
@@ -202,6 +215,49 @@ def _by_splu(frame: Frame, stiffness: sparse.csc_array) -> Solve:  # noqa: ARG00
     return solve
 
 
+def _by_pardiso(frame: Frame, stiffness: sparse.csc_array) -> Solve:  # noqa: ARG001
+    if not _installed("pypardiso"):
+        raise BeamstiffError("this solver needs pypardiso: pip install 'beamstiff[pardiso]'")
+    from pypardiso.pardiso_wrapper import PyPardisoError, PyPardisoSolver
+
+    upper = sparse.csr_matrix(sparse.triu(stiffness, format="csr"))
+    upper.sort_indices()
+    try:
+        solver = PyPardisoSolver(mtype=POSITIVE_DEFINITE)
+    except (ImportError, OSError):
+        raise BeamstiffError("this solver finds no MKL: pip install mkl, or set PYPARDISO_MKL_RT") from None
+
+    def run(phase: int, right: Array) -> Array:
+        solver.set_phase(phase)
+        found: Array = solver._call_pardiso(upper, right)
+        return found
+
+    nothing = np.zeros((stiffness.shape[0], 1))
+    try:
+        run(ANALYSIS, nothing)
+        # of its own figures, in kB: the most that the analysis takes, or what stays of it and the factor
+        needed = 1024.0 * max(solver.get_iparm(15), solver.get_iparm(16) + solver.get_iparm(17))
+        refuse_unless_fits("the factor", needed, stiffness.shape[0])
+        run(FACTOR, nothing)
+    except (PyPardisoError, BeamstiffError) as failed:
+        _release(solver)
+        if isinstance(failed, BeamstiffError):
+            raise
+        code = int(failed.value)
+        what = PARDISO_ERRORS.get(code, f"PARDISO failed with error {code}; take another solver")
+        raise BeamstiffError(f"a factor of {stiffness.shape[0]} unknowns: {what}") from None
+
+    def solve(right: Array) -> Array:
+        return run(SOLUTION, np.asfortranarray(right, dtype=np.float64))
+
+    weakref.finalize(solve, _release, solver)  # its memory is none of Python's
+    return solve
+
+
+def _release(solver: Any) -> None:
+    solver.free_memory(everything=True)
+
+
 def _by_multigrid(frame: Frame, stiffness: sparse.csc_array) -> Solve:
     if not _installed("pyamg"):
         raise BeamstiffError("the multigrid needs pyamg: pip install 'beamstiff[amg]'")
@@ -236,6 +292,7 @@ def _by_multigrid(frame: Frame, stiffness: sparse.csc_array) -> Solve:
 SOLVERS: dict[str, Callable[[Frame, sparse.csc_array], Solve]] = {
     "multifrontal": _by_multifrontal,
     "splu": _by_splu,
+    "pardiso": _by_pardiso,
     "multigrid": _by_multigrid,
 }
 

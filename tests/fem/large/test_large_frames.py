@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import gc
 import importlib.util
 
 import numpy as np
@@ -25,7 +26,12 @@ from tests.fem.builders import at_rest
 from tests.fem.builders import frame as robot_frame
 from tests.fem.random_frames import beam_frame
 
-DIRECT = ("multifrontal", "splu")
+HAS_PARDISO = importlib.util.find_spec("pypardiso") is not None
+PARDISO = pytest.param(
+    "pardiso",
+    marks=pytest.mark.skipif(not HAS_PARDISO, reason="pypardiso is not installed (extra `pardiso`)"),
+)
+DIRECT = ("multifrontal", "splu", PARDISO)
 
 
 def unit_loads(frame: Frame, node: int) -> np.ndarray:
@@ -287,12 +293,47 @@ def test_what_does_not_fit_into_memory_is_refused_beforehand(monkeypatch: pytest
         interface_compliance(frame, np.array([tip(frame)]))
 
 
-def test_what_does_not_fit_goes_to_the_multigrid_if_it_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_does_not_fit_goes_to_what_takes_less_if_it_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
     frame = cube(300)
-    monkeypatch.setattr(solvers, "free_bytes", lambda: 1e3)
-    for installed, name in ((True, "multigrid"), (False, "multifrontal")):
-        monkeypatch.setattr(solvers, "_installed", lambda _, installed=installed: installed)
+    plan = frame_plan(frame)
+    needed = plan.factor_bytes + plan.peak_bytes
+    for free, installed, name in (
+        (2.0, {"pypardiso", "pyamg"}, "multifrontal"),
+        (0.9, {"pypardiso", "pyamg"}, "pardiso"),
+        (0.9, {"pyamg"}, "multigrid"),
+        (0.1, {"pypardiso", "pyamg"}, "multigrid"),
+        (0.1, {"pypardiso"}, "multifrontal"),  # says what would fit
+    ):
+        monkeypatch.setattr(solvers, "free_bytes", lambda free=free: free * needed)
+        monkeypatch.setattr(solvers, "_installed", lambda package, there=installed: package in there)
         assert solvers._choice(frame) == name
+
+
+@pytest.mark.skipif(not HAS_PARDISO, reason="pypardiso is not installed (extra `pardiso`)")
+def test_pardiso_refuses_beforehand_and_gives_its_memory_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    frame, released = cube(2000), []
+    loads = unit_loads(frame, tip(frame))
+    release = solvers._release
+    monkeypatch.setattr(solvers, "_release", lambda solver: (released.append(1), release(solver)))
+    found = solve_frame(frame, loads, "pardiso")
+    assert not released
+    del found
+    gc.collect()
+    assert released == [1]
+    monkeypatch.setattr(memory, "free_bytes", lambda: 2e5)
+    with pytest.raises(BeamstiffError, match=r"needs .* GB of memory, .* are free"):
+        solve_frame(frame, loads, "pardiso")
+    assert released == [1, 1]
+
+
+def test_solvers_that_are_not_there_are_named_with_what_installs_them(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    frame = cube(300)
+    monkeypatch.setattr(solvers, "_installed", lambda _: False)
+    for solver, extra in (("pardiso", "pardiso"), ("multigrid", "amg")):
+        with pytest.raises(BeamstiffError, match=rf"pip install 'beamstiff\[{extra}\]'"):
+            solve_frame(frame, unit_loads(frame, tip(frame)), solver)
 
 
 @pytest.mark.skipif(importlib.util.find_spec("pyamg") is None, reason="pyamg is not installed (extra `amg`)")
