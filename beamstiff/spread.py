@@ -25,6 +25,7 @@ from importlib import import_module, metadata
 from time import monotonic
 from typing import Any, TypeVar
 
+from beamstiff._version import __version__
 from beamstiff.errors import BeamstiffError, listed
 
 T = TypeVar("T")
@@ -37,7 +38,8 @@ ANSWER = 4.0  # s, that a scheduler has to answer, and again to have a worker: l
 LOOK = 2.0  # s between two looks at how many workers there are
 ALONE = 60.0  # s without any worker before it is given up
 # what may change the last bit of a result, or the meaning of what is sent
-SAME = ("beamstiff", "numpy", "scipy", "numba")
+SAME = ("numpy", "scipy", "numba")
+INSTALL = "install beamstiff and what it needs on every machine of the cluster"
 
 
 def spread(
@@ -236,32 +238,33 @@ def _connected(distributed: Any, scheduler: str) -> Iterator[Any]:
     """Give a client of a scheduler, and say in one line what goes wrong with it."""
     if not scheduler.startswith(("tcp://", "tls://")):
         raise BeamstiffError(f"--scheduler: found {scheduler!r}, expected tcp://host:port or tls://host:port")
-    log = logging.getLogger("distributed")
-    level = log.level
-    log.setLevel(logging.CRITICAL + 1)  # it tells the same as our one line, in many
-    try:
-        with closing(_client(distributed, scheduler)) as client:
-            try:
-                client.wait_for_workers(1, timeout=ANSWER)
-            except TimeoutError:
-                raise BeamstiffError(
-                    f"--scheduler {scheduler}: has no workers; start some: dask worker {scheduler}"
-                ) from None
-            try:
-                yield client
-            except distributed.KilledWorker as error:
-                raise BeamstiffError(
-                    f"--scheduler {scheduler}: {error.allowed_failures + 1} workers died of the same task; "
-                    "out of memory? What was written is kept"
-                ) from error
-            except (distributed.CancelledError, CancelledError, OSError) as error:
-                if isinstance(error, OSError) and client.status == "running":
-                    raise  # a task's own
-                raise BeamstiffError(
-                    f"--scheduler {scheduler}: has stopped answering; what was written is kept"
-                ) from error
-    finally:
-        log.setLevel(level)
+    logs = [logging.getLogger(name) for name in ("distributed", "distributed.client")]
+    levels = [log.level for log in logs]
+    for log in logs:
+        log.setLevel(logging.CRITICAL + 1)  # they tell the same as our one line, in many
+    with closing(_client(distributed, scheduler)) as client:
+        try:
+            client.wait_for_workers(1, timeout=ANSWER)
+        except TimeoutError:
+            raise BeamstiffError(
+                f"--scheduler {scheduler}: has no workers; start some: dask worker {scheduler}"
+            ) from None
+        _check_versions(client, scheduler)
+        try:
+            yield client
+        except distributed.KilledWorker as error:
+            raise BeamstiffError(
+                f"--scheduler {scheduler}: {error.allowed_failures + 1} workers died of the same task; out "
+                "of memory? What was written is kept"
+            ) from error
+        except (distributed.CancelledError, CancelledError, OSError) as error:
+            if isinstance(error, OSError) and client.status == "running":
+                raise  # a task's own
+            raise BeamstiffError(
+                f"--scheduler {scheduler}: has stopped answering; what was written is kept"
+            ) from error
+    for log, level in zip(logs, levels, strict=True):
+        log.setLevel(level)  # not when it broke off: what is left of the connection complains a while
 
 
 def _client(distributed: Any, scheduler: str) -> Any:
@@ -289,9 +292,7 @@ def _client(distributed: Any, scheduler: str) -> Any:
 
 def _submit(client: Any, function: Callable[..., Any], *arguments: Any) -> Any:
     with warnings.catch_warnings():
-        warnings.simplefilter(
-            "ignore"
-        )  # that a large function goes by the scheduler, which can give it again
+        warnings.simplefilter("ignore")  # of large functions: the scheduler keeps them, against losses
         return client.submit(function, *arguments, pure=False)
 
 
@@ -300,20 +301,9 @@ def _passed(function: bytes) -> bytes:
 
 
 def _do_there(function: bytes, task: bytes, wanted: dict[str, str]) -> bytes:
-    """Do a task on a worker that has what the others have."""
-    mine = _versions()
-    if mine != wanted:
-        differ = [f"{name} {mine[name]}" for name in wanted if mine[name] != wanted[name]]
-        expected = [f"{name} {wanted[name]}" for name in wanted if mine[name] != wanted[name]]
-        raise BeamstiffError(
-            f"worker {_address()} has {listed(differ)}, expected {listed(expected)}, as here: results would "
-            "not be the same"
-        )
+    """Do a task, on a worker that may have come late."""
+    _compare(str(import_module("distributed").get_worker().address), _versions(), wanted)
     return pickle.dumps(_opened(function)(pickle.loads(task)))
-
-
-def _address() -> str:
-    return str(import_module("distributed").get_worker().address)
 
 
 @lru_cache(maxsize=1)
@@ -325,4 +315,33 @@ def _versions() -> dict[str, str]:
             found[name] = metadata.version(name)
         except metadata.PackageNotFoundError:
             found[name] = "missing"
-    return found
+    return {"beamstiff": __version__, **found}
+
+
+class _Versions:
+    """Unpickled, the versions there: asked so, a place without beamstiff answers too."""
+
+    def __reduce__(self) -> tuple[Callable[[], dict[str, str]], tuple[()]]:
+        return _versions, ()
+
+
+def _check_versions(client: Any, scheduler: str) -> None:
+    question, wanted = pickle.dumps(_Versions()), _versions()
+    try:
+        client.run_on_scheduler(pickle.loads, question)  # it reads the names of functions
+    except ImportError as error:
+        raise BeamstiffError(f"--scheduler {scheduler}: {error} there; {INSTALL}") from None
+    for worker, found in client.run(pickle.loads, question, on_error="return").items():
+        if isinstance(found, ImportError):
+            raise BeamstiffError(f"worker {worker}: {found} there; {INSTALL}")
+        if isinstance(found, dict):  # if not, the tasks will tell
+            _compare(worker, found, wanted)
+
+
+def _compare(worker: str, found: dict[str, str], wanted: dict[str, str]) -> None:
+    differ = [name for name in wanted if found[name] != wanted[name]]
+    if differ:
+        raise BeamstiffError(
+            f"worker {worker} has {listed(f'{name} {found[name]}' for name in differ)}, expected "
+            f"{listed(f'{name} {wanted[name]}' for name in differ)} as here: results would not be the same"
+        )

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -30,3 +31,19 @@ def shared_path() -> Callable[[str], Path]:
         return path
 
     return find
+
+
+@pytest.fixture(scope="session")
+def cluster() -> Iterator[Any]:
+    """Give a local cluster of dask: a scheduler and two workers, each a process."""
+    distributed = pytest.importorskip("distributed", reason="dask.distributed is missing (extra `cluster`)")
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=60
+    ) as local:
+        yield local
+
+
+@pytest.fixture
+def scheduler(cluster: Any) -> str:
+    """Return the address of its scheduler."""
+    return str(cluster.scheduler_address)
