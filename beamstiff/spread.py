@@ -22,6 +22,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing, contextmanager
 from functools import lru_cache
 from importlib import import_module, metadata
+from itertools import islice
 from time import monotonic
 from typing import Any, TypeVar
 
@@ -89,7 +90,10 @@ def spread(
             f"found {processes} processes and the scheduler {scheduler}, expected one of them: a scheduler's "
             "workers are started beside it"
         )
-    numbered, follow = enumerate(tasks), deque[tuple[int, T]]()
+    numbered = enumerate(tasks)
+    follow = deque(islice(numbered, 1))
+    if not follow:
+        return  # nobody is asked for nothing
 
     def take(most: int) -> Iterator[tuple[int, T]]:
         for _ in range(most):

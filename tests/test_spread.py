@@ -66,6 +66,7 @@ def test_an_error_is_that_of_the_task(processes: int) -> None:
 def test_no_tasks_are_no_results() -> None:
     assert list(spread(abs, [])) == []
     assert list(spread(abs, [], processes=2)) == []
+    assert list(spread(abs, [], scheduler="tcp://nobody:1")) == []
 
 
 def test_a_process_that_is_killed_is_said_in_one_line() -> None:

@@ -94,14 +94,24 @@ def examine(exam: Exam, case: int, examiner: Examiner, given: Case | None = None
     Raises
     ------
     BeamstiffError
-        When the simulator cannot make the case.
+        When the simulator cannot make the case, or the report cannot be written.
     """
-    drawn = given or draw_case(exam, case)
-    seal = drawn.label.digest()
+    record, report = examined(exam, given or draw_case(exam, case), examiner)
+    keep_report(examiner, case, report)
+    return record
+
+
+def keep_report(examiner: Examiner, case: int, report: dict[str, Any]) -> None:
+    """Write a report into the examiner's folder, if there is one."""
+    if examiner.reports is not None:
+        write_whole(examiner.reports / f"case-{case:06d}.json", json.dumps(report, indent=1) + "\n")
+
+
+def examined(exam: Exam, drawn: Case, examiner: Examiner) -> tuple[Record, dict[str, Any]]:
+    """Return the record of a case that was drawn, and the report of its diagnosis; nothing is written."""
+    case, seal = drawn.label.case, drawn.label.digest()
     rows = simulate(drawn.machine, drawn.truths, drawn.campaign, np.random.default_rng([exam.seed, case, 1]))
     said = diagnosed(drawn.robot, rows, drawn.label.withheld, examiner)
-    if examiner.reports is not None:
-        write_whole(examiner.reports / f"case-{case:06d}.json", json.dumps(said.report, indent=1) + "\n")
     answer, error, shifts = said.answer, said.error, None
     if said.diagnosis is not None and is_named(answer.verdict):
         try:
@@ -115,7 +125,7 @@ def examine(exam: Exam, case: int, examiner: Examiner, given: Case | None = None
     }
     # from here on the label is open
     gap, gaps = _gaps(drawn, examiner.baseline)
-    return Record(
+    record = Record(
         label=drawn.label,
         answer=answer,
         gap=gap,
@@ -127,6 +137,7 @@ def examine(exam: Exam, case: int, examiner: Examiner, given: Case | None = None
         seconds=said.seconds,
         error=error,
     )
+    return record, said.report
 
 
 def true_shrink(case: Case, before: Array, after: Array) -> float | None:

@@ -1,26 +1,24 @@
-"""Runs an exam: any number of processes, results line by line in a file, taken up again after a break."""
+"""Runs an exam: over processes or machines, results line by line in a file, taken up after a break."""
 
 from __future__ import annotations
 
 import json
-import multiprocessing
 import os
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
-from itertools import islice
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.files import read_text
-from beamstiff.gap.exam.blind import Examiner, examine
+from beamstiff.gap.exam.blind import Examiner, examined, keep_report
 from beamstiff.gap.exam.cases import Case, Exam, draw_case
 from beamstiff.gap.exam.record import Record, record_from
+from beamstiff.spread import spread
 
 FORMAT = "beamstiff-exam/1"
-AHEAD = 2  # cases given out for each process before the first of them is back
 
 
 @dataclass(frozen=True)
@@ -43,6 +41,7 @@ def run_exam(
     examiner: Examiner,
     *,
     processes: int = 1,
+    scheduler: str | None = None,
     results: Path | None = None,
     progress: Callable[[Record | Void], None] = lambda _: None,
 ) -> list[Record]:
@@ -57,8 +56,10 @@ def run_exam(
     exam : Exam
     count : int
     examiner : Examiner
-        With several processes it is pickled: its functions are those of modules.
+        With several processes or a scheduler it is pickled: its functions are those of modules.
     processes : int
+    scheduler : str, optional
+        Of dask, ``tcp://host:port``; see `beamstiff.spread`. All files are written here.
     results : path, optional
     progress : function of Record or Void
         Called after every case, those of the file included.
@@ -66,7 +67,8 @@ def run_exam(
     Raises
     ------
     BeamstiffError
-        When `results` is another exam's or cannot be written, or a number is not positive.
+        When `results` is another exam's or cannot be written, or a number is not positive, or a process or
+        the scheduler fails.
     """
     if count < 1 or processes < 1:
         raise BeamstiffError(
@@ -80,11 +82,13 @@ def run_exam(
         if results is not None and not results.stat().st_size:
             write({"format": FORMAT, "exam": exam.settings()})
         missing = (case for case in range(count) if case not in found)
-        for case, item in _examined(exam, missing, examiner, processes, write):
-            write(
-                {"void": item.case, "why": item.why} if isinstance(item, Void) else {"record": item.to_dict()}
-            )
-            found[case] = item
+        for item in _examined(exam, missing, examiner, processes, scheduler, write):
+            if isinstance(item, Void):
+                write({"void": item.case, "why": item.why})
+                found[item.case] = item
+            else:
+                write({"record": item.to_dict()})
+                found[item.label.case] = item
             progress(item)
     return [item for _, item in sorted(found.items()) if isinstance(item, Record)]
 
@@ -102,86 +106,45 @@ def read_results(path: Path) -> tuple[dict[str, Any], list[Record]]:
 
 
 Write = Callable[[dict[str, Any]], None]
+Answered = tuple[Record, dict[str, Any] | None]
 
 
 def _examined(
-    exam: Exam, cases: Iterable[int], examiner: Examiner, processes: int, write: Write
-) -> Iterator[tuple[int, Record | Void]]:
-    if processes == 1:
-        for case in cases:
-            drawn = _draw(exam, case)
-            _seal(drawn, write)
-            yield case, _one(exam, examiner, drawn)
-        return
-    before = set(multiprocessing.active_children())
-    left = iter(cases)
-    drawing: set[Future[Case | Void]] = set()
-    answering: dict[Future[Record | Void], int] = {}
-    with _one_thread_each():
-        pool = ProcessPoolExecutor(processes, mp_context=multiprocessing.get_context("spawn"))
-        try:
-            while True:
-                for case in islice(left, AHEAD * processes - len(drawing) - len(answering)):
-                    drawing.add(pool.submit(_draw, exam, case))
-                if not drawing and not answering:
-                    break
-                either: list[Future[Any]] = [*drawing, *answering]
-                done = wait(either, return_when=FIRST_COMPLETED).done
-                for ready in [future for future in drawing if future in done]:
-                    drawing.remove(ready)
-                    drawn = ready.result()
-                    _seal(drawn, write)
-                    answering[pool.submit(_one, exam, examiner, drawn)] = _number(drawn)
-                for answered in [future for future in answering if future in done]:
-                    yield answering.pop(answered), answered.result()
-            pool.shutdown()
-        except BaseException:  # Ctrl-C too: nobody waits for cases that are not wanted any more
-            pool.shutdown(wait=False, cancel_futures=True)
-            for child in set(multiprocessing.active_children()) - before:
-                child.terminate()
-            raise
+    exam: Exam,
+    cases: Iterable[int | Case],
+    examiner: Examiner,
+    processes: int,
+    scheduler: str | None,
+    write: Write,
+) -> Iterator[Record | Void]:
+    def sealed(done: Case | Void | Answered) -> list[Case]:
+        """Write a case's seal before anybody is given the case."""
+        if not isinstance(done, Case):
+            return []
+        write({"sealed": done.label.case, "label_sha256": done.label.digest()})
+        return [done]
+
+    step = partial(_step, exam, examiner)
+    for _, done in spread(step, cases, processes=processes, scheduler=scheduler, then=sealed):
+        if isinstance(done, Void):
+            yield done
+        elif not isinstance(done, Case):
+            record, report = done
+            if report is not None:
+                keep_report(examiner, record.label.case, report)
+            yield record
 
 
-def _draw(exam: Exam, case: int) -> Case | Void:
+def _step(exam: Exam, examiner: Examiner, task: int | Case) -> Case | Void | Answered:
+    """Return the case of a number, or what the examiner answered to a case."""
+    number = task if isinstance(task, int) else task.label.case
     try:
-        return draw_case(exam, case)
+        if isinstance(task, int):
+            return draw_case(exam, task)
+        record, report = examined(exam, task, examiner)
     except BeamstiffError as error:
-        return Void(case, str(error))
-
-
-def _number(drawn: Case | Void) -> int:
-    return drawn.case if isinstance(drawn, Void) else drawn.label.case
-
-
-def _seal(drawn: Case | Void, write: Write) -> None:
-    """Write a case's seal before anybody is given the case."""
-    if not isinstance(drawn, Void):
-        write({"sealed": drawn.label.case, "label_sha256": drawn.label.digest()})
-
-
-def _one(exam: Exam, examiner: Examiner, drawn: Case | Void) -> Record | Void:
-    if isinstance(drawn, Void):
-        return drawn
-    try:
-        return examine(exam, drawn.label.case, examiner, drawn)
-    except BeamstiffError as error:
-        return Void(drawn.label.case, str(error))
-
-
-@contextmanager
-def _one_thread_each() -> Iterator[None]:
-    """Let processes that start meanwhile calculate on one thread: they share the machine already."""
-    names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-    old = {name: os.environ.get(name) for name in names}
-    os.environ.update(dict.fromkeys(names, "1"))
-    try:
-        yield
-    finally:
-        for name, value in old.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
+        return Void(number, str(error))
+    return record, None if examiner.reports is None else report
 
 
 @contextmanager

@@ -116,6 +116,26 @@ def test_other_processes_find_the_same(silent: list[Record], tmp_path: Path) -> 
     assert read_results(tmp_path / "results.jsonl")[1] == records
 
 
+def test_a_cluster_finds_the_same_and_files_are_written_here(
+    silent: list[Record], scheduler: str, tmp_path: Path
+) -> None:
+    results, reports = tmp_path / "results.jsonl", tmp_path / "reports"
+    reports.mkdir()
+    examiner = Examiner(always_none, reports=Path(reports))
+    records = run_exam(EXAM, 4, examiner, scheduler=scheduler, results=results)
+    assert [replace(r, seconds=0.0) for r in records] == [replace(r, seconds=0.0) for r in silent[:4]]
+    assert sorted(path.name for path in reports.iterdir()) == [f"case-00000{case}.json" for case in range(4)]
+    lines = [json.loads(line) for line in results.read_text().splitlines()[1:]]
+    for case in range(4):
+        mine = [
+            next(iter(line))
+            for line in lines
+            if line.get("sealed", line.get("record", {}).get("label", {}).get("case")) == case
+        ]
+        assert mine == ["sealed", "record"]
+    run_exam(EXAM, 4, examiner, scheduler="tcp://nobody:1", results=results)  # all is done: nobody is asked
+
+
 def test_the_seal_is_on_disk_before_the_diagnosis_and_fits_the_label(tmp_path: Path) -> None:
     results, seen = tmp_path / "results.jsonl", []
 
