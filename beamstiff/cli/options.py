@@ -48,6 +48,15 @@ Preload = Annotated[
     bool,
     typer.Option("--preload", help="Let gravity, payload and the load itself stiffen or soften the machine."),
 ]
+Processes = Annotated[
+    int, typer.Option("--processes", metavar="N", min=1, help="Calculate with that many processes.")
+]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(
+        "--scheduler", metavar="ADDRESS", help="Calculate on a dask cluster, such as tcp://10.0.0.5:8786."
+    ),
+]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print no tables and no notes, only errors.")]
 Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
 

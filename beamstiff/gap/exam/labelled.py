@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +14,19 @@ from beamstiff.gap.exam.blind import Examiner, asked, diagnosed
 from beamstiff.gap.exam.names import EFFECTS, NONE, key_of
 from beamstiff.gap.exam.record import Kind, Label, Record, sha256
 from beamstiff.measure.reader import read_measurements
+from beamstiff.measure.table import Measurements
+from beamstiff.robot.description import Robot
 from beamstiff.robot.reader import load_robot
+from beamstiff.spread import spread
 
 
 def examine_folder(
-    folder: Path, examiner: Examiner, progress: Callable[[Record], None] = lambda _: None
+    folder: Path,
+    examiner: Examiner,
+    *,
+    processes: int = 1,
+    scheduler: str | None = None,
+    progress: Callable[[Record], None] = lambda _: None,
 ) -> list[Record]:
     """Return the records of all labelled sets in a folder, in the order of their names.
 
@@ -29,31 +38,40 @@ def examine_folder(
     Raises
     ------
     BeamstiffError
-        When a file is missing or a label cannot be read.
+        When a file is missing or a label cannot be read, or a process or the scheduler fails.
     """
     labels = _labels(folder)
-    records = []
-    for at, name in enumerate(sorted(labels)):
-        record = _record(folder, name, at, labels[name], examiner)
-        records.append(record)
+    names = sorted(labels)
+    sets = (_read(folder, name, at, labels[name]) for at, name in enumerate(names))
+    records: dict[int, Record] = {}
+    step = partial(_examined, examiner)
+    for at, (record, report) in spread(step, sets, processes=processes, scheduler=scheduler):
+        if examiner.reports is not None:
+            write_whole(examiner.reports / f"{names[at]}.json", json.dumps(report, indent=1) + "\n")
+        records[at] = record
         progress(record)
-    return records
+    return [records[at] for at in range(len(names))]
 
 
-def _record(folder: Path, name: str, at: int, given: dict[str, Any], examiner: Examiner) -> Record:
+Set = tuple[int, dict[str, Any], Robot, Measurements]
+
+
+def _read(folder: Path, name: str, at: int, given: dict[str, Any]) -> Set:
     robot_file = f"{given['robot']}{'-payload' if given.get('kind') == 'pose' else ''}.yaml"
     robot = load_robot(folder / robot_file)
-    rows = read_measurements(folder / f"{name}.csv", robot)
+    return at, given, robot, read_measurements(folder / f"{name}.csv", robot)
+
+
+def _examined(examiner: Examiner, task: Set) -> tuple[Record, dict[str, Any]]:
+    at, given, robot, rows = task
     seal = sha256(given)
     said = diagnosed(robot, rows, (), examiner)
-    if examiner.reports is not None:
-        write_whole(examiner.reports / f"{name}.json", json.dumps(said.report, indent=1) + "\n")
     controls = {known: asked(method, robot, rows, ()) for known, method in examiner.controls.items()}
     second = given.get("eff2")
     truths = [] if given["effect"] == NONE else [key_of(given["effect"], given["component"])]
     truths += [] if second is None else [key_of(second[0], second[1])]
     gap = float(given["gap_over_noise"])
-    return Record(
+    record = Record(
         label=Label(
             case=at,
             kind=_kind(given),
@@ -76,6 +94,7 @@ def _record(folder: Path, name: str, at: int, given: dict[str, Any], examiner: E
         seconds=said.seconds,
         error=said.error,
     )
+    return record, said.report
 
 
 def _kind(given: dict[str, Any]) -> Kind:
