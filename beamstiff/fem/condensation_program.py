@@ -75,8 +75,9 @@ class CondensationProgram:
             some = slice(start, start + BLOCK)
             rows = self.program.run(values[some].T, compiled)
             for whole, part in zip(result, self.parts, strict=True):
-                if part.size and part.flat[0] >= 0:
-                    whole[some] = np.moveaxis(rows[part], -1, 0)
+                if part.size and part.flat[0] >= 0:  # outputs in a row
+                    found = rows[part.flat[0] : part.flat[0] + part.size].reshape(*part.shape, -1)
+                    whole[some] = np.moveaxis(found, -1, 0)
             sure[some] = rows[-1] > 0.0
         return result, sure
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from beamstiff.robot.branch import NEAR_SINGULAR, Assembly
+from beamstiff.robot.closing_program import close_at_once
 from beamstiff.robot.loops import LoopSystem, loop_equations
 from beamstiff.robot.newton import LARGEST_STEP, Mask, least_squares, newton
 from beamstiff.se3 import Array
@@ -43,7 +44,6 @@ class Starts:
         Where the first cell begins, and how wide a cell is.
     counts : (A,) int array
         Cells along each variable; one where it moves no loop.
-    centres : (G, A) array
     free : (G, Q) array
         Passive variables at the middle of each cell; those of the assembly where the loops do not close.
     rates : (G, Q, A) array
@@ -53,16 +53,20 @@ class Starts:
     low: Array
     width: Array
     counts: NDArray[np.int64]
-    centres: Array
     free: Array
     rates: Array
 
     def passive(self, q: Array) -> Array:
         """Return passive variables (P, Q) near those at actuated ones (P, A)."""
-        cell = np.clip(np.nan_to_num((q - self.low) / self.width), 0, self.counts - 1).astype(np.int64)
-        at = np.ravel_multi_index(tuple(cell.T), tuple(self.counts))
-        away = np.clip(q - self.centres[at], -0.5 * self.width, 0.5 * self.width)
-        passive: Array = self.free[at] + (self.rates[at] * away[:, None, :]).sum(axis=2)
+        at = np.zeros(len(q), dtype=np.int64)
+        ways = []
+        for column, low, width, count in zip(q.T, self.low, self.width, self.counts.tolist(), strict=True):
+            cell = np.clip(np.nan_to_num((column - low) * (1.0 / width)), 0, count - 1).astype(np.int64)
+            at = at * count + cell
+            ways.append(np.clip(column - (low + (cell + 0.5) * width), -0.5 * width, 0.5 * width))
+        passive: Array = self.free[at]
+        for way, rate in zip(ways, np.moveaxis(self.rates, 2, 0), strict=True):
+            passive += rate[at] * way[:, None]
         return passive
 
 
@@ -92,7 +96,7 @@ def grid_of_starts(system: LoopSystem, assembly: Assembly) -> Starts:
         rates[:, :, column] = rate * system.scale[first:] / system.scale[column]
     steep = np.abs(rates).max(axis=(1, 2), initial=0.0) > STEEP
     rates[~attempt.closed | steep] = 0.0
-    return Starts(low, width, counts.astype(np.int64), centres, passive, rates)
+    return Starts(low, width, counts.astype(np.int64), passive, rates)
 
 
 def close_in_branch(
@@ -116,9 +120,15 @@ def close_in_branch(
     first = system.actuated
     start = free.copy()
     start[:, first:] = assembly.free[first:] if starts is None else starts.passive(free[:, :first])
-    best, gaps, jacobian, closed = newton(system, start)
-    good = _in_branch(assembly, jacobian, closed)
-    flipped = closed & ~good
+    best, gaps = start, np.zeros((len(free), system.rows[-1].stop))
+    good, flipped = np.zeros((2, len(free)), dtype=np.bool_)
+    if starts is not None:
+        best, good = close_at_once(system, assembly, start)
+    if not good.all():
+        left = np.flatnonzero(~good)
+        best[left], gaps[left], jacobian, closed = newton(system, start[left])
+        good[left] = _in_branch(assembly, jacobian, closed)
+        flipped[left] = closed & ~good[left]
     while assembly.blocks and not good.all():
         todo = np.flatnonzero(~good)
         origin = _nearest(system, assembly, best, good, todo)

@@ -80,13 +80,17 @@ def test_shipped_robots(name: str, way: bool) -> None:
 
 @pytest.mark.skipif(len(WAYS) == 1, reason="numba is not installed (extra `fast`)")
 @pytest.mark.parametrize("name", robot_names())
-def test_compiled_and_interpreted_are_one_answer(name: str) -> None:
+def test_compiled_and_interpreted_differ_as_the_last_digit_of_the_joint_values_does(name: str) -> None:
     structure = compile_structure(load_robot(name))
     poses = posture(structure.kinematics, within_limits(structure.robot, 200))
     program = program_of(structure)
     assert program is not None
-    (_, _, one, _, _), (_, _, other, _, _) = (program.run(poses.values, way)[0] for way in (True, False))
-    assert disagreement(one, other) <= 1e-12
+    ways = np.random.default_rng(0).choice([-np.inf, np.inf], poses.values.shape)
+    beside = np.nextafter(poses.values, ways)
+    one, other = (program.run(poses.values, way)[0][2] for way in (True, False))
+    last_digit = disagreement(program.run(beside, False)[0][2], other)
+    assert disagreement(one, other) <= max(last_digit, 1e-14)
+    assert last_digit <= 1e-11
 
 
 @given(

@@ -81,6 +81,27 @@ def test_compiled_and_interpreted_are_alike_to_the_last_digits() -> None:
     assert (products.run(x, True) == products.run(x, False)).all()
 
 
+@compiled
+def test_compiled_sine_and_cosine_are_right_to_the_last_digit_but_one() -> None:
+    program = recorded(lambda x: [np.sin(x[0]), np.cos(x[0])], 1)
+    rng = np.random.default_rng(0)
+    near_quarters = np.arange(-500, 500) * (np.pi / 2) * (1 + 1e-15 * rng.normal(size=1000))
+    for x in (
+        rng.uniform(-7, 7, 10_000),
+        rng.uniform(-1e7, 1e7, 10_000),
+        near_quarters,
+        1e-9 * near_quarters,
+    ):
+        exact = np.array([np.sin(x.astype(np.longdouble)), np.cos(x.astype(np.longdouble))])
+        found = program.run(x[None], True)
+        assert (np.abs(found - exact) <= 2 * np.spacing(np.abs(exact.astype(float)))).all()
+        assert np.abs((found**2).sum(axis=0) - 1.0).max() <= 1e-15
+    odd = np.array([[0.0, -0.0, np.inf, -np.inf, np.nan, 1e300]])
+    with np.errstate(invalid="ignore"):
+        assert np.array_equal(program.run(odd, True), [np.sin(odd[0]), np.cos(odd[0])], equal_nan=True)
+    assert np.signbit(program.run(np.array([[0.0, -0.0]]), True)[0]).tolist() == [False, True]
+
+
 @pytest.mark.parametrize("way", WAYS)
 def test_the_smallest_of_several_is_nan_if_one_is(way: bool) -> None:
     program = recorded(lambda x: [Expression.least(Expression.least(x[0], -x[1]), x[2])], 3)
