@@ -9,6 +9,7 @@ import numpy as np
 from beamstiff.gap.repeats import repeats
 from beamstiff.gap.screening import Screened
 from beamstiff.gap.whitened import Whitened
+from beamstiff.measure.doubts import doubts
 
 OFF = 1.5  # a claimed noise is wrong by more than this factor
 FEW_POSES = 5
@@ -17,7 +18,7 @@ SURE = 0.001  # probability of what repeats show by chance
 
 
 def notes(screened: Screened, white: Whitened, verdict: str, scale: float) -> Iterator[str]:
-    """Yield what a reader of the verdict should know of the data.
+    """Yield what a reader of the verdict should know of the data: mistakes of the table first.
 
     Parameters
     ----------
@@ -28,6 +29,7 @@ def notes(screened: Screened, white: Whitened, verdict: str, scale: float) -> It
     """
     baseline, rows = screened.baseline, screened.baseline.rows
     poses = np.unique(rows.pose).size
+    yield from doubts(rows, baseline.nominal)
     if white.freedom < FEW_VALUES:
         yield f"only {white.freedom} values beyond those fitted: no confident verdict can come of them"
     elif poses < FEW_POSES:

@@ -1,4 +1,9 @@
-"""What in a table is allowed but hardly meant: degrees read as radians, millimetres as metres."""
+"""What in a table is allowed but hardly meant: a load of the wrong sign, degrees read as radians.
+
+The load does positive work on whatever it displaces: ``w . d > 0`` for linear springs, springs that harden,
+play and friction alike, as long as the load acts where the displacement is seen. Rows that say otherwise by
+more than their noise are rare even where a machine drifts; loads of the wrong sign or frame make many.
+"""
 
 from __future__ import annotations
 
@@ -8,20 +13,64 @@ import numpy as np
 
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
+from beamstiff.se3 import Array
 
 LARGE_DISPLACEMENT = 0.1  # m; a loaded robot gives way by millimetres
 LARGE_ROTATION = 0.1  # rad
 LARGE_SIGMA = (5e-3, 5e-3)  # m, rad; a tape measure
 LARGE_FORCE = 1e6  # N, N m
+BEYOND_NOISE = 3.0  # standard deviations of a row's work, beyond which its sign is sure
+REVERSED = 0.5  # share of such rows that move against their load from which the sign is wrong
+# and from which it may be the frame, or the columns: loads in another frame make a third to a half of the
+# rows, a machine that drifts by several times its deflections a fifth
+MISPLACED, SEVERAL = 0.25, 3
 
 
 def doubts(measurements: Measurements, robot: Robot) -> tuple[str, ...]:
-    """Return, one sentence each, what in a table looks like a mistake of unit or frame; mostly nothing.
+    """Return, one sentence each, what in a table looks like a mistake of sign, unit or frame; mostly nothing.
 
     These are no errors: a plain number is SI, and a strange machine may be measured. They are for people to
     read.
     """
-    return tuple(_doubts(measurements, robot))
+    return (*_of_the_load(measurements), *_doubts(measurements, robot))
+
+
+def work(table: Measurements) -> tuple[Array, Array]:
+    """Return the work that the load of each row would do, (N,), and its standard deviation (N,), N m.
+
+    NaN where it is not known: a component that is loaded was not measured, the load acts elsewhere than the
+    displacement was seen, there is no load. The standard deviation is 0 where the noise is not stated.
+    """
+    loaded = table.wrench != 0
+    known = (table.kind == "displacement") & (table.point == table.load_point) & loaded.any(axis=1)
+    moved = np.where(loaded, table.displacement, 0.0)
+    done = np.where(known, (table.wrench * moved).sum(axis=1), np.nan)
+    sigma = np.nan_to_num(np.where(loaded, table.sigma, 0.0))
+    return done, np.linalg.norm(table.wrench * sigma, axis=1)
+
+
+def _of_the_load(table: Measurements) -> Iterator[str]:
+    done, std = work(table)
+    sure = np.abs(done) > BEYOND_NOISE * std
+    count, against = int(sure.sum()), int((sure & (done < 0)).sum())
+    if not count or against < MISPLACED * count:
+        return
+    stated = bool((std[sure] > 0).all())
+    found = (
+        f"{table.source}: the tool moved against its load in {against} of {count} rows"
+        f"{' (those beyond the noise)' if stated and count < np.isfinite(done).sum() else ''}"
+    )
+    if against > REVERSED * count:
+        yield (
+            f"{found}, which no elastic machine does: is the sign of the loads, or of the displacements, "
+            "reversed? Loads act on the tool; displacements are loaded minus unloaded"
+        )
+    elif against >= SEVERAL:
+        noise = "" if stated else ", or the noise, which is not stated, as large as the displacements"
+        yield (
+            f"{found}: are the loads given in another frame than the base's, columns swapped, signs "
+            f"mixed{noise}?"
+        )
 
 
 def _doubts(table: Measurements, robot: Robot) -> Iterator[str]:

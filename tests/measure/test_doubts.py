@@ -35,3 +35,57 @@ def test_a_common_table_leaves_no_doubt(arm: Robot) -> None:
 
 def test_an_absolute_table_has_no_large_displacements(arm: Robot) -> None:
     assert doubts(parse_measurements("q1,d2,x,y,z,a,b,c\n0,0,2,1,1,3,0,0\n", arm), arm) == ()
+
+
+# Springs of 1e-6 m/N and more in each direction: x along the load of 900 N, z less than y.
+STATES = [
+    (900.0, 0.0, 0.0, 0.9, 0.1, -0.2),
+    (0.0, -800.0, 0.0, -0.1, -1.1, 0.3),
+    (0.0, 0.0, 700.0, -0.2, -0.3, 0.8),
+]
+
+
+def table_of(states: list[tuple[float, ...]], sigma: str = "0.03 mm", header: str = "") -> str:
+    """Return a table of loads and displacements; `header` orders the columns otherwise."""
+    rows = [f"0,0.5,{','.join(map(str, state))}" for state in states]
+    return "\n".join(
+        [f"# sigma_position: {sigma}"] * bool(sigma)
+        + [f"q1,d2,{header or 'fx,fy,fz,dx [mm],dy [mm],dz [mm]'}", *rows, ""]
+    )
+
+
+def test_loads_of_the_wrong_sign_are_the_first_doubt(arm: Robot) -> None:
+    assert doubts(parse_measurements(table_of(STATES), arm), arm) == ()
+    turned = [(-fx, -fy, -fz, *moved) for fx, fy, fz, *moved in STATES]
+    far = table_of(turned).replace("0,0.5,-900", "20,0.5,-900")  # and degrees without their unit
+    first, second = doubts(parse_measurements(far, arm, "t.csv"), arm)
+    assert first.startswith(
+        "t.csv: the tool moved against its load in 3 of 3 rows, which no elastic machine does: is the sign"
+    )
+    assert "more than two turns" in second
+
+
+def test_loads_of_another_frame_and_swapped_columns_are_doubted(arm: Robot) -> None:
+    swapped = "fx,fy,fz,dz [mm],dy [mm],dx [mm]"
+    (told,) = doubts(parse_measurements(table_of(2 * STATES, header=swapped), arm), arm)
+    assert "against its load in 4 of 6 rows, which no elastic machine does" in told
+    (told,) = doubts(parse_measurements(table_of(2 * STATES + 3 * STATES[1:2], header=swapped), arm), arm)
+    assert "against its load in 4 of 9 rows: are the loads given in another frame" in told
+    assert "noise" not in told
+    (told,) = doubts(parse_measurements(table_of(2 * STATES + 3 * STATES[1:2], "", swapped), arm), arm)
+    assert "or the noise, which is not stated" in told
+
+
+def test_rows_within_their_noise_and_few_bad_ones_say_nothing(arm: Robot) -> None:
+    turned = [(-fx, -fy, -fz, *moved) for fx, fy, fz, *moved in STATES]
+    assert doubts(parse_measurements(table_of(turned, "0.5 mm"), arm), arm) == ()
+    assert doubts(parse_measurements(table_of(5 * STATES + turned), arm), arm) == ()
+
+
+def test_loads_beside_the_reflector_and_moments_without_rotations_are_not_judged(arm: Robot) -> None:
+    for more, cells in (("load_point", "base"), ("mx", "5")):
+        turned = [(-fx, -fy, -fz, *moved, cells) for fx, fy, fz, *moved in STATES]
+        nodes = [node.name for node in arm.nodes if node.name != arm.tcp]
+        header = f"fx,fy,fz,dx [mm],dy [mm],dz [mm],{more}"
+        text = table_of(turned, header=header).replace("base", nodes[0])
+        assert doubts(parse_measurements(text, arm), arm) == ()
