@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from beamstiff.fem.structure import compile_structure
     from beamstiff.identify.geometry.calibration import calibrate
     from beamstiff.identify.stiffness import identify
+    from beamstiff.maps.run import map_workspace
     from beamstiff.measure.reader import read_measurements
     from beamstiff.measure.writer import write_measurements
     from beamstiff.report.shown import plot
@@ -44,6 +45,7 @@ _HOME = {
     "compile_structure": "fem.structure",
     "identify": "identify.stiffness",
     "load_robot": "robot.reader",
+    "map_workspace": "maps.run",
     "plot": "report.shown",
     "posture": "robot.kinematics",
     "read_measurements": "measure.reader",
@@ -92,6 +94,7 @@ __all__ = [
     "compile_structure",
     "identify",
     "load_robot",
+    "map_workspace",
     "plot",
     "posture",
     "read_measurements",

@@ -17,6 +17,7 @@ from beamstiff.cli.doctor import doctor
 from beamstiff.cli.exam import exam
 from beamstiff.cli.group import Commands
 from beamstiff.cli.identify import identify
+from beamstiff.cli.map import map as map_
 from beamstiff.cli.plan import plan
 from beamstiff.cli.show import show
 from beamstiff.cli.stiffness import stiffness
@@ -73,6 +74,7 @@ for command in (
     compare,
     diagnose,
     plan,
+    map_,
     compensate,
     convert,
     exam,

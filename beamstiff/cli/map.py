@@ -1,0 +1,289 @@
+"""`beamstiff map`: stiffness, deflection and dexterity over the workspace."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from beamstiff.cli.options import Debug, Json, Quiet, RobotFile, parse_names, robot_file
+from beamstiff.cli.output import check_outputs, note_effects, people, say, working, write_json
+from beamstiff.errors import BeamstiffError
+
+if TYPE_CHECKING:
+    from beamstiff.robot.description import Robot
+    from beamstiff.se3 import Array
+
+
+def map(
+    context: typer.Context,
+    robot: RobotFile,
+    grid: Annotated[
+        list[str],
+        typer.Option(
+            "--grid",
+            metavar="NAME=FROM:TO:COUNT,...",
+            help="An axis each: actuated joint variables, or x, y, z of the TCP in the base frame; "
+            "repeatable.",
+        ),
+    ],
+    quantity: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--quantity",
+            metavar="NAME,...",
+            help="stiffness, stiffness_along, rotational_stiffness, compliance_trace, deflection, "
+            "displacement, sag, compliance, stiffness_matrix, kappa, dexterity, manipulability; default: "
+            "stiffness.",
+        ),
+    ] = None,
+    q: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--q",
+            metavar="NAME=VALUE,...",
+            help="The other joint variables; not named are 0. Over x, y, z: the posture whose configuration "
+            "the map keeps to.",
+        ),
+    ] = None,
+    orientation: Annotated[
+        str | None,
+        typer.Option(
+            "--orientation",
+            metavar="FRAME",
+            help="Of the TCP over x, y, z: a, b, c (intrinsic Z-Y-X) such as b=180deg, a quaternion qw to "
+            "qz, or free; default: as in the posture --q, free with fewer than six actuated variables.",
+        ),
+    ] = None,
+    wrench: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--wrench",
+            metavar="NAME=VALUE,...",
+            help="On the TCP, base frame, for deflection and displacement, such as fz=-900N,mx=20.",
+        ),
+    ] = None,
+    gravity: Annotated[
+        bool, typer.Option("--gravity", help="Add the sag under dead weight to deflection and displacement.")
+    ] = False,
+    direction: Annotated[
+        str | None,
+        typer.Option(
+            "--direction", metavar="AXIS", help="Of stiffness_along, base frame: x, -z or 0.6,0,0.8."
+        ),
+    ] = None,
+    length: Annotated[
+        str | None,
+        typer.Option(
+            "--length",
+            metavar="LENGTH",
+            help="Characteristic length for kappa, dexterity, manipulability; default: the robot's own.",
+        ),
+    ] = None,
+    out: Annotated[
+        str | None,
+        typer.Option("--out", metavar="FILE", help="Write the map as NetCDF (.nc) or Zarr (.zarr)."),
+    ] = None,
+    figure: Annotated[
+        str | None,
+        typer.Option(
+            "--figure", metavar="FILE", help="Draw slices of the map with the worst poses (.png, .svg, .pdf)."
+        ),
+    ] = None,
+    processes: Annotated[int, typer.Option("--processes", min=1, help="How many compute at a time.")] = 1,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            "--scheduler", metavar="ADDRESS", help="Compute on a dask cluster, such as tcp://10.0.0.5:8786."
+        ),
+    ] = None,
+    json: Json = None,
+    quiet: Quiet = False,
+    debug: Debug = False,  # noqa: ARG001
+) -> None:
+    """Map stiffness, deflection or dexterity over joint variables or over positions of the TCP.
+
+    Poses that cannot be taken (limits, open loops, out of reach, another configuration) are NaN with
+    a reason. Undeformed geometry, base frame, SI.
+
+    With --out every finished chunk is kept in OUT.parts until the map is written: the same command
+    goes on where a kill, a full disk or Ctrl-C stopped it. Processes and interruptions change no bit.
+
+    The figure shows the last two axes, a panel for each of some values of the first.
+
+    \b
+    Examples:
+      beamstiff map ir663 --grid q2=-40deg:50deg:91,q8=20deg:75deg:56 --out map.nc --figure map.png
+      beamstiff map kr240-2 --grid q2=10deg:90deg:81 --grid q3=-120deg:-30deg:91 --q q5=45deg \\
+        --quantity deflection,kappa --wrench fz=-2kN
+      beamstiff map kr240-2 --grid z=0.4:1.6:4,x=1.2:2:17,y=-0.8:0.8:17 --q q2=60deg,q3=-200deg,q5=50deg \\
+        --orientation b=90deg --out map.nc --processes 4
+    """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
+    from beamstiff.cli.variables import parse_variables, parse_wrench
+    from beamstiff.maps.run import map_workspace
+    from beamstiff.maps.summary import summary
+    from beamstiff.report.figures import check_format, save_figure
+    from beamstiff.report.html.provenance import provenance
+    from beamstiff.report.workspace import map_figure, map_tables
+    from beamstiff.robot.reader import load_robot
+
+    description = load_robot(robot)
+    over = parse_grid(description, grid)
+    names = parse_names(quantity, "--quantity") or ["stiffness"]
+    held = parse_variables(description, q or [])
+    options: dict[str, Any] = {
+        "held": held,
+        "orientation": _orientation(orientation),
+        "quantities": names,
+        "wrench": parse_wrench(wrench) if wrench else None,
+        "gravity": gravity,
+        "direction": _direction(direction),
+        "length": _length(length),
+    }
+    file = robot_file(robot)
+    check_outputs([file], json, figure=figure, out=None if out is None or out.endswith(".zarr") else out)
+    if figure is not None:
+        check_format(figure)
+    note_effects(description, "the map", quiet)
+    told = provenance([file], 0, context.obj if isinstance(context.obj, list) else [])
+    attributes = {
+        "command": told.command,
+        "robot_file": told.files[0][0],
+        "robot_file_sha256": told.files[0][1],
+    }
+    with working("mapping", quiet, still=True), _bar(quiet) as progress:
+        found = map_workspace(
+            description,
+            over,
+            **options,
+            out=out,
+            processes=processes,
+            scheduler=scheduler,
+            progress=progress,
+            attributes=attributes,
+        )
+
+    facts = summary(found)
+    console = people(quiet, json)
+    for part in map_tables(facts):
+        console.print(part)
+    if out is None:
+        say("note: --out FILE.nc keeps the map", quiet)
+    if figure is not None:
+        save_figure(map_figure(found), figure)
+    write_json({**facts, "out": out, "provenance": _plain(found.attrs)}, json)
+
+
+def parse_grid(robot: Robot, texts: Sequence[str]) -> dict[str, Array]:
+    """Return the values on each axis, SI, from texts such as ``"q2=-60deg:60deg:25,q3=..."``.
+
+    Raises
+    ------
+    BeamstiffError
+        When a part is not ``name=from:to:count``, a name is given twice, or values do not grow.
+    """
+    import numpy as np
+
+    from beamstiff.robot.coupling import variable_kinds
+    from beamstiff.units import quantity
+
+    kinds = {**dict.fromkeys("xyz", "length"), **variable_kinds(robot)}
+    axes: dict[str, Array] = {}
+    for part in (part.strip() for text in texts for part in text.split(",")):
+        name, _, interval = (word.strip() for word in part.partition("="))
+        words = [word.strip() for word in interval.split(":")]
+        if not name or len(words) != 3 or not all(words):
+            raise BeamstiffError(
+                f"--grid: found {part!r}, expected an axis such as q2=-60deg:60deg:25 or x=800mm:1.6m:17"
+            )
+        if name in axes:
+            raise BeamstiffError(f"--grid: {name} is given twice")
+        try:
+            low, high = (quantity(word, kinds.get(name, "angle")) for word in words[:2])
+        except BeamstiffError as error:
+            raise BeamstiffError(f"--grid: {name}: {error}") from None
+        if not words[2].isascii() or not words[2].isdigit() or int(words[2]) < 2:
+            raise BeamstiffError(f"--grid: {name}: found {words[2]!r} values, expected a number of 2 or more")
+        if int(words[2]) > MOST_VALUES:
+            raise BeamstiffError(f"--grid: {name}: found {words[2]} values, expected at most {MOST_VALUES}")
+        if not low < high:
+            raise BeamstiffError(f"--grid: found {part!r}, expected the lower end first")
+        axes[name] = np.linspace(low, high, int(words[2]))
+    return axes
+
+
+MOST_VALUES = 10_000_000  # on one axis
+
+
+def _orientation(text: str | None) -> Array | Literal["free"] | None:
+    from beamstiff.cli.frames import parse_frame
+
+    if text is None:
+        return None
+    if text.strip() == "free":
+        return "free"
+    frame = parse_frame("--orientation", text)
+    if frame[:3, 3].any():
+        raise BeamstiffError("--orientation: found a position, expected angles a, b, c or a quaternion alone")
+    rotation: Array = frame[:3, :3]
+    return rotation
+
+
+def _direction(text: str | None) -> list[float] | None:
+    from beamstiff.units import quantity
+
+    if text is None:
+        return None
+    word = text.strip().lower()
+    sign = -1.0 if word.startswith("-") and word[1:] in ("x", "y", "z") else 1.0
+    if word.removeprefix("-") in ("x", "y", "z"):
+        return [sign * (axis == word[-1]) for axis in "xyz"]
+    try:
+        parts = [quantity(part.strip(), "number") for part in text.split(",")]
+    except BeamstiffError as error:
+        raise BeamstiffError(f"--direction: {error}") from None
+    if len(parts) != 3 or not any(parts):
+        raise BeamstiffError(f"--direction: found {text!r}, expected an axis such as x, -z or 0.6,0,0.8")
+    return parts
+
+
+def _length(text: str | None) -> float | None:
+    from beamstiff.units import quantity
+
+    if text is None:
+        return None
+    try:
+        length = quantity(text, "length")
+    except BeamstiffError as error:
+        raise BeamstiffError(f"--length: {error}") from None
+    if length <= 0:
+        raise BeamstiffError(f"--length: found {text!r}, expected a positive length")
+    return length
+
+
+def _plain(attributes: dict[str, Any]) -> dict[str, Any]:
+    import json
+
+    told = {}
+    for name, value in attributes.items():
+        structured = isinstance(value, str) and value[:1] in ("{", "[")
+        told[name] = json.loads(value) if structured else value
+    return told
+
+
+@contextmanager
+def _bar(quiet: bool) -> Iterator[Callable[[int, int], None] | None]:
+    """Show on stderr how far the map is, if it is a terminal."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    console = Console(stderr=True, quiet=quiet)
+    if quiet or not console.is_terminal:
+        yield None
+        return
+    columns = (TextColumn("mapping"), BarColumn(), MofNCompleteColumn(), TextColumn("poses"))
+    with Progress(*columns, TimeRemainingColumn(), console=console, transient=True) as bar:
+        task = bar.add_task("poses", total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)

@@ -1,0 +1,1 @@
+"""Maps of the workspace: stiffness, deflection and dexterity over grids of poses."""

@@ -1,0 +1,175 @@
+"""What a map may hold at each pose, and how it follows from compliance, dead weight and Jacobian."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from beamstiff.errors import BeamstiffError, listed, suggest
+from beamstiff.fem.condensation import STIFFEST
+from beamstiff.se3 import Array
+
+MOTIONS = ("dx", "dy", "dz", "rx", "ry", "rz")
+LOADS = ("fx", "fy", "fz", "mx", "my", "mz")
+Need = Literal["compliance", "weight", "jacobian", "wrench", "direction"]
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What is known of a quantity.
+
+    Attributes
+    ----------
+    long_name : str
+    unit : str
+    needs : tuple of str
+        What it follows from: of the pose, and of what was asked.
+    worst : "least", "largest" or None
+        Which end of its values is the bad one; None for what has no order.
+    components : tuple of tuple of str
+        Axes beside those of the grid: none, those of a displacement, those of a matrix.
+    """
+
+    long_name: str
+    unit: str
+    needs: tuple[Need, ...]
+    worst: Literal["least", "largest"] | None = None
+    components: tuple[tuple[str, ...], ...] = ()
+
+    @property
+    def size(self) -> int:
+        """How many numbers it has at a pose."""
+        return int(np.prod([len(names) for names in self.components], dtype=np.int64))
+
+
+QUANTITIES: dict[str, Quantity] = {
+    "stiffness": Quantity(
+        "least translational stiffness of the TCP over all directions of force, rotation free",
+        "N/m",
+        ("compliance",),
+        "least",
+    ),
+    "stiffness_along": Quantity(
+        "translational stiffness of the TCP along the direction given, rotation free",
+        "N/m",
+        ("compliance", "direction"),
+        "least",
+    ),
+    "rotational_stiffness": Quantity(
+        "least rotational stiffness of the TCP over all axes of moment, translation free",
+        "N m/rad",
+        ("compliance",),
+        "least",
+    ),
+    "compliance_trace": Quantity(
+        "trace of the translational compliance of the TCP", "m/N", ("compliance",), "largest"
+    ),
+    "deflection": Quantity(
+        "distance by which the TCP moves under the wrench", "m", ("compliance", "wrench"), "largest"
+    ),
+    "displacement": Quantity(
+        "displacement [d, r] of the TCP under the wrench, base frame",
+        "m, rad",
+        ("compliance", "wrench"),
+        None,
+        (MOTIONS,),
+    ),
+    "sag": Quantity("distance by which the TCP sags under dead weight", "m", ("weight",), "largest"),
+    "compliance": Quantity(
+        "compliance of the TCP, displacement = C wrench, base frame",
+        "(m, rad)/(N, N m)",
+        ("compliance",),
+        None,
+        (MOTIONS, LOADS),
+    ),
+    "stiffness_matrix": Quantity(
+        "stiffness of the TCP, wrench = K displacement, base frame",
+        "(N, N m)/(m, rad)",
+        ("compliance",),
+        None,
+        (LOADS, MOTIONS),
+    ),
+    "kappa": Quantity(
+        "condition number after Frobenius of the normalised Jacobian: 1 isotropic, infinite singular",
+        "1",
+        ("jacobian",),
+        "largest",
+    ),
+    "dexterity": Quantity(
+        "1/kappa of the normalised Jacobian: 1 isotropic, 0 singular", "1", ("jacobian",), "least"
+    ),
+    "manipulability": Quantity(
+        "product of the singular values of the normalised Jacobian", "1", ("jacobian",), "least"
+    ),
+}
+
+
+def check_quantities(names: tuple[str, ...], wrench: bool, direction: bool, weight: bool) -> None:
+    """Refuse quantities that are unknown, named twice, or lack what they follow from.
+
+    Raises
+    ------
+    BeamstiffError
+        Naming the quantity.
+    """
+    if not names:
+        raise BeamstiffError(f"found no quantity, expected some of {listed(QUANTITIES, 20)}")
+    for at, name in enumerate(names):
+        if name not in QUANTITIES:
+            raise BeamstiffError(
+                f"unknown quantity {name!r}{suggest(name, QUANTITIES)}, expected {listed(QUANTITIES, 20)}"
+            )
+        if name in names[:at]:
+            raise BeamstiffError(f"the quantity {name} is given twice")
+        if "wrench" in QUANTITIES[name].needs and not (wrench or weight):
+            raise BeamstiffError(f"the quantity {name} needs a wrench, such as fz=-900N")
+        if "direction" in QUANTITIES[name].needs and not direction:
+            raise BeamstiffError(f"the quantity {name} needs a direction, such as z or 0.6,0,0.8")
+
+
+def from_compliance(name: str, compliance: Array, displacement: Array, direction: Array | None) -> Array:
+    """Return a quantity at P poses; infinite where the TCP does not give way.
+
+    Parameters
+    ----------
+    name : str
+    compliance : (P, 6, 6) array
+    displacement : (P, 6) array
+        Under the wrench.
+    direction : (3,) array, optional
+        Of length 1.
+    """
+    along, about = compliance[:, :3, :3], compliance[:, 3:, 3:]
+    if name == "compliance":
+        return compliance
+    if name == "displacement":
+        return displacement
+    if name == "deflection":
+        distance: Array = np.linalg.norm(displacement[:, :3], axis=1)
+        return distance
+    if name == "compliance_trace":
+        return np.asarray(np.trace(along, axis1=1, axis2=2))
+    values = np.linalg.eigvalsh(about if name == "rotational_stiffness" else along)
+    softest: Array = np.asarray(values[:, -1], dtype=np.float64)
+    if name == "stiffness_along":
+        assert direction is not None
+        softness = (along @ direction) @ direction
+        softest = np.where(softness > STIFFEST * softest, softness, 0.0)
+    with np.errstate(divide="ignore"):
+        return np.where(softest > 0.0, 1.0 / softest, np.inf)
+
+
+def from_jacobian(name: str, jacobian: Array) -> Array:
+    """Return a quantity at P poses from normalised Jacobians (P, 6, A)."""
+    from beamstiff.plan.dexterity import inverse_condition  # loads an optimiser
+
+    if name == "manipulability":
+        result: Array = np.linalg.svd(jacobian, compute_uv=False).prod(axis=1)
+        return result
+    dexterity = inverse_condition(jacobian)
+    if name == "dexterity":
+        return dexterity
+    with np.errstate(divide="ignore"):
+        return np.where(dexterity > 0.0, 1.0 / dexterity, np.inf)

@@ -1,0 +1,191 @@
+"""`map_workspace`: a map, chunk by chunk, here, over processes or over a cluster."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from beamstiff.errors import BeamstiffError, listed
+from beamstiff.maps.chunk import Part, compute_chunk, compute_poses
+from beamstiff.maps.dataset import check_format, empty_dataset, put, save_dataset
+from beamstiff.maps.foresee import refuse_unless_it_fits
+from beamstiff.maps.job import Job, state_job
+from beamstiff.maps.parts import Parts
+from beamstiff.maps.reasons import Reason
+from beamstiff.maps.summary import reason_counts
+from beamstiff.robot.description import Robot
+from beamstiff.spread import spread
+
+if TYPE_CHECKING:
+    import xarray
+
+Progress = Callable[[int, int], None]
+TRIED = 32  # poses, before all of them
+AWAY = (Reason.LIMITS, Reason.LOOP_OPEN, Reason.OUT_OF_REACH, Reason.OTHER_CONFIGURATION)
+
+
+def map_workspace(
+    robot: Robot,
+    over: Mapping[str, ArrayLike],
+    *,
+    held: Mapping[str, float] | None = None,
+    orientation: ArrayLike | Literal["free"] | None = None,
+    quantities: Sequence[str] = ("stiffness",),
+    wrench: ArrayLike | None = None,
+    gravity: bool = False,
+    direction: ArrayLike | None = None,
+    length: float | None = None,
+    out: str | Path | None = None,
+    processes: int = 1,
+    scheduler: str | None = None,
+    progress: Progress | None = None,
+    attributes: Mapping[str, str] | None = None,
+) -> xarray.Dataset:
+    """Return quantities over a grid of poses; write them where a file is named.
+
+    Poses are computed in chunks. Where a file is named, each finished chunk is kept in a folder beside it
+    (``<out>.parts``), so that the same call goes on where one was cut off; the folder goes when the map is
+    written. What is computed depends on neither processes nor interruptions, to the bit.
+
+    Parameters
+    ----------
+    robot : Robot
+    over : mapping of str to values, rad or m
+        An axis each, growing values: actuated variables, or x, y, z of the TCP in the base frame.
+    held : mapping of str to float, rad or m
+        The other joint variables; those not named are 0. Over positions: the posture whose configuration
+        the map keeps to.
+    orientation : (3, 3) array or "free", optional
+        Of the TCP over positions. Default: as in the posture held; free where a robot has fewer than six
+        actuated variables.
+    quantities : sequence of str
+        Names in `beamstiff.maps.quantities.QUANTITIES`.
+    wrench : (6,) array, optional
+        ``[f, m]`` on the TCP, base frame, N and N m, for deflection and displacement.
+    gravity : bool
+        Add what dead weight and payload do to deflection and displacement.
+    direction : (3,) array, optional
+        Base frame, for ``stiffness_along``.
+    length : float, optional, m
+        Characteristic length of the Jacobian; default: that of the robot.
+    out : path, optional
+        Ending in .nc (NetCDF 3) or .zarr (extra ``zarr``).
+    processes : int
+        How many compute; a script then needs ``if __name__ == "__main__":``.
+    scheduler : str, optional
+        Of dask, ``tcp://host:port``: its workers compute.
+    progress : callable, optional
+        Called with how many poses are done, and how many there are.
+    attributes : mapping of str to str, optional
+        More to be told in the file, such as the command.
+
+    Returns
+    -------
+    xarray.Dataset
+        Quantities over the axes, with units; ``reason`` says where and why there is NaN; over positions ``q``
+        holds the joint values.
+
+    Raises
+    ------
+    BeamstiffError
+        When something asked for cannot be used; no pose has a value; memory or disk would not hold the map;
+        or the folder of chunks holds those of another map.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from beamstiff import load_robot, map_workspace
+    >>> found = map_workspace(
+    ...     load_robot("kr240-2"),
+    ...     {"q2": np.linspace(0.3, 1.2, 3), "q3": [-1.5, -1.0]},
+    ...     held={"q5": 0.8},
+    ...     quantities=["stiffness", "kappa"],
+    ... )
+    >>> print((found.stiffness / 1e3).values.round(1), "N/mm")
+    [[531.5 764.4]
+     [705.4 794.9]
+     [705.4 794.9]] N/mm
+    """
+    job = state_job(robot, over, held, orientation, quantities, wrench, gravity, direction, length)
+    if out is not None:
+        check_format(job, out)
+    refuse_unless_it_fits(job, out, processes)
+    _refuse_what_never_works(job)
+    parts = None if out is None else Parts(out, job.stated())
+    dataset, total, done = empty_dataset(job, attributes), job.grid.count, 0
+    examples: dict[int, tuple[int, str]] = {}
+
+    def take(number: int, part: Part) -> None:
+        nonlocal done
+        put(dataset, job.boxes[number], part)
+        for reason, text in part.examples.items():
+            if reason not in examples or number < examples[reason][0]:
+                examples[reason] = number, text
+        done += part.reasons.size
+        if progress is not None:
+            progress(done, total)
+
+    missing = []
+    for number in range(len(job.boxes)):
+        part = None if parts is None else parts.read(number)
+        if part is None:
+            missing.append(number)
+        else:
+            take(number, part)
+    tasks = (job.boxes[number] for number in missing)
+    for at, part in spread(partial(compute_chunk, job), tasks, processes=processes, scheduler=scheduler):
+        number = missing[at]
+        if parts is not None:
+            with _what_is_kept(parts, done, total):
+                parts.write(number, part)
+        take(number, part)
+    for reason, (_, text) in sorted(examples.items()):
+        dataset["reason"].attrs[f"example_{Reason(reason).label}"] = text
+    if all(np.isnan(dataset[name].values).all() for name in job.quantities):
+        if parts is not None:
+            parts.remove()
+        raise BeamstiffError(f"no pose of the map has a value: {_why_not(dataset)}")
+    if out is not None and parts is not None:
+        with _what_is_kept(parts, done, total):
+            save_dataset(dataset, out)
+        parts.remove()
+    return dataset
+
+
+def _refuse_what_never_works(job: Job) -> None:
+    """Compute some poses: where the robot gives way or stands rigid at all it reaches, say so at once."""
+    numbers = np.random.default_rng(0).integers(0, job.grid.count, TRIED)
+    places = np.unravel_index(np.unique(numbers), job.grid.shape)
+    points = np.stack([axis[at] for axis, at in zip(job.grid.axes, places, strict=True)], axis=1)
+    part = compute_poses(job, points)
+    reached = part.reasons[~np.isin(part.reasons, [int(reason) for reason in AWAY])]
+    if (
+        reached.size
+        and np.isin(reached, [int(Reason.MECHANISM), int(Reason.RIGID), int(Reason.SINGULAR)]).all()
+    ):
+        raise BeamstiffError(part.examples[int(reached[0])])
+
+
+@contextmanager
+def _what_is_kept(parts: Parts, done: int, total: int) -> Iterator[None]:
+    """Say of a fault of the disk what it has not cost."""
+    try:
+        yield
+    except BeamstiffError as error:
+        raise BeamstiffError(
+            f"{error}; {done} of {total} poses are kept in {parts.folder}: make room and do the same again"
+        ) from None
+
+
+def _why_not(dataset: xarray.Dataset) -> str:
+    counts = reason_counts(dataset)
+    return listed(
+        f"{count} x {label} ({dataset['reason'].attrs.get(f'example_{label}', '')})"
+        for label, count in counts.items()
+    )

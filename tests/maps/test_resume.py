@@ -1,0 +1,242 @@
+"""What a run that was cut off costs: the chunk in the air, and nothing else."""
+
+from __future__ import annotations
+
+import errno
+import os
+import signal
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray
+
+from beamstiff import load_robot, map_workspace
+from beamstiff.errors import BeamstiffError
+from beamstiff.maps import foresee, job, parts, run
+from beamstiff.maps.chunk import compute_chunk
+
+OVER = {"q2": np.linspace(0.2, 1.2, 60), "q3": np.linspace(-2.0, -0.5, 40)}
+HELD = {"q5": 0.8}
+QUANTITIES = ("stiffness", "displacement")
+WRENCH = (0.0, 0.0, -900.0, 0.0, 0.0, 0.0)
+
+
+@pytest.fixture(autouse=True)
+def small_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Cut maps into chunks of 300 poses."""
+    monkeypatch.setattr(job, "MANY", 300)
+
+
+@pytest.fixture
+def computed(monkeypatch: pytest.MonkeyPatch) -> Counter[int]:
+    """Return how often each chunk is computed."""
+    count: Counter[int] = Counter()
+
+    def counted(one: job.Job, box: Any) -> Any:
+        count[one.boxes.index(box)] += 1
+        return compute_chunk(one, box)
+
+    monkeypatch.setattr(run, "compute_chunk", counted)
+    return count
+
+
+def mapped(out: Path | None = None, **options: Any) -> xarray.Dataset:
+    return map_workspace(
+        load_robot("kr240-2"), OVER, held=HELD, quantities=QUANTITIES, wrench=WRENCH, out=out, **options
+    )
+
+
+def same(a: xarray.Dataset, b: xarray.Dataset) -> bool:
+    return all(a[name].values.tobytes() == b[name].values.astype(a[name].dtype).tobytes() for name in a)
+
+
+KILLED = """
+import os, signal, sys
+import numpy as np
+from beamstiff.maps import job, run
+from tests.maps import test_resume
+
+job.MANY = 300
+at, log, out = int(sys.argv[1]), sys.argv[2], sys.argv[3]
+compute = run.compute_chunk
+
+def counted(one, box):
+    with open(log, "a") as file:
+        print(one.boxes.index(box), file=file)
+    if sum(1 for _ in open(log)) == at:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return compute(one, box)
+
+run.compute_chunk = counted
+test_resume.mapped(out)
+"""
+
+
+def test_a_kill_costs_the_chunk_in_the_air_alone(tmp_path: Path, computed: Counter[int]) -> None:
+    log, out = tmp_path / "log", tmp_path / "map.nc"
+    for at in (3, 6):  # killed twice, each time in the third chunk that it computes
+        ended = subprocess.run(
+            [sys.executable, "-c", KILLED, str(at), str(log), str(out)],
+            cwd=Path(__file__).resolve().parents[2],
+            env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
+            capture_output=True,
+        )
+        assert ended.returncode == -signal.SIGKILL, ended.stderr
+        assert not out.exists()
+    assert [int(line) for line in log.read_text().split()] == [0, 1, 2, 2, 3, 4]
+    found = mapped(out)
+    assert sorted(computed.elements()) == [4, 5, 6, 7, 8]
+    assert not (tmp_path / "map.nc.parts").exists()
+    assert [path.name for path in tmp_path.iterdir() if path != log] == ["map.nc"]
+    assert same(found, mapped())
+    with xarray.open_dataset(out) as written:
+        assert same(found, written)
+
+
+def test_processes_change_no_bit(tmp_path: Path) -> None:
+    assert same(mapped(tmp_path / "map.nc", processes=2), mapped())
+
+
+def test_a_finished_map_leaves_nothing_but_itself_and_may_be_made_again(tmp_path: Path) -> None:
+    first = mapped(tmp_path / "map.nc")
+    before = (tmp_path / "map.nc").read_bytes()
+    mapped(tmp_path / "map.nc")
+    assert (tmp_path / "map.nc").read_bytes() == before
+    assert [path.name for path in tmp_path.iterdir()] == ["map.nc"]
+    assert first.sizes == {"q2": 60, "q3": 40, "motion": 6}
+
+
+def stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, after: int) -> Path:
+    """Return the file of a map that Ctrl-C stopped."""
+
+    def stop(one: job.Job, box: Any) -> Any:
+        if box == one.boxes[after]:
+            raise KeyboardInterrupt
+        return compute_chunk(one, box)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(run, "compute_chunk", stop)
+        with pytest.raises(KeyboardInterrupt):
+            mapped(tmp_path / "map.nc")
+    assert len(list((tmp_path / "map.nc.parts").glob("*.npz"))) == after
+    return tmp_path / "map.nc"
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ({"held": {"q5": 0.9}}, "held"),
+        ({"quantities": ["stiffness"]}, "quantities"),
+        ({"wrench": [0, 0, -901, 0, 0, 0]}, "wrench"),
+        ({"over": {**OVER, "q2": np.linspace(0.2, 1.3, 60)}}, "grid"),
+        ({"gravity": True}, "gravity"),
+    ],
+)
+def test_chunks_of_another_map_are_refused_by_what_differs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, change: dict[str, Any], named: str
+) -> None:
+    out = stopped(tmp_path, monkeypatch, 2)
+    usual = {"over": OVER, "held": HELD, "quantities": QUANTITIES, "wrench": WRENCH}
+    with pytest.raises(BeamstiffError, match=rf"map.nc.parts: holds chunks of another map: {named} was"):
+        map_workspace(load_robot("kr240-2"), **{**usual, **change}, out=out)
+
+
+def test_chunks_of_another_robot_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    out, robot = stopped(tmp_path, monkeypatch, 2), load_robot("kr240-2")
+    softer = robot.with_parameters({f"{robot.joints[0].name}.torsional": 1e6})
+    with pytest.raises(BeamstiffError, match="another map: robot was"):
+        map_workspace(softer, OVER, held=HELD, quantities=QUANTITIES, wrench=WRENCH, out=out)
+
+
+def test_a_damaged_chunk_is_computed_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, computed: Counter[int]
+) -> None:
+    out = stopped(tmp_path, monkeypatch, 4)
+    whole = (tmp_path / "map.nc.parts" / "000001.npz").read_bytes()
+    (tmp_path / "map.nc.parts" / "000001.npz").write_bytes(whole[:-200])
+    flipped = bytearray(whole)
+    flipped[len(flipped) // 2] ^= 0xFF
+    (tmp_path / "map.nc.parts" / "000002.npz").write_bytes(flipped)
+    found = mapped(out)
+    assert sorted(computed) == [1, 2, 4, 5, 6, 7, 8]
+    assert same(found, mapped())
+
+
+def test_a_full_disk_loses_no_finished_chunk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, computed: Counter[int]
+) -> None:
+    write = parts.write_whole
+
+    def full(path: Path, content: Any) -> None:
+        if path.name == "000003.npz":
+            raise BeamstiffError(f"{path}: cannot be written: {os.strerror(errno.ENOSPC).lower()}")
+        write(path, content)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(parts, "write_whole", full)
+        with pytest.raises(BeamstiffError) as refused:
+            mapped(tmp_path / "map.nc")
+    assert "no space left on device; 800 of 2400 poses are kept" in str(refused.value)
+    assert sorted(computed) == [0, 1, 2, 3]
+    mapped(tmp_path / "map.nc")
+    assert max(computed.values()) == 2
+    assert [number for number, times in computed.items() if times == 2] == [3]
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+def test_a_disk_that_is_full_at_the_end_keeps_all_chunks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, computed: Counter[int]
+) -> None:
+    def full(self: xarray.Dataset, *_: Any, **__: Any) -> None:  # noqa: ARG001
+        with open("/dev/full", "wb") as file:
+            file.write(b"0")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(xarray.Dataset, "to_netcdf", full)
+        with pytest.raises(BeamstiffError, match="no space left on device; 2400 of 2400 poses are kept"):
+            mapped(tmp_path / "map.nc")
+    mapped(tmp_path / "map.nc")
+    assert set(computed.values()) == {1}
+
+
+def test_memory_is_foreseen_and_what_would_fit_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(foresee, "free_bytes", lambda: 1e9)
+    over = {name: np.linspace(0.2, 1.2, 300) for name in ("q1", "q2", "q3")}
+    with pytest.raises(BeamstiffError) as refused:
+        map_workspace(load_robot("kr240-2"), over, held=HELD, quantities=["compliance"])
+    told = str(refused.value)
+    assert told.startswith("a map of 27000000 poses needs 7.8 GB of memory, 0.9 GB are free: about ")
+    fitting = int(told.split("about ")[1].split()[0])
+    assert 2e6 < fitting < 4e6
+
+
+def test_a_disk_too_small_is_foreseen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    usage = foresee.shutil.disk_usage(tmp_path)
+    monkeypatch.setattr(foresee.shutil, "disk_usage", lambda _: usage._replace(free=100_000))
+    with pytest.raises(BeamstiffError, match=r"needs .* GB of disk .* would fit"):
+        mapped(tmp_path / "map.nc")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_memory_foreseen_is_what_a_chunk_takes() -> None:
+    """Peak of a chunk, by tracemalloc, is below what is set aside for one process, and not far below."""
+    import tracemalloc
+
+    for name, over, held in (
+        ("kr240-2", {"q2": np.linspace(0.2, 1.2, 64), "q3": np.linspace(-2.0, -0.5, 64)}, HELD),
+        ("ir663", {"q2": np.linspace(-0.5, 0.8, 64), "q8": np.linspace(0.4, 1.2, 64)}, {}),
+    ):
+        one = job.state_job(load_robot(name), over, held, quantities=["compliance", "kappa"], length=0.7)
+        points = one.grid.points((slice(64), slice(64)))
+        run.compute_poses(one, points)  # programs are written down once
+        tracemalloc.start()
+        run.compute_poses(one, points)
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        set_aside = foresee.working_bytes(one)
+        assert 0.2 * set_aside < peak < set_aside, name
