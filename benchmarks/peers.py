@@ -6,21 +6,36 @@ import os
 import subprocess
 import tempfile
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from beamstiff.se3 import Array
 
 
-def ask(peers: str, peer: str, work: dict[str, Array]) -> tuple[Array, float]:
-    """Return the compliances (P, 6, 6) that a peer finds, and its seconds; `peers` is its Python."""
+class Answer(NamedTuple):
+    """What a peer found: compliances (P, 6, 6), and what it took, s and B."""
+
+    compliance: Array
+    seconds: float
+    peak: float
+
+
+def ask(peers: str, peer: str, work: dict[str, Array]) -> Answer:
+    """Return the answer of a peer; `peers` is its Python.
+
+    Raises
+    ------
+    subprocess.CalledProcessError
+        When it gives none.
+    """
     with tempfile.TemporaryDirectory() as folder:
         source, target = Path(folder, "work.npz"), Path(folder, "result.npz")
         np.savez(source, **work)  # type: ignore[arg-type]
         script = Path(__file__).parent / "peers_run.py"
         subprocess.run([peers, script, peer, source, target], check=True, capture_output=True, env=os.environ)
         with np.load(target) as stored:
-            return stored["compliance"], float(stored["seconds"])
+            return Answer(stored["compliance"], float(stored["seconds"]), float(stored["peak"]))
 
 
 def off(found: Array, expected: Array) -> float:

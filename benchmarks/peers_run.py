@@ -6,6 +6,7 @@ It needs nothing of beamstiff. OpenSeesPy is for non-commercial use; neither is 
 
 from __future__ import annotations
 
+import resource
 import sys
 import time
 
@@ -143,4 +144,5 @@ if __name__ == "__main__":
     peer, source, target = sys.argv[1:]
     with np.load(source) as stored:
         found, seconds = globals()[peer](dict(stored))
-    np.savez(target, compliance=found, seconds=seconds)
+    peak = 1024.0 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    np.savez(target, compliance=found, seconds=seconds, peak=peak)

@@ -1,15 +1,17 @@
 """How fast, beside what was asked and beside peers: `python -m benchmarks.speed [--peers PYTHON] [--large]`.
 
 Prints the tables and writes them into benchmarks/README.md. PYTHON is an interpreter that has openseespy and
-PyNiteFEA (neither is a dependency); `--large` adds 3e5 and 1e6 unknowns and 1e6 poses, some ten minutes.
-Times are processor time on one core, which counts no waiting on a busy machine, medians of five (large frames
-and peers once); answers are compared before times are.
+PyNiteFEA (neither is a dependency); `--large` adds 3e5 and 1e6 unknowns and 1e6 poses, some twenty minutes.
+Times are processor time on one core, which counts no waiting on a busy machine, medians of five (peers of
+three, large frames once); answers are compared before times are. Sections of the README that other benchmarks
+wrote stay.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import re
 import statistics
 import subprocess
 import sys
@@ -35,23 +37,14 @@ from beamstiff.tape import compiled
 from beamstiff.tape.expression import Op
 from beamstiff.tape.program import Program
 from benchmarks.batched_compliance import closing_poses, machine
-from benchmarks.large_frame import in_a_process, lattices
+from benchmarks.growth import all_finite, growth, median
+from benchmarks.large_frame import lattices
 from benchmarks.peers import ask, off
 
+COMMAND = "python -m benchmarks.speed --large --peers PYTHON"
 README = Path(__file__).parent / "README.md"
 AGREED = 1e-9
 Row = tuple[str, ...]
-
-
-def median(work: Callable[[], object], times: int = 5) -> float:
-    """Return the median processor time, s, after one run that does not count."""
-    work()
-    durations = []
-    for _ in range(times):
-        start = time.process_time()
-        work()
-        durations.append(time.process_time() - start)
-    return statistics.median(durations)
 
 
 def floor() -> tuple[float, float]:
@@ -60,12 +53,6 @@ def floor() -> tuple[float, float]:
     long = np.zeros(2**25)
     target = np.empty_like(long)
     return 2 * 1500**3 / median(lambda: a @ b), 16 * 2**25 / median(lambda: np.copyto(target, long))
-
-
-def all_finite(robot: Robot, rigid: float = 1e9) -> Robot:
-    """Return a robot whose rigid joint directions have a stiffness."""
-    names = [f"{joint.name}.{kind}" for joint in robot.joints for kind in STIFFNESS_KINDS]
-    return robot.with_parameters({name: rigid for name in names if robot.parameter(name) == np.inf})
 
 
 def welded(robot: Robot) -> Robot:
@@ -181,7 +168,8 @@ def _peer_poses(peers: str, peer: str, robot: Robot, q: Array, ours: float) -> R
         kept, number = np.unique(same, return_inverse=True)
         work |= {"points": work["points"][:, kept], "beams": number[work["beams"]]}
         work |= {"fixed": number[work["fixed"]], "tcp": number[work["tcp"]]}
-    found, seconds = ask(peers, peer, work)
+    answers = [ask(peers, peer, work) for _ in range(3)]
+    found, seconds = answers[0].compliance, statistics.median(answer.seconds for answer in answers)
     name = {"opensees_poses": "OpenSeesPy", "pynite_poses": "PyNite"}[peer]
     each = 1e6 * seconds / len(found)
     times = {"opensees_poses": 300, "pynite_poses": 5000}[peer]
@@ -276,32 +264,6 @@ def ports(count: int = 10_000) -> Iterator[Row]:
         )
 
 
-def growth(large: bool) -> Iterator[Row]:
-    """Yield how the cost grows: exponents of the last decade."""
-    yield ("cost against", "size", "seconds", "exponent")
-    robot = load_robot("ir663")
-    structure = compile_structure(robot)
-    before: tuple[float, float] | None = None
-    for count in (100, 1_000, 10_000, 100_000, *((1_000_000,) if large else ())):
-        q = np.resize(closing_poses(robot, min(count, 10_000)), (count, len(robot.actuated)))
-        seconds = median(lambda q=q: tcp_compliance(structure, posture(structure.kinematics, q)), 3)
-        yield ("poses", f"{count:,}", f"{seconds:.3g}", _exponent(before, (count, seconds)))
-        before = (count, seconds)
-    for kind in ("slender", "cube"):
-        before = None
-        for dofs in (1e3, 1e4, 1e5):
-            report = in_a_process(kind, dofs, "condensation")
-            size = (float(report["dofs"]), float(report["plain"]))
-            yield (f"unknowns, {kind}", f"{report['dofs']:,}", f"{size[1]:.3g}", _exponent(before, size))
-            before = size
-
-
-def _exponent(before: tuple[float, float] | None, now: tuple[float, float]) -> str:
-    if before is None:
-        return ""
-    return f"{np.log(now[1] / before[1]) / np.log(now[0] / before[0]):.2f}"
-
-
 def written(title: str, rows: Iterator[Row]) -> str:
     """Return rows as a table of Markdown, and print them as they come."""
     lines = [f"## {title}", ""]
@@ -324,8 +286,8 @@ def main() -> None:
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan")
     intro = (
         f"{machine()}; dgemm {rates[0] / 1e9:.0f} GFlop/s, copy {rates[1] / 1e9:.0f} GB/s; "
-        f"load {load:.1f} at the start. Processor time on one core, medians of five; large frames and peers "
-        "one run."
+        f"load {load:.1f} at the start. Processor time on one core, medians of five, of peers three; large "
+        "frames one run."
     )
     print(intro)
     tables = [
@@ -337,8 +299,16 @@ def main() -> None:
         written("Large frames", lattices(rates, chosen.peers, chosen.large)),
         written("Growth", growth(chosen.large)),
     ]
-    head = "# Benchmarks\n\nWritten by `python -m benchmarks.speed --large --peers PYTHON`.\n\n"
-    README.write_text(head + intro + "\n\n" + "\n".join(tables), encoding="utf-8")
+    head = f"# Benchmarks\n\nWritten by `{COMMAND}`.\n\n{intro}\n\n"
+    before = README.read_text(encoding="utf-8") if README.exists() else ""
+    README.write_text(head + "\n".join([*tables, *others(before, tables)]), encoding="utf-8")
+
+
+def others(before: str, tables: list[str]) -> list[str]:
+    """Return the sections of a text that are none of some tables, by their titles."""
+    titles = {table.partition("\n")[0] for table in tables}
+    sections = re.split(r"(?m)^(?=## )", before)[1:]
+    return [section for section in sections if section.partition("\n")[0] not in titles]
 
 
 if __name__ == "__main__":
