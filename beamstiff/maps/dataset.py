@@ -45,6 +45,8 @@ def check_format(job: Job, out: str | Path) -> None:
         raise BeamstiffError(
             f"{out}: needs zarr (pip install 'beamstiff[zarr]'), or take a name that ends in .nc"
         )
+    if not (folder := Path(out).resolve().parent).is_dir():
+        raise BeamstiffError(f"{out}: cannot be written: there is no folder {str(folder)!r}")
     largest = 8 * job.grid.count * max(QUANTITIES[name].size for name in job.quantities)
     if ending == ".nc" and largest > LARGEST:
         raise BeamstiffError(
