@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from beamstiff.cli.data import read_tables
 from beamstiff.cli.options import DataFile, Debug, Html, Json, Preload, Quiet, RobotFile, robot_file
-from beamstiff.cli.output import check_outputs, effects_text, people, say, source_of, working, write_json
+from beamstiff.cli.output import check_outputs, effects_text, people, source_of, working, write_json
 from beamstiff.files import write_whole
 from beamstiff.report.tables import add_rows, number, table
 
@@ -63,7 +64,6 @@ def deflect(
       1.37,48.63,-900,0
       12.54,33.04,0,-900
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
-    from beamstiff.measure import doubts, read_measurements
     from beamstiff.model.linear import predict_displacements
     from beamstiff.robot.reader import load_robot
     from beamstiff.robot.stiffness import check_stiffness
@@ -71,11 +71,10 @@ def deflect(
     description = load_robot(robot)
     if not description.effects:
         check_stiffness(description)
-    loads = read_measurements(data, description, require_measured=False)
     check_outputs([robot_file(robot), data], json, out=out, html=html)
     source = source_of(context, html, [robot_file(robot), data])
+    (loads,), notes = read_tables([data], description, quiet, require_measured=False)
     with working(f"deflecting {len(loads)} rows", quiet):
-        notes = doubts(loads, description)
         predicted = predict_displacements(description, loads, preload)
         if description.effects:
             from beamstiff.gap.apply import effects_displacement
@@ -83,8 +82,6 @@ def deflect(
             predicted = predicted + effects_displacement(description, replace(loads, kind="displacement"))
         gap = gap_text(loads, predicted)
 
-    for note in notes:
-        say(f"note: {note}", quiet)
     console = people(quiet, json)
     console.print(_table(description, loads, predicted, preload))
     said = [gap] if gap else []

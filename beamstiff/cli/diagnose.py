@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from beamstiff.cli.data import read_tables
 from beamstiff.cli.options import DataFile, Debug, Html, Json, Quiet, RobotFile, parse_names, robot_file
 from beamstiff.cli.output import check_outputs, effects_text, people, say, source_of, working, write_json
 from beamstiff.errors import BeamstiffError
@@ -67,7 +68,6 @@ def diagnose(
     from beamstiff.files import write_whole
     from beamstiff.gap.diagnose import diagnose as run
     from beamstiff.gap.next import programme_csv
-    from beamstiff.measure.reader import read_measurements
     from beamstiff.report.diagnosis import diagnosis_tables, draw_diagnosis
     from beamstiff.robot.reader import load_robot
 
@@ -79,7 +79,7 @@ def diagnose(
         check_format(figure)
     source = source_of(context, html, [file, data], seed)
     machine = load_robot(file)
-    rows = read_measurements(data, machine)
+    (rows,), said = read_tables([data], machine, quiet)
     with working("diagnosing", quiet):
         result = run(machine, rows, without=parse_names(without, "--without") or (), seed=seed)
     console = people(quiet, json_to)
@@ -88,7 +88,8 @@ def diagnose(
     if machine.effects:
         console.print(f"Known before, and counted in: {effects_text(machine.effects)}.")
     for note in result.notes:
-        say(f"note: {note}", quiet)
+        if note not in said:
+            say(f"note: {note}", quiet)
     write_json(result.to_dict(), json_to)
     if next_to is not None and result.next:
         write_whole(next_to, programme_csv(result))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
+from beamstiff.cli.data import read_tables
 from beamstiff.cli.group import INTERRUPTED
 from beamstiff.cli.identify_options import (
     at_least,
@@ -182,7 +183,6 @@ def identify(
     from beamstiff.identify.separate import with_separations
     from beamstiff.identify.statement import state_identification
     from beamstiff.identify.stiffness import identify as fit
-    from beamstiff.measure import doubts, read_measurements
     from beamstiff.measure.rows import concatenate
     from beamstiff.report.identification import (
         combinations_text,
@@ -202,9 +202,15 @@ def identify(
     description = load_robot(robot)
     check_stiffness(description)
     check_once(data)
-    tables = [read_measurements(path, description) for path in data]
+    names = parse_names(parameters)
+    by_itself: list[str] = []
+    if names is None and not description.identify:
+        from beamstiff.gap.baseline import fitted_names
+        from beamstiff.gap.notes import chosen_for
+
+        names, by_itself = list(fitted_names(description)) or None, list(chosen_for(description))
     what: dict[str, Any] = {
-        "parameters": parse_names(parameters),
+        "parameters": names,
         "fixed": parse_names(fix, "--fix") or [],
         "ties": parse_ties(tie),
         "bounds": parse_bounds(description, bound),
@@ -219,6 +225,7 @@ def identify(
 
         check_format(figure)
     source = source_of(context, html, [robot_file(robot), *data], seed)
+    tables, notes = read_tables(data, description, quiet)
     whole, measured = description, concatenate(tables)
     if whole.effects:
         from beamstiff.gap.apply import without_effects
@@ -230,7 +237,6 @@ def identify(
         working(f"identifying from {len(measured)} rows", quiet, still=True),
         _bar(evaluations, quiet) as tell,
     ):
-        notes = [note for table in tables for note in doubts(table, description)]
         found = fit(description, measured, method=method, folds=folds, effort=effort, progress=tell, **what)
     drawn, stopped = None, found.interrupted
     if not stopped:
@@ -243,8 +249,10 @@ def identify(
         except KeyboardInterrupt:
             stopped = True  # the values are there, and shown
 
-    for note in (*notes, *found.notes):
+    found = replace(found, notes=(*by_itself, *found.notes))
+    for note in found.notes:
         say(f"note: {note}", quiet)
+    found = replace(found, notes=(*notes, *found.notes))
     console = people(quiet, json)
     intervals = None if drawn is None else drawn.intervals
     title = f"{description.name}: identified stiffness"
@@ -271,7 +279,7 @@ def identify(
     if html is not None and source is not None:
         from beamstiff.report.html.identification import identification_html
 
-        write_whole(html, identification_html(found, description, measured, source, folds, facts, notes))
+        write_whole(html, identification_html(found, description, measured, source, folds, facts))
     write_json(facts, json)
     if stopped:
         raise typer.Exit(INTERRUPTED)

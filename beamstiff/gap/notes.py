@@ -6,10 +6,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from beamstiff.errors import listed
+from beamstiff.gap.baseline import fitted_names
 from beamstiff.gap.repeats import repeats
 from beamstiff.gap.screening import Screened
 from beamstiff.gap.whitened import Whitened
 from beamstiff.measure.doubts import doubts
+from beamstiff.robot.description import Robot
 
 OFF = 1.5  # a claimed noise is wrong by more than this factor
 FEW_POSES = 5
@@ -30,6 +33,7 @@ def notes(screened: Screened, white: Whitened, verdict: str, scale: float) -> It
     baseline, rows = screened.baseline, screened.baseline.rows
     poses = np.unique(rows.pose).size
     yield from doubts(rows, baseline.nominal)
+    yield from chosen_for(baseline.nominal)
     if white.freedom < FEW_VALUES:
         yield f"only {white.freedom} values beyond those fitted: no confident verdict can come of them"
     elif poses < FEW_POSES:
@@ -61,6 +65,23 @@ def notes(screened: Screened, white: Whitened, verdict: str, scale: float) -> It
             yield "one load level only: laws that are not linear in the load can hardly show"
     if count := len(screened.outliers):
         yield f"{count} row{'s' * (count > 1)} that nothing explains left out"
+
+
+def chosen_for(robot: Robot) -> Iterator[str]:
+    """Yield what is fitted of a robot that does not name it."""
+    if robot.identify:
+        return
+    if names := fitted_names(robot):
+        yield (
+            f"robot {robot.name!r} names nothing under `identify:`, fitted is what its joints have about or "
+            f"along their axes: {listed(names, 12)}"
+        )
+    else:
+        yield (
+            f"robot {robot.name!r}: nothing is fitted, no joint gives way about or along its axis; with "
+            "values to start from (of a URDF: beamstiff convert IN --joint-stiffness '1e6 N*m/rad') its "
+            "drives are fitted before anything else is blamed"
+        )
 
 
 def _of_repeats(screened: Screened) -> Iterator[str]:

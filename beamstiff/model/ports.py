@@ -378,8 +378,11 @@ def reduce_to_ports(
     """
     names = tuple(parameters if parameters is not None else robot.identify)
     if not names:
+        given = stiffness_parameters(robot).items()
+        such = next((f", such as {name}" for name, value in given if FREE < value < RIGID), "")
         raise BeamstiffError(
-            f"robot {robot.name!r} names no parameters under `identify`; name some, such as J1.torsional"
+            f"robot {robot.name!r} names no parameters under `identify`; name some there or with "
+            f"--parameters{such}"
         )
     ports, owner = find_ports(robot, names)
     open_robot = opened(robot, names)

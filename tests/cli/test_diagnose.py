@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -123,3 +124,62 @@ def test_a_component_that_an_effect_cannot_have_is_refused_by_name(run: Run) -> 
     assert result.exit_code == 2
     assert "backlash has no component 'q9' on this robot" in result.stderr
     assert run("diagnose", "crane.yaml", "crane.csv", "--without", "backlash:q1").exit_code == 0
+
+
+def test_a_robot_that_names_nothing_to_fit_is_fitted_alike_by_both_commands(run: Run, folder: Path) -> None:
+    text = (folder / "crane.yaml").read_text()
+    (folder / "bare.yaml").write_text(text.replace("identify: [J1.torsional]\n", ""))
+    told = (
+        "note: robot 'crane' names nothing under `identify:`, fitted is what its joints have about or along "
+    )
+    for command in ("identify", "diagnose"):
+        named, bare = (
+            run(command, robot, "crane.csv", "--json", "-") for robot in ("crane.yaml", "bare.yaml")
+        )
+        assert f"{told}their axes: J1.torsional" in bare.stderr
+        assert told not in named.stderr
+        one, other = (json.loads(result.stdout) for result in (named, bare))
+        assert one.pop("notes") == [note for note in other.pop("notes") if "names nothing" not in note]
+        assert one == other
+
+
+def test_of_a_rigid_robot_it_is_said_that_nothing_was_fitted(run: Run, folder: Path) -> None:
+    text = (folder / "crane.yaml").read_text()
+    stiff = re.sub('"[0-9]e6 N.*?"', "rigid", text)
+    (folder / "rigid.yaml").write_text(stiff.replace("identify: [J1.torsional]\n", ""))
+    refused = run("identify", "rigid.yaml", "crane.csv")
+    assert refused.exit_code == 2
+    assert "nothing gives way, the joints J1 are rigid" in refused.stderr
+    told = run("diagnose", "rigid.yaml", "crane.csv")
+    assert told.exit_code == 0, told.output
+    assert "note: robot 'crane': nothing is fitted, no joint gives way" in told.stderr
+
+
+REVERSED = """\
+# sigma_position: 0.01 mm
+q1 [deg],fx,fy,dx [mm],dy [mm]
+0,0,-1000,0,1.5
+0,-1000,0,0.5,0
+2000,0,1000,0,1
+90,-1000,0,1.5,0
+"""
+
+
+@pytest.mark.parametrize("command", ["identify", "diagnose", "deflect"])
+def test_mistakes_of_the_table_are_the_first_words_of_every_command(
+    run: Run, folder: Path, command: str
+) -> None:
+    (folder / "bad.csv").write_text(REVERSED.replace("q1 [deg]", "q1"))
+    lines = run(command, "crane.yaml", "bad.csv").stderr.splitlines()
+    assert "bad.csv: the tool moved against its load in 3 of 4 rows" in lines[0]
+    assert "more than two turns; if the column is in degrees, write q1 [deg]" in lines[1]
+    assert len(set(lines)) == len(lines)  # and they are said once
+    if command != "deflect":
+        facts = json.loads(run(command, "crane.yaml", "bad.csv", "--json", "-").stdout)
+        assert f"note: {facts['notes'][0]}" == lines[0]
+
+
+def test_they_are_said_before_the_error_that_they_lead_to(run: Run, folder: Path) -> None:
+    (folder / "kilo.csv").write_text((folder / "crane.csv").read_text().replace("fx,fy", "fx [MN],fy [MN]"))
+    result = run("diagnose", "crane.yaml", "kilo.csv")
+    assert "a load of 1e+09 N or N m is large for a robot" in result.stderr.splitlines()[0]
