@@ -11,6 +11,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from beamstiff.errors import listed
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
@@ -32,7 +33,12 @@ def doubts(measurements: Measurements, robot: Robot) -> tuple[str, ...]:
     These are no errors: a plain number is SI, and a strange machine may be measured. They are for people to
     read.
     """
-    return (*_of_the_load(measurements), *_doubts(measurements, robot))
+    return (
+        *_of_the_load(measurements),
+        *_of_the_noise(measurements),
+        *_of_the_joints(measurements, robot),
+        *_of_sizes(measurements),
+    )
 
 
 def work(table: Measurements) -> tuple[Array, Array]:
@@ -73,25 +79,54 @@ def _of_the_load(table: Measurements) -> Iterator[str]:
         )
 
 
-def _doubts(table: Measurements, robot: Robot) -> Iterator[str]:
+def _of_the_noise(table: Measurements) -> Iterator[str]:
+    for key, sigma, limit, part, unit, small in (
+        ("sigma_position", table.sigma_position, LARGE_SIGMA[0], slice(0, 3), "m", "mm"),
+        ("sigma_rotation", table.sigma_rotation, LARGE_SIGMA[1], slice(3, 6), "rad", "mrad"),
+    ):
+        largest = np.nan_to_num(np.abs(table.displacement[:, part])).max()
+        if sigma is None or not (sigma > limit or sigma > largest > 0):
+            continue
+        than = f", larger than anything measured ({1e3 * largest:.3g} {small})" if sigma > largest > 0 else ""
+        yield (
+            f"{table.source}: {key}: {sigma:.3g} {unit} is large{than}; a number without a unit is in {unit}, "
+            f"write for instance {key}: 0.02 {small}"
+        )
+
+
+def _of_the_joints(table: Measurements, robot: Robot) -> Iterator[str]:
+    wound: list[tuple[str, int, float]] = []
     for variable, q in zip(robot.actuated, table.q.T, strict=True):
         row = int(np.abs(q).argmax())
-        if variable.kind == "angle" and abs(q[row]) > 4 * np.pi:
-            yield (
-                f"{table.place(row)}: {variable.name}: {q[row]:.6g} rad is more than two turns; if the "
-                f"column is in degrees, write {variable.name} [deg]"
-            )
+        turns = variable.kind == "angle"
+        if turns and abs(q[row]) > 4 * np.pi:
+            wound.append((variable.name, row, float(q[row])))
         elif variable.limits is not None:
             low, high = variable.limits
             slack = 1e-6 * (high - low)
             outside = (q < low - slack) | (q > high + slack)
             if outside.any():
                 row = int(outside.argmax())
-                unit = "rad" if variable.kind == "angle" else "m"
+                degrees = f" ({_degrees(q[row])}; {_degrees(low)} to {_degrees(high)})" if turns else ""
+                unit = "rad" if turns else "m"
                 yield (
                     f"{table.place(row)}: {variable.name}: {q[row]:.6g} {unit} lies outside the limits "
-                    f"{low:.6g} to {high:.6g} {unit} of robot {robot.name}"
+                    f"{low:.6g} to {high:.6g} {unit} of robot {robot.name}{degrees}"
                 )
+    if wound:
+        name, row, value = wound[0]
+        others = f" (and so for {listed([other for other, _, _ in wound[1:]], 12)})" if wound[1:] else ""
+        yield (
+            f"{table.place(row)}: {name}: {value:.6g} rad is more than two turns; if the column is in "
+            f"degrees, write {name} [deg]{others}"
+        )
+
+
+def _degrees(angle: float) -> str:
+    return f"{np.degrees(angle):.4g} deg"
+
+
+def _of_sizes(table: Measurements) -> Iterator[str]:
     if table.kind == "displacement":
         parts = (
             ("displacement", slice(0, 3), LARGE_DISPLACEMENT, "m", "dx [mm]"),
@@ -105,12 +140,6 @@ def _doubts(table: Measurements, robot: Robot) -> Iterator[str]:
                     f"{table.place(row)}: a {what} of {size[row]:.3g} {unit} is large for a loaded "
                     f"robot; a column without a unit is in {unit}, write for instance {header}"
                 )
-    for key, sigma, limit, unit in (
-        ("sigma_position", table.sigma_position, LARGE_SIGMA[0], "m"),
-        ("sigma_rotation", table.sigma_rotation, LARGE_SIGMA[1], "rad"),
-    ):
-        if sigma is not None and sigma > limit:
-            yield f"{table.source}: {key}: {sigma:.3g} {unit} is large; a number without a unit is in {unit}"
     load = np.abs(table.wrench).max(axis=1)
     row = int(load.argmax())
     if load[row] > LARGE_FORCE:

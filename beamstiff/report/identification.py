@@ -15,8 +15,10 @@ from beamstiff.report.tables import number, table
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import stiffness_text
 
-# a residual this much above the noise is no chance any more, from a dozen rows on
+# a residual this much above the noise, or below it, is no chance any more, from a dozen rows on
 BEYOND_NOISE = 1.5
+BELOW_NOISE = 0.5
+ENOUGH_ROWS = 12
 ACTS = {
     "series": "act in series",
     "parallel": "act in parallel",
@@ -170,5 +172,10 @@ def _against_noise(ratio: float, measured: Measurements) -> str:
         return (
             f"The fit leaves {ratio:.1f} times what {noise} would: the model lacks something. The standard "
             "deviations are widened by this factor; they do not cover what a wrong model does."
+        )
+    if ratio < BELOW_NOISE and len(measured) >= ENOUGH_ROWS:
+        return (
+            f"The fit leaves {ratio:.2g} times what {noise} would: the rows scatter far less than is stated, "
+            "and the bounds and standard deviations are as much too wide."
         )
     return f"The fit leaves {ratio:.2f} times what {noise} would: noise explains it."

@@ -14,7 +14,10 @@ from beamstiff.robot.description import Robot
     ("text", "part"),
     [
         ("q1,d2,dx\n1,0,0\n90,0,0\n", "t.csv:3: q1: 90 rad is more than two turns.*q1 \\[deg\\]"),
-        ("q1,d2,dx\n4,0,0\n", "t.csv:2: q1: 4 rad lies outside the limits -3.14159 to 3.14159"),
+        (
+            "q1,d2,dx\n4,0,0\n",
+            "t.csv:2: q1: 4 rad lies outside the limits -3.14159 to 3.14159 rad.*229.2 deg",
+        ),
         ("q1,d2,dx\n0,0,0.639\n", "t.csv:2: a displacement of 0.639 m is large"),
         ("q1,d2,rx\n0,0,0.5\n", "t.csv:2: a rotation of 0.5 rad is large"),
         ("# sigma_position: 0.03\nq1,d2,dx\n0,0,0\n", "t.csv: sigma_position: 0.03 m is large"),
@@ -89,3 +92,23 @@ def test_loads_beside_the_reflector_and_moments_without_rotations_are_not_judged
         header = f"fx,fy,fz,dx [mm],dy [mm],dz [mm],{more}"
         text = table_of(turned, header=header).replace("base", nodes[0])
         assert doubts(parse_measurements(text, arm), arm) == ()
+
+
+def test_degrees_in_all_columns_are_told_in_one_sentence(arm: Robot) -> None:
+    two = arm.model_copy(
+        update={"variables": (*arm.variables, arm.variables[0].model_copy(update={"name": "q4"}))}
+    )
+    (told,) = doubts(parse_measurements("q1,d2,q4,dx\n90,0,-120,0\n", two, "t.csv"), two)
+    assert told == (
+        "t.csv:2: q1: 90 rad is more than two turns; if the column is in degrees, write q1 [deg] (and so for q4)"
+    )
+
+
+def test_noise_beyond_all_readings_is_doubted_before_joints_and_sizes(arm: Robot) -> None:
+    text = table_of(STATES, "0.02").replace("0,0.5,900", "20,0.5,900")
+    first, second = doubts(parse_measurements(text, arm, "t.csv"), arm)
+    assert first == (
+        "t.csv: sigma_position: 0.02 m is large, larger than anything measured (1.1 mm); a number without a "
+        "unit is in m, write for instance sigma_position: 0.02 mm"
+    )
+    assert "more than two turns" in second

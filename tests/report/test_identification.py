@@ -151,3 +151,11 @@ def test_what_is_never_loaded_is_not_called_unbounded() -> None:
             ),
         )
     )
+
+
+def test_rows_that_scatter_far_less_than_is_stated_are_no_proof_of_the_model() -> None:
+    q = np.zeros((12, 1))
+    rows = make_measurements(["q1"], q, tcp="b", displacement=np.zeros((12, 3)), sigma_position=0.02)
+    text = identification_text(replace(FOUND, chi_square=2.5e-5), rows)
+    assert "0.005 times what the stated noise (20 mm) would: the rows scatter far less than is stated" in text
+    assert "noise explains it" not in text
