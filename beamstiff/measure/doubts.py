@@ -89,8 +89,8 @@ def _of_the_noise(table: Measurements) -> Iterator[str]:
             continue
         than = f", larger than anything measured ({1e3 * largest:.3g} {small})" if sigma > largest > 0 else ""
         yield (
-            f"{table.source}: {key}: {sigma:.3g} {unit} is large{than}; a number without a unit is in {unit}, "
-            f"write for instance {key}: 0.02 {small}"
+            f"{table.source}: {key}: {sigma:.3g} {unit} is large{than}; a number without a unit is in "
+            f"{unit}, write for instance {key}: 0.02 {small}"
         )
 
 

@@ -100,7 +100,8 @@ def test_degrees_in_all_columns_are_told_in_one_sentence(arm: Robot) -> None:
     )
     (told,) = doubts(parse_measurements("q1,d2,q4,dx\n90,0,-120,0\n", two, "t.csv"), two)
     assert told == (
-        "t.csv:2: q1: 90 rad is more than two turns; if the column is in degrees, write q1 [deg] (and so for q4)"
+        "t.csv:2: q1: 90 rad is more than two turns; if the column is in degrees, write q1 [deg] "
+        "(and so for q4)"
     )
 
 
