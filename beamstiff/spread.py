@@ -115,6 +115,18 @@ def spread(
             yield number, result
 
 
+def check_scheduler(scheduler: str) -> None:
+    """Refuse a scheduler that could not be used, before any work is done for it.
+
+    Raises
+    ------
+    BeamstiffError
+        When it does not answer within 10 s, has no workers, or has other versions.
+    """
+    with _connected(_distributed(scheduler), scheduler):
+        pass
+
+
 def _here(function: Callable[[T], R], take: Take[T]) -> Results[R]:
     while (one := next(take(1), None)) is not None:
         yield one[0], function(one[1])

@@ -9,8 +9,9 @@ are freed of the leverage of their pose.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy import stats
@@ -24,11 +25,13 @@ from beamstiff.identify.refit import refit
 from beamstiff.identify.statement import Statement
 from beamstiff.measure.arrays import Integers
 from beamstiff.se3 import Array
+from beamstiff.spread import spread
 
 LEAST_FREE = 1e-2  # share of a pose's noise that its residual shows, at least: below, it is not scaled up
 FEWEST = 4  # poses: of fewer there are next to no different draws
 LOST = 1e-7  # information, of what all rows tell of each parameter, below which nothing is known
 AT_BOUND = 1e-6  # of the logarithm
+BLOCK = 25  # draws in a task: some ten milliseconds at least, beside one that it costs to give it away
 
 
 @dataclass(frozen=True)
@@ -77,6 +80,9 @@ def bootstrap(
     repetitions: int = 1000,
     seed: int = 0,
     progress: Callable[[int], None] | None = None,
+    *,
+    processes: int = 1,
+    scheduler: str | None = None,
 ) -> Bootstrap:
     """Fit a stated identification again to poses drawn with replacement.
 
@@ -88,12 +94,16 @@ def bootstrap(
     repetitions : int
     seed : int
     progress : callable, optional
-        Called with the number of each draw.
+        Called with the number of draws that are fitted, after every 25 of them.
+    processes : int
+    scheduler : str, optional
+        Of dask, ``tcp://host:port``; see `beamstiff.spread`. The draws, and what is found, are the same.
 
     Raises
     ------
     BeamstiffError
-        When there are fewer than four poses, or most draws leave a parameter open.
+        When there are fewer than four poses, most draws leave a parameter open, or a process or the scheduler
+        fails.
 
     Examples
     --------
@@ -123,18 +133,17 @@ def bootstrap(
         )
     if repetitions < 2:
         raise BeamstiffError(f"bootstrap: found {repetitions} repetitions, expected two or more")
-    random = np.random.default_rng(seed)
     slopes = objective.jacobian(theta)[1]
     if objective.loss == "linear":
         objective = without_leverage(objective, theta, group)
-    found: list[Array] = []
-    for number in range(repetitions):
-        counts = random.multinomial(poses, np.full(poses, 1.0 / poses))[group].astype(np.float64)
+    refits = partial(_refits, objective, slopes, theta, group)
+    blocks, fitted = dict[int, list[Array]](), 0
+    drawn = _draws(poses, repetitions, seed)
+    for at, (count, thetas) in spread(refits, drawn, processes=processes, scheduler=scheduler):
+        blocks[at], fitted = thetas, fitted + count
         if progress is not None:
-            progress(number)
-        if not determines(slopes, counts):
-            continue
-        found.append(refit(objective, theta, counts))
+            progress(fitted)
+    found = [one for at in sorted(blocks) for one in blocks[at]]
     if 2 * len(found) < repetitions:
         raise BeamstiffError(
             f"{statement.problem.source}: {repetitions - len(found)} of {repetitions} draws of {poses} poses "
@@ -157,6 +166,22 @@ def bootstrap(
         poses,
         repetitions - len(found),
     )
+
+
+def _draws(poses: int, repetitions: int, seed: int) -> Iterator[Integers]:
+    """Yield how often each pose is drawn, (B, g), some draws at a time."""
+    random = np.random.default_rng(seed)
+    for first in range(0, repetitions, BLOCK):
+        count = min(BLOCK, repetitions - first)
+        yield random.multinomial(poses, np.full(poses, 1.0 / poses), size=count)
+
+
+def _refits(
+    objective: Objective, slopes: Array, theta: Array, group: Integers, draws: Integers
+) -> tuple[int, list[Array]]:
+    """Return the number of draws, and the optima of those that leave no parameter open."""
+    often = draws[:, group].astype(np.float64)
+    return len(draws), [refit(objective, theta, counts) for counts in often if determines(slopes, counts)]
 
 
 def without_leverage(objective: Objective, theta: Array, group: Integers) -> Objective:

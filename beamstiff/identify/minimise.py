@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from importlib import import_module
 from typing import Protocol
 
@@ -14,6 +15,7 @@ from beamstiff.identify.balance import balanced_stiffness
 from beamstiff.identify.objective import Objective
 from beamstiff.identify.parameters import SPAN, Parameters
 from beamstiff.se3 import Array
+from beamstiff.spread import spread
 
 Progress = Callable[[int, float], None]
 
@@ -38,6 +40,7 @@ GLOBAL = ("isres", "crs2", "esch", "mlsl", "genetic")
 POLISHED = (*GLOBAL, "mma", "bobyqa")  # by the trust region: without curvature they do not get to the bottom
 AT_END = 0.05  # share of the span between the bounds, in logarithms, within which a value is at its end
 SAME = 1e-9  # share of the cost that makes no difference
+ALIKE = 1e-6  # share of the cost within which two searches have ended at the same values
 FACTOR = 1e3  # the global methods search this far from the start, either way, where no bound is given
 
 
@@ -105,7 +108,7 @@ class Search:
 
 @dataclass(frozen=True)
 class Effort:
-    """How hard a method may try.
+    """How hard a method may try, and where.
 
     Attributes
     ----------
@@ -115,6 +118,12 @@ class Effort:
         Of the global methods.
     population : int or None
         Of the global methods; default theirs.
+    searches : int
+        Of the global methods: so many, with `seed` and those that follow it; the best of them counts.
+    processes : int
+        That do the searches.
+    scheduler : str or None
+        Of dask, ``tcp://host:port``, whose workers do them; see `beamstiff.spread`.
 
     Raises
     ------
@@ -125,6 +134,9 @@ class Effort:
     evaluations: int = 20_000
     seed: int = 0
     population: int | None = None
+    searches: int = 1
+    processes: int = 1
+    scheduler: str | None = None
 
     def __post_init__(self) -> None:
         """Refuse what is no effort."""
@@ -132,6 +144,8 @@ class Effort:
             ("evaluations", self.evaluations, 1),
             ("seed", self.seed, 0),
             ("population", LEAST if self.population is None else self.population, LEAST),
+            ("searches", self.searches, 1),
+            ("processes", self.processes, 1),
         ):
             if int(value) != value or value < least:
                 raise BeamstiffError(
@@ -193,12 +207,10 @@ def minimise(
     effort = Effort() if effort is None else effort
     message, interrupted = "", False
     try:
-        message = _run(method, search, start, effort)
-        if method in POLISHED and np.isfinite(search.best_cost) and start.size:
-            if method in GLOBAL:
-                message += _at_edge(objective.parameters, start, search.best)
-            if polish:
-                message += "; polished: " + _run("trust-region", search, search.best, effort)
+        if method in GLOBAL and effort.searches > 1:
+            message = _searches(method, search, start, effort, polish)
+        else:
+            message = _polished(method, search, start, effort, polish)
     except KeyboardInterrupt:
         if not np.isfinite(search.best_cost):
             raise
@@ -213,6 +225,38 @@ def minimise(
     if not np.isfinite(search.best_cost):
         raise BeamstiffError(f"the identification did not converge: {message}")
     return Minimum(search.best, search.best_cost, search.evaluations, message, interrupted)
+
+
+def _polished(method: str, search: Search, start: Array, effort: Effort, polish: bool) -> str:
+    message = _run(method, search, start, effort)
+    if method in POLISHED and np.isfinite(search.best_cost) and start.size:
+        if method in GLOBAL:
+            message += _at_edge(search.objective.parameters, start, search.best)
+        if polish:
+            message += "; polished: " + _run("trust-region", search, search.best, effort)
+    return message
+
+
+def _searches(method: str, search: Search, start: Array, effort: Effort, polish: bool) -> str:
+    """Search with one seed after the other; what is best does not depend on which search ends first."""
+    efforts = [replace(effort, seed=effort.seed + number) for number in range(effort.searches)]
+    one = partial(_one_search, search.objective, method, start, polish)
+    found: dict[int, Minimum] = {}
+    for number, minimum in spread(one, efforts, processes=effort.processes, scheduler=effort.scheduler):
+        found[number] = minimum
+        best = min(found.items(), key=lambda item: (item[1].cost, item[0]))[1]
+        search.best, search.best_cost = best.theta, best.cost
+        search.evaluations += minimum.evaluations
+        if search.progress is not None:
+            search.progress(search.evaluations, search.best_cost)
+    count = sum(minimum.cost <= best.cost * (1 + ALIKE) for minimum in found.values())
+    return f"{best.message}; {count} of {len(found)} searches ended there"
+
+
+def _one_search(objective: Objective, method: str, start: Array, polish: bool, effort: Effort) -> Minimum:
+    search = Search(objective)
+    message = _polished(method, search, start, effort, polish)
+    return Minimum(search.best, search.best_cost, search.evaluations, message)
 
 
 def searched(parameters: Parameters, begin: Array) -> tuple[Array, Array]:

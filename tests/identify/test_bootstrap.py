@@ -105,6 +105,19 @@ def test_the_same_seed_draws_the_same_poses() -> None:
     assert not np.array_equal(first, other)
 
 
+def test_processes_and_workers_find_the_same_to_the_bit(scheduler: str) -> None:
+    statement, theta = fitted(measured(ROBOT, rows(ROBOT, 10), white(rows(ROBOT, 10), 4)))
+    told: list[int] = []
+    alone = bootstrap(statement, theta, 60, 5, told.append)
+    assert told == [25, 50, 60]
+    for found in (
+        bootstrap(statement, theta, 60, 5, processes=2),
+        bootstrap(statement, theta, 60, 5, scheduler=scheduler),
+    ):
+        assert found.stiffness.tobytes() == alone.stiffness.tobytes()
+        assert found.intervals == alone.intervals
+
+
 def test_springs_that_only_act_together_get_an_interval_of_their_sum() -> None:
     robot, campaign = load_robot("ir663"), ir663("", ("J12.torsional", "J18.torsional", *ALL_RADIAL))
     statement = state_identification(robot, campaign.rows, campaign.parameters)

@@ -182,6 +182,52 @@ def test_global_methods_stay_in_what_they_search_and_say_when_they_end_at_its_ed
         assert bare.message.endswith("at the edge of the values searched: J1.torsional")
 
 
+# several searches
+
+
+@pytest.mark.parametrize("method", GLOBAL)
+def test_of_several_searches_the_best_counts_and_it_is_said_how_many_ended_there(method: str) -> None:
+    tried, effort = objective(), Effort(evaluations=300, seed=4)
+    alone = [minimise(tried, method, effort=replace(effort, seed=4 + k), polish=False) for k in range(3)]
+    best = min(alone, key=lambda found: found.cost)
+    told: list[int] = []
+    found = minimise(
+        tried,
+        method,
+        effort=replace(effort, searches=3),
+        polish=False,
+        progress=lambda count, _: told.append(count),
+    )
+    assert found.theta.tobytes() == best.theta.tobytes()
+    assert found.evaluations == sum(one.evaluations for one in alone) == told[-1]
+    assert len(told) == 3
+    ended = sum(one.cost <= best.cost * (1 + 1e-6) for one in alone)
+    assert found.message == f"{best.message}; {ended} of 3 searches ended there"
+
+
+def test_searches_in_processes_and_on_workers_are_the_same_to_the_bit(scheduler: str) -> None:
+    tried, effort = objective(), Effort(evaluations=300, searches=3)
+    found = minimise(tried, "crs2", effort=effort)
+    for other in (
+        minimise(tried, "crs2", effort=replace(effort, processes=2)),
+        minimise(tried, "crs2", effort=replace(effort, scheduler=scheduler)),
+    ):
+        assert other.theta.tobytes() == found.theta.tobytes()
+        assert (other.cost, other.evaluations, other.message) == (
+            found.cost,
+            found.evaluations,
+            found.message,
+        )
+
+
+def test_ctrl_c_keeps_the_best_of_the_searches_that_have_ended() -> None:
+    tried, effort = objective(), Effort(evaluations=300)
+    first = minimise(tried, "genetic", effort=effort)
+    found = minimise(tried, "genetic", effort=replace(effort, searches=3), progress=stopping(1))
+    assert found.interrupted
+    assert found.theta.tobytes() == first.theta.tobytes()
+
+
 # a second try
 
 
