@@ -11,6 +11,7 @@ from rich.console import RenderableType
 from rich.text import Text
 
 from beamstiff.gap.effects import EFFECTS
+from beamstiff.gap.notes import FEW_VALUES, OFF
 from beamstiff.gap.result import Candidate, Diagnosis
 from beamstiff.gap.search import UNKNOWN
 from beamstiff.report.tables import add_rows, number, table
@@ -19,6 +20,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SHOWN = 8
+LIKELY = 0.6  # probability below which a verdict is no more than the likeliest
+NAMED = 3  # explanations that are named where nothing is decided
+UNDECIDED, TOO_FEW, NOTHING = "Undecided", "Too few rows to say anything", "nothing beyond noise"
 
 
 def diagnosis_tables(result: Diagnosis) -> Iterator[RenderableType]:
@@ -85,13 +89,21 @@ def summary(result: Diagnosis) -> str:
     """
     rms, noise = 1e3 * result.rms, 1e3 * result.noise
     first = (
-        f"Gap that remains after the fit, on postures left out: {rms:.3f} mm RMS; noise alone would leave "
-        f"{noise:.3f} mm, all that could give way in any way {1e3 * result.ceiling:.3f} mm."
+        f"Gap that remains after the fit, on postures left out: {rms:.3f} mm RMS; noise alone{_scaled(result)} "
+        f"would leave {noise:.3f} mm, all that could give way in any way {1e3 * result.ceiling:.3f} mm."
     )
-    verdict = result.verdict
+    verdict, head = result.verdict, headline(result)
     percent = f"{100 * verdict.probability:.0f} %"
+    if head == UNDECIDED:
+        likely = ", ".join(
+            f"{NOTHING if one.effect == 'none' else named(one)} ({100 * one.probability:.0f} %)"
+            for one in result.candidates[:NAMED]
+        )
+        return f"{first}\n{head}: {likely}."
+    if head == TOO_FEW:
+        return f"{first}\n{head}: nothing beyond noise shows in them, but hardly anything could."
     if verdict.effect == "none":
-        return f"{first}\nNothing beyond noise ({percent})."
+        return f"{first}\n{head} ({percent})."
     if verdict.effect == "unknown":
         text = (
             f"{first}\nUnknown ({percent}): there is a gap with structure, and no effect of the library "
@@ -100,7 +112,7 @@ def summary(result: Diagnosis) -> str:
         if result.indistinguishable:
             text += f"\nNot ruled out all the same: {', '.join(result.indistinguishable)}."
         return text
-    text = f"{first}\nCause: {named(verdict)} ({percent}). {EFFECTS[verdict.effect].meaning}"
+    text = f"{first}\n{head} ({percent}). {EFFECTS[verdict.effect].meaning}"
     if verdict.shrink is not None:
         low, high = (100 * value for value in verdict.shrink.interval)
         text += (
@@ -118,6 +130,27 @@ def summary(result: Diagnosis) -> str:
     if result.outliers:
         text += f"\nRows that nothing explains, left out: {', '.join(result.outliers)}."
     return text
+
+
+def headline(result: Diagnosis) -> str:
+    """Return the verdict in a few words: as sure as its probability and its rows allow."""
+    verdict = result.verdict
+    if verdict.effect == "none":
+        if verdict.probability < LIKELY:
+            return UNDECIDED
+        left = int(result.baseline.used.sum()) - len(result.baseline.fitted)
+        return TOO_FEW if left < FEW_VALUES else NOTHING.capitalize()
+    if verdict.effect == "unknown":
+        return "A gap that nothing in the library explains"
+    return f"{'Cause' if verdict.probability >= LIKELY else 'Likeliest cause'}: {named(verdict)}"
+
+
+def _scaled(result: Diagnosis) -> str:
+    """Return what the noise that is counted with is to the one that the table states."""
+    factor = result.features.get("noise_position", 1.0) * result.features.get("scale", 1.0)
+    if not result.baseline.claimed or 1.0 / OFF < factor < OFF:
+        return ""
+    return f", taken {factor:.2g} times as large as stated,"
 
 
 def named(one: Candidate) -> str:

@@ -29,7 +29,7 @@ LOAD_CYCLE = "\n".join(
 def test_a_diagnosis_is_printed_and_its_limits_are_said_on_stderr(run: Run) -> None:
     result = run("diagnose", "crane.yaml", "crane.csv")
     assert result.exit_code == 0, result.output
-    for part in ("Nothing beyond noise", "Which effect", "What these data cannot show", "payload-error"):
+    for part in ("Too few rows to say anything", "Which effect", "What these data cannot show", "payload-error"):
         assert part in result.stdout
     assert "note: only 7 values beyond those fitted" in result.stderr
     assert all(line.startswith("note: ") for line in result.stderr.strip().splitlines())

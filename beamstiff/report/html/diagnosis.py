@@ -9,7 +9,7 @@ import numpy as np
 
 from beamstiff.gap.heldout import shift
 from beamstiff.gap.result import Candidate, Diagnosis
-from beamstiff.report.diagnosis import named, separations, summary
+from beamstiff.report.diagnosis import headline, named, separations, summary
 from beamstiff.report.html.bars import bars
 from beamstiff.report.html.page import Page, render
 from beamstiff.report.html.parts import Fact, Figure, Section, Table
@@ -23,7 +23,6 @@ from beamstiff.se3 import Array
 
 SHOWN = 8  # candidates and places in figures; tables hold all
 LEAST = 0.0005  # probability of a candidate in the table
-VERDICTS = {"none": "Nothing beyond noise", "unknown": "A gap that nothing in the library explains"}
 PARTS_OF_GAP = {
     "directions": "By direction",
     "loads": "By load",
@@ -50,12 +49,11 @@ def diagnosis_html(result: Diagnosis, provenance: Provenance) -> str:
         _with_cause(result),
     )
     rows = row_figures(compared, ("fitted model", f"with {named(result.verdict)}"))
-    verdict = VERDICTS.get(result.verdict.effect, f"Cause: {named(result.verdict)}")
     return render(
         Page(
             title="Diagnosis",
             robot=baseline.nominal.name,
-            verdict=verdict,
+            verdict=headline(result),
             summary=summary(result).splitlines(),
             facts=list(_facts(result)),
             view=_view(result),
