@@ -12,7 +12,6 @@ from beamstiff.cli.options import Debug, Json, Preload, Quiet, RobotFile, robot_
 from beamstiff.cli.output import check_outputs, note_effects, people, working, write_json
 from beamstiff.errors import BeamstiffError
 from beamstiff.report.tables import millimetres, number, table
-from beamstiff.robot.stiffness import check_stiffness
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -130,6 +129,8 @@ def _hint_at_q(robot: Robot, values: Mapping[str, float]) -> Iterator[None]:
     try:
         yield
     except BeamstiffError as error:
+        from beamstiff.robot.stiffness import check_stiffness
+
         check_stiffness(robot)
         if values or not robot.actuated:
             raise
