@@ -83,13 +83,7 @@ def spread(
     >>> list(spread(sqrt, [4.0, 9.0]))
     [(0, 2.0), (1, 3.0)]
     """
-    if processes < 1:
-        raise BeamstiffError(f"found {processes} processes, expected 1 or more")
-    if scheduler is not None and processes > 1:
-        raise BeamstiffError(
-            f"found {processes} processes and the scheduler {scheduler}, expected one of them: a scheduler's "
-            "workers are started beside it"
-        )
+    _check_numbers(processes, scheduler)
     numbered = enumerate(tasks)
     follow = deque(islice(numbered, 1))
     if not follow:
@@ -115,16 +109,28 @@ def spread(
             yield number, result
 
 
-def check_scheduler(scheduler: str) -> None:
-    """Refuse a scheduler that could not be used, before any work is done for it.
+def check_places(processes: int = 1, scheduler: str | None = None) -> None:
+    """Refuse, before any work, places where tasks could not be done.
 
     Raises
     ------
     BeamstiffError
-        When it does not answer within 10 s, has no workers, or has other versions.
+        As `spread` does.
     """
-    with _connected(_distributed(scheduler), scheduler):
-        pass
+    _check_numbers(processes, scheduler)
+    if scheduler is not None:
+        with _connected(_distributed(scheduler), scheduler):
+            pass
+
+
+def _check_numbers(processes: int, scheduler: str | None) -> None:
+    if processes < 1:
+        raise BeamstiffError(f"found {processes} processes, expected 1 or more")
+    if scheduler is not None and processes > 1:
+        raise BeamstiffError(
+            f"found {processes} processes and the scheduler {scheduler}, expected one of them: a scheduler's "
+            "workers are started beside it"
+        )
 
 
 def _here(function: Callable[[T], R], take: Take[T]) -> Results[R]:

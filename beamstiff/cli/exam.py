@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from beamstiff.cli.options import Debug, Json, Quiet, robot_file
+from beamstiff.cli.options import Debug, Json, Processes, Quiet, Scheduler, robot_file
 from beamstiff.cli.output import check_outputs, note_effects, people, say, write_json
 from beamstiff.errors import BeamstiffError, listed, suggest
 
@@ -42,7 +42,8 @@ def exam(
     ] = None,
     cases: Annotated[int, typer.Option("--cases", min=1, help="How many cases.")] = 100,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Of all draws; the same cases again.")] = 0,
-    processes: Annotated[int, typer.Option("--processes", min=1, help="How many at a time.")] = 1,
+    processes: Processes = 1,
+    scheduler: Scheduler = None,
     classes: Annotated[
         list[str] | None,
         typer.Option(
@@ -96,6 +97,7 @@ def exam(
       beamstiff exam --cases 2160 --seed 7 --processes 4 --out results.jsonl --json table.json
       beamstiff exam robot.yaml --plan plan.csv --cases 200
       beamstiff exam --cases 60 --classes null,backlash,hysteresis
+      beamstiff exam --cases 2160 --scheduler tcp://10.0.0.5:8786 --out results.jsonl
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
     from beamstiff.gap.exam.blind import Examiner
     from beamstiff.gap.exam.labelled import examine_folder
@@ -113,11 +115,12 @@ def exam(
     if sets is not None:
         if robot is not None or plan is not None or out is not None or classes:
             raise BeamstiffError("--sets: found other options of what to examine, expected the folder only")
-        records, settings = examine_folder(Path(sets), examiner), {"sets": sets}
+        settings: dict[str, Any] = {"sets": sets}
+        records = examine_folder(Path(sets), examiner, processes=processes, scheduler=scheduler)
     else:
         asked = _exam(robot, plan, seed, classes, quiet)
         settings = asked.settings()
-        records = _simulated(asked, cases, examiner, processes, out, quiet)
+        records = _simulated(asked, cases, examiner, processes, scheduler, out, quiet)
     console = people(quiet, json)
     for shown in plan_tables(records) if plan else exam_tables(records):
         console.print(shown)
@@ -130,7 +133,13 @@ def exam(
 
 
 def _simulated(
-    asked: Exam, cases: int, examiner: Examiner, processes: int, out: str | None, quiet: bool
+    asked: Exam,
+    cases: int,
+    examiner: Examiner,
+    processes: int,
+    scheduler: str | None,
+    out: str | None,
+    quiet: bool,
 ) -> list[Record]:
     from beamstiff.gap.exam.run import run_exam
 
@@ -140,6 +149,7 @@ def _simulated(
             cases,
             examiner,
             processes=processes,
+            scheduler=scheduler,
             results=None if out is None else Path(out),
             progress=progress,
         )

@@ -20,7 +20,17 @@ from beamstiff.cli.identify_options import (
     parse_priors,
     parse_ties,
 )
-from beamstiff.cli.options import Debug, Html, Json, Quiet, RobotFile, parse_names, robot_file
+from beamstiff.cli.options import (
+    Debug,
+    Html,
+    Json,
+    Processes,
+    Quiet,
+    RobotFile,
+    Scheduler,
+    parse_names,
+    robot_file,
+)
 from beamstiff.cli.output import (
     check_once,
     check_outputs,
@@ -36,7 +46,7 @@ from beamstiff.files import write_whole
 
 if TYPE_CHECKING:
     from beamstiff.identify.bootstrap import Bootstrap
-    from beamstiff.identify.minimise import Progress
+    from beamstiff.identify.minimise import Effort, Progress
     from beamstiff.identify.problem import Components
     from beamstiff.identify.reduce import Reduced
     from beamstiff.identify.result import Identification
@@ -135,6 +145,14 @@ def identify(
         int | None,
         typer.Option("--population", metavar="N", help="Of the global methods; default theirs."),
     ] = None,
+    searches: Annotated[
+        int,
+        typer.Option(
+            "--searches", metavar="N", help="Of a global method, with seeds from --seed on; the best counts."
+        ),
+    ] = 1,
+    processes: Processes = 1,
+    scheduler: Scheduler = None,
     json: Json = None,
     out: Annotated[
         str | None,
@@ -176,9 +194,10 @@ def identify(
       beamstiff identify robot.yaml one.csv two.csv --parameters J1.torsional,J2.torsional \\
           --json found.json --out identified.yaml --figure fit.png
       beamstiff identify robot.yaml data.csv --method genetic --seed 3 --bound J1.radial=1e7:1e10
+      beamstiff identify robot.yaml data.csv --method crs2 --searches 8 --processes 4
       beamstiff identify robot.yaml data.csv --loss huber --bootstrap 1000 --reduce small.yaml
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
-    from beamstiff.identify.minimise import METHODS, Effort
+    from beamstiff.identify.minimise import GLOBAL, METHODS, Effort
     from beamstiff.identify.objective import LOSSES
     from beamstiff.identify.separate import with_separations
     from beamstiff.identify.statement import state_identification
@@ -191,6 +210,7 @@ def identify(
     )
     from beamstiff.robot.reader import load_robot
     from beamstiff.robot.stiffness import check_stiffness
+    from beamstiff.spread import check_places
 
     chosen("--method", method, list(METHODS))
     chosen("--loss", loss, list(LOSSES))
@@ -199,6 +219,9 @@ def identify(
         at_least(option, value, least)
     at_least("--evaluations", evaluations, 1)
     at_least("--population", population, 5)
+    at_least("--searches", searches, 1)
+    if searches > 1 and method not in GLOBAL:
+        raise BeamstiffError(f"--searches: found the method {method}, expected {', '.join(GLOBAL)}")
     description = load_robot(robot)
     check_stiffness(description)
     check_once(data)
@@ -225,6 +248,10 @@ def identify(
 
         check_format(figure)
     source = source_of(context, html, [robot_file(robot), *data], seed)
+    if bootstrap or searches > 1:
+        check_places(processes, scheduler)
+    elif processes > 1 or scheduler is not None:
+        say("note: one search is one process: what is spread are --bootstrap and --searches", quiet)
     tables, notes = read_tables(data, description, quiet)
     whole, measured = description, concatenate(tables)
     if whole.effects:
@@ -232,10 +259,10 @@ def identify(
 
         with working("taking the robot's effects off the readings", quiet):
             description, measured = without_effects(whole, measured)
-    effort = Effort(evaluations, seed, population)
+    effort = Effort(evaluations, seed, population, searches, processes, scheduler)
     with (
         working(f"identifying from {len(measured)} rows", quiet, still=True),
-        _bar(evaluations, quiet) as tell,
+        _bar(evaluations * searches, quiet) as tell,
     ):
         found = fit(description, measured, method=method, folds=folds, effort=effort, progress=tell, **what)
     drawn, stopped = None, found.interrupted
@@ -245,7 +272,9 @@ def identify(
                 found = with_separations(found, description, measured, cast("Components", use), seed)
             if bootstrap:
                 with working(f"fitting {bootstrap} draws of the poses", quiet):
-                    drawn = _draw(state_identification(description, measured, **what), found, bootstrap, seed)
+                    drawn = _draw(
+                        state_identification(description, measured, **what), found, bootstrap, effort
+                    )
         except KeyboardInterrupt:
             stopped = True  # the values are there, and shown
 
@@ -306,14 +335,19 @@ def _bar(most: int, quiet: bool) -> Iterator[Progress | None]:
         yield lambda count, cost: bar.update(task, completed=count, cost=cost)
 
 
-def _draw(statement: Statement, found: Identification, repetitions: int, seed: int) -> Bootstrap:
+def _draw(statement: Statement, found: Identification, repetitions: int, effort: Effort) -> Bootstrap:
     """Return the bootstrap about what was found."""
-    import numpy as np
-
     from beamstiff.identify.bootstrap import bootstrap
 
     statement = statement.holding(found.stiffness).weighed(found.stiffness)
-    return bootstrap(statement, np.log(found.stiffness)[statement.parameters.first], repetitions, seed)
+    return bootstrap(
+        statement,
+        statement.theta(found.stiffness),
+        repetitions,
+        effort.seed,
+        processes=effort.processes,
+        scheduler=effort.scheduler,
+    )
 
 
 def _reduce(robot: Robot, measured: Any, found: Identification, use: str) -> Reduced:
