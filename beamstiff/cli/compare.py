@@ -6,12 +6,22 @@ from typing import Annotated
 
 import typer
 
-from beamstiff.cli.options import Debug, Json, Quiet, RobotFile, parse_names, robot_file
-from beamstiff.cli.output import check_once, check_outputs, effects_text, people, say, working, write_json
+from beamstiff.cli.options import Debug, Html, Json, Quiet, RobotFile, parse_names, robot_file
+from beamstiff.cli.output import (
+    check_once,
+    check_outputs,
+    effects_text,
+    people,
+    say,
+    source_of,
+    working,
+    write_json,
+)
 from beamstiff.errors import BeamstiffError
 
 
 def compare(
+    context: typer.Context,
     robot: RobotFile,
     data: Annotated[
         list[str],
@@ -70,6 +80,7 @@ def compare(
             "--rules", metavar="FILE", help="Draw the fuzzy model's rule surface and membership functions."
         ),
     ] = None,
+    html: Html = None,
     quiet: Quiet = False,
     debug: Debug = False,  # noqa: ARG001
 ) -> None:
@@ -83,7 +94,7 @@ def compare(
 
     \b
     Examples:
-      beamstiff compare robot.yaml data.csv --figure errors.png --json compared.json
+      beamstiff compare robot.yaml data.csv --figure errors.png --html report.html
       beamstiff compare ir663 data.csv --fit-load 900 --rules rules.png
       beamstiff compare kr500 data.csv --models parametric,grid --cube 300
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
@@ -104,7 +115,8 @@ def compare(
     check_once(data)
     whole = load_robot(robot)
     tables = [read_measurements(path, whole) for path in data]
-    check_outputs([robot_file(robot), *data], json, figure=figure, rules=rules)
+    check_outputs([robot_file(robot), *data], json, figure=figure, rules=rules, html=html)
+    source = source_of(context, html, [robot_file(robot), *data], seed)
     for path in (figure, rules):
         if path is not None:
             from beamstiff.report.figures import check_format
@@ -154,4 +166,12 @@ def compare(
         assert isinstance(model, FuzzyCompliance)
         angles = [variable.name for variable in description.variables if variable.kind == "angle"]
         save_figure(rules_figure(model, angles=angles), rules)
-    write_json(models_facts(found), json)
+    facts = models_facts(found)
+    if html is not None and source is not None:
+        from beamstiff.files import write_whole
+        from beamstiff.report.html.comparison import comparison_html
+
+        if whole.effects:
+            notes.append(f"All beside the robot's effects, as they are: {effects_text(whole.effects)}.")
+        write_whole(html, comparison_html(found, description, source, facts, notes))
+    write_json(facts, json)

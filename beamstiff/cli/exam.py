@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from beamstiff.cli.options import Debug, Json, Processes, Quiet, Scheduler, robot_file
-from beamstiff.cli.output import check_outputs, note_effects, people, say, write_json
+from beamstiff.cli.options import Debug, Html, Json, Processes, Quiet, Scheduler, robot_file
+from beamstiff.cli.output import check_outputs, note_effects, people, say, source_of, write_json
 from beamstiff.errors import BeamstiffError, listed, suggest
 
 if TYPE_CHECKING:
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 
 def exam(
+    context: typer.Context,
     robot: Annotated[
         str | None,
         typer.Argument(
@@ -81,6 +82,7 @@ def exam(
         bool,
         typer.Option("--compare/--no-compare", help="Ask a plain regression too (best BIC), as a control."),
     ] = True,
+    html: Html = None,
     quiet: Quiet = False,
     debug: Debug = False,  # noqa: ARG001
 ) -> None:
@@ -94,7 +96,7 @@ def exam(
 
     \b
     Examples:
-      beamstiff exam --cases 2160 --seed 7 --processes 4 --out results.jsonl --json table.json
+      beamstiff exam --cases 2160 --seed 7 --processes 4 --out results.jsonl --html report.html
       beamstiff exam robot.yaml --plan plan.csv --cases 200
       beamstiff exam --cases 60 --classes null,backlash,hysteresis
       beamstiff exam --cases 2160 --scheduler tcp://10.0.0.5:8786 --out results.jsonl
@@ -106,7 +108,10 @@ def exam(
 
     inputs: list[str | Path] = [] if robot is None else [robot_file(robot)]
     inputs += [] if plan is None else [plan]
-    check_outputs(inputs, json, out=out, figure=figure)
+    if sets is not None and (labels := Path(sets, "labels.json")).is_file():
+        inputs.append(labels)
+    check_outputs(inputs, json, out=out, figure=figure, html=html)
+    source = source_of(context, html, inputs, seed)
     if figure is not None:
         from beamstiff.report.figures import check_format
 
@@ -129,7 +134,14 @@ def exam(
         from beamstiff.report.figures import save_figure
 
         save_figure(reliability_figure(by_design(records)[0]), figure)
-    write_json({"exam": settings, **table_dict(records)}, json)
+    facts = {"exam": settings, **table_dict(records)}
+    if html is not None and source is not None:
+        from beamstiff.files import write_whole
+        from beamstiff.report.html.exam import exam_html
+
+        examined = robot or sets or "Robots of the exam"
+        write_whole(html, exam_html(records, examined, source, facts, plan=plan is not None))
+    write_json(facts, json)
 
 
 def _simulated(

@@ -135,7 +135,7 @@ def models_figure(models: Models, title: str) -> Figure:
         f"{title}: position error over the workspace, mm: RMS / max not fitted (squares: new poses)"
     )
     panels = figure.subplots(rows, COLUMNS, squeeze=False).ravel()
-    across, up = _plane(models.position)
+    across, up = widest_plane(models.position)
     largest = 1e3 * max(float(np.nanmax(one.error)) for one in shown)
     drawn: PathCollection | None = None
     for axes, one in zip(panels, shown, strict=False):
@@ -148,7 +148,7 @@ def models_figure(models: Models, title: str) -> Figure:
     return figure
 
 
-def _plane(position: Array) -> tuple[int, int]:
+def widest_plane(position: Array) -> tuple[int, int]:
     """Return the two axes along which the positions spread most, the vertical one upwards."""
     first, second = sorted(np.argsort(np.ptp(position, axis=0))[1:].tolist())
     return first, second

@@ -72,7 +72,7 @@ def confusion_figure(counts: Mapping[str, Mapping[str, int]], order: Sequence[st
     }
     caption = "Truth down, verdict across: share of the truth's cases. On the diagonal the verdict is right."
     layout = _layout(verdicts, truths, 190)
-    return Figure("confusion", "What was taken for what", caption, [trace], layout, table)
+    return Figure("confusion-shares", "Confusion", caption, [trace], layout, table)
 
 
 def _squares(across: int, down: int, values: Sequence[Sequence[float | None]]) -> dict[str, Any]:

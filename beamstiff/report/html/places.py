@@ -32,6 +32,8 @@ WORST = 100  # of them in any case
 LEGEND = 62  # px above a figure, for its buttons and its legend
 JOINTS = 12  # at most, those that vary
 MARKS = (("circle", "blue"), ("square", "orange"), ("triangle-up", "green"))
+SIDES = {(0, 1): "from above", (0, 2): "from the side", (1, 2): "along x"}
+PLANES = ((0, 1), (0, 2))
 BEFORE_AFTER = (("circle-open", "orange"), ("circle", "blue"), ("triangle-up", "green"))
 
 
@@ -90,10 +92,18 @@ class RowFigures:
     shared: dict[str, list[Any]]
 
 
-def over_places(sizes: Sizes, joints: bool = True) -> RowFigures:
+def over_places(sizes: Sizes, joints: bool = True, planes: Sequence[tuple[int, int]] = PLANES) -> RowFigures:
     """Return the sections that show the sizes of rows where the tool was, and by joint reading.
 
-    Sections are empty where no row has a size.
+    There are none where no row has a size.
+
+    Parameters
+    ----------
+    sizes : Sizes
+    joints : bool
+        Show them by joint reading.
+    planes : sequence of (int, int)
+        In which the tool's places are drawn.
     """
     chosen, rows = sizes.shown, sizes.rows
     held: dict[str, list[Any]] = {"rows": [label(line_of(rows, at)) for at in chosen.tolist()]}
@@ -108,10 +118,10 @@ def over_places(sizes: Sizes, joints: bool = True) -> RowFigures:
             "workspace",
             "Where in the workspace",
             texts=[
-                f"The position {what} of every row at the place of the tool: from above and from the side. "
-                f"Larger and darker is worse.{said}"
+                f"The position {what} of every row at the place of the tool: "
+                f"{' and '.join(SIDES[plane] for plane in planes)}. Larger and darker is worse.{said}"
             ],
-            figures=_maps(sizes),
+            figures=_maps(sizes, planes),
         )
     ]
     if joints:
@@ -163,10 +173,11 @@ def joint_columns(robot: Robot, names: Sequence[str]) -> tuple[list[str], list[f
     return headings, [180 / np.pi if turns.get(name, True) else 1e3 for name in names]
 
 
-def _maps(sizes: Sizes) -> list[Figure]:
+def _maps(sizes: Sizes, planes: Sequence[tuple[int, int]]) -> list[Figure]:
     figures, most = [], sizes.largest
     for key, name in zip(sizes.values, sizes.names, strict=False):
-        for a, b, view in (("x", "y", "from above"), ("x", "z", "from the side")):
+        for plane in planes:
+            (a, b), view = ("xyz"[k] for k in plane), SIDES[plane]
             trace = {
                 "type": "scatter",
                 "mode": "markers",

@@ -1,4 +1,7 @@
-"""Reports of a small robot whose every name is hostile, and a browser to open them with."""
+"""Reports of a small robot whose every name is hostile, and a browser to open them with.
+
+Every page is made once a session, and only when a test asks for it.
+"""
 
 from __future__ import annotations
 
@@ -14,18 +17,39 @@ from typing import Any
 import numpy as np
 import pytest
 
-from beamstiff import load_robot, read_measurements
+from beamstiff import calibrate, load_robot, read_measurements
+from beamstiff.compensate.formats import read_program
+from beamstiff.compensate.machine import Machine
+from beamstiff.compensate.process.load import Constant
+from beamstiff.compensate.rewrite import Compensated, compensate_program
 from beamstiff.gap.diagnose import diagnose
+from beamstiff.gap.exam.names import EFFECTS, NONE, UNKNOWN
+from beamstiff.gap.exam.record import Record
+from beamstiff.gap.exam.table import table_dict
 from beamstiff.gap.result import Diagnosis
+from beamstiff.identify.geometry.corrected import corrected
+from beamstiff.identify.geometry.result import Calibration
+from beamstiff.identify.models import Models, fit_models
 from beamstiff.identify.result import Identification
+from beamstiff.identify.split import split_rows
 from beamstiff.identify.stiffness import identify
+from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.linear import predict_displacements
+from beamstiff.report.compare import models_facts
+from beamstiff.report.html.calibration import calibration_html
+from beamstiff.report.html.comparison import comparison_html
+from beamstiff.report.html.compensation import compensation_html
+from beamstiff.report.html.deflection import deflection_html
 from beamstiff.report.html.diagnosis import diagnosis_html
+from beamstiff.report.html.exam import exam_html
 from beamstiff.report.html.identification import identification_html
 from beamstiff.report.html.provenance import Provenance, provenance
 from beamstiff.robot.description import Robot
+from beamstiff.robot.kinematics import compile_kinematics, posture
+from tests.gap.exam.answered import answered
 
+KINDS = ("diagnosis", "identification", "calibration", "compensation", "comparison", "deflection", "exam")
 ROBOT_NAME = "<script>alert(1)</script>"
 LINK_NAME = "<img src=x onerror=alert(2)>"
 JOINT_NAME = '</script><b>"J1"</b> & {{ 7 * 7 }}'
@@ -120,7 +144,8 @@ def source(files: tuple[Path, Path]) -> Provenance:
 
 @pytest.fixture(scope="session")
 def diagnosed(robot: Robot, rows: Measurements) -> Diagnosis:
-    return diagnose(robot, rows, seed=3)
+    few = ("backlash", "joint-compliance", "bearing-tilt", "load-error", "hysteresis")
+    return diagnose(robot, rows, without=[name for name in EFFECTS if name not in few], seed=3)
 
 
 @pytest.fixture(scope="session")
@@ -138,6 +163,83 @@ def identification_page(
     identified: Identification, robot: Robot, rows: Measurements, source: Provenance
 ) -> str:
     return identification_html(identified, robot, rows, source)
+
+
+@pytest.fixture(scope="session")
+def readings(robot: Robot) -> Measurements:
+    """Return where a tracker saw the tip of the robot, whose geometry is a little off."""
+    noise = np.random.default_rng(2)
+    q = noise.uniform(-2.0, 2.0, (25, 2))
+    real = compile_kinematics(corrected(robot, {"q2": 2e-3, "f2.d": 1e-3}, q[:1]))
+    seen = posture(real, q).node_positions[:, real.node_index["tip"]]
+    position = seen + 1e-5 * noise.standard_normal(seen.shape)
+    return make_measurements(["q1", "q2"], q, tcp="tip", position=position, sigma_position=1e-5)
+
+
+@pytest.fixture(scope="session")
+def calibrated(robot: Robot, readings: Measurements) -> Calibration:
+    return calibrate(robot, readings, fixed=["base"])
+
+
+@pytest.fixture(scope="session")
+def compensated(robot: Robot, tmp_path_factory: pytest.TempPathFactory) -> Compensated:
+    path = tmp_path_factory.mktemp("path") / "path.csv"
+    rows = [
+        "name,x,y,z",
+        "<b>first</b>,1.2,0.5,0.5",
+        *(f"P{k},{1.2 - 0.02 * k},0.5,0.5" for k in range(1, 20)),
+    ]
+    path.write_text("\n".join([*rows, "far,5,5,0.5"]), encoding="utf-8")
+    return compensate_program(read_program(path), Machine(robot), Constant((0.0, -300.0, 0.0, 0.0, 0.0, 0.0)))
+
+
+@pytest.fixture(scope="session")
+def compared(robot: Robot, rows: Measurements) -> Models:
+    some = subset(rows, np.arange(0, len(rows), 2))
+    return fit_models(robot, some, split_rows(some), ("rigid", "nominal", "parametric", "fuzzy tree"))
+
+
+@pytest.fixture(scope="session")
+def records() -> list[Record]:
+    return [
+        answered("backlash:q3", "backlash:q3", p=0.95),
+        answered("backlash:<b>q3</b>", "hardening:q3", p=0.55),
+        answered("hysteresis:q2", "hysteresis:q2", p=0.9, gap=5.0),
+        answered("load-error", NONE, p=0.7, gap=0.5),
+        answered("none", NONE, p=0.9),
+        answered("none", UNKNOWN, p=0.6, error=f"ValueError: {LINK_NAME} broke"),
+        answered("warm-up:q1", UNKNOWN, p=0.9, kind="outside"),
+        answered("backlash:q3 hardening:q2", "backlash:q3", also=["hardening:q2"]),
+    ]
+
+
+@pytest.fixture(scope="session")
+def calibration_page(
+    calibrated: Calibration, robot: Robot, readings: Measurements, source: Provenance
+) -> str:
+    return calibration_html(calibrated, robot, readings, source, {LINK_NAME: calibrated.after})
+
+
+@pytest.fixture(scope="session")
+def compensation_page(compensated: Compensated, robot: Robot, source: Provenance) -> str:
+    return compensation_html(compensated, robot, source, {"of": JOINT_NAME}, [LINK_NAME])
+
+
+@pytest.fixture(scope="session")
+def comparison_page(compared: Models, robot: Robot, source: Provenance) -> str:
+    return comparison_html(compared, robot, source, models_facts(compared), [LINK_NAME])
+
+
+@pytest.fixture(scope="session")
+def deflection_page(robot: Robot, rows: Measurements, source: Provenance) -> str:
+    some = subset(rows, np.arange(0, len(rows), 4))
+    predicted = predict_displacements(robot, some)
+    return deflection_html(robot, some, predicted, source, {"displacement": predicted.tolist()}, [LINK_NAME])
+
+
+@pytest.fixture(scope="session")
+def exam_page(records: list[Record], source: Provenance) -> str:
+    return exam_html(records, ROBOT_NAME, source, table_dict(records), notes=[JOINT_NAME])
 
 
 FLAGS = (

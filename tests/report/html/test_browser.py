@@ -1,7 +1,8 @@
 """The reports as people open them: in a real browser.
 
-A page takes seconds to draw where three dimensions are drawn without a graphics card, so that the tests of
-one report share one opened page.
+A page takes seconds to draw where three dimensions are drawn without a graphics card. So all tests share one
+browser, every kind of report is opened once and looked at wide and narrow, light and dark; what is the same
+script in all of them is tried on one.
 """
 
 from __future__ import annotations
@@ -12,11 +13,24 @@ from typing import Any
 
 import pytest
 
-from tests.report.html.conftest import JOINT_NAME, LINK_NAME, ROBOT_NAME
+from tests.report.html.conftest import JOINT_NAME, KINDS, LINK_NAME, ROBOT_NAME
 
 WIDE, NARROW = 1280, 390
 PAPER = 700
 SHAPE = "const plot = document.getElementById('plot-robot'); return [plot.data[0].x, plot.data[1].x];"
+# which trace the slider moves; the first of all stands
+MOVING = {
+    "diagnosis": 1,
+    "identification": 1,
+    "deflection": 1,
+    "comparison": 1,
+    "calibration": 3,
+    "compensation": 4,
+}
+LOOK = (
+    "return [getComputedStyle(document.body).backgroundColor,"
+    " document.querySelector('.plot').layout.font.color]"
+)
 CHANGE = (
     "const control = document.getElementById(arguments[0]); control[arguments[1]] = arguments[2];"
     "control.dispatchEvent(new Event('input')); control.dispatchEvent(new Event('change'));"
@@ -27,14 +41,18 @@ CHANGE = (
 def open_page(browser: Any, page: Path, width: int, theme: str) -> None:
     """Open a page in a width and a theme, and wait until its figures are drawn."""
     browser.get_log("browser")  # what others left
-    size = {"width": width, "height": 800, "deviceScaleFactor": 1, "mobile": False}
-    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    set_width(browser, width)
     use_theme(browser, theme)
     browser.get(page.as_uri())
     until = time.monotonic() + 60
     while not browser.execute_script("return document.documentElement.dataset.drawn"):
         assert time.monotonic() < until, "the figures are not drawn after a minute"
         time.sleep(0.05)
+
+
+def set_width(browser: Any, width: int) -> None:
+    size = {"width": width, "height": 800, "deviceScaleFactor": 1, "mobile": False}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
 
 
 def use_theme(browser: Any, theme: str) -> None:
@@ -47,7 +65,8 @@ def serious_faults(browser: Any, axe: str) -> list[Any]:
     browser.execute_script("document.querySelectorAll('details').forEach((one) => { one.open = true; })")
     browser.execute_script(axe)
     found = browser.execute_async_script(
-        "const done = arguments[0]; axe.run().then((all) => done(all.violations.map("
+        "const done = arguments[0];"
+        "axe.run({ resultTypes: ['violations'] }).then((all) => done(all.violations.map("
         "(one) => [one.impact, one.id, one.nodes.map((node) => node.html.slice(0, 200)).slice(0, 3)])))"
     )
     return [one for one in found if one[0] in ("serious", "critical")]
@@ -59,57 +78,104 @@ def errors_and_requests(browser: Any) -> tuple[list[Any], list[str]]:
     return errors, [name for name in fetched if not name.startswith(("data:", "blob:"))]
 
 
-@pytest.fixture(scope="module", params=["diagnosis", "identification"])
-def page(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("page") / "report.html"
-    path.write_text(request.getfixturevalue(f"{request.param}_page"), encoding="utf-8")
+def figures_at_fault(browser: Any) -> list[str]:
+    """Return the figures that show no data, or none of it."""
+    plots = browser.execute_script(
+        "return [...document.querySelectorAll('.plot')].map((plot) => [plot.dataset.figure,"
+        " plot._fullData.length > 0, plot._fullData.every((trace) => trace.visible === true),"
+        " plot.data.every((trace) => [trace.x, trace.z].some((values) => values && values.length)),"
+        " plot.getBoundingClientRect().height > 100, plot.querySelectorAll('svg').length > 0])"
+    )
+    assert len(plots) == len({plot[0] for plot in plots}) >= 3
+    # the robot is drawn in three dimensions: a canvas, not plotly's note that there is no WebGL
+    canvases = "return document.querySelectorAll('#plot-robot canvas').length"
+    for robot in browser.find_elements("id", "plot-robot"):
+        assert browser.execute_script(canvases) > 0
+        assert "WebGL is not supported" not in robot.text
+    return [name for name, *good in plots if not all(good)]
+
+
+def written(page: str, folder: Path) -> Path:
+    path = folder / "report.html"
+    path.write_text(page, encoding="utf-8")
     return path
 
 
-@pytest.fixture(scope="module")
-def opened(browser: Any, page: Path) -> Any:
-    """Return the browser with the page opened wide and light."""
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_page_opens_without_fault_wide_and_light_narrow_and_dark(
+    kind: str, browser: Any, axe: str, request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
+    page = written(request.getfixturevalue(f"{kind}_page"), tmp_path)
     open_page(browser, page, WIDE, "light")
+    assert errors_and_requests(browser) == ([], [])
+    assert figures_at_fault(browser) == []
+    assert browser.execute_script("return document.documentElement.scrollWidth") <= WIDE
+    assert serious_faults(browser, axe) == []
+    names_are_shown_and_run_nothing(browser)
+    if kind in MOVING:
+        check_the_slider(browser, MOVING[kind])
+    light = browser.execute_script(LOOK)
+    turn_narrow_and_dark(browser)
+    assert errors_and_requests(browser) == ([], [])
+    assert all(one != other for one, other in zip(light, browser.execute_script(LOOK), strict=True))
+    assert serious_faults(browser, axe) == []  # opens all tables, too
+    assert browser.execute_script("return document.documentElement.scrollWidth") <= NARROW
+    right = "return [...document.querySelectorAll('.plot')].map((one) => one.getBoundingClientRect().right)"
+    assert max(browser.execute_script(right)) <= NARROW
+
+
+def turn_narrow_and_dark(browser: Any) -> None:
+    """Change width and theme of the opened page, as people do, until its figures have followed."""
+    set_width(browser, NARROW)
+    use_theme(browser, "dark")
+    followed = (
+        "const ink = getComputedStyle(document.documentElement).getPropertyValue('--ink').trim();"
+        "return [...document.querySelectorAll('.plot')].every((one) => one.layout.font.color === ink"
+        f" && one._fullLayout.width < {NARROW})"
+    )
+    until = time.monotonic() + 30
+    while not browser.execute_script(followed):
+        assert time.monotonic() < until, "the figures do not follow the window"
+        time.sleep(0.05)
+
+
+def names_are_shown_and_run_nothing(browser: Any) -> None:
+    assert browser.find_element("css selector", "h1").text == ROBOT_NAME
+    assert ROBOT_NAME in browser.title
+    foreign = "return document.images.length + document.querySelectorAll('main b, main i').length"
+    assert browser.execute_script(foreign) == 0
+    assert browser.execute_script("return document.scripts.length") == 4
+    text = browser.execute_script("return document.body.textContent")
+    assert JOINT_NAME in text or LINK_NAME in text
+    # a dialogue would have made every command above fail
+
+
+@pytest.fixture(scope="module")
+def opened(browser: Any, diagnosis_page: str, tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """Return the browser with the report of a diagnosis opened wide and light."""
+    open_page(browser, written(diagnosis_page, tmp_path_factory.mktemp("page")), WIDE, "light")
     return browser
 
 
-def test_the_page_opens_without_an_error_and_without_the_network(opened: Any) -> None:
-    assert errors_and_requests(opened) == ([], [])
-    assert opened.execute_script("return document.documentElement.scrollWidth") <= WIDE
-
-
-def test_every_figure_shows_data(opened: Any) -> None:
-    plots = opened.execute_script(
-        "return [...document.querySelectorAll('.plot')].map((plot) => [plot.dataset.figure,"
-        " plot._fullData.length, plot._fullData.every((trace) => trace.visible === true),"
-        " plot.data.every((trace) => [trace.x, trace.z].some((values) => values && values.length)),"
-        " plot.getBoundingClientRect().height, plot.querySelectorAll('svg').length])"
-    )
-    assert len(plots) == len({plot[0] for plot in plots}) >= 8
-    for name, traces, visible, filled, height, drawings in plots:
-        assert (traces > 0, visible, filled, height > 100, drawings > 0) == (True,) * 5, name
-    # the robot is drawn in three dimensions: a canvas, not plotly's note that there is no WebGL
-    assert opened.execute_script("return document.querySelectorAll('#plot-robot canvas').length") > 0
-    assert "WebGL is not supported" not in opened.find_element("id", "plot-robot").text
-
-
-def test_the_slider_moves_the_shape_and_not_the_undeformed_robot(opened: Any) -> None:
-    begin, most = opened.execute_script(
+def check_the_slider(browser: Any, moving: int) -> None:
+    """Check that a trace moves in proportion to the slider, and that the undeformed robot stands."""
+    begin, most = browser.execute_script(
         "const slider = document.getElementById('magnification'); return [slider.defaultValue, slider.max]"
     )
-    opened.execute_async_script(CHANGE, "magnification", "value", "0")
-    still, same = opened.execute_script(SHAPE)
-    assert same == still
-    assert opened.find_element("id", "magnified").text == "× 0"
+    plot = "document.getElementById('plot-robot')"
+    shape = f"return [{plot}.data[0].x, {plot}.data[{moving}].x];"
+    browser.execute_async_script(CHANGE, "magnification", "value", "0")
+    resting, unmoved = browser.execute_script(shape)
+    assert browser.find_element("id", "magnified").text == "× 0"
     shapes = []
     for value in (begin, most):
-        opened.execute_async_script(CHANGE, "magnification", "value", value)
-        same, moved = opened.execute_script(SHAPE)
-        assert same == still
+        browser.execute_async_script(CHANGE, "magnification", "value", value)
+        same, moved = browser.execute_script(shape)
+        assert same == resting
         shapes.append(moved)
     ways = [
         (far - rest) / (near - rest)
-        for rest, near, far in zip(still, *shapes, strict=True)
+        for rest, near, far in zip(unmoved, *shapes, strict=True)
         if rest is not None and abs(near - rest) > 1e-6
     ]
     assert ways
@@ -141,17 +207,10 @@ def test_the_posture_and_the_camera_change_the_view(opened: Any) -> None:
     assert (eye["y"], eye["z"]) == (0, 0)
 
 
-def test_names_are_shown_and_run_nothing(opened: Any) -> None:
-    assert opened.find_element("css selector", "h1").text == ROBOT_NAME
-    assert ROBOT_NAME in opened.title
-    foreign = "return document.images.length + document.querySelectorAll('main b, main i').length"
-    assert opened.execute_script(foreign) == 0
-    assert opened.execute_script("return document.scripts.length") == 4
-    assert JOINT_NAME in opened.execute_script("return document.body.textContent")
+def test_names_in_the_robot_are_escaped_for_plotly(opened: Any) -> None:
     hover = opened.execute_script("return document.getElementById('plot-robot').data[1].hovertext.join()")
     assert "&lt;img" in hover
     assert LINK_NAME not in hover
-    # a dialogue would have made every command above fail
 
 
 def test_the_theme_follows_the_system(opened: Any) -> None:
@@ -189,22 +248,8 @@ def test_the_page_prints_light_with_its_tables_open(opened: Any) -> None:
     assert len(opened.execute_cdp_cmd("Page.printToPDF", {})["data"]) > 10_000
 
 
-def test_axe_finds_no_serious_fault_in_the_wide_page(opened: Any, axe: str) -> None:
-    assert serious_faults(opened, axe) == []
-
-
-def test_a_narrow_dark_page_does_not_scroll_sideways(browser: Any, page: Path) -> None:
-    open_page(browser, page, NARROW, "dark")
+def test_a_page_opens_narrow_and_dark_too(browser: Any, identification_page: str, tmp_path: Path) -> None:
+    open_page(browser, written(identification_page, tmp_path), NARROW, "dark")
     assert errors_and_requests(browser) == ([], [])
-    browser.execute_script("document.querySelectorAll('details').forEach((one) => { one.open = true; })")
+    assert figures_at_fault(browser) == []
     assert browser.execute_script("return document.documentElement.scrollWidth") <= NARROW
-    wide = browser.execute_script(
-        "return [...document.querySelectorAll('.plot')].map((one) => one.getBoundingClientRect().right)"
-    )
-    assert max(wide) <= NARROW
-
-
-def test_axe_finds_no_serious_fault_in_the_narrow_dark_page(browser: Any, page: Path, axe: str) -> None:
-    if browser.current_url != page.as_uri() or browser.execute_script("return innerWidth") != NARROW:
-        open_page(browser, page, NARROW, "dark")
-    assert serious_faults(browser, axe) == []

@@ -7,11 +7,13 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from beamstiff.cli.main import app
 from tests.cli.conftest import CRANE, CRANE_DATA
+from tests.gap.exam.standins import always_none
 from tests.report.html.test_page import Outline
 
 
@@ -39,6 +41,61 @@ def test_the_report_holds_what_json_writes_and_says_where_it_comes_from(folder: 
     assert f"beamstiff {command} crane.yaml crane.csv --json out.json --html out.html --seed 7" in text
     for name in ("crane.yaml", "crane.csv"):
         assert hashlib.sha256((folder / name).read_bytes()).hexdigest() in text
+
+
+PATH = "name,x,y,z,fx\na,1,0,0,100\nb,0.8,0.6,0,100\nc,0.6,0.8,0,100\n"
+READINGS = (
+    "# sigma_position: 0.01 mm\nq1 [deg],x,y,z\n0,1.001,0,0\n60,0.5,0.867,0\n90,0,1.001,0\n-30,0.867,-0.5,0\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "files"),
+    [
+        ("deflect crane.yaml crane.csv", ("crane.yaml", "crane.csv")),
+        ("compare crane.yaml many.csv --models nominal,parametric", ("crane.yaml", "many.csv")),
+        ("calibrate crane.yaml readings.csv --parameters q1,tip.x", ("crane.yaml", "readings.csv")),
+        ("compensate crane.yaml path.csv", ("crane.yaml", "path.csv")),
+        ("exam crane.yaml --cases 2 --classes null,load-error", ("crane.yaml",)),
+    ],
+)
+def test_every_report_holds_what_json_writes(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, arguments: str, files: tuple[str, ...]
+) -> None:
+    monkeypatch.setattr("beamstiff.cli.exam._diagnose", lambda: always_none)
+    for name, text in (("path.csv", PATH), ("readings.csv", READINGS), ("many.csv", many())):
+        (folder / name).write_text(text, encoding="utf-8")
+    result = run(*arguments.split(), "--json", "out.json", "--html", "out.html")
+    assert result.exit_code == 0, result.output
+    outline = Outline((folder / "out.html").read_text(encoding="utf-8"))
+    assert json.loads(outline.scripts["result"]) == json.loads((folder / "out.json").read_text())
+    text = "".join(outline.text)
+    assert f"beamstiff {arguments} --json out.json --html out.html" in text
+    for name in files:
+        assert hashlib.sha256((folder / name).read_bytes()).hexdigest() in text
+        refused = run(*arguments.split(), "--html", name)
+        assert refused.exit_code == 2
+        assert f"--html {name}: would overwrite the input" in refused.stderr
+
+
+def many() -> str:
+    """Return what the crane does in many postures."""
+    lines = CRANE_DATA.splitlines()[:2]
+    for q1 in range(0, 160, 20):
+        c, s = np.cos(np.radians(q1)), np.sin(np.radians(q1))
+        for force in (500.0, 1000.0):  # along the arm 0.5 mm a kN, across it 1.5
+            lines.append(f"{q1},{-s * force},{c * force},{-1.5e-3 * s * force},{1.5e-3 * c * force}")
+    return "\n".join(lines)
+
+
+def test_a_path_that_is_refused_has_its_report(folder: Path) -> None:
+    (folder / "path.csv").write_text(f"{PATH}far,5,5,0,0\n", encoding="utf-8")
+    result = run("compensate", "crane.yaml", "path.csv", "--out", "new.csv", "--html", "out.html")
+    assert result.exit_code == 2
+    assert not (folder / "new.csv").exists()
+    text = "".join(Outline((folder / "out.html").read_text(encoding="utf-8")).text)
+    assert "1 of 4 targets cannot be corrected" in text
+    assert "out of reach" in text
 
 
 @pytest.mark.parametrize("command", ["diagnose", "identify"])

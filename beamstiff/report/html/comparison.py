@@ -1,0 +1,250 @@
+"""The report of models side by side: what each leaves on rows that none saw, where, and under which load."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from beamstiff.identify.models import Judged, Models
+from beamstiff.identify.split import KINDS
+from beamstiff.model.protocol import StructuralModel
+from beamstiff.report.compare import loads_table, models_table, models_text, widest_plane
+from beamstiff.report.html.bars import intervals
+from beamstiff.report.html.from_rich import of_rich
+from beamstiff.report.html.page import Page, render
+from beamstiff.report.html.parts import MARGIN, Fact, Figure, Section, Table, axis, css, label, plain_layout
+from beamstiff.report.html.places import LEGEND, Sizes, line_of, over_places, rows_table
+from beamstiff.report.html.provenance import Provenance
+from beamstiff.report.html.robot_view import RobotView, Shown, robot_view
+from beamstiff.report.tables import counted
+from beamstiff.robot.description import Robot
+
+KIND_MARKS = (("circle-open", "muted"), ("circle", "blue"), ("square", "orange"), ("triangle-up", "green"))
+POSES = 5  # that the robot is shown in
+LOOKS = tuple(
+    (symbol, colour)
+    for symbol in ("circle", "square-open", "triangle-up")
+    for colour in ("blue", "orange", "green", "muted")
+)
+
+
+def comparison_html(
+    models: Models,
+    robot: Robot,
+    provenance: Provenance,
+    facts: Mapping[str, Any],
+    notes: Sequence[str] = (),
+) -> str:
+    """Return the report of a comparison as one HTML page.
+
+    Parameters
+    ----------
+    models : Models
+    robot : Robot
+        As it was given.
+    provenance : Provenance
+    facts : mapping
+        What ``--json`` writes.
+    notes : sequence of str
+        About the data.
+    """
+    answered = ranked(models)
+    keys = {f"model{at + 1}": one for at, one in enumerate(answered) if one.name != "rigid"}
+    sizes = Sizes(
+        robot,
+        models.table,
+        {key: 1e3 * one.error for key, one in keys.items()},
+        [one.name for one in keys.values()],
+        "error",
+    )
+    rows = over_places(sizes, joints=False, planes=(widest_plane(models.position),))
+    said = sizes.left_out
+    more = [(f"error {one.name}, mm", 1e3 * one.error) for one in answered]
+    table = rows_table(robot, models.table, sizes.shown, [*more, ("kind", models.split.kind.astype(float))])
+    kinds = "; ".join(f"{at}: {kind}" for at, kind in enumerate(KINDS))
+    return render(
+        Page(
+            title="Comparison of models",
+            robot=robot.name,
+            verdict=_verdict(models),
+            summary=list(_summary(models)),
+            facts=list(_facts(models)),
+            view=_view(models),
+            sections=[
+                _side_by_side(models),
+                _by_load(models),
+                Section("about", "What came out of each", items=models_text(models)),
+                *rows.sections,
+                Section("rows", "The rows", [f"{said} Kinds: {kinds}.".strip()], tables=[table]),
+                Section("notes", "Notes", items=notes),
+            ],
+            provenance=provenance,
+            data=facts,
+            shared=rows.shared,
+        )
+    )
+
+
+def ranked(models: Models) -> list[Judged]:
+    """Return the models that answer for rows that were not fitted, the best first.
+
+    Those that have no answer for some of these rows come last: their error is of fewer rows.
+    """
+    unseen = ~models.split.fitted
+    answered = [one for one in models.judged if one.rms(unseen) is not None]
+    return sorted(answered, key=lambda one: (not _whole(models, one), one.rms(unseen) or 0.0))
+
+
+def _whole(models: Models, one: Judged) -> bool:
+    seen = np.isfinite(models.table.displacement[:, :3]).any(axis=1)
+    return bool(np.isfinite(one.error[~models.split.fitted & seen]).all())
+
+
+def _verdict(models: Models) -> str:
+    best = ranked(models)
+    if not best or models.split.fitted.all():
+        return "No model could be judged by rows that it had not seen"
+    rms = best[0].rms(~models.split.fitted)
+    assert rms is not None
+    held = counted(int((~models.split.fitted).sum()), "row")
+    return f"{best[0].name} predicts best: {1e3 * rms:.4f} mm on {held} that no model saw"
+
+
+def _summary(models: Models) -> Iterator[str]:
+    split = models.split
+    counts = np.bincount(split.kind, minlength=len(KINDS))
+    parts = [f"{counts[k]} {kind}" for k, kind in enumerate(KINDS) if k and counts[k]]
+    yield (
+        f"All models were fitted to the same {counted(int(split.fitted.sum()), 'row')} and judged by "
+        f"{int((~split.fitted).sum())} others ({', '.join(parts)})."
+    )
+    if models.noise is not None:
+        yield f"The stated noise alone leaves {1e3 * models.noise:.4f} mm RMS, and so would the best model."
+    failed = [one.name for one in models.judged if one.model is None]
+    if failed:
+        yield f"These rows cannot carry: {', '.join(failed)}; why is said below."
+
+
+def _facts(models: Models) -> Iterator[Fact]:
+    unseen = ~models.split.fitted
+    for one in ranked(models)[:3]:
+        rms, largest = one.rms(unseen), one.largest(unseen)
+        if rms is not None and largest is not None:
+            outside = int((one.outside & unseen).sum())
+            more = f"; {outside} beyond its training" if outside else ""
+            yield Fact(
+                one.name, f"{1e3 * rms:.4f} mm", f"RMS, held out; at most {1e3 * largest:.3f} mm{more}"
+            )
+    if models.noise is not None:
+        yield Fact("Noise", f"{1e3 * models.noise:.4f} mm", "what noise alone leaves")
+
+
+def _view(models: Models) -> RobotView | None:
+    """Return the best of the models that are robots, at the rows that it predicts worst."""
+    best = [one for one in ranked(models) if isinstance(one.model, StructuralModel)]
+    if not best:
+        return None
+    one, table = best[0], models.table
+    assert isinstance(one.model, StructuralModel)
+    shown, poses = list[Shown](), set[int]()
+    for at in np.argsort(-np.nan_to_num(one.error)).tolist():
+        if len(shown) < POSES and int(table.pose[at]) not in poses:
+            poses.add(int(table.pose[at]))
+            name = f"pose {table.pose[at]}: error {1e3 * one.error[at]:.3g} mm ({line_of(table, at)})"
+            shown.append(Shown(name, table.q[at], table.wrench[at], str(table.load_point[at])))
+    return robot_view(one.model.robot, shown, "share of the strain energy", model=f"the {one.name} model")
+
+
+def _side_by_side(models: Models) -> Section:
+    unseen = ~models.split.fitted
+    best = ranked(models)
+    values = [1e3 * (one.rms(unseen) or 0.0) for one in best]
+    names, ends = [one.name for one in best], [(None, None)] * len(best)
+    traces, layout = intervals(names, values, ends, "RMS of rows not fitted, mm")
+    if models.noise is not None:
+        traces.append(
+            {
+                "type": "scatter",
+                "mode": "lines",
+                "x": [1e3 * models.noise] * 2,
+                "y": [-0.6, len(best) - 0.4],
+                "line": {"color": css("orange"), "dash": "dash"},
+                "name": "noise alone",
+                "hovertemplate": "noise alone: %{x:.4g} mm<extra></extra>",
+            }
+        )
+    partly = [one.name for one in best if not _whole(models, one)]
+    caption = "Root mean square position error over the rows that were not fitted, the best first" + (
+        "; dashed: noise alone." if models.noise is not None else "."
+    )
+    if partly:
+        caption += f" Of fewer rows, where it has an answer: {', '.join(partly)}."
+    table = of_rich(models_table(models, "Position error, RMS / max, mm"))
+    figure = Figure("models", "On rows that none saw", caption, traces, layout, table)
+    kinds = [k for k in range(len(KINDS)) if (models.split.kind == k).any()]
+    return Section("models", "Models side by side", figures=[figure, _by_kind(models, best, kinds)])
+
+
+def _by_kind(models: Models, best: Sequence[Judged], kinds: Sequence[int]) -> Figure:
+    traces = []
+    for k, (symbol, colour) in zip(kinds, KIND_MARKS, strict=False):
+        values = [one.rms(models.split.kind == k) for one in best]
+        traces.append(
+            {
+                "type": "scatter",
+                "mode": "markers",
+                "x": list(range(len(best))),
+                "y": [None if value is None else 1e3 * value for value in values],
+                "text": [label(one.name) for one in best],
+                "hovertemplate": "%{text}: %{y:.4g} mm",
+                "name": KINDS[k],
+                "marker": {"symbol": symbol, "color": css(colour), "size": 10},
+            }
+        )
+    ticks: dict[str, Any] = {
+        "tickvals": list(range(len(best))),
+        "ticktext": [label(one.name) for one in best],
+    }
+    layout = plain_layout(
+        420,
+        margin=MARGIN | {"t": LEGEND + 10},
+        xaxis=axis(**ticks),
+        yaxis=axis("RMS, mm", type="log", exponentformat="power"),
+    )
+    caption = (
+        "Fitted rows beside what was held out: a model that only remembers does well on the first alone."
+    )
+    return Figure("kinds", "By what was held out", caption, traces, layout)
+
+
+def _by_load(models: Models) -> Section:
+    split, unseen = models.split, ~models.split.fitted
+    levels = [at for at in range(len(split.loads)) if (unseen & (split.level == at)).any()]
+    if len(levels) < 2:
+        return Section("loads", "By load")
+    traces = []
+    for one, (symbol, colour) in zip(ranked(models), LOOKS, strict=False):
+        values = [one.rms(unseen & (split.level == at)) for at in levels]
+        traces.append(
+            {
+                "type": "scatter",
+                "mode": "lines+markers",
+                "x": [float(f"{split.loads[at]:.5g}") for at in levels],
+                "y": [None if value is None else 1e3 * value for value in values],
+                "name": label(one.name),
+                "marker": {"symbol": symbol, "color": css(colour), "size": 9},
+                "line": {"color": css(colour), "width": 1.5},
+                "hovertemplate": "%{y:.4g} mm under %{x} " + split.unit,
+            }
+        )
+    layout = plain_layout(
+        420,
+        margin=MARGIN | {"t": LEGEND + 30},
+        xaxis=axis(f"load, {split.unit}"),
+        yaxis=axis("RMS of rows not fitted, mm", type="log", exponentformat="power"),
+    )
+    table: Table = of_rich(loads_table(models, "Rows not fitted, by load: RMS / max, mm"))
+    figure = Figure("loads-rms", "Errors by load", "Of rows that were not fitted.", traces, layout, table)
+    return Section("loads", "By load", figures=[figure])

@@ -1,0 +1,358 @@
+"""The report of an exam: what was asked and what was reached, how far probabilities hold, the worst class."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from beamstiff.gap.exam import score
+from beamstiff.gap.exam.calibration import calibration_error, reliability
+from beamstiff.gap.exam.names import EFFECTS, FAILED, NONE, UNKNOWN
+from beamstiff.gap.exam.rates import Figure as Rate
+from beamstiff.gap.exam.record import Record
+from beamstiff.gap.exam.table import Row, by_design, controls, effect_figures, headline
+from beamstiff.report import exam as told
+from beamstiff.report.html.bars import named_rows
+from beamstiff.report.html.from_rich import of_rich
+from beamstiff.report.html.matrix import confusion_figure
+from beamstiff.report.html.page import Page, render
+from beamstiff.report.html.parts import MARGIN, Fact, Figure, Section, Table, axis, css, label, plain_layout
+from beamstiff.report.html.places import LEGEND
+from beamstiff.report.html.provenance import Provenance
+from beamstiff.report.tables import counted
+
+Records = Sequence[Record]
+ORDER = (*EFFECTS, NONE, UNKNOWN, FAILED, "removed", "outside")
+MARKS = {
+    "aim": ("circle", "green"),
+    "required": ("circle", "blue"),
+    "missed": ("x", "hot"),
+    None: ("circle-open", "muted"),
+}
+
+
+def exam_html(
+    records: Records,
+    examined: str,
+    provenance: Provenance,
+    facts: Mapping[str, Any],
+    plan: bool = False,
+    notes: Sequence[str] = (),
+) -> str:
+    """Return the report of an exam as one HTML page.
+
+    Parameters
+    ----------
+    records : sequence of Record
+    examined : str
+        The robot, or what else.
+    provenance : Provenance
+    facts : mapping
+        What ``--json`` writes.
+    plan : bool
+        The cases are of one campaign: what could it find?
+    notes : sequence of str
+    """
+    rich, lean = by_design(records)
+    main = rich or lean
+    rows = [row for row in headline(main, lean=not rich) if row.figure.count]
+    return render(
+        Page(
+            title="Exam of a plan" if plan else "Exam of the diagnosis",
+            robot=examined,
+            verdict=_verdict(rows, records),
+            summary=list(_summary(main, lean if rich else [], rows)),
+            facts=list(_facts(main)),
+            view=None,
+            sections=[
+                _asked(rows),
+                _reliability(main),
+                _effects(main, plan),
+                _confusion(main),
+                _sorts(records, lean if rich else []),
+                _controls(main),
+                _failures(records),
+                Section("notes", "Notes", items=notes),
+            ],
+            provenance=provenance,
+            data=facts,
+        )
+    )
+
+
+def _verdict(rows: Sequence[Row], records: Records) -> str:
+    asked = [row for row in rows if row.met is not None]
+    met = sum(row.met != "missed" for row in asked)
+    return f"{met} of {len(asked)} required figures reached, in {counted(len(records), 'case')}"
+
+
+def _summary(main: Records, lean: Records, rows: Sequence[Row]) -> Iterator[str]:
+    yield (
+        "Machines with something wrong that the diagnosis is not told were simulated by a program that "
+        "shares no equations with it, and diagnosed from their rows alone."
+    )
+    if missed := [row for row in rows if row.met == "missed"]:
+        parts = [f"{row.name} {_text(row, row.figure.value)} (asked {_asked_text(row)})" for row in missed]
+        yield f"Missed: {'; '.join(parts)}."
+    if worst := score.worst_first(main):
+        effect, cases = worst[0]
+        found = effect_figures(cases)
+        yield (
+            f"The worst class is {effect}: the verdict's set holds the truth in "
+            f"{_share(found['covered'])} of {counted(len(cases), 'case')}, exactly right are "
+            f"{_share(found['exact'])}."
+        )
+    if lean:
+        yield f"Lean designs, {counted(len(lean), 'case')}, stand apart: little is asked of them."
+    if broken := sum(record.error is not None for record in main):
+        yield f"The diagnosis broke off in {counted(broken, 'case')}, which count as wrong."
+
+
+def _facts(main: Records) -> Iterator[Fact]:
+    singles = score.clear_singles(main)
+    for name, figure, meaning in (
+        ("False alarms", score.false_alarms(main), "of machines with nothing wrong"),
+        ("Exact", score.exact(singles), "cause and place, one effect, gap above the noise"),
+        ("Set holds the truth", score.coverage(singles), "verdict, and what it cannot tell from it"),
+    ):
+        if figure.value is not None:
+            yield Fact(name, _share(figure), f"{meaning}; {counted(figure.count, 'case')}")
+    error = calibration_error(main)
+    if error.value is not None:
+        yield Fact("Calibration error", f"{error.value:.3f}", "probability said against share that is right")
+
+
+def _asked(rows: Sequence[Row]) -> Section:
+    shares = [row for row in rows if row.share]
+    traces = [_intervals([row.figure for row in shares])]
+    for key, name in (
+        ("aim", "aim reached"),
+        ("required", "required reached"),
+        ("missed", "missed"),
+        (None, "not asked"),
+    ):
+        own = [at for at, row in enumerate(shares) if row.met == key]
+        symbol, colour = MARKS[key]
+        if own:
+            traces.append(
+                {
+                    "type": "scatter",
+                    "mode": "markers",
+                    "x": [shares[at].figure.value for at in own],
+                    "y": own,
+                    "text": [label(f"{shares[at].name}: {_share(shares[at].figure)}") for at in own],
+                    "hovertemplate": "%{text}<extra></extra>",
+                    "name": name,
+                    "marker": {"symbol": symbol, "color": css(colour), "size": 11},
+                }
+            )
+    asked = [at for at, row in enumerate(shares) if row.required is not None]
+    if asked:
+        traces.append(
+            {
+                "type": "scatter",
+                "mode": "markers",
+                "x": [shares[at].required for at in asked],
+                "y": asked,
+                "name": "required",
+                "hovertemplate": "required: %{x:.0%}<extra></extra>",
+                "marker": {"symbol": "line-ns-open", "color": css("ink"), "size": 20, "line": {"width": 2}},
+            }
+        )
+    layout = named_rows(
+        [row.name for row in shares], "share of the cases", tickformat=".0%", range=[-0.02, 1.02]
+    )
+    layout |= {"showlegend": True, "margin": MARGIN | {"t": LEGEND}, "height": layout["height"] + 30}
+    caption = "What was reached, with its 95 % interval; the upright line is what is required."
+    table = of_rich(told.headline_table(rows, "Asked and reached"))
+    return Section(
+        "asked",
+        "Asked and reached",
+        figures=[Figure("asked-shares", "Shares", caption, traces, layout, table)],
+    )
+
+
+def _intervals(figures: Sequence[Rate]) -> dict[str, Any]:
+    x: list[float | None] = []
+    y: list[float | None] = []
+    for at, one in enumerate(figures):
+        x += [one.low, one.high, None]
+        y += [at, at, None]
+    return {
+        "type": "scatter",
+        "mode": "lines",
+        "x": x,
+        "y": y,
+        "line": {"color": css("muted"), "width": 4},
+        "name": "95 %",
+        "hoverinfo": "skip",
+    }
+
+
+def _reliability(records: Records) -> Section:
+    bins = reliability(records)
+    if not bins:
+        return Section("reliability", "Probabilities")
+    right = [item.right.value or 0.0 for item in bins]
+    texts = [
+        f"{item.low:.1f} to {item.high:.1f}: {_share(item.right)} of {item.right.count} right"
+        for item in bins
+    ]
+    said = [item.said for item in bins]
+    traces: list[dict[str, Any]] = [
+        {
+            "type": "scatter",
+            "mode": "lines",
+            "x": [0, 1],
+            "y": [0, 1],
+            "line": {"color": css("muted"), "width": 1},
+            "name": "as said",
+            "hoverinfo": "skip",
+        },
+        {
+            "type": "scatter",
+            "mode": "markers",
+            "x": said,
+            "y": right,
+            "text": texts,
+            "hovertemplate": "%{text}<extra></extra>",
+            "name": "examined, 95 %",
+            "marker": {"color": css("blue"), "size": 9},
+            "error_y": {
+                "type": "data",
+                "symmetric": False,
+                "array": [(one.right.high or 0.0) - value for one, value in zip(bins, right, strict=True)],
+                "arrayminus": [
+                    value - (one.right.low or 0.0) for one, value in zip(bins, right, strict=True)
+                ],
+                "color": css("blue"),
+                "thickness": 1.5,
+            },
+        },
+    ]
+    share = {"tickformat": ".0%", "range": [0, 1.02]}
+    layout = plain_layout(
+        430,
+        margin=MARGIN | {"t": LEGEND},
+        xaxis=axis("probability said of the verdict", **share),
+        yaxis=axis("share of verdicts that are right", **share),
+    )
+    table = of_rich(told.reliability_table(records), shown=False)
+    caption = "On the line, a verdict called 80 % sure is right in 80 % of the cases."
+    counts = {
+        "type": "bar",
+        "x": [0.5 * (one.low + one.high) for one in bins],
+        "y": [one.right.count for one in bins],
+        "width": [0.95 * (one.high - one.low) for one in bins],
+        "text": texts,
+        "textposition": "none",
+        "hovertemplate": "%{text}<extra></extra>",
+        "marker": {"color": css("blue")},
+        "name": "cases",
+    }
+    how_many = plain_layout(
+        430, xaxis=axis("probability said of the verdict", **share), yaxis=axis("cases"), showlegend=False
+    )
+    return Section(
+        "reliability",
+        "How far probabilities can be trusted",
+        figures=[
+            Figure("reliability-right", "Reliability", caption, traces, layout, table),
+            Figure(
+                "reliability-cases", "How often said", "Cases by the probability said.", [counts], how_many
+            ),
+        ],
+    )
+
+
+def _effects(records: Records, plan: bool) -> Section:
+    worst = score.worst_first(records)
+    if not worst:
+        return Section("effects", "By effect")
+    figures = []
+    for key, title, caption in (
+        (
+            "covered",
+            "The verdict's set holds the truth",
+            "Single effects, gap at least the noise, the worst first.",
+        ),
+        ("exact", "Cause and place exactly right", "The same cases, in the same order."),
+    ):
+        rates = [effect_figures(cases)[key] for _, cases in worst]
+        names = [effect for effect, _ in worst]
+        traces = [
+            _intervals(rates),
+            {
+                "type": "scatter",
+                "mode": "markers",
+                "x": [one.value for one in rates],
+                "y": list(range(len(rates))),
+                "text": [
+                    label(f"{name}: {_share(one)} of {one.count}")
+                    for name, one in zip(names, rates, strict=True)
+                ],
+                "hovertemplate": "%{text}<extra></extra>",
+                "marker": {"color": css("blue"), "size": 10},
+                "name": title,
+            },
+        ]
+        layout = named_rows(names, "share of the cases, 95 %", tickformat=".0%", range=[-0.02, 1.02])
+        figures.append(Figure(f"effects-{key}", title, caption, traces, layout))
+    tables: list[Table] = [of_rich(told.effects_table(records)), of_rich(told.bands_table(records))]
+    if plan:
+        tables = [of_rich(one) for one in told.plan_tables(records)]
+    return Section("effects", "By effect, the worst first", figures=figures, tables=tables)
+
+
+def _confusion(records: Records) -> Section:
+    counts = score.confusion(records)
+    if not counts:
+        return Section("confusion", "Confusion")
+    given = {name for row in counts.values() for name in row} | set(counts)
+    order = (*ORDER, *sorted(given - set(ORDER)))
+    table = of_rich(told.confusion_table(records), shown=False)
+    text = (
+        "Of cases whose gap is at least the noise. Of removed the effect was taken from the library, "
+        "outside are in nobody's."
+    )
+    return Section(
+        "confusion",
+        "What was taken for what",
+        [text],
+        [confusion_figure(counts, order, table)],
+    )
+
+
+def _sorts(records: Records, lean: Records) -> Section:
+    tables = [of_rich(told.groups_table(records))]
+    if lean:
+        rows = [row for row in headline(lean, lean=True) if row.figure.count]
+        tables.append(
+            of_rich(told.headline_table(rows, f"Lean designs: {counted(len(lean), 'case')}"), shown=False)
+        )
+    return Section("sorts", "By sort of case", tables=tables)
+
+
+def _controls(records: Records) -> Section:
+    text = "What chance and plain methods get exactly right, so that the figures above have a measure."
+    return Section("controls", "Controls", [text], tables=[of_rich(told.control_table(controls(records)))])
+
+
+def _failures(records: Records) -> Section:
+    broken = any(record.error is not None for record in records)
+    tables = [of_rich(told.failures_table(records))] if broken else []
+    return Section("failures", "Where the diagnosis broke off", tables=tables)
+
+
+def _share(figure: Rate) -> str:
+    return "-" if figure.value is None else f"{100 * figure.value:.1f} %"
+
+
+def _text(row: Row, value: float | None) -> str:
+    if value is None:
+        return "-"
+    return f"{100 * value:.1f} %" if row.share else f"{value:.3f}"
+
+
+def _asked_text(row: Row) -> str:
+    return f"{'at least' if row.better == 'high' else 'at most'} {_text(row, row.required)}"
