@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from beamstiff.se3 import Array
 
 REFUSE, KEEP = "refuse", "keep"
+VISIBLE = 1e-6  # m
 
 
 def compensate(
@@ -184,10 +185,10 @@ def compensate(
             program, machine, load, steps=steps, start=start, taught=taught, positions_only=positions_only
         )
     placed = base is not None or tool is not None
-    notes = _notes(result, machine, program, placed=placed, branch=bool(q))
+    notes = _notes(result, machine, program, placed=placed, branch=bool(q), taught=taught)
     for note in notes:
         say(f"note: {note}", quiet)
-    facts = _facts(result, controller)
+    facts = _facts(result, controller) | {"notes": notes}
     if html is not None and source is not None:
         from beamstiff.report.html.compensation import compensation_html
 
@@ -246,14 +247,24 @@ def _steps(text: str | None) -> tuple[float, float] | None:
     return found["step"], found["angle"]
 
 
-def _notes(result: Compensated, machine: Machine, program: Program, placed: bool, branch: bool) -> list[str]:
+def _notes(
+    result: Compensated, machine: Machine, program: Program, placed: bool, branch: bool, taught: bool
+) -> list[str]:
     """Return what is worth knowing, where the frames are `placed` and the `branch` is chosen or not."""
     from beamstiff.cli.variables import shown_value
+    from beamstiff.robot.stiffness import missing_stiffness
 
-    found, said = result.correction, list(program.notes)
+    found, said = result.correction, [*([] if taught else _unproven(result, machine)), *program.notes]
+    if missing_stiffness(machine.real) and not machine.real.effects:
+        what = "differ in geometry alone" if machine.actual is not None else "are one and the same"
+        said.append(
+            f"robot {machine.real.name!r} is rigid: weight and load move nothing, so that controller and "
+            f"real robot {what}; give it a stiffness, or the real robot as --actual"
+        )
     if not placed and program.frames:
         said.append(
-            f"{'; '.join(program.frames)}: --base and --tool say where this is, here both are left out"
+            f"{'; '.join(program.frames)}: --base and --tool say where this is, here both are left out: the "
+            f"path counts from the robot's base, and is that of its TCP {machine.controller.tcp!r}"
         )
     if not branch:
         names = [variable.name for variable in machine.controller.actuated]
@@ -268,6 +279,20 @@ def _notes(result: Compensated, machine: Machine, program: Program, placed: bool
         said.append(f"{effects_text(machine.set_aside)}: of measuring, which moves no tool: left out")
     if machine.real.effects:
         said.append(f"with the robot's effects: {effects_text(machine.real.effects)}")
+    return said
+
+
+def _unproven(result: Compensated, machine: Machine) -> list[str]:
+    """Return what effects do to the unloaded robot: displacements that they were found from do not fix it."""
+    said = []
+    for effect, parts in machine.by_effects_at_rest(result.correction.q[result.known]).items():
+        shown = [f"{name} {1e3 * size:.2g} mm" for name, size in parts.items() if size > VISIBLE]
+        if shown:
+            said.append(
+                f"the correction takes {effect} to move the unloaded tool already ({', '.join(shown)}): "
+                "displacements, loaded minus unloaded, do not fix that part, absolute positions do; check a "
+                "target, or teach the targets and correct what the load does alone (--taught)"
+            )
     return said
 
 

@@ -112,6 +112,30 @@ class Machine:
         result: Array = weight + given + effects_displacement(self.real, rows)
         return result
 
+    def by_effects_at_rest(self, q: Array) -> dict[str, dict[str, float]]:
+        """Return how far each effect of the real robot moves the unloaded tool, at most, m, by parameter.
+
+        Displacements, loaded less unloaded, do not show it: what an effect does to both readings drops out.
+
+        Parameters
+        ----------
+        q : (N, A) array
+        """
+        rows = self._rows(q, np.zeros((len(q), 6)))
+        moved: dict[str, dict[str, Array]] = {}
+        for effect in self.real.effects:
+            of_effect = moved.setdefault(f"{effect.effect}:{effect.component or 'null'}", {})
+            for name, value in effect.parameters.items():
+                alone = effect.model_copy(update={"parameters": {name: value}})
+                by_one = effects_displacement(self.real.model_copy(update={"effects": (alone,)}), rows)
+                of_effect[name] = of_effect.get(name, 0.0) + by_one[:, :3]
+        return {
+            effect: {
+                name: float(np.linalg.norm(shift, axis=1).max(initial=0.0)) for name, shift in parts.items()
+            }
+            for effect, parts in moved.items()
+        }
+
     def displaced(self, undeformed: Array, moved: Array) -> Array:
         """Return the poses (N, 4, 4) of the tool whose `tcp` node has moved by ``[d, r]`` (N, 6)."""
         node = undeformed @ np.linalg.inv(self.frames.tool)

@@ -13,7 +13,7 @@ from rich.table import Table
 from beamstiff.compensate.rewrite import Compensated
 from beamstiff.report.figures import BLUE, GREEN, GREY, ORANGE, new_figure, plain
 from beamstiff.report.tables import add_rows, counted, number, table
-from beamstiff.se3 import Array
+from beamstiff.se3 import Array, vector_from_rotation
 
 NOTHING = 1e-6  # mm
 
@@ -41,17 +41,21 @@ def size_of(errors: Array) -> Size:
 def compensation_table(result: Compensated) -> Table:
     """Return a table: every target, the error of the tool before and after, how far its command moved."""
     found = result.correction
-    columns = ("line", "load [N]", "before [mm]", "[deg]", "after [mm]", "[deg]", "command moved [mm]", "")
+    before, after = ("before [mm]", "[deg]"), ("after [mm]", "[deg]")
+    columns = ("line", "load [N]", *before, *after, "command moved [mm]", "turned [deg]", "")
     made = table("Predicted error of the tool at the targets", "target", *columns)
     made.columns[-1].justify = "left"
     shift = found.commands[:, :3, 3] - found.path.poses[:, :3, 3]
+    between = found.commands[:, :3, :3] @ found.path.poses[:, :3, :3].swapaxes(-1, -2)
+    turns = np.linalg.norm(vector_from_rotation(between), axis=1)
     rows = []
     for row, name in enumerate(found.path.names):
         cells = [name, str(found.path.lines[row]), number(_length(found.wrench[row, :3]))]
         for errors in (found.before, result.after):
             far, turned = _length(errors[row, :3]), _length(errors[row, 3:])
-            cells += ["", ""] if np.isnan(far) else [number(1e3 * far), number(np.degrees(turned))]
-        cells += [number(1e3 * _length(shift[row])), found.reasons.get(row, "")]
+            cells += ["", ""] if np.isnan(far) else [_seen(1e3 * far), _seen(np.degrees(turned))]
+        cells += [_seen(1e3 * _length(shift[row])), _seen(np.degrees(turns[row]))]
+        cells += [found.reasons.get(row, "")]
         rows.append(cells)
     add_rows(made, rows)
     return made
@@ -73,12 +77,13 @@ def compensation_text(result: Compensated) -> str:
     before, after = size_of(result.correction.before[known]), size_of(result.after[known])
     targets = counted(int(known.sum()), "target")
     text = (
-        f"Predicted error of the tool at {targets}: RMS {number(before.rms_mm)} mm, "
-        f"at most {number(before.max_mm)} mm and {number(before.max_deg)} deg; with the commands as written "
-        f"RMS {number(after.rms_mm)} mm, at most {number(after.max_mm)} mm and {number(after.max_deg)} deg"
+        f"Predicted error of the tool at {targets}: RMS {_seen(before.rms_mm)} mm, "
+        f"at most {_seen(before.max_mm)} mm and {_seen(before.max_deg)} deg; with the commands as written "
+        f"RMS {_seen(after.rms_mm)} mm, at most {_seen(after.max_mm)} mm and {_seen(after.max_deg)} deg"
     )
     if before.rms_mm > NOTHING:
-        text += f" ({100 * (1 - after.rms_mm / before.rms_mm):.2f} % less)"
+        less = 100 * (1 - after.rms_mm / before.rms_mm)
+        text += f" ({less:.2f} % less, if the robot is as it is described)"
     turned = result.correction.turned
     if not turned.all():
         what = "all targets" if not turned.any() else counted(int((~turned).sum()), "target")
@@ -144,6 +149,11 @@ def _draw_size(axes: Axes, result: Compensated, known: NDArray[np.bool_]) -> Non
     axes.set_ylabel("distance of the tool from its target, mm")
     axes.legend(frameon=False)
     plain(axes)
+
+
+def _seen(size: float) -> str:
+    """Return a size in mm or degrees; what is rounding is 0."""
+    return number(size) if size > NOTHING else "0"
 
 
 def _length(vector: Array) -> float:

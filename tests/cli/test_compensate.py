@@ -225,3 +225,75 @@ def test_the_help_teaches(run: Callable[..., Any]) -> None:
     text = run("compensate", "--help").stdout
     assert "beamstiff compensate kr500 cell.src" in text
     assert "base frame" in " ".join(text.lower().split())
+
+
+TABLE = """\
+x [mm],y [mm],z [mm],a [deg],b [deg],c [deg],fz [N]
+1500,-200,900,0,110,0,-900
+1500,200,900,0,110,0,-900
+"""
+PLAY = (
+    "masses: [{node: n6b, mass: 200 kg}]\n"
+    "effects: [{effect: backlash, component: q3, shape: 'flank within 0.03, off rest', "
+    "parameters: {half_width: 1.5e-4, rest: 1e-4}, scales: {torque: 2000}}]\n"
+)
+
+
+def test_what_displacements_cannot_fix_is_not_promised(cell: Path, run: Callable[..., Any]) -> None:
+    """An effect that moves the unloaded tool too was found from differences, in which that drops out."""
+    from beamstiff import load_robot
+    from beamstiff.robot.writer import robot_to_yaml
+
+    (cell / "play.yaml").write_text(robot_to_yaml(load_robot("kr500")) + PLAY)
+    (cell / "path.csv").write_text("# orientation: KUKA ABC\n" + TABLE)
+    result = run("compensate", "kr500", "path.csv", "--actual", "play.yaml")
+    told = re.search(
+        r"note: the correction takes backlash:q3 to move the unloaded tool already "
+        r"\(half_width (\S+) mm, rest (\S+) mm\): displacements, loaded minus unloaded, do not fix",
+        result.stderr,
+    )
+    assert told is not None, result.stderr
+    assert float(told[1]) == pytest.approx(1.5 * float(told[2]), rel=0.05)  # the torque is far from zero
+    assert "% less, if the robot is as it is described)" in " ".join(result.stdout.split())
+    assert (
+        "unloaded tool"
+        not in run("compensate", "kr500", "path.csv", "--actual", "play.yaml", "--taught").stderr
+    )
+    assert "unloaded tool" not in run("compensate", "kr500", "path.csv").stderr
+
+
+def test_a_rigid_robot_is_said_to_be_one_and_rounding_is_nothing(
+    folder: Path, run: Callable[..., Any]
+) -> None:
+    text = (folder / "crane.yaml").read_text().replace("identify: [J1.torsional]\n", "")
+    (folder / "rigid.yaml").write_text(re.sub('"[0-9]e6 N.*?"', "rigid", text))
+    (folder / "path.csv").write_text("x,y,z\n1,0,0\n0.8,0.6,0\n")
+    result = run("compensate", "rigid.yaml", "path.csv")
+    assert result.exit_code == 0, result.output
+    assert "note: robot 'crane' is rigid: weight and load move nothing" in result.stderr
+    assert "RMS 0 mm, at most 0 mm" in result.stdout
+    assert "e-1" not in result.stdout
+
+
+def test_angles_without_a_declaration_are_said_to_be_rotation_vectors(
+    cell: Path, run: Callable[..., Any]
+) -> None:
+    told = "note: path.csv: a, b, c are read as rotation vectors"
+    for head, noted in (
+        ("", True),
+        ("# orientation: rotation vector\n", False),
+        ("# orientation: KUKA ABC\n", False),
+    ):
+        (cell / "path.csv").write_text(head + TABLE)
+        assert (told in run("compensate", "kr500", "path.csv").stderr) == noted
+
+
+def test_how_far_a_command_turns_is_told_beside_how_far_it_moves(cell: Path, run: Callable[..., Any]) -> None:
+    """At B = 90 deg the angles of a command jump though it turns by a tenth of a degree."""
+    (cell / "steep.src").write_text(PROGRAM.replace("B 110", "B 90"))
+    result = run("compensate", "kr500", "steep.src", "--wrench", "fz=-900N", "--json", "said.json")
+    facts = json.loads((cell / "said.json").read_text())
+    assert "turned [deg]" in result.stdout
+    assert 0 < facts["before"]["max_deg"] < 0.5
+    rows = [line.split() for line in result.stdout.splitlines() if line.startswith("LIN")]
+    assert [float(row[-1]) for row in rows] == pytest.approx([float(row[4]) for row in rows], abs=0.01)

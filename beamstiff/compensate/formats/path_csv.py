@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -108,7 +108,14 @@ def read(text: str, source: str) -> Program:
             f"{source}: found no row, expected a header with x, y, z and a row for each target"
         )
     orientation, names = _orientation([column.name for column in header], declared, source, header_line)
-    return _program(text, source, header, rows, orientation, names)
+    program = _program(text, source, header, rows, orientation, names)
+    if names != ANGLES or declared is not None or (program.path.poses[:, :3, :3] == np.eye(3)).all():
+        return program
+    note = (
+        f"{source}: a, b, c are read as rotation vectors; angles of a controller are declared before the "
+        "header: # orientation: KUKA ABC"
+    )
+    return replace(program, notes=(*program.notes, note))
 
 
 def write(path: ToolPath, made_by: str) -> str:
