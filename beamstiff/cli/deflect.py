@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -10,6 +11,7 @@ import typer
 from beamstiff.cli.data import read_tables
 from beamstiff.cli.options import DataFile, Debug, Html, Json, Preload, Quiet, RobotFile, robot_file
 from beamstiff.cli.output import check_outputs, effects_text, people, source_of, working, write_json
+from beamstiff.errors import BeamstiffError
 from beamstiff.files import write_whole
 from beamstiff.report.tables import add_rows, number, table
 
@@ -36,6 +38,17 @@ def deflect(
             "--out", metavar="FILE", help="Write the loads with the predicted displacements as a CSV table."
         ),
     ] = None,
+    vtu: Annotated[
+        str | None,
+        typer.Option(
+            "--vtu",
+            metavar="FILE",
+            help="Write the deformed structure for ParaView (.vtu): of the row that moves most, or --line.",
+        ),
+    ] = None,
+    line: Annotated[
+        int | None, typer.Option("--line", metavar="N", help="With --vtu: the line of DATA whose row it is.")
+    ] = None,
     html: Html = None,
     quiet: Quiet = False,
     debug: Debug = False,  # noqa: ARG001
@@ -57,6 +70,7 @@ def deflect(
       beamstiff deflect cantilever loads.csv
       beamstiff deflect ir663 measured.csv --json predicted.json --out predicted.csv
       beamstiff deflect kr240-2 loads.csv --preload --html report.html
+      beamstiff deflect kr240-2 loads.csv --vtu shape.vtu --line 3
 
     \b
     A table of loads (passive joint variables are solved, missing wrench columns are 0):
@@ -71,9 +85,14 @@ def deflect(
     description = load_robot(robot)
     if not description.effects:
         check_stiffness(description)
-    check_outputs([robot_file(robot), data], json, out=out, html=html)
+    check_outputs([robot_file(robot), data], json, out=out, vtu=vtu, html=html)
+    if vtu is not None and Path(vtu).suffix.lower() != ".vtu":
+        raise BeamstiffError(f"--vtu {vtu}: found the ending {Path(vtu).suffix!r}, expected .vtu")
+    if line is not None and vtu is None:
+        raise BeamstiffError("--line: goes with --vtu")
     source = source_of(context, html, [robot_file(robot), data])
     (loads,), notes = read_tables([data], description, quiet, require_measured=False)
+    shape_of = None if line is None else _row_of(loads, line)
     with working(f"deflecting {len(loads)} rows", quiet):
         predicted = predict_displacements(description, loads, preload)
         if description.effects:
@@ -90,6 +109,9 @@ def deflect(
     console.print("\n".join(said))
     if out is not None:
         write_whole(out, _csv(description, loads, predicted, preload))
+    if vtu is not None:
+        most = (predicted[:, :3] ** 2).sum(axis=1).argmax()
+        console.print(_write_shape(description, loads, int(most) if shape_of is None else shape_of, vtu))
     facts = {"displacement": predicted.tolist()}
     if html is not None and source is not None:
         from beamstiff.report.html.deflection import deflection_html
@@ -98,6 +120,25 @@ def deflect(
             said.append("With gravity and K_C; the shape that is drawn is the linear one, without them.")
         write_whole(html, deflection_html(description, loads, predicted, source, facts, notes, said))
     write_json(facts, json)
+
+
+def _row_of(loads: Measurements, line: int) -> int:
+    """Return the row that stands on a line of the table."""
+    lines: list[int] = loads.rows.tolist()
+    if line not in lines:
+        raise BeamstiffError(
+            f"--line {line}: is no row of {loads.source}, expected a line from {lines[0]} to {lines[-1]}"
+        )
+    return lines.index(line)
+
+
+def _write_shape(robot: Robot, loads: Measurements, row: int, path: str) -> str:
+    """Write the structure as the load of a row deforms it, and return what was written."""
+    from beamstiff.report.vtk import write_vtu
+
+    write_vtu(robot, loads.q[row], loads.wrench[row], path, point=str(loads.load_point[row]))
+    where = f"the structure under the load of line {loads.rows[row]}"
+    return f"{path}: {where}, linear, without gravity; warp by `displacement`."
 
 
 def gap_text(measured: Measurements, predicted: Array) -> str:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 from beamstiff import load_robot, read_measurements
 from beamstiff.cli.deflect import without_rounding
@@ -79,3 +80,35 @@ def test_a_rotation_that_is_rounding_is_shown_as_none() -> None:
     moved = np.array([[1e-3, 0, 2e-9, 3e-19, 0, -1e-18], [0, 1e-4, 0, 0, 0, 1e-9]])
     expected = np.array([[1e-3, 0, 2e-9, 0, 0, 0], [0, 1e-4, 0, 0, 0, 1e-9]])
     np.testing.assert_array_equal(without_rounding(moved), expected)
+
+
+def test_the_deformed_structure_is_written_for_paraview(run: Run, folder: Path) -> None:
+    def moved(*more: str) -> list[float]:
+        result = run("deflect", "crane.yaml", "crane.csv", "--vtu", "shape.vtu", *more)
+        assert (result.exit_code, result.stderr) == (0, "")
+        text = (folder / "shape.vtu").read_text().partition('Name="displacement"')[2]
+        return [float(value) for value in text.splitlines()[3].split()]  # of the tip, the third node
+
+    np.testing.assert_allclose(moved(), BY_HAND[0, :3], atol=1e-15)  # the first of those that move most
+    np.testing.assert_allclose(moved("--line", "6"), BY_HAND[3, :3], atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--vtu", "shape.vtk"), "found the ending '.vtk', expected .vtu"),
+        (
+            ("--vtu", "shape.vtu", "--line", "7"),
+            "--line 7: is no row of crane.csv, expected a line from 3 to 6",
+        ),
+        (("--line", "3"), "--line: goes with --vtu"),
+        (("--vtu", "crane.csv"), "would overwrite the input crane.csv"),
+    ],
+)
+def test_a_structure_that_cannot_be_written_is_refused(
+    run: Run, folder: Path, options: tuple[str, ...], message: str
+) -> None:
+    result = run("deflect", "crane.yaml", "crane.csv", *options)
+    assert result.exit_code == 2
+    assert message in result.stderr
+    assert not (folder / "shape.vtu").exists()
