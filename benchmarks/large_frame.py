@@ -141,9 +141,8 @@ def verdicts(kind: str, dofs: float, reports: dict[str, dict[str, Any]]) -> dict
             said[DEFAULT] += f"; {memory:.1f} GB, asked 6: {_reached(memory <= 6)}"
             said[DEFAULT] += f"; error {error:.0e}, asked 1e-09: {_reached(error <= 1e-9)}"
         return said
-    if dofs <= 1e5:
-        return beside("condensation", [OPENSEES], 0.5)
-    return beside("condensation", ["multigrid"], 1.0)
+    others, asked = ([OPENSEES], 0.5) if dofs <= 1e5 else (["multigrid"], 1.0)
+    return beside(DEFAULT, others, asked) | beside("condensation", others, asked)
 
 
 def _reached(reached: bool) -> str:

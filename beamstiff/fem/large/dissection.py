@@ -49,11 +49,17 @@ class Group:
     children: tuple[int, ...]
 
 
+def _middle(values: Array) -> float:
+    """Return the median, of an even number the lower one of the two in the middle."""
+    at = (len(values) - 1) // 2
+    return float(np.partition(values, at)[at])
+
+
 def _half(points: Array) -> NDArray[np.bool_]:
     """Return which points lie in the lower half along their longest extent."""
     extent = np.ptp(points, axis=0)
     along = points[:, int(np.argmax(extent))]
-    low: NDArray[np.bool_] = along < np.median(along) + 1e-9 * extent.max()
+    low: NDArray[np.bool_] = along <= _middle(along) + 1e-9 * extent.max()
     if low.all() or not low.any():  # all at one place: by halves
         low = np.arange(len(points)) < len(points) // 2
     return low
@@ -66,8 +72,8 @@ def _cuts(points: Array) -> Iterator[NDArray[np.bool_]]:
     if len(points) < MANY or extent.max() > COMPACT * extent.min():
         return
     for along in DIAGONALS @ points.T:
-        middle, rounding = np.median(along), 1e-9 * np.ptp(along)
-        for low in (along < middle + rounding, along < middle - rounding):
+        middle, rounding = _middle(along), 1e-9 * np.ptp(along)
+        for low in (along <= middle + rounding, along <= middle - rounding):
             if low.any() and not low.all():
                 yield low
 
@@ -134,13 +140,18 @@ def dissect(graph: sparse.csr_array, points: Array, last: Index) -> tuple[Index,
     found: list[tuple[int, int, tuple[int, ...]]] = []
     placed = 0
 
-    def meets(nodes: Index, mark: int) -> NDArray[np.bool_]:
-        """Return which of the nodes have a neighbour on a side."""
+    def around(nodes: Index) -> tuple[Index, Index]:
+        """Return the neighbours of some nodes, and which of the nodes each is a neighbour of."""
         counts = pointers[nodes + 1] - pointers[nodes]
         owner = np.repeat(np.arange(len(nodes)), counts)
-        entries = np.arange(counts.sum()) + np.repeat(pointers[nodes] - (np.cumsum(counts) - counts), counts)
+        entries = np.arange(len(owner)) + np.repeat(pointers[nodes] - (np.cumsum(counts) - counts), counts)
+        return neighbours[entries], owner
+
+    def meets(nodes: Index, mark: int) -> NDArray[np.bool_]:
+        """Return which of the nodes have a neighbour on a side."""
+        beside, owner = around(nodes)
         result = np.zeros(len(nodes), dtype=np.bool_)
-        result[owner[side[neighbours[entries]] == mark]] = True
+        result[owner[side[beside] == mark]] = True
         return result
 
     def add(nodes: Index, children: tuple[int, ...]) -> int:
@@ -181,7 +192,7 @@ def dissect(graph: sparse.csr_array, points: Array, last: Index) -> tuple[Index,
     groups: list[Group] = []
     for start, stop, children in found:
         nodes = whole[start:stop]
-        own = [place[neighbours[pointers[node] : pointers[node + 1]]] for node in nodes]
-        met = np.unique(np.concatenate([*own, *(groups[child].boundary for child in children)] or [nodes]))
+        own = place[around(nodes)[0]]
+        met = np.unique(np.concatenate([own, *(groups[child].boundary for child in children)]))
         groups.append(Group(start, stop, met[met >= stop], children))
     return whole, groups

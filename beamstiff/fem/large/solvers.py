@@ -86,10 +86,18 @@ def solve_frame(frame: Frame, loads: Array, solver: str | None = None) -> Soluti
     stiffness = frame_stiffness(frame)
     free = frame.unknowns.reshape(-1) >= 0
     right = loads.reshape(free.size, -1)[free]
-    chosen = solver or _choice(frame)
-    if chosen not in SOLVERS:
-        raise BeamstiffError(f"there is no solver {chosen!r}{suggest(chosen, SOLVERS)}")
-    solve = SOLVERS[chosen](frame, stiffness)
+    if solver is not None and solver not in SOLVERS:
+        raise BeamstiffError(f"there is no solver {solver!r}{suggest(solver, SOLVERS)}")
+    if solver is None:
+        plan = frame_plan(frame)
+        chosen = _choice(plan)
+        solve = (
+            _by_multifrontal(frame, stiffness, plan)
+            if chosen == "multifrontal"
+            else SOLVERS[chosen](frame, stiffness)
+        )
+    else:
+        chosen, solve = solver, SOLVERS[solver](frame, stiffness)
 
     def whole(x: NDArray[Any]) -> NDArray[Any]:
         moved = np.zeros((free.size, x.shape[1]), dtype=x.dtype)
@@ -169,9 +177,8 @@ def frame_plan(frame: Frame, last: Index | None = None) -> Plan:
     return make_plan(graph, frame.points[free], kept, 6 * np.arange(len(free) + 1))
 
 
-def _choice(frame: Frame) -> str:
-    plan, free = frame_plan(frame), SHARE * free_bytes()
-    needed = plan.factor_bytes + plan.peak_bytes
+def _choice(plan: Plan) -> str:
+    free, needed = SHARE * free_bytes(), plan.factor_bytes + plan.peak_bytes
     if needed > free:
         if LESS * needed <= free and _installed("pypardiso"):
             return "pardiso"
@@ -184,8 +191,8 @@ def _installed(package: str) -> bool:
     return importlib.util.find_spec(package) is not None
 
 
-def _by_multifrontal(frame: Frame, stiffness: sparse.csc_array) -> Solve:
-    plan = frame_plan(frame)
+def _by_multifrontal(frame: Frame, stiffness: sparse.csc_array, plan: Plan | None = None) -> Solve:
+    plan = plan or frame_plan(frame)
     refuse_unless_fits(
         "the factor",
         plan.factor_bytes + plan.peak_bytes,

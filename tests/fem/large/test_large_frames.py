@@ -306,7 +306,7 @@ def test_what_does_not_fit_goes_to_what_takes_less_if_it_is_there(monkeypatch: p
     ):
         monkeypatch.setattr(solvers, "free_bytes", lambda free=free: free * needed)
         monkeypatch.setattr(solvers, "_installed", lambda package, there=installed: package in there)
-        assert solvers._choice(frame) == name
+        assert solvers._choice(plan) == name
 
 
 @pytest.mark.skipif(not HAS_PARDISO, reason="pypardiso is not installed (extra `pardiso`)")
