@@ -47,7 +47,7 @@ class Part:
 def compute_chunk(job: Job, box: Box) -> Part:
     """Return one chunk of a job."""
     points = job.grid.points(box)
-    blocks = [compute_poses(job, points[at : at + BLOCK]) for at in range(0, len(points), BLOCK)]
+    blocks = [compute_poses(job, some) for some in np.array_split(points, -(-len(points) // BLOCK))]
     examples: dict[int, str] = {}
     for block in blocks:
         examples = block.examples | examples
