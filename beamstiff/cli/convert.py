@@ -15,7 +15,13 @@ from beamstiff.files import read_text, write_whole
 if TYPE_CHECKING:
     from beamstiff.robot.description import Robot
 
-WRITTEN = {".yaml": "robot file", ".yml": "robot file", ".urdf": "URDF", ".csv": "table of frames"}
+WRITTEN = {
+    ".yaml": "robot file",
+    ".yml": "robot file",
+    ".urdf": "URDF",
+    ".sdf": "SDF",
+    ".csv": "table of frames",
+}
 
 
 def convert(
@@ -31,7 +37,7 @@ def convert(
         typer.Option(
             "--out",
             metavar="FILE",
-            help="What to write, by its ending: .yaml, .urdf or .csv (frames, or with --profile points).",
+            help="What to write, by its ending: .yaml, .urdf, .sdf, .csv (frames, or with --profile points).",
         ),
     ],
     tcp: Annotated[
@@ -85,8 +91,9 @@ def convert(
 
     URDF keeps what beamstiff has no use for (meshes, inertias, transmissions, comments): it is
     written back as it was, with stiffness in <beamstiff> elements that other readers pass over. SDF
-    is read only. Tables of frames hold the chain to the TCP. A profile says what the columns of a
-    tracker's list of points are, and in which units; docs/files.md shows some.
+    holds links, joints, limits, masses and joint stiffness; what it loses is told. Tables of frames
+    hold the chain to the TCP. A profile says what the columns of a tracker's list of points are,
+    and in which units; docs/files.md shows some.
 
     \b
     Examples:
@@ -119,6 +126,12 @@ def convert(
         text = robot_to_urdf(robot, None if like is None else read_text(like))
         if robot.loops:
             notes.append("URDF knows no loops: its passive joints look free to other readers")
+    elif ending == ".sdf":
+        from beamstiff.robot.sdf_writer import robot_to_sdf
+
+        written = robot_to_sdf(robot)
+        text = written.text
+        notes += written.lost
     elif ending == ".csv":
         from beamstiff.robot.dh_output import robot_to_table
 

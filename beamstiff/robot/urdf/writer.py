@@ -313,10 +313,11 @@ def _write_stiffness(edits: _Edits, element: Element, joint: TreeJoint, robot: R
     for extension in element.all(EXTENSION):
         edits.remove(extension)
     if said:
-        text = " ".join(f'{kind}="{_stiffness_text(kind, value)}"' for kind, value in said.items())
+        text = " ".join(f'{kind}="{stiffness_attribute(kind, value)}"' for kind, value in said.items())
         edits.child(element, f"<{EXTENSION} {text}/>")
 
 
-def _stiffness_text(kind: str, value: float | str) -> str:
+def stiffness_attribute(kind: str, value: float | str) -> str:
+    """Return a stiffness as an attribute of `<beamstiff>`, with its unit."""
     unit = "N*m/rad" if kind in ("torsional", "tilting") else "N/m"
     return value if isinstance(value, str) else f"{numbers_text(np.array([value]))} {unit}"
