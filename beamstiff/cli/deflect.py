@@ -210,5 +210,6 @@ def _csv(robot: Robot, loads: Measurements, predicted: Array, preload: bool) -> 
         temperature=loads.temperature,
         metadata={"source": f"{how}, robot {robot.name}; loads of {loads.source}"},
         source=loads.source,
+        units=loads.units,
     )
     return measurements_to_csv(table_of_predictions, robot)

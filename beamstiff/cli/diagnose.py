@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from beamstiff.cli.data import read_tables
-from beamstiff.cli.options import DataFile, Debug, Html, Json, Quiet, RobotFile, parse_names, robot_file
+from beamstiff.cli.options import (
+    DataFile,
+    Debug,
+    Html,
+    Json,
+    Quiet,
+    Region,
+    RobotFile,
+    parse_names,
+    parse_region,
+    robot_file,
+)
 from beamstiff.cli.output import check_outputs, effects_text, people, say, source_of, working, write_json
 from beamstiff.errors import BeamstiffError
 
@@ -31,9 +43,13 @@ def diagnose(
     next_to: Annotated[
         str | None,
         typer.Option(
-            "--next", metavar="CSV", help="Write the measurements that would tell most, ready to fill in."
+            "--next",
+            metavar="CSV",
+            help="Write the measurements that would tell most, ready to fill in; near where the tool was "
+            "measured, or in --region.",
         ),
     ] = None,
+    region: Region = None,
     apply: Annotated[
         str | None,
         typer.Option(
@@ -64,6 +80,7 @@ def diagnose(
       beamstiff diagnose ir663 examples/data/ir663_compliance_xx.csv --json diagnosis.json
       beamstiff diagnose robot.yaml data.csv --html report.html
       beamstiff diagnose robot.yaml data.csv --apply extended.yaml
+      beamstiff diagnose robot.yaml data.csv --next next.csv --region z=0.3m:2m
     """  # noqa: D301
     from beamstiff.files import write_whole
     from beamstiff.gap.diagnose import diagnose as run
@@ -79,7 +96,9 @@ def diagnose(
         check_format(figure)
     source = source_of(context, html, [file, data], seed)
     machine = load_robot(file)
+    where = parse_region(region)
     (rows,), said = read_tables([data], machine, quiet)
+    rows = replace(rows, region=where)
     with working("diagnosing", quiet):
         result = run(machine, rows, without=parse_names(without, "--without") or (), seed=seed)
     console = people(quiet, json_to)

@@ -44,6 +44,14 @@ Html = Annotated[
     str | None,
     typer.Option("--html", metavar="FILE", help="Write a report as one HTML page that works offline."),
 ]
+Region = Annotated[
+    str | None,
+    typer.Option(
+        "--region",
+        metavar="AXIS=LOW:HIGH,...",
+        help="Where the TCP may be, such as x=0.5m:2m,z=300mm:1.8m; axes not named are free.",
+    ),
+]
 Preload = Annotated[
     bool,
     typer.Option("--preload", help="Let gravity, payload and the load itself stiffen or soften the machine."),
@@ -85,3 +93,33 @@ def parse_names(texts: Sequence[str] | None, option: str = "--parameters") -> li
             f"{option}: found {','.join(texts)!r}, expected names such as J12.torsional,J18.torsional"
         )
     return names
+
+
+def parse_region(text: str | None) -> tuple[tuple[float, float], ...] | None:
+    """Return least and largest x, y, z, m, from a text such as ``"x=0.5m:2m,z=300mm:1.8m"``.
+
+    Raises
+    ------
+    BeamstiffError
+        When a part is no axis with its two ends.
+    """
+    from beamstiff.units import quantity
+
+    if text is None:
+        return None
+    ends = {axis: (float("-inf"), float("inf")) for axis in "xyz"}
+    for part in text.split(","):
+        axis, _, interval = (word.strip() for word in part.partition("="))
+        low, colon, high = (word.strip() for word in interval.partition(":"))
+        if axis not in ends or not (colon and low and high):
+            raise BeamstiffError(
+                f"--region: found {part.strip()!r}, expected an axis x, y or z with two ends such as "
+                "z=300mm:1.8m"
+            )
+        try:
+            ends[axis] = (quantity(low, "length"), quantity(high, "length"))
+        except BeamstiffError as error:
+            raise BeamstiffError(f"--region: {error}") from None
+        if ends[axis][0] >= ends[axis][1]:
+            raise BeamstiffError(f"--region: found {part.strip()!r}, expected the lower end first")
+    return tuple(ends.values())

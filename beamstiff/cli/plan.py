@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from beamstiff.cli.options import Debug, Json, Quiet, RobotFile, parse_names, robot_file
+from beamstiff.cli.options import Debug, Json, Quiet, Region, RobotFile, parse_names, parse_region, robot_file
 from beamstiff.cli.output import check_outputs, people, say, working, write_json
 from beamstiff.errors import BeamstiffError
 
@@ -77,14 +77,7 @@ def plan(
             help="Stiffness values to find; default: what the robot lists under `identify`.",
         ),
     ] = None,
-    region: Annotated[
-        str | None,
-        typer.Option(
-            "--region",
-            metavar="AXIS=LOW:HIGH,...",
-            help="Where the TCP may be, such as x=0.5m:2m,z=300mm:1.8m; axes not named are free.",
-        ),
-    ] = None,
+    region: Region = None,
     candidates: Annotated[
         int, typer.Option("--candidates", metavar="N", help="Random poses to choose from.")
     ] = 300,
@@ -127,7 +120,7 @@ def plan(
     by = _criterion(criterion)
     noise = _noise(sigma_position, sigma_rotation)
     loads = _loads(force, moment, directions, load)
-    where = _region(region)
+    where = parse_region(region)
     names = parse_names(parameters)
     check_outputs([robot_file(robot)], json, out=out)
 
@@ -216,25 +209,6 @@ def _loads(force: str, moment: str, directions: str, own: list[str] | None) -> A
     if not parts:
         raise BeamstiffError("--force and --moment: found 0 for both, expected a load")
     return np.concatenate(parts)
-
-
-def _region(text: str | None) -> list[tuple[float, float]] | None:
-    """Return least and largest x, y, z from a text such as ``"x=0.5m:2m,z=300mm:1.8m"``."""
-    if text is None:
-        return None
-    ends = {axis: (float("-inf"), float("inf")) for axis in "xyz"}
-    for part in text.split(","):
-        axis, _, interval = (word.strip() for word in part.partition("="))
-        low, colon, high = (word.strip() for word in interval.partition(":"))
-        if axis not in ends or not (colon and low and high):
-            raise BeamstiffError(
-                f"--region: found {part.strip()!r}, expected an axis x, y or z with two ends such as "
-                "z=300mm:1.8m"
-            )
-        ends[axis] = (_size("--region", low, "length"), _size("--region", high, "length"))
-        if ends[axis][0] >= ends[axis][1]:
-            raise BeamstiffError(f"--region: found {part.strip()!r}, expected the lower end first")
-    return list(ends.values())
 
 
 def _enough(tells: Array, names: tuple[str, ...], count: int, criterion: Criterion) -> Enough:

@@ -20,14 +20,19 @@ from numpy.typing import NDArray
 from beamstiff.gap.baseline import Baseline, at_rows
 from beamstiff.gap.heldout import Weighted, fitted, shift, stacked_covariance
 from beamstiff.gap.result import Diagnosis, columns_at
+from beamstiff.measure.columns import Column, to_si
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.measure.writer import measurements_to_csv
-from beamstiff.plan.poses import random_poses
+from beamstiff.plan.candidates import candidate_poses
+from beamstiff.plan.poses import closed_posture, joint_ranges, random_poses
 from beamstiff.robot.kinematics import compile_kinematics
 from beamstiff.se3 import Array
+from beamstiff.units import UNITS, unit_factor
 
-POSES = 24
+POSES, MANY = 24, 400  # postures to choose from, of so many drawn
+NEAR = 0.15  # of the machine's size: as far from where the tool was seen it is likely to be seen as well
+DIGIT = {"angle": 2e-3, "length": 2e-4}  # rad, m: the last digit of a proposed posture is worth at most this
 PROGRAMME = 6  # poses that are proposed
 AXES = 3  # along which each is loaded
 STEPS = (0.5, 1.0, 0.5, -0.5, -1.0)  # of the largest load: a cycle shows history and reversal
@@ -99,17 +104,15 @@ def programme(
 def _candidates(baseline: Baseline, seed: int) -> tuple[Measurements, NDArray[np.intp]]:
     """Return load cycles at random poses within the limits, and which cycle each row is of."""
     rows, robot = baseline.rows, baseline.nominal
-    rng = np.random.default_rng(seed)
-    q = random_poses(compile_kinematics(robot), POSES, rng)
-    known = np.unique(rows.q, axis=0)
-    q = np.concatenate([known[rng.permutation(len(known))[: POSES // 2]], q])
+    q = _postures(baseline, np.random.default_rng(seed))
     largest = float(np.linalg.norm(rows.wrench[:, :3], axis=1).max(initial=0.0)) or 500.0
+    largest = float(f"{largest:.3g}")
     all_q, wrench, pose, step, cycle = [], [], [], [], []
     for number, values in enumerate(q):
         for axis in range(AXES):
             for at, share in enumerate(STEPS):
                 all_q.append(values)
-                wrench.append(np.eye(6)[axis] * share * largest)
+                wrench.append(np.eye(6)[axis] * (share * largest) + 0.0)  # no -0
                 pose.append(AXES * number + axis)
                 step.append(at)
                 cycle.append(AXES * number + axis)
@@ -125,6 +128,52 @@ def _candidates(baseline: Baseline, seed: int) -> tuple[Measurements, NDArray[np
         source="<next>",
     )
     return proposed, np.array(cycle, dtype=np.intp)
+
+
+def _postures(baseline: Baseline, rng: np.random.Generator) -> Array:
+    """Return postures (n, A): measured ones, and others where the tool can be measured, as it seems.
+
+    That is the region that the rows state; otherwise near where the tool was seen: nothing else tells of the
+    floor, the pedestal and what the tracker sees.
+    """
+    rows = baseline.rows
+    kinematics = compile_kinematics(baseline.nominal)
+    tcp = kinematics.node_index[baseline.nominal.tcp]
+    known = np.unique(rows.q, axis=0)
+    seen = closed_posture(kinematics, known)[0].node_positions[:, tcp]
+    if rows.region is not None:
+        known = known[inside(rows.region, seen)]
+        others = candidate_poses(kinematics, POSES, int(rng.integers(1 << 31)), rows.region)
+    else:
+        others = random_poses(kinematics, MANY, rng)
+    others = _rounded(baseline, others)
+    where, closed = closed_posture(kinematics, others)
+    others, at = others[closed], where.node_positions[:, tcp]
+    if rows.region is not None:
+        others = others[inside(rows.region, at)]
+    else:
+        far = np.linalg.norm(at[:, None] - seen[None], axis=2).min(axis=1)
+        others = others[far <= NEAR * kinematics.size]
+    return np.concatenate([known[rng.permutation(len(known))[: POSES // 2]], others[:POSES]])
+
+
+def inside(region: Sequence[tuple[float, float]], positions: Array) -> NDArray[np.bool_]:
+    """Return which positions (n, 3) lie in a region, (n,)."""
+    low, high = np.asarray(region, dtype=np.float64).T
+    return np.asarray(((positions >= low) & (positions <= high)).all(axis=1))
+
+
+def _rounded(baseline: Baseline, q: Array) -> Array:
+    """Return postures (n, A) with the digits that a pendant takes, in units of the rows, within limits."""
+    lower, upper = joint_ranges(baseline.nominal)
+    result = q.copy()
+    for k, variable in enumerate(baseline.nominal.actuated):
+        unit = baseline.rows.units.get(variable.name, UNITS[variable.kind])
+        factor, _ = unit_factor(unit, variable.kind)
+        decimals = max(0, -int(np.floor(np.log10(DIGIT[variable.kind] / factor))))
+        column = Column(variable.name, variable.kind, unit, variable.name)
+        result[:, k] = to_si(np.round(q[:, k] / factor, decimals) + 0.0, column)
+    return np.where((result >= lower) & (result <= upper), result, q)
 
 
 def as_plain(found: Programme | None) -> list[dict[str, Any]]:
@@ -163,5 +212,6 @@ def programme_csv(result: Diagnosis) -> str:
         wrench=[item["wrench"] for item in result.next],
         displacement=np.full((len(result.next), 6), np.nan),
         source="<next>",
+        units=rows.units,
     )
     return measurements_to_csv(proposed, result.baseline.nominal)

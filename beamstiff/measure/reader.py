@@ -146,6 +146,7 @@ def parse_measurements(
         continuous=choices["history"] == "continuous",
         metadata={key: value for key, (value, _) in raw.metadata.items()},
         source=name,
+        units={column.name: column.unit for column in columns if column.name in actuated and column.unit},
     )
 
 

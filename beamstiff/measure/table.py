@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -72,6 +72,11 @@ class Measurements:
         What the ``# key: value`` lines say.
     sources : tuple of str
         Files the rows come from.
+    units : mapping of str to str
+        Of variables in the file, such as ``{"q1": "deg"}``: `q` is SI, what is written for people follows
+        them.
+    region : three pairs, m, or None
+        Least and largest x, y and z of the TCP where it can be measured; None: not said.
     """
 
     variables: tuple[str, ...]
@@ -96,6 +101,8 @@ class Measurements:
     continuous: bool
     metadata: Mapping[str, str]
     sources: tuple[str, ...]
+    units: Mapping[str, str] = field(default_factory=dict)
+    region: tuple[tuple[float, float], ...] | None = None
 
     def __len__(self) -> int:
         return len(self.q)
@@ -172,6 +179,7 @@ def make_measurements(
     continuous: bool = False,
     metadata: Mapping[str, str] | None = None,
     source: str = "<arrays>",
+    units: Mapping[str, str] | None = None,
 ) -> Measurements:
     """Return a table from arrays, with the defaults of the file format for what is not given.
 
@@ -261,4 +269,5 @@ def make_measurements(
         continuous=continuous,
         metadata=dict(metadata or {}),
         sources=(source,),
+        units=dict(units or {}),
     )

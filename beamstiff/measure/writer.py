@@ -13,11 +13,13 @@ from numpy.typing import NDArray
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.files import write_whole
 from beamstiff.measure.arrays import Integers
+from beamstiff.measure.columns import Column, to_si
 from beamstiff.measure.table import ABSOLUTE, DISPLACEMENT, MEASURED, WRENCH, Measurements
 from beamstiff.measure.text import METADATA
 from beamstiff.robot.description import Robot
+from beamstiff.robot.parts import Variable
 from beamstiff.se3 import Array
-from beamstiff.units import UNITS, quantity
+from beamstiff.units import UNITS, quantity, unit_factor
 
 # displacements in mm, as people read them; the rest in SI, which is exact
 _UNITS = {
@@ -32,9 +34,10 @@ _UNITS = {
 def write_measurements(measurements: Measurements, path: str | Path, robot: Robot) -> None:
     """Write a table to a CSV file, whole or not at all.
 
-    Displacements are written in mm, everything else in SI, units in the header; read back, every number is
-    the same to 1e-15 relative. Columns that hold nothing are left out; without any measured value the
-    columns of the table's kind stay, empty, to be filled in.
+    Displacements are written in mm, joint variables in the units of the file that they come from, everything
+    else in SI, units in the header; read back, every number is the same to 1e-15 relative. Columns that hold
+    nothing are left out; without any measured value the columns of the table's kind stay, empty, to be filled
+    in.
 
     Raises
     ------
@@ -76,7 +79,11 @@ def measurements_to_csv(measurements: Measurements, robot: Robot) -> str:
 
 def _columns(measurements: Measurements, robot: Robot) -> Iterator[tuple[str, list[str]]]:
     for variable, q in zip(robot.actuated, measurements.q.T, strict=True):
-        yield f"{variable.name} [{UNITS[variable.kind]}]", _texts(q)
+        unit = measurements.units.get(variable.name, UNITS[variable.kind])
+        yield (
+            f"{variable.name} [{unit}]",
+            _texts(q) if unit == UNITS[variable.kind] else _in_unit(q, variable, unit),
+        )
     for name, values in zip(WRENCH, measurements.wrench.T, strict=True):
         yield f"{name} [{_UNITS[name]}]", _texts(values)
     names, measured = MEASURED[measurements.kind], measurements.measured
@@ -116,6 +123,18 @@ def _millimetres(value: float) -> str:
         return ""
     short = f"{value * 1e3:.15g}"
     return short if float(short) / 1e3 == value else repr(value * 1e3)
+
+
+def _in_unit(values: Array, variable: Variable, unit: str) -> list[str]:
+    """Return SI values as text in a unit: the short decimal where it stands for the same number."""
+    column = Column(variable.name, variable.kind, unit, variable.name)
+    factor, offset = unit_factor(unit, variable.kind)
+    plain = (values - offset) / factor
+    short = [f"{value:.15g}" for value in plain.tolist()]
+    same = to_si(np.array([float(text) for text in short]), column) == values
+    return [
+        text if equal else repr(value) for text, equal, value in zip(short, same, plain.tolist(), strict=True)
+    ]
 
 
 def _texts(values: Array) -> list[str]:

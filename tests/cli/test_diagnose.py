@@ -29,7 +29,12 @@ LOAD_CYCLE = "\n".join(
 def test_a_diagnosis_is_printed_and_its_limits_are_said_on_stderr(run: Run) -> None:
     result = run("diagnose", "crane.yaml", "crane.csv")
     assert result.exit_code == 0, result.output
-    for part in ("Too few rows to say anything", "Which effect", "What these data cannot show", "payload-error"):
+    for part in (
+        "Too few rows to say anything",
+        "Which effect",
+        "What these data cannot show",
+        "payload-error",
+    ):
         assert part in result.stdout
     assert "note: only 7 values beyond those fitted" in result.stderr
     assert all(line.startswith("note: ") for line in result.stderr.strip().splitlines())
@@ -183,3 +188,14 @@ def test_they_are_said_before_the_error_that_they_lead_to(run: Run, folder: Path
     (folder / "kilo.csv").write_text((folder / "crane.csv").read_text().replace("fx,fy", "fx [MN],fy [MN]"))
     result = run("diagnose", "crane.yaml", "kilo.csv")
     assert "a load of 1e+09 N or N m is large for a robot" in result.stderr.splitlines()[0]
+
+
+def test_what_to_measure_next_stays_in_the_region(run: Run, folder: Path) -> None:
+    (folder / "cycle.csv").write_text(LOAD_CYCLE)
+    made = run("diagnose", "crane.yaml", "cycle.csv", "--next", "next.csv", "--region", "y=-0.3m:300mm,x=0:2")
+    assert made.exit_code == 0, made.output
+    rows = read_measurements(folder / "next.csv", load_robot(folder / "crane.yaml"), require_measured=False)
+    assert rows.units == {"q1": "deg"}
+    assert (abs(rows.q) <= 0.305).all()  # the arm is 1 m long, along x at q1 = 0
+    refused = run("diagnose", "crane.yaml", "cycle.csv", "--next", "other.csv", "--region", "y=0.3:0.1")
+    assert (refused.exit_code, "expected the lower end first" in refused.stderr) == (2, True)

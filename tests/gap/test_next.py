@@ -6,33 +6,44 @@ import numpy as np
 import pytest
 
 from beamstiff import BeamstiffError
+from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.evidence import evidence
+from beamstiff.gap.heldout import Weighted
 from beamstiff.gap.library import state_library
-from beamstiff.gap.next import PROGRAMME, STEPS, Programme, as_plain, programme, programme_csv
+from beamstiff.gap.next import NEAR, PROGRAMME, STEPS, Programme, as_plain, inside, programme, programme_csv
 from beamstiff.gap.noise import scales_of
 from beamstiff.gap.search import search
 from beamstiff.gap.whitened import whiten
 from beamstiff.measure.reader import parse_measurements
+from beamstiff.robot.kinematics import compile_kinematics, posture
+from beamstiff.se3 import Array
 from tests.gap.machines import kr240
 from tests.gap.planted import Plan, campaign, diagnosed, hardening, plan
 
 
+def rivals_at(there: Baseline) -> list[tuple[str, float, list[Weighted]]]:
+    """Return backlash and hardening at the second joint, as likely as one another."""
+    white = whiten(there)
+    library = state_library(there, white)
+    found = search(white, library.hypotheses, scales_of(there), pairs=False)
+    return [(key, 0.5, found.shapes[key]) for key in ("hardening:q2", "backlash:q2")]
+
+
 @pytest.fixture(scope="module")
-def split() -> tuple[object, Programme]:
+def split() -> tuple[Baseline, Programme]:
     """Return a baseline, and the programme that splits backlash from hardening at the second joint."""
     from beamstiff.gap.baseline import fit_baseline
 
     there = fit_baseline(kr240(), campaign(plan(8), hardening))
-    white = whiten(there)
-    library = state_library(there, white)
-    found = search(white, library.hypotheses, scales_of(there), pairs=False)
-    rivals = [(key, 0.5, found.shapes[key]) for key in ("hardening:q2", "backlash:q2")]
+    rivals = rivals_at(there)
     result = programme(there, there.used, rivals, 1.0, 0)
     assert result is not None
     return there, result
 
 
-def test_load_cycles_at_some_postures_within_the_limits_are_proposed(split: tuple[object, Programme]) -> None:
+def test_load_cycles_at_some_postures_within_the_limits_are_proposed(
+    split: tuple[Baseline, Programme],
+) -> None:
     rows = split[1].rows
     assert len(rows) == PROGRAMME * len(STEPS)
     assert len(np.unique(rows.q, axis=0)) == PROGRAMME
@@ -45,9 +56,49 @@ def test_load_cycles_at_some_postures_within_the_limits_are_proposed(split: tupl
     assert split[1].separates == ("hardening:q2", "backlash:q2")
 
 
-def test_the_proposed_states_tell_more_than_states_at_random(split: tuple[object, Programme]) -> None:
-    _, found = split
-    rows = found.rows
+def tool_at(q: Array) -> Array:
+    kinematics = compile_kinematics(kr240())
+    return posture(kinematics, q).node_positions[:, kinematics.node_index[kr240().tcp]]
+
+
+def test_postures_are_proposed_where_the_tool_was_measured_or_in_a_region(
+    split: tuple[Baseline, Programme],
+) -> None:
+    there, near = split
+    seen, proposed = tool_at(there.rows.q), tool_at(near.rows.q)
+    far = np.linalg.norm(proposed[:, None] - seen[None], axis=2).min(axis=1)
+    assert far.max() <= NEAR * compile_kinematics(kr240()).size
+    region = ((-np.inf, np.inf), (-np.inf, 0.0), (0.8, 1.8))
+    stated = replace(there, rows=replace(there.rows, region=region))
+    rivals = [(key, 0.5, ()) for key in near.separates]
+    found = programme(stated, there.used, rivals, 1.0, 0)
+    assert found is not None
+    assert inside(region, tool_at(found.rows.q)).all()
+    assert not inside(region, proposed).all()
+    with pytest.raises(BeamstiffError, match="make it larger"):
+        programme(replace(there, rows=replace(there.rows, region=((9, 10),) * 3)), there.used, rivals, 1.0, 0)
+
+
+def test_postures_have_the_digits_of_a_pendant_in_the_units_of_the_table(
+    split: tuple[Baseline, Programme],
+) -> None:
+    in_degrees = replace(split[0].rows, units=dict.fromkeys(split[0].rows.variables, "deg"))
+    there = replace(split[0], rows=in_degrees)
+    rows = programme(there, there.used, rivals_at(there), 1.0, 0)
+    assert rows is not None
+    measured = set(map(tuple, np.unique(there.rows.q, axis=0).tolist()))
+    new = [q for q in rows.rows.q.tolist() if tuple(q) not in measured]
+    assert new
+    np.testing.assert_allclose(np.degrees(new), np.round(np.degrees(new), 1), atol=1e-12)
+    again = replace(diagnosed("backlash"), baseline=there, next=as_plain(rows))
+    header, *lines = programme_csv(again).splitlines()
+    assert header.startswith("q1 [deg],q2 [deg]")
+    assert not any("-0.0," in line for line in lines)
+
+
+def test_the_proposed_states_tell_more_than_states_at_random(split: tuple[Baseline, Programme]) -> None:
+    there, found = split
+    rivals = rivals_at(there)
 
     def odds(what: Plan) -> float:
         """Return how much likelier the true cause is than its rival, after these states as well."""
@@ -71,12 +122,17 @@ def test_the_proposed_states_tell_more_than_states_at_random(split: tuple[object
         by_key = {key: max(log[k] for k, one in enumerate(some) if one.key == key) for key in found.separates}
         return by_key["hardening:q2"] - by_key["backlash:q2"]
 
-    designed = Plan(rows.q, rows.wrench, rows.pose, rows.step, rows.time)
+    designed = []
+    for seed in range(4):
+        proposed = programme(there, there.used, rivals, 1.0, seed)
+        assert proposed is not None
+        rows = proposed.rows
+        designed.append(odds(Plan(rows.q, rows.wrench, rows.pose, rows.step, rows.time)))
     at_random = [odds(plan(PROGRAMME, seed=seed, steps=np.array(STEPS))) for seed in (11, 12, 13, 14)]
-    assert odds(designed) > np.mean(at_random)
+    assert np.mean(designed) > np.mean(at_random)
 
 
-def test_expected_discrimination_falls_with_the_noise(split: tuple[object, Programme]) -> None:
+def test_expected_discrimination_falls_with_the_noise(split: tuple[Baseline, Programme]) -> None:
     there, found = split
     assert (found.score >= 0).all()
     whole = found.score.reshape(PROGRAMME, -1).sum(axis=1)

@@ -153,3 +153,21 @@ def test_metadata_of_several_lines_is_refused(arm: Robot) -> None:
     )
     with pytest.raises(BeamstiffError, match="one line of printable text"):
         measurements_to_csv(table, arm)
+
+
+@given(degrees=st.lists(st.floats(-360, 360), min_size=1, max_size=5), mm=st.floats(-5e3, 5e3))
+def test_joints_are_written_in_the_units_they_were_read_in(
+    degrees: list[float], mm: float, arm: Robot
+) -> None:
+    text = "".join(f"{value!r},{mm!r},0\n" for value in degrees)
+    read = parse_measurements(f"q1 [deg],d2 [mm],dx\n{text}", arm)
+    assert dict(read.units) == {"q1": "deg", "d2": "mm"}
+    written = measurements_to_csv(read, arm)
+    assert written.startswith("q1 [deg],d2 [mm],fx [N]")
+    np.testing.assert_allclose(parse_measurements(written, arm).q, read.q, rtol=1e-15, atol=0)
+
+
+def test_a_short_decimal_stays_one(arm: Robot) -> None:
+    read = parse_measurements("q1 [deg],d2 [mm],dx\n-14.9,0.3,0\n87.7,1234.5,0\n", arm)
+    rows = measurements_to_csv(read, arm).splitlines()[1:]
+    assert [row.split(",")[:2] for row in rows] == [["-14.9", "0.3"], ["87.7", "1234.5"]]
