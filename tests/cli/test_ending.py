@@ -198,3 +198,15 @@ def test_linear_algebra_has_one_thread_unless_the_user_says_otherwise(
         [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
     )
     assert done.stdout.split()[-1] == expected
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="pipes end otherwise there")
+def test_files_are_written_though_nobody_reads_the_tables(folder: Path) -> None:
+    command = [*COMMAND, "identify", "crane.yaml", "crane.csv", "--out", "found.yaml", "--json", "found.json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as running:
+        assert running.stdout is not None
+        running.stdout.close()  # as `| head -0` does
+        _, errors = running.communicate(timeout=120)
+    assert (running.returncode, b"Traceback" in errors) == (0, False)
+    assert json.loads((folder / "found.json").read_text())["parameters"]
+    assert "J1" in (folder / "found.yaml").read_text()
