@@ -5,6 +5,7 @@ They are drawn from robots that come along and from examples/data, by the functi
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -12,7 +13,15 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from beamstiff import compile_structure, identify, load_robot, posture, read_measurements, tcp_compliance
+from beamstiff import (
+    compile_structure,
+    identify,
+    load_robot,
+    map_workspace,
+    posture,
+    read_measurements,
+    tcp_compliance,
+)
 from beamstiff.compensate.formats import read_program
 from beamstiff.compensate.machine import Machine
 from beamstiff.compensate.process.reader import read_process
@@ -25,10 +34,12 @@ from beamstiff.plan.candidates import Noise, candidate_poses, candidate_tests, f
 from beamstiff.plan.enough import how_many
 from beamstiff.report.compensation import compensation_figure
 from beamstiff.report.diagnosis import diagnosis_figure
+from beamstiff.report.exam import exam_figure
 from beamstiff.report.figures import BLUE, GREEN, GREY, ORANGE, new_figure, plain, save_figure
 from beamstiff.report.geometry import sensitivity_figure
 from beamstiff.report.parity import parity_figure
 from beamstiff.report.skeleton import draw_shares
+from beamstiff.report.workspace import map_figure
 from beamstiff.robot.kinematics import compile_kinematics
 from benchmarks.geometry_study import geometry
 
@@ -145,14 +156,34 @@ def models() -> Figure:
     return figure
 
 
+def maps() -> Figure:
+    """Draw stiffness and dexterity of the KR 240-2 at three heights, its tool along x."""
+    found = map_workspace(
+        load_robot("kr240-2"),
+        {"z": [0.9, 1.4, 1.9], "x": np.linspace(1.2, 2.3, 34), "y": np.linspace(-0.8, 0.8, 49)},
+        held={"q2": np.radians(60.0), "q3": np.radians(-200.0), "q5": np.radians(50.0)},
+        orientation=[[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]],
+        quantities=["stiffness", "kappa"],
+    )
+    return map_figure(found)
+
+
+def exam() -> Figure:
+    """Draw a stored exam: a new one replaces it by `beamstiff exam ... --json docs/exam.json`."""
+    told = json.loads((HERE / "exam.json").read_text(encoding="utf-8"))
+    return exam_figure(told, f"{told['cases']} simulated cases, seed {told['exam']['seed']}")
+
+
 PICTURES: dict[str, Callable[[], Figure]] = {
     "stiffness": stiffness,
+    "maps": maps,
     "identification": identification,
     "planning": planning,
     "diagnosis": diagnosis,
     "calibration": calibration,
     "compensation": compensation,
     "models": models,
+    "exam": exam,
 }
 
 if __name__ == "__main__":

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from textwrap import wrap
+from typing import Any
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 from rich.table import Table
 
@@ -13,13 +16,14 @@ from beamstiff.gap.exam.names import EFFECTS, FAILED, NONE, UNKNOWN
 from beamstiff.gap.exam.rates import Figure
 from beamstiff.gap.exam.record import Record
 from beamstiff.gap.exam.table import Row, banded, by_design, controls, effect_figures, groups, headline
-from beamstiff.report.figures import BLUE, GREY, new_figure, plain
+from beamstiff.report.figures import BLUE, GREY, ORANGE, new_figure, plain
 from beamstiff.report.tables import table
 
 Records = Sequence[Record]
 
 MARKS = {"aim": "aim reached", "required": "reached", "missed": "MISSED", None: ""}
 MOST_FAILURES = 20
+SIZES = tuple(row.name for row in headline([]) if not row.share)  # figures that are no shares of cases
 SHARES = ("detected", "exact", "family", "place", "covered", "unknown")
 
 
@@ -218,6 +222,79 @@ def reliability_figure(records: Records) -> Drawing:
     )
     below.set(xlabel="probability said of the verdict", ylabel="cases")
     return figure
+
+
+def exam_figure(told: Mapping[str, Any], title: str = "") -> Drawing:
+    """Draw an exam from its table, as ``--json`` writes it: asked and reached, reliability, single effects.
+
+    Lean designs are left out where others are there.
+
+    Parameters
+    ----------
+    told : mapping
+        Of `table_dict`: ``headline``, ``reliability``, ``effects``.
+    title : str
+    """
+    rows = [
+        (name, row)
+        for name, row in told["headline"].get("rich, all", told["headline"].get("all", {})).items()
+        if row["required"] is not None and row["value"] is not None and row["low"] is not None
+    ]
+    rows = [(name, row) for name, row in rows if name not in SIZES]
+    figure = new_figure(12.0, 6.4)
+    figure.suptitle(title or f"The diagnosis examined: {told['cases']} cases")
+    asked, right = figure.subplots(1, 2, width_ratios=(1.1, 1))
+    _reached(asked, [name for name, _ in rows], [row for _, row in rows])
+    asked.plot(
+        [row["required"] for _, row in rows],
+        range(len(rows)),
+        "|",
+        color="black",
+        ms=18,
+        mew=2,
+        label="required",
+    )
+    asked.set(title="Asked and reached", xlabel="share of the cases, 95 %")
+    asked.legend(loc="center left", frameon=False)
+    bins = told["reliability"]
+    right.plot([0, 1], [0, 1], color=GREY, linewidth=1, label="as said")
+    values = [one["right"]["value"] for one in bins]
+    spread = [
+        [value - one["right"]["low"] for value, one in zip(values, bins, strict=True)],
+        [one["right"]["high"] - value for value, one in zip(values, bins, strict=True)],
+    ]
+    if bins:
+        said = [one["said"] for one in bins]
+        right.errorbar(said, values, yerr=spread, fmt="o", color=BLUE, capsize=3, label="examined, 95 %")
+    for one in bins:
+        right.annotate(
+            str(one["right"]["count"]), (one["said"], 0.01), ha="center", fontsize="x-small", color=GREY
+        )
+    right.set(xlim=(0, 1.02), ylim=(0, 1.02), title="Reliability (numbers: cases)")
+    right.set(xlabel="probability said of the verdict", ylabel="share of verdicts that are right")
+    right.legend(loc="upper left", frameon=False)
+    plain(right)
+    return figure
+
+
+def _reached(axes: Axes, names: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> None:
+    """Draw what was reached with its interval, a row a name, the first on top; what was missed as a cross."""
+    for at, row in enumerate(rows):
+        missed = row["met"] == "missed"
+        colour = ORANGE if missed else BLUE
+        axes.plot([row["low"], row["high"]], [at, at], color=colour, linewidth=2)
+        label = "missed" if missed else "reached"
+        known = axes.get_legend_handles_labels()[1]
+        axes.plot(
+            row["value"], at, "X" if missed else "o", color=colour, label="" if label in known else label
+        )
+    axes.set_yticks(range(len(names)), [_folded(name) for name in names])
+    axes.set(xlim=(-0.02, 1.02), ylim=(len(names) - 0.4, -0.6))
+    plain(axes)
+
+
+def _folded(text: str) -> str:
+    return "\n".join(wrap(text, 34))
 
 
 def _cells(cases: Records) -> list[str]:

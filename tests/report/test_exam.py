@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import io
+import json
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,8 @@ from rich.table import Table
 
 from beamstiff.gap.exam.names import NONE, UNKNOWN
 from beamstiff.gap.exam.record import Record
-from beamstiff.report.exam import exam_tables, plan_tables, reliability_figure
+from beamstiff.gap.exam.table import table_dict
+from beamstiff.report.exam import exam_figure, exam_tables, plan_tables, reliability_figure
 from beamstiff.report.figures import save_figure
 from tests.gap.exam.answered import answered
 
@@ -72,3 +74,21 @@ def test_the_reliability_diagram_is_drawn(records: list[Record], tmp_path: Path,
 
 def test_a_diagram_of_nothing_is_empty_not_wrong(tmp_path: Path) -> None:
     save_figure(reliability_figure([]), tmp_path / "a.png")
+
+
+def test_an_exam_is_drawn_from_what_json_holds(records: list[Record], tmp_path: Path) -> None:
+    told = json.loads(json.dumps(table_dict(records)))
+    figure = exam_figure(told)
+    asked, right = figure.axes
+    named = [text.get_text().replace("\n", " ") for text in asked.get_yticklabels()]
+    assert "false alarms on null data" in named
+    assert "mean size of the set" not in named  # which is no share
+    reached = dict(zip(named, (line.get_xdata()[0] for line in asked.lines[1::2]), strict=False))
+    assert reached["false alarms on null data"] == 0.5
+    counts = [int(text.get_text()) for text in right.texts]
+    assert sum(counts) == sum(one["right"]["count"] for one in told["reliability"]) > 0
+    save_figure(figure, tmp_path / "exam.svg")
+
+
+def test_no_case_at_all_is_drawn_as_empty_axes(tmp_path: Path) -> None:
+    save_figure(exam_figure(json.loads(json.dumps(table_dict([])))), tmp_path / "exam.png")
