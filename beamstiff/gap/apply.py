@@ -98,7 +98,7 @@ def extended(diagnosis: Diagnosis) -> Robot:
     Robot
         Predicts what `Diagnosis.predict_shift` does, but for terms of second order in what was added.
     """
-    fit = diagnosis.baseline
+    fit = diagnosis.linear if diagnosis.fits else diagnosis.baseline
     found: dict[tuple[str, str | None, str], tuple[Shape, Array]] = {}
     for one in diagnosis.fits:
         start = 0
@@ -196,7 +196,7 @@ def _written(value: float, unit: str) -> float | str:
 
 def _stiffness(diagnosis: Diagnosis) -> dict[str, float]:
     """Return the fitted stiffness as it is beside the effects; no compliance falls to nothing."""
-    fit = diagnosis.baseline
+    fit = diagnosis.linear
     compliance = np.array([1.0 / fit.robot.parameter(name) for name in fit.fitted])
     change = sum(one.weight * one.compliance for one in diagnosis.fits)
     least = (1.0 / KNOWN_FACTOR - 1.0) * compliance
@@ -207,7 +207,7 @@ def _stiffness(diagnosis: Diagnosis) -> dict[str, float]:
 
 def _bounded(diagnosis: Diagnosis, least: Array) -> Array:
     """Return the changes of the compliances (t,), none below `least`, that fit best beside the effects."""
-    fit = diagnosis.baseline
+    fit = diagnosis.linear
     outlying = np.isin([fit.rows.place(row) for row in range(len(fit.rows))], list(diagnosis.outliers))
     used = fit.used & ~outlying[:, None]
     gap = fit.gap.copy()

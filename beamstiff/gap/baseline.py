@@ -236,6 +236,17 @@ def at_rows(fit: Baseline, rows: Measurements) -> Baseline:
     )
 
 
+def around(fit: Baseline, stiffness: Array) -> Baseline:
+    """Return what is fitted, made linear about another stiffness (t,); what counts of its rows stays.
+
+    Displacements are linear in the compliances, so that a fit is the same from anywhere; what an effect does
+    depends on the stiffness of the rest.
+    """
+    robot = fit.nominal.with_parameters(dict(zip(fit.fitted, stiffness.tolist(), strict=True)))
+    there = at_rows(replace(fit, robot=robot), fit.rows)
+    return replace(there, used=fit.used, sigma=fit.sigma, sharing=fit.sharing, fit_rows=None)
+
+
 def tool_response(robot: Robot, rows: Measurements) -> Array:
     """Return the displacement of the rows' points per unit wrench at their load points, (N, 6, 6), linear."""
     if not any(0.0 < value < RIGID for value in stiffness_parameters(robot).values()):

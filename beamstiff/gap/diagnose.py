@@ -14,6 +14,7 @@ from beamstiff.gap.evidence import Scales, detection
 from beamstiff.gap.free_laws import FreeLaw, free_laws
 from beamstiff.gap.heldout import Shrink, fitted, folds, held_out
 from beamstiff.gap.library import Library, seen_by, state_library
+from beamstiff.gap.linearised import TURNS, beside_the_cause
 from beamstiff.gap.next import as_plain, programme
 from beamstiff.gap.noise import scale_after, scales_of
 from beamstiff.gap.notes import notes
@@ -58,14 +59,22 @@ def diagnose(
     baseline = fit_baseline(robot, measurements)
     library = state_library(baseline, whiten(baseline), without)
     screened = screen(baseline, library, "outliers" not in without)
-    baseline, used = screened.baseline, screened.used
-    white = whiten(baseline, used)
+    linear, used = screened.baseline, screened.used
+    white = whiten(linear, used)
     library = seen_by(library, white)
-    scales = scales_of(baseline)
+    scales = scales_of(linear)
     chance = _chance(white, library, scales, seed)
-    laws = free_laws(baseline, library, white)
+    laws = free_laws(linear, library, white)
     found = search(white, library.hypotheses, scales, laws)
-    return _diagnosis(screened, white, library, laws, found, scales, chance, seed)
+    for _ in range(TURNS):
+        moved = beside_the_cause(linear, white, found, scales)
+        if moved is None:
+            break
+        linear, white = moved, whiten(moved, used)
+        library = state_library(linear, white, without)
+        laws = free_laws(linear, library, white)
+        found = search(white, library.hypotheses, scales, laws)
+    return _diagnosis(screened, linear, white, library, laws, found, scales, chance, seed)
 
 
 def _chance(white: Whitened, library: Library, scales: Scales, seed: int) -> tuple[float, float]:
@@ -77,6 +86,7 @@ def _chance(white: Whitened, library: Library, scales: Scales, seed: int) -> tup
 
 def _diagnosis(
     screened: Screened,
+    linear: Baseline,
     white: Whitened,
     library: Library,
     laws: Sequence[FreeLaw],
@@ -85,17 +95,16 @@ def _diagnosis(
     chance: tuple[float, float],
     seed: int,
 ) -> Diagnosis:
-    baseline, used, outlying = screened.baseline, screened.used, screened.outliers
+    used, outlying = screened.used, screened.outliers
     best = found.named[0]
-    models = [found.shapes[best]]
-    scale = scale_after(white, models, scales)
     pair = found.pairs[0] if found.pairs else None
+    # what one cause leaves is no noise if two close it
+    scale = scale_after(white, pair.shapes if pair is not None else [found.shapes[best]], scales)
     both = None
     if pair is not None and pair.log_weight - found.log_weight[best] > SECOND:
-        both_scale = scale_after(white, pair.shapes, scales)
-        both = held_out(baseline, used, pair.shapes, both_scale, seed)
+        both = held_out(linear, used, pair.shapes, scale, seed)
     shrinks = {
-        key: held_out(baseline, used, [found.shapes[key]], scale, seed) for key in found.named[:REPORTED]
+        key: held_out(linear, used, [found.shapes[key]], scale, seed) for key in found.named[:REPORTED]
     }
     judged = judge(found, white.freedom, chance[1], (outlying.size, screened.strength), shrinks[best], both)
     if judged.also not in (None, OUTLIERS) and pair is not None:
@@ -107,8 +116,8 @@ def _diagnosis(
         models = []
         if judged.verdict != UNKNOWN:
             scale = scale_after(white, [], scales)
-    fits = tuple(fitted(baseline, used, models, scale)) if models else ()
-    candidates = _candidates(baseline, used, found, judged, shrinks, scale)
+    fits = tuple(fitted(linear, used, models, scale)) if models else ()
+    candidates = _candidates(linear, used, found, judged, shrinks, scale)
     by_key = {one.key: one for one in candidates}
     verdict = by_key[judged.verdict]
     also = None
@@ -125,7 +134,7 @@ def _diagnosis(
             shape=fits[0].shapes[second].hypothesis.shape.name,
         )
     first = shrinks[best]
-    squares = np.where(used[:, :3], (scale * baseline.sigma[:, :3]) ** 2, 0.0).sum()
+    squares = np.where(used[:, :3], (scale * linear.sigma[:, :3]) ** 2, 0.0).sum()
     features = {
         "log_odds": chance[0],
         "chance": chance[1],
@@ -145,23 +154,24 @@ def _diagnosis(
         "single_after": first.after,
     }
     attributed = attribute(white, laws, scale)
-    fold, _ = folds(baseline, used, np.random.default_rng(seed))
+    fold, _ = folds(linear, used, np.random.default_rng(seed))
     rivals = [(key, judged.probabilities[key], found.shapes[key]) for key in _rivals(judged, found)]
-    proposed = programme(baseline, used, rivals, scale, seed)
+    proposed = programme(linear, used, rivals, scale, seed)
     return Diagnosis(
-        baseline=baseline,
+        baseline=screened.baseline,
+        linear=linear,
         rms=first.before,
-        ceiling=ceiling(attributed, white, fold, baseline.sigma, scale),
+        ceiling=ceiling(attributed, white, fold, linear.sigma, scale),
         noise=float(np.sqrt(squares / max(used[:, :3].any(axis=1).sum(), 1))),
         candidates=candidates,
         verdict=verdict,
         also=also,
         indistinguishable=judged.indistinguishable,
         untestable=library.untestable,
-        outliers=tuple(baseline.rows.place(row) for row in outlying.tolist()),
+        outliers=tuple(linear.rows.place(row) for row in outlying.tolist()),
         notes=(*_unclear(judged), *notes(screened, white, verdict.effect, scale)),
         fits=fits,
-        where=where(baseline, used, shares(attributed, white, scale, seed)),
+        where=where(screened.baseline, used, shares(attributed, white, scale, seed)),
         next=as_plain(proposed),
         features=features,
     )

@@ -71,6 +71,9 @@ class Diagnosis(Shown):
     Attributes
     ----------
     baseline : Baseline
+        The model fitted without effects.
+    linear : Baseline
+        The one about whose stiffness effects are linear: `fits` change this.
     rms, noise : float, m
         Position gap on held-out postures, and what noise alone would leave.
     candidates : tuple of Candidate
@@ -96,6 +99,7 @@ class Diagnosis(Shown):
     """
 
     baseline: Baseline
+    linear: Baseline
     rms: float
     noise: float
     candidates: tuple[Candidate, ...]
@@ -123,9 +127,10 @@ class Diagnosis(Shown):
         """
         there = at_rows(self.baseline, rows)
         before = after = there.predicted
-        columns = [[columns_at(there, one.hypothesis) for one in fit.shapes] for fit in self.fits]
         if self.fits:
-            after = before + shift(there, self.fits, columns)
+            near = at_rows(self.linear, rows)
+            columns = [[columns_at(near, one.hypothesis) for one in fit.shapes] for fit in self.fits]
+            after = near.predicted + shift(near, self.fits, columns)
         return as_measured(there, before), as_measured(there, after)
 
     def to_dict(self) -> dict[str, Any]:

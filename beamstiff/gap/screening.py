@@ -22,6 +22,7 @@ from beamstiff.se3 import Array
 
 MOST = 0.15  # of the rows
 ROUNDS = 6
+MAIN = 1e-6  # of the largest variance of what the shapes do together, below which the rest is left out
 SURE = 1e-3  # probability that any row of a sound table is flagged
 CLAIM, NO_CLAIM = 0.6, 2.0  # standard deviation of the log noise scale: claims are off by two at times
 
@@ -114,7 +115,7 @@ def _left_out(white: Whitened, columns: Array, variance: Variance) -> tuple[Arra
 
 
 def _unit_columns(some: Sequence[Hypothesis], white: Whitened) -> Array:
-    """Return the columns (n, c) of some shapes, each shape of unit size a value."""
+    """Return columns (n, c) that vary as some shapes do, each shape of unit size a value; the main ones."""
     parts = [np.zeros((white.gap.size, 0))]
     for one in whitened(some, white):
         # what the fit absorbs of a shape changes nothing, and would drown the rest in rounding
@@ -122,7 +123,10 @@ def _unit_columns(some: Sequence[Hypothesis], white: Whitened) -> Array:
         size = np.linalg.norm(left)
         if size > SILENT * np.linalg.norm(one.columns):
             parts.append(left * np.sqrt(white.gap.size) / size)
-    return np.concatenate(parts, axis=1)
+    columns = np.concatenate(parts, axis=1)
+    values, vectors = np.linalg.eigh(columns.T @ columns)
+    main: Array = columns @ vectors[:, values > MAIN * values.max(initial=0.0)]
+    return main
 
 
 def _some_shapes(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:

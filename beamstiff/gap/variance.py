@@ -13,6 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import solve_triangular
 from scipy.optimize import minimize
 
 from beamstiff.gap.whitened import Whitened
@@ -62,7 +63,7 @@ def precision(white: Whitened, columns: Array, variance: Variance) -> tuple[Prec
     inner = np.eye(columns.shape[1]) / variance.library + columns.T @ weighted
     inner[np.diag_indices_from(inner)] *= 1.0 + JITTER
     root = np.linalg.cholesky(inner)
-    factor = np.linalg.solve(root, weighted.T)
+    factor = solve_triangular(root, weighted.T, lower=True, check_finite=False)
     log = (
         0.5 * np.log(own).sum()
         - np.log(np.diag(root)).sum()
@@ -73,7 +74,7 @@ def precision(white: Whitened, columns: Array, variance: Variance) -> tuple[Prec
         rest = white.tangent.T @ toward
         rest[np.diag_indices_from(rest)] *= 1.0 + JITTER
         fitted = np.linalg.cholesky(rest)
-        factor = np.concatenate([factor, np.linalg.solve(fitted, toward.T)])
+        factor = np.concatenate([factor, solve_triangular(fitted, toward.T, lower=True, check_finite=False)])
         log -= np.log(np.diag(fitted)).sum()
     return Precision(own, factor), float(log)
 

@@ -38,8 +38,9 @@ CHANCE = 0.01  # share of simulated campaigns without an effect that look as if 
 SURE, SLIGHT = 0.95, 0.03  # probability of the verdict with what cannot be told from it; and of a member
 DOUBTED = 0.12  # probability of the unknown from which a set holds it
 SECOND = 8.0  # log odds of a second cause
-SECOND_WORTH = 0.8  # share of what the first leaves that both must close on held-out postures
-SECOND_LEFT, SECOND_LESS = 0.12, 0.35  # share that both leave to the unknown, and of what the first leaves
+STILL_OPEN = 1.1  # of the noise, which the first must leave on held-out postures for a second to close
+SECOND_WORTH = 0.85  # share of that which both must close
+SECOND_LEFT = 0.2  # share of the gap that both leave to the unknown
 CLEAR = 0.6  # probability that a second cause needs among those that could be it
 DISTINCT, SEVERAL, STRONG = 1.3, 3, 1.8  # outliers: strength to be named, number and strength beside a cause
 SEEN = 0.9  # probability of outliers beside a cause
@@ -102,17 +103,13 @@ def share_of_free_laws(search: Search, log_weight: float) -> float:
 
 
 def accepted(pair: Pair | None, search: Search, single: Shrink, both: Shrink | None) -> bool:
-    """Return whether a second cause has evidence of its own, and worth on postures it did not see."""
-    if pair is None or both is None:
+    """Return whether a second cause has evidence, and closes what the first leaves on unseen postures."""
+    if pair is None or both is None or single.after < STILL_OPEN * both.noise:
         return False
-    best = search.named[0]
-    if pair.log_weight - search.log_weight[best] < SECOND:
+    if pair.log_weight - search.log_weight[search.named[0]] < SECOND:
         return False
-    if pair.left > min(SECOND_LEFT, SECOND_LESS * search.left[best]):
-        return False
-    open_before = single.after**2 - single.noise**2
-    open_after = both.after**2 - both.noise**2
-    return open_before > 0 and open_after <= (1.0 - SECOND_WORTH) * open_before
+    before, after = single.after**2 - both.noise**2, both.after**2 - both.noise**2
+    return pair.left <= SECOND_LEFT and after <= (1.0 - SECOND_WORTH) * before
 
 
 def judge(

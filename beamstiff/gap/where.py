@@ -67,15 +67,12 @@ def _by_level(value: Array, size: Array, seen: NDArray[np.bool_], unit: str) -> 
     whole = float(np.abs(value).max(initial=0.0)) or 1.0
     value = np.round(value / whole, 6) * whole  # rounding must not split a level
     levels = np.unique(value[seen])
-    if levels.size == 1:
-        return {f"{levels[0]:.4g} {unit}".strip(): _rms(size[seen])}
-    groups = np.array_split(levels, min(3, levels.size))
-    return {
-        f"{part[0]:.4g} to {part[-1]:.4g} {unit}".strip(): _rms(
-            size[seen & (value >= part[0]) & (value <= part[-1])]
-        )
-        for part in groups
-    }
+    result = {}
+    for part in np.array_split(levels, min(3, levels.size)):
+        ends = dict.fromkeys(f"{end:.4g}" for end in (part[0], part[-1]))  # a single level has one
+        within = seen & (value >= part[0]) & (value <= part[-1])
+        result[f"{' to '.join(ends)} {unit}".strip()] = _rms(size[within])
+    return result
 
 
 def _worst(baseline: Baseline, size: Array, seen: NDArray[np.bool_]) -> list[dict[str, Any]]:

@@ -137,16 +137,16 @@ def test_the_robot_written_predicts_new_rows_as_the_diagnosis(effect: str) -> No
     # the diagnosis is linear in the compliances, the robot's stiffness under load is not: no other difference
     stiffening = [
         predict_displacements(one, rows, preload=True) - predict_displacements(one, rows)
-        for one in (robot, result.baseline.robot)
+        for one in (robot, result.linear.robot)
     ]
     found = predict_with_effects(robot, rows) - (stiffening[0] - stiffening[1])
     np.testing.assert_allclose(found, after, rtol=0, atol=1e-12)
     assert np.abs(stiffening[0] - stiffening[1]).max() < 0.02 * np.abs(after - before).max()
     # the effects' own part is the same
-    there = at_rows(result.baseline, rows)
+    there = at_rows(result.linear, rows)
     change = 1 / np.array([robot.parameter(name) for name in robot.identify])
-    change -= 1 / np.array([result.baseline.robot.parameter(name) for name in robot.identify])
-    expected = after - before - there.tangent @ change
+    change -= 1 / np.array([result.linear.robot.parameter(name) for name in robot.identify])
+    expected = after - there.predicted - there.tangent @ change
     np.testing.assert_allclose(effects_displacement(robot, rows), expected, rtol=0, atol=1e-15)
 
 
@@ -203,12 +203,12 @@ def test_without_an_effect_only_the_stiffness_is_written() -> None:
 
 def test_shapes_between_which_the_data_do_not_choose_and_second_causes_are_all_written() -> None:
     result = diagnosed("backlash")
-    known = state_library(result.baseline, whiten(result.baseline)).hypotheses
+    known = state_library(result.linear, whiten(result.linear)).hypotheses
     shapes = {(one.key, one.shape.name): one for one in known}
     knees = [shapes["backlash:q2", f"flank within {width}"] for width in ("0.005", "0.03")]
     floor = shapes["base-compliance:null", "rotation"]
     models = [[Weighted(knees[0], 0.3, 1.0), Weighted(knees[1], 0.7, 1.0)], [Weighted(floor, 1.0, 1.0)]]
-    both = replace(result, fits=tuple(fitted(result.baseline, result.baseline.used, models, 1.0)))
+    both = replace(result, fits=tuple(fitted(result.linear, result.linear.used, models, 1.0)))
     robot = parse_robot(robot_to_yaml(extended(both)))
     assert [(one.effect, one.shape) for one in robot.effects] == [
         ("backlash", "flank within 0.005"),
@@ -216,15 +216,16 @@ def test_shapes_between_which_the_data_do_not_choose_and_second_causes_are_all_w
         ("backlash", "flank within 0.03"),
     ]
     rows = any_rows("displacement", 4)
-    before, after = both.predict_shift(rows)
-    change = at_rows(both.baseline, rows).tangent @ sum(one.weight * one.compliance for one in both.fits)
-    np.testing.assert_allclose(effects_displacement(robot, rows), after - before - change, rtol=0, atol=1e-14)
+    after = both.predict_shift(rows)[1]
+    near, change = at_rows(both.linear, rows), sum(one.weight * one.compliance for one in both.fits)
+    expected = after - near.predicted - near.tangent @ change
+    np.testing.assert_allclose(effects_displacement(robot, rows), expected, rtol=0, atol=1e-14)
 
 
 def test_no_compliance_becomes_negative() -> None:
     result = diagnosed("backlash")
     (first, *others) = result.fits
-    none_left = -1.5 / result.baseline.robot.parameter("J1.torsional")
+    none_left = -1.5 / result.linear.robot.parameter("J1.torsional")
     fits = (replace(first, compliance=np.array([none_left / first.weight, 0.0])), *others)
     robot = extended(replace(result, fits=fits))
     # the best fit beside the effects, which is inside the bounds here

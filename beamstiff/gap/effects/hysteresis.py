@@ -51,16 +51,21 @@ def held_torque(
     >>> held_torque(cycle, np.zeros(4), np.array([True, False, False, False]), np.arange(4), 0.5)
     array([ 0.5,  0.5, -0.5, -0.5])
     """
-    result = np.zeros_like(torque)
+    result = [0.0] * len(torque)
+    loads, unloaded, new = (
+        torque.tolist(),
+        start.tolist(),
+        fresh.tolist(),
+    )  # plain numbers are faster in a loop
     held = before = first = 0.0
-    for row in order:
-        if fresh[row]:
-            before = start[row]
-            held = first = float(np.clip(before, -limit, limit)) if wound else arrived * limit
-        held = float(np.clip(held + torque[row] - before, -limit, limit))
-        before = torque[row]
+    for row in order.tolist():
+        if new[row]:
+            before = unloaded[row]
+            held = first = max(-limit, min(limit, before)) if wound else arrived * limit
+        held = max(-limit, min(limit, held + loads[row] - before))
+        before = loads[row]
         result[row] = held - first
-    return result
+    return np.array(result)
 
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:

@@ -11,6 +11,7 @@ import numpy as np
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects.effect import Effect, Quantity, Shape
 from beamstiff.gap.effects.outside import tool_axes
+from beamstiff.se3 import Array
 
 OFFSET = 0.03  # m
 PLACED = 5e-4  # m, of a target whose place was measured
@@ -18,21 +19,25 @@ TURNED = 1e-3  # rad
 
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: ARG001
-    axes = tool_axes(baseline)
-    nothing = np.zeros_like(axes)
-    force = baseline.rows.wrench[:, :3, None]
-    if baseline.absolute:  # the payload hangs where the load acts
-        robot = baseline.nominal
-        mass = sum(item.mass for item in robot.masses if item.node == robot.tcp)
-        force = force + mass * np.array(robot.gravity)[None, :, None]
-    moment = np.concatenate([nothing, np.cross(axes, force, axis=1)], 1)
-    load = baseline.response @ moment
+    robot, rows = baseline.nominal, baseline.rows
+    axes, nothing = tool_axes(baseline), np.zeros((len(rows), 3, 3))
+    loaded = np.where((rows.load_point == robot.tcp)[:, None, None], axes, 0.0)
+    marked = np.where((rows.point == robot.tcp)[:, None, None], axes, 0.0)
+
+    def acting(at: Array, force: Array) -> Array:
+        moment = np.concatenate([nothing, np.cross(at, force[:, :, None], axis=1)], 1)
+        result: Array = baseline.response @ moment
+        return result
+
+    load = acting(loaded, rows.wrench[:, :3])
     loads = tuple(Quantity(f"load_point_{axis}", "m", OFFSET) for axis in "xyz")
     if baseline.absolute:
-        seat = np.concatenate([axes, nothing], 1)
+        mass = sum(item.mass for item in robot.masses if item.node == robot.tcp)
+        payload = acting(axes, np.broadcast_to(mass * np.array(robot.gravity), (len(rows), 3)))
+        seat = np.concatenate([marked, nothing], 1)
         turn = np.concatenate([nothing, axes], 1)
         # of a target whose unloaded place is known, the lever is left: what the tool turns moves it
-        tilt = np.concatenate([np.cross(baseline.predicted[:, 3:, None], axes, axis=1), nothing], 1)
+        tilt = np.concatenate([np.cross(baseline.predicted[:, 3:, None], marked, axis=1), nothing], 1)
         levers = tuple(Quantity(f"target_lever_{axis}", "m", OFFSET) for axis in "xyz")
         places = tuple(Quantity(f"target_{axis}", "m", PLACED) for axis in "xyz")
         turns = tuple(Quantity(f"turn_{axis}", "rad", TURNED) for axis in "xyz")
@@ -40,6 +45,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
             Shape("target", seat, places),
             Shape("target and its turn", np.concatenate([seat, turn], -1), (*places, *turns)),
             Shape("load", load, loads, weight=0.5),
+            Shape("load with the payload", load + payload, loads, weight=0.5),
             Shape("load and target", np.concatenate([load, seat], -1), (*loads, *places), weight=0.5),
             Shape("target and its lever", np.concatenate([seat, tilt], -1), (*places, *levers), weight=0.5),
             Shape(
@@ -51,7 +57,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
         ]
     # the rotation as measured holds what the offset itself adds to it
     turned = np.where(baseline.used[:, 3:], baseline.measured[:, 3:], baseline.predicted[:, 3:])
-    seen = np.concatenate([np.cross(turned[:, :, None], axes, axis=1), nothing], 1)
+    seen = np.concatenate([np.cross(turned[:, :, None], marked, axis=1), nothing], 1)
     targets = tuple(Quantity(f"target_{axis}", "m", OFFSET) for axis in "xyz")
     both = tuple(Quantity(f"tool_{axis}", "m", OFFSET) for axis in "xyz")
     return [

@@ -100,7 +100,8 @@ def read(reality: Reality, campaign: Campaign, solved: Solution) -> Array:
     frames = [machine.node(str(name)).frame for name in campaign.point]
     axes = np.stack([solved.placed.rotations[frame][row] for row, frame in enumerate(frames)])
     away = np.array(reality.target if campaign.kind == "displacement" else reality.marked)
-    arm = solved.layout.arms[np.arange(len(point)), point] + axes @ away
+    away = np.where((campaign.point == machine.tcp)[:, None], axes @ away, 0.0)  # the tool's own reflector
+    arm = solved.layout.arms[np.arange(len(point)), point] + away
     body = solved.topology.body[point]
     every = np.arange(len(point))
     loaded, unloaded = (_moved(state, every, body, arm) for state in (solved.loaded, solved.unloaded))
@@ -110,7 +111,7 @@ def read(reality: Reality, campaign: Campaign, solved: Solution) -> Array:
     else:
         tcp = machine.node(machine.tcp)
         turned = solved.loaded.turned[every, solved.topology.body[nodes[machine.tcp]]]
-        place_of_point = solved.layout.nodes[every, point] + axes @ away
+        place_of_point = solved.layout.nodes[every, point] + away
         rotation = turned_by(turned @ solved.placed.rotations[tcp.frame])
         values = np.concatenate([place_of_point + loaded, rotation], axis=1)
     for change in reality.readings:
@@ -227,7 +228,10 @@ def _load(reality: Reality, topology: Topology, campaign: Campaign, placed: Plac
     node = np.array([topology.index[name] for name in campaign.load_point])
     frames = [reality.machine.node(str(name)).frame for name in campaign.load_point]
     axes = np.stack([placed.rotations[frame][row] for row, frame in enumerate(frames)])
-    arm = layout.arms[np.arange(len(node)), node] + axes @ np.array(reality.lever)
+    lever = np.where(
+        (campaign.load_point == reality.machine.tcp)[:, None], axes @ np.array(reality.lever), 0.0
+    )
+    arm = layout.arms[np.arange(len(node)), node] + lever
     return Load(topology.body[node], arm, wrench)
 
 

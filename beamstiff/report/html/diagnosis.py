@@ -9,7 +9,7 @@ import numpy as np
 
 from beamstiff.gap.heldout import shift
 from beamstiff.gap.result import Candidate, Diagnosis
-from beamstiff.report.diagnosis import headline, named, separations, summary
+from beamstiff.report.diagnosis import headline, named, separations, sized, summary
 from beamstiff.report.html.bars import bars
 from beamstiff.report.html.page import Page, render
 from beamstiff.report.html.parts import Fact, Figure, Section, Table
@@ -22,6 +22,7 @@ from beamstiff.robot.fields import stiffness_text
 from beamstiff.se3 import Array
 
 SHOWN = 8  # candidates and places in figures; tables hold all
+DEGREES = 180.0 / np.pi
 LEAST = 0.0005  # probability of a candidate in the table
 PARTS_OF_GAP = {
     "directions": "By direction",
@@ -70,7 +71,7 @@ def _with_cause(result: Diagnosis) -> Array | None:
     if not result.fits:
         return None
     columns = [[one.hypothesis.shape.columns for one in fit.shapes] for fit in result.fits]
-    return result.baseline.predicted + shift(result.baseline, result.fits, columns)
+    return result.linear.predicted + shift(result.linear, result.fits, columns)
 
 
 def _facts(result: Diagnosis) -> Iterator[Fact]:
@@ -96,7 +97,9 @@ def _view(result: Diagnosis) -> RobotView | None:
 
 
 def _which(result: Diagnosis) -> Section:
-    first = result.candidates[:SHOWN]
+    first = [
+        one for at, one in enumerate(result.candidates) if at < SHOWN or one.effect in ("none", "unknown")
+    ]
     traces, layout = bars(
         [named(one) for one in first],
         [one.probability for one in first],
@@ -110,24 +113,17 @@ def _which(result: Diagnosis) -> Section:
     figure = Figure(
         "which",
         "Which effect",
-        "Probability of every explanation; none and unknown are among them.",
+        "Probability of the likeliest explanations, and of none and unknown.",
         traces,
         layout,
         Table("The candidates", columns, [_candidate(one) for one in likely], left=2),
     )
     sizes = [
-        [
-            one.key,
-            item.name,
-            number(item.value),
-            number(item.std),
-            f"{number(item.realistic[0])} to {number(item.realistic[1])}",
-            "yes" if item.plausible else "no, larger than that",
-            item.unit,
-        ]
+        [one.key, name, value, std, realistic, "yes" if item.plausible else "no, larger than that", unit]
         for one in result.candidates
         if one.key in {result.verdict.key, *result.indistinguishable} or one is result.also
         for item in one.estimates
+        for name, value, std, realistic, unit in [sized(item)]
     ]
     large = Table(
         "How large: its parameters",
@@ -182,8 +178,9 @@ def _where(result: Diagnosis) -> Section:
         if result.where.get(key)
     ]
     tables += [
-        Table(f"By {name}", (f"{name}, rad or m", "mm"), _rms(values))
+        Table(f"By {name}", (f"{name}, {'deg' if turns else 'mm'}", "mm"), _rms(_for_people(values, turns)))
         for name, values in result.where.get("joints", {}).items()
+        for turns in [_turns(result, name)]
     ]
     text = "Position gap of the fitted model by direction, load and joint reading, RMS in mm."
     return Section("where", "Where the gap is", figures=figures, tables=tables, tables_text=text)
@@ -191,6 +188,20 @@ def _where(result: Diagnosis) -> Section:
 
 def _rms(values: Mapping[str, float]) -> list[list[str]]:
     return [[name, f"{value:.3f}"] for name, value in values.items()]
+
+
+def _turns(result: Diagnosis, name: str) -> bool:
+    """Return whether a joint variable is an angle."""
+    return next(one.kind for one in result.baseline.nominal.variables if one.name == name) == "angle"
+
+
+def _for_people(by_level: Mapping[str, float], turns: bool) -> dict[str, float]:
+    """Return values by level, ``-0.5 to 0.3`` in rad or m, by level in deg or mm."""
+    factor = DEGREES if turns else 1e3
+    return {
+        " to ".join(number(factor * float(end)) for end in level.split(" to ")): value
+        for level, value in by_level.items()
+    }
 
 
 def _how_far(result: Diagnosis) -> Section:
@@ -231,13 +242,16 @@ def _others(result: Diagnosis) -> Iterator[Section]:
         yield Section("parameters", "Parameters of the model", [text.replace("`", "")], tables=[table])
     following = [
         [
-            ", ".join(f"{name} = {number(value)}" for name, value in item["q"].items()),
+            ", ".join(
+                f"{name} = {number(value * (DEGREES if _turns(result, name) else 1e3))}"
+                for name, value in item["q"].items()
+            ),
             ", ".join(number(value + 0.0) for value in item["wrench"]),
             ", ".join(item["separates"]),
         ]
         for item in result.next
     ]
-    columns = ("joint variables, rad or m", "wrench, N and N m", "separates")
+    columns = ("joint variables, deg or mm", "wrench, N and N m", "separates")
     tables = [Table(f"{len(following)} states that would tell most", columns, following, 3, open=False)]
     yield Section("next", "What to measure next", separations(result), tables=tables if following else [])
     hidden = [[one.effect, one.component or "-", one.why] for one in result.untestable]

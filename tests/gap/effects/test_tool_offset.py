@@ -83,3 +83,16 @@ def test_a_target_whose_unloaded_place_is_known_still_moves_with_what_the_load_t
     columns = shape_of(there, "tool-offset", None, "target and its lever").columns[..., 3 + axis]
     np.testing.assert_allclose(columns[:, :3] * OFFSET, expected[:, :3], rtol=2e-2, atol=1e-9)
     assert not columns[:, 3:].any()
+
+
+def test_what_sits_elsewhere_on_the_machine_does_not_move_with_the_tool() -> None:
+    rows = at_random(kr240(), 6, seed=2)
+    elsewhere = np.where(np.arange(6) < 3, "n6b", "n4b")
+    there = nominal(kr240(), replace(rows, point=elsewhere))
+    target = shape_of(there, "tool-offset", None, "target").columns
+    assert np.abs(target[:3, :3]).max(axis=(1, 2)).min() > 0
+    assert not target[3:].any()
+    pushed = nominal(kr240(), replace(rows, load_point=elsewhere))
+    load = shape_of(pushed, "tool-offset", None, "load").columns
+    assert np.abs(load[:3]).max(axis=(1, 2)).min() > 0
+    assert not load[3:].any()
