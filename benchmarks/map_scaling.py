@@ -1,4 +1,4 @@
-"""How a workspace map scales: `python -m benchmarks.map_scaling [--poses N] [--processes N] [--times N]`.
+"""How a workspace map scales: `python -m benchmarks.map_scaling [--processes N] [--write]`.
 
 Over joint variables: the IR-663 over both drives (least stiffness, deflection under a load, condition
 number). Over positions: the KR 240-2, whose joint values are found first. Both are written as NetCDF.
@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import resource
 import statistics
 import subprocess
@@ -156,34 +157,44 @@ def floors() -> Iterator[Row]:
     yield (f"result, {moved} bytes at {rates[1] / 1e9:.0f} GB/s", f"{1e6 * moved / rates[1]:.4f}")
 
 
-def printed(title: str, rows: Iterator[Row]) -> None:
-    """Print rows as they come."""
-    print(title)
-    for row in rows:
-        print(" | ".join(row), flush=True)
-    print()
-
-
 def main() -> None:
     """Print all tables."""
     from benchmarks.batched_compliance import machine
+    from benchmarks.speed import README, others, written
 
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--poses", type=int, default=1_000_000)
     parser.add_argument("--positions", type=int, default=125_000)
     parser.add_argument("--processes", type=int, default=4)
     parser.add_argument("--times", type=int, default=3)
+    parser.add_argument("--write", action="store_true", help="into benchmarks/README.md")
     asked = parser.parse_args()
     load = os.getloadavg()[0]
-    busy = f"; BUSY (load {load:.1f}): the wall clock tells of others" if load > 0.5 else ""
-    print(f"{machine()}{busy}\n{', '.join(QUANTITIES)}; medians of {asked.times}\n")
-    printed("Floor, IR-663", floors())
-    printed("Growth over joint variables, IR-663", growth(asked.poses, asked.times))
-    for title, work in (
-        (f"{asked.poses:,} poses over joint variables, IR-663", over_joints(asked.poses)),
-        (f"{asked.positions:,} poses over positions, KR 240-2", over_positions(asked.positions)),
-    ):
-        printed(title, speed_up(work, asked.processes, asked.times))
+    busy = ": BUSY, the wall clock tells of others" if load > 0.5 else ""
+    intro = (
+        f"{', '.join(QUANTITIES)}, written as NetCDF; medians of {asked.times}; load {load:.1f} at the start"
+        f"{busy}. Written by `python -m benchmarks.map_scaling --write`."
+    )
+    print(f"{machine()}\n{intro}")
+    joints, positions = over_joints(asked.poses), over_positions(asked.positions)
+    tables = [
+        written("Maps: floor, IR-663", floors()),
+        written("Maps: growth over joint variables, IR-663", growth(asked.poses, asked.times)),
+        written(
+            f"Maps: {asked.poses:,} poses over joint variables, IR-663",
+            speed_up(joints, asked.processes, asked.times),
+        ),
+        written(
+            f"Maps: {asked.positions:,} poses over positions, KR 240-2",
+            speed_up(positions, asked.processes, asked.times),
+        ),
+    ]
+    if asked.write:
+        first, _, rest = tables[0].partition("\n\n")
+        tables[0] = f"{first}\n\n{intro}\n\n{rest}"
+        before = README.read_text(encoding="utf-8")
+        head = re.split(r"(?m)^(?=## )", before)[0]
+        README.write_text(head + "\n".join([*others(before, tables), *tables]), encoding="utf-8")
 
 
 if __name__ == "__main__":

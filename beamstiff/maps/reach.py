@@ -1,8 +1,8 @@
 """Joint values that bring the TCP to the points of a grid, all in the configuration of one posture.
 
 Two postures are of one configuration where the straight way between their joint values meets no singular
-posture: none of shoulder, elbow and wrist is turned over on it. What is found at a point depends on that
-point alone, not on those solved with it.
+posture: none of shoulder, elbow and wrist is turned over on it. Points are started from postures nearby, then
+from solved points beside them; what is found depends on the points that are given together, on nothing else.
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ from beamstiff.se3 import Array
 Mask = NDArray[np.bool_]
 
 POOL = 2048  # random postures, of which those of the configuration are started from
-ROUNDS = 3  # starts for each point
+ROUNDS = 2  # of starts from these
+SWEEPS = 8  # of starts from points beside
 RESTARTS = 12  # to find out why a point is not reached
 STEPS = 24  # along the way between two postures
 SINGULAR = 1e-5  # least over largest singular value
@@ -86,14 +87,19 @@ class Reach:
         nearest = self._nearest(targets)
         for number in range(min(ROUNDS, nearest.shape[1])):
             todo = np.flatnonzero(reasons != Reason.COMPUTED)
-            if not todo.size:
+            self._try(targets, todo, self._pool[nearest[todo, number]], q, reasons)
+        points = targets[:, :3, 3] if self.turned else targets
+        tried = np.full(len(targets), -1)
+        for _ in range(SWEEPS):
+            solved = np.flatnonzero(reasons == Reason.COMPUTED)
+            todo = np.flatnonzero(reasons != Reason.COMPUTED)
+            if not solved.size:
                 break
-            begin = self._pool[nearest[todo, number]]
-            found, reached = self._approach(self.kinematics, targets[todo], begin, 0)
-            there = np.flatnonzero(reached)
-            same = self.same_configuration(found[there])
-            q[todo[there]] = found[there]
-            reasons[todo[there]] = np.where(same, Reason.COMPUTED, Reason.OTHER_CONFIGURATION)
+            beside = solved[((points[todo, None] - points[solved]) ** 2).sum(axis=2).argmin(axis=1)]
+            new = beside != tried[todo]
+            tried[todo] = beside
+            if not self._try(targets, todo[new], q[beside[new]], q, reasons):
+                break
         for reason, kinematics in (
             (Reason.OTHER_CONFIGURATION, self.kinematics),
             (Reason.LIMITS, self._unlimited),
@@ -103,6 +109,19 @@ class Reach:
                 found, reached = self._approach(kinematics, targets[todo], self.start, RESTARTS)
                 q[todo[reached]], reasons[todo[reached]] = found[reached], reason
         return q, reasons
+
+    def _try(
+        self, targets: Array, todo: NDArray[np.intp], start: Array, q: Array, reasons: NDArray[np.int8]
+    ) -> bool:
+        """Look for some targets from a start each, note what is found, and tell whether anything was."""
+        if not todo.size:
+            return False
+        found, reached = self._approach(self.kinematics, targets[todo], start, 0)
+        there = np.flatnonzero(reached)
+        same = self.same_configuration(found[there])
+        q[todo[there]] = found[there]
+        reasons[todo[there]] = np.where(same, Reason.COMPUTED, Reason.OTHER_CONFIGURATION)
+        return bool(same.any())
 
     def _approach(
         self, kinematics: Kinematics, targets: Array, start: Array, restarts: int

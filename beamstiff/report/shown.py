@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator, Mapping
 from functools import singledispatch
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -29,6 +29,9 @@ from beamstiff.report.overview_tables import overview_tables
 from beamstiff.report.parity import parity_figure
 from beamstiff.report.skeleton import draw_shares
 from beamstiff.robot.description import Robot
+
+if TYPE_CHECKING:
+    from xarray import Dataset
 
 WIDTH = 110  # characters, in Jupyter
 PRE = '<pre style="white-space:pre;overflow-x:auto;line-height:1.2;font-family:monospace">{code}</pre>'
@@ -56,16 +59,17 @@ def as_html(thing: object) -> str:
 
 
 @singledispatch
-def plot(thing: object, **options: Any) -> Figure:  # noqa: ARG001
+def plot(thing: object, **options: Any) -> Figure:
     """Draw a robot or a result.
 
     Parameters
     ----------
-    thing : Robot, Identification, Calibration, Models, Diagnosis or Compensated
+    thing : Robot, Identification, Calibration, Models, Diagnosis, Compensated, or a map (xarray.Dataset)
     **options
         Of a robot: ``q``, actuated joint values by name, rad or m (default: the posture that
         ``beamstiff show`` calls the reference), and ``shares``, 0 to 1 by part, which colour it. Of an
-        identification: ``measured``, to draw predicted over measured displacements instead of values.
+        identification: ``measured``, to draw predicted over measured displacements instead of values. Of a
+        map: ``quantities``, names (default: all of one number a pose).
 
     Returns
     -------
@@ -83,6 +87,10 @@ def plot(thing: object, **options: Any) -> Figure:  # noqa: ARG001
     >>> plot(load_robot("ir663"), q={"q2": 0.1, "q8": 0.8}).axes[0].get_title()
     'ir663'
     """
+    if type(thing).__name__ == "Dataset" and "reason" in getattr(thing, "variables", ()):
+        from beamstiff.report.workspace import map_figure  # loads what maps alone need
+
+        return map_figure(cast("Dataset", thing), **options)
     raise BeamstiffError(f"plot: found {type(thing).__name__}, expected a robot or a result of beamstiff")
 
 

@@ -92,7 +92,18 @@ def test_pictures_are_small() -> None:
 
 
 @pytest.mark.parametrize(
-    "page", ["stiffness", "planning", "identification", "calibration", "models", "diagnosis", "compensation"]
+    "page",
+    [
+        "stiffness",
+        "maps",
+        "planning",
+        "identification",
+        "calibration",
+        "models",
+        "diagnosis",
+        "exam",
+        "compensation",
+    ],
 )
 def test_a_method_has_its_picture(page: str) -> None:
     text = (DOCS / f"{page}.md").read_text(encoding="utf-8")

@@ -5,7 +5,7 @@ import pytest
 import xarray
 from matplotlib.colors import LogNorm
 
-from beamstiff import load_robot, map_workspace
+from beamstiff import load_robot, map_workspace, plot
 from beamstiff.errors import BeamstiffError
 from beamstiff.report.workspace import map_figure
 from tests.maps.robots import planar_arm
@@ -72,6 +72,14 @@ def test_a_condition_that_runs_to_infinity_is_drawn_by_its_logarithm() -> None:
     assert isinstance(norm, LogNorm)
     assert norm.vmax < 1e12
     figure.canvas.draw()
+
+
+def test_plot_draws_maps_and_no_other_dataset() -> None:
+    found = map_workspace(planar_arm(), {"q1": AXIS, "q2": [1.0, 2.0]}, quantities=["stiffness", "dexterity"])
+    assert len(meshes(plot(found))) == 2
+    assert len(meshes(plot(found, quantities=["dexterity"]))) == 1
+    with pytest.raises(BeamstiffError, match="found Dataset"):
+        plot(xarray.Dataset({"stiffness": ("q1", [1.0])}))
 
 
 def test_what_cannot_be_drawn_is_said() -> None:
