@@ -12,9 +12,9 @@ from rich.text import Text
 
 from beamstiff.gap.effects import EFFECTS
 from beamstiff.gap.notes import FEW_VALUES, OFF
-from beamstiff.gap.result import Candidate, Diagnosis
+from beamstiff.gap.result import Candidate, Diagnosis, Estimate
 from beamstiff.gap.search import UNKNOWN
-from beamstiff.report.tables import add_rows, number, table
+from beamstiff.report.tables import add_rows, small, table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -36,17 +36,10 @@ def diagnosis_tables(result: Diagnosis) -> Iterator[RenderableType]:
     yield which
     sizes = table("How large", "effect", "parameter", "value", "std", "realistic", "unit", left=2)
     rows = [
-        [
-            one.key,
-            item.name,
-            number(item.value),
-            number(item.std),
-            f"{number(item.realistic[0])} to {number(item.realistic[1])}"
-            + ("" if item.plausible else " (!)"),
-            item.unit,
-        ]
+        [one.key, name, value, std, realistic + ("" if item.plausible else " (!)"), unit]
         for one in _named(result)
         for item in one.estimates
+        for name, value, std, realistic, unit in [sized(item)]
     ]
     if rows:
         add_rows(sizes, rows)
@@ -89,8 +82,9 @@ def summary(result: Diagnosis) -> str:
     """
     rms, noise = 1e3 * result.rms, 1e3 * result.noise
     first = (
-        f"Gap that remains after the fit, on postures left out: {rms:.3f} mm RMS; noise alone{_scaled(result)} "
-        f"would leave {noise:.3f} mm, all that could give way in any way {1e3 * result.ceiling:.3f} mm."
+        f"Gap that remains after the fit, on postures left out: {rms:.3f} mm RMS; noise "
+        f"alone{_scaled(result)} would leave {noise:.3f} mm, all that could give way in any way "
+        f"{1e3 * result.ceiling:.3f} mm."
     )
     verdict, head = result.verdict, headline(result)
     percent = f"{100 * verdict.probability:.0f} %"
@@ -151,6 +145,12 @@ def _scaled(result: Diagnosis) -> str:
     if not result.baseline.claimed or 1.0 / OFF < factor < OFF:
         return ""
     return f", taken {factor:.2g} times as large as stated,"
+
+
+def sized(item: Estimate) -> tuple[str, str, str, str, str]:
+    """Return a parameter for people: name, value, standard deviation, realistic sizes, unit."""
+    (value, std, low, high), unit = small([item.value, item.std, *item.realistic], item.unit)
+    return item.name, value, std, f"{low} to {high}", unit
 
 
 def named(one: Candidate) -> str:

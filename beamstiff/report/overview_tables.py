@@ -135,6 +135,8 @@ def _summary_rows(facts: dict[str, Any]) -> Iterator[list[str]]:
     yield ["condition of the scaled stiffness", condition]
     weightless = f"; without density: {listed(facts['weightless'])}" if facts["weightless"] else ""
     yield ["mass of beams and masses", f"{facts['mass']:.4g} kg{weightless}"]
+    gravity = ", ".join(f"{value:g}" for value in facts["gravity"])
+    yield ["gravity", f"{gravity} m/s^2" if any(facts["gravity"]) else "none"]
     yield ["TCP", f"{facts['tcp']['node']} at {', '.join(millimetres(facts['tcp']['position']))} mm"]
     reach = facts["reach"]
     ends = zip("xyz", millimetres(reach["lower"]), millimetres(reach["upper"]), strict=True)

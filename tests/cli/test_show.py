@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from math import pi
 from pathlib import Path
@@ -146,3 +147,10 @@ def test_names_from_the_file_are_printed_as_they_are(run: Run, folder: Path) -> 
     text = (folder / "crane.yaml").read_text().replace("tip", '"[bold]:smile:"')
     (folder / "odd.yaml").write_text(text)
     assert "[bold]:smile: by arm" in run("show", "odd.yaml").stdout
+
+
+def test_gravity_stands_in_the_summary(run: Run, folder: Path) -> None:
+    assert re.search(r"gravity +0, 0, -9.81 m/s\^2", run("show", "crane.yaml").stdout)  # where none is said
+    weightless = (folder / "crane.yaml").read_text() + "gravity: [0, 0, 0]\n"
+    (folder / "moon.yaml").write_text(weightless)
+    assert re.search(r"gravity +none", run("show", "moon.yaml").stdout)

@@ -8,7 +8,7 @@ import pytest
 
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.result import Candidate
-from beamstiff.report.diagnosis import headline, summary
+from beamstiff.report.diagnosis import headline, sized, summary
 from tests.gap.machines import POSITION, at_random, elbow, nominal
 from tests.gap.planted import diagnosed
 
@@ -54,3 +54,10 @@ def test_few_rows_are_no_proof_that_there_is_nothing() -> None:
 )
 def test_noise_that_is_not_the_stated_one_is_called_so(scale: float, words: str) -> None:
     assert words in said(NONE, scale=scale, noise_position=1.0)[1]
+
+
+def test_sizes_are_told_in_mrad() -> None:
+    found = diagnosed("backlash")
+    name, value, _, _, unit = sized(found.verdict.estimates[0])
+    assert (name, unit) == ("half_width", "mrad")
+    assert float(value) == pytest.approx(1e3 * found.verdict.estimates[0].value, rel=1e-3)

@@ -1,0 +1,40 @@
+from __future__ import annotations
+
+import io
+
+import pytest
+from rich.console import Console
+
+from beamstiff.report.tables import small, table
+
+TITLE = "Where: share of the explainable gap that a place could make"
+
+
+def printed(width: int) -> list[str]:
+    made = table(TITLE, "place", "share")
+    made.add_row("joint_a3", "98 %")
+    console = Console(width=width, file=io.StringIO())
+    console.print(made)
+    return [line.rstrip() for line in console.file.getvalue().splitlines()]  # type: ignore[attr-defined]
+
+
+def test_a_title_wider_than_its_table_stays_on_one_line() -> None:
+    lines = printed(80)
+    assert lines[0] == TITLE
+    assert lines[1].split() == ["place", "share"]
+    assert lines[-1].split() == ["joint_a3", "98", "%"]
+
+
+def test_a_title_wider_than_the_terminal_breaks_and_loses_nothing() -> None:
+    lines = printed(30)
+    assert " ".join(lines[:3]).startswith(TITLE)
+
+
+@pytest.mark.parametrize(
+    ("values", "unit", "shown"),
+    [([1.481e-4, 3e-6], "rad", (["0.1481", "0.003"], "mrad")), ([1.5, 1e-3], "m", (["1.5", "0.001"], "m"))],
+)
+def test_small_angles_and_lengths_have_small_units(
+    values: list[float], unit: str, shown: tuple[list[str], str]
+) -> None:
+    assert small(values, unit) == shown
