@@ -240,10 +240,14 @@ def state_problem(
     if used.sum() < len(model.parameters) + (
         not stated.any()
     ):  # noise that is not stated is one more unknown
-        state = "" if stated.any() else "state the noise (# sigma_position: 0.03 mm), "
+        count, rows, sought = int(used.sum()), int(used.any(axis=1).sum()), model.parameters
+        noise = "" if stated.any() else " and the noise, which is not stated"
+        advice = ["measure more", *([] if stated.any() else ["state the noise (# sigma_position: 0.03 mm)"])]
+        advice += ["identify fewer"] if len(sought) > 1 else []
         raise BeamstiffError(
-            f"{source}: {int(used.sum())} measured components for {len(model.parameters)} parameters "
-            f"({listed(model.parameters)}); measure more, {state}or identify fewer"
+            f"{source}: {count} measured component{'s'[: count > 1]} in {rows} row{'s'[: rows > 1]} for "
+            f"{len(sought)} parameter{'s'[: len(sought) > 1]} ({listed(sought)}){noise}; "
+            f"{', or '.join(advice)}"
         )
     spread = np.where(used, sigma, 1.0) if stated.any() else np.full(used.shape, UNIT_NOISE)
     return Problem(

@@ -142,13 +142,18 @@ def identification_text(found: Identification, measured: Measurements, folds: in
         for item in found.parameters
         if item.value is None and not item.silent and item.name not in grouped
     ]
-    gap = f"Gap that remains in position: RMS {1e3 * found.rms:.3f} mm over the {len(measured)} rows fitted"
+    gap = f"Gap that remains in position: RMS {1e3 * found.rms:.3f} mm over the "
+    gap += "one row fitted" if len(measured) == 1 else f"{len(measured)} rows fitted"
     if found.rms_held_out is None:
         few = folds > 1 and not found.interrupted
         held_out = "; too few poses to leave some out and test on them." if few else "."
     else:
         held_out = f", {1e3 * found.rms_held_out:.3f} mm on poses left out of the fit."
-    lines = [f"{gap}{held_out} {_against_noise(sqrt(found.chi_square), measured)}"]
+    if int(measured.measured_mask.sum()) <= len(found.parameters):
+        judged = "As many values are fitted as were measured: whatever the model, little can remain."
+    else:
+        judged = _against_noise(sqrt(found.chi_square), measured)
+    lines = [f"{gap}{held_out} {judged}"]
     if unbounded:
         lines.insert(
             0,

@@ -257,7 +257,7 @@ def test_as_many_values_as_parameters_tell_no_uncertainty_unless_the_noise_is_st
     table = "q1,fy,dy [mm]\n0,1000,1.5\n"
     (folder / "short.csv").write_text(table)
     line = refused(run, folder, "identify", "crane.yaml", "short.csv")
-    assert "1 measured components for 1 parameters (J1.torsional)" in line
+    assert "1 measured component in 1 row for 1 parameter (J1.torsional) and the noise, which is not stated" in line
     assert "state the noise (# sigma_position: 0.03 mm)" in line
     (folder / "short.csv").write_text("# sigma_position: 0.03 mm\n" + table)
     assert run("identify", "crane.yaml", "short.csv").exit_code == 0

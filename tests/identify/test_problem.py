@@ -178,7 +178,7 @@ def test_fewer_readings_than_parameters_are_counted() -> None:
     table = measured(kr240(), rows(kr240(), 1))
     displacement = table.displacement.copy()
     displacement[:, 3:] = np.nan
-    with pytest.raises(BeamstiffError, match="3 measured components for 6 parameters"):
+    with pytest.raises(BeamstiffError, match="3 measured components in 1 row for 6 parameters"):
         state_problem(kr240(), replace(table, displacement=displacement))
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from beamstiff import Robot
+from beamstiff import Robot, identify, load_robot
 from beamstiff.identify.result import Combination, Identification, Parameter
 from beamstiff.measure import Measurements, make_measurements
 from beamstiff.report.identification import (
@@ -158,4 +158,21 @@ def test_rows_that_scatter_far_less_than_is_stated_are_no_proof_of_the_model() -
     rows = make_measurements(["q1"], q, tcp="b", displacement=np.zeros((12, 3)), sigma_position=0.02)
     text = identification_text(replace(FOUND, chi_square=2.5e-5), rows)
     assert "0.005 times what the stated noise (20 mm) would: the rows scatter far less than is stated" in text
+    assert "noise explains it" not in text
+
+
+def test_of_a_fit_without_anything_left_over_nothing_good_is_said() -> None:
+    robot = load_robot("ir663")
+    push = [[-900.0, 0, 0, 0, 0, 0]]
+    one = make_measurements(
+        ["q2", "q8"],
+        [[0.2, 0.8]],
+        tcp="n7",
+        wrench=push,
+        displacement=[[-1e-3] + [np.nan] * 5],
+        sigma_position=1e-5,
+    )
+    text = identification_text(identify(robot, one, ["J12.torsional"]), one)
+    assert "over the one row fitted" in text
+    assert "As many values are fitted as were measured" in text
     assert "noise explains it" not in text
