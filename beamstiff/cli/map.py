@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from beamstiff.cli.options import Debug, Json, Quiet, RobotFile, parse_names, robot_file
+from beamstiff.cli.options import (
+    Debug,
+    Json,
+    Processes,
+    Quiet,
+    RobotFile,
+    Scheduler,
+    parse_names,
+    robot_file,
+)
 from beamstiff.cli.output import check_outputs, note_effects, people, say, working, write_json
 from beamstiff.errors import BeamstiffError
 
@@ -92,13 +101,8 @@ def map(
             "--figure", metavar="FILE", help="Draw slices of the map with the worst poses (.png, .svg, .pdf)."
         ),
     ] = None,
-    processes: Annotated[int, typer.Option("--processes", min=1, help="How many compute at a time.")] = 1,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            "--scheduler", metavar="ADDRESS", help="Compute on a dask cluster, such as tcp://10.0.0.5:8786."
-        ),
-    ] = None,
+    processes: Processes = 1,
+    scheduler: Scheduler = None,
     json: Json = None,
     quiet: Quiet = False,
     debug: Debug = False,  # noqa: ARG001

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     import xarray
 
 FORMATS = (".nc", ".zarr")
+ZARR = ("zarr.json", ".zgroup")  # what the folder of one holds
 LARGEST = 2**32 - 4  # B of a variable in NetCDF 3
 COMPONENTS: dict[tuple[str, ...], str] = {MOTIONS: "motion", LOADS: "load"}
 
@@ -47,6 +48,8 @@ def check_format(job: Job, out: str | Path) -> None:
         )
     if not (folder := Path(out).resolve().parent).is_dir():
         raise BeamstiffError(f"{out}: cannot be written: there is no folder {str(folder)!r}")
+    if (target := Path(out)).is_dir() and not any((target / name).exists() for name in ZARR):
+        raise BeamstiffError(f"{out}: is a folder and no Zarr, expected the name of a new one")
     largest = 8 * job.grid.count * max(QUANTITIES[name].size for name in job.quantities)
     if ending == ".nc" and largest > LARGEST:
         raise BeamstiffError(

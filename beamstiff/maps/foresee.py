@@ -47,8 +47,9 @@ def _check(what: str, per_pose: float, working: float, free: float, job: Job) ->
     needed = count * per_pose + working
     if needed <= free:
         return
-    fitting = max(0.0, free - working) / per_pose
-    about = f"about {float(f'{fitting:.1g}'):.0f} poses" if fitting >= 1 else "none"
+    fitting = int(max(0.0, free - working) / per_pose)
+    rounded = fitting - fitting % 10 ** max(0, len(str(fitting)) - 2)
+    about = f"about {rounded} poses" if fitting else "none"
     raise BeamstiffError(
         f"a map of {count} poses needs {needed / 1e9:.2g} GB of {what}, {free / 1e9:.2g} GB are free: "
         f"{about} would fit; take a coarser grid, fewer quantities or fewer processes"

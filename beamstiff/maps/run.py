@@ -20,7 +20,7 @@ from beamstiff.maps.parts import Parts
 from beamstiff.maps.reasons import Reason
 from beamstiff.maps.summary import reason_counts
 from beamstiff.robot.description import Robot
-from beamstiff.spread import spread
+from beamstiff.spread import check_places, spread
 
 if TYPE_CHECKING:
     import xarray
@@ -112,6 +112,7 @@ def map_workspace(
      [705.4 794.9]
      [705.4 794.9]] N/mm
     """
+    check_places(processes, scheduler)
     job = state_job(robot, over, held, orientation, quantities, wrench, gravity, direction, length)
     if out is not None:
         check_format(job, out)

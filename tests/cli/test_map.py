@@ -117,6 +117,9 @@ def test_zarr_holds_the_same(run: Run, folder: Path) -> None:
             np.testing.assert_array_equal(a[key].values, b[key].values)
             assert a[key].attrs.get("units") == b[key].attrs.get("units")
         assert b.motion.values.tolist() == ["dx", "dy", "dz", "rx", "ry", "rz"]
+    (folder / "mine.zarr").mkdir()
+    refused = run(*CRANE, "--out", "mine.zarr")
+    assert (refused.exit_code, "mine.zarr: is a folder and no Zarr" in refused.stderr) == (2, True)
     assert sorted(path.name for path in folder.iterdir() if path.name.startswith((".", "map"))) == [
         "map.nc",
         "map.zarr",
@@ -166,6 +169,16 @@ def test_bad_input_is_one_line(run: Run, folder: Path, arguments: list[str], tol
     assert result.stderr.count("\n") == 1
     assert result.stderr.startswith("error: ")
     assert sorted(path.name for path in folder.iterdir()) == ["crane.csv", "crane.yaml"]
+
+
+def test_a_scheduler_that_does_not_answer_is_refused_before_any_work(run: Run, folder: Path) -> None:
+    pytest.importorskip("distributed", reason="dask.distributed is missing (extra `cluster`)")
+    result = run(*CRANE, "--out", "map.nc", "--scheduler", "tcp://127.0.0.1:9")
+    assert result.exit_code == 2
+    assert (
+        result.stderr == "error: --scheduler tcp://127.0.0.1:9: does not answer; start one: dask scheduler\n"
+    )
+    assert not (folder / "map.nc.parts").exists()
 
 
 def test_chunks_of_another_map_are_named(run: Run, folder: Path) -> None:

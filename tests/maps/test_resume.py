@@ -102,6 +102,10 @@ def test_processes_change_no_bit(tmp_path: Path) -> None:
     assert same(mapped(tmp_path / "map.nc", processes=2), mapped())
 
 
+def test_the_workers_of_a_cluster_change_no_bit(tmp_path: Path, scheduler: str) -> None:
+    assert same(mapped(tmp_path / "map.nc", scheduler=scheduler), mapped())
+
+
 def test_a_finished_map_leaves_nothing_but_itself_and_may_be_made_again(tmp_path: Path) -> None:
     first = mapped(tmp_path / "map.nc")
     before = (tmp_path / "map.nc").read_bytes()
