@@ -25,9 +25,10 @@ def read_tables(
         See `beamstiff.measure.read_measurements`.
     """
     from beamstiff.measure import doubts, read_measurements
+    from beamstiff.robot.doubts import robot_doubts
 
     tables = [read_measurements(path, robot, require_measured=require_measured) for path in paths]
-    notes = [note for table in tables for note in doubts(table, robot)]
+    notes = [*robot_doubts(robot), *(note for table in tables for note in doubts(table, robot))]
     for note in notes:
         say(f"note: {note}", quiet)
     return tables, notes

@@ -60,6 +60,7 @@ def show(
     from beamstiff.cli.variables import shown_value
     from beamstiff.report.overview import describe
     from beamstiff.report.overview_tables import overview_tables
+    from beamstiff.robot.doubts import robot_doubts
     from beamstiff.robot.reader import load_robot
 
     if not 1 <= samples <= MOST_SAMPLES:
@@ -68,6 +69,8 @@ def show(
         raise BeamstiffError(f"--seed: found {seed}, expected 0 or more")
     description = load_robot(robot)
     check_outputs([robot_file(robot)], json)
+    for note in robot_doubts(description):
+        say(f"note: {note}", quiet)
     with working("sampling the reach", quiet):
         facts = describe(description, samples, seed)
     for item in facts["far_from_guess"]:

@@ -154,3 +154,12 @@ def test_gravity_stands_in_the_summary(run: Run, folder: Path) -> None:
     weightless = (folder / "crane.yaml").read_text() + "gravity: [0, 0, 0]\n"
     (folder / "moon.yaml").write_text(weightless)
     assert re.search(r"gravity +none", run("show", "moon.yaml").stdout)
+
+
+def test_limits_without_a_unit_that_are_many_turns_are_noted(run: Run, folder: Path) -> None:
+    text = (folder / "crane.yaml").read_text().replace('"-170 deg", "170 deg"', "-170, 170")
+    (folder / "crane.yaml").write_text(text)
+    for command in (("show",), ("deflect", "crane.csv")):
+        result = run(command[0], "crane.yaml", *command[1:])
+        assert result.exit_code == 0
+        assert "limits of q1: -170 to 170 rad are 54 turns" in " ".join(result.stderr.split())

@@ -1,0 +1,98 @@
+"""What in a robot is allowed but hardly meant: degrees read as radians, a joint that another drive moves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from beamstiff.errors import listed
+from beamstiff.robot.coupling import frame_expressions
+from beamstiff.robot.description import Robot
+
+MOST_TURNS = 10  # each way, that a joint without a mistake may have as its limit
+FARTHEST = 200.0  # m, that a slide may have
+
+
+def robot_doubts(robot: Robot) -> tuple[str, ...]:
+    """Return, one sentence each, what in a robot looks like a mistake; mostly nothing.
+
+    These are no errors: a plain number is SI, and strange machines are built.
+
+    Examples
+    --------
+    >>> from beamstiff.robot.reader import parse_robot
+    >>> text = '''
+    ... beamstiff: 1
+    ... name: crane
+    ... variables: [{name: q1, type: revolute, limits: [-170, 170]}]
+    ... frames: [{name: f1, theta: q1}]
+    ... nodes: [{name: foot}, {name: hub, frame: f1}, {name: tip, frame: f1, at: [1, 0, 0]}]
+    ... rigids: [{name: arm, nodes: [hub, tip]}]
+    ... joints: [{name: J1, nodes: [foot, hub], frame: f1, variable: q1, stiffness: {torsional: 1e6}}]
+    ... fixed: [foot]
+    ... tcp: tip
+    ... '''
+    >>> robot_doubts(parse_robot(text))[0][:59]
+    "robot 'crane': limits of q1: -170 to 170 rad are 54 turns; "
+    """
+    return (*_of_limits(robot), *_of_joints(robot))
+
+
+def _of_limits(robot: Robot) -> Iterator[str]:
+    for variable in robot.variables:
+        if variable.limits is None:
+            continue
+        low, high = variable.limits
+        far = max(abs(low), abs(high))
+        head = f"robot {robot.name!r}: limits of {variable.name}: {low:g} to {high:g}"
+        if variable.kind == "length" and far > FARTHEST:
+            yield f"{head} m; a number without a unit is in m, write for instance '{high:g} mm'"
+        elif variable.kind != "length" and far > MOST_TURNS * 2 * np.pi:
+            turns = (high - low) / (2 * np.pi)
+            yield (
+                f"{head} rad are {turns:.0f} turns; a number without a unit is in rad, write for instance "
+                f"'{high:g} deg'"
+            )
+
+
+def _of_joints(robot: Robot) -> Iterator[str]:
+    """Yield joints whose variable moves neither what they join nor what hangs on that."""
+    moved = {
+        name: {variable for one in parts.values() for variable in one.coefficients}
+        for name, parts in frame_expressions(robot).items()
+    }
+    parents = {frame.name: frame.parent for frame in robot.frames}
+    frames = {node.name: node.frame for node in robot.nodes}
+    beside: dict[str, list[str]] = {}
+    for a, b in [*(item.nodes for item in robot.beams), *(item.nodes for item in robot.rigids)]:
+        for one, other in ((a, b), (b, a)):
+            beside.setdefault(one, []).append(other)
+
+    def chain(frame: str) -> set[str]:
+        names = set()
+        while frame in parents:
+            names.add(frame)
+            frame = parents[frame]
+        return names
+
+    def between(one: str, other: str) -> set[str]:
+        """Return the variables that move one node against another."""
+        way = chain(frames[one]) ^ chain(frames[other])
+        return {variable for frame in way for variable in moved[frame]}
+
+    for joint in robot.joints:
+        if joint.variable is None:
+            continue
+        across = between(*joint.nodes)
+        known = across | moved.get(joint.frame, set())
+        for node in joint.nodes:  # a slide may move what is held by it, not its own nodes
+            for far in beside.get(node, []):
+                known |= between(node, far)
+        if joint.variable in known:
+            continue
+        found = f", where {listed(sorted(across))} moves" if across else ""
+        yield (
+            f"robot {robot.name!r}: joint {joint.name!r}: its variable {joint.variable!r} moves nothing "
+            f"between {joint.nodes[0]!r} and {joint.nodes[1]!r}{found}: is it another joint's?"
+        )
