@@ -7,14 +7,17 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
 
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.library import Hypothesis
 from beamstiff.identify.problem import whitening
+from beamstiff.robot.stiffness import stiffness_parameters
 from beamstiff.se3 import Array
 
 RESAMPLED = 400
 FOLDS = 10
+SURELY = 3.0  # standard deviations by which a compliance has to be negative for its bound to be kept
 
 
 @dataclass(frozen=True)
@@ -80,6 +83,7 @@ class Stated:
 
     gap: Array  # (n,)
     row: NDArray[np.intp]  # (n,) of the table; postures do not mix
+    least: Array  # (t,) change of the model's own compliances that leaves none
     ways: tuple[tuple[float, tuple[Weighted, ...], Array, Array], ...]  # weight, shapes, columns, ridge
 
     def solved(self, train: NDArray[np.bool_] | None = None) -> list[Fitted]:
@@ -88,7 +92,10 @@ class Stated:
         result = []
         for weight, shapes, columns, ridge in self.ways:
             theta, covariance = solve(columns[chosen], ridge, self.gap[chosen])
-            count = theta.size - sum(one.hypothesis.sizes.size for one in shapes)
+            count = self.least.size
+            doubt = SURELY * np.sqrt(np.maximum(np.diag(covariance)[:count], 0.0))
+            if not shapes and (theta + doubt < self.least).any():  # the model alone has no negative stiffness
+                theta = bounded(columns[chosen], self.gap[chosen], self.least)
             result.append(Fitted(weight, shapes, theta[:count], theta[count:], covariance))
         return result
 
@@ -108,7 +115,9 @@ def stated(
             np.full(part.shape[1], one.magnitude**-2.0) for part, one in zip(parts[1:], shapes, strict=True)
         ]
         ways.append((weight, tuple(shapes), np.concatenate(parts, axis=1), np.concatenate(ridge)))
-    return Stated(white @ baseline.gap[used], np.nonzero(used)[0], tuple(ways))
+    known = stiffness_parameters(baseline.robot)
+    least = np.array([-1.0 / known[name] for name in baseline.fitted])
+    return Stated(white @ baseline.gap[used], np.nonzero(used)[0], least, tuple(ways))
 
 
 def fitted(
@@ -164,6 +173,13 @@ def solve(columns: Array, ridge: Array, gap: Array) -> tuple[Array, Array]:
     size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
     inverse = np.linalg.pinv(gram / np.outer(size, size), rcond=1e-11, hermitian=True) / np.outer(size, size)
     return inverse @ (columns.T @ gap), inverse
+
+
+def bounded(columns: Array, gap: Array, least: Array) -> Array:
+    """Return the least-squares coefficients (t,) that are at least `least`."""
+    size = np.maximum(np.linalg.norm(columns, axis=0), 1e-150)
+    found: Array = lsq_linear(columns / size, gap, (least * size, np.inf)).x / size
+    return found
 
 
 def folds(
