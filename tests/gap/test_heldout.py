@@ -171,3 +171,13 @@ def test_shapes_of_the_first_effect_share_its_weight_beside_the_best_of_the_seco
     assert [weight for weight, _ in found] == [0.7, 0.3]
     assert all(shapes[1] is second[1] for _, shapes in found)
     assert combinations_of([]) == [(1.0, [])]
+
+
+def test_the_model_alone_has_no_negative_stiffness_however_well_that_would_fit() -> None:
+    # loads of the wrong sign: the best line has compliances below nothing, the best machine gives way nowhere
+    there = campaign()
+    backward = with_gap(there, -2.0 * there.predicted)
+    whole = np.sqrt((backward.measured[:, :3] ** 2).sum(axis=1).mean())
+    assert held_out(backward, there.used, (), 1.0, 0).before == pytest.approx(whole, rel=1e-3)
+    softer = with_gap(there, 0.5 * there.predicted)
+    assert held_out(softer, there.used, (), 1.0, 0).before < 0.02 * whole
