@@ -59,13 +59,30 @@ def compute_chunk(job: Job, box: Box) -> Part:
 
 
 def compute_poses(job: Job, points: Array) -> Part:
-    """Return the quantities at points (P, D) of a job's grid."""
+    """Return the quantities at points (P, D) of a job's grid.
+
+    Raises
+    ------
+    BeamstiffError
+        When a number grows beyond what a computer's numbers hold.
+    """
+    try:
+        with np.errstate(over="raise"):
+            return _computed(job, points)
+    except FloatingPointError as error:
+        raise BeamstiffError(
+            f"the map: numbers out of range ({error}), expected lengths, loads and stiffness of a real "
+            "machine; check their units"
+        ) from None
+
+
+def _computed(job: Job, points: Array) -> Part:
     robot, kinematics = job.robot, job.structure.kinematics
     values: dict[str, Array] = {}
     examples: dict[int, str] = {}
     if job.grid.target is None:
         q = job.grid.joint_values(points, robot)
-        reasons = np.zeros(len(points), dtype=np.int8)
+        reasons = np.where(outside_limits(robot.actuated, q), Reason.LIMITS, Reason.COMPUTED).astype(np.int8)
     else:
         q, reasons = job.reach.solve(job.grid.targets(points))
         if (others := np.flatnonzero(reasons == Reason.OTHER_CONFIGURATION)).size:
@@ -74,7 +91,9 @@ def compute_poses(job: Job, points: Array) -> Part:
     there = np.flatnonzero(reasons == Reason.COMPUTED)
     closure = close_loops(kinematics, q[there], strict=False)
     wrong = np.where(closure.closed, Reason.COMPUTED, Reason.LOOP_OPEN).astype(np.int8)
-    wrong[outside_limits(kinematics, closure.values)] = Reason.LIMITS
+    declared = {variable.name: variable for variable in robot.variables}
+    variables = [declared[name] for name in kinematics.coupling.names]
+    wrong[outside_limits(variables, closure.values)] = Reason.LIMITS  # passive and coupled ones too
     reasons[there] = wrong
     if (opened := np.flatnonzero(wrong == Reason.LOOP_OPEN)).size:
         examples[Reason.LOOP_OPEN] = _without_number(closure.reasons[opened[0]])

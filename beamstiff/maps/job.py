@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import importlib.util
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -25,7 +24,7 @@ from beamstiff.robot.stiffness import check_stiffness
 from beamstiff.se3 import Array
 from beamstiff.tape.compiled import kernel
 
-MANY = 16384  # poses a chunk: half a second of work or less, which is what a kill costs
+MANY = 16384  # poses a chunk: some tenths of a second, which is what a kill costs
 MANY_SEARCHED = 1024  # where joint values have to be found first
 UNKNOWNS = 100  # beyond, chunks are smaller: the work at a pose grows
 
@@ -185,10 +184,9 @@ def _digest(axis: Array) -> str:
 
 def versions() -> dict[str, str]:
     """Return the versions that may change the last digits of a map."""
-    compiled = version("numba") if kernel() is not None and importlib.util.find_spec("numba") else "not used"
     return {
         "beamstiff": __version__,
         "numpy": version("numpy"),
         "scipy": version("scipy"),
-        "numba": compiled,
+        "numba": "not used" if kernel() is None else version("numba"),
     }

@@ -157,7 +157,7 @@ def from_compliance(name: str, compliance: Array, displacement: Array, direction
         assert direction is not None
         softness = (along @ direction) @ direction
         softest = np.where(softness > STIFFEST * softest, softness, 0.0)
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", over="ignore"):
         return np.where(softest > 0.0, 1.0 / softest, np.inf)
 
 
@@ -171,5 +171,5 @@ def from_jacobian(name: str, jacobian: Array) -> Array:
     dexterity = inverse_condition(jacobian)
     if name == "dexterity":
         return dexterity
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", over="ignore"):
         return np.where(dexterity > 0.0, 1.0 / dexterity, np.inf)

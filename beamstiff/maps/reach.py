@@ -7,6 +7,7 @@ from solved points beside them; what is found depends on the points that are giv
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -24,6 +25,7 @@ from beamstiff.robot.kinematics import (
     posture_at,
     twist_jacobian,
 )
+from beamstiff.robot.parts import Variable
 from beamstiff.se3 import Array
 
 Mask = NDArray[np.bool_]
@@ -209,11 +211,10 @@ def within(values: Array, low: float, high: float) -> Mask:
     return (values >= low - AT_LIMIT) & (values <= high + AT_LIMIT)
 
 
-def outside_limits(kinematics: Kinematics, values: Array) -> Mask:
-    """Tell where some of all variables (P, V) lies outside its limits; NaN counts as inside."""
+def outside_limits(variables: Iterable[Variable], values: Array) -> Mask:
+    """Tell where some of the variables, one a column of (P, V), lies outside its limits; NaN does not."""
     outside = np.zeros(len(values), dtype=np.bool_)
-    for at, name in enumerate(kinematics.coupling.names):
-        variable = next(item for item in kinematics.robot.variables if item.name == name)
+    for variable, column in zip(variables, values.T, strict=True):
         if variable.limits is not None:
-            outside |= ~(within(values[:, at], *variable.limits) | np.isnan(values[:, at]))
+            outside |= ~(within(column, *variable.limits) | np.isnan(column))
     return outside

@@ -234,6 +234,11 @@ def test_a_loop_that_does_not_close_is_said_so() -> None:
     assert set(found.reason.values[2].tolist()) <= {Reason.LOOP_OPEN, Reason.LIMITS}
 
 
+def test_numbers_out_of_range_are_refused() -> None:
+    with pytest.raises(BeamstiffError, match="numbers out of range"):
+        map_workspace(planar_arm(), {"q1": Q1, "q2": Q2}, quantities=["deflection"], wrench=[1e308] * 6)
+
+
 def test_a_mechanism_at_single_poses_is_marked_and_the_rest_goes_on() -> None:
     """A free elbow under a tie from foot to tip: stretched out, nothing holds it across."""
     arm = Robot(
