@@ -49,7 +49,8 @@ def read_text(path: str | Path, largest: int = LARGEST) -> str:
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         raise BeamstiffError(
-            f"{path}:{line}: found the byte 0x{data[error.start]:02x}, expected UTF-8 text"
+            f"{path}:{line}: found the byte 0x{data[error.start]:02x}, expected UTF-8 text: save it as UTF-8 "
+            "(in Excel: 'CSV UTF-8')"
         ) from None
     if not text.strip():
         raise BeamstiffError(f"{path}: is empty")

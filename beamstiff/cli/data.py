@@ -1,11 +1,12 @@
-"""Tables of measurements, read; what looks like a mistake in them is said before anything is made of them."""
+"""Tables of measurements, read, with what looks like a mistake in them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from beamstiff.cli.output import say
+from beamstiff.errors import BeamstiffError
 
 if TYPE_CHECKING:
     from beamstiff.measure.table import Measurements
@@ -13,11 +14,9 @@ if TYPE_CHECKING:
 
 
 def read_tables(
-    paths: Iterable[str], robot: Robot, quiet: bool, *, require_measured: bool = True
+    paths: Iterable[str], robot: Robot, *, require_measured: bool = True
 ) -> tuple[list[Measurements], list[str]]:
-    """Return tables of measurements, and the notes about them, which were said.
-
-    They are said at once, so that they stand before the error that a mistake leads to.
+    """Return tables of measurements, and what in them is hardly meant, a sentence each.
 
     Raises
     ------
@@ -25,10 +24,17 @@ def read_tables(
         See `beamstiff.measure.read_measurements`.
     """
     from beamstiff.measure import doubts, read_measurements
-    from beamstiff.robot.doubts import robot_doubts
 
     tables = [read_measurements(path, robot, require_measured=require_measured) for path in paths]
-    notes = [*robot_doubts(robot), *(note for table in tables for note in doubts(table, robot))]
-    for note in notes:
-        say(f"note: {note}", quiet)
-    return tables, notes
+    return tables, [note for table in tables for note in doubts(table, robot)]
+
+
+@contextmanager
+def doubted(notes: Sequence[str]) -> Iterator[None]:
+    """Say with an error, in its line, what in the tables may have led to it."""
+    try:
+        yield
+    except BeamstiffError as error:
+        if not notes:
+            raise
+        raise BeamstiffError(f"{error}; it may come from this: {notes[0]}") from error

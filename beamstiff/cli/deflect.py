@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamstiff.cli.data import read_tables
+from beamstiff.cli.data import doubted, read_tables
 from beamstiff.cli.options import DataFile, Debug, Html, Json, Preload, Quiet, RobotFile, robot_file
-from beamstiff.cli.output import check_outputs, effects_text, people, source_of, working, write_json
+from beamstiff.cli.output import check_outputs, effects_text, people, say, source_of, working, write_json
 from beamstiff.errors import BeamstiffError
 from beamstiff.files import write_whole
 from beamstiff.report.tables import add_rows, number, table
@@ -91,9 +91,9 @@ def deflect(
     if line is not None and vtu is None:
         raise BeamstiffError("--line: goes with --vtu")
     source = source_of(context, html, [robot_file(robot), data])
-    (loads,), notes = read_tables([data], description, quiet, require_measured=False)
+    (loads,), notes = read_tables([data], description, require_measured=False)
     shape_of = None if line is None else _row_of(loads, line)
-    with working(f"deflecting {len(loads)} rows", quiet):
+    with doubted(notes), working(f"deflecting {len(loads)} rows", quiet):
         predicted = predict_displacements(description, loads, preload)
         if description.effects:
             from beamstiff.gap.apply import effects_displacement
@@ -101,6 +101,8 @@ def deflect(
             predicted = predicted + effects_displacement(description, replace(loads, kind="displacement"))
         gap = gap_text(loads, predicted)
 
+    for note in notes:
+        say(f"note: {note}", quiet)
     console = people(quiet, json)
     console.print(_table(description, loads, predicted, preload))
     said = [gap] if gap else []

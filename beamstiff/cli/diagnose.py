@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from beamstiff.cli.data import read_tables
+from beamstiff.cli.data import doubted, read_tables
 from beamstiff.cli.options import (
     DataFile,
     Debug,
@@ -97,17 +97,19 @@ def diagnose(
     source = source_of(context, html, [file, data], seed)
     machine = load_robot(file)
     where = parse_region(region)
-    (rows,), said = read_tables([data], machine, quiet)
+    (rows,), doubts = read_tables([data], machine)
     rows = replace(rows, region=where)
-    with working("diagnosing", quiet):
+    with doubted(doubts), working("diagnosing", quiet):
         result = run(machine, rows, without=parse_names(without, "--without") or (), seed=seed)
+    for note in doubts:  # of the table: before what is made of it
+        say(f"note: {note}", quiet)
     console = people(quiet, json_to)
     for item in diagnosis_tables(result):
         console.print(item)
     if machine.effects:
         console.print(f"Known before, and counted in: {effects_text(machine.effects)}.")
     for note in result.notes:
-        if note not in said:
+        if note not in doubts:
             say(f"note: {note}", quiet)
     write_json(result.to_dict(), json_to)
     if next_to is not None and result.next:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
-from beamstiff.cli.data import read_tables
+from beamstiff.cli.data import doubted, read_tables
 from beamstiff.cli.group import INTERRUPTED
 from beamstiff.cli.identify_options import (
     at_least,
@@ -252,15 +252,16 @@ def identify(
         check_places(processes, scheduler)
     elif processes > 1 or scheduler is not None:
         say("note: one search is one process: what is spread are --bootstrap and --searches", quiet)
-    tables, notes = read_tables(data, description, quiet)
+    tables, notes = read_tables(data, description)
     whole, measured = description, concatenate(tables)
     if whole.effects:
         from beamstiff.gap.apply import without_effects
 
-        with working("taking the robot's effects off the readings", quiet):
+        with doubted(notes), working("taking the robot's effects off the readings", quiet):
             description, measured = without_effects(whole, measured)
     effort = Effort(evaluations, seed, population, searches, processes, scheduler)
     with (
+        doubted(notes),
         working(f"identifying from {len(measured)} rows", quiet, still=True),
         _bar(evaluations * searches, quiet) as tell,
     ):
@@ -278,10 +279,9 @@ def identify(
         except KeyboardInterrupt:
             stopped = True  # the values are there, and shown
 
-    found = replace(found, notes=(*by_itself, *found.notes))
+    found = replace(found, notes=(*notes, *by_itself, *found.notes))
     for note in found.notes:
         say(f"note: {note}", quiet)
-    found = replace(found, notes=(*notes, *found.notes))
     console = people(quiet, json)
     intervals = None if drawn is None else drawn.intervals
     title = f"{description.name}: identified stiffness"

@@ -27,7 +27,7 @@ QUANTITIES: dict[str, str] = {
 }
 QUANTITIES |= {f"sigma_{name}": QUANTITIES[name] for name in (*DISPLACEMENT, *ABSOLUTE)}
 NODES = ("point", "load_point")
-LABELS = ("pose", "step", *NODES)
+LABELS = ("pose", "step", *NODES, "remark")  # a remark is for people: nothing is made of it
 RESERVED = (*QUANTITIES, *LABELS)
 
 # what other programs call our columns
@@ -36,6 +36,9 @@ _SYNONYMS = {
     "timestamp": "t",
     "temp": "temperature",
     "node": "point",
+    "comment": "remark",
+    "note": "remark",
+    "remarks": "remark",
     "configuration": "pose",
     "config": "pose",
     "u": "dx",
@@ -169,7 +172,7 @@ def _unknown(name: str, robot: Robot, place: tuple[str, int]) -> NoReturn:
             hint = f" (did you mean '{lower[spelling]}'?)"
             break
     else:
-        hint = suggest(name, known)
+        hint = _alike(name, known)
     if re.search(r"\(.*\)", name):
         hint += "; a unit stands in square brackets, like dx [mm]"
     variables = [variable.name for variable in robot.actuated]
@@ -177,8 +180,19 @@ def _unknown(name: str, robot: Robot, place: tuple[str, int]) -> NoReturn:
         *place,
         shown(name),
         f"unknown column{hint}, expected one of {listed(variables, 12)}, fx fy fz mx my mz, dx dy dz rx "
-        "ry rz (or x y z a b c), point, load_point, pose, step, t, temperature",
+        "ry rz (or x y z a b c), point, load_point, pose, step, t, temperature; text of "
+        "your own goes in a column remark, other columns are deleted",
     )
+
+
+def _alike(name: str, known: Sequence[str]) -> str:
+    """Return a hint at what is meant: of a joint's name, such as A1, only at a joint."""
+    if not re.search(r"[0-9]\Z", name):
+        return suggest(name, known)
+    joints = [one for one in known if one not in RESERVED]
+    own = name.casefold()
+    ends = [one for one in joints if one.casefold().endswith(own) or own.endswith(one.casefold())]
+    return f" (did you mean '{ends[0]}'?)" if len(ends) == 1 else suggest(name, joints)
 
 
 def kind_of(columns: Sequence[Column], source: str, line: int) -> Kind | None:

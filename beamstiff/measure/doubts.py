@@ -50,9 +50,10 @@ def work(table: Measurements) -> tuple[Array, Array]:
     loaded = table.wrench != 0
     known = (table.kind == "displacement") & (table.point == table.load_point) & loaded.any(axis=1)
     moved = np.where(loaded, table.displacement, 0.0)
-    done = np.where(known, (table.wrench * moved).sum(axis=1), np.nan)
     sigma = np.nan_to_num(np.where(loaded, table.sigma, 0.0))
-    return done, np.linalg.norm(table.wrench * sigma, axis=1)
+    with np.errstate(over="ignore", invalid="ignore"):  # loads beyond reason are told as such
+        done = np.where(known, (table.wrench * moved).sum(axis=1), np.nan)
+        return done, np.linalg.norm(table.wrench * sigma, axis=1)
 
 
 def _of_the_load(table: Measurements) -> Iterator[str]:
@@ -133,7 +134,8 @@ def _of_sizes(table: Measurements) -> Iterator[str]:
             ("rotation", slice(3, 6), LARGE_ROTATION, "rad", "rx [deg]"),
         )
         for what, part, limit, unit, header in parts:
-            size = np.sqrt(np.nansum(table.displacement[:, part] ** 2, axis=1))
+            with np.errstate(over="ignore"):
+                size = np.sqrt(np.nansum(table.displacement[:, part] ** 2, axis=1))
             row = int(size.argmax())
             if size[row] > limit:
                 yield (

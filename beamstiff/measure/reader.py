@@ -3,7 +3,8 @@
 The format: ``# key: value`` lines, a header whose cells may carry units (``q1 [deg]``, ``dx [mm]``; SI
 otherwise), one row a measured state. Columns: the actuated variables by name; ``fx fy fz mx my mz``; either
 ``dx dy dz rx ry rz`` or ``x y z a b c``; optionally ``point``, ``load_point``, ``pose``, ``step``, ``t``,
-``temperature``. Empty measured cells are unmeasured. What the format leaves open is decided so:
+``temperature``, ``remark`` (passed over). Empty measured cells are unmeasured. What the format leaves open is
+decided so:
 
 - ``sigma_dx`` (``sigma_x``, ...) is the standard deviation of ``dx`` of that row; where it is empty or
   missing, that of the ``# sigma_position`` or ``# sigma_rotation`` line holds.
@@ -35,7 +36,7 @@ from beamstiff.measure.table import MEASURED, WRENCH, Kind, Measurements, Names,
 from beamstiff.measure.text import RawTable, split_table
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array, rotation_about, vector_from_rotation
-from beamstiff.units import quantity
+from beamstiff.units import quantity, unit_factor
 
 LARGEST = 1 << 30  # bytes; a table of some five million states
 SPREADSHEETS = (".xlsx", ".xls", ".xlsm", ".ods")
@@ -157,7 +158,7 @@ def _values(
     values: dict[str, Array] = {}
     bad: list[tuple[int, int, str]] = []
     for at, column in enumerate(columns):
-        if column.name in ("pose", *NODES):
+        if column.name in ("pose", "remark", *NODES):
             continue
         may_be_empty = column.name in RESERVED and column.name not in WRENCH
         try:
@@ -168,8 +169,22 @@ def _values(
             bad.append((error.row, at, str(error)))
     if bad:
         row, at, message = min(bad)
-        raw.fail_in_row(row, columns[at].name, message)
+        column = columns[at]
+        raw.fail_in_row(
+            row, column.name, message + _unit_hint(column, cells[column.name][row].strip("[]() "))
+        )
     return values
+
+
+def _unit_hint(column: Column, cell: str) -> str:
+    """Return where a unit belongs, if that is what the cell of a number holds."""
+    if not column.quantity:
+        return ""
+    try:
+        unit_factor(cell, column.quantity)
+    except BeamstiffError:
+        return ""
+    return f": units stand in the header, {column.name} [{cell}], not in a row of their own"
 
 
 def _check_range(column: Column, values: Array, cells: Sequence[str]) -> None:

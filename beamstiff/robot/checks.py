@@ -23,7 +23,7 @@ ELEMENTS = ("beams", "rigids", "joints", "struts")
 # columns of a table of measurements, which no variable may be called; `measure.columns` has the same ones
 _WRENCH, _MOVED = ("fx", "fy", "fz", "mx", "my", "mz"), ("dx", "dy", "dz", "rx", "ry", "rz")
 _PLACED = ("x", "y", "z", "a", "b", "c")
-_LABELS = ("t", "temperature", "pose", "step", "point", "load_point")
+_LABELS = ("t", "temperature", "pose", "step", "point", "load_point", "remark")
 TABLE_COLUMNS = frozenset(
     (*_WRENCH, *_MOVED, *_PLACED, *(f"sigma_{name}" for name in _MOVED + _PLACED), *_LABELS)
 )
@@ -84,7 +84,8 @@ def _names(robot: Robot) -> Iterator[Problem]:
         path: tuple[str | int, ...], name: str, what: str, known: Collection[str]
     ) -> Iterator[Problem]:
         if name not in known:
-            yield path, f"unknown {what} {name!r}{suggest(name, known)}"
+            hint = suggest(name, known) or f", expected one of {listed(known)}"
+            yield path, f"unknown {what} {name!r}{hint}"
 
     for at, frame in enumerate(robot.frames):
         yield from unknown(("frames", at, "parent"), frame.parent, "frame", frames)

@@ -10,10 +10,12 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, PlainSerializer, ValidationError
 
 from beamstiff.errors import BeamstiffError, shown, suggest
-from beamstiff.units import quantity, with_unit
+from beamstiff.units import UNITS, quantity, with_unit
 
 RIGID = math.inf
 FREE = 0.0
+
+_BARE = re.compile(r"\s*[+-]?[0-9]+(\.[0-9]*)?\s*")
 
 Problem = tuple[tuple[str | int, ...], str]
 
@@ -125,9 +127,32 @@ def _truth(value: Any) -> bool:
     return value
 
 
+def described(value: Any, kind: str) -> float:
+    """Return a quantity in SI; quoted numbers, which hold no unit though text carries one, are refused.
+
+    ``2e11`` is no such text: YAML 1.1 makes text of a plain number that is written so.
+
+    Raises
+    ------
+    BeamstiffError
+        When it is no quantity of this kind.
+    """
+    check_has_unit(value, UNITS[kind])
+    return quantity(value, kind)
+
+
+def check_has_unit(value: Any, unit: str) -> None:
+    """Refuse text that is a number alone, where a unit is to be expected; `unit` is an example."""
+    if unit and isinstance(value, str) and _BARE.fullmatch(value) and float(value) != 0:
+        raise BeamstiffError(
+            f"found the text {shown(value)} without a unit: text carries its unit, such as "
+            f"'{value.strip()} {unit}'; a number in {unit} stands without quotes"
+        )
+
+
 def _of(kind: str, positive: bool = False, least: float = -math.inf) -> Callable[[Any], float]:
     def read(value: Any) -> float:
-        result = quantity(value, kind)
+        result = described(value, kind)
         if positive and result <= 0:
             raise BeamstiffError(f"found {shown(value)}, expected a positive {kind}")
         if result < least:
@@ -151,7 +176,7 @@ def _stiffness(kind: str) -> Callable[[Any], float]:
         if isinstance(value, str) and value in ("rigid", "free"):
             return RIGID if value == "rigid" else FREE
         try:
-            result = quantity(value, kind)
+            result = described(value, kind)
         except BeamstiffError as error:
             raise BeamstiffError(f"{error}; or rigid, or free") from None
         if result <= 0:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, field_validator, model_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
 from beamstiff.errors import BeamstiffError, shown
 from beamstiff.robot.fields import (
@@ -28,8 +28,10 @@ from beamstiff.robot.fields import (
     Scale,
     TranslationalStiffness,
     Truth,
+    check_has_unit,
+    described,
 )
-from beamstiff.units import number, quantity
+from beamstiff.units import UNITS, number
 
 FRAME_PARAMETERS = {
     "gamma": "angle",
@@ -78,7 +80,7 @@ class Variable(Described):
         kind = "length" if info.data.get("type") == "prismatic" else "angle"
         if not isinstance(value, list | tuple) or len(value) != 2:
             raise BeamstiffError(f"found {shown(value)}, expected two values: [lower, upper]")
-        low, high = (quantity(item, kind) for item in value)
+        low, high = (described(item, kind) for item in value)
         if low >= high:
             raise BeamstiffError(f"found {shown(value)}, expected the lower limit below the upper one")
         return low, high
@@ -86,7 +88,7 @@ class Variable(Described):
     @field_validator("guess", mode="before")
     @classmethod
     def _guess(cls, value: Any, info: Any) -> Any:
-        return quantity(value, "length" if info.data.get("type") == "prismatic" else "angle")
+        return described(value, "length" if info.data.get("type") == "prismatic" else "angle")
 
     @model_validator(mode="after")
     def _consistent(self) -> Variable:
@@ -97,7 +99,12 @@ class Variable(Described):
         return self
 
 
-FrameParameter = Annotated[float | str, BeforeValidator(_linear)]
+def _frame_parameter(value: Any, info: ValidationInfo) -> float | str:
+    check_has_unit(value, UNITS[FRAME_PARAMETERS[str(info.field_name)]])
+    return _linear(value)
+
+
+FrameParameter = Annotated[float | str, BeforeValidator(_frame_parameter)]
 
 
 class Frame(Described):

@@ -59,7 +59,13 @@ def load_robot(path: str | os.PathLike[str]) -> Robot:
         from beamstiff.robot.sdf import read_sdf
 
         return read_sdf(file)
-    return parse_robot(read_text(file), str(file))
+    text = read_text(file)
+    if text.lstrip().startswith("<"):
+        raise BeamstiffError(
+            f"{file}:1: found XML, expected YAML: the name of a URDF ends in .urdf, of an SDF in .sdf; xacro "
+            f"is expanded first (xacro {file.name} > robot.urdf)"
+        )
+    return parse_robot(text, str(file))
 
 
 def parse_robot(text: str, name: str = "<text>") -> Robot:

@@ -184,10 +184,15 @@ def test_mistakes_of_the_table_are_the_first_words_of_every_command(
         assert f"note: {facts['notes'][0]}" == lines[0]
 
 
-def test_they_are_said_before_the_error_that_they_lead_to(run: Run, folder: Path) -> None:
+@pytest.mark.parametrize("command", ["identify", "diagnose", "deflect"])
+def test_an_error_that_they_may_have_led_to_says_so_in_its_line(run: Run, folder: Path, command: str) -> None:
+    (folder / "tall.yaml").write_text((folder / "crane.yaml").read_text().replace('"1 m"', "1e160"))
     (folder / "kilo.csv").write_text((folder / "crane.csv").read_text().replace("fx,fy", "fx [MN],fy [MN]"))
-    result = run("diagnose", "crane.yaml", "kilo.csv")
-    assert "a load of 1e+09 N or N m is large for a robot" in result.stderr.splitlines()[0]
+    result = run(command, "tall.yaml", "kilo.csv")
+    assert (result.exit_code, result.stdout) == (2, "")
+    (line,) = result.stderr.splitlines()
+    assert line.startswith("error: ")
+    assert "; it may come from this: kilo.csv:3: a load of 1e+09 N or N m is large for a robot" in line
 
 
 def test_what_to_measure_next_stays_in_the_region(run: Run, folder: Path) -> None:

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from beamstiff.measure import parse_measurements, read_measurements
+from beamstiff import BeamstiffError
+from beamstiff.measure import measurements_to_csv, parse_measurements, read_measurements
 from beamstiff.robot.description import Robot
 
 TABLE = """\
@@ -206,3 +207,31 @@ def test_a_hundred_thousand_rows_take_seconds_even_with_as_many_poses(arm: Robot
     assert time.process_time() - start < 20  # about one; quadratic work would take hours
     assert len(table) == 100_000
     assert len(np.unique(table.pose)) == 100_000
+
+
+def test_remarks_of_ones_own_are_passed_over(arm: Robot) -> None:
+    plain = parse_measurements("q1,d2,dx\n0,0,1e-3\n", arm)
+    told = parse_measurements("q1,remark,d2,dx\n0,tracker lost, 0,1e-3\n", arm)
+    assert measurements_to_csv(told, arm) == measurements_to_csv(plain, arm)
+    for name, part in (
+        ("comment", "did you mean 'remark'"),
+        ("weather", "text of your own goes in a column remark"),
+    ):
+        with pytest.raises(BeamstiffError, match=part):
+            parse_measurements(f"q1,d2,dx,{name}\n0,0,1e-3,x\n", arm)
+
+
+def test_units_in_a_row_of_their_own_are_sent_to_the_header(arm: Robot) -> None:
+    with pytest.raises(
+        BeamstiffError, match=r":2: q1: found 'deg', expected a number: units stand in the header, q1 \[deg\]"
+    ):
+        parse_measurements("q1,d2,dx\ndeg,mm,mm\n90,0,1\n", arm)
+
+
+def test_joints_of_another_robot_are_not_taken_for_other_columns(arm: Robot) -> None:
+    for name in ("joint_a1", "A1"):
+        with pytest.raises(BeamstiffError) as refused:
+            parse_measurements(f"{name},d2,dx\n0,0,0\n", arm)
+        assert "did you mean" not in str(refused.value)
+    with pytest.raises(BeamstiffError, match="did you mean 'q1'"):
+        parse_measurements("axis_q1,d2,dx\n0,0,0\n", arm)

@@ -290,3 +290,39 @@ def test_fifty_thousand_beams_are_read_in_seconds(lattice: Callable[[int], str])
 def test_the_version_this_package_reads_is_the_one_of_the_format() -> None:
     assert reader.VERSION == 1
     assert isinstance(parse_robot(POINT), Robot)
+
+
+def test_text_that_is_a_number_alone_is_refused_for_it_lost_its_unit() -> None:
+    plain = """\
+beamstiff: 1
+name: post
+frames: [{name: f1, r: 0.8}]
+nodes: [{name: foot}, {name: top, frame: f1}]
+rigids: [{name: post, nodes: [foot, top]}]
+masses: [{node: top, mass: 40}]
+fixed: [foot]
+tcp: top
+"""
+    assert parse_robot(plain, "post.yaml").frames[0].r == 0.8
+    for given, quoted, key in (("r: 0.8", 'r: "800"', "r"), ("mass: 40", 'mass: "40.0"', "mass")):
+        with pytest.raises(
+            BeamstiffError, match=rf"post.yaml:\d: .*{key}: found the text '.*' without a unit"
+        ):
+            parse_robot(plain.replace(given, quoted), "post.yaml")
+    # YAML 1.1 makes text of a plain 2e11, and 0 is 0 in any unit
+    assert parse_robot(plain.replace("r: 0.8", 'r: "8e-1"'), "post.yaml").frames[0].r == "8e-1"
+    assert parse_robot(plain.replace("r: 0.8", 'r: "0"'), "post.yaml").frames[0].r == "0"
+
+
+@pytest.mark.parametrize("name", ["robot.xml", "robot.urdf.xacro", "robot.yaml"])
+def test_xml_that_is_not_named_urdf_is_told_what_it_may_be(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_text('<?xml version="1.0"?>\n<robot name="a"><link name="b"/></robot>\n')
+    with pytest.raises(
+        BeamstiffError, match=f"{name}:1: found XML, expected YAML: the name of a URDF ends in .urdf"
+    ):
+        load_robot(tmp_path / name)
+
+
+def test_where_no_node_is_alike_all_are_named() -> None:
+    with pytest.raises(BeamstiffError, match="tcp: unknown node 'flange', expected one of a, b"):
+        Robot(name="r", nodes=[{"name": "a"}, {"name": "b"}], fixed=["a"], tcp="flange")

@@ -70,9 +70,9 @@ def robots(draw: st.DrawFn) -> Robot:
         variables.append(Variable(name="th", type="revolute", passive=True, guess=draw(finite)))
     frame_names = draw(st.lists(names.filter(lambda name: name != "base"), max_size=4, unique=True))
     turns = st.sampled_from(
-        ["-90 deg", "pi/2", " 0.5 ", "1e-05", "5", *angles, *(f"2*{name} - 1 deg" for name in angles)]
+        ["-90 deg", "pi/2", " 0.5 rad", "1e-05", "5 deg", *angles, *(f"2*{name} - 1 deg" for name in angles)]
     )
-    shifts = st.sampled_from(["1047 mm", "0.5", *lengths, *(f"10 mm/rad * {name}" for name in angles)])
+    shifts = st.sampled_from(["1047 mm", "0.5 m", *lengths, *(f"10 mm/rad * {name}" for name in angles)])
     frames = [
         Frame(
             name=name,
