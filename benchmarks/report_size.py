@@ -18,17 +18,35 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from beamstiff import Robot, load_robot
+from beamstiff import Robot, calibrate, load_robot
+from beamstiff.cli.compensate import _facts as compensation_facts
+from beamstiff.compensate.formats import path_csv
+from beamstiff.compensate.formats.program import Program
+from beamstiff.compensate.machine import Machine
+from beamstiff.compensate.rewrite import compensate_program
 from beamstiff.files import write_whole
 from beamstiff.gap.baseline import at_rows
 from beamstiff.gap.diagnose import diagnose
+from beamstiff.gap.exam.names import EFFECTS
+from beamstiff.gap.exam.record import Answer, Label, Record
+from beamstiff.gap.exam.table import table_dict
 from beamstiff.gap.result import Diagnosis, columns_at
+from beamstiff.identify.geometry.corrected import corrected
+from beamstiff.identify.models import fit_models
+from beamstiff.identify.split import split_rows
 from beamstiff.identify.stiffness import identify
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.linear import predict_displacements
+from beamstiff.report.compare import models_facts
+from beamstiff.report.html.calibration import calibration_html
+from beamstiff.report.html.comparison import comparison_html
+from beamstiff.report.html.compensation import compensation_html
+from beamstiff.report.html.deflection import deflection_html
 from beamstiff.report.html.diagnosis import diagnosis_html
+from beamstiff.report.html.exam import exam_html
 from beamstiff.report.html.identification import identification_html
 from beamstiff.report.html.provenance import provenance
+from beamstiff.robot.kinematics import compile_kinematics, posture
 
 ASKED_SECONDS, ASKED_MEGABYTES = 3.0, 6.0
 NOISE = 2e-5  # m
@@ -67,16 +85,17 @@ def campaign(robot: Robot, count: int, seed: int = 0) -> Measurements:
 
 def with_rows(result: Diagnosis, rows: Measurements) -> Diagnosis:
     """Return a diagnosis that reports other rows than those it was made of, its causes at these rows."""
-    baseline = at_rows(result.baseline, rows)
+    baseline, linear = at_rows(result.baseline, rows), at_rows(result.linear, rows)
     fits = []
     for fit in result.fits:
         shapes = []
         for one in fit.shapes:
-            shape = replace(one.hypothesis.shape, columns=columns_at(baseline, one.hypothesis))
+            shape = replace(one.hypothesis.shape, columns=columns_at(linear, one.hypothesis))
             shapes.append(replace(one, hypothesis=replace(one.hypothesis, shape=shape)))
         fits.append(replace(fit, shapes=tuple(shapes)))
     poses = [{**one, "pose": at} for at, one in enumerate(result.where["poses"])]
-    return replace(result, baseline=baseline, fits=tuple(fits), where={**result.where, "poses": poses})
+    where = {**result.where, "poses": poses}
+    return replace(result, baseline=baseline, linear=linear, fits=tuple(fits), where=where)
 
 
 def written(text_of: Callable[[], str], path: Path) -> tuple[float, float]:
@@ -87,19 +106,66 @@ def written(text_of: Callable[[], str], path: Path) -> tuple[float, float]:
 
 
 def measure(count: int) -> dict[str, tuple[float, float]]:
-    """Return seconds and megabytes of the reports of an identification and of a diagnosis."""
+    """Return seconds and megabytes of the reports of so many rows, targets or cases."""
     robot = load_robot("kr240-2")
     rows = campaign(robot, count)
     found = identify(robot, rows, folds=0)
     verdict = diagnose(robot, campaign(robot, DIAGNOSED))
     reported = with_rows(verdict, rows)
     source = provenance([], 0, ["diagnose", "robot.yaml", "data.csv", "--html", "report.html"])
+    predicted = predict_displacements(robot, rows)
+    moved = {"displacement": predicted.tolist()}
+    readings = absolute(robot, count)
+    calibrated = calibrate(robot, readings, fixed=["base"], folds=0)
+    models = fit_models(robot, rows, split_rows(rows), ("rigid", "nominal", "parametric"))
+    path = compensate_program(program(count), Machine(robot))
+    cases = records(count)
+    pages: dict[str, Callable[[], str]] = {
+        "identification": lambda: identification_html(found, robot, rows, source),
+        "diagnosis": lambda: diagnosis_html(reported, source),
+        "calibration": lambda: calibration_html(calibrated, robot, readings, source),
+        "comparison": lambda: comparison_html(models, robot, source, models_facts(models)),
+        "deflection": lambda: deflection_html(robot, rows, predicted, source, moved),
+        "compensation": lambda: compensation_html(path, robot, source, compensation_facts(path, robot)),
+        "exam": lambda: exam_html(cases, "robots", source, table_dict(cases)),
+    }
     with TemporaryDirectory() as folder:
-        path = Path(folder) / "report.html"
-        return {
-            "identification": written(lambda: identification_html(found, robot, rows, source), path),
-            "diagnosis": written(lambda: diagnosis_html(reported, source), path),
-        }
+        return {name: written(page, Path(folder) / "report.html") for name, page in pages.items()}
+
+
+def absolute(robot: Robot, count: int) -> Measurements:
+    """Return positions of a robot whose geometry is a little off, with noise."""
+    draw = np.random.default_rng(1)
+    low, high = np.array([item.limits or (-1.5, 1.5) for item in robot.actuated]).T
+    q = draw.uniform(0.6 * low, 0.6 * high, (count, len(low)))
+    real = compile_kinematics(corrected(robot, {"q2": 1e-3, "f3.d": 5e-4}, q[:1]))
+    seen = posture(real, q).node_positions[:, real.node_index[robot.tcp]]
+    names = [item.name for item in robot.actuated]
+    position = seen + draw.normal(0.0, NOISE, seen.shape)
+    return make_measurements(names, q, tcp=robot.tcp, position=position, sigma_position=NOISE)
+
+
+def program(count: int) -> Program:
+    """Return a path round a circle, the tool along x, under a load that turns with it."""
+    turn = np.linspace(0.0, 2 * np.pi, count)
+    rows = zip(1.7 + 0.3 * np.cos(turn), 0.3 * np.sin(turn), 900 * np.cos(turn), strict=True)
+    lines = ["# orientation: KUKA ABC", "x,y,z,a [deg],b [deg],c [deg],fz"]
+    lines += [f"{x:.6f},{y:.6f},1.4,0,90,0,{fz:.3f}" for x, y, fz in rows]
+    return path_csv.read("\n".join(lines), "circle.csv")
+
+
+def records(count: int) -> list[Record]:
+    """Return cases of all effects, most of them answered rightly."""
+    draw = np.random.default_rng(2)
+    cases = []
+    for at in range(count):
+        truth = f"{EFFECTS[at % len(EFFECTS)]}:null"
+        right = bool(draw.uniform() < 0.9)
+        label = Label(at, "single", (truth,), (0.5,), (), "kr240-2", "rich", "displacement", "true", 6)
+        probability = float(draw.uniform(0.3, 1.0))
+        answer = Answer(truth if right else "unknown:null", probability, probabilities={truth: probability})
+        cases.append(Record(label, answer, 2.0, (2.0,), 0.9, {}, "", "", 0.0))
+    return cases
 
 
 def main(count: int = 1000) -> None:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def read_tables(
     paths: Iterable[str], robot: Robot, *, require_measured: bool = True
 ) -> tuple[list[Measurements], list[str]]:
-    """Return tables of measurements, and what in them is hardly meant, a sentence each.
+    """Return tables of measurements, and what in them and in the robot is hardly meant, a sentence each.
 
     Raises
     ------
@@ -24,9 +24,10 @@ def read_tables(
         See `beamstiff.measure.read_measurements`.
     """
     from beamstiff.measure import doubts, read_measurements
+    from beamstiff.robot.doubts import robot_doubts
 
     tables = [read_measurements(path, robot, require_measured=require_measured) for path in paths]
-    return tables, [note for table in tables for note in doubts(table, robot)]
+    return tables, [*robot_doubts(robot), *(note for table in tables for note in doubts(table, robot))]
 
 
 @contextmanager

@@ -131,9 +131,8 @@ def models_figure(models: Models, title: str) -> Figure:
         raise BeamstiffError(f"{models.table.source}: no model has an answer, so there is nothing to draw")
     rows = -(-(len(shown) + 1) // COLUMNS)
     figure = new_figure(4.4 * COLUMNS, 3.5 * rows)
-    figure.suptitle(
-        f"{title}: position error over the workspace, mm: RMS / max not fitted (squares: new poses)"
-    )
+    what = "position error over the workspace, mm: RMS / max not fitted (squares: new poses)"
+    figure.suptitle(f"{title}: {what}" if title else what.capitalize())
     panels = figure.subplots(rows, COLUMNS, squeeze=False).ravel()
     across, up = widest_plane(models.position)
     largest = 1e3 * max(float(np.nanmax(one.error)) for one in shown)

@@ -11,10 +11,12 @@ import pytest
 from rich.console import Console
 
 import beamstiff
-from beamstiff import BeamstiffError, Robot, identify, load_robot, read_measurements
+from beamstiff import BeamstiffError, Robot, calibrate, identify, load_robot, read_measurements
 from beamstiff.gap.diagnose import diagnose
+from beamstiff.identify.geometry.corrected import corrected
 from beamstiff.identify.result import Identification
-from beamstiff.measure.table import Measurements
+from beamstiff.measure.table import Measurements, make_measurements
+from beamstiff.robot.kinematics import compile_kinematics, posture
 
 DATA = Path(__file__).resolve().parents[2] / "examples" / "data" / "ir663_compliance_xx.csv"
 
@@ -92,6 +94,22 @@ def test_a_diagnosis_shows_itself_too(robot: Robot, measured: Measurements) -> N
     assert len(result.plot().axes) == len(beamstiff.plot(result).axes) == 4
     assert "Which effect" in result._repr_html_()
     assert "Which effect" in printed(result)
+
+
+def test_a_calibration_draws_its_errors_and_its_changes() -> None:
+    arm = load_robot("kr500").with_parameters({f"J{k}.torsional": np.inf for k in range(1, 7)})
+    q = np.random.default_rng(0).uniform(-1, 1, (20, 6))
+    real = compile_kinematics(corrected(arm, {"q2": 1e-3, "f3.d": 5e-4}, q))
+    seen = posture(real, q).node_positions[:, real.node_index["n6b"]]
+    seen += 1e-5 * np.random.default_rng(1).standard_normal(seen.shape)
+    rows = make_measurements([f"q{k}" for k in range(1, 7)], q, tcp="n6b", position=seen)
+    found = calibrate(arm, rows, ["q2", "q3", "f3.d", "f4.d"], folds=0)
+    errors, degrees, millimetres = found.plot().axes
+    before, after = (line.get_xdata() for line in errors.lines)
+    assert min(before) > 10 * max(after)
+    assert [text.get_text() for text in degrees.get_yticklabels()] == ["q2", "q3"]
+    assert [text.get_text() for text in millimetres.get_yticklabels()] == ["f3.d", "f4.d"]
+    assert found._repr_html_().count("f3.d") > 0
 
 
 def test_what_is_unknown_is_refused() -> None:

@@ -12,7 +12,7 @@ from beamstiff.report.compensation import compensation_text, size_of, uncorrecte
 from beamstiff.report.html.curves import along
 from beamstiff.report.html.from_rich import of_rich
 from beamstiff.report.html.page import Page, render
-from beamstiff.report.html.parts import Fact, Figure, Section, Table
+from beamstiff.report.html.parts import Fact, Figure, Section, Table, label, numbers
 from beamstiff.report.html.places import MARKS
 from beamstiff.report.html.provenance import Provenance
 from beamstiff.report.html.still_view import Deviations, StillView, still_view
@@ -21,7 +21,7 @@ from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array, vector_from_rotation
 
 POSES = 5  # along the path, that the robot is shown in
-MOST = 1000  # targets that are drawn and listed
+MOST = 500  # targets that are drawn and listed
 LEAST = 1e-7  # mm: what logarithmic axes show of no error
 AXES = ("x", "y", "z")
 BEFORE, AFTER = "without compensation", "compensated, as written"
@@ -48,6 +48,8 @@ def compensation_html(
     """
     some = shown(len(result.known))
     seen = _view(result, robot, some)
+    names = [label(_name(result, row)) for row in some.tolist()]
+    held: dict[str, list[Any]] = {"targets": names, "way": list(numbers(_way(result)[some]))}
     said = (
         f"{MOST} of {len(result.known)} targets are shown, evenly chosen."
         if len(some) < len(result.known)
@@ -70,7 +72,7 @@ def compensation_html(
             ],
             provenance=provenance,
             data=facts,
-            shared={} if seen is None else seen.shared,
+            shared=held | ({} if seen is None else seen.shared),
         )
     )
 
@@ -172,8 +174,7 @@ def _way(result: Compensated) -> Array:
 
 
 def _errors(result: Compensated, some: Array) -> Section:
-    way, figures = _way(result)[some], list[Figure]()
-    names = [_name(result, row) for row in some.tolist()]
+    figures = list[Figure]()
     for part, columns, factor, unit in (
         ("Position", slice(0, 3), 1e3, "mm"),
         ("Orientation", slice(3, 6), 180 / np.pi, "deg"),
@@ -188,13 +189,11 @@ def _errors(result: Compensated, some: Array) -> Section:
         axes = ("way along the path, mm", f"error, {unit}")
         key, title = f"error-{part.lower()}", f"{part} along the path"
         caption = "Predicted error of the tool at its targets."
-        figures.append(along(key, title, caption, way, values, axes, names, lines=True, type="log"))
+        figures.append(along(key, title, caption, "way", values, axes, "targets", lines=True, type="log"))
     return Section("errors", "Predicted error along the path", figures=figures)
 
 
 def _changes(result: Compensated, some: Array) -> Section:
-    way = _way(result)[some]
-    names = [_name(result, row) for row in some.tolist()]
     moved, turned = (part[some] for part in _moved(result))
     figures = []
     for key, title, values, unit in (
@@ -205,7 +204,7 @@ def _changes(result: Compensated, some: Array) -> Section:
             by = {f"about {a}" if unit == "deg" else f"along {a}": values[:, k] for k, a in enumerate(AXES)}
             axes = ("way along the path, mm", f"change, {unit}")
             caption = "Command less target, base frame."
-            figures.append(along(key, title, caption, way, by, axes, names, lines=True, marks=MARKS))
+            figures.append(along(key, title, caption, "way", by, axes, "targets", lines=True, marks=MARKS))
     return Section("changes", "What was changed", figures=figures)
 
 

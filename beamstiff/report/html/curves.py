@@ -46,7 +46,7 @@ def along(
     key: str,
     title: str,
     caption: str,
-    x: Array,
+    x: Array | str,
     values: Mapping[str, Array],
     axes: tuple[str, str],
     texts: Sequence[str] | str,
@@ -59,7 +59,8 @@ def along(
     Parameters
     ----------
     key, title, caption : str
-    x : (n,) array
+    x : (n,) array, or str
+        A name of an array that the page holds.
     values : mapping of str to (n,) array
     axes : (str, str)
         What is drawn across and up.
@@ -72,6 +73,7 @@ def along(
     **more
         Of the axis of values.
     """
+    across = shared(x) if isinstance(x, str) else numbers(x)
     said = shared(texts) if isinstance(texts, str) else [label(text) for text in texts]
     traces = []
     for (name, value), (symbol, colour) in zip(values.items(), marks, strict=False):
@@ -79,7 +81,7 @@ def along(
             {
                 "type": "scatter",
                 "mode": "lines+markers" if lines else "markers",
-                "x": numbers(x),
+                "x": across,
                 "y": numbers(value, 4),
                 "text": said,
                 "hovertemplate": "%{text}: %{y}",

@@ -111,12 +111,11 @@ def still_view(
     own = []
     for one in deviations:
         points, moved, texts = one.lines()
-        columns = {name: points[:, k] for k, name in enumerate("xyz")}
-        columns |= {f"d{name}": moved[:, k] for k, name in enumerate("xyz")}
-        held |= {f"{one.key}_{name}": numbers(value, 6) for name, value in columns.items()}
-        held[f"{one.key}_texts"] = texts
-        trace = {name: shared(f"{one.key}_{name}") for name in columns}
-        own.append(trace | {"hovertext": shared(f"{one.key}_texts")})
+        columns: dict[str, list[Any]] = {name: numbers(points[:, k], 6) for k, name in enumerate("xyz")}
+        if np.any(moved):
+            columns |= {f"d{name}": numbers(moved[:, k], 6) for k, name in enumerate("xyz")}
+        columns["hovertext"] = texts
+        own.append({name: shared(_kept(held, f"{one.key}_{name}", value)) for name, value in columns.items()})
     views = []
     for (name, q), positions in zip(postures, where, strict=True):
         views.append(
@@ -136,6 +135,15 @@ def still_view(
         table,
     )
     return StillView(RobotView(figure, views, magnification, most, cameras, slider=slider), held)
+
+
+def _kept(held: dict[str, list[Any]], name: str, values: list[Any]) -> str:
+    """Keep values under a name, or return the name under which they are kept already."""
+    for known, others in held.items():
+        if others == values:
+            return known
+    held[name] = values
+    return name
 
 
 def _magnification(size: float, deviations: Sequence[Deviations]) -> tuple[float, float]:
