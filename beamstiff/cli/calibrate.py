@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -131,6 +132,7 @@ def calibrate(
       beamstiff calibrate robot.yaml poses.csv --fix base --prior frames=0.5mm --test fresh.csv
       beamstiff calibrate robot.yaml loaded.csv unloaded.csv --compliances J2.torsional,J3.torsional
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
+    from beamstiff.cli.data import doubted, read_tables
     from beamstiff.files import write_whole
     from beamstiff.identify.geometry import calibrate as fit
     from beamstiff.identify.geometry.statement import state_calibration
@@ -154,7 +156,8 @@ def calibrate(
     source = source_of(context, html, [file, *data, *(test or ())])
     machine = load_robot(file)
     check_once(data, test or ())
-    measured = concatenate([read_measurements(path, machine) for path in data])
+    tables, doubts = read_tables(data, machine)
+    measured = concatenate(tables)
     tested = {path: read_measurements(path, machine) for path in test or ()}
     said: Any = {
         "parameters": parse_names(parameters),
@@ -165,12 +168,13 @@ def calibrate(
     }
     if stations and tested:
         raise BeamstiffError("--test: beside --stations it is not said where the robot stood; leave one out")
-    with working(f"calibrating from {len(measured)} rows", quiet):
+    with doubted(doubts), working(f"calibrating from {len(measured)} rows", quiet):
         if prior:
             known = state_calibration(machine, measured, **said).problem.parameters
             said["priors"] = parse_priors(prior, known)
         found = fit(machine, measured, **said, method=method, folds=folds)
         tests = {path: errors_on(found, rows) for path, rows in tested.items()}
+    found = replace(found, notes=(*doubts, *found.notes))
     for note in found.notes:
         say(f"note: {note}", quiet)
     console = people(quiet, json)

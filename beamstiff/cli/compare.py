@@ -98,9 +98,9 @@ def compare(
       beamstiff compare ir663 data.csv --fit-load 900 --rules rules.png
       beamstiff compare kr500 data.csv --models parametric,grid --cube 300
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
+    from beamstiff.cli.data import doubted, read_tables
     from beamstiff.identify.models import FITS, Options, fit_models
     from beamstiff.identify.split import split_rows
-    from beamstiff.measure import doubts, read_measurements
     from beamstiff.measure.rows import concatenate
     from beamstiff.report.compare import loads_table, models_facts, models_table, models_text
     from beamstiff.robot.reader import load_robot
@@ -114,7 +114,6 @@ def compare(
         raise BeamstiffError("--rules: expected fuzzy among the models")
     check_once(data)
     whole = load_robot(robot)
-    tables = [read_measurements(path, whole) for path in data]
     check_outputs([robot_file(robot), *data], json, figure=figure, rules=rules, html=html)
     source = source_of(context, html, [robot_file(robot), *data], seed)
     for path in (figure, rules):
@@ -122,6 +121,7 @@ def compare(
             from beamstiff.report.figures import check_format
 
             check_format(path)
+    tables, notes = read_tables(data, whole)
     description, measured = whole, concatenate(tables)
     if whole.effects:
         from beamstiff.gap.apply import without_effects
@@ -134,8 +134,7 @@ def compare(
         cube=None if cube is None else 1e-3 * cube,
         seed=seed,
     )
-    with working(f"fitting {len(names)} models to {len(measured)} rows", quiet):
-        notes = [note for table in tables for note in doubts(table, description)]
+    with doubted(notes), working(f"fitting {len(names)} models to {len(measured)} rows", quiet):
         split = split_rows(measured, share, fit_load, seed)
         found = fit_models(description, measured, split, names, options)
     if rules is not None and found["fuzzy"].model is None:
