@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -139,9 +140,7 @@ def map_workspace(
             missing.append(number)
         else:
             take(number, part)
-    tasks = (job.boxes[number] for number in missing)
-    for at, part in spread(partial(compute_chunk, job), tasks, processes=processes, scheduler=scheduler):
-        number = missing[at]
+    for number, part in _chunks(job, missing, processes, scheduler):
         if parts is not None:
             with _what_is_kept(parts, done, total):
                 parts.write(number, part)
@@ -157,6 +156,25 @@ def map_workspace(
             save_dataset(dataset, out)
         parts.remove()
     return dataset
+
+
+def _chunks(
+    job: Job, numbers: Sequence[int], processes: int, scheduler: str | None
+) -> Iterator[tuple[int, Part]]:
+    """Yield chunks as they are ready; a process that dies costs those it had, while others come through."""
+    left = list(numbers)
+    while left:
+        todo = tuple(left)
+        boxes = (job.boxes[number] for number in todo)
+        try:
+            for at, part in spread(
+                partial(compute_chunk, job), boxes, processes=processes, scheduler=scheduler
+            ):
+                left.remove(todo[at])
+                yield todo[at], part
+        except BeamstiffError as error:
+            if not isinstance(error.__cause__, BrokenProcessPool) or len(left) == len(todo):
+                raise
 
 
 def _refuse_what_never_works(job: Job) -> None:

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 from collections import Counter
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from beamstiff import load_robot, map_workspace
 from beamstiff.errors import BeamstiffError
 from beamstiff.maps import foresee, job, parts, run
 from beamstiff.maps.chunk import compute_chunk
+from tests.maps.dying import always_dies, dies_once
 
 OVER = {"q2": np.linspace(0.2, 1.2, 60), "q3": np.linspace(-2.0, -0.5, 40)}
 HELD = {"q5": 0.8}
@@ -100,6 +102,17 @@ def test_a_kill_costs_the_chunk_in_the_air_alone(tmp_path: Path, computed: Count
 
 def test_processes_change_no_bit(tmp_path: Path) -> None:
     assert same(mapped(tmp_path / "map.nc", processes=2), mapped())
+
+
+def test_a_process_that_is_killed_costs_what_it_had(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    expected = mapped()
+    with monkeypatch.context() as patched:
+        patched.setattr(run, "compute_chunk", partial(dies_once, tmp_path, 26))
+        assert same(mapped(tmp_path / "map.nc", processes=2), expected)
+    assert (tmp_path / "died").exists()
+    monkeypatch.setattr(run, "compute_chunk", always_dies)
+    with pytest.raises(BeamstiffError, match="one of the processes was killed"):
+        mapped(tmp_path / "map.nc", processes=2)
 
 
 def test_the_workers_of_a_cluster_change_no_bit(tmp_path: Path, scheduler: str) -> None:
