@@ -179,7 +179,5 @@ def test_a_pose_that_cannot_close_is_named(run: Run, folder: Path) -> None:
 def test_doubts_about_a_table_are_noted(run: Run, folder: Path, arm: str) -> None:
     text = (folder / "poses.csv").read_text().replace("sigma_position: 0.01 mm", "sigma_position: 0.01")
     (folder / "poses.csv").write_text(text)
-    options = ("--fix", "base", "--parameters", "q2", "--json", "found.json")
-    result = run("calibrate", arm, "poses.csv", *options)
+    result = run("calibrate", arm, "poses.csv", "--fix", "base", "--parameters", "q2")
     assert "note: poses.csv: sigma_position: 0.01 m is large" in result.stderr
-    assert "sigma_position: 0.01 m is large" in json.loads((folder / "found.json").read_text())["notes"][0]
