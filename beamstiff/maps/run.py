@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 Progress = Callable[[int, int], None]
 TRIED = 32  # poses, before all of them
 AWAY = (Reason.LIMITS, Reason.LOOP_OPEN, Reason.OUT_OF_REACH, Reason.OTHER_CONFIGURATION)
+NOTHING = (Reason.SINGULAR, Reason.MECHANISM, Reason.RIGID)
 
 
 def map_workspace(
@@ -183,12 +184,11 @@ def _refuse_what_never_works(job: Job) -> None:
     places = np.unravel_index(np.unique(numbers), job.grid.shape)
     points = np.stack([axis[at] for axis, at in zip(job.grid.axes, places, strict=True)], axis=1)
     part = compute_poses(job, points)
-    reached = part.reasons[~np.isin(part.reasons, [int(reason) for reason in AWAY])]
-    if (
-        reached.size
-        and np.isin(reached, [int(Reason.MECHANISM), int(Reason.RIGID), int(Reason.SINGULAR)]).all()
-    ):
-        raise BeamstiffError(part.examples[int(reached[0])])
+    reached = part.reasons[~np.isin(part.reasons, AWAY)]
+    if reached.size and np.isin(reached, NOTHING).all():
+        told = part.examples[int(reached[0])]
+        name = f"robot {job.robot.name!r}"
+        raise BeamstiffError(told if told.startswith(name) else f"{name}: {told}")
 
 
 @contextmanager
