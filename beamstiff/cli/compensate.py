@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from beamstiff.se3 import Array
 
 REFUSE, KEEP = "refuse", "keep"
-VISIBLE = 1e-6  # m
 
 
 def compensate(
@@ -285,14 +284,13 @@ def _notes(
 def _unproven(result: Compensated, machine: Machine) -> list[str]:
     """Return what effects do to the unloaded robot: displacements that they were found from do not fix it."""
     said = []
-    for effect, parts in machine.by_effects_at_rest(result.correction.q[result.known]).items():
-        shown = [f"{name} {1e3 * size:.2g} mm" for name, size in parts.items() if size > VISIBLE]
-        if shown:
-            said.append(
-                f"the correction takes {effect} to move the unloaded tool already ({', '.join(shown)}): "
-                "displacements, loaded minus unloaded, do not fix that part, absolute positions do; check a "
-                "target, or teach the targets and correct what the load does alone (--taught)"
-            )
+    for effect, parts in machine.unproven(result.correction.q[result.known]).items():
+        shown = ", ".join(f"{name} {1e3 * size:.2g} mm" for name, size in parts.items())
+        said.append(
+            f"the correction takes {effect} to move the unloaded tool already ({shown}): displacements, "
+            "loaded minus unloaded, do not fix that part, absolute positions do; check a target, or teach "
+            "the targets and correct what the load does alone (--taught)"
+        )
     return said
 
 

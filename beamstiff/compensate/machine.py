@@ -24,6 +24,9 @@ from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
 from beamstiff.robot.parts import AddedEffect
 from beamstiff.se3 import Array, rotation_from_vector
 
+VISIBLE = 1e-6  # m
+PROPORTIONAL = 0.02  # share by which what goes with the load may be off it: the loaded machine is stiffer
+
 
 @dataclass(frozen=True, eq=False)
 class Machine:
@@ -112,29 +115,44 @@ class Machine:
         result: Array = weight + given + effects_displacement(self.real, rows)
         return result
 
-    def by_effects_at_rest(self, q: Array) -> dict[str, dict[str, float]]:
-        """Return how far each effect of the real robot moves the unloaded tool, at most, m, by parameter.
+    def unproven(self, q: Array) -> dict[str, dict[str, float]]:
+        """Return how far effects of the real robot move the unloaded tool, unproven by displacements, m.
 
-        Displacements, loaded less unloaded, do not show it: what an effect does to both readings drops out.
+        What an effect does to the unloaded robot too, drops out of displacements (loaded less unloaded). They
+        show it all the same where it goes with the load: then it follows from what the load does. So counts
+        what does not double where the weight does.
 
         Parameters
         ----------
         q : (N, A) array
+
+        Returns
+        -------
+        dict of str to dict of str to float
+            At most in these postures, by effect and parameter; nothing where all is proven.
         """
+        if not len(q):  # no target within reach
+            return {}
+        heavy = self.real.model_copy(update={"gravity": tuple(2.0 * g for g in self.real.gravity)})
         rows = self._rows(q, np.zeros((len(q), 6)))
-        moved: dict[str, dict[str, Array]] = {}
-        for effect in self.real.effects:
-            of_effect = moved.setdefault(f"{effect.effect}:{effect.component or 'null'}", {})
-            for name, value in effect.parameters.items():
-                alone = effect.model_copy(update={"parameters": {name: value}})
-                by_one = effects_displacement(self.real.model_copy(update={"effects": (alone,)}), rows)
-                of_effect[name] = of_effect.get(name, 0.0) + by_one[:, :3]
-        return {
-            effect: {
-                name: float(np.linalg.norm(shift, axis=1).max(initial=0.0)) for name, shift in parts.items()
-            }
-            for effect, parts in moved.items()
-        }
+        found: dict[str, dict[str, float]] = {}
+        for key in dict.fromkeys(map(_key, self.real.effects)):
+            own = [one for one in self.real.effects if _key(one) == key]
+            for name in dict.fromkeys(name for one in own for name in one.parameters):
+                alone = tuple(
+                    one.model_copy(update={"parameters": {name: one.parameters[name]}})
+                    for one in own
+                    if name in one.parameters
+                )
+                once, twice = (
+                    effects_displacement(robot.model_copy(update={"effects": alone}), rows)[:, :3]
+                    for robot in (self.real, heavy)
+                )
+                whole, off = (np.linalg.norm(part, axis=1) for part in (once, 2.0 * once - twice))
+                size = float(np.minimum(whole, off).max(initial=0.0))
+                if size > PROPORTIONAL * whole.max(initial=0.0) and size > VISIBLE:
+                    found.setdefault(key, {})[name] = size
+        return found
 
     def displaced(self, undeformed: Array, moved: Array) -> Array:
         """Return the poses (N, 4, 4) of the tool whose `tcp` node has moved by ``[d, r]`` (N, 6)."""
@@ -158,6 +176,10 @@ class Machine:
             pose=np.arange(count),
             source="path",
         )
+
+
+def _key(effect: AddedEffect) -> str:
+    return f"{effect.effect}:{effect.component or 'null'}"
 
 
 def _of_measuring(effect: AddedEffect) -> bool:

@@ -262,6 +262,22 @@ def test_what_displacements_cannot_fix_is_not_promised(cell: Path, run: Callable
     assert "unloaded tool" not in run("compensate", "kr500", "path.csv").stderr
 
 
+def test_what_goes_with_the_load_is_fixed_by_displacements(cell: Path, run: Callable[..., Any]) -> None:
+    """A pedestal that tilts under the weight is seen tilting under the load."""
+    from beamstiff import load_robot
+    from beamstiff.robot.writer import robot_to_yaml
+
+    tilting = PLAY[: PLAY.index("effects")] + (
+        "effects: [{effect: base-compliance, shape: tilt, parameters: {tilting_compliance: 8e-8}}]\n"
+    )
+    (cell / "soft.yaml").write_text(robot_to_yaml(load_robot("kr500")) + tilting)
+    (cell / "path.csv").write_text("# orientation: KUKA ABC\n" + TABLE)
+    result = run("compensate", "kr500", "path.csv", "--actual", "soft.yaml")
+    assert result.exit_code == 0, result.stderr
+    assert "with the robot's effects: base-compliance:null" in result.stderr
+    assert "unloaded tool" not in result.stderr
+
+
 def test_a_rigid_robot_is_said_to_be_one_and_rounding_is_nothing(
     folder: Path, run: Callable[..., Any]
 ) -> None:
