@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from beamstiff.gap.exam import score
 from beamstiff.gap.exam.blind import Examiner, examine
 from beamstiff.gap.exam.calibration import brier, calibration_error
 from beamstiff.gap.exam.cases import Exam, draw_case, kind_of
+from beamstiff.gap.exam.labelled import examine_folder
 from beamstiff.gap.exam.record import Record
 from beamstiff.gap.exam.run import Void, read_results, run_exam
 from beamstiff.gap.exam.table import headline
@@ -134,6 +136,15 @@ def test_a_cluster_finds_the_same_and_files_are_written_here(
         ]
         assert mine == ["sealed", "record"]
     run_exam(EXAM, 4, examiner, scheduler="tcp://nobody:1", results=results)  # all is done: nobody is asked
+
+
+def test_labelled_campaigns_are_examined_the_same_by_several_processes(
+    shared_path: Callable[[str], Path],
+) -> None:
+    folder, examiner = shared_path("practice/labels.json").parent, Examiner(always_none)
+    alone = examine_folder(folder, examiner)
+    found = examine_folder(folder, examiner, processes=2)
+    assert [replace(r, seconds=0.0) for r in found] == [replace(r, seconds=0.0) for r in alone]
 
 
 def test_the_seal_is_on_disk_before_the_diagnosis_and_fits_the_label(tmp_path: Path) -> None:
