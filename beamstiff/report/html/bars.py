@@ -99,8 +99,8 @@ def intervals(
             "name": "identified",
         }
     )
-    more = {"type": "log", "exponentformat": "power"} if log else {}
-    return traces, named_rows(names, title, **more)
+    more = {"type": "log"} if log else {}
+    return traces, named_rows(names, title, exponentformat="power", **more)
 
 
 def named_rows(names: Sequence[str], title: str, **more: Any) -> dict[str, Any]:

@@ -182,9 +182,11 @@ def _side_by_side(models: Models) -> Section:
     if partly:
         caption += f" Of fewer rows, where it has an answer: {', '.join(partly)}."
     table = of_rich(models_table(models, "Position error, RMS / max, mm"))
-    figure = Figure("models", "On rows that none saw", caption, traces, layout, table)
+    figure = Figure("models", "On rows that none saw", caption, traces, layout)
     kinds = [k for k in range(len(KINDS)) if (models.split.kind == k).any()]
-    return Section("models", "Models side by side", figures=[figure, _by_kind(models, best, kinds)])
+    return Section(
+        "models", "Models side by side", figures=[figure, _by_kind(models, best, kinds)], tables=[table]
+    )
 
 
 def _by_kind(models: Models, best: Sequence[Judged], kinds: Sequence[int]) -> Figure:

@@ -24,6 +24,7 @@ POSES = 5  # along the path, that the robot is shown in
 MOST = 500  # targets that are drawn and listed
 LEAST = 1e-7  # mm: what logarithmic axes show of no error
 AXES = ("x", "y", "z")
+NOWHERE = "The robot can follow none of the targets: nothing can be said of its errors."
 BEFORE, AFTER = "without compensation", "compensated, as written"
 
 
@@ -60,13 +61,12 @@ def compensation_html(
             title="Compensation",
             robot=robot.name,
             verdict=_verdict(result),
-            summary=[compensation_text(result), *([said] if said else [])],
+            summary=[compensation_text(result) if result.known.any() else NOWHERE, *([said] if said else [])],
             facts=list(_facts(result)),
             view=None if seen is None else seen.view,
             sections=[
                 _uncorrected(result),
-                _errors(result, some),
-                _changes(result, some),
+                *([_errors(result, some), _changes(result, some)] if result.known.any() else []),
                 Section("targets", "The targets", tables=[_table(result, some)]),
                 Section("notes", "Notes", items=notes),
             ],
@@ -92,15 +92,14 @@ def _verdict(result: Compensated) -> str:
 
 
 def _facts(result: Compensated) -> Iterator[Fact]:
-    known = result.known
-    before, after = size_of(result.correction.before[known]), size_of(result.after[known])
-    yield Fact("Before", f"{short(before.rms_mm)} mm", f"RMS; at most {short(before.max_mm)} mm")
-    yield Fact(
-        "After", f"{short(after.rms_mm)} mm", f"RMS; at most {short(after.max_mm)} mm, numbers rounded"
-    )
-    found = result.correction
-    moved = 1e3 * np.linalg.norm(found.commands[:, :3, 3] - found.path.poses[:, :3, 3], axis=1)
-    yield Fact("Commands move", f"{short(moved.max(initial=0.0))} mm", "at most")
+    found, known = result.correction, result.known
+    if known.any():
+        before, after = size_of(found.before[known]), size_of(result.after[known])
+        yield Fact("Before", f"{short(before.rms_mm)} mm", f"RMS; at most {short(before.max_mm)} mm")
+        rounded = f"RMS; at most {short(after.max_mm)} mm, numbers rounded"
+        yield Fact("After", f"{short(after.rms_mm)} mm", rounded)
+        moved = 1e3 * np.linalg.norm(found.commands[:, :3, 3] - found.path.poses[:, :3, 3], axis=1)
+        yield Fact("Commands move", f"{short(moved.max())} mm", "at most")
     yield Fact("Corrected", f"{int(found.corrected.sum())} of {len(found.path)}", "targets")
 
 
@@ -162,7 +161,7 @@ def _name(result: Compensated, row: int) -> str:
 def _uncorrected(result: Compensated) -> Section:
     reasons = result.correction.reasons
     text = "These have no command of their own and stay as they are."
-    tables = [of_rich(uncorrected_table(result))] if reasons else []
+    tables = [of_rich(uncorrected_table(result), left=3)] if reasons else []
     return Section(
         "uncorrected", "Targets that cannot be corrected", [text] if reasons else [], tables=tables
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from itertools import takewhile
 
 from rich import table as rich_table
@@ -10,8 +9,12 @@ from rich import table as rich_table
 from beamstiff.report.html.parts import Table
 
 
-def of_rich(told: rich_table.Table, caption: str | None = None, shown: bool = True) -> Table:
+def of_rich(
+    told: rich_table.Table, caption: str | None = None, shown: bool = True, left: int | None = None
+) -> Table:
     """Return what the terminal shows as a table of a page, with its title or another caption.
+
+    As many columns as there, or as are told, are aligned left.
 
     Examples
     --------
@@ -22,13 +25,9 @@ def of_rich(told: rich_table.Table, caption: str | None = None, shown: bool = Tr
     Table(caption='Sizes', columns=('part', 'mm'), rows=[['link 2', '1.2']], left=1, open=True)
     """
     columns = told.columns
-    left = sum(1 for _ in takewhile(lambda one: one.justify == "left", columns))
+    if left is None:
+        left = max(1, sum(1 for _ in takewhile(lambda one: one.justify == "left", columns)))
     cells = [[str(cell) for cell in one.cells] for one in columns]
     rows = [list(row) for row in zip(*cells, strict=True)]
     heads = tuple(str(one.header) for one in columns)
-    return Table(str(told.title or "") if caption is None else caption, heads, rows, max(left, 1), shown)
-
-
-def of_all(told: Iterable[rich_table.Table]) -> list[Table]:
-    """Return several tables of the terminal as tables of a page."""
-    return [of_rich(one) for one in told]
+    return Table(str(told.title or "") if caption is None else caption, heads, rows, left, shown)

@@ -98,6 +98,16 @@ def test_a_path_that_is_refused_has_its_report(folder: Path) -> None:
     assert "out of reach" in text
 
 
+def test_of_a_path_out_of_reach_no_errors_are_told(folder: Path) -> None:
+    (folder / "path.csv").write_text("name,x,y,z\na,5,5,0\nb,6,5,0\n", encoding="utf-8")
+    assert run("compensate", "crane.yaml", "path.csv", "--html", "out.html").exit_code == 2
+    outline = Outline((folder / "out.html").read_text(encoding="utf-8"))
+    text = "".join(outline.text)
+    assert "The robot can follow none of the targets" in text
+    assert "0 mm" not in text.partition("Provenance")[0]
+    assert not {"robot", "errors", "changes"} & set(outline.ids)
+
+
 @pytest.mark.parametrize("command", ["diagnose", "identify"])
 @pytest.mark.parametrize(
     ("path", "message"),
