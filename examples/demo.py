@@ -75,11 +75,11 @@ MODELS = {
     "ball screws, coupler's spring": 0.076,
 }
 CONCLUSION = (
-    "So these 12 values do not name the cause. A compliance that is the same in all postures (tool, floor, "
-    "camera) closes most, also on postures left out, but it would have to be larger than is plausible. A "
-    "spring along the coupler closes less. The ball screws that the paper suspects close little alone; "
-    "beside that spring they are neither needed nor excluded, for their lengths are not printed and guessed "
-    "here."
+    "In short, these 12 values do not name the cause. A compliance that is the same in all postures (tool, "
+    "floor, camera) closes most, also on postures left out, but it would have to be larger than is "
+    "plausible. A spring along the coupler closes less. The ball screws that the paper suspects close little "
+    "alone; beside that spring they are neither needed nor excluded, for their lengths are not printed and "
+    "guessed here."
 )
 
 
@@ -89,7 +89,7 @@ def main(figure: Path = FIGURE) -> None:
     found = identify(robot, measured)
 
     console = Console(highlight=False, markup=False)
-    console.print(INTRODUCTION)
+    console.print(f"{INTRODUCTION}\n{CONCLUSION}\n")
     console.print(identification_table(found, robot, "KUKA IR-663: stiffness and its standard deviation"))
     console.print(f"\n{identification_text(found, measured)}\n")
     console.print(gap_table(robot, measured, found))
@@ -102,7 +102,7 @@ def main(figure: Path = FIGURE) -> None:
     console.print(cause_table(told, causes, left))
     console.print(f"{REFITTED}\n")
     console.print(model_table(robot, measured))
-    console.print(f"\n{CONCLUSION}\n\nTo tell them apart:")
+    console.print("\nTo tell them apart:")
     for line in to_measure(told):
         console.print(f"- {line}")
     for note in told.notes:

@@ -235,6 +235,7 @@ def with_joint_stiffness(robot: Robot, texts: list[str]) -> Robot:
                 f"{listed(own, 12)}"
             )
         found: dict[str, float] = {}
+        problems: dict[str, BeamstiffError] = {}
         for direction, kind in (
             ("torsional", "rotational stiffness"),
             ("axial", "translational stiffness"),
@@ -242,9 +243,10 @@ def with_joint_stiffness(robot: Robot, texts: list[str]) -> Robot:
             try:
                 found[direction] = quantity(value, kind)
             except BeamstiffError as error:
-                problem = error
+                problems[direction] = error
         if len(found) != 1:  # a plain number fits both
-            why = f": {problem}" if not found else ""
+            meant = own.get(name, "torsional" if "torsional" in own.values() else "axial")
+            why = f": {problems[meant]}" if not found else ""
             raise BeamstiffError(
                 f"--joint-stiffness: found {shown(text)}, expected a stiffness with its unit, such as "
                 f"'1e6 N*m/rad' or '1e8 N/m'{why}"

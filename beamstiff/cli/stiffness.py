@@ -117,10 +117,14 @@ def _matrices(structure: Structure, where: Posture, load: list[float] | None) ->
     tcp, what = structure.robot.tcp, f"robot {structure.robot.name!r}"
     if load is None:
         compliance = tcp_compliance(structure, where)
-        return tcp_stiffness(compliance, what)[0], compliance[0]
-    loads = nodal_loads(structure, 1, {tcp: np.array(load)})
-    compliance = loaded_compliance(structure, where, loads, gravity=True)
-    return loaded_stiffness(compliance, what)[0], compliance[0]
+    else:
+        loads = nodal_loads(structure, 1, {tcp: np.array(load)})
+        compliance = loaded_compliance(structure, where, loads, gravity=True)
+    try:
+        inverse = tcp_stiffness if load is None else loaded_stiffness
+        return inverse(compliance, what)[0], compliance[0]
+    except BeamstiffError as error:
+        raise BeamstiffError(f"{error} (beamstiff deflect, which needs no stiffness)") from None
 
 
 @contextmanager

@@ -45,6 +45,11 @@ def notes(screened: Screened, white: Whitened, verdict: str, scale: float) -> It
             if factor > OFF or factor < 1.0 / OFF:
                 yield f"the noise of the {name}s looks {factor:.2g} times what the table claims"
     yield from _of_repeats(screened)
+    if verdict == "unknown":
+        yield (
+            "what no effect explains may stand in the table as well: joint columns in another order, loads "
+            "or readings in another frame, another tool"
+        )
     if verdict == "none" and baseline.claimed and scale > OFF:
         yield (
             f"the fit leaves {scale:.2g} times the noise counted with: either that noise is not what it is "

@@ -129,6 +129,7 @@ def test_points_and_joint_values_become_measurements(run: Run, folder: Path) -> 
         (("crane.urdf", "--like", "arm.urdf", "--out", "x.urdf"), "has no joint variable base_yaw"),
         (("crane.urdf", "--joint-stiffness", "1e6", "--out", "x.yaml"), "expected a stiffness with its unit"),
         (("crane.urdf", "--joint-stiffness", "q2=1 N/m", "--out", "x.yaml"), "no moving joint 'q2'"),
+        (("crane.urdf", "--joint-stiffness", "2e6 Nm", "--out", "x.yaml"), "a moment per angle, Nm/rad"),
         (("crane.urdf", "--joint-stiffness", "q1=1 N/m", "--out", "x.yaml"), "which is axial"),
         (("crane.urdf", "--joint-stiffness", "1 N/m", "--out", "x.yaml"), "no joint moves so"),
         (("crane.urdf", "--joints", "crane.csv", "--out", "x.yaml"), "--joints: goes with --profile"),
