@@ -18,7 +18,7 @@ from beamstiff.fem.structure import Structure, compile_structure
 from beamstiff.fem.unknowns import turning_nodes
 from beamstiff.maps.grid import Box, Grid, boxes, make_grid
 from beamstiff.maps.quantities import QUANTITIES, check_quantities
-from beamstiff.maps.reach import Reach
+from beamstiff.maps.reach import Reach, postures_of_configuration
 from beamstiff.robot.description import Robot
 from beamstiff.robot.stiffness import check_stiffness
 from beamstiff.se3 import Array
@@ -47,6 +47,8 @@ class Job:
         Of length 1, base frame.
     length : float or None, m
         Characteristic length of the Jacobian, where one is asked for.
+    pool : (K, A) array or None
+        Over positions: postures of the configuration to start from.
     """
 
     robot: Robot
@@ -56,6 +58,7 @@ class Job:
     gravity: bool
     direction: Array | None
     length: float | None
+    pool: Array | None = None
 
     def needs(self, what: str) -> bool:
         """Tell whether some quantity follows from compliance, weight or jacobian."""
@@ -82,7 +85,8 @@ class Job:
     @cached_property
     def reach(self) -> Reach:
         """How to get to points of a grid over positions."""
-        return Reach(self.structure.kinematics, self.grid.q, self.grid.turned)
+        assert self.pool is not None
+        return Reach(self.structure.kinematics, self.grid.q, self.grid.turned, self.pool)
 
     @property
     def bytes_of_result(self) -> int:
@@ -160,10 +164,10 @@ def state_job(
             raise BeamstiffError(f"length: found {length}, expected a positive number of metres")
     else:
         length = None
-    job = Job(robot, grid, names, load, gravity, along, length)
+    pool = None
     if grid.target is not None:
-        job.reach.check()
-    return job
+        pool = postures_of_configuration(kinematics, grid.q, grid.turned)
+    return Job(robot, grid, names, load, gravity, along, length, pool)
 
 
 def _vector(what: str, values: ArrayLike | None, size: int) -> Array:

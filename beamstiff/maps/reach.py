@@ -51,20 +51,17 @@ class Reach:
         The posture.
     turned : bool
         Whether orientations are to be met.
+    pool : (K, A) array, rad or m
+        Postures of its configuration, from `postures_of_configuration`.
     """
 
     kinematics: Kinematics
     start: Array
     turned: bool
+    pool: Array
 
     def check(self) -> None:
-        """Refuse a posture that is of no configuration.
-
-        Raises
-        ------
-        BeamstiffError
-            When it lies outside the limits, or is singular.
-        """
+        """Refuse a posture that is of no configuration: outside the limits, or singular."""
         robot = self.kinematics.robot
         for variable, value in zip(robot.actuated, self.start.tolist(), strict=True):
             if variable.limits is not None and not within(np.array([value]), *variable.limits).all():
@@ -89,7 +86,7 @@ class Reach:
         nearest = self._nearest(targets)
         for number in range(min(ROUNDS, nearest.shape[1])):
             todo = np.flatnonzero(reasons != Reason.COMPUTED)
-            self._try(targets, todo, self._pool[nearest[todo, number]], q, reasons)
+            self._try(targets, todo, self.pool[nearest[todo, number]], q, reasons)
         points = targets[:, :3, 3] if self.turned else targets
         tried = np.full(len(targets), -1)
         for _ in range(SWEEPS):
@@ -131,7 +128,7 @@ class Reach:
         """Return joint values (P, A), of their turns the nearest ones, and whether they get there."""
         found = inverse_geometry(kinematics, targets, start=start, restarts=restarts)
         reached = (found.position_error <= NEARLY) & (found.rotation_error <= NEARLY)
-        return self._near_turns(found.q), reached
+        return self.near_turns(found.q), reached
 
     def same_configuration(self, q: Array) -> Mask:
         """Tell of postures (P, A) whether the straight way from the one held meets no singular posture."""
@@ -149,16 +146,6 @@ class Reach:
         return same
 
     @cached_property
-    def _pool(self) -> Array:
-        """Postures (K, A) of this configuration, the one held first."""
-        robot, size = self.kinematics.robot, self.kinematics.size
-        ends = [v.limits or ((-np.pi, np.pi) if v.kind == "angle" else (-size, size)) for v in robot.actuated]
-        low, high = np.array(ends).T
-        q = np.random.default_rng(0).uniform(low, high, (POOL, low.size))
-        q = self._near_turns(q[close_loops(self.kinematics, q, strict=False).closed])
-        return np.concatenate([self.start[None], q[self.same_configuration(q)]])
-
-    @cached_property
     def _unlimited(self) -> Kinematics:
         robot = self.kinematics.robot
         free = [variable.model_copy(update={"limits": None}) for variable in robot.variables]
@@ -166,7 +153,7 @@ class Reach:
 
     def _nearest(self, targets: Array) -> NDArray[np.intp]:
         """Return which of the pool are nearest to each target, (P, ROUNDS)."""
-        values = close_loops(self.kinematics, self._pool, strict=False).values
+        values = close_loops(self.kinematics, self.pool, strict=False).values
         at = pose_of(self.kinematics, posture_at(self.kinematics, values), self.kinematics.robot.tcp)
         positions = targets[:, :3, 3] if self.turned else targets
         away = ((positions[:, None] - at[None, :, :3, 3]) ** 2).sum(axis=2) / self.kinematics.size**2
@@ -191,7 +178,7 @@ class Reach:
         result[closed] = found[:, : result.shape[1]]
         return result, closed
 
-    def _near_turns(self, q: Array) -> Array:
+    def near_turns(self, q: Array) -> Array:
         """Return the same postures (P, A) by whole turns nearer to the one held, where limits let them."""
         robot = self.kinematics.robot
         if any(variable.equals is not None for variable in robot.variables):
@@ -204,6 +191,24 @@ class Reach:
                 low, high = variable.limits or (-np.inf, np.inf)
                 result[:, at] = np.where((nearer >= low) & (nearer <= high), nearer, q[:, at])
         return result
+
+
+def postures_of_configuration(kinematics: Kinematics, start: Array, turned: bool) -> Array:
+    """Return postures (K, A) of the configuration of one (A,), that one first: to start from.
+
+    Raises
+    ------
+    BeamstiffError
+        When it lies outside the limits, or is singular.
+    """
+    around = Reach(kinematics, start, turned, start[None])
+    around.check()
+    robot, size = kinematics.robot, kinematics.size
+    ends = [v.limits or ((-np.pi, np.pi) if v.kind == "angle" else (-size, size)) for v in robot.actuated]
+    low, high = np.array(ends).T
+    q = np.random.default_rng(0).uniform(low, high, (POOL, low.size))
+    q = around.near_turns(q[close_loops(kinematics, q, strict=False).closed])
+    return np.concatenate([start[None], q[around.same_configuration(q)]])
 
 
 def within(values: Array, low: float, high: float) -> Mask:
