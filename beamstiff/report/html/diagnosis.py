@@ -16,7 +16,7 @@ from beamstiff.report.html.parts import Fact, Figure, Section, Table
 from beamstiff.report.html.places import line_of
 from beamstiff.report.html.provenance import Provenance
 from beamstiff.report.html.robot_view import RobotView, Shown, robot_view
-from beamstiff.report.html.rows import Compared, row_figures
+from beamstiff.report.html.rows import Compared, minded, row_figures
 from beamstiff.report.tables import number
 from beamstiff.robot.fields import stiffness_text
 from beamstiff.se3 import Array
@@ -55,7 +55,7 @@ def diagnosis_html(result: Diagnosis, provenance: Provenance) -> str:
             title="Diagnosis",
             robot=baseline.nominal.name,
             verdict=headline(result),
-            summary=summary(result).splitlines(),
+            summary=[*minded(baseline.rows, baseline.nominal), *summary(result).splitlines()],
             facts=list(_facts(result)),
             view=_view(result),
             sections=[_which(result), _where(result), _how_far(result), *rows.sections, *_others(result)],

@@ -16,7 +16,7 @@ from beamstiff.report.html.parts import Fact, Figure, Section, Table
 from beamstiff.report.html.places import line_of
 from beamstiff.report.html.provenance import Provenance
 from beamstiff.report.html.robot_view import RobotView, Shown, robot_view
-from beamstiff.report.html.rows import Compared, row_figures
+from beamstiff.report.html.rows import Compared, minded, row_figures
 from beamstiff.report.identification import combinations_text, identification_text
 from beamstiff.report.tables import counted, number
 from beamstiff.robot.description import Robot
@@ -63,7 +63,7 @@ def identification_html(
             title="Identification",
             robot=robot.name,
             verdict=f"{known} of {counted(len(found.parameters), 'stiffness value')} identified",
-            summary=identification_text(found, measured, folds).splitlines(),
+            summary=[*minded(measured, robot), *identification_text(found, measured, folds).splitlines()],
             facts=list(_facts(found)),
             view=_view(found, measured),
             sections=[

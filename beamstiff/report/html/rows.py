@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from beamstiff.measure.doubts import doubts
 from beamstiff.measure.table import DISPLACEMENT, Measurements
 from beamstiff.report.html.parts import MARGIN, Figure, Section, axis, css, numbers, plain_layout, shared
 from beamstiff.report.html.places import LEGEND, MARKS, RowFigures, Sizes, over_places, rows_table
@@ -50,6 +51,11 @@ class Compared:
         size = 1e3 * np.linalg.norm(np.where(seen, self.measured[:, :3] - predicted[:, :3], 0.0), axis=1)
         result: Array = np.where(seen.any(axis=1), size, np.nan)
         return result
+
+
+def minded(rows: Measurements, robot: Robot) -> list[str]:
+    """Return what in a table looks like a mistake, as a page says it before all else."""
+    return [f"Mind first: {doubt}" + ("" if doubt.endswith("?") else ".") for doubt in doubts(rows, robot)]
 
 
 def row_figures(compared: Compared, names: tuple[str, str] = ("the model", "with the cause")) -> RowFigures:
