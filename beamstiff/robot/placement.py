@@ -20,6 +20,8 @@ from beamstiff.se3 import Array, rotation_about, transform
 NEARLY_PARALLEL = 0.1  # sin(alpha) below which r would be ten times the offset and more
 ZERO = 1e-15  # rad or m: rounding of what is meant to be 0
 
+LENGTHS = frozenset(name for name, kind, _ in MOTIONS if kind == "shift")
+
 Parameters = dict[str, float]
 
 
@@ -97,7 +99,11 @@ def _parallel(rotation: Array, p: Array) -> Parameters:
 
 
 def _named(parameters: Parameters) -> Parameters:
-    return {name: float(value) for name, value in parameters.items() if abs(value) > ZERO}
+    return {
+        name: float(f"{value:.15g}") if name in LENGTHS else float(value)  # 0.12, not 0.12000000000000001
+        for name, value in parameters.items()
+        if abs(value) > ZERO
+    }
 
 
 def from_roll_pitch_yaw(rpy: Array, position: Array) -> Array:

@@ -14,7 +14,7 @@ from beamstiff.robot.placement import (
     roll_pitch_yaw,
     turned_to,
 )
-from beamstiff.se3 import transform
+from beamstiff.se3 import rotation_about, transform
 
 angles = st.floats(-7.0, 7.0) | st.sampled_from(
     [0.0, 1e-9, 1e-6, np.pi / 2, -np.pi / 2, np.pi, 3.14159, 1.5708]
@@ -81,3 +81,10 @@ def test_z_is_carried_onto_the_axis_by_a_rotation(axis: tuple[float, ...]) -> No
     np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-15)
     np.testing.assert_allclose(turn[:, 2], np.array(axis) / np.linalg.norm(axis), atol=1e-15)
     assert np.linalg.det(turn) == pytest.approx(1.0, abs=1e-14)
+
+
+def test_lengths_of_a_file_stay_the_decimals_that_they_are() -> None:
+    """As origin xyz="0.2 0 0.12" with an axis along -x, which b, d and r are sums and products for."""
+    turned = transform(rotation_about(1, np.asarray(np.pi / 2)), np.array([0.2, 0.0, 0.12]))
+    (found,) = frame_parameters(turned)
+    assert {repr(abs(value)) for name, value in found.items() if name in "bdr"} == {"0.12", "0.2"}
