@@ -16,7 +16,7 @@ from beamstiff.report.html.bars import named_rows
 from beamstiff.report.html.from_rich import of_rich
 from beamstiff.report.html.matrix import confusion_figure
 from beamstiff.report.html.page import Page, render
-from beamstiff.report.html.parts import MARGIN, Fact, Figure, Section, Table, axis, css, label, plain_layout
+from beamstiff.report.html.parts import MARGIN, Fact, Figure, Section, axis, css, label, plain_layout
 from beamstiff.report.html.places import LEGEND
 from beamstiff.report.html.provenance import Provenance
 from beamstiff.report.tables import counted
@@ -60,14 +60,15 @@ def exam_html(
         Page(
             title="Exam of a plan" if plan else "Exam of the diagnosis",
             robot=examined,
-            verdict=_verdict(rows, records),
+            verdict=_found(records) if plan else _verdict(rows, records),
             summary=list(_summary(main, lean if rich else [], rows)),
             facts=list(_facts(main)),
             view=None,
             sections=[
+                *([_plan(records)] if plan else []),
                 _asked(rows),
                 _reliability(main),
-                _effects(main, plan),
+                _effects(main),
                 _confusion(main),
                 _sorts(records, lean if rich else []),
                 _controls(main),
@@ -84,6 +85,54 @@ def _verdict(rows: Sequence[Row], records: Records) -> str:
     asked = [row for row in rows if row.met is not None]
     met = sum(row.met != "missed" for row in asked)
     return f"{met} of {len(asked)} required figures reached, in {counted(len(records), 'case')}"
+
+
+def _found(records: Records) -> str:
+    singles = score.of_kind(records, "single")
+    exact = score.exact(singles)
+    right = 0 if exact.value is None else round(exact.value * len(singles))
+    return f"{right} of {counted(len(singles), 'effect')} would be found exactly, at all realistic sizes"
+
+
+def _plan(records: Records) -> Section:
+    """Return what a campaign could find: effects, the hardest to find first."""
+    singles = score.by_effect(score.of_kind(records, "single"))
+    if not singles:
+        return Section("plan", "What this plan could find")
+    rates = {effect: score.coverage(cases) for effect, cases in singles.items()}
+    names = sorted(rates, key=lambda effect: (rates[effect].value or 0.0, effect))
+    caption = (
+        "How often the verdict's set holds the truth, with its 95 % interval, the hardest to find first."
+    )
+    figure = _rates(
+        "plan-covered", "The verdict's set holds the truth", caption, names, [rates[n] for n in names]
+    )
+    return Section(
+        "plan",
+        "What this plan could find",
+        figures=[figure],
+        tables=[of_rich(next(told.plan_tables(records)))],
+    )
+
+
+def _rates(key: str, title: str, caption: str, names: Sequence[str], rates: Sequence[Rate]) -> Figure:
+    """Return shares with their intervals, a row a name."""
+    texts = [f"{name}: {_share(one)} of {one.count}" for name, one in zip(names, rates, strict=True)]
+    traces = [
+        _intervals(rates),
+        {
+            "type": "scatter",
+            "mode": "markers",
+            "x": [one.value for one in rates],
+            "y": list(range(len(rates))),
+            "text": [label(text) for text in texts],
+            "hovertemplate": "%{text}<extra></extra>",
+            "marker": {"color": css("blue"), "size": 10},
+            "name": title,
+        },
+    ]
+    layout = named_rows(names, "share of the cases, 95 %", tickformat=".0%", range=[-0.02, 1.02])
+    return Figure(key, title, caption, traces, layout)
 
 
 def _summary(main: Records, lean: Records, rows: Sequence[Row]) -> Iterator[str]:
@@ -265,7 +314,7 @@ def _reliability(records: Records) -> Section:
     )
 
 
-def _effects(records: Records, plan: bool) -> Section:
+def _effects(records: Records) -> Section:
     worst = score.worst_first(records)
     if not worst:
         return Section("effects", "By effect")
@@ -280,27 +329,8 @@ def _effects(records: Records, plan: bool) -> Section:
     ):
         rates = [effect_figures(cases)[key] for _, cases in worst]
         names = [effect for effect, _ in worst]
-        traces = [
-            _intervals(rates),
-            {
-                "type": "scatter",
-                "mode": "markers",
-                "x": [one.value for one in rates],
-                "y": list(range(len(rates))),
-                "text": [
-                    label(f"{name}: {_share(one)} of {one.count}")
-                    for name, one in zip(names, rates, strict=True)
-                ],
-                "hovertemplate": "%{text}<extra></extra>",
-                "marker": {"color": css("blue"), "size": 10},
-                "name": title,
-            },
-        ]
-        layout = named_rows(names, "share of the cases, 95 %", tickformat=".0%", range=[-0.02, 1.02])
-        figures.append(Figure(f"effects-{key}", title, caption, traces, layout))
-    tables: list[Table] = [of_rich(told.effects_table(records)), of_rich(told.bands_table(records))]
-    if plan:
-        tables = [of_rich(one) for one in told.plan_tables(records)]
+        figures.append(_rates(f"effects-{key}", title, caption, names, rates))
+    tables = [of_rich(told.effects_table(records)), of_rich(told.bands_table(records))]
     return Section("effects", "By effect, the worst first", figures=figures, tables=tables)
 
 

@@ -95,7 +95,7 @@ class RowFigures:
 def over_places(sizes: Sizes, joints: bool = True, planes: Sequence[tuple[int, int]] = PLANES) -> RowFigures:
     """Return the sections that show the sizes of rows where the tool was, and by joint reading.
 
-    There are none where no row has a size.
+    There are none where no row has a size above 0.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def over_places(sizes: Sizes, joints: bool = True, planes: Sequence[tuple[int, i
     chosen, rows = sizes.shown, sizes.rows
     held: dict[str, list[Any]] = {"rows": [label(line_of(rows, at)) for at in chosen.tolist()]}
     held |= {f"size_{key}": numbers(value[chosen], 4) for key, value in sizes.values.items()}
-    if not any(np.isfinite(value).any() for value in sizes.values.values()):
+    if not sizes.largest > 0.0:  # none, or nothing to see
         return RowFigures([], held)
     places = tool_places(sizes.robot, rows, chosen)
     held |= {f"place_{name}": numbers(places[:, k], 4) for k, name in enumerate("xyz")}

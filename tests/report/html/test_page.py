@@ -12,12 +12,16 @@ import numpy as np
 import plotly.graph_objects as go
 import pytest
 
+from beamstiff.gap.exam.record import Record
+from beamstiff.gap.exam.table import table_dict
 from beamstiff.gap.result import Diagnosis
 from beamstiff.identify.result import Identification
 from beamstiff.measure.rows import subset
-from beamstiff.measure.table import Measurements
+from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.report.diagnosis import summary
+from beamstiff.report.html.deflection import deflection_html
 from beamstiff.report.html.diagnosis import diagnosis_html
+from beamstiff.report.html.exam import exam_html
 from beamstiff.report.html.identification import identification_html
 from beamstiff.report.html.provenance import Provenance
 from beamstiff.robot.description import Robot
@@ -195,3 +199,26 @@ def test_of_many_rows_the_worst_are_shown_and_the_page_stays_small(
     held = json.loads(outline.scripts["figures"])["shared"]
     assert len(held["rows"]) == len(held["size_before"]) == 1000
     assert max(held["size_before"]) > 500  # mm
+
+
+def test_the_exam_of_a_plan_begins_with_what_could_be_found(
+    records: list[Record], source: Provenance
+) -> None:
+    page = exam_html(records, "arm", source, table_dict(records), plan=True)
+    outline = Outline(page)
+    assert outline.ids.index("plan") < outline.ids.index("asked")
+    text = "".join(outline.text)
+    assert "2 of 4 effects would be found exactly" in text
+    held = json.loads(outline.scripts["figures"])["figures"]["plan-covered"]
+    hardest = held["traces"][1]
+    assert hardest["x"] == sorted(hardest["x"])
+
+
+def test_displacements_of_nothing_are_drawn_nowhere(
+    robot: Robot, rows: Measurements, source: Provenance
+) -> None:
+    still = np.zeros((len(rows), 6))
+    plain = make_measurements(["q1", "q2"], rows.q, tcp="tip", wrench=0 * rows.wrench)
+    outline = Outline(deflection_html(robot, plain, still, source, {"displacement": still.tolist()}))
+    assert "workspace" not in outline.ids
+    assert "The tool moves 0 mm at most" in "".join(outline.text)
