@@ -40,7 +40,7 @@ def predict_with_effects(robot: Robot, rows: Measurements) -> Array:
     BeamstiffError
         See `effects_displacement`.
     """
-    return predict(robot, rows)[0]
+    return predict(robot, rows)
 
 
 def effects_displacement(robot: Robot, rows: Measurements) -> Array:

@@ -22,7 +22,6 @@ from beamstiff.identify.objective import Objective
 from beamstiff.identify.parameters import state_parameters
 from beamstiff.identify.problem import Problem, whitening
 from beamstiff.measure.arrays import Integers
-from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.model.ports import reduce_to_ports
@@ -60,8 +59,6 @@ class Baseline:
     sharing : (N,) int array
         Rows with one unloaded reading; -1 none.
     predicted : (N, 6) array
-    loaded : (N, 6) array
-        The part of it that the rows' loads make.
     tangent : (N, 6, t) array
         Derivatives by the compliances.
     response : (N, 6, 6) array
@@ -83,7 +80,6 @@ class Baseline:
     claimed: bool
     sharing: Integers
     predicted: Array
-    loaded: Array
     tangent: Array
     response: Array
     places: Places
@@ -156,7 +152,7 @@ def fit_baseline(
     spread = _sigma(rows) if sigma is None else sigma
     sharing = rows.sharing
     fitted = robot
-    predicted, loaded = predict(fitted, rows)
+    predicted = predict(fitted, rows)
     if names:
         model = reduce_to_ports(robot, rows, names, gravity=rows.kind == "absolute")
         theta, stiffness = None, model.start
@@ -182,7 +178,7 @@ def fit_baseline(
             before, theta = stiffness, found.theta
             stiffness = stated.stiffness(theta)
             fitted = robot.with_parameters(dict(zip(names, stiffness.tolist(), strict=True)))
-            predicted, loaded = predict(fitted, rows)
+            predicted = predict(fitted, rows)
             if np.abs(np.log(stiffness / before)).max() < 1e-3:
                 break
         _, by_value = model.derivatives(stiffness)
@@ -200,7 +196,6 @@ def fit_baseline(
         claimed=claimed,
         sharing=sharing,
         predicted=predicted,
-        loaded=loaded,
         tangent=tangent,
         response=tool_response(fitted, rows),
         places=find_places(fitted, rows),
@@ -209,7 +204,7 @@ def fit_baseline(
 
 def at_rows(fit: Baseline, rows: Measurements) -> Baseline:
     """Return the fitted baseline's view of other rows, measured or not."""
-    predicted, loaded = predict(fit.robot, rows)
+    predicted = predict(fit.robot, rows)
     if fit.fitted:
         model = reduce_to_ports(fit.robot, rows, fit.fitted, gravity=rows.kind == "absolute")
         stiffness = _values(fit.robot, fit.fitted, model.start)
@@ -228,7 +223,6 @@ def at_rows(fit: Baseline, rows: Measurements) -> Baseline:
         claimed=fit.claimed,
         sharing=rows.sharing,
         predicted=predicted,
-        loaded=loaded,
         tangent=tangent,
         response=tool_response(fit.robot, rows),
         places=find_places(fit.robot, rows),
@@ -259,34 +253,34 @@ def tool_response(robot: Robot, rows: Measurements) -> Array:
     return np.stack(columns, axis=-1)
 
 
-def predict(robot: Robot, rows: Measurements) -> tuple[Array, Array]:
-    """Return what a model says of the rows (N, 6), and the part of it that their loads make (N, 6).
+def predict(robot: Robot, rows: Measurements) -> Array:
+    """Return what a model says of the rows, (N, 6).
 
     Displacements are loaded less unloaded, deviations of absolute poses hold the dead weight as well; both
     with the stiffness of the loaded machine, and with the effects that the robot has.
     """
-    predicted, loaded = _of_structure(robot, rows)
+    predicted = _of_structure(robot, rows)
     if not robot.effects:
-        return predicted, loaded
+        return predicted
     from beamstiff.gap.apply import effects_displacement  # which rests on baselines without effects
 
-    added = effects_displacement(robot, rows)
-    return predicted + added, loaded if rows.kind == "absolute" else loaded + added
+    return predicted + effects_displacement(robot, rows)
 
 
-def _of_structure(robot: Robot, rows: Measurements) -> tuple[Array, Array]:
+def _of_structure(robot: Robot, rows: Measurements) -> Array:
     if not any(0.0 < value < RIGID for value in stiffness_parameters(robot).values()):
-        return np.zeros((len(rows), 6)), np.zeros((len(rows), 6))
+        return np.zeros((len(rows), 6))
     loaded = predict_displacements(robot, rows, preload=True)
     if rows.kind == "displacement":
-        return loaded, loaded
+        return loaded
     structure = compile_structure(robot)
     poses, number = np.unique(rows.q, axis=0, return_inverse=True)
     where, pose = posture(structure.kinematics, poses), number.reshape(-1)
     nothing = np.zeros((len(poses), len(robot.nodes), 6))
     dead = loaded_displacement(structure, where, nothing, gravity=True)
     seen = [structure.kinematics.node_index[name] for name in rows.point.tolist()]
-    return loaded + dead[pose, seen], loaded
+    both: Array = loaded + dead[pose, seen]
+    return both
 
 
 def deviation(robot: Robot, rows: Measurements) -> Array:
@@ -310,13 +304,6 @@ def nominal_pose(robot: Robot, rows: Measurements) -> tuple[Array, Array]:
     where, pose = posture(kinematics, poses), number.reshape(-1)
     seen = [kinematics.node_index[name] for name in rows.point.tolist()]
     return where.node_positions[pose, seen], pose_of(kinematics, where, robot.tcp)[pose, :3, :3]
-
-
-def restrict(baseline: Baseline, chosen: NDArray[np.intp]) -> Baseline:
-    """Return a baseline for some of its rows, fitted anew."""
-    return fit_baseline(
-        baseline.nominal, subset(baseline.rows, chosen), baseline.sigma[chosen], baseline.fitted
-    )
 
 
 def _values(robot: Robot, names: Sequence[str], start: Array) -> Array:

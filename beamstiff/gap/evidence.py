@@ -44,8 +44,6 @@ class Evidence:
         With each shape taken as exactly right.
     magnitude : (H,) array
         Size u that fits best, in realistic sizes.
-    amiss : (H,) array
-        What the shape is off by, of its own size: the mean over what is left in doubt.
     left : (H,) array
         Share of the gap's size that a shape leaves to the unknown, whatever was expected of it.
     none, unknown : float
@@ -54,7 +52,6 @@ class Evidence:
     hypotheses: Array
     exact: Array
     magnitude: Array
-    amiss: Array
     left: Array
     none: float
     unknown: float
@@ -87,7 +84,6 @@ def evidence(
     averaged = logsumexp(joint, axis=(0, 2)) - np.log(MAGNITUDES.size)
     unknown = logsumexp(flat[1:]) - np.log(len(shares) - 1)
     of_size = np.exp(joint - logsumexp(joint, axis=(0, 2))[:, None])  # (R, H, U)
-    amiss = (of_size * shares[:, None, None] / size).sum(axis=(0, 2))
     freely = np.exp(logs[:, 1:] - logsumexp(logs[:, 1:], axis=(0, 2))[:, None])
     whole = np.sqrt((white.leave(white.gap[:, None]) ** 2).sum() / max(white.freedom, 1))
     left = (freely.sum(axis=2) * shares[:, None]).sum(axis=0) / (whole or 1.0)
@@ -96,7 +92,6 @@ def evidence(
         hypotheses=averaged,
         exact=logsumexp(logs[0, 1:], axis=1) - np.log(MAGNITUDES.size),
         magnitude=np.exp(span * best),
-        amiss=amiss,
         left=left,
         none=float(flat[0]),
         unknown=float(unknown),

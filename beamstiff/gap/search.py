@@ -63,8 +63,6 @@ class Search:
         The likeliest first.
     shapes : dict of str to list of Weighted
         Of every candidate alone.
-    amiss : dict of str to float
-        What the best shape of a candidate is off by, of its own size.
     left : dict of str to float
         Share of the gap's size that it leaves to the unknown.
     free : dict of str to float
@@ -74,7 +72,6 @@ class Search:
     log_weight: dict[str, float]
     pairs: tuple[Pair, ...]
     shapes: dict[str, list[Weighted]]
-    amiss: dict[str, float]
     left: dict[str, float]
     free: dict[str, float] = field(default_factory=dict)
 
@@ -108,7 +105,7 @@ def search(
     log_weight = {key: float(logsumexp(weights[places])) for key, places in by_key.items()}
     log_weight[NONE] = alone.none + np.log(PRIOR[NONE])
     log_weight[UNKNOWN] = alone.unknown + np.log(PRIOR[UNKNOWN])
-    shapes, amiss, left = {}, {}, {}
+    shapes, left = {}, {}
     for key, places in by_key.items():
         order = sorted(places, key=lambda at: -weights[at])[:SHAPES]
         share = np.exp(weights[order] - logsumexp(weights[order]))
@@ -118,10 +115,9 @@ def search(
             if p > 0.02
         ]
         shapes[key] = kept
-        amiss[key] = float(alone.amiss[order[0]])
         left[key] = float(alone.left[order[0]])
     free = _freely(white, laws, scales)
-    result = Search(log_weight, (), shapes, amiss, left, free)
+    result = Search(log_weight, (), shapes, left, free)
     if not pairs:
         return result
     found: dict[frozenset[str], Pair] = {}

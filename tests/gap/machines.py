@@ -84,7 +84,7 @@ def at_random(robot: Robot, count: int, seed: int, reach: float = 1.0, **more: A
 def nominal(robot: Robot, rows: Measurements) -> Baseline:
     """Return the baseline of rows that read what the robot says, so that nothing is left to fit."""
     if rows.kind == "displacement":
-        return fit_baseline(robot, replace(rows, displacement=predict(robot, rows)[0]))
+        return fit_baseline(robot, replace(rows, displacement=predict(robot, rows)))
     return fit_baseline(robot, rows)
 
 

@@ -279,7 +279,7 @@ def test_every_shape_means_the_same_without_the_rows_it_was_fitted_to(effect: st
                 found, expected, rtol=0, atol=1e-9 * np.abs(expected).max(initial=1e-12)
             )
             np.testing.assert_allclose(
-                predict(robot, rows)[0],
+                predict(robot, rows),
                 there.predicted + expected,
                 rtol=0,
                 atol=1e-9 * np.abs(expected).max(),

@@ -104,7 +104,7 @@ def test_many_hypotheses_at_once_are_weighed_as_each_alone() -> None:
     together = evidence(white, several, SEVERAL)
     for at, one in enumerate(several):
         alone = evidence(white, [one], SEVERAL)
-        for name in ("hypotheses", "exact", "magnitude", "amiss", "left"):
+        for name in ("hypotheses", "exact", "magnitude", "left"):
             assert getattr(together, name)[at] == pytest.approx(getattr(alone, name)[0], rel=1e-9)
 
 
@@ -196,10 +196,9 @@ def test_the_shape_that_is_there_wins_and_leaves_little() -> None:
 
 
 @pytest.mark.parametrize("off", [0.1, 0.3])
-def test_what_a_shape_is_off_by_is_seen(off: float) -> None:
+def test_what_a_shape_leaves_is_seen(off: float) -> None:
     white, shapes = planted(30.0, off=off)
     found = evidence(white, shapes, ONE)
-    assert found.amiss[0] == pytest.approx(off, rel=0.5)
     assert found.left[0] == pytest.approx(off / np.hypot(1, off), rel=0.5)
 
 

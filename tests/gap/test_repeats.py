@@ -27,7 +27,7 @@ def campaign(**more: Any) -> Measurements:
 
 def read(rows: Measurements, noise: Array) -> Repeats:
     """Return the repeats of readings of the model and noise (N, 6)."""
-    there: Baseline = fit_baseline(elbow(), replace(rows, displacement=predict(elbow(), rows)[0] + noise))
+    there: Baseline = fit_baseline(elbow(), replace(rows, displacement=predict(elbow(), rows) + noise))
     return repeats(there)
 
 

@@ -39,8 +39,8 @@ def search_of(
 ) -> Search:
     """Return evidence: log weights of effects, none, the unknown and free laws; the effects leave a share."""
     weights = effects | {NONE: none, UNKNOWN: unknown}
-    shares = dict.fromkeys(effects, 0.1), dict.fromkeys(effects, left)
-    return Search(weights, pairs, {}, *shares, {"q3": free, "base": free - 50.0})
+    shares = dict.fromkeys(effects, left)
+    return Search(weights, pairs, {}, shares, {"q3": free, "base": free - 50.0})
 
 
 def pair_of(first: str, second: str, log_weight: float, left: float = 0.02) -> Pair:

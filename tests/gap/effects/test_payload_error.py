@@ -33,7 +33,7 @@ def campaign() -> Baseline:
 
 
 def more(campaign: Baseline, robot: Robot) -> np.ndarray:
-    return predict(robot, campaign.rows)[0] - predict(carrying(20.0), campaign.rows)[0]
+    return predict(robot, campaign.rows) - predict(carrying(20.0), campaign.rows)
 
 
 def test_a_heavier_payload_sags_as_the_same_robot_with_that_mass(campaign: Baseline) -> None:
