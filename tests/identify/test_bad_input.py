@@ -39,7 +39,7 @@ def measured(
 def test_fewer_values_than_parameters_are_refused() -> None:
     one = measured(POSES[:1], LOADS[:1])
     some = replace(one, displacement=np.where(np.arange(6) < 3, one.displacement, np.nan))
-    with pytest.raises(BeamstiffError, match=r"3 measured components in . rows? for 6 parameters \(J1\.torsional, "):
+    with pytest.raises(BeamstiffError, match=r"3 measured components .* for 6 parameters \(J1\.torsional, "):
         identify(ROBOT, some)
 
 

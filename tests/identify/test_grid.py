@@ -109,7 +109,7 @@ def test_a_cube_with_too_few_rows_is_named() -> None:
     rows = table(q[np.append(right, left[:1])], loads(len(right) + 1), nothing)
     seen = np.where(np.arange(6) < 3, rows.displacement, np.nan)
     rows = replace(rows, displacement=seen)
-    with pytest.raises(BeamstiffError, match=r"cube 1.2.1: .*3 measured components in . rows? for 6 parameters"):
+    with pytest.raises(BeamstiffError, match=r"cube 1.2.1: .*3 measured components .* for 6 parameters"):
         fit_grid(kr500(), rows, WORKSPACE, shrink=False)
 
 
