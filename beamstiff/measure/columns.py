@@ -180,8 +180,8 @@ def _unknown(name: str, robot: Robot, place: tuple[str, int]) -> NoReturn:
         *place,
         shown(name),
         f"unknown column{hint}, expected one of {listed(variables, 12)}, fx fy fz mx my mz, dx dy dz rx "
-        "ry rz (or x y z a b c), point, load_point, pose, step, t, temperature; text of "
-        "your own goes in a column remark, other columns are deleted",
+        "ry rz (or x y z a b c), point, load_point, pose, step, t, temperature, remark "
+        "(for text of your own); delete the column if it is none of these",
     )
 
 

@@ -84,7 +84,7 @@ def _names(robot: Robot) -> Iterator[Problem]:
         path: tuple[str | int, ...], name: str, what: str, known: Collection[str]
     ) -> Iterator[Problem]:
         if name not in known:
-            hint = suggest(name, known) or f", expected one of {listed(known)}"
+            hint = suggest(name, known) or f", expected one of {listed(known, 20)}"
             yield path, f"unknown {what} {name!r}{hint}"
 
     for at, frame in enumerate(robot.frames):
