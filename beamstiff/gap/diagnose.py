@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from beamstiff.gap.attribution import attribute, ceiling, shares
 from beamstiff.gap.baseline import Baseline, fit_baseline
@@ -56,6 +57,11 @@ def diagnose(
     BeamstiffError
         When the rows cannot be predicted, or `without` names no effect.
     """
+    with threadpool_limits(limits=1, user_api="blas"):  # small matrices are slower on several threads
+        return _diagnose(robot, measurements, without, seed)
+
+
+def _diagnose(robot: Robot, measurements: Measurements, without: Sequence[str], seed: int) -> Diagnosis:
     baseline = fit_baseline(robot, measurements)
     library = state_library(baseline, whiten(baseline), without)
     screened = screen(baseline, library, "outliers" not in without)
