@@ -64,7 +64,7 @@ def diagnose(
 def _diagnose(robot: Robot, measurements: Measurements, without: Sequence[str], seed: int) -> Diagnosis:
     baseline = fit_baseline(robot, measurements)
     library = state_library(baseline, whiten(baseline), without)
-    screened = screen(baseline, library, "outliers" not in without)
+    screened = screen(baseline, library)
     linear, used = screened.baseline, screened.used
     white = whiten(linear, used)
     library = seen_by(library, white)
@@ -80,7 +80,8 @@ def _diagnose(robot: Robot, measurements: Measurements, without: Sequence[str], 
         library = state_library(linear, white, without)
         laws = free_laws(linear, library, white)
         found = search(white, library.hypotheses, scales, laws)
-    return _diagnosis(screened, linear, white, library, laws, found, scales, chance, seed)
+    may_be_outliers = "outliers" not in without
+    return _diagnosis(screened, linear, white, library, laws, found, scales, chance, may_be_outliers, seed)
 
 
 def _chance(white: Whitened, library: Library, scales: Scales, seed: int) -> tuple[float, float]:
@@ -99,6 +100,7 @@ def _diagnosis(
     found: Search,
     scales: Scales,
     chance: tuple[float, float],
+    may_be_outliers: bool,
     seed: int,
 ) -> Diagnosis:
     used, outlying = screened.used, screened.outliers
@@ -112,7 +114,8 @@ def _diagnosis(
     shrinks = {
         key: held_out(linear, used, [found.shapes[key]], scale, seed) for key in found.named[:REPORTED]
     }
-    judged = judge(found, white.freedom, chance[1], (outlying.size, screened.strength), shrinks[best], both)
+    odd_rows = (outlying.size, screened.strength)
+    judged = judge(found, white.freedom, chance[1], odd_rows, shrinks[best], both, may_be_outliers)
     if judged.also not in (None, OUTLIERS) and pair is not None:
         models, scale = list(pair.shapes), scale_after(white, pair.shapes, scales)
     elif judged.verdict in found.shapes:
@@ -175,7 +178,7 @@ def _diagnosis(
         indistinguishable=judged.indistinguishable,
         untestable=library.untestable,
         outliers=tuple(linear.rows.place(row) for row in outlying.tolist()),
-        notes=(*_unclear(judged), *notes(screened, white, verdict.effect, scale)),
+        notes=(*notes(screened, white, verdict.effect, scale), *_unclear(judged)),
         fits=fits,
         where=where(screened.baseline, used, shares(attributed, white, scale, seed)),
         next=as_plain(proposed),

@@ -52,7 +52,7 @@ class Screened:
     strength: float = 0.0
 
 
-def screen(baseline: Baseline, library: Library, find_outliers: bool = True) -> Screened:
+def screen(baseline: Baseline, library: Library) -> Screened:
     """Return a baseline with its noise as the rows show it, and without the rows that nothing explains."""
     some = _some_shapes(library.hypotheses)
     used = baseline.used.copy()
@@ -66,8 +66,6 @@ def screen(baseline: Baseline, library: Library, find_outliers: bool = True) -> 
         columns = _unit_columns(some, white)
         variance = estimate(white, columns, CLAIM if baseline.claimed else NO_CLAIM, sound=turn > 0)
         noise = variance.noise
-        if not find_outliers:
-            break
         distance, count = _left_out(white, columns, variance)
         scale = _spread(distance, count)
         bound = chi2.isf(SURE / rows, np.maximum(count, 1)) * scale

@@ -119,6 +119,7 @@ def judge(
     outliers: tuple[int, float],
     single: Shrink,
     both: Shrink | None,
+    may_be_outliers: bool = True,
 ) -> Judged:
     """Return the verdict.
 
@@ -133,9 +134,12 @@ def judge(
         How many rows were left out that nothing explains, and their strength (`Screened.strength`).
     single, both : Shrink
         Held-out worth of the best cause, and of the best pair.
+    may_be_outliers : bool
+        Whether rows that nothing explains may be called wrong; else they are what is unknown.
     """
     named = search.named
-    nothing = OUTLIERS if outliers[0] and outliers[1] >= DISTINCT else NONE
+    odd_rows = outliers[0] > 0 and outliers[1] >= DISTINCT
+    nothing = OUTLIERS if odd_rows and may_be_outliers else NONE
     best = named[0]
     evidence = search.log_weight[best] - search.log_weight[UNKNOWN]
     faith = FAITH * min(1.0, max(freedom, 1) / ENOUGH)
@@ -159,6 +163,8 @@ def judge(
     if freedom < SCARCE:
         odd = max(odd, OPEN)
     logs = {nothing: quiet, UNKNOWN: min(odd, odd - quiet if quiet > 0 else odd)}
+    if odd_rows and not may_be_outliers:
+        logs = {NONE: -np.inf, UNKNOWN: float(np.logaddexp(logs[UNKNOWN], quiet))}
     whole = logsumexp(np.array([0.0, *logs.values()]))
     shares = {key: float(np.exp(value - whole)) for key, value in logs.items()}
     real = float(np.exp(-whole))
@@ -168,8 +174,8 @@ def judge(
     if real >= max(shares.values()):
         verdict = max(effects, key=effects.__getitem__)
         wrong = outliers[0] >= SEVERAL and outliers[1] >= STRONG
-        also = (OUTLIERS, SEEN) if wrong else (None, 0.0)
-        doubted = (UNKNOWN,) if shares[UNKNOWN] >= DOUBTED else ()
+        also = (OUTLIERS, SEEN) if wrong and may_be_outliers else (None, 0.0)
+        doubted = (UNKNOWN,) if shares[UNKNOWN] >= DOUBTED or (wrong and not may_be_outliers) else ()
         return Judged(probabilities, verdict, _set(effects, verdict) + doubted, *also)
     rivals = tuple(key for key in named if probabilities[key] >= DOUBTED)
     return Judged(probabilities, max(shares, key=shares.__getitem__), rivals)

@@ -51,6 +51,11 @@ def test_the_effect_that_was_put_in_is_named_at_its_place(name: str) -> None:
         assert found.verdict.shrink.shrink > 0.7
 
 
+def test_wrong_rows_are_unknown_where_outliers_are_ruled_out() -> None:
+    found = diagnose(kr240(), campaign(plan(), planted.outliers), without=["outliers"])
+    assert found.verdict.key == "unknown:null"
+
+
 def test_without_an_effect_the_verdict_is_none() -> None:
     found = diagnosed(None)
     assert found.verdict.key == "none:null"

@@ -25,8 +25,8 @@ def prepared(rows: Measurements) -> tuple[Baseline, Library]:
     return there, state_library(there, whiten(there))
 
 
-def screened(rows: Measurements, **more: bool) -> Screened:
-    return screen(*prepared(rows), **more)
+def screened(rows: Measurements) -> Screened:
+    return screen(*prepared(rows))
 
 
 def wrong(rows: Measurements, which: list[int], size: float) -> Measurements:
@@ -82,12 +82,6 @@ def test_many_wrong_rows_are_no_outliers_but_something_else() -> None:
     which = rng.permutation(ROWS)[: ROWS // 3].tolist()
     found = screened(wrong(planted.campaign(PLAN, seed=5), which, 1e-3))
     assert found.outliers.size <= 0.15 * ROWS
-
-
-def test_wrong_rows_stay_where_outliers_are_ruled_out() -> None:
-    found = screened(wrong(planted.campaign(PLAN, seed=6), [5, 22], 2e-3), find_outliers=False)
-    assert found.outliers.size == 0
-    assert found.used.all()
 
 
 def test_one_posture_is_screened_without_a_breakdown_where_the_fit_absorbs_nearly_everything() -> None:

@@ -163,6 +163,16 @@ def test_a_name_that_is_doubted_says_so_in_its_set_and_the_unknown_says_what_it_
     assert (unknown.verdict, unknown.indistinguishable) == (UNKNOWN, ("backlash:q3",))
 
 
+def test_rows_that_nothing_explains_are_unknown_where_they_may_not_be_called_wrong() -> None:
+    quiet = search_of(CLEAR, none=20.0, unknown=5.0)
+    more: dict[str, Any] = {"chance": 0.5, "outliers": WRONG, "single": USELESS}
+    found = judged(quiet, may_be_outliers=False, **more)
+    assert (found.verdict, found.probabilities[NONE]) == (UNKNOWN, 0.0)
+    assert judged(quiet, may_be_outliers=False, **(more | {"outliers": CLEAN})).verdict == NONE
+    named = judged(search_of(CLEAR), outliers=WRONG, may_be_outliers=False)
+    assert (named.verdict, named.also, named.indistinguishable) == ("backlash:q3", None, (UNKNOWN,))
+
+
 PAIR = pair_of("backlash:q3", "base-compliance:null", 60.0)
 
 
