@@ -45,11 +45,15 @@ class FreeLaw:
         Its main modes, whitened, less what the fit absorbs; all together have mean square 1.
     inside : bool
         Whether it is a place of the machine that gives way.
+    play : (n, k) array or None
+        Main modes of a structure's place that only gives from one side to the other: few enough to be seen
+        where all that it could do is too much.
     """
 
     place: str
     modes: Array
     inside: bool = True
+    play: Array | None = None
 
 
 def free_laws(baseline: Baseline, library: Library, white: Whitened) -> list[FreeLaw]:
@@ -61,7 +65,10 @@ def free_laws(baseline: Baseline, library: Library, white: Whitened) -> list[Fre
     there = [(component_of(joint), joint.name) for joint in baseline.nominal.joints]
     structure = [(name, places.joints[joint]) for name, joint in there if joint in places.joints]
     structure += [*places.links.items(), ("base", places.base), ("tool", places.flange)]
-    found = [FreeLaw(name, _modes(white, _of_structure(baseline, place))) for name, place in structure]
+    found = []
+    for name, at in structure:
+        compliance, bent, play = _of_structure(baseline, at)
+        found.append(FreeLaw(name, _modes(white, (compliance, bent)), play=_modes(white, (play,))))
     found += [FreeLaw(str(one), _modes(white, _of_drive(baseline, str(one)))) for one in drives(baseline)]
     outside: dict[str, list[Array]] = {}
     for one in library.hypotheses:
@@ -94,8 +101,9 @@ def _main(white: Whitened, groups: Sequence[Array]) -> Array:
     return result
 
 
-def _of_structure(baseline: Baseline, place: Place) -> Iterator[Array]:
-    yield np.stack([by_compliance(baseline, place, [pair]) for pair in PAIRS], -1)
+def _of_structure(baseline: Baseline, place: Place) -> tuple[Array, Array, Array]:
+    """Return what any compliance (N, 6, 21), any bent law (N, 6, 18) and play (N, 6, 6) could do."""
+    compliance = np.stack([by_compliance(baseline, place, [pair]) for pair in PAIRS], -1)
     usual = np.sqrt((place.load**2).mean(axis=0) + (place.dead**2).mean(axis=0))
     usual = np.where(usual > 0, usual, 1.0)
 
@@ -107,7 +115,7 @@ def _of_structure(baseline: Baseline, place: Place) -> Iterator[Array]:
         return result
 
     one_sided, grown, sudden = bent(np.abs), bent(lambda q: q * np.abs(q)), bent(lambda q: np.tanh(STEEP * q))
-    yield np.concatenate([one_sided, grown, sudden], -1)
+    return compliance, np.concatenate([one_sided, grown, sudden], -1), sudden
 
 
 def _of_drive(baseline: Baseline, name: str) -> Iterator[Array]:

@@ -18,6 +18,7 @@ from beamstiff.gap.free_laws import FreeLaw
 from beamstiff.gap.heldout import Weighted
 from beamstiff.gap.library import Hypothesis, by_candidate
 from beamstiff.gap.whitened import Whitened
+from beamstiff.se3 import Array
 
 NONE, UNKNOWN, OUTLIERS = "none:null", "unknown:null", "outliers:null"
 PRIOR = {NONE: 0.3, UNKNOWN: 0.1}  # of what is not an effect
@@ -67,6 +68,8 @@ class Search:
         Share of the gap's size that it leaves to the unknown.
     free : dict of str to float
         Log evidence of what each place could do at most.
+    play : dict of str to float
+        Log evidence of play at each place of the structure.
     """
 
     log_weight: dict[str, float]
@@ -74,6 +77,7 @@ class Search:
     shapes: dict[str, list[Weighted]]
     left: dict[str, float]
     free: dict[str, float] = field(default_factory=dict)
+    play: dict[str, float] = field(default_factory=dict)
 
     @property
     def single(self) -> dict[str, float]:
@@ -116,8 +120,8 @@ def search(
         ]
         shapes[key] = kept
         left[key] = float(alone.left[order[0]])
-    free = _freely(white, laws, scales)
-    result = Search(log_weight, (), shapes, left, free)
+    free, play = _freely(white, laws, scales), _playing(white, laws, scales)
+    result = Search(log_weight, (), shapes, left, free, play)
     if not pairs:
         return result
     found: dict[frozenset[str], Pair] = {}
@@ -173,14 +177,27 @@ def _beside(
 
 def _freely(white: Whitened, laws: Sequence[FreeLaw], scales: Scales) -> dict[str, float]:
     """Return the log evidence of each place's free law, the better of its structure's and its drive's."""
+    inside = [(law.place, law.modes) for law in laws if law.inside]
+    return _weighed(white, inside, scales)
+
+
+def _playing(white: Whitened, laws: Sequence[FreeLaw], scales: Scales) -> dict[str, float]:
+    """Return the log evidence of play at each place of the structure."""
+    return _weighed(white, [(law.place, law.play) for law in laws if law.play is not None], scales)
+
+
+def _weighed(white: Whitened, places: Sequence[tuple[str, Array]], scales: Scales) -> dict[str, float]:
     shape = Shape("free", np.zeros((0, 6, 0)), (), spread=FREE_SPREAD)
-    laws = [law for law in laws if law.inside]
-    free = [Hypothesis("unknown", law.place, shape, 1.0, FREE_SIZE * law.modes) for law in laws]
-    if not free:
-        return {}
+    free = [
+        Hypothesis("unknown", place, shape, 1.0, FREE_SIZE * modes)
+        for place, modes in places
+        if modes.shape[1]
+    ]
     found: dict[str, float] = {}
-    for law, value in zip(laws, evidence(white, free, scales).hypotheses.tolist(), strict=True):
-        found[law.place] = max(value, found.get(law.place, -np.inf))
+    values = evidence(white, free, scales).hypotheses.tolist() if free else []
+    for one, value in zip(free, values, strict=True):
+        place = str(one.component)
+        found[place] = max(value, found.get(place, -np.inf))
     return found
 
 

@@ -114,6 +114,14 @@ def bearing_tilt(what: Plan, joint: int = 2, compliance: float = 4e-7) -> Array:
     return what.arm.turned(compliance * across, joint)
 
 
+def bearing_play(what: Plan, joint: int = 2, half: float = 1.5e-4) -> Array:
+    """A bearing tips over from one end of its play to the other, whatever the size of its moment."""
+    axis, moment = what.arm.axis[:, joint], what.arm.moment(what.wrench)[:, joint]
+    across = moment - axis * (axis * moment).sum(axis=1, keepdims=True)
+    size = np.linalg.norm(across, axis=1, keepdims=True)
+    return what.arm.turned(half * across / size * np.minimum(size / 100.0, 1.0), joint)
+
+
 def base_compliance(what: Plan, compliance: float = 2e-7) -> Array:
     """A pedestal tilts about a point 0.2 m below the floor."""
     lever = what.arm.tip - [0.0, 0.0, -0.2]

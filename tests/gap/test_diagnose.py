@@ -51,6 +51,12 @@ def test_the_effect_that_was_put_in_is_named_at_its_place(name: str) -> None:
         assert found.verdict.shrink.shrink > 0.7
 
 
+def test_play_in_a_bearing_is_no_soft_bearing() -> None:
+    found = diagnosed("bearing_play")
+    assert found.verdict.key == "unknown:null"
+    assert found.where["components"][0]["component"] == "q3"
+
+
 def test_wrong_rows_are_unknown_where_outliers_are_ruled_out() -> None:
     found = diagnose(kr240(), campaign(plan(), planted.outliers), without=["outliers"])
     assert found.verdict.key == "unknown:null"
