@@ -6,6 +6,8 @@ the torque has moved on by r, so that a part ``S_r`` of the torque, between -r a
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -95,6 +97,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         ]
         result.append(Shape(f"distributed friction{start}", np.stack(columns, -1), several, spread=4.0))
     torque = axis.load + axis.dead
+    every, names = [], []
     for limit in LIMITS:
         ways = [
             held_torque(torque, axis.dead, fresh, order, limit * largest, arrived=way) for way in (1.0, -1.0)
@@ -104,6 +107,11 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         result.append(
             Shape(f"friction {limit:g}, left from the move", np.stack(columns, -1), both, spread=4.0)
         )
+        every += columns
+        names += [replace(one, name=f"{one.name}_{limit:g}", size=0.5 * one.size) for one in both]
+    result.append(
+        Shape("distributed friction, left from the move", np.stack(every, -1), tuple(names), spread=4.0)
+    )
     return result
 
 
