@@ -4,8 +4,9 @@ Over joint variables: the IR-663 over both drives (least stiffness, deflection u
 number). Over positions: the KR 240-2, whose joint values are found first. Both are written as NetCDF.
 
 Growth: processor time of one core against poses. Speed-up: wall clock of one process against several, the
-start of the processes included. On a busy machine the wall clock tells of the others too: the last column is
-what the processor time that was spent would give on cores of their own.
+start of the processes included, and against the workers of a dask cluster that runs already. On a busy
+machine the wall clock tells of the others too: the last column is what the processor time that was spent
+would give on cores of their own.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -58,7 +60,7 @@ def over_positions(poses: int) -> dict[str, Any]:
     return {"robot": load_robot("kr240-2"), "over": over, "held": HELD, "orientation": ROTATION}
 
 
-def cost(work: dict[str, Any], processes: int) -> tuple[Cost, float]:
+def cost(work: dict[str, Any], processes: int, scheduler: str | None = None) -> tuple[Cost, float]:
     """Return what a map takes, and a sum of its values, which stays the same."""
     with tempfile.TemporaryDirectory() as folder:
         before, start = _processor(), time.perf_counter()
@@ -69,6 +71,7 @@ def cost(work: dict[str, Any], processes: int) -> tuple[Cost, float]:
             length=LENGTH,
             out=Path(folder) / "map.nc",
             processes=processes,
+            scheduler=scheduler,
         )
         wall, after = time.perf_counter() - start, _processor()
     return Cost(wall, after[0] - before[0], after[1] - before[1]), float(found.deflection.sum())
@@ -80,9 +83,11 @@ def _processor() -> tuple[float, float]:
     return own, children
 
 
-def median_cost(work: dict[str, Any], processes: int, times: int) -> tuple[Cost, float]:
+def median_cost(
+    work: dict[str, Any], processes: int, times: int, scheduler: str | None = None
+) -> tuple[Cost, float]:
     """Return the medians of several maps."""
-    costs, sums = zip(*(cost(work, processes) for _ in range(times)), strict=True)
+    costs, sums = zip(*(cost(work, processes, scheduler) for _ in range(times)), strict=True)
     assert len(set(sums)) == 1, "a map has come out differently"
     return Cost(*(statistics.median(values) for values in zip(*costs, strict=True))), sums[0]
 
@@ -135,6 +140,22 @@ def speed_up(work: dict[str, Any], most: int, times: int) -> Iterator[Row]:
             f"{told.own:.2f} + {told.children:.2f}",
             f"{alone.own / apart / processes:.2f}",
         )
+
+    if find_spec("distributed") is not None:
+        told, values = _on_workers(work, most, times)
+        assert values == expected, "workers have changed the map"
+        gain = alone.wall / told.wall
+        verdict = f">= {PER_CORE}: {_reached(gain / most)}"
+        named = f"{most} dask workers that run already"
+        yield (named, f"{told.wall:.2f}", f"{gain:.2f}", f"{gain / most:.2f}", verdict, "", "")
+
+
+def _on_workers(work: dict[str, Any], workers: int, times: int) -> tuple[Cost, float]:
+    from distributed import LocalCluster
+
+    with LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None) as cluster:
+        cost(work, 1, cluster.scheduler_address)  # they have done a map before
+        return median_cost(work, 1, times, cluster.scheduler_address)
 
 
 def _reached(per_core: float) -> str:
