@@ -71,10 +71,13 @@ def test_a_library_that_calculates_wrong_is_a_problem(run: Run, monkeypatch: pyt
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish", "powershell"])
-def test_completion_is_there_for_every_shell(run: Run, shell: str) -> None:
+def test_completion_is_there_for_every_shell(run: Run, shell: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    # the shell that is named, not the one that happens to run the tests
+    monkeypatch.setenv("_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION", "1")
     result = run("--show-completion", shell)
     assert result.exit_code == 0
     assert "_BEAMSTIFF_COMPLETE" in result.stdout
+    assert f"complete_{shell}" in result.stdout
 
 
 def test_completion_completes_commands(monkeypatch: pytest.MonkeyPatch) -> None:
