@@ -70,16 +70,14 @@ def _diagnose(robot: Robot, measurements: Measurements, without: Sequence[str], 
     library = seen_by(library, white)
     scales = scales_of(linear)
     chance = _chance(white, library, scales, seed)
-    laws = free_laws(linear, library, white)
-    found = search(white, library.hypotheses, scales, laws)
-    for _ in range(TURNS):
-        moved = beside_the_cause(linear, white, found, scales)
+    for turn in range(1 + TURNS):
+        laws = free_laws(linear, library, white)
+        found = search(white, library.hypotheses, scales, laws)
+        moved = beside_the_cause(linear, white, found, scales) if turn < TURNS else None
         if moved is None:
             break
         linear, white = moved, whiten(moved, used)
         library = state_library(linear, white, without)
-        laws = free_laws(linear, library, white)
-        found = search(white, library.hypotheses, scales, laws)
     may_be_outliers = "outliers" not in without
     return _diagnosis(screened, linear, white, library, laws, found, scales, chance, may_be_outliers, seed)
 
