@@ -13,6 +13,7 @@ import pickle
 import platform
 import queue
 import signal
+import sys
 import threading
 import warnings
 from collections import deque
@@ -25,6 +26,8 @@ from importlib import import_module, metadata
 from itertools import islice
 from time import monotonic
 from typing import Any, TypeVar
+
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from beamstiff._version import __version__
 from beamstiff.errors import BeamstiffError, listed
@@ -63,7 +66,8 @@ def spread(
         module, or a `functools.partial` of one, which holds what all tasks share.
     tasks : iterable
     processes : int
-        Above 1, that many new ones; a script then needs ``if __name__ == "__main__":``.
+        Above 1, that many new ones; a script then needs ``if __name__ == "__main__":``. On Linux they are
+        copies of this one, if it has no threads of its own.
     scheduler : str, optional
         Of dask, ``tcp://host:port`` or ``tls://host:port``: its workers do the tasks. A worker that dies
         costs the tasks that it had; others do them again.
@@ -142,7 +146,7 @@ def _over_processes(function: Callable[[T], R], take: Take[T], processes: int) -
     before = set(multiprocessing.active_children())
     pool = ProcessPoolExecutor(
         processes,
-        mp_context=multiprocessing.get_context("spawn"),
+        mp_context=multiprocessing.get_context("fork" if _may_be_copied() else "spawn"),
         initializer=_begin,
         initargs=(pickle.dumps(function),),
     )
@@ -150,7 +154,8 @@ def _over_processes(function: Callable[[T], R], take: Take[T], processes: int) -
     try:
         while True:
             for number, task in take(AHEAD * processes - len(running)):
-                with _starting():
+                with _starting(), warnings.catch_warnings():
+                    warnings.simplefilter("ignore", DeprecationWarning)  # of copies: see `_may_be_copied`
                     running[pool.submit(_do, task)] = number
             if not running:
                 break
@@ -169,6 +174,18 @@ def _over_processes(function: Callable[[T], R], take: Take[T], processes: int) -
         raise
 
 
+def _may_be_copied() -> bool:
+    """Tell whether processes may begin as copies of this one, which saves each a second of loading.
+
+    A copy has one thread, and what another has locked meanwhile stays locked in it. No other thread of
+    Python's may run, therefore; those of OpenBLAS are ended before the copy is made, and begun anew.
+    """
+    if sys.platform != "linux" or threading.active_count() > 1:
+        return False
+    pools = threadpool_info()
+    return all(pool["num_threads"] == 1 or pool.get("threading_layer") == "pthreads" for pool in pools)
+
+
 _shared = b""  # in a process of a pool: its function, pickled
 
 
@@ -176,6 +193,7 @@ def _begin(function: bytes) -> None:
     """Keep the function of all tasks, and end with the parent, whatever ends it."""
     global _shared
     _shared = function
+    threadpool_limits(limits=1)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 

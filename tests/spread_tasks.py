@@ -12,6 +12,13 @@ import numpy as np
 from beamstiff.errors import BeamstiffError
 from beamstiff.se3 import Array
 
+origin = "the file"
+
+
+def told_origin(_: int) -> str:
+    """A global of this module: what the program wrote there only a copy of the program knows."""
+    return origin
+
 
 def product(matrix: Array, task: int) -> Array:
     """A result whose last bits would show who calculated it otherwise."""

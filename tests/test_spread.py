@@ -85,6 +85,48 @@ def test_processes_calculate_on_one_thread_and_ours_stays_as_it_was(monkeypatch:
         assert "MKL_NUM_THREADS" not in os.environ
 
 
+COPIED = """
+import sys, threading
+import numpy as np
+from functools import partial
+from beamstiff.spread import spread
+from tests import spread_tasks
+
+if __name__ == "__main__":
+    matrix = np.random.default_rng(3).normal(size=(200, 200))
+    matrix @ matrix  # the threads of the linear algebra have begun
+    spread_tasks.origin = "the program"
+    stop = threading.Event()
+    if sys.argv[1] == "thread":
+        threading.Thread(target=stop.wait).start()
+    alone = [spread_tasks.product(matrix, task).tobytes() for task in range(6)]
+    found = dict(spread(partial(spread_tasks.product, matrix), range(6), processes=2))
+    assert [found[task].tobytes() for task in range(6)] == alone
+    print({result for _, result in spread(spread_tasks.told_origin, range(6), processes=2)})
+    stop.set()
+"""
+
+
+@pytest.mark.parametrize(
+    ("threads", "origin"),
+    [
+        ("none", "{'the program'}" if sys.platform == "linux" else "{'the file'}"),
+        ("thread", "{'the file'}"),
+    ],
+)
+def test_processes_are_copies_only_where_no_thread_can_hold_a_lock(threads: str, origin: str) -> None:
+    one = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL")}
+    told = subprocess.run(
+        [sys.executable, "-W", "error", "-c", COPIED, threads],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+        env=os.environ | one,
+    )
+    assert told.stdout.strip() == origin
+
+
 def test_numbers_that_make_no_sense_are_refused() -> None:
     with pytest.raises(BeamstiffError, match="found 0 processes, expected 1 or more"):
         list(spread(abs, [1], processes=0))

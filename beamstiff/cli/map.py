@@ -288,6 +288,9 @@ def _bar(quiet: bool) -> Iterator[Callable[[int, int], None] | None]:
         yield None
         return
     columns = (TextColumn("mapping"), BarColumn(), MofNCompleteColumn(), TextColumn("poses"))
-    with Progress(*columns, TimeRemainingColumn(), console=console, transient=True) as bar:
+    # drawn when there is news: a thread that draws would keep processes from beginning as copies
+    with Progress(
+        *columns, TimeRemainingColumn(), console=console, transient=True, auto_refresh=False
+    ) as bar:
         task = bar.add_task("poses", total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
+        yield lambda done, total: bar.update(task, completed=done, total=total, refresh=True)
