@@ -135,11 +135,12 @@ def test_numbers_that_make_no_sense_are_refused() -> None:
 
 
 SCRIPT = """
-import sys
+import signal
 from beamstiff.spread import spread
 from tests.spread_tasks import rest
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # whoever runs the tests may ignore it
     for number, process in spread(rest, [0.0, 0.0] + [60.0] * 6, processes=2):
         print(process, flush=True)
 """

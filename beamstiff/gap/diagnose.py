@@ -186,7 +186,8 @@ def _diagnosis(
 
 def _unclear(judged: Judged) -> Iterator[str]:
     if judged.unclear:
-        yield f"there is a second cause, and it is not clear which: {', '.join(judged.unclear)}"
+        are = "are two causes" if judged.verdict == UNKNOWN else "is a second cause"
+        yield f"there {are}, and it is not clear which: {', '.join(judged.unclear)}"
 
 
 def _rivals(judged: Judged, found: Search) -> list[str]:

@@ -67,6 +67,8 @@ class Shrink:
     postures : int
     noise : float, m
         What noise alone would leave.
+    misfit : float
+        What is left with the effects, RMS over all values, rotations too, each over its noise.
     """
 
     before: float
@@ -75,6 +77,7 @@ class Shrink:
     interval: tuple[float, float]
     postures: int
     noise: float = 0.0
+    misfit: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,6 +216,7 @@ def held_out(
             fits = problem.solved(train)
             columns = [[one.hypothesis.shape.columns for one in fit.shapes] for fit in fits]
             target[~train] = (baseline.gap - shift(baseline, fits, columns))[~train]
+    misfit = (left[1] / (scale * baseline.sigma))[used & (fold >= 0)[:, None]]
     position = np.where(used[:, :3], 1.0, 0.0)
     squares = [(target[:, :3] ** 2 * position).sum(axis=1) for target in left]
     squares.append(((scale * baseline.sigma[:, :3]) ** 2 * position).sum(axis=1))
@@ -229,6 +233,7 @@ def held_out(
         interval=(float(low), float(high)),
         postures=len(poses),
         noise=float(np.sqrt(total[2] / total[3])),
+        misfit=float(np.sqrt((misfit**2).mean())),
     )
 
 

@@ -38,10 +38,11 @@ CHANCE = 0.01  # share of simulated campaigns without an effect that look as if 
 SURE, SLIGHT = 0.95, 0.03  # probability of the verdict with what cannot be told from it; and of a member
 DOUBTED = 0.12  # probability of the unknown from which a set holds it
 SECOND = 8.0  # log odds of a second cause
-STILL_OPEN = 1.1  # of the noise, which the first must leave on held-out postures for a second to close
-SECOND_WORTH = 0.85  # share of that which both must close
-SECOND_LEFT = 0.2  # share of the gap that both leave to the unknown
+STILL_OPEN = 1.03  # of the noise, which the first must leave on held-out postures for a second to close
+SECOND_WORTH = 0.75  # share of that which both must close
+SECOND_LEFT = 0.33  # share of the gap that both leave to the unknown
 CLEAR = 0.6  # probability that a second cause needs among those that could be it
+FIRST_CLEAR = 0.7  # and the first of two, to be named alone
 DISTINCT, SEVERAL, STRONG = 1.3, 3, 1.8  # outliers: strength to be named, number and strength beside a cause
 SEEN = 0.9  # probability of outliers beside a cause
 MOST = 5  # effects in a set, beyond which the data tell nothing apart
@@ -60,7 +61,8 @@ class Judged:
     also : str or None
     also_probability : float
     unclear : tuple of str
-        What a second cause could be, where there is one and it is not clear which.
+        What a second cause could be, where there is one and it is not clear which; of a verdict that is
+        unknown, what two causes could be.
     """
 
     probabilities: dict[str, float]
@@ -114,12 +116,12 @@ def odds_of_play(search: Search, log_weight: float) -> float:
 
 def accepted(pair: Pair | None, search: Search, single: Shrink, both: Shrink | None) -> bool:
     """Return whether a second cause has evidence, and closes what the first leaves on unseen postures."""
-    if pair is None or both is None or single.after < STILL_OPEN * both.noise:
+    if pair is None or both is None or single.misfit < STILL_OPEN or pair.left > SECOND_LEFT:
         return False
     if pair.log_weight - search.log_weight[search.named[0]] < SECOND:
         return False
-    before, after = single.after**2 - both.noise**2, both.after**2 - both.noise**2
-    return pair.left <= SECOND_LEFT and after <= (1.0 - SECOND_WORTH) * before
+    before, after = single.misfit**2 - 1.0, both.misfit**2 - 1.0
+    return after <= (1.0 - SECOND_WORTH) * before
 
 
 def judge(
@@ -222,16 +224,22 @@ def _two(
     first, second = pair.first, pair.second
     if (member[second], search.log_weight[second]) > (member[first], search.log_weight[first]):
         first, second = second, first  # the one that is clearer comes first
-    # of the candidates one is listed as the cause: the first, or what could be it instead
-    instead = {key: value for key, value in member.items() if key != second}
-    total = sum(instead.values())
-    probabilities = dict.fromkeys(effects, 0.0) | {k: real * v / total for k, v in instead.items()} | shares
     others = [
         key for key in sorted(member, key=member.__getitem__, reverse=True) if key not in (first, second)
     ]
     kept = tuple(key for key in others if member[key] > 1.0 - SURE)[:MOST]
-    if real < max(shares.values()):
-        return Judged(probabilities, max(shares, key=shares.__getitem__), ())
+    unsure = member[second] < CLEAR and member[first] < FIRST_CLEAR
+    doubtful = real < max(shares.values())
+    if unsure:  # what is sure of neither is no cause that has a name
+        shares = shares | {UNKNOWN: shares[UNKNOWN] + real * (1.0 - member[first])}
+        real *= member[first]
+    # of the candidates one is listed as the cause: the first, or what could be it instead
+    instead = {key: value for key, value in member.items() if key != second}
+    total = sum(instead.values())
+    probabilities = dict.fromkeys(effects, 0.0) | {k: real * v / total for k, v in instead.items()} | shares
+    if doubtful or unsure:
+        unclear = (first, second, *kept)[:MOST] if not doubtful else ()
+        return Judged(probabilities, max(shares, key=shares.__getitem__), (), unclear=unclear)
     if member[second] < CLEAR:
         return Judged(probabilities, first, (), unclear=(second, *kept)[:MOST])
     return Judged(probabilities, first, kept, second, real * min(member[second], 1.0))

@@ -92,6 +92,18 @@ def test_an_effect_that_is_all_of_it_leaves_the_noise() -> None:
     assert found.shrink > 0.98
 
 
+def test_the_misfit_counts_rotations_too() -> None:
+    there, rng = campaign(), np.random.default_rng(7)
+    effect = rng.standard_normal((120, 6)) * SIGMA
+    effect[:, :3] = 0.0
+    noise = rng.standard_normal((120, 6)) * SIGMA
+    measured = with_gap(there, across(there, 10 * effect) + noise)
+    own = [[weighted(across(there, effect)[..., None])]]
+    without, with_it = (held_out(measured, there.used, models, 1.0, 0) for models in ([], own))
+    assert with_it.misfit == pytest.approx(1.0, abs=0.1)
+    assert without.misfit == pytest.approx(np.sqrt((1 + 101) / 2), rel=0.15)
+
+
 def test_what_fits_each_posture_by_itself_is_worth_nothing_on_others() -> None:
     there, rng = campaign(), np.random.default_rng(4)
     by_pose = np.zeros((120, 6, 40))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -23,9 +24,9 @@ from beamstiff.gap.verdict import (
 )
 
 NOISE = 5e-5  # m
-GOOD = Shrink(before=4e-4, after=5.2e-5, shrink=0.99, interval=(0.97, 1.0), postures=14, noise=NOISE)
-USELESS = Shrink(before=4e-4, after=4e-4, shrink=0.0, interval=(0.0, 0.05), postures=14, noise=NOISE)
-HALF = Shrink(before=4e-4, after=3e-4, shrink=0.5, interval=(0.4, 0.6), postures=14, noise=NOISE)
+GOOD = Shrink(4e-4, 5.2e-5, 0.99, (0.97, 1.0), postures=14, noise=NOISE, misfit=1.02)
+USELESS = Shrink(4e-4, 4e-4, 0.0, (0.0, 0.05), postures=14, noise=NOISE, misfit=8.0)
+HALF = Shrink(4e-4, 3e-4, 0.5, (0.4, 0.6), postures=14, noise=NOISE, misfit=6.0)
 CLEAN, WRONG = (0, 0.0), (3, 3.0)  # rows left out: how many, how strongly
 
 
@@ -194,13 +195,39 @@ def test_of_two_causes_the_likelier_alone_comes_first() -> None:
     assert (found.verdict, found.also) == ("base-compliance:null", "backlash:q3")
 
 
+def test_a_second_cause_that_shows_in_rotations_alone_is_seen() -> None:
+    turned = Shrink(4e-4, 5.2e-5, 0.99, (0.97, 1.0), postures=14, noise=NOISE, misfit=3.0)
+    search = search_of(CLEAR, left=0.4, pairs=(PAIR,))
+    assert accepted(PAIR, search, turned, GOOD)
+
+
+def test_two_causes_of_which_none_is_clear_are_unknown_and_said() -> None:
+    names = ("a:1", "b:2", "c:3", "d:4")
+    pairs = tuple(
+        pair_of(first, second, 60.0 - 0.1 * at) for at, (first, second) in enumerate(combinations(names, 2))
+    )
+    found = judged(search_of(dict.fromkeys(names, 0.0), left=0.4, pairs=pairs), single=HALF, both=GOOD)
+    assert (found.verdict, found.also) == (UNKNOWN, None)
+    assert set(found.unclear) == set(names)
+    assert found.probabilities[UNKNOWN] == max(found.probabilities.values())
+
+
+def test_of_two_causes_the_clear_one_is_named_alone_where_the_other_is_not() -> None:
+    seconds = ("b:2", "c:3", "d:4")
+    pairs = tuple(pair_of("a:1", second, 60.0 - 0.1 * at) for at, second in enumerate(seconds))
+    weights = {"a:1": 0.0} | dict.fromkeys(seconds, -50.0)
+    found = judged(search_of(weights, left=0.4, pairs=pairs), single=HALF, both=GOOD)
+    assert (found.verdict, found.also) == ("a:1", None)
+    assert found.unclear == seconds
+
+
 @pytest.mark.parametrize(
     ("pair", "single", "both"),
     [
         (None, HALF, GOOD),
         (PAIR, HALF, None),
         (pair_of("backlash:q3", "base-compliance:null", 2.0), HALF, GOOD),  # hardly likelier than one
-        (pair_of("backlash:q3", "base-compliance:null", 60.0, left=0.3), HALF, GOOD),  # leaves as much
+        (pair_of("backlash:q3", "base-compliance:null", 60.0, left=0.4), HALF, GOOD),  # leaves as much
         (PAIR, HALF, HALF),  # worth nothing more
         (PAIR, GOOD, GOOD),  # nothing was left to close
     ],
