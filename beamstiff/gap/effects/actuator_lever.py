@@ -40,7 +40,11 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         return []
 
     def laws(q: np.ndarray, some: list[Crank]) -> np.ndarray:
-        columns = [square / _lever(gear * q + phase, ratio) ** 2 for ratio, phase, gear, square in some]
+        # beyond the angles that were measured a lever may come near its dead point, where no screw works
+        columns = [
+            square / np.maximum(_lever(gear * q + phase, ratio), NEARER_DEAD * _largest(ratio)) ** 2
+            for ratio, phase, gear, square in some
+        ]
         return np.stack(columns, -1) if columns else np.zeros((len(q), 0))
 
     gain = Quantity("mean_compliance", unit, compliance)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -34,6 +36,19 @@ def test_a_screws_lever_is_its_stroke_by_the_angle(ratio: float) -> None:
     angle = np.linspace(0.2, 2.9, 20)
     stroke = (screw_length(angle + TINY, ratio) - screw_length(angle - TINY, ratio)) / (2 * TINY)
     assert _lever(angle, ratio) == pytest.approx(np.abs(stroke), rel=1e-8)
+
+
+def test_beyond_the_measured_angles_no_screw_stands_at_its_dead_point(campaign: Baseline) -> None:
+    q = np.repeat(campaign.rows.q[:1], 48, axis=0)
+    q[:, 1] = np.arange(48) * np.pi / 24  # the dead points of many cranks among them
+    turned = nominal(kr240(), rows_of(kr240(), q, np.tile([0, 0, -1000.0, 0, 0, 0], (48, 1))))
+    measured = {"angles": (1.0, 1.3, 1.6), "counts": (1.0, 1.0, 1.0)}
+    shapes = EFFECTS["actuator-lever"].shapes(replace(turned, stated=measured), "q2")
+    within = EFFECTS["actuator-lever"].shapes(replace(campaign, stated=measured), "q2")
+    assert shapes
+    for there, here in zip(shapes, within, strict=True):
+        assert np.isfinite(there.columns).all()
+        assert np.abs(there.columns).max() < 100 * np.abs(here.columns).max()
 
 
 @pytest.mark.parametrize("free", [0.0, 0.4, 0.8])
