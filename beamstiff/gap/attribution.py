@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dpotrf, dpotri
 
 from beamstiff.gap.free_laws import FreeLaw
 from beamstiff.gap.whitened import Whitened
@@ -59,7 +60,7 @@ def attribute(white: Whitened, laws: Sequence[FreeLaw], noise: float) -> Attribu
     count = np.bincount(of, minlength=len(places))
     mean, covariance = np.zeros(of.size), np.zeros((of.size, of.size))
     for _ in range(ROUNDS if places else 0):
-        covariance = np.linalg.inv(gram / noise**2 + np.diag(precision[of]))
+        covariance = _inverse(gram / noise**2 + np.diag(precision[of]))
         mean = covariance @ toward / noise**2
         before = precision
         free = count - precision * np.bincount(of, np.diag(covariance), len(places))
@@ -68,6 +69,16 @@ def attribute(white: Whitened, laws: Sequence[FreeLaw], noise: float) -> Attribu
         if np.abs(np.log(precision / before)).max() < SETTLED:
             break
     return Attribution(places, of, columns, precision, mean, covariance)
+
+
+def _inverse(matrix: Array) -> Array:
+    """Return the inverse of a symmetric positive definite matrix, by Cholesky: half the work of any."""
+    factor, failed = dpotrf(matrix, lower=True)
+    if failed:
+        return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
+    lower = np.tril(dpotri(factor, lower=True)[0])
+    result: Array = lower + np.tril(lower, -1).T
+    return result
 
 
 def shares(found: Attribution, white: Whitened, noise: float, seed: int) -> list[dict[str, Any]]:

@@ -11,9 +11,10 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from beamstiff.gap.library import Hypothesis
 from beamstiff.gap.whitened import Whitened
@@ -57,27 +58,76 @@ class Evidence:
     unknown: float
 
 
-@dataclass(frozen=True)
-class _Group:
-    """Shapes with one number of columns."""
+@dataclass(frozen=True, eq=False)
+class Stack:
+    """Hypotheses with one number of columns, side by side.
 
-    index: Array  # (h,) int
-    eigenvalues: Array  # (h, c) of A^T M A
-    projected: Array  # (h, c, d) of A^T M y
+    Attributes
+    ----------
+    index : (h,) int array
+        Their places among all.
+    count : int
+        Columns of each, c.
+    columns : (n, h c) array
+    grams : dict of float to (h, c, c) array
+        ``A^T W A`` by the share of the unknown that the weights W belong to, kept: the same hypotheses are
+        weighed again and again, beside other causes.
+    """
+
+    index: NDArray[np.intp]
+    count: int
+    columns: Array
+    grams: dict[float, Array] = field(default_factory=dict)
+
+    def gram(self, share: float, weight: Array) -> Array:
+        """Return ``A^T W A`` (h, c, c) for the weights (n,) of a share of the unknown."""
+        if share not in self.grams:
+            each = self.columns.reshape(len(weight), self.index.size, self.count).transpose(1, 0, 2)
+            self.grams[share] = each.transpose(0, 2, 1) @ (weight[:, None] * each)
+        return self.grams[share]
+
+
+def stacks_of(hypotheses: Sequence[Hypothesis]) -> list[Stack]:
+    """Return hypotheses side by side."""
+    by_count: dict[int, list[int]] = defaultdict(list)
+    for at, one in enumerate(hypotheses):
+        by_count[one.columns.shape[1]].append(at)
+    return [
+        Stack(np.array(places), count, np.concatenate([hypotheses[at].columns for at in places], axis=1))
+        for count, places in by_count.items()
+    ]
 
 
 def evidence(
-    white: Whitened, hypotheses: Sequence[Hypothesis], scales: Scales, shares: Array = SHARES
+    white: Whitened,
+    hypotheses: Sequence[Hypothesis],
+    scales: Scales,
+    shares: Array = SHARES,
+    stacks: Sequence[Stack] | None = None,
 ) -> Evidence:
-    """Return the log evidence of no effect, the unknown, and each hypothesis."""
+    """Return the log evidence of no effect, the unknown, and each hypothesis.
+
+    Parameters
+    ----------
+    white : Whitened
+    hypotheses : sequence of Hypothesis
+    scales : Scales
+    shares : (R,) array
+        Of the unknown, in sigma.
+    stacks : sequence of Stack, optional
+        The hypotheses side by side, where they are weighed several times in the same axes.
+    """
+    stacks = stacks_of(hypotheses) if stacks is None else stacks
+    spread = np.array([one.shape.spread for one in hypotheses])
     logs = np.stack(
-        [_given_share(white, hypotheses, scales, share, white.gap[:, None])[..., 0] for share in shares]
+        [_given_share(white, stacks, spread, scales, share, white.gap[:, None])[..., 0] for share in shares]
     )  # (R, 1 + H, U)
     flat = logs[:, 0, 0]
-    span = np.array([np.log(one.shape.spread) for one in hypotheses])
-    amplitude = np.array(
-        [np.sqrt((white.leave(one.columns) ** 2).sum() / max(white.freedom, 1)) for one in hypotheses]
-    )
+    span = np.log(spread)
+    amplitude = np.empty(len(hypotheses))
+    for stack in stacks:
+        left_of = (white.leave(stack.columns) ** 2).sum(axis=0).reshape(-1, stack.count).sum(axis=1)
+        amplitude[stack.index] = np.sqrt(left_of / max(white.freedom, 1))
     size = np.maximum(amplitude, 1e-9)[:, None] * np.exp(span[:, None] * MAGNITUDES)  # (H, U), in sigma
     weights = _share_weights(size, shares)  # (R, H, U)
     joint = logs[:, 1:] + np.log(np.maximum(weights, 1e-300))
@@ -100,7 +150,8 @@ def evidence(
 
 def detection(white: Whitened, hypotheses: Sequence[Hypothesis], scales: Scales, gaps: Array) -> Array:
     """Return the log odds of any effect against none for gaps (n, d), (d,), each shape taken as exact."""
-    logs = _given_share(white, hypotheses, scales, 0.0, gaps)
+    spread = np.array([one.shape.spread for one in hypotheses])
+    logs = _given_share(white, stacks_of(hypotheses), spread, scales, 0.0, gaps)
     prior = np.log([one.prior for one in hypotheses])
     some = logsumexp(logs[1:], axis=1) - np.log(MAGNITUDES.size)  # (H, d)
     result: Array = logsumexp(some + prior[:, None], axis=0) - logs[0, 0]
@@ -119,7 +170,7 @@ def _share_weights(size: Array, shares: Array) -> Array:
 
 
 def _given_share(
-    white: Whitened, hypotheses: Sequence[Hypothesis], scales: Scales, share: float, gaps: Array
+    white: Whitened, stacks: Sequence[Stack], spread: Array, scales: Scales, share: float, gaps: Array
 ) -> Array:
     """Return log densities (1 + H, U, d) of gaps (n, d); the first is that of no effect, for any u."""
     weight = 1.0 / (1.0 + share**2 * white.unknown)
@@ -141,50 +192,37 @@ def _given_share(
         inner = constant[:, None] - loss[..., None] - 0.5 * left / scales.value[:, None] ** 2
         return np.asarray(logsumexp(inner, axis=-2))
 
-    result = np.empty((1 + len(hypotheses), MAGNITUDES.size, gaps.shape[1]))
+    result = np.empty((1 + spread.size, MAGNITUDES.size, gaps.shape[1]))
     nothing = averaged(np.broadcast_to(total, (log_s.size, total.size)), np.zeros(log_s.size))
     result[0] = nothing
-    for group in _groups(hypotheses, weight, half, gaps):
-        spread = np.array([hypotheses[at].shape.spread for at in group.index])
+    apart = weight[:, None] * gaps - half.T @ seen  # (n, d)
+    for stack in stacks:
+        eigenvalues, projected = _projected(stack, stack.gram(share, weight), half, apart)
         for k, magnitude in enumerate(MAGNITUDES):
-            u = spread**magnitude  # (h,)
+            u = spread[stack.index] ** magnitude  # (h,)
             ratio = (u[:, None] / scales.value) ** 2  # (h, S)
-            grown = ratio[:, :, None] * group.eigenvalues[:, None]  # (h, S, c)
+            grown = ratio[:, :, None] * eigenvalues[:, None]  # (h, S, c)
             loss = 0.5 * np.log1p(grown).sum(axis=2)
             factor = ratio[:, :, None] / (1 + grown)
-            explained = factor @ group.projected**2  # (h, S, d)
-            result[1 + group.index, k] = averaged(total - explained, loss)
+            explained = factor @ projected**2  # (h, S, d)
+            result[1 + stack.index, k] = averaged(total - explained, loss)
     return result
+
+
+def _projected(stack: Stack, gram: Array, half: Array, apart: Array) -> tuple[Array, Array]:
+    """Return the eigenvalues of A^T M A (h, c), and A^T M y along their vectors (h, c, d)."""
+    shape = (stack.index.size, stack.count)
+    left = (half @ stack.columns).reshape(len(half), *shape).transpose(1, 0, 2)  # (h, t, c)
+    toward = (stack.columns.T @ apart).reshape(*shape, -1)
+    own = gram - left.transpose(0, 2, 1) @ left
+    if stack.count == 1:
+        return np.maximum(own[:, 0], 0.0), toward
+    values, vectors = np.linalg.eigh(own)
+    return np.maximum(values, 0.0), vectors.transpose(0, 2, 1) @ toward
 
 
 def logsumexp(values: Array, axis: int | tuple[int, ...] | None = None) -> Array:
     """Return the log of a sum of exponentials: `scipy.special` has it for more kinds of input, slower."""
     most = values.max(axis=axis, keepdims=True)
     result: Array = np.log(np.exp(values - most).sum(axis=axis)) + np.squeeze(most, axis=axis)
-    return result
-
-
-def _groups(hypotheses: Sequence[Hypothesis], weight: Array, half: Array, gaps: Array) -> list[_Group]:
-    by_count: dict[int, list[int]] = defaultdict(list)
-    for at, one in enumerate(hypotheses):
-        by_count[one.columns.shape[1]].append(at)
-    result = []
-    seen = half @ gaps
-    for count, places in by_count.items():
-        stacked = np.stack([hypotheses[at].columns for at in places])  # (h, n, c)
-        flat = stacked.transpose(1, 0, 2).reshape(len(weight), -1)
-        left = half @ flat  # (t, h c)
-        weighted = weight[:, None] * flat
-        toward = (weighted.T @ gaps - left.T @ seen).reshape(len(places), count, -1)
-        if count == 1:
-            own = ((weighted * flat).sum(axis=0) - (left**2).sum(axis=0))[:, None]
-            values, projected = np.maximum(own, 0.0), toward
-        else:
-            gram = stacked.transpose(0, 2, 1) @ (weight[:, None] * stacked)
-            parts = left.reshape(len(left), len(places), count).transpose(1, 0, 2)
-            gram = gram - parts.transpose(0, 2, 1) @ parts
-            values, vectors = np.linalg.eigh(gram)
-            values = np.maximum(values, 0.0)
-            projected = vectors.transpose(0, 2, 1) @ toward
-        result.append(_Group(np.array(places), values, projected))
     return result

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from beamstiff.gap.effects import Shape
-from beamstiff.gap.evidence import EXACT, Evidence, Scales, evidence
+from beamstiff.gap.evidence import EXACT, Evidence, Scales, Stack, evidence, stacks_of
 from beamstiff.gap.free_laws import FreeLaw
 from beamstiff.gap.heldout import Weighted
 from beamstiff.gap.library import Hypothesis, by_candidate
@@ -103,7 +103,8 @@ def search(
     pairs: bool = True,
 ) -> Search:
     """Weigh every candidate, the places' free laws, and the likeliest candidates with a second."""
-    alone = evidence(white, hypotheses, scales)
+    stacks = stacks_of(hypotheses)
+    alone = evidence(white, hypotheses, scales, stacks=stacks)
     weights = _log_weights(hypotheses, alone)
     by_key = by_candidate(hypotheses)
     log_weight = {key: float(logsumexp(weights[places])) for key, places in by_key.items()}
@@ -131,7 +132,7 @@ def search(
         first = ahead.pop(0)
         tried.add(first)
         at = max(by_key[first], key=lambda k: weights[k])
-        for pair in _beside(white, hypotheses, by_key, scales, laws, at, result):
+        for pair in _beside(white, hypotheses, stacks, by_key, scales, laws, at, result):
             both = frozenset((pair.first, pair.second))
             if both not in found or pair.log_weight > found[both].log_weight:
                 found[both] = pair
@@ -147,6 +148,7 @@ def search(
 def _beside(
     white: Whitened,
     hypotheses: Sequence[Hypothesis],
+    stacks: Sequence[Stack],
     by_key: Mapping[str, Sequence[int]],
     scales: Scales,
     laws: Sequence[FreeLaw],
@@ -159,7 +161,7 @@ def _beside(
     loose = np.concatenate([np.zeros((white.gap.size, 0)), *own], axis=1) / np.sqrt(max(len(own), 1))
     alike = evidence(white.beside(first.columns[:, :0], loose), [first], scales, SECOND_SHARES)
     beside = white.beside(first.columns, loose)
-    second = evidence(beside, hypotheses, scales, SECOND_SHARES)
+    second = evidence(beside, hypotheses, scales, SECOND_SHARES, stacks)
     whole = float(np.linalg.norm(white.leave(white.gap[:, None]))) or 1.0
     part = float(np.linalg.norm(beside.leave(white.gap[:, None]))) / whole
     base = float(_log_weights([first], alike)[0])

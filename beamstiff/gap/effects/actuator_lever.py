@@ -8,6 +8,7 @@ lever ``h = a b sin(phi) / L``, ``L^2 = a^2 + b^2 - 2 a b cos(phi)``; its stiffn
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -79,6 +80,7 @@ def _possible(
     ]
 
 
+@lru_cache
 def _largest(ratio: float) -> float:
     return float(_lever(np.linspace(0, np.pi, 181), ratio).max())
 
