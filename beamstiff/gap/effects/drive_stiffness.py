@@ -61,13 +61,16 @@ class Following:
         """
         fitted = laws(self.fitted)
         mean = self.share @ fitted
-        size = np.sqrt(self.share @ (fitted - mean) ** 2)
+        result: Array = (laws(self.angle) - mean) @ self.mixture(fitted - mean)
+        return result
+
+    def mixture(self, fitted: Array) -> Array:
+        """Return what mixes a family of laws at the fitted angles (F, m) into its main modes, (m, MODES)."""
+        size = np.sqrt(self.share @ fitted**2)
         size = np.where(size > 0, size, np.inf)
-        around = np.sqrt(self.share)[:, None] * (fitted - mean) / size
-        _, values, right = np.linalg.svd(around, full_matrices=False)
+        _, values, right = np.linalg.svd(np.sqrt(self.share)[:, None] * fitted / size, full_matrices=False)
         kept = values[: min(MODES, values.size)]
         # a mode's sign is free, but parameters that were written must mean the same on every machine
         sign = np.where(right @ np.cos(np.arange(fitted.shape[1])) < 0, -1.0, 1.0)[: kept.size]
-        weight = sign * right[: kept.size].T / np.sqrt(fitted.shape[1]) / size[:, None]
-        result: Array = (laws(self.angle) - mean) @ weight
+        result: Array = sign * right[: kept.size].T / np.sqrt(fitted.shape[1]) / size[:, None]
         return result

@@ -17,6 +17,7 @@ from beamstiff.robot.fields import RIGID
 
 RATIOS, MIDDLE = (0.15, 0.4, 0.7), 0.4
 FREE_LENGTHS = (0.0, 0.4, 0.8)
+TORQUE, STIFFNESS = 0, 1  # places of a spring's two
 
 
 LEVEL = 0.5  # cosine to the vertical of the axes that weight turns
@@ -47,8 +48,8 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     family = [(ratio, free, phase) for ratio in RATIOS for free in FREE_LENGTHS for phase in PHASES]
     springs = [(MIDDLE, free, phase) for free in FREE_LENGTHS[::2] for phase in PHASES]
 
-    def laws(q: np.ndarray, chosen: list[tuple[float, float, float]]) -> np.ndarray:
-        return np.stack([_spring(q - phase, ratio, free)[1] for ratio, free, phase in chosen], -1)
+    def laws(q: np.ndarray, chosen: list[tuple[float, float, float]], of: int = STIFFNESS) -> np.ndarray:
+        return np.stack([_spring(q - phase, ratio, free)[of] for ratio, free, phase in chosen], -1)
 
     def column(stiffness: np.ndarray, torque: np.ndarray) -> np.ndarray:
         shift = scaled_torque(baseline, axis, -stiffness * compliance**2)
@@ -68,13 +69,16 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         )
         for (ratio, free, phase), factor, torque in zip(springs, stiffness, torques, strict=True)
     ]
-    if not baseline.absolute:
+    if baseline.absolute:  # the torque is seen far more than the stiffness that comes with it
+        mixture = follow.mixture(laws(follow.fitted, family, TORQUE))
+        factors = follow.varying(lambda q: laws(q, family)) @ mixture
+        whole = list(map(column, factors.T, (laws(follow.angle, family, TORQUE) @ mixture).T))
+        quantity, unit, large = "torque_mode", "N*m", 0.25 * size.size
+    else:
         whole = [column(mode, np.zeros(len(mode))) for mode in follow.family(lambda q: laws(q, family)).T]
-        names = tuple(
-            Quantity(f"stiffness_mode_{k + 1}", "N*m/rad", 0.5 * size.size) for k in range(len(whole))
-        )
-        result.append(Shape("any spring", np.stack(whole, -1), names, spread=4.0))
-    return result
+        quantity, unit, large = "stiffness_mode", "N*m/rad", 0.5 * size.size
+    names = tuple(Quantity(f"{quantity}_{k + 1}", unit, large) for k in range(len(whole)))
+    return [*result, Shape("any spring", np.stack(whole, -1), names, spread=4.0)]
 
 
 def _compliance(baseline: Baseline, axis: Axis) -> float:

@@ -127,6 +127,24 @@ def test_a_balancer_beside_the_drive_takes_from_its_compliance(campaign: Baselin
     assert left(rest, constant(campaign)) < 1e-3
 
 
+@pytest.mark.parametrize(("ratio", "free", "phase"), [(0.22, 0.5, 0.3), (0.6, 0.2, 2.2), (0.5, 0.7, 4.0)])
+def test_of_positions_any_balancers_wind_up_is_nearly_one_of_the_main_modes(
+    campaign: Baseline, ratio: float, free: float, phase: float
+) -> None:
+    arm = arm_at(campaign.rows.q)
+    rows = rows_of(kr240(), campaign.rows.q, campaign.rows.wrench, position=arm.tip)
+    there = nominal(kr240(), rows)
+    modes = shape_of(there, "gravity-compensator", "q2", "any spring").columns
+    wound = arm.slipped(-_spring(campaign.rows.q[:, 1] - phase, ratio, free)[0], 1)
+    grid = [
+        shape.columns
+        for shape in EFFECTS["gravity-compensator"].shapes(there, "q2")
+        if shape.name.startswith("spring")
+    ]
+    whole = min(left(wound[:, :3], one[:, :3]) for one in grid)
+    assert left(wound[:, :3], modes[:, :3]) < min(0.02, 0.5 * whole)
+
+
 def test_angles_that_stand_still_show_neither() -> None:
     rows = rows_of(kr240(), [0, 1, -1, 0, 0.5, 0], np.random.default_rng(2).normal(0, 500, (6, 6)))
     there = nominal(kr240(), rows)
