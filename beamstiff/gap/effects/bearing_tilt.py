@@ -13,6 +13,7 @@ from beamstiff.se3 import Array
 TILT = Quantity("tilting_compliance", "rad/(N*m)", 2e-7)
 RADIAL = Quantity("radial_compliance", "m/N", 3e-9)
 AXIAL = Quantity("axial_compliance", "m/N", 2e-9)
+OFF = 0.05  # m along the axis, from the joint's frame to where its bearing tilts about
 
 
 def _components(baseline: Baseline) -> list[str | None]:
@@ -30,17 +31,33 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         Quantity("tilting_compliance_y", "rad/(N*m)", TILT.size),
         Quantity("tilting_compliance_z", "rad/(N*m)", TILT.size),
     )
+    radials = [by_compliance(baseline, place, [pair]) for pair in ((1, 1), (2, 2))]
+    # about a point that is off along the axis, forces across it tilt too
+    across, along = (by_compliance(baseline, place, [pair]) for pair in ((1, 5), (2, 4)))
+    off = Quantity("tilting_by_force", "rad/N", OFF * TILT.size)
+    offs = tuple(Quantity(f"tilting_by_force_{axis}", "rad/N", OFF * TILT.size) for axis in "yz")
+    sides = tuple(Quantity(f"radial_compliance_{axis}", "m/N", RADIAL.size) for axis in "yz")
+    stiffening = _stiffening(baseline, place, str(component))
     contact = Quantity("tilt_at_usual_moment", "rad", TILT.size * usual_moment(baseline, str(component)))
     return [
         Shape("tilt", tilt[..., None], (TILT,)),
         Shape("tilt and radial", np.stack([tilt, radial], -1), (TILT, RADIAL)),
         Shape("tilt by axis", np.stack(by_axis, -1), (*two, skew)),
-        Shape(
-            "tilt that stiffens",
-            np.stack([tilt, _stiffening(baseline, place, str(component))], -1),
-            (TILT, contact),
-        ),
+        Shape("tilt that stiffens", np.stack([tilt, stiffening], -1), (TILT, contact)),
         Shape("all", np.stack([*by_axis, radial, axial], -1), (*two, skew, RADIAL, AXIAL)),
+        Shape(
+            "all, stiffening",
+            np.stack([*by_axis, radial, axial, stiffening], -1),
+            (*two, skew, RADIAL, AXIAL, contact),
+            weight=0.5,
+        ),
+        Shape("tilt off its centre", np.stack([tilt, radial, across - along], -1), (TILT, RADIAL, off)),
+        Shape(
+            "all, off its centre",
+            np.stack([*by_axis, *radials, axial, across, along], -1),
+            (*two, skew, *sides, AXIAL, *offs),
+            weight=0.5,
+        ),
     ]
 
 

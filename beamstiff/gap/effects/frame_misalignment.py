@@ -10,6 +10,7 @@ from beamstiff.gap.effects.effect import Effect, Quantity, Shape
 TURN = 0.02  # rad, of displacements
 PLACED_TURN, PLACED_SHIFT = 5e-4, 5e-4  # rad, m, of absolute positions
 SCALE = 0.01
+SKEWED = ((0, 1), (0, 2), (1, 2))
 
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: ARG001
@@ -32,12 +33,19 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     turn = np.concatenate([np.cross(axes, seen[:, s, None], axis=1) for s in (slice(3), slice(3, 6))], 1)
     scale = np.concatenate([seen[:, :3], np.zeros_like(seen[:, :3])], 1)[..., None]
     turns = tuple(Quantity(f"rotation_{axis}", "rad", TURN) for axis in "xyz")
+    growth = Quantity("scale", "1", SCALE)
+    # axes that are not square to each other, of a machine that measures along its own
+    skew = np.zeros((len(seen), 6, 3))
+    for at, (i, j) in enumerate(SKEWED):
+        skew[:, i, at], skew[:, j, at] = seen[:, j], seen[:, i]
+    skews = tuple(Quantity(f"skew_{'xyz'[i]}{'xyz'[j]}", "rad", SCALE) for i, j in SKEWED)
     return [
         Shape("turned", turn, turns),
+        Shape("turned and scaled", np.concatenate([turn, scale], -1), (*turns, growth), weight=0.5),
         Shape(
-            "turned and scaled",
-            np.concatenate([turn, scale], -1),
-            (*turns, Quantity("scale", "1", SCALE)),
+            "turned, scaled and skewed",
+            np.concatenate([turn, scale, skew], -1),
+            (*turns, growth, *skews),
             weight=0.5,
         ),
     ]

@@ -14,6 +14,7 @@ from beamstiff.gap.effects.outside import tool_axes
 from beamstiff.se3 import Array
 
 OFFSET = 0.03  # m
+FAR = 0.1  # m
 PLACED = 5e-4  # m, of a target whose place was measured
 TURNED = 1e-3  # rad
 
@@ -60,11 +61,20 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     seen = np.concatenate([np.cross(turned[:, :, None], marked, axis=1), nothing], 1)
     targets = tuple(Quantity(f"target_{axis}", "m", OFFSET) for axis in "xyz")
     both = tuple(Quantity(f"tool_{axis}", "m", OFFSET) for axis in "xyz")
+    far: list[Shape] = []
+    unread = np.logical_not(baseline.used[:, 3:].any(axis=1))
+    if unread.any():  # what a load that is far off turns, moves a target that is far off
+        moved = np.cross(load[:, 3:, :, None], marked[:, :, None, :], axis=1).reshape(len(rows), 3, 9)
+        moved = np.concatenate([np.where(unread[:, None, None], moved, 0.0), np.zeros_like(moved)], 1)
+        products = tuple(Quantity(f"load_{i}_target_{j}", "m^2", FAR * OFFSET) for i in "xyz" for j in "xyz")
+        columns = np.concatenate([load, seen, moved], -1)
+        far = [Shape("load and target, far off", columns, (*loads, *targets, *products), weight=0.5)]
     return [
         Shape("load", load, loads),
         Shape("target", seen, targets),
         Shape("load and target together", load + seen, both),
         Shape("load and target", np.concatenate([load, seen], -1), (*loads, *targets), weight=0.5),
+        *far,
     ]
 
 

@@ -58,3 +58,19 @@ def test_a_bearing_that_stiffens_tilts_by_the_power_two_thirds_of_the_moment() -
     assert found[:, 4, 1] == pytest.approx(-np.sign(share) * np.abs(share) ** (2 / 3))
     assert found[:, 4, 0] == pytest.approx(-0.8 * 1000 * share)
     assert found[:, 2, 1] == pytest.approx(0.8 * np.sign(share) * np.abs(share) ** (2 / 3))
+
+
+@pytest.mark.parametrize("joint", range(6))
+def test_a_bearing_that_tilts_about_a_point_off_its_frame_gives_way_to_forces_too(joint: int) -> None:
+    compliance, off = 3e-7, 0.12  # rad/(N m), m along the axis
+    rows = at_random(kr240(), 8, seed=3)
+    there, arm = nominal(kr240(), rows), arm_at(rows.q)
+    axis, centre = arm.axis[:, joint], arm.point[:, joint] + off * arm.axis[:, joint]
+    moment = rows.wrench[:, 3:] + np.cross(arm.tip - centre, rows.wrench[:, :3])
+    tilt = compliance * (moment - axis * (axis * moment).sum(axis=1, keepdims=True))
+    moved = np.concatenate([np.cross(tilt, arm.tip - centre), tilt], axis=1)
+    found = shape_of(there, "bearing-tilt", f"q{joint + 1}", "tilt off its centre")
+    theta = compliance * np.array([1.0, off**2, -off])
+    close(found.columns @ theta, moved)
+    by_axis = shape_of(there, "bearing-tilt", f"q{joint + 1}", "all, off its centre").columns
+    close(by_axis @ (compliance * np.array([1, 1, 0, off**2, off**2, 0, -off, off])), moved)

@@ -28,6 +28,14 @@ def test_displacements_seen_in_another_scale() -> None:
     close(columns, there.predicted * [1, 1, 1, 0, 0, 0])  # angles have none
 
 
+def test_displacements_seen_along_axes_that_are_not_square() -> None:
+    there = nominal(kr240(), at_random(kr240(), 8, seed=1))
+    shape = shape_of(there, "frame-misalignment", None, "turned, scaled and skewed")
+    x, y, _ = there.predicted[:, :3].T
+    at = [item.name for item in shape.parameters].index("skew_xy")
+    close(shape.columns[..., at], np.stack([y, x, *4 * [0 * x]], axis=1))
+
+
 @pytest.mark.parametrize("at", range(7))
 def test_absolute_poses_seen_in_a_frame_turned_shifted_or_scaled(at: int) -> None:
     q = at_random(kr240(), 8, seed=2).q

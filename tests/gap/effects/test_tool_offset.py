@@ -59,6 +59,22 @@ def test_columns_are_what_a_node_elsewhere_does_more(
 
 
 @pytest.mark.parametrize("axis", range(3))
+def test_a_load_far_off_turns_what_moves_a_target_far_off_where_no_rotation_is_read(axis: int) -> None:
+    rows = at_random(kr240(), 8, seed=axis)
+    lug = replace(rows, load_point=np.full(8, "lug"), point=np.full(8, "lug"))
+    there = nominal(kr240(), rows)
+    turned = predict_displacements(kr240(), rows)  # under the loads alone, without the dead weight's part
+    there = replace(there, used=there.used & (np.arange(6) < 3), predicted=turned)
+    shape = shape_of(there, "tool-offset", None, "load and target, far off")
+    letter = "xyz"[axis]
+    sizes = {f"load_point_{letter}": OFFSET, f"target_{letter}": OFFSET}
+    sizes[f"load_{letter}_target_{letter}"] = OFFSET**2
+    found = shape.columns @ [sizes.get(item.name, 0.0) for item in shape.parameters]
+    expected = predict_displacements(with_lug(axis), lug) - predict_displacements(kr240(), rows)
+    np.testing.assert_allclose(found[:, :3], expected[:, :3], atol=1e-12)
+
+
+@pytest.mark.parametrize("axis", range(3))
 def test_a_target_off_its_seat_is_off_in_absolute_positions(axis: int) -> None:
     q = at_random(kr240(), 6, seed=4).q
     arm = arm_at(q)

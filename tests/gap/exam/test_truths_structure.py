@@ -6,11 +6,12 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from beamstiff.gap.exam.campaign import Array, Truth
 from beamstiff.robot.parts import Beam, Material
 from beamstiff.robot.sections import Section
-from tests.gap.exam.campaigns import LONG, STIFF, arm, changed, drawn, pushed
+from tests.gap.exam.campaigns import LONG, STIFF, arm, campaign_of, changed, drawn, pushed, read
 
 FIRST_ORDER = 2e-4  # what rotations of 1e-4 rad add to the linear answer
 TIP = np.array([LONG, 0.0, 0.0])
@@ -47,6 +48,18 @@ def agree(found: Array, expected: Array, tolerance: float = FIRST_ORDER) -> None
     for part in (slice(0, 3), slice(3, 6)):
         scale = np.abs(expected[..., part]).max() + 1e-15
         np.testing.assert_allclose(found[..., part], expected[..., part], atol=tolerance * scale)
+
+
+@pytest.mark.parametrize("form", ["tapered", "elbow", "hinged"])
+def test_a_links_section_turns_with_it(form: str) -> None:
+    truth = changed(drawn(arm(), "link-bending", "arm", form), flat=0.4)
+    angles = np.array([0.0, 0.5, 0.95])
+    turns = Rotation.from_rotvec(angles[:, None] * [0.0, 0.0, 1.0])
+    load = np.array([[5.0, 12.0, 20.0], [3.0, 4.0, -2.0]])
+    loads = np.stack([turns.apply(part) for part in load], axis=1).reshape(3, 1, 6)
+    found = read(arm(), campaign_of(arm(), angles[:, None], loads), truth)
+    back = np.concatenate([turns.inv().apply(part) for part in np.split(found, 2, axis=1)], axis=1)
+    agree(back, np.broadcast_to(back[:1], back.shape), 1e-6)
 
 
 @pytest.mark.parametrize("form", ["tapered", "elbow", "hinged"])

@@ -82,15 +82,25 @@ def impose(truth: Truth, reality: Reality) -> Reality:
     rest = tuple(r for r in machine.rigids if r[0] != truth.component)
     rigidity = p["EI"] * np.array([1 / 0.12**2, np.inf, np.inf, p["twist"], p["flat"], 1.0])
     machine = dataclasses.replace(machine, rigids=rest)
+    up = _up(machine, nodes)
     if truth.form == "tapered":
-        bar = Bar(str(truth.component), nodes, tapered(rigidity, lambda x: 1.0 - p["taper"] * x), None)
+        bar = Bar(str(truth.component), nodes, tapered(rigidity, lambda x: 1.0 - p["taper"] * x), up)
         return reality.with_machine(dataclasses.replace(machine, bars=(*machine.bars, bar)))
     if truth.form == "hinged":
-        bar = Bar(str(truth.component), nodes, _hinged(rigidity, p["first"], p["second"]), None)
+        bar = Bar(str(truth.component), nodes, _hinged(rigidity, p["first"], p["second"]), up)
         return reality.with_machine(dataclasses.replace(machine, bars=(*machine.bars, bar)))
     return reality.with_machine(
         _elbow(machine, str(truth.component), nodes, rigidity, p["offset"], p["side"])
     )
+
+
+def _up(machine: Machine, nodes: tuple[str, str]) -> Array:
+    """Return a direction across the link in the frame of its first node: its section turns with it."""
+    placed = in_the_middle(machine.robot)
+    a, b = (placed.node(machine.node(n))[0] for n in nodes)
+    up = np.eye(3)[np.argmin(np.abs(b - a))]
+    fixed: Array = placed.rotations[machine.node(nodes[0]).frame][0].T @ up
+    return fixed
 
 
 def _softer(bar: Bar, p: object) -> Bar:
@@ -124,9 +134,10 @@ def _elbow(
     at = placed.rotations[frame][0].T @ (corner - placed.origins[frame][0])
     taken = {node.name for node in machine.nodes}
     middle = next(f"elbow{i}" for i in count() if f"elbow{i}" not in taken)
+    up = _up(machine, nodes)
     halves = (
-        Bar(f"{name} before", (nodes[0], middle), tapered(rigidity, lambda x: 1.1 - 0.2 * x), None),
-        Bar(f"{name} behind", (middle, nodes[1]), tapered(rigidity, lambda x: 0.9 - 0.2 * x), None),
+        Bar(f"{name} before", (nodes[0], middle), tapered(rigidity, lambda x: 1.1 - 0.2 * x), up),
+        Bar(f"{name} behind", (middle, nodes[1]), tapered(rigidity, lambda x: 0.9 - 0.2 * x), up),
     )
     node = Node(name=middle, frame=frame, at=tuple(map(float, at)))  # type: ignore[arg-type]
     return dataclasses.replace(machine, nodes=(*machine.nodes, node), bars=(*machine.bars, *halves))
