@@ -26,7 +26,7 @@ FAITH = 50.0
 FAITH_IN_TWO = 24.0  # the same of which two causes there are
 # log odds that a cause is real: of its share left to the unknown, of the share of its evidence that free laws
 # of the places have, and of its worth on held-out postures
-REAL, LEFT, FREE, WORTH = 1.7, 1.25, 6.8, 2.6
+REAL, LEFT, FREE, WORTH = 1.5, 1.25, 6.8, 2.6
 BEHIND = 20.0  # log odds that are added to both evidences
 APART = 0.7  # share below which free laws do not speak for a cause any more
 FEW = 60  # values less fitted ones, below which nothing can be called unknown
