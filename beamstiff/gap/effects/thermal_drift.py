@@ -46,11 +46,13 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
             label = "temperature" if lag == 0 else f"temperature, lagging by {lag:g}"
             if stated or not shared:
                 result.append(Shape(label, _along(warmth), _named("expansion", "m/K", WARMTH)))
+                result.append(_turned(baseline, label, warmth))
                 result.append(_grown(baseline, f"growing with {label}", warmth))
             if stated or shared:
                 change = since_pose(baseline, warmth)
                 label = f"{label}, since the unloaded reading"
                 result.append(Shape(label, _along(change), _named("expansion", "m/K", WARMTH)))
+                result.append(_turned(baseline, label, change))
                 result.append(_grown(baseline, f"growing with {label}", change))
     return result
 
@@ -68,8 +70,15 @@ def _in_time(baseline: Baseline, courses: dict[str, Array], since: str) -> list[
     )
     every = np.concatenate([_along(course) for course in courses.values()], -1)
     turning = [_turning(baseline, courses[name]) for name in TURNING]
-    growing = np.concatenate([_growing(baseline, course) for course in courses.values()], -1)
-    growths = tuple(Quantity(f"growth_{name}", "1", 0.5 * GROWTH) for name in names)
+    growing = np.concatenate(
+        [_growing(baseline, course) for course in courses.values()]
+        + [_lengthening(baseline, course) for course in courses.values()],
+        -1,
+    )
+    growths = (
+        *(Quantity(f"growth_{name}", "1", 0.5 * GROWTH) for name in names),
+        *(Quantity(f"lengthening_{name}", "m", 0.5 * DRIFT) for name in names),
+    )
     return [
         *result,
         Shape(f"any course{since}", every, drifts),
@@ -127,8 +136,22 @@ def _growing(baseline: Baseline, course: Array) -> Array:
     return result
 
 
+def _lengthening(baseline: Baseline, course: Array) -> Array:
+    """Return the displacement (N, 6, 1) of links that lengthen, along the way from the base to the point."""
+    position = nominal_pose(baseline.nominal, baseline.rows)[0]
+    reach = np.maximum(np.linalg.norm(position, axis=1, keepdims=True), 1e-9)
+    result: Array = _growing(baseline, course) / reach[:, None]
+    return result
+
+
 def _grown(baseline: Baseline, name: str, warmth: Array) -> Shape:
     return Shape(name, _growing(baseline, warmth), (Quantity("growth", "1/K", EXPANSION),), weight=0.5)
+
+
+def _turned(baseline: Baseline, label: str, warmth: Array) -> Shape:
+    columns = np.concatenate([_along(warmth), _turning(baseline, warmth)], -1)
+    quantities = (*_named("expansion", "m/K", WARMTH), *_named("turn", "rad/K", TURN * WARMTH / DRIFT))
+    return Shape(f"{label}, turning", columns, quantities, weight=0.5)
 
 
 def _turning(baseline: Baseline, course: Array) -> Array:

@@ -60,6 +60,11 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
         ),
         Shape("by axis", np.stack([*turning, *sliding], -1), (*rotations, *slides)),
         Shape(
+            "by axis, about a centre behind",
+            np.stack([*turning, *sliding, coupled[1], coupled[3]], -1),
+            (*rotations, *slides, couplings[1], couplings[3]),
+        ),
+        Shape(
             "all",
             np.stack([*turning, *sliding, *skewed, *coupled], -1),
             (*rotations, *slides, *skews, *couplings),
