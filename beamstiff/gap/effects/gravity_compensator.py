@@ -17,7 +17,6 @@ from beamstiff.robot.fields import RIGID
 
 RATIOS, MIDDLE = (0.15, 0.4, 0.7), 0.4
 FREE_LENGTHS = (0.0, 0.4, 0.8)
-STRENGTHS = (0.0, 0.4, 0.7)  # largest stiffness over the drive's
 TORQUE, STIFFNESS = 0, 1  # places of a spring's two
 
 
@@ -52,12 +51,6 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     def laws(q: np.ndarray, chosen: list[tuple[float, float, float]], of: int = STIFFNESS) -> np.ndarray:
         return np.stack([_spring(q - phase, ratio, free)[of] for ratio, free, phase in chosen], -1)
 
-    def beside_drive(q: np.ndarray) -> np.ndarray:
-        """Return what springs take from the drive's compliance; seals that stick make a rod of a spring."""
-        rods = [_rod(q - phase, ratio) for ratio in RATIOS for phase in PHASES]
-        stiffness = np.concatenate([laws(q, family), np.stack(rods, -1)], -1)
-        return np.concatenate([stiffness / (1 + share * stiffness) for share in STRENGTHS], -1)
-
     def column(stiffness: np.ndarray, torque: np.ndarray) -> np.ndarray:
         shift = scaled_torque(baseline, axis, -stiffness * compliance**2)
         # of absolute positions the balancer's own torque winds the drive up
@@ -82,7 +75,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         whole = list(map(column, factors.T, (laws(follow.angle, family, TORQUE) @ mixture).T))
         quantity, unit, large = "torque_mode", "N*m", 0.25 * size.size
     else:
-        whole = [column(mode, np.zeros(len(mode))) for mode in follow.family(beside_drive).T]
+        whole = [column(mode, np.zeros(len(mode))) for mode in follow.family(lambda q: laws(q, family)).T]
         quantity, unit, large = "stiffness_mode", "N*m/rad", 0.5 * size.size
     names = tuple(Quantity(f"{quantity}_{k + 1}", unit, large) for k in range(len(whole)))
     return [*result, Shape("any spring", np.stack(whole, -1), names, spread=4.0)]
@@ -112,13 +105,6 @@ def _spring(angle: np.ndarray, ratio: float, free: float) -> tuple[np.ndarray, n
     largest = np.abs(energy_slopes(around)[1]).max()
     torque, stiffness = energy_slopes(angle)
     return torque / largest, stiffness / largest
-
-
-def _rod(angle: np.ndarray, ratio: float) -> np.ndarray:
-    """Return the stiffness of a rod in the spring's place, over its largest: the square of its lever."""
-    lever = np.sin(angle) / np.sqrt(1 + ratio**2 + 2 * ratio * np.cos(angle))
-    result: np.ndarray = lever**2  # at most 1, where the rod is square to the crank
-    return result
 
 
 EFFECT = Effect(
