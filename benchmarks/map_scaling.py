@@ -94,22 +94,25 @@ def median_cost(
 
 
 def growth(most: int, times: int) -> Iterator[Row]:
-    """Yield rows: poses, seconds, microseconds a pose, exponent of the last decade, what was asked."""
+    """Yield rows: poses, seconds, microseconds a pose, exponent of the last decade, what was asked.
+
+    All sizes are measured in turn, several times: the speed of the machine drifts, and an exponent is that of
+    neighbours in time.
+    """
     yield ("poses", "processor time, s", "us a pose", "exponent", "asked")
     sizes = [10**power for power in range(4, 1 + round(np.log10(most)))]
-    before: tuple[int, float] | None = None
     cost(over_joints(100), 1)  # programs are written down, modules loaded
-    for size in sizes:
-        seconds = median_cost(over_joints(size), 1, times)[0].own
+    rounds = np.array([[cost(over_joints(size), 1)[0].own for size in sizes] for _ in range(times)])
+    seconds = np.median(rounds, axis=0)
+    exponents = np.median(np.diff(np.log10(rounds), axis=1), axis=0)
+    for at, (size, value) in enumerate(zip(sizes, seconds.tolist(), strict=True)):
         exponent, verdict = "", ""
-        if before is not None:
-            value = float(np.log(seconds / before[1]) / np.log(size / before[0]))
-            exponent = f"{value:.3f}"
+        if at:
+            exponent = f"{exponents[at - 1]:.3f}"
             if size == sizes[-1]:
-                reached = "reached" if abs(value - 1.0) <= GROWTH else "MISSED"
+                reached = "reached" if abs(exponents[at - 1] - 1.0) <= GROWTH else "MISSED"
                 verdict = f"1.00 +- {GROWTH}: {reached}"
-        yield (f"{size:,}", f"{seconds:.3g}", f"{1e6 * seconds / size:.2f}", exponent, verdict)
-        before = size, seconds
+        yield (f"{size:,}", f"{value:.3g}", f"{1e6 * value / size:.2f}", exponent, verdict)
 
 
 def speed_up(work: dict[str, Any], most: int, times: int) -> Iterator[Row]:
