@@ -63,7 +63,9 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     both = tuple(Quantity(f"tool_{axis}", "m", OFFSET) for axis in "xyz")
     far: list[Shape] = []
     unread = np.logical_not(baseline.used[:, 3:].any(axis=1))
-    if unread.any():  # what a load that is far off turns, moves a target that is far off
+    # whatever the rows at hand read: an effect that was fitted has to be found again on others
+    needed = baseline.stated is not None or not baseline.fit.used[:, 3:].any(axis=1).all()
+    if needed:  # what a load that is far off turns, moves a target that is far off
         moved = np.cross(load[:, 3:, :, None], marked[:, :, None, :], axis=1).reshape(len(rows), 3, 9)
         moved = np.concatenate([np.where(unread[:, None, None], moved, 0.0), np.zeros_like(moved)], 1)
         products = tuple(Quantity(f"load_{i}_target_{j}", "m^2", FAR * OFFSET) for i in "xyz" for j in "xyz")

@@ -74,6 +74,14 @@ def test_a_load_far_off_turns_what_moves_a_target_far_off_where_no_rotation_is_r
     np.testing.assert_allclose(found[:, :3], expected[:, :3], atol=1e-12)
 
 
+def test_what_was_fitted_without_rotations_is_found_again_on_rows_that_read_them() -> None:
+    there = nominal(kr240(), at_random(kr240(), 8, seed=1))
+    unread = replace(there, used=there.used & (np.arange(6) < 3))
+    for other in (replace(there, fit_rows=unread), replace(there, stated={})):
+        shape = shape_of(other, "tool-offset", None, "load and target, far off")
+        assert not shape.columns[..., 6:].any()  # the rotation that was read holds it
+
+
 @pytest.mark.parametrize("axis", range(3))
 def test_a_target_off_its_seat_is_off_in_absolute_positions(axis: int) -> None:
     q = at_random(kr240(), 6, seed=4).q
