@@ -21,7 +21,7 @@ from beamstiff.gap.noise import scale_after, scales_of
 from beamstiff.gap.notes import notes
 from beamstiff.gap.result import Candidate, Diagnosis, estimates_of
 from beamstiff.gap.screening import Screened, screen
-from beamstiff.gap.search import NONE, OUTLIERS, UNKNOWN, Search, search
+from beamstiff.gap.search import NONE, OUTLIERS, UNKNOWN, Search, search, weighed_together
 from beamstiff.gap.verdict import SECOND, Judged, judge
 from beamstiff.gap.where import where
 from beamstiff.gap.whitened import Whitened, whiten
@@ -78,6 +78,7 @@ def _diagnose(robot: Robot, measurements: Measurements, without: Sequence[str], 
             break
         linear, white = moved, whiten(moved, used)
         library = state_library(linear, white, without)
+    found = weighed_together(white, library.hypotheses, scales, laws, found)
     may_be_outliers = "outliers" not in without
     return _diagnosis(screened, linear, white, library, laws, found, scales, chance, may_be_outliers, seed)
 

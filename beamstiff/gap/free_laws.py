@@ -8,7 +8,7 @@ better than they do.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -77,6 +77,13 @@ def free_laws(baseline: Baseline, library: Library, white: Whitened) -> list[Fre
                 outside.setdefault(place, []).append(one.columns)
     found += [FreeLaw(place, _main(white, columns), inside=False) for place, columns in outside.items()]
     return [law for law in found if law.modes.shape[1]]
+
+
+def modes_of(laws: Sequence[FreeLaw], places: Collection[str], values: int) -> Array:
+    """Return the modes (n, m) of some places, n whitened values, together of mean square 1; none is m = 0."""
+    own = [law.modes for law in laws if law.place in places]
+    result: Array = np.concatenate([np.zeros((values, 0)), *own], axis=1) / np.sqrt(max(len(own), 1))
+    return result
 
 
 def _modes(white: Whitened, groups: Iterable[Array]) -> Array:

@@ -1,7 +1,8 @@
 """Causes one by one and two by two, with their probabilities.
 
 Every hypothesis is weighed alone; then, for the best few, the fit takes their columns along and everything is
-weighed again on what they leave, so that two causes are found together.
+weighed again on what they leave. The likeliest pairs that this finds are weighed anew at the end, both causes
+together.
 """
 
 from __future__ import annotations
@@ -14,9 +15,10 @@ from scipy.special import logsumexp
 
 from beamstiff.gap.effects import Shape
 from beamstiff.gap.evidence import EXACT, Evidence, Scales, Stack, evidence, stacks_of
-from beamstiff.gap.free_laws import FreeLaw
+from beamstiff.gap.free_laws import FreeLaw, modes_of
 from beamstiff.gap.heldout import Weighted
 from beamstiff.gap.library import Hypothesis, by_candidate
+from beamstiff.gap.together import alone, together
 from beamstiff.gap.whitened import Whitened
 from beamstiff.se3 import Array
 
@@ -27,6 +29,7 @@ FIRSTS = 6  # likeliest candidates that are tried as the first of two
 MOST = 9  # with the members of the likeliest pairs
 SECOND_SHARES = np.array([0.0, 0.06, 0.25, 1.0, 4.0])
 UNLIKELY = 3.0  # log odds below which a second cause of the likeliest first ends the search
+TRIED = 3  # pairs that are weighed together before there is held to be none
 SHAPES = 6  # of a candidate, that are kept
 FREE_SIZE, FREE_SPREAD = 3.0, 30.0  # sigma a value that free laws make, and within which factor
 
@@ -39,6 +42,7 @@ class Pair:
     ----------
     first, second : str
     log_weight : float
+        That of the likeliest single cause and the log odds of the pair against it.
     left : float
         Share of the gap's size that both leave to the unknown.
     shapes : (list of Weighted, list of Weighted)
@@ -141,8 +145,32 @@ def search(
             break
         if len(tried) < MOST:
             ahead = [key for key in (best.first, best.second, *result.named[:FIRSTS]) if key not in tried]
-    ordered = sorted(found.values(), key=lambda pair: -pair.log_weight)[:20]
+    ordered = sorted(found.values(), key=lambda pair: -pair.log_weight)[:MOST]
     return replace(result, pairs=tuple(ordered))
+
+
+def weighed_together(
+    white: Whitened,
+    hypotheses: Sequence[Hypothesis],
+    scales: Scales,
+    laws: Sequence[FreeLaw],
+    found: Search,
+) -> Search:
+    """Return a search whose pairs are weighed anew, both causes together; parameters as for `search`."""
+    shapes = {key: [hypotheses[at] for at in places] for key, places in by_candidate(hypotheses).items()}
+    best = found.log_weight[found.named[0]]
+    if not found.pairs or found.log_weight[NONE] > best:
+        return found
+    single = max(alone(white, shapes[key], scales, laws) for key in found.named[:FIRSTS])
+    pairs: list[Pair] = []
+    for one in found.pairs:
+        if len(pairs) == TRIED and max(pair.log_weight for pair in pairs) < best:
+            break  # there is no second cause
+        start = max(one.shapes[0], key=lambda shape: shape.weight).hypothesis
+        both = together(white, shapes[one.first], shapes[one.second], start, scales, laws)
+        weight = best + both.log_weight + np.log(PAIR) - single
+        pairs.append(Pair(one.first, one.second, float(weight), both.left, both.shapes))
+    return replace(found, pairs=tuple(sorted(pairs, key=lambda pair: -pair.log_weight)))
 
 
 def _beside(
@@ -157,8 +185,7 @@ def _beside(
 ) -> Iterator[Pair]:
     """Yield every second cause beside a first, whose place may do more than its shape says."""
     first = hypotheses[at]
-    own = [law.modes for law in laws if law.place in first.places]
-    loose = np.concatenate([np.zeros((white.gap.size, 0)), *own], axis=1) / np.sqrt(max(len(own), 1))
+    loose = modes_of(laws, first.places, white.gap.size)
     alike = evidence(white.beside(first.columns[:, :0], loose), [first], scales, SECOND_SHARES)
     beside = white.beside(first.columns, loose)
     second = evidence(beside, hypotheses, scales, SECOND_SHARES, stacks)

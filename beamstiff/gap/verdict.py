@@ -23,7 +23,7 @@ from beamstiff.gap.heldout import Shrink
 from beamstiff.gap.search import NONE, OUTLIERS, UNKNOWN, Pair, Search
 
 FAITH = 50.0
-FAITH_IN_TWO = 24.0  # the same of which two causes there are
+FAITH_IN_TWO = 70.0  # the same of which two causes there are
 # log odds that a cause is real: of its share left to the unknown, of the share of its evidence that free laws
 # of the places have, and of its worth on held-out postures
 REAL, LEFT, FREE, WORTH = 1.5, 1.25, 6.8, 2.6
@@ -215,8 +215,8 @@ def _two(
     real: float,
 ) -> Judged:
     names = {f"{k}": one for k, one in enumerate(search.pairs)}
-    margin = pair.log_weight - max(search.log_weight[pair.first], search.log_weight[pair.second])
-    among = tempered({k: one.log_weight for k, one in names.items()}, margin, FAITH_IN_TWO)
+    evidence = pair.log_weight - search.log_weight[UNKNOWN]
+    among = tempered({k: one.log_weight for k, one in names.items()}, evidence, FAITH_IN_TWO)
     member: dict[str, float] = {}
     for k, share in among.items():
         for key in (names[k].first, names[k].second):

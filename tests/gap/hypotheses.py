@@ -19,7 +19,8 @@ def hypothesis(
     columns = np.asarray(columns, dtype=np.float64)
     names = tuple(Quantity(f"p{k}", "1", 1.0) for k in range(columns.shape[1]))
     shape = Shape(more.pop("shape", "only"), columns[:, None, :], names, spread)
-    return Hypothesis(effect, more.pop("component", None), shape, prior, columns)
+    places = more.pop("places", ())
+    return Hypothesis(effect, more.pop("component", None), shape, prior, columns, places)
 
 
 def gap_of(gap: Any, tangent: Any = None, unknown: Any = None, component: Any = None) -> Whitened:

@@ -1,0 +1,123 @@
+"""Two causes weighed together.
+
+The search finds a second cause beside the best shape of a first. Which two causes it is, is asked once more
+of both at once: the shapes of each are chosen beside the other's, and the evidence of both is that of one
+hypothesis with the columns of both. What their places may do beside their shapes belongs to the unknown:
+a shape that is not quite right errs at its own place first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import logsumexp
+
+from beamstiff.gap.evidence import Evidence, Scales, evidence
+from beamstiff.gap.free_laws import FreeLaw, modes_of
+from beamstiff.gap.heldout import Weighted
+from beamstiff.gap.library import Hypothesis
+from beamstiff.gap.whitened import Whitened
+from beamstiff.se3 import Array
+
+TURNS = 3  # in which each is chosen beside the other
+SHAPES = 4  # of each cause, the likeliest beside the other, that are combined
+COMMON = 2.0  # factor within which both sizes are known once each has been found beside the other
+SHARES = np.array([0.0, 0.06, 0.25, 1.0, 4.0])  # of the unknown, while they are chosen
+KEPT = 0.02  # weight from which a shape of the first is kept
+
+
+@dataclass(frozen=True)
+class Together:
+    """Two causes together.
+
+    Attributes
+    ----------
+    log_weight : float
+        Log evidence of both, averaged over their shapes by the priors of these.
+    left : float
+        Share of the gap's size that both leave to the unknown.
+    shapes : (list of Weighted, list of Weighted)
+        Of the first, and of the second beside it.
+    """
+
+    log_weight: float
+    left: float
+    shapes: tuple[list[Weighted], list[Weighted]]
+
+
+def together(
+    white: Whitened,
+    first: Sequence[Hypothesis],
+    second: Sequence[Hypothesis],
+    start: Hypothesis,
+    scales: Scales,
+    laws: Sequence[FreeLaw],
+) -> Together:
+    """Return what two causes are worth together.
+
+    Parameters
+    ----------
+    white : Whitened
+    first, second : sequence of Hypothesis
+        The shapes of each.
+    start : Hypothesis
+        The shape of the first that is the best alone.
+    scales : Scales
+    laws : sequence of FreeLaw
+    """
+    loose = modes_of(laws, {*first[0].places, *second[0].places}, white.gap.size)
+    best = start
+    for _ in range(TURNS):
+        of_second = evidence(white.beside(best.columns, loose), second, scales, SHARES)
+        other = second[int(np.argmax(_weights(second, of_second)))]
+        of_first = evidence(white.beside(other.columns, loose), first, scales, SHARES)
+        before, best = best, first[int(np.argmax(_weights(first, of_first)))]
+        if best.shape.name == before.shape.name:
+            break
+    ways = [
+        (a, b)
+        for a in np.argsort(-_weights(first, of_first))[:SHAPES].tolist()
+        for b in np.argsort(-_weights(second, of_second))[:SHAPES].tolist()
+    ]
+    sizes = of_first.magnitude, of_second.magnitude
+    both = [_joined(first[a], second[b], sizes[0][a], sizes[1][b]) for a, b in ways]
+    found = evidence(white.beside(first[0].columns[:, :0], loose), both, scales)
+    weights = _weights(both, found)
+    total = float(logsumexp(weights))
+    share = np.exp(weights - total)
+    top = int(np.argmax(weights))
+    of_shape: dict[int, float] = {}
+    for (a, _), p in zip(ways, share.tolist(), strict=True):
+        of_shape[a] = of_shape.get(a, 0.0) + p
+    kept = {a: p for a, p in of_shape.items() if p > KEPT}
+    a_sum, b = sum(kept.values()), ways[top][1]
+    shapes = (
+        [Weighted(first[a], p / a_sum, float(sizes[0][a])) for a, p in kept.items()],
+        [Weighted(second[b], 1.0, float(sizes[1][b]))],
+    )
+    return Together(total, float(found.left[top]), shapes)
+
+
+def alone(white: Whitened, shapes: Sequence[Hypothesis], scales: Scales, laws: Sequence[FreeLaw]) -> float:
+    """Return the log evidence of one cause whose place may do more than its shapes, as in `together`."""
+    loose = modes_of(laws, set(shapes[0].places), white.gap.size)
+    found = evidence(white.beside(shapes[0].columns[:, :0], loose), shapes, scales)
+    return float(logsumexp(_weights(shapes, found)))
+
+
+def _joined(first: Hypothesis, second: Hypothesis, size: float, other: float) -> Hypothesis:
+    columns: Array = np.concatenate([size * first.columns, other * second.columns], axis=1)
+    return replace(
+        first,
+        shape=replace(first.shape, spread=COMMON),
+        prior=first.prior * second.prior,
+        columns=columns,
+        places=(*first.places, *second.places),
+    )
+
+
+def _weights(shapes: Sequence[Hypothesis], found: Evidence) -> Array:
+    result: Array = np.log([one.prior for one in shapes]) + found.hypotheses
+    return result
