@@ -82,7 +82,7 @@ def _hardening(truth: Truth, reality: Reality) -> Reality:
     def hertz(torque: Array, k: float) -> Curved:
         soft, hard = k * p["soft"], k * p["hard"]
         more = 1.0 / soft - 1.0 / hard
-        given, slope = hertzian(torque, 0.1 * k * p["bend"])
+        given, slope = hertzian(torque, 0.3 * k * p["bend"])
         return torque / hard + more * given, 1.0 / hard + more * slope
 
     def cubic(e: Array, k: float) -> Curved:
