@@ -45,6 +45,8 @@ class Effect:
         Parameters, none of which is a joint's own stiffness: that is the machine's.
     impose : callable
         A reality with the effect.
+    further : tuple of str
+        Those of the forms that were written by another hand than the rest; they are drawn as often.
     """
 
     name: str
@@ -52,6 +54,30 @@ class Effect:
     places: Callable[[Robot], Sequence[str | None]]
     draw: Callable[[Asked], dict[str, float]]
     impose: Callable[[Truth, Reality], Reality]
+    further: tuple[str, ...] = ()
+
+    def draw_form(self, rng: np.random.Generator) -> str:
+        """Return a form: in half of the cases one of the further ones, where there are any."""
+        some = tuple(form for form in self.forms if form not in self.further)
+        if self.further and rng.random() < 0.5:
+            some = self.further
+        return some[int(rng.integers(len(some)))]
+
+
+def joined(first: Effect, further: Effect) -> Effect:
+    """Return an effect with the forms of two of the same name; it sits where the first one can."""
+
+    def of(form: str) -> Effect:
+        return further if form in further.forms else first
+
+    return Effect(
+        first.name,
+        (*first.forms, *further.forms),
+        first.places,
+        lambda asked: of(asked.form).draw(asked),
+        lambda truth, reality: of(truth.form).impose(truth, reality),
+        further.forms,
+    )
 
 
 def between(size: float, low: float, high: float) -> float:

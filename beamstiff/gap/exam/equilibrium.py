@@ -27,6 +27,8 @@ RAMP = (0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 HOLD_SCALE = 1e7  # N/m: makes rows of rigid directions as large as those of springs
 SLACK = 1e-10  # against redundant rigid directions, of the scaled system
 
+Weighted = tuple[tuple[int, float], ...]
+
 
 @dataclass(frozen=True, eq=False)
 class Load:
@@ -48,10 +50,13 @@ class Load:
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """What the rows of the strains are: rigid, governed by a law, or linear."""
+    """What the rows of the strains are: rigid, governed by a law, or linear.
+
+    A law's strain is a sum of rows, each with its weight: one row but for drives that mesh.
+    """
 
     rigid: NDArray[np.bool_]
-    laws: tuple[tuple[int, Law], ...]
+    laws: tuple[tuple[Weighted, Law], ...]
     rods: Array
 
 
@@ -69,19 +74,23 @@ def rows_of(topology: Topology) -> Rows:
     machine = topology.machine
     members = 6 * len(topology.members)
     rigid = np.zeros(members + len(machine.rods), dtype=np.bool_)
-    laws: list[tuple[int, Law]] = []
+    laws: list[tuple[Weighted, Law]] = []
     for at, hinge in enumerate(machine.hinges):
-        laws += [(6 * at + direction, law) for direction, law in hinge.laws.items()]
+        laws += [(((6 * at + direction, 1.0),), law) for direction, law in hinge.laws.items()]
         if hinge.stiffness.ndim == 1:
             rigid[6 * at : 6 * at + 6] = np.isinf(hinge.stiffness)
     rods = np.zeros(len(machine.rods))
     for at, rod in enumerate(machine.rods):
         if rod.law is not None:
-            laws.append((members + at, rod.law))
+            laws.append((((members + at, 1.0),), rod.law))
         else:
             rigid[members + at] = np.isinf(rod.stiffness)
             rods[at] = 0.0 if np.isinf(rod.stiffness) else rod.stiffness
-    rigid[[row for row, _ in laws]] = False
+    rigid[[row for ((row, _),), _ in laws]] = False
+    at_of = {hinge.name: at for at, hinge in enumerate(machine.hinges)}
+    for mesh in machine.meshes:
+        places = [6 * at_of[name] + direction for name, direction in (mesh.first, mesh.second)]
+        laws.append((tuple(zip(places, mesh.weights, strict=True)), mesh.law))
     return Rows(rigid, tuple(laws), rods)
 
 
@@ -197,10 +206,13 @@ def _answer(
     tangent[:, at, at] = rows.rods
     force = (tangent @ strain.rows[..., None])[..., 0]
     after = []
-    for (row, law), old in zip(rows.laws, memory, strict=True):
-        extra, slope, new = law.respond(strain.rows[:, row], situation, old)
-        force[:, row] += extra
-        tangent[:, row, row] += slope
+    for (weighted, law), old in zip(rows.laws, memory, strict=True):
+        total = sum((weight * strain.rows[:, row] for row, weight in weighted), np.zeros(poses))
+        extra, slope, new = law.respond(total, situation, old)
+        for row, weight in weighted:
+            force[:, row] += weight * extra
+            for other, its in weighted:
+                tangent[:, row, other] += weight * its * slope
         after.append(new)
     return force, tangent, tuple(after)
 

@@ -107,7 +107,8 @@ def topology_of(machine: Machine) -> Topology:
     locked[members.ravel()] = False
     joined = {name for _, nodes in machine.rigids for name in nodes}
     locked[[body_of[name] for name in joined]] = False
-    carrying = [mass.node for mass in machine.masses] + [n for bar in machine.bars for n in bar.nodes]
+    carrying = [mass.node for mass in machine.masses] + [hose.node for hose in machine.hoses]
+    carrying += [n for bar in machine.bars for n in bar.nodes]
     return Topology(
         machine=machine,
         body=np.array([body_of[node.name] for node in machine.nodes], dtype=np.int64),
@@ -231,13 +232,18 @@ def _shortening(length: Array) -> Array:
 def _weights(
     machine: Machine, index: dict[str, int], placed: Placed, nodes: Array, arms: Array
 ) -> tuple[Array, Array, Array]:
-    """Return arms, forces and moments of masses, then of either end of every bar."""
+    """Return arms, forces and moments of masses and hoses, then of either end of every bar."""
     g = np.array(machine.robot.gravity)
     found: list[tuple[Array, Array, Array]] = []
     for mass in machine.masses:
         arm = arms[:, index[mass.node]] + placed.rotations[machine.node(mass.node).frame] @ np.array(mass.at)
         force = np.broadcast_to(mass.mass * g, arm.shape)
         found.append((arm, force, np.zeros_like(arm)))
+    for hose in machine.hoses:
+        height = -nodes[:, index[hose.node]] @ g / (float(np.linalg.norm(g)) or 1.0)
+        kilograms = hose.per_metre * np.maximum(height - hose.low, 0.0)
+        force = kilograms[:, None] * g
+        found.append((arms[:, index[hose.node]], force, np.zeros_like(force)))
     for bar in machine.bars:
         a, b = (index[name] for name in bar.nodes)
         along = nodes[:, b] - nodes[:, a]

@@ -127,6 +127,42 @@ class Cross:
 
 
 @dataclass(frozen=True, eq=False)
+class Mesh:
+    """A spring between two directions of hinges, as gears or a belt make one; it may follow any law.
+
+    Attributes
+    ----------
+    first, second : tuple of (str, int)
+        Hinge and direction.
+    weights : (float, float)
+        The spring's strain is the sum of the two strains, each times its weight.
+    law : Law
+    """
+
+    first: tuple[str, int]
+    second: tuple[str, int]
+    weights: tuple[float, float]
+    law: Law
+
+
+@dataclass(frozen=True, eq=False)
+class Hose:
+    """A hose that a node lifts off the ground: the higher the node, the more of it hangs there.
+
+    Attributes
+    ----------
+    node : str
+    per_metre : float, kg/m
+    low : float, m
+        Height of the node, against gravity from the base frame's origin, at which nothing hangs.
+    """
+
+    node: str
+    per_metre: float
+    low: float
+
+
+@dataclass(frozen=True, eq=False)
 class Machine:
     """A machine as its parts; see the classes of the parts."""
 
@@ -140,6 +176,8 @@ class Machine:
     masses: tuple[Mass, ...]
     fixed: tuple[str, ...]
     tcp: str
+    meshes: tuple[Mesh, ...] = ()
+    hoses: tuple[Hose, ...] = ()
 
     def node(self, name: str) -> Node:
         """Return a node by name."""
@@ -169,7 +207,8 @@ class Machine:
     def laws(self) -> tuple[Law, ...]:
         """All laws of the machine."""
         of_rods = tuple(rod.law for rod in self.rods if rod.law is not None)
-        return tuple(law for hinge in self.hinges for law in hinge.laws.values()) + of_rods
+        of_meshes = tuple(mesh.law for mesh in self.meshes)
+        return tuple(law for hinge in self.hinges for law in hinge.laws.values()) + of_rods + of_meshes
 
 
 def machine_of(robot: Robot) -> Machine:

@@ -14,6 +14,8 @@ from beamstiff.gap.exam.placing import Placed
 LoadChange = Callable[[Campaign, Placed, Array], Array]
 # values as read, (N, 6), from the campaign, the machine placed at its rows, and the values as they are
 ReadingChange = Callable[[Campaign, Placed, Array], Array]
+# where the drives are, (P, A), from what their encoders read
+EncoderChange = Callable[[Array], Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +29,8 @@ class Reality:
         Errors of frame parameters (``f3.d``) and offsets of encoders (``q2``).
     loads : tuple of LoadChange
     readings : tuple of ReadingChange
+    encoders : tuple of EncoderChange
+        Errors of encoders that change with the angle.
     lever : (3,) tuple, m
         From the load's node to the true point of action, in the frame of the node.
     target : (3,) tuple, m
@@ -39,6 +43,7 @@ class Reality:
     geometry: Mapping[str, float] = field(default_factory=dict)
     loads: tuple[LoadChange, ...] = ()
     readings: tuple[ReadingChange, ...] = ()
+    encoders: tuple[EncoderChange, ...] = ()
     lever: tuple[float, float, float] = (0.0, 0.0, 0.0)
     target: tuple[float, float, float] = (0.0, 0.0, 0.0)
     marked: tuple[float, float, float] = (0.0, 0.0, 0.0)

@@ -150,6 +150,8 @@ def solve(
     row_of = row_of.reshape(-1)
     if near is None:
         errors = {name: error for name, error in reality.geometry.items() if "." in name}
+        for change in reality.encoders:
+            q = change(q)
         placed = place(skeleton_of(reality.machine.robot, errors), q, reality.geometry)
     else:
         placed = near.placed.at(row)

@@ -1,4 +1,8 @@
-"""Effects as the simulated machines have them: one file an effect, those outside the table in `outside_*`."""
+"""Effects as the simulated machines have them: one file an effect, those outside the table in `outside_*`.
+
+The files `further_*` and `outside_further` hold forms whose author has not read the diagnosis. Who writes the
+diagnosis must not read them: what its shapes miss can only show on forms that they do not know.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +12,7 @@ import numpy as np
 
 from beamstiff.errors import BeamstiffError, suggest
 from beamstiff.gap.exam.campaign import Truth
-from beamstiff.gap.exam.effect import Asked, Effect
+from beamstiff.gap.exam.effect import Asked, Effect, joined
 from beamstiff.gap.exam.reality import Reality
 from beamstiff.gap.exam.truths import (
     actuator_lever,
@@ -16,6 +20,14 @@ from beamstiff.gap.exam.truths import (
     base_compliance,
     bearing_tilt,
     frame_misalignment,
+    further_coupling,
+    further_friction,
+    further_geometry,
+    further_levers,
+    further_measurement,
+    further_springs,
+    further_structure,
+    further_tool,
     geometry_error,
     gravity_compensator,
     hardening,
@@ -26,6 +38,7 @@ from beamstiff.gap.exam.truths import (
     load_error,
     outliers,
     outside_drives,
+    outside_further,
     outside_structure,
     payload_error,
     thermal_drift,
@@ -34,7 +47,7 @@ from beamstiff.gap.exam.truths import (
 )
 from beamstiff.robot.description import Robot
 
-INSIDE: tuple[Effect, ...] = tuple(
+_FIRST: tuple[Effect, ...] = tuple(
     module.EFFECT
     for module in (
         link_bending,
@@ -57,7 +70,28 @@ INSIDE: tuple[Effect, ...] = tuple(
         outliers,
     )
 )
-OUTSIDE: tuple[Effect, ...] = (*outside_drives.EFFECTS, *outside_structure.EFFECTS)
+_FURTHER = {
+    effect.name: effect
+    for module in (
+        further_coupling,
+        further_friction,
+        further_geometry,
+        further_levers,
+        further_measurement,
+        further_springs,
+        further_structure,
+        further_tool,
+    )
+    for effect in module.EFFECTS
+}
+INSIDE: tuple[Effect, ...] = tuple(
+    joined(effect, _FURTHER[effect.name]) if effect.name in _FURTHER else effect for effect in _FIRST
+)
+OUTSIDE: tuple[Effect, ...] = (
+    *outside_drives.EFFECTS,
+    *outside_structure.EFFECTS,
+    *outside_further.EFFECTS,
+)
 EFFECTS = {effect.name: effect for effect in (*INSIDE, *OUTSIDE)}
 
 
@@ -98,7 +132,7 @@ def draw_truth(
         where = f"at {component!r}" if component else "anywhere"
         raise BeamstiffError(f"robot {robot.name!r} cannot have the effect {effect!r} {where}")
     place = possible[int(rng.integers(len(possible)))] if component is None else component
-    kind = known.forms[int(rng.integers(len(known.forms)))] if form is None else form
+    kind = known.draw_form(rng) if form is None else form
     if kind not in known.forms:
         raise BeamstiffError(f"effect {effect!r}: found the form {kind!r}, expected one of {known.forms}")
     measure = float(rng.uniform()) if size is None else size

@@ -82,7 +82,7 @@ def impose(truth: Truth, reality: Reality) -> Reality:
     rest = tuple(r for r in machine.rigids if r[0] != truth.component)
     rigidity = p["EI"] * np.array([1 / 0.12**2, np.inf, np.inf, p["twist"], p["flat"], 1.0])
     machine = dataclasses.replace(machine, rigids=rest)
-    up = _up(machine, nodes)
+    up = up_of(machine, nodes)
     if truth.form == "tapered":
         bar = Bar(str(truth.component), nodes, tapered(rigidity, lambda x: 1.0 - p["taper"] * x), up)
         return reality.with_machine(dataclasses.replace(machine, bars=(*machine.bars, bar)))
@@ -94,7 +94,7 @@ def impose(truth: Truth, reality: Reality) -> Reality:
     )
 
 
-def _up(machine: Machine, nodes: tuple[str, str]) -> Array:
+def up_of(machine: Machine, nodes: tuple[str, str]) -> Array:
     """Return a direction across the link in the frame of its first node: its section turns with it."""
     placed = in_the_middle(machine.robot)
     a, b = (placed.node(machine.node(n))[0] for n in nodes)
@@ -134,7 +134,7 @@ def _elbow(
     at = placed.rotations[frame][0].T @ (corner - placed.origins[frame][0])
     taken = {node.name for node in machine.nodes}
     middle = next(f"elbow{i}" for i in count() if f"elbow{i}" not in taken)
-    up = _up(machine, nodes)
+    up = up_of(machine, nodes)
     halves = (
         Bar(f"{name} before", (nodes[0], middle), tapered(rigidity, lambda x: 1.1 - 0.2 * x), up),
         Bar(f"{name} behind", (middle, nodes[1]), tapered(rigidity, lambda x: 0.9 - 0.2 * x), up),

@@ -33,7 +33,7 @@ def impose(truth: Truth, reality: Reality) -> Reality:
     def read(campaign: Campaign, placed: Placed, values: Array) -> Array:
         share = _course(truth.form, campaign, p["lag"])
         if campaign.shared_unloaded and campaign.kind == "displacement":
-            share = share - _at_start_of_pose(campaign, share)
+            share = share - at_start_of_pose(campaign, share)
         if truth.form == "growth":  # the machine grows: away from its base
             ways = np.empty((len(values), 3))
             for name in np.unique(campaign.point):
@@ -51,11 +51,7 @@ def impose(truth: Truth, reality: Reality) -> Reality:
 
 def _course(form: str, campaign: Campaign, lag: float) -> Array:
     """Return how much of the drift has happened in each row, (N,), 0 at the start."""
-    rows = np.lexsort((campaign.step, campaign.pose))
-    clock = np.empty(len(rows))
-    clock[rows] = PAUSE * np.arange(len(rows))
-    time = np.where(np.isnan(campaign.time), clock, campaign.time)
-    time = time - time.min()
+    time = since_start(campaign)
     whole = float(time.max()) or 1.0
     if form != "lagged-temperature" or np.isnan(campaign.temperature).any():
         return np.asarray((1.0 - np.exp(-time / (lag * whole))) / (1.0 - np.exp(-1.0 / lag)))
@@ -72,7 +68,18 @@ def _course(form: str, campaign: Campaign, lag: float) -> Array:
     return share
 
 
-def _at_start_of_pose(campaign: Campaign, share: Array) -> Array:
+def since_start(campaign: Campaign) -> Array:
+    """Return the time of each row from the first one, (N,), s; even where the campaign gives none."""
+    rows = np.lexsort((campaign.step, campaign.pose))
+    clock = np.empty(len(rows))
+    clock[rows] = PAUSE * np.arange(len(rows))
+    time = np.where(np.isnan(campaign.time), clock, campaign.time)
+    since: Array = time - time.min()
+    return since
+
+
+def at_start_of_pose(campaign: Campaign, share: Array) -> Array:
+    """Return what `share` was in the first row of each row's pose, (N,)."""
     order = np.lexsort((campaign.step, campaign.pose))
     _, first, back = np.unique(campaign.pose[order], return_index=True, return_inverse=True)
     result = np.empty(len(share))
