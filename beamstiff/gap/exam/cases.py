@@ -25,7 +25,7 @@ from beamstiff.gap.exam.record import KINDS, Kind, Label, sha256
 from beamstiff.gap.exam.robots import ROBOTS, WEIGHTS, exam_robot, with_payload, with_stiff_drive
 from beamstiff.gap.exam.simulate import draw_stiffness
 from beamstiff.gap.exam.sizes import DIGITS, sized
-from beamstiff.gap.exam.truths import OUTSIDE, draw_truth, resized
+from beamstiff.gap.exam.truths import OUTSIDE, draw_truth, is_further, resized
 from beamstiff.measure.table import Measurements
 from beamstiff.measure.writer import measurements_to_csv
 from beamstiff.robot.description import Robot
@@ -229,6 +229,8 @@ def _drawn(exam: Exam, rng: np.random.Generator, robot: Robot, drawn: Drawn) -> 
         data=campaign.kind,
         claimed=wish.claimed if exam.plan is None else "true",
         readings=6 if campaign.rotations else 3,
+        forms=tuple(truth.form for truth in truths),
+        further=any(is_further(truth) for truth in truths),
     )
     return Case(label, robot, machine, truths, campaign, fresh)
 

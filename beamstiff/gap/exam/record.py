@@ -34,6 +34,10 @@ class Label:
         the claim of the noise: ``true``, ``half``, ``twice`` or ``absent``.
     readings : int
         3 or 6 components.
+    forms : tuple of str
+        Constitutive form of each truth.
+    further : bool
+        Whether one of them is a form that who writes the diagnosis has not read.
     """
 
     case: int
@@ -46,6 +50,8 @@ class Label:
     data: str
     claimed: str
     readings: int
+    forms: tuple[str, ...] = ()
+    further: bool = False
 
     def digest(self) -> str:
         """Return the SHA-256 of the label, which seals it."""

@@ -133,18 +133,20 @@ def by_design(records: Records) -> tuple[list[Record], list[Record]]:
 
 
 def groups(records: Records) -> list[Group]:
-    """Return the cases by design, and those of all but lean designs by robot, readings, data and claim."""
+    """Return the cases by design; all but lean ones by robot, readings, data, claim and forms as well."""
     found: dict[str, list[Record]] = {}
     for record in records:
         label = record.label
         sorts = [f"{label.design}, all"]
         if label.design != "lean":
-            rest = (
+            rest = [
                 label.robot,
                 f"{label.readings} components",
                 label.data,
                 f"noise claimed: {label.claimed}",
-            )
+            ]
+            if label.truths:
+                rest.append("further forms" if label.further else "first forms")
             sorts += [f"{label.design}, {sort}" for sort in rest]
         for sort in sorts:
             found.setdefault(sort, []).append(record)

@@ -62,6 +62,13 @@ def test_cases_are_grouped_by_design_and_rich_ones_by_robot_and_readings() -> No
     }
 
 
+def test_effects_of_forms_that_the_diagnosis_does_not_know_are_a_group_of_their_own() -> None:
+    records = [answered(), answered(further=True), answered("none"), answered(further=True, design="lean")]
+    sizes = {group.name: len(group.records) for group in groups(records)}
+    assert (sizes["rich, all"], sizes["rich, first forms"], sizes["rich, further forms"]) == (3, 1, 1)
+    assert not {"lean, first forms", "lean, further forms"} & set(sizes)
+
+
 def test_bands_hold_every_single_once() -> None:
     records = [answered("backlash:q3", NONE, gap=gap) for gap in (0.0, 0.29, 0.3, 0.99, 1.0, 2.99, 3.0, 50.0)]
     assert [(band, len(cases)) for band, cases in banded(records)] == [

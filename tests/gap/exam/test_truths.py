@@ -14,7 +14,7 @@ from beamstiff.gap.exam.designs import Wish, draw_campaign
 from beamstiff.gap.exam.names import EFFECTS as NAMES
 from beamstiff.gap.exam.robots import exam_robot, with_payload, with_stiff_drive
 from beamstiff.gap.exam.simulate import simulate
-from beamstiff.gap.exam.truths import EFFECTS, INSIDE, OUTSIDE, components, draw_truth, resized
+from beamstiff.gap.exam.truths import EFFECTS, INSIDE, OUTSIDE, components, draw_truth, is_further, resized
 from beamstiff.robot.description import Robot
 from tests.gap.exam.campaigns import campaign_of, drawn, random_poses, read, without_weight
 
@@ -143,6 +143,13 @@ def test_what_cannot_be_is_refused_in_one_line() -> None:
         draw_truth(rng, robot, "backlsh")
     with pytest.raises(BeamstiffError, match="found the form 'fuzzy'"):
         draw_truth(rng, robot, "backlash", form="fuzzy")
+
+
+def test_half_of_the_draws_of_an_effect_take_a_form_that_the_diagnosis_does_not_know() -> None:
+    rng = np.random.default_rng(0)
+    drawn = [draw_truth(rng, exam_robot("kr240-2", rng), "backlash", 0.5) for _ in range(200)]
+    assert np.mean([is_further(truth) for truth in drawn]) == pytest.approx(0.5, abs=0.12)
+    assert not is_further(draw_truth(rng, exam_robot("kr240-2", rng), "outliers", 0.5))
 
 
 def test_truths_carry_their_label() -> None:

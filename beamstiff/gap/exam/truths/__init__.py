@@ -92,6 +92,7 @@ OUTSIDE: tuple[Effect, ...] = (
     *outside_structure.EFFECTS,
     *outside_further.EFFECTS,
 )
+UNREAD = tuple(effect.name for effect in outside_further.EFFECTS)
 EFFECTS = {effect.name: effect for effect in (*INSIDE, *OUTSIDE)}
 
 
@@ -146,6 +147,11 @@ def resized(truth: Truth, robot: Robot, size: float, seed: int) -> Truth:
     """
     asked = Asked(np.random.default_rng(seed), robot, truth.component, truth.form, size)
     return replace(truth, parameters=_known(truth.effect).draw(asked))
+
+
+def is_further(truth: Truth) -> bool:
+    """Tell whether an effect is of a form that who writes the diagnosis has not read."""
+    return truth.form in _known(truth.effect).further or truth.effect in UNREAD
 
 
 def imposed(truth: Truth, reality: Reality) -> Reality:
