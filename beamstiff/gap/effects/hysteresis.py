@@ -17,6 +17,14 @@ from beamstiff.gap.effects.laws import axis_at, drive_compliance, drives, torque
 from beamstiff.measure.rows import history_order
 from beamstiff.se3 import Array
 
+# how a history begins: its name, shares of the friction that may be left from the way to the pose, and
+# whether the dead weight acts after that
+BEGINNINGS = (
+    ("", (0.0,), False),
+    (", wound up by the weight", (0.0,), True),
+    (", left from the move", (1.0, -1.0), False),
+    (", left from the move, then wound up by the weight", (1.0, 0.5, -0.5, -1.0), True),
+)
 LIMITS = (0.04, 0.1, 0.2, 0.4, 0.8)  # friction over the largest torque
 
 
@@ -26,8 +34,10 @@ def held_torque(
     fresh: NDArray[np.bool_],
     order: NDArray[np.intp],
     limit: float,
+    *,
     wound: bool = False,
     arrived: float = 0.0,
+    whole: bool = False,
 ) -> Array:
     """Return S_r (N,): the torque that friction holds, stepping through the rows in their order.
 
@@ -42,10 +52,12 @@ def held_torque(
     limit : float
         Friction r.
     wound : bool
-        Whether the dead weight has wound the drive up against its friction when a history begins: what is
-        held is then counted from there.
+        Whether the dead weight winds the drive up against its friction when a history begins.
     arrived : float
         Share of the friction, -1 to 1, that is left from the way to the pose.
+    whole : bool
+        Whether what is held when a history begins counts too, as where positions are absolute; displacements
+        are counted from there.
 
     Examples
     --------
@@ -63,7 +75,10 @@ def held_torque(
     for row in order.tolist():
         if new[row]:
             before = unloaded[row]
-            held = first = max(-limit, min(limit, before)) if wound else arrived * limit
+            held = arrived * limit
+            if wound:
+                held = max(-limit, min(limit, held + before))
+            first = 0.0 if whole else held
         held = max(-limit, min(limit, held + loads[row] - before))
         before = loads[row]
         result[row] = held - first
@@ -80,39 +95,39 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     for row in order.tolist():
         fresh[row] = int(groups[row]) not in seen
         seen.add(int(groups[row]))
-    largest, unit = axis.typical, unit_of(axis)
+    torque, largest = axis.load + axis.dead, axis.typical
     give = drive_compliance(axis) * largest
-    lag = Quantity("held_windup", unit, give)
-    several = tuple(Quantity(f"held_windup_{limit:g}", unit, 0.5 * give) for limit in LIMITS)
     result = []
-    for wound, start in ((False, ""), (True, ", wound up by the weight")):
-        columns = []
+    for begin, ways, wound in BEGINNINGS:
+        every, names = [], []
+        size = give if len(ways) == 1 else 0.7 * give
         for limit in LIMITS:
-            torque = axis.load + axis.dead
-            held = held_torque(torque, axis.dead, fresh, order, limit * largest, wound) / largest
-            columns.append(-axis.shift * held[:, None])
-        result += [
-            Shape(f"friction {limit:g}{start}", column[..., None], (lag,), spread=4.0)
-            for limit, column in zip(LIMITS, columns, strict=True)
-        ]
-        result.append(Shape(f"distributed friction{start}", np.stack(columns, -1), several, spread=4.0))
-    torque = axis.load + axis.dead
-    every, names = [], []
-    for limit in LIMITS:
-        ways = [
-            held_torque(torque, axis.dead, fresh, order, limit * largest, arrived=way) for way in (1.0, -1.0)
-        ]
-        columns = [-axis.shift * (held / largest)[:, None] for held in ways]
-        both = tuple(Quantity(f"held_windup_from_{side}", unit, 0.7 * give) for side in ("above", "below"))
-        result.append(
-            Shape(f"friction {limit:g}, left from the move", np.stack(columns, -1), both, spread=4.0)
-        )
-        every += columns
-        names += [replace(one, name=f"{one.name}_{limit:g}", size=0.5 * one.size) for one in both]
-    result.append(
-        Shape("distributed friction, left from the move", np.stack(every, -1), tuple(names), spread=4.0)
-    )
+            columns = [
+                held_torque(
+                    torque,
+                    axis.dead,
+                    fresh,
+                    order,
+                    limit * largest,
+                    wound=wound,
+                    arrived=way,
+                    whole=baseline.absolute,
+                )
+                for way in ways
+            ]
+            moved = [-axis.shift * (held / largest)[:, None] for held in columns]
+            lags = [Quantity(_name(way), unit_of(axis), size) for way in ways]
+            result.append(Shape(f"friction {limit:g}{begin}", np.stack(moved, -1), tuple(lags), spread=4.0))
+            every += moved
+            names += [replace(one, name=f"{one.name}_{limit:g}", size=0.5 * one.size) for one in lags]
+        result.append(Shape(f"distributed friction{begin}", np.stack(every, -1), tuple(names), spread=4.0))
     return result
+
+
+def _name(way: float) -> str:
+    if way == 0.0:
+        return "held_windup"
+    return f"held_windup_from_{'above' if way > 0.0 else 'below'}" + ("" if abs(way) == 1.0 else "_half")
 
 
 EFFECT = Effect(

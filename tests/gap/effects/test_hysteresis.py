@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,9 +15,9 @@ from tests.gap.machines import ELBOW, FORE, elbow, nominal, rows_of, shape_of
 CYCLE = np.array([0.25, 0.5, 1.0, 0.5, 0.25, 0.0, -0.5, -1.0, -0.5, 0.0, 1.0])
 
 
-def stepped(torque: Array, limit: float, start: float = 0.0, wound: bool = False) -> Array:
+def stepped(torque: Array, limit: float, start: float = 0.0, **more: Any) -> Array:
     n = len(torque)
-    return held_torque(torque, np.full(n, start), np.arange(n) == 0, np.arange(n), limit, wound)
+    return held_torque(torque, np.full(n, start), np.arange(n) == 0, np.arange(n), limit, **more)
 
 
 def test_friction_holds_all_until_it_slips_and_twice_as_much_on_the_way_back() -> None:
@@ -115,3 +116,30 @@ def test_friction_left_from_the_move_is_given_back_before_it_holds_the_other_way
     assert found[3:8] == pytest.approx([-0.5, -0.6, -0.6, -0.6, -0.6])
     other = held_torque(-CYCLE, np.zeros(n), np.arange(n) == 0, np.arange(n), 0.3, arrived=-1.0)
     assert other == pytest.approx(-found)
+
+
+def test_absolute_positions_show_what_was_held_before_the_first_load_as_well() -> None:
+    loads = np.array([5.0, 6.0, 3.0])
+    assert stepped(loads, 0.5, start=5.0, wound=True, whole=True) == pytest.approx([0.5, 0.5, -0.5])
+    assert stepped(loads, 0.5, start=5.0, arrived=-1.0, whole=True) == pytest.approx([-0.5, 0.5, -0.5])
+    # a displacement is the difference of two of them
+    for arrived in (-1.0, -0.5, 0.0, 0.5, 1.0):
+        there = stepped(loads, 0.5, start=5.0, wound=True, arrived=arrived, whole=True)
+        apart = stepped(loads, 0.5, start=5.0, wound=True, arrived=arrived)
+        assert apart == pytest.approx(there - there[0])
+
+
+@pytest.mark.parametrize("name", ["friction 0.2, wound up by the weight", "friction 0.2, left from the move"])
+def test_the_columns_of_absolute_rows_differ_by_what_was_held_at_first(name: str) -> None:
+    wrench = CYCLE[:, None] * 1000 * np.eye(6)[1]
+    one = {"pose": np.zeros(11, int), "step": np.arange(11)}
+    moved, still = (
+        shape_of(
+            nominal(elbow(), rows_of(elbow(), [0.3, 0.2], wrench, **one, **more)), "hysteresis", "q2", name
+        )
+        for more in ({}, {"position": np.zeros((11, 3)), "rotation": np.zeros((11, 3))})
+    )
+    apart = still.columns - moved.columns
+    np.testing.assert_allclose(apart, np.broadcast_to(apart[:1], apart.shape), atol=1e-12)
+    if "move" in name:  # without dead weight nothing else is held before the first load
+        assert np.abs(apart).max() > 1e-3 * np.abs(moved.columns).max()
