@@ -3,8 +3,9 @@
 For a shape with columns A (whitened, in realistic sizes) and parameters drawn from ``N(0, u^2)``, noise
 scale s and a share of the unknown K, the gap y is Gaussian, ``y ~ N(T b, s^2 (1 + r^2 K) + u^2 A A^T)``, b
 free: in the axes of `whitened` all sums are weighted ones, and with the eigenvalues g of ``A^T M A`` the
-density is closed in s and u. It is averaged over s, u and r (Bayesian model averaging; MacKay, Neural Comp.
-4 (1992) 415).
+density is closed in s and u. Parameters that cannot be negative come from the upper half of the normal, which
+weighs the density by twice the probability that they are not. It is averaged over s, u and r (Bayesian model
+averaging; MacKay, Neural Comp. 4 (1992) 415).
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import log_ndtr
 
 from beamstiff.gap.library import Hypothesis
 from beamstiff.gap.whitened import Whitened
@@ -69,6 +71,8 @@ class Stack:
     count : int
         Columns of each, c.
     columns : (n, h c) array
+    positive : (h, c) bool array
+        Parameters that cannot be negative.
     grams : dict of float to (h, c, c) array
         ``A^T W A`` by the share of the unknown that the weights W belong to, kept: the same hypotheses are
         weighed again and again, beside other causes.
@@ -77,6 +81,7 @@ class Stack:
     index: NDArray[np.intp]
     count: int
     columns: Array
+    positive: NDArray[np.bool_]
     grams: dict[float, Array] = field(default_factory=dict)
 
     def gram(self, share: float, weight: Array) -> Array:
@@ -93,7 +98,14 @@ def stacks_of(hypotheses: Sequence[Hypothesis]) -> list[Stack]:
     for at, one in enumerate(hypotheses):
         by_count[one.columns.shape[1]].append(at)
     return [
-        Stack(np.array(places), count, np.concatenate([hypotheses[at].columns for at in places], axis=1))
+        Stack(
+            np.array(places),
+            count,
+            np.concatenate([hypotheses[at].columns for at in places], axis=1),
+            np.array(
+                [[one.positive for one in hypotheses[at].shape.parameters] for at in places], dtype=bool
+            ),
+        )
         for count, places in by_count.items()
     ]
 
@@ -183,42 +195,67 @@ def _given_share(
     half = np.asarray(np.linalg.solve(chol, own.T * weight), dtype=np.float64)  # (t + m, n)
     determinant = -0.5 * (-np.log(weight).sum() + 2 * np.log(np.diag(chol)).sum())
     log_s = np.log(scales.value)
+    share_s = np.exp(scales.log_weight - logsumexp(scales.log_weight))
+    middle = float(np.exp(share_s @ log_s))
     seen = half @ gaps
     total = (weight[:, None] * gaps**2).sum(axis=0) - (seen**2).sum(axis=0)  # (d,)
     constant = determinant - (n - t) * log_s + scales.log_weight  # (S,)
 
     def averaged(left: Array, loss: Array) -> Array:
-        """Average over s: what is left (..., S, d), complexity (..., S)."""
-        inner = constant[:, None] - loss[..., None] - 0.5 * left / scales.value[:, None] ** 2
+        """Average over s: what is left (..., S, d), complexity (..., S, 1 or d)."""
+        inner = constant[:, None] - loss - 0.5 * left / scales.value[:, None] ** 2
         return np.asarray(logsumexp(inner, axis=-2))
 
     result = np.empty((1 + spread.size, MAGNITUDES.size, gaps.shape[1]))
-    nothing = averaged(np.broadcast_to(total, (log_s.size, total.size)), np.zeros(log_s.size))
+    nothing = averaged(np.broadcast_to(total, (log_s.size, total.size)), np.zeros((log_s.size, 1)))
     result[0] = nothing
     apart = weight[:, None] * gaps - half.T @ seen  # (n, d)
     for stack in stacks:
-        eigenvalues, projected = _projected(stack, stack.gram(share, weight), half, apart)
+        eigenvalues, projected, vectors = _projected(stack, stack.gram(share, weight), half, apart)
+        signed = np.flatnonzero(stack.positive.any(axis=1))
         for k, magnitude in enumerate(MAGNITUDES):
             u = spread[stack.index] ** magnitude  # (h,)
             ratio = (u[:, None] / scales.value) ** 2  # (h, S)
             grown = ratio[:, :, None] * eigenvalues[:, None]  # (h, S, c)
-            loss = 0.5 * np.log1p(grown).sum(axis=2)
+            loss = 0.5 * np.log1p(grown).sum(axis=2)[..., None]
             factor = ratio[:, :, None] / (1 + grown)
             explained = factor @ projected**2  # (h, S, d)
+            if signed.size:
+                parts = (stack.positive[signed], eigenvalues[signed], projected[signed], vectors[signed])
+                upper = np.zeros((stack.index.size, 1, gaps.shape[1]))
+                upper[signed, 0] = _log_upper(*parts, u[signed], middle)
+                loss = loss - upper
             result[1 + stack.index, k] = averaged(total - explained, loss)
     return result
 
 
-def _projected(stack: Stack, gram: Array, half: Array, apart: Array) -> tuple[Array, Array]:
-    """Return the eigenvalues of A^T M A (h, c), and A^T M y along their vectors (h, c, d)."""
+def _projected(stack: Stack, gram: Array, half: Array, apart: Array) -> tuple[Array, Array, Array]:
+    """Return eigenvalues of A^T M A (h, c), A^T M y along the vectors (h, c, d), and these (h, c, c)."""
     shape = (stack.index.size, stack.count)
     left = (half @ stack.columns).reshape(len(half), *shape).transpose(1, 0, 2)  # (h, t, c)
     toward = (stack.columns.T @ apart).reshape(*shape, -1)
     own = gram - left.transpose(0, 2, 1) @ left
     if stack.count == 1:
-        return np.maximum(own[:, 0], 0.0), toward
+        return np.maximum(own[:, 0], 0.0), toward, np.ones_like(own)
     values, vectors = np.linalg.eigh(own)
-    return np.maximum(values, 0.0), vectors.transpose(0, 2, 1) @ toward
+    return np.maximum(values, 0.0), vectors.transpose(0, 2, 1) @ toward, vectors
+
+
+def _log_upper(
+    positive: NDArray[np.bool_], eigenvalues: Array, projected: Array, vectors: Array, u: Array, scale: float
+) -> Array:
+    """Return by how much the density grows (h, d), log, as some parameters (h, c) cannot be negative.
+
+    Twice the probability that each is not, given the gap and a noise scale; exact for one parameter, of
+    several as if they were independent. `eigenvalues` (h, c), `projected` (h, c, d) as of `_projected`.
+    """
+    ratio = (u[:, None] / scale) ** 2
+    factor = ratio / (1.0 + ratio * eigenvalues)  # variance along the vectors, over scale^2
+    mean = vectors @ (factor[..., None] * projected)  # (h, c, d)
+    spread = scale * np.sqrt(np.maximum((vectors**2 @ factor[..., None]), 1e-300))  # (h, c, 1)
+    upper = np.log(2.0) + log_ndtr(mean / spread)
+    result: Array = np.where(positive[..., None], upper, 0.0).sum(axis=1)
+    return result
 
 
 def logsumexp(values: Array, axis: int | tuple[int, ...] | None = None) -> Array:

@@ -109,9 +109,10 @@ def alone(white: Whitened, shapes: Sequence[Hypothesis], scales: Scales, laws: S
 
 def _joined(first: Hypothesis, second: Hypothesis, size: float, other: float) -> Hypothesis:
     columns: Array = np.concatenate([size * first.columns, other * second.columns], axis=1)
+    parameters = (*first.shape.parameters, *second.shape.parameters)
     return replace(
         first,
-        shape=replace(first.shape, spread=COMMON),
+        shape=replace(first.shape, spread=COMMON, parameters=parameters),
         prior=first.prior * second.prior,
         columns=columns,
         places=(*first.places, *second.places),

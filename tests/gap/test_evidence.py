@@ -95,6 +95,48 @@ def test_a_density_is_the_integral_over_the_effects_size_and_the_fitted_paramete
     assert found == pytest.approx(np.log(exact) + constant(white), abs=1e-8)
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_parameter_that_cannot_be_negative_is_integrated_over_its_half(side: float) -> None:
+    white, one = case(5, 1, 1)
+    upper = hypothesis(side * one.columns, positive=True)
+    grid, half = np.linspace(-40, 40, 801), 0.01 * (np.arange(4000) + 0.5)
+    theta, b = np.meshgrid(half, grid, indexing="ij")
+    explained = theta[..., None] * upper.columns[:, 0] + b[..., None] * white.tangent[:, 0]
+    likelihood = norm.pdf(white.gap - explained).prod(axis=-1)
+    cell = (grid[1] - grid[0]) * (half[1] - half[0])
+    exact = np.mean([(likelihood * 2 * norm.pdf(theta, scale=u)).sum() * cell for u in 3.0**MAGNITUDES])
+    found = evidence(white, [upper], ONE).exact[0]
+    assert found == pytest.approx(np.log(exact) + constant(white), abs=1e-4)
+
+
+def test_what_would_have_to_give_way_against_its_load_is_no_explanation() -> None:
+    rng = np.random.default_rng(6)
+    column = rng.standard_normal((40, 1))
+    gap = 5 * column[:, 0] + rng.standard_normal(40)
+    there, against, either = (
+        hypothesis(sign * column, positive=signed) for sign, signed in ((1, True), (-1, True), (1, False))
+    )
+    found = evidence(gap_of(gap), [there, against, either], ONE).hypotheses
+    assert found[0] == pytest.approx(
+        found[2] + np.log(2), abs=1e-6
+    )  # half of the sizes, each twice as likely
+    assert found[1] < found[2] - 20
+
+
+def test_of_several_that_are_independent_each_counts_by_itself() -> None:
+    first, second = np.eye(4)[:, :1], np.eye(4)[:, 1:2]
+    gap = gap_of([2.0, -1.0, 0.3, -0.2])
+    both = hypothesis(np.concatenate([first, second], axis=1), positive=True)
+    free = hypothesis(np.concatenate([first, second], axis=1))
+    gain = evidence(gap, [both], ONE).exact[0] - evidence(gap, [free], ONE).exact[0]
+    u = 3.0**MAGNITUDES  # each size weighs with its own evidence
+    spread = u / np.sqrt(1 + u**2)
+    by_size = -np.log1p(u**2) + 0.5 * (4.0 + 1.0) * spread**2
+    odds = norm.cdf(2.0 * spread) * norm.cdf(-1.0 * spread) * 4
+    weights = np.exp(by_size - by_size.max())
+    assert gain == pytest.approx(np.log((weights @ odds) / weights.sum()), abs=1e-9)
+
+
 def test_many_hypotheses_at_once_are_weighed_as_each_alone() -> None:
     white, _ = case(6, 1, 1)
     rng = np.random.default_rng(5)

@@ -15,7 +15,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     axis = axis_at(baseline, str(component))
     largest = axis.typical
     unit = unit_of(axis)
-    half = Quantity("half_width", unit, 2e-4 if axis.turns else 5e-5)
+    half = Quantity("half_width", unit, 2e-4 if axis.turns else 5e-5, positive=True)
     rest = Quantity("rest", unit, 0.5 * half.size)
     result = []
     for width in WIDTHS:

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects.effect import Effect, Quantity, Scales, Shape, stated_scale
-from beamstiff.gap.effects.laws import by_compliance, component_of, joint_of
+from beamstiff.gap.effects.laws import by_compliance, by_side, component_of, joint_of
 from beamstiff.gap.places import Place
 from beamstiff.se3 import Array
 
-TILT = Quantity("tilting_compliance", "rad/(N*m)", 2e-7)
-RADIAL = Quantity("radial_compliance", "m/N", 3e-9)
-AXIAL = Quantity("axial_compliance", "m/N", 2e-9)
+TILT = Quantity("tilting_compliance", "rad/(N*m)", 2e-7, positive=True)
+RADIAL = Quantity("radial_compliance", "m/N", 3e-9, positive=True)
+AXIAL = Quantity("axial_compliance", "m/N", 2e-9, positive=True)
 OFF = 0.05  # m along the axis, from the joint's frame to where its bearing tilts about
 
 
@@ -28,17 +30,19 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     by_axis = [by_compliance(baseline, place, [pair]) for pair in ((4, 4), (5, 5), (4, 5))]
     skew = Quantity("tilting_compliance_yz", "rad/(N*m)", 0.5 * TILT.size)
     two = (
-        Quantity("tilting_compliance_y", "rad/(N*m)", TILT.size),
-        Quantity("tilting_compliance_z", "rad/(N*m)", TILT.size),
+        Quantity("tilting_compliance_y", "rad/(N*m)", TILT.size, positive=True),
+        Quantity("tilting_compliance_z", "rad/(N*m)", TILT.size, positive=True),
     )
     radials = [by_compliance(baseline, place, [pair]) for pair in ((1, 1), (2, 2))]
     # about a point that is off along the axis, forces across it tilt too
     across, along = (by_compliance(baseline, place, [pair]) for pair in ((1, 5), (2, 4)))
     off = Quantity("tilting_by_force", "rad/N", OFF * TILT.size)
     offs = tuple(Quantity(f"tilting_by_force_{axis}", "rad/N", OFF * TILT.size) for axis in "yz")
-    sides = tuple(Quantity(f"radial_compliance_{axis}", "m/N", RADIAL.size) for axis in "yz")
+    sides = tuple(Quantity(f"radial_compliance_{axis}", "m/N", RADIAL.size, positive=True) for axis in "yz")
     stiffening = _stiffening(baseline, place, str(component))
     contact = Quantity("tilt_at_usual_moment", "rad", TILT.size * usual_moment(baseline, str(component)))
+    sided = [by_side(baseline, place, at) for at in (4, 5, 1, 2, 0)]
+    either = (*two, *sides, AXIAL)
     return [
         Shape("tilt", tilt[..., None], (TILT,)),
         Shape("tilt and radial", np.stack([tilt, radial], -1), (TILT, RADIAL)),
@@ -56,6 +60,18 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
             "all, off its centre",
             np.stack([*by_axis, *radials, axial, across, along], -1),
             (*two, skew, *sides, AXIAL, *offs),
+            weight=0.5,
+        ),
+        Shape(
+            "all, softer to one side",
+            np.stack([*by_axis, *radials, axial, *sided], -1),
+            (
+                *two,
+                skew,
+                *sides,
+                AXIAL,
+                *(replace(one, name=f"{one.name}_by_side", positive=False) for one in either),
+            ),
             weight=0.5,
         ),
     ]

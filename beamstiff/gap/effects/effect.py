@@ -18,11 +18,14 @@ class Quantity:
     name, unit : str
     size : float
         A middling realistic magnitude, in `unit`.
+    positive : bool
+        Whether it cannot be negative: nothing gives way against its load.
     """
 
     name: str
     unit: str
     size: float
+    positive: bool = False
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,8 @@
 """`geometry-error`: a parameter of the kinematics, or the zero of an encoder, differs from nominal.
 
 Columns are central differences of the nominal pose, loops closed anew. Displacements hardly depend on
-geometry: of them only encoders' zeros are tried, by central differences of the deflection.
+geometry: of them only encoders' zeros are tried, by central differences of the deflection. What sits off
+the axis of its joint, a disc or a bearing, errs once a turn as well.
 """
 
 from __future__ import annotations
@@ -43,11 +44,37 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     frame, _, parameter = name.rpartition(".")
     angle = parameter in ANGLES if frame else _turns(baseline.nominal, name)
     try:
-        columns = (_pose_change if baseline.absolute else _deflection_change)(baseline, name)
+        columns = (pose_change if baseline.absolute else _deflection_change)(baseline, name)
     except BeamstiffError:  # a loop that constrains more than it needs to closes with nominal values only
         return []
-    size = Quantity("offset", "rad" if angle else "m", ANGLE if angle else LENGTH)
-    return [Shape("offset", columns[..., None], (size,))]
+    unit, size = ("rad", ANGLE) if angle else ("m", LENGTH)
+    result = [Shape("offset", columns[..., None], (Quantity("offset", unit, size),))]
+    turn = _turn(baseline, name) if baseline.absolute else None
+    if turn is not None:
+        courses = (np.ones_like(turn), np.sin(turn), np.cos(turn))
+        parts = ("offset", "once_a_turn_sine", "once_a_turn_cosine")
+        by_turn = np.stack([columns * course[:, None] for course in courses], -1)
+        runout = tuple(Quantity(part, unit, size) for part in parts)
+        result.append(Shape("offset, and once a turn", by_turn, runout, weight=0.5))
+    return result
+
+
+def _turn(baseline: Baseline, name: str) -> Array | None:
+    """Return the angle (N,) of the joint at which a parameter sits: what is off its axis turns with it."""
+    robot, rows = baseline.nominal, baseline.rows
+    frame, _, _ = name.rpartition(".")
+    for variable in robot.actuated:
+        own = variable.name == name if not frame else _follows(robot, frame, variable.name)
+        if own and variable.kind == "angle":
+            result: Array = rows.q[:, rows.variables.index(variable.name)]
+            return result
+    return None
+
+
+def _follows(robot: Robot, frame: str, variable: str) -> bool:
+    one = next(item for item in robot.frames if item.name == frame)
+    values = [getattr(one, name) for name in ANGLES]
+    return any(isinstance(value, str) and variable in value for value in values)
 
 
 def _turns(robot: Robot, variable: str) -> bool:
@@ -82,7 +109,8 @@ def _deflection_change(baseline: Baseline, name: str) -> Array:
     return result
 
 
-def _pose_change(baseline: Baseline, name: str) -> Array:
+def pose_change(baseline: Baseline, name: str) -> Array:
+    """Return how the nominal pose (N, 6) changes with a parameter, or an encoder's zero, per unit."""
     (low, below), (high, above) = (nominal_pose(*_changed(baseline, name, by)) for by in (-STEP, STEP))
     turned = vector_from_rotation(above @ below.swapaxes(-1, -2))
     return np.concatenate([high - low, turned], axis=1) / (2 * STEP)

@@ -15,8 +15,8 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     axis = axis_at(baseline, str(component))
     largest, unit = axis.typical, unit_of(axis)
     give = drive_compliance(axis) * largest
-    scale = Quantity("softening_at_largest_torque", unit, 0.3 * give)
-    soft = Quantity("extra_windup", unit, 0.2 * give)
+    scale = Quantity("softening_at_largest_torque", unit, 0.3 * give, positive=True)
+    soft = Quantity("extra_windup", unit, 0.2 * give, positive=True)
 
     def cubic(torque: np.ndarray) -> np.ndarray:
         return np.asarray(-((torque / largest) ** 3))
@@ -36,7 +36,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         Shape(f"knee at {at:g}", column[..., None], (soft,), spread=5.0)
         for at, column in zip(KNEES, windups, strict=True)
     ]
-    several = tuple(Quantity(f"extra_windup_{at:g}", unit, 0.15 * give) for at in KNEES)
+    several = tuple(Quantity(f"extra_windup_{at:g}", unit, 0.15 * give, positive=True) for at in KNEES)
     result.append(Shape("several knees", np.stack(windups, -1), several, spread=5.0))
     return result
 

@@ -116,7 +116,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
                 for way in ways
             ]
             moved = [-axis.shift * (held / largest)[:, None] for held in columns]
-            lags = [Quantity(_name(way), unit_of(axis), size) for way in ways]
+            lags = [Quantity(_name(way), unit_of(axis), size, positive=True) for way in ways]
             result.append(Shape(f"friction {limit:g}{begin}", np.stack(moved, -1), tuple(lags), spread=4.0))
             every += moved
             names += [replace(one, name=f"{one.name}_{limit:g}", size=0.5 * one.size) for one in lags]

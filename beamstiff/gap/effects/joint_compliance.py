@@ -23,14 +23,14 @@ def _components(baseline: Baseline) -> list[str | None]:
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     axis = axis_at(baseline, str(component))
     unit, size = ("rad/(N*m)", 4e-7) if axis.turns else ("m/N", 5e-9)
-    compliance = Quantity("compliance", unit, size)
+    compliance = Quantity("compliance", unit, size, positive=True)
     linear = by_law(baseline, axis, lambda torque: torque)
 
     def grown(torque: np.ndarray) -> np.ndarray:
         return np.asarray(-torque * np.abs(torque) / (axis.typical + np.abs(torque)))
 
     less = by_law(baseline, axis, grown)
-    stiffer = Quantity("compliance_lost_at_much_torque", unit, 0.5 * size)
+    stiffer = Quantity("compliance_lost_at_much_torque", unit, 0.5 * size, positive=True)
     return [
         Shape("linear", linear[..., None], (compliance,), spread=30.0),
         Shape("stiffening", np.stack([linear, less], -1), (compliance, stiffer), spread=30.0),

@@ -112,6 +112,18 @@ def by_compliance(baseline: Baseline, place: Place, pairs: list[tuple[int, int]]
     return result
 
 
+def by_side(baseline: Baseline, place: Place, at: int) -> Array:
+    """Return the displacement (N, 6) of a place that gives to either side of a direction, 0..5, as to one.
+
+    Beside a compliance it makes one side softer than the other: a seam that opens, a foot that lifts.
+    """
+    slip = np.abs(place.load[:, at] + place.dead[:, at])
+    if not baseline.absolute:
+        slip = slip - np.abs(place.dead[:, at])
+    result: Array = place.shift[:, :, at] * slip[:, None]
+    return result
+
+
 def drive_compliance(axis: Axis) -> float:
     """Return the compliance of a drive as the robot was given; of rigid ones a middling value."""
     usual = 3e-7 if axis.turns else 3e-9

@@ -65,8 +65,8 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     twist = flexibility(length, even, "twist")
     stretch = np.zeros((6, 6))
     stretch[0, 0] = length
-    bend = Quantity("bending_flexibility", "1/(N*m^2)", 1 / EI)
-    turn = Quantity("torsion_flexibility", "1/(N*m^2)", TWIST / EI)
+    bend = Quantity("bending_flexibility", "1/(N*m^2)", 1 / EI, positive=True)
+    turn = Quantity("torsion_flexibility", "1/(N*m^2)", TWIST / EI, positive=True)
     column = {
         "uniform": _column(baseline, place, both(even) + TWIST * twist),
         "root": _column(baseline, place, both(root)),
@@ -79,8 +79,8 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     }
     half = Quantity("bending_flexibility_root", "1/(N*m^2)", 0.7 / EI)
     other = Quantity("bending_flexibility_tip", "1/(N*m^2)", 0.7 / EI)
-    sheer = Quantity("stretch_flexibility", "1/N", 5e-10)
-    y, z = (Quantity(f"bending_flexibility_{axis}", "1/(N*m^2)", 1 / EI) for axis in "yz")
+    sheer = Quantity("stretch_flexibility", "1/N", 5e-10, positive=True)
+    y, z = (Quantity(f"bending_flexibility_{axis}", "1/(N*m^2)", 1 / EI, positive=True) for axis in "yz")
     yz = Quantity("bending_flexibility_yz", "1/(N*m^2)", 0.3 / EI)
     names = [
         ("uniform", ("uniform",), (bend,)),

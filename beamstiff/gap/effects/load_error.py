@@ -1,8 +1,9 @@
 """`load-error`: the wrench that acts is not the one that was written down.
 
 To first order the displacement is off by ``C dw``, C the compliance between tool and target, dw the error
-of the wrench: a cable pulls askew (``theta x F``), a cell has other gains by axis, is not linear, has a
-tare, and the friction of a pulley adds to a rising load and takes from a falling one.
+of the wrench: a cable pulls askew (``theta x F``), a cell has other gains by axis or side, reads forces
+as moments, is not linear, has a tare, and the friction of a pulley adds to a rising load and takes from a
+falling one.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from beamstiff.se3 import Array
 ANGLE = 0.03  # rad
 GAIN = 0.03
 TARE = 10.0  # N
+LEVER = 0.01  # m, of a moment that a cell reads of a force
 
 
 def _largest_force(baseline: Baseline) -> float:
@@ -59,6 +61,17 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
             parts.append((frame[:, :, :, None] * own[:, None, None, :]).reshape(len(own), 3, 9))
         return moved(np.concatenate(parts, 1))
 
+    def into_moments(frame: Array) -> Array:
+        """Return what a cell reads of forces as moments, each axis by each: nine levers."""
+        own = np.einsum("nai,na->ni", frame, wrench[:, :3])
+        moment = (frame[:, :, :, None] * own[:, None, None, :]).reshape(len(own), 3, 9)
+        return moved(np.concatenate([np.zeros_like(moment), moment], 1))
+
+    def by_side(frame: Array) -> Array:
+        """Return what another gain in push than in pull displaces, by axis."""
+        own = np.abs(np.einsum("nai,na->ni", frame, wrench[:, :3]))
+        return moved(np.concatenate([frame * own[:, None, :], np.zeros_like(frame)], 1))
+
     def constant(frame: Array) -> Array:
         acts = np.linalg.norm(wrench, axis=1) > 0
         return moved(np.concatenate([frame * acts[:, None, None], np.zeros_like(frame)], 1))
@@ -67,6 +80,9 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
         return tuple(Quantity(f"{what}_{name}", unit, size) for name in axis)
 
     size = np.linalg.norm(wrench[:, :3], axis=1, keepdims=True) / largest
+    along = np.divide(wrench, size * largest, out=np.zeros_like(wrench), where=size > 0)
+    tare = (wrench, along)
+    levers = tuple(Quantity(f"moment_tool_{a}_by_{b}", "m", LEVER) for a in "xyz" for b in "xyz")
     bent = Quantity("nonlinearity_at_largest_load", "1", GAIN)
     result = [
         Shape("direction", turned(base), named("direction", "rad", ANGLE)),
@@ -82,6 +98,24 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
             "cross-talk of the cell",
             mixed(axes),
             tuple(Quantity(f"gain_tool_{a}{b}", "1", GAIN) for a in "xyz" for b in "xyz"),
+        ),
+        Shape("cross-talk of the cell into moments", into_moments(axes), levers),
+        Shape(
+            "other gain in push than in pull",
+            np.concatenate([scaled(base), by_side(base)], -1),
+            (*named("gain", "1", GAIN), *named("gain_by_side", "1", GAIN)),
+            weight=0.5,
+        ),
+        Shape(
+            "other gain in push than in pull, axes of the tool",
+            np.concatenate([scaled(axes), by_side(axes)], -1),
+            (*named("gain_tool", "1", GAIN), *named("gain_tool_by_side", "1", GAIN)),
+            weight=0.5,
+        ),
+        Shape(
+            "gain, and a share that does not grow",
+            moved(np.stack(tare, -1)),
+            (Quantity("gain", "1", GAIN), Quantity("tare_along_the_load", "N", TARE)),
         ),
         Shape("nonlinear", moved((wrench * size)[..., None]), (bent,)),
         Shape("tare", constant(base), named("tare", "N", TARE)),

@@ -10,6 +10,7 @@ from beamstiff.gap.effects.outside import tool_axes
 
 MASS = 10.0  # kg
 LEVER = 2.0  # kg m
+PULL = 50.0  # N
 
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: ARG001
@@ -20,12 +21,31 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     lever = np.concatenate([np.zeros_like(axes), np.cross(axes, gravity[None, :, None], axis=1)], 1)
     heavier = baseline.response @ weight
     further = baseline.response @ lever
+    own = np.einsum("nai,a->ni", axes, gravity / (np.linalg.norm(gravity) or 1.0))
+    shifted = (axes[:, :, :, None] * own[:, None, None, :]).reshape(len(own), 3, 9)
+    swung = np.concatenate([np.zeros_like(shifted), np.cross(shifted, gravity[None, :, None], axis=1)], 1)
+    base = np.broadcast_to(np.eye(3), axes.shape)
+    pulled = [baseline.response @ np.concatenate([frame, np.zeros_like(frame)], 1) for frame in (base, axes)]
+    shifts = tuple(Quantity(f"mass_times_{a}_by_{b}", "kg*m", LEVER) for a in "xyz" for b in "xyz")
+    pulls = tuple(Quantity(f"pull_{where}{axis}", "N", PULL) for where in ("", "tool_") for axis in "xyz")
     mass = Quantity("mass", "kg", MASS)
     levers = tuple(Quantity(f"mass_times_{axis}", "kg*m", LEVER) for axis in "xyz")
     return [
         Shape("mass", heavier, (mass,)),
         Shape("centre of gravity", further, levers),
         Shape("mass and centre of gravity", np.concatenate([heavier, further], -1), (mass, *levers)),
+        Shape(
+            "something loose",
+            np.concatenate([heavier, further, baseline.response @ swung], -1),
+            (mass, *levers, *shifts),
+            weight=0.5,
+        ),
+        Shape(
+            "something that pulls, as hoses do",
+            np.concatenate([further, *pulled], -1),
+            (*levers, *pulls),
+            weight=0.5,
+        ),
     ]
 
 

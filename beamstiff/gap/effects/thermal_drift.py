@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import asdict
 
 import numpy as np
 
+from beamstiff.errors import BeamstiffError
 from beamstiff.gap.baseline import Baseline, nominal_pose
 from beamstiff.gap.effects.effect import Effect, Quantity, Scales, Shape, stated_scale
+from beamstiff.gap.effects.geometry_error import pose_change
 from beamstiff.gap.effects.outside import campaign, clock, since_pose
 from beamstiff.se3 import Array
 
@@ -15,6 +18,7 @@ DRIFT = 1e-4  # m over the campaign
 TURN = 1e-4  # rad over the campaign
 WARMTH = 2e-5  # m/K
 GROWTH = 1e-4  # over the campaign: steel that warms by 8 K
+WARM = 5.0  # K, over which zeros and lengths go by the sizes above
 EXPANSION = 1.2e-5  # 1/K, of steel
 DECAYS = (0.1, 0.3, 1.0)  # of the campaign's duration
 LAGS = (0.0, 0.05, 0.2)  # of the campaign's duration, by which the machine follows its temperature
@@ -35,11 +39,14 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     courses = {"linear": time - 0.5}
     courses |= {f"warming up within {decay:g}": 1 - np.exp(-time / decay) for decay in DECAYS}
     result: list[Shape] = []
+    parts = _parts(baseline)
     if stated or not shared:
         result += _in_time(baseline, courses, "")
+        result += _by_part(parts, {name: courses[name] for name in TURNING}, "")
     if stated or shared:  # what drifted before the unloaded reading of a posture is in both readings
         since = {name: since_pose(baseline, course) for name, course in courses.items()}
         result += _in_time(baseline, since, ", since the unloaded reading")
+        result += _by_part(parts, {name: since[name] for name in TURNING}, ", since the unloaded reading")
     if stated or (np.isfinite(fitted.temperature).all() and np.ptp(fitted.temperature) > 0):
         for lag in LAGS:
             warmth = lagged(baseline, lag)
@@ -48,12 +55,14 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
                 result.append(Shape(label, _along(warmth), _named("expansion", "m/K", WARMTH)))
                 result.append(_turned(baseline, label, warmth))
                 result.append(_grown(baseline, f"growing with {label}", warmth))
+                result += _by_part(parts, {label: warmth / WARM}, "")
             if stated or shared:
                 change = since_pose(baseline, warmth)
                 label = f"{label}, since the unloaded reading"
                 result.append(Shape(label, _along(change), _named("expansion", "m/K", WARMTH)))
                 result.append(_turned(baseline, label, change))
                 result.append(_grown(baseline, f"growing with {label}", change))
+                result += _by_part(parts, {label: change / WARM}, "")
     return result
 
 
@@ -90,6 +99,43 @@ def _in_time(baseline: Baseline, courses: dict[str, Array], since: str) -> list[
             (*growths, *turns),
         ),
     ]
+
+
+def _parts(baseline: Baseline) -> dict[str, dict[str, Array]]:
+    """Return how the nominal pose (N, 6) changes with each joint's zero, and with each length of a link."""
+    robot = baseline.nominal
+    names = {
+        "zero": [item.name for item in robot.actuated],
+        "length": [
+            f"{frame.name}.{name}"
+            for frame in robot.frames
+            for name in ("d", "r")
+            if isinstance(getattr(frame, name), float) and getattr(frame, name) != 0.0
+        ],
+    }
+    found: dict[str, dict[str, Array]] = {}
+    for what, some in names.items():
+        found[what] = {}
+        for name in some:
+            with suppress(BeamstiffError):  # a loop that cannot close otherwise
+                found[what][name] = pose_change(baseline, name)
+    return found
+
+
+def _by_part(parts: dict[str, dict[str, Array]], courses: dict[str, Array], since: str) -> list[Shape]:
+    """Return drifts in which each joint's zero, or each link's length, follows the courses (N,) by itself."""
+    result = []
+    for what, changes in parts.items():
+        if not changes:
+            continue
+        label = " and ".join(courses)
+        columns = [change * course[:, None] for course in courses.values() for change in changes.values()]
+        size = TURN if what == "zero" else DRIFT
+        unit = "rad" if what == "zero" else "m"
+        names = [f"{what}_{name}_{course}".replace(" ", "_") for course in courses for name in changes]
+        quantities = tuple(Quantity(name, unit, size) for name in names)
+        result.append(Shape(f"every {what}, {label}{since}", np.stack(columns, -1), quantities, weight=0.5))
+    return result
 
 
 def lagged(baseline: Baseline, lag: float) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects.effect import Effect, Quantity, Shape
-from beamstiff.gap.effects.laws import by_compliance
+from beamstiff.gap.effects.laws import by_compliance, by_side
 
 ROTATION = 2e-6  # rad/(N m)
 TRANSLATION = 2e-8  # m/N
@@ -23,12 +23,16 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     def column(*pairs: tuple[int, int]) -> np.ndarray:
         return by_compliance(baseline, place, list(pairs))
 
-    even = Quantity("rotational_compliance", "rad/(N*m)", ROTATION)
-    rotations = tuple(Quantity(f"rotational_compliance_{axis}", "rad/(N*m)", ROTATION) for axis in "xyz")
+    even = Quantity("rotational_compliance", "rad/(N*m)", ROTATION, positive=True)
+    rotations = tuple(
+        Quantity(f"rotational_compliance_{axis}", "rad/(N*m)", ROTATION, positive=True) for axis in "xyz"
+    )
     skews = tuple(
         Quantity(f"rotational_compliance_{pair}", "rad/(N*m)", 0.3 * ROTATION) for pair in ("xy", "xz", "yz")
     )
-    slides = tuple(Quantity(f"translational_compliance_{axis}", "m/N", TRANSLATION) for axis in "xyz")
+    slides = tuple(
+        Quantity(f"translational_compliance_{axis}", "m/N", TRANSLATION, positive=True) for axis in "xyz"
+    )
     couplings = tuple(
         Quantity(f"coupling_{'xyz'[a]}_r{'xyz'[b]}", "1/N", COUPLING) for a in range(3) for b in range(3)
     )
@@ -36,7 +40,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     sliding = [column((0, 0)), column((1, 1)), column((2, 2))]
     skewed = [column((3, 4)), column((3, 5)), column((4, 5))]
     coupled = [column((a, 3 + b)) for a in range(3) for b in range(3)]
-    tilt = Quantity("tilting_compliance", "rad/(N*m)", ROTATION)
+    tilt = Quantity("tilting_compliance", "rad/(N*m)", ROTATION, positive=True)
     behind = [
         np.stack(
             [
@@ -49,7 +53,9 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
         )
         for distance in CENTRES
     ]
-    slide = Quantity("translational_compliance", "m/N", TRANSLATION)
+    sided = [by_side(baseline, place, at) for at in (3, 4, 5, 0, 1, 2)]
+    sides = tuple(replace(one, name=f"{one.name}_by_side", positive=False) for one in (*rotations, *slides))
+    slide = Quantity("translational_compliance", "m/N", TRANSLATION, positive=True)
     both = [column((3, 3), (4, 4), (5, 5)), column((0, 0), (1, 1), (2, 2))]
     found = [
         Shape("rotation", both[0][..., None], (even,)),
@@ -63,6 +69,12 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
             "by axis, about a centre behind",
             np.stack([*turning, *sliding, coupled[1], coupled[3]], -1),
             (*rotations, *slides, couplings[1], couplings[3]),
+        ),
+        Shape(
+            "by axis, softer to one side",
+            np.stack([*turning, *sliding, *sided], -1),
+            (*rotations, *slides, *sides),
+            weight=0.5,
         ),
         Shape(
             "all",

@@ -1,7 +1,8 @@
 """`tool-offset`: the load acts, or the target sits, elsewhere than at the nominal TCP.
 
 A load off by p adds the moment ``p x F``; a target off by p moves by ``r x p`` more, and its absolute
-position is off by p, constant in the tool's frame.
+position is off by p, constant in the tool's frame. What a load hangs on turns after it: its point is then
+``p + P F / |F|``, P constant in the tool's or in the base frame.
 """
 
 from __future__ import annotations
@@ -26,12 +27,23 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     marked = np.where((rows.point == robot.tcp)[:, None, None], axes, 0.0)
 
     def acting(at: Array, force: Array) -> Array:
-        moment = np.concatenate([nothing, np.cross(at, force[:, :, None], axis=1)], 1)
-        result: Array = baseline.response @ moment
+        moment = np.cross(at, force[:, :, None], axis=1)
+        result: Array = baseline.response @ np.concatenate([np.zeros_like(moment), moment], 1)
         return result
 
     load = acting(loaded, rows.wrench[:, :3])
     loads = tuple(Quantity(f"load_point_{axis}", "m", OFFSET) for axis in "xyz")
+    hung = [
+        Shape(
+            f"load that turns after its direction{where}",
+            np.concatenate(
+                [load, acting(_following(frame, loaded, rows.wrench[:, :3]), rows.wrench[:, :3])], -1
+            ),
+            (*loads, *(Quantity(f"load_point_{a}_by_{b}", "m", OFFSET) for a in "xyz" for b in "xyz")),
+            weight=0.5,
+        )
+        for where, frame in (("", axes), (", in the base frame", np.broadcast_to(np.eye(3), axes.shape)))
+    ]
     if baseline.absolute:
         mass = sum(item.mass for item in robot.masses if item.node == robot.tcp)
         payload = acting(axes, np.broadcast_to(mass * np.array(robot.gravity), (len(rows), 3)))
@@ -55,6 +67,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
                 (*loads, *places, *levers),
                 weight=0.5,
             ),
+            *hung,
         ]
     # the rotation as measured holds what the offset itself adds to it
     turned = np.where(baseline.used[:, 3:], baseline.measured[:, 3:], baseline.predicted[:, 3:])
@@ -77,7 +90,18 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
         Shape("load and target together", load + seen, both),
         Shape("load and target", np.concatenate([load, seen], -1), (*loads, *targets), weight=0.5),
         *far,
+        *hung,
     ]
+
+
+def _following(frame: Array, loaded: Array, force: Array) -> Array:
+    """Return how the point (N, 3, 9) on which a force (N, 3) acts moves with its direction in a frame."""
+    size = np.linalg.norm(force, axis=1, keepdims=True)
+    along = np.einsum("nai,na->ni", frame, force / np.where(size > 0, size, 1.0))
+    moved = (frame[:, :, :, None] * along[:, None, None, :]).reshape(len(force), 3, 9)
+    here = np.abs(loaded).max(axis=(1, 2), keepdims=True) > 0
+    result: Array = np.where(here, moved, 0.0)
+    return result
 
 
 EFFECT = Effect(

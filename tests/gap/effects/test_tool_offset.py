@@ -120,3 +120,23 @@ def test_what_sits_elsewhere_on_the_machine_does_not_move_with_the_tool() -> Non
     load = shape_of(pushed, "tool-offset", None, "load").columns
     assert np.abs(load[:3]).max(axis=(1, 2)).min() > 0
     assert not load[3:].any()
+
+
+@pytest.mark.parametrize("where", ["", ", in the base frame"])
+def test_a_load_that_hangs_on_something_acts_where_its_direction_takes_it(where: str) -> None:
+    # half of an arch beside the tool point: the hook lies where the load pulls it to
+    rows = at_random(kr240(), 8, seed=4)
+    force = rows.wrench[:, :3]
+    there = nominal(kr240(), rows)
+    axes = np.broadcast_to(np.eye(3), (8, 3, 3)) if where else arm_at(rows.q).tool
+    along = np.einsum("nai,na->ni", axes, force / np.linalg.norm(force, axis=1, keepdims=True))
+    point = np.einsum("nai,ni->na", axes, along * [0.04, 0.0, -0.02])
+    wrench = np.concatenate([np.zeros((8, 3)), np.cross(point, force)], axis=1)
+    expected = np.einsum("nab,nb->na", there.response, wrench)
+    shape = shape_of(there, "tool-offset", None, f"load that turns after its direction{where}")
+    at = {one.name: k for k, one in enumerate(shape.parameters)}
+    columns = shape.columns[..., at["load_point_x_by_x"]] * 0.04
+    columns = columns - shape.columns[..., at["load_point_z_by_z"]] * 0.02
+    close(columns, expected)
+    pulled = sum(shape.columns[..., at[f"load_point_{a}_by_{a}"]] for a in "xyz")
+    np.testing.assert_allclose(pulled, 0.0, atol=1e-9)  # along its own line a load may act anywhere
