@@ -23,10 +23,10 @@ from beamstiff.gap.heldout import Shrink
 from beamstiff.gap.search import NONE, OUTLIERS, UNKNOWN, Pair, Search
 
 FAITH = 50.0
-FAITH_IN_TWO = 70.0  # the same of which two causes there are
+FAITH_IN_TWO = 100.0  # the same of which two causes there are
 # log odds that a cause is real: of its share left to the unknown, of the share of its evidence that free laws
 # of the places have, and of its worth on held-out postures
-REAL, LEFT, FREE, WORTH = 1.5, 1.25, 6.8, 2.6
+REAL, LEFT, FREE, WORTH = 1.65, 1.25, 6.8, 2.6
 BEHIND = 20.0  # log odds that are added to both evidences
 APART = 0.7  # share below which free laws do not speak for a cause any more
 FEW = 60  # values less fitted ones, below which nothing can be called unknown
@@ -41,8 +41,8 @@ SECOND = 8.0  # log odds of a second cause
 STILL_OPEN = 1.03  # of the noise, which the first must leave on held-out postures for a second to close
 SECOND_WORTH = 0.75  # share of that which both must close
 SECOND_LEFT = 0.33  # share of the gap that both leave to the unknown
-CLEAR = 0.6  # probability that a second cause needs among those that could be it
-FIRST_CLEAR = 0.7  # and the first of two, to be named alone
+CLEAR = 0.65  # probability that a second cause needs among those that could be it
+FIRST_CLEAR = 0.75  # and the first of two, to be named alone
 DISTINCT, SEVERAL, STRONG = 1.3, 3, 1.8  # outliers: strength to be named, number and strength beside a cause
 SEEN = 0.9  # probability of outliers beside a cause
 MOST = 5  # effects in a set, beyond which the data tell nothing apart
