@@ -16,6 +16,7 @@ import numpy as np
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects import EFFECTS
 from beamstiff.gap.effects.drive_stiffness import Following
+from beamstiff.gap.effects.hysteresis import BEGINNINGS, held_shares
 from beamstiff.gap.effects.laws import Axis, axis_at, by_compliance, by_law, component_of, drives
 from beamstiff.gap.effects.outside import clock
 from beamstiff.gap.library import Library
@@ -28,6 +29,7 @@ STEEP = 4.0  # how fast a place goes from one side to the other, over its usual 
 TURN = 0.4  # rad or m over which a drive's stiffness may change with its angle
 FADES = (1.0, 3.0, 10.0)  # usual times from state to state, over which a drive may remember its torque
 MODES = 16  # of a place's law
+DIGITS = 12  # of shares of the largest torque: what is less is rounding
 ABSORBED = 1e-6  # share of a column that the fit leaves, below which it leaves nothing
 INSIDE = ("structure", "drive")  # families of effects whose places have laws of their own here
 PAIRS = [(a, b) for a in range(6) for b in range(a, 6)]
@@ -144,10 +146,10 @@ def _of_drive(baseline: Baseline, name: str) -> Iterator[Array]:
         near = np.exp(-0.5 * ((follow.angle[:, None] - follow.fitted) / TURN) ** 2)
         yield along(torque[:, None] * near)
         yield along((torque * np.abs(torque))[:, None] * near)
-    friction = [
-        shape for shape in EFFECTS["hysteresis"].shapes(baseline, name) if "distributed" in shape.name
-    ]
-    yield np.concatenate([shape.columns for shape in friction], -1)
+    held = [held_shares(baseline, axis, way, wound) for _, ways, wound in BEGINNINGS for way in ways]
+    friction = np.concatenate(held, axis=1)
+    # held alike everywhere it is an encoder's zero
+    yield along(np.round(friction - friction.mean(axis=0), DIGITS))
     time = clock(baseline)
     yield along(torque[:, None] * np.stack([time, time**2], -1))
     yield along(_remembered(baseline, axis, time))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects.effect import Effect, Quantity, Shape
-from beamstiff.gap.effects.laws import axis_at, drive_compliance, drives, torque_scale, unit_of
+from beamstiff.gap.effects.laws import Axis, axis_at, drive_compliance, drives, torque_scale, unit_of
 from beamstiff.measure.rows import history_order
 from beamstiff.se3 import Array
 
@@ -85,9 +85,14 @@ def held_torque(
     return np.array(result)
 
 
-def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
-    axis = axis_at(baseline, str(component))
+def held_shares(baseline: Baseline, axis: Axis, way: float, wound: bool) -> Array:
+    """Return what friction of each limit holds, over the largest torque, (N, limits); see `BEGINNINGS`.
+
+    Nothing where no torque acts: friction that never slips is the zero of an encoder.
+    """
     rows = baseline.rows
+    if not (np.abs(axis.load) + np.abs(axis.dead)).any():
+        return np.zeros((len(rows), len(LIMITS)))
     order = history_order(rows)
     fresh = np.zeros(len(rows), dtype=np.bool_)
     groups = rows.run if rows.continuous else rows.pose
@@ -95,32 +100,29 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     for row in order.tolist():
         fresh[row] = int(groups[row]) not in seen
         seen.add(int(groups[row]))
-    torque, largest = axis.load + axis.dead, axis.typical
-    give = drive_compliance(axis) * largest
+    torque, more = axis.load + axis.dead, {"wound": wound, "arrived": way, "whole": baseline.absolute}
+    held = [
+        held_torque(torque, axis.dead, fresh, order, limit * axis.typical, **more)  # type: ignore[arg-type]
+        for limit in LIMITS
+    ]
+    return np.stack(held, -1) / axis.typical
+
+
+def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
+    axis = axis_at(baseline, str(component))
+    give = drive_compliance(axis) * axis.typical
     result = []
     for begin, ways, wound in BEGINNINGS:
-        every, names = [], []
         size = give if len(ways) == 1 else 0.7 * give
-        for limit in LIMITS:
-            columns = [
-                held_torque(
-                    torque,
-                    axis.dead,
-                    fresh,
-                    order,
-                    limit * largest,
-                    wound=wound,
-                    arrived=way,
-                    whole=baseline.absolute,
-                )
-                for way in ways
-            ]
-            moved = [-axis.shift * (held / largest)[:, None] for held in columns]
-            lags = [Quantity(_name(way), unit_of(axis), size, positive=True) for way in ways]
-            result.append(Shape(f"friction {limit:g}{begin}", np.stack(moved, -1), tuple(lags), spread=4.0))
-            every += moved
+        lags = [Quantity(_name(way), unit_of(axis), size, positive=True) for way in ways]
+        held = np.stack([held_shares(baseline, axis, way, wound) for way in ways], -1)  # (N, limits, ways)
+        moved = -axis.shift[:, :, None, None] * held[:, None]
+        names = []
+        for at, limit in enumerate(LIMITS):
+            result.append(Shape(f"friction {limit:g}{begin}", moved[:, :, at], tuple(lags), spread=4.0))
             names += [replace(one, name=f"{one.name}_{limit:g}", size=0.5 * one.size) for one in lags]
-        result.append(Shape(f"distributed friction{begin}", np.stack(every, -1), tuple(names), spread=4.0))
+        every = moved.reshape(*moved.shape[:2], -1)
+        result.append(Shape(f"distributed friction{begin}", every, tuple(names), spread=4.0))
     return result
 
 
