@@ -17,6 +17,7 @@ from beamstiff.se3 import Array
 
 RESAMPLED = 400
 FOLDS = 10
+SEEN = 1.05  # of the noise, what values have to leave without effects for a share of it to be told
 SURELY = 3.0  # standard deviations by which a compliance has to be negative for its bound to be kept
 
 
@@ -69,6 +70,8 @@ class Shrink:
         What noise alone would leave.
     misfit : float
         What is left with the effects, RMS over all values, rotations too, each over its noise.
+    open : float
+        The same without the effects.
     """
 
     before: float
@@ -78,6 +81,15 @@ class Shrink:
     postures: int
     noise: float = 0.0
     misfit: float = 1.0
+    open: float = 1.0
+
+    @property
+    def worth(self) -> float:
+        """Share of the explainable gap that closes, of positions or of all values: of which more does."""
+        if self.open < SEEN:
+            return self.shrink
+        share = 1.0 - (self.misfit**2 - 1.0) / (self.open**2 - 1.0)
+        return max(self.shrink, float(np.clip(share, 0.0, 1.0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,7 +228,10 @@ def held_out(
             fits = problem.solved(train)
             columns = [[one.hypothesis.shape.columns for one in fit.shapes] for fit in fits]
             target[~train] = (baseline.gap - shift(baseline, fits, columns))[~train]
-    misfit = (left[1] / (scale * baseline.sigma))[used & (fold >= 0)[:, None]]
+    counted = used & (fold >= 0)[:, None]
+    without, misfit = (
+        float(np.sqrt(((target / (scale * baseline.sigma))[counted] ** 2).mean())) for target in left
+    )
     position = np.where(used[:, :3], 1.0, 0.0)
     squares = [(target[:, :3] ** 2 * position).sum(axis=1) for target in left]
     squares.append(((scale * baseline.sigma[:, :3]) ** 2 * position).sum(axis=1))
@@ -233,7 +248,8 @@ def held_out(
         interval=(float(low), float(high)),
         postures=len(poses),
         noise=float(np.sqrt(total[2] / total[3])),
-        misfit=float(np.sqrt((misfit**2).mean())),
+        misfit=misfit,
+        open=without,
     )
 
 

@@ -82,7 +82,7 @@ def tempered(log_weight: Mapping[str, float], evidence: float, faith: float = FA
     return dict(zip(keys, share.tolist(), strict=True))
 
 
-def doubt(left: float, free: float, shrink: float) -> float:
+def doubt(left: float, free: float, worth: float) -> float:
     """Return the log odds of the unknown against a cause.
 
     Parameters
@@ -91,10 +91,10 @@ def doubt(left: float, free: float, shrink: float) -> float:
         Share of the gap's size that it leaves to the unknown.
     free : float
         Share of its evidence that the best free law of a place has.
-    shrink : float
-        Its worth on held-out postures.
+    worth : float
+        The share of the gap that it closes on held-out postures.
     """
-    return LEFT * float(np.log(left + 0.01)) + FREE * free - WORTH * shrink - REAL
+    return LEFT * float(np.log(left + 0.01)) + FREE * free - WORTH * worth - REAL
 
 
 def share_of_free_laws(search: Search, log_weight: float) -> float:
@@ -161,15 +161,15 @@ def judge(
     evidence_of_any = -quiet
     quiet += CAUTION
     if evidence_of_any < FAINT:
-        quiet += 3.0 * max(0.0, 1.0 - single.shrink / BARE)
+        quiet += 3.0 * max(0.0, 1.0 - single.worth / BARE)
     if chance > CHANCE:
         quiet = max(quiet, np.log(chance / CHANCE))
     pair = search.pairs[0] if search.pairs else None
     two = accepted(pair, search, single, both)
-    left, shrink, weight = search.left[best], single.shrink, search.log_weight[best]
+    left, worth, weight = search.left[best], single.worth, search.log_weight[best]
     if two and pair is not None and both is not None:
-        left, shrink, weight = pair.left, both.shrink, pair.log_weight
-    odd = doubt(left, share_of_free_laws(search, weight), shrink)
+        left, worth, weight = pair.left, both.worth, pair.log_weight
+    odd = doubt(left, share_of_free_laws(search, weight), worth)
     odd = float(np.logaddexp(odd, odds_of_play(search, weight)))
     if freedom < FEW:
         odd = min(odd, search.log_weight[UNKNOWN] - total, -1.0)

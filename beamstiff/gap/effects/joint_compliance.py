@@ -29,11 +29,18 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     def grown(torque: np.ndarray) -> np.ndarray:
         return np.asarray(-torque * np.abs(torque) / (axis.typical + np.abs(torque)))
 
+    def contact(torque: np.ndarray) -> np.ndarray:
+        return np.asarray(axis.typical * np.sign(torque) * np.abs(torque / axis.typical) ** (2.0 / 3.0))
+
     less = by_law(baseline, axis, grown)
+    any_law = [linear, less, by_law(baseline, axis, contact), by_law(baseline, axis, np.abs)]
+    parts = ("compliance_lost_at_much_torque", "compliance_at_contacts", "compliance_by_side")
+    others = tuple(Quantity(part, unit, 0.5 * size) for part in parts)
     stiffer = Quantity("compliance_lost_at_much_torque", unit, 0.5 * size, positive=True)
     return [
         Shape("linear", linear[..., None], (compliance,), spread=30.0),
         Shape("stiffening", np.stack([linear, less], -1), (compliance, stiffer), spread=30.0),
+        Shape("any law", np.stack(any_law, -1), (compliance, *others), spread=30.0, weight=0.5),
     ]
 
 
