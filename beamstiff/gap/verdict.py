@@ -22,7 +22,7 @@ from beamstiff.gap.evidence import logsumexp
 from beamstiff.gap.heldout import Shrink
 from beamstiff.gap.search import NONE, OUTLIERS, UNKNOWN, Pair, Search
 
-FAITH = 50.0
+FAITH = 40.0
 FAITH_IN_TWO = 100.0  # the same of which two causes there are
 # log odds that a cause is real: of its share left to the unknown, of the share of its evidence that free laws
 # of the places have, and of its worth on held-out postures
