@@ -16,7 +16,7 @@ import numpy as np
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects import EFFECTS
 from beamstiff.gap.effects.drive_stiffness import Following
-from beamstiff.gap.effects.hysteresis import BEGINNINGS, held_shares
+from beamstiff.gap.effects.hysteresis import BEGINNINGS, FEW, held_shares
 from beamstiff.gap.effects.laws import Axis, axis_at, by_compliance, by_law, component_of, drives
 from beamstiff.gap.effects.outside import clock
 from beamstiff.gap.library import Library
@@ -146,10 +146,12 @@ def _of_drive(baseline: Baseline, name: str) -> Iterator[Array]:
         near = np.exp(-0.5 * ((follow.angle[:, None] - follow.fitted) / TURN) ** 2)
         yield along(torque[:, None] * near)
         yield along((torque * np.abs(torque))[:, None] * near)
-    held = [held_shares(baseline, axis, way, wound) for _, ways, wound in BEGINNINGS for way in ways]
+    begun = [(way, wound) for _, ways, wound in BEGINNINGS if len(ways) <= FEW for way in ways]
+    held = [held_shares(baseline, axis, way, wound) for way, wound in begun]
     friction = np.concatenate(held, axis=1)
-    # held alike everywhere it is an encoder's zero
-    yield along(np.round(friction - friction.mean(axis=0), DIGITS))
+    if baseline.absolute:  # held alike everywhere it is an encoder's zero
+        friction = np.round(friction - friction.mean(axis=0), DIGITS)
+    yield along(friction)
     time = clock(baseline)
     yield along(torque[:, None] * np.stack([time, time**2], -1))
     yield along(_remembered(baseline, axis, time))

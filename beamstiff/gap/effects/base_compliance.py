@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects.effect import Effect, Quantity, Shape
-from beamstiff.gap.effects.laws import by_compliance, by_side
+from beamstiff.gap.effects.laws import by_compliance
 
 ROTATION = 5e-8  # rad/(N m)
 TRANSLATION = 5e-9  # m/N
@@ -42,19 +40,11 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     sliding = [column((0, 0)), column((1, 1)), column((2, 2))]
     coupled = [column((0, 4)), column((1, 3))]
     skewed = [column((3, 4)), column((3, 5)), column((4, 5))]
-    sided = [by_side(baseline, place, at) for at in (3, 4, 5, 0, 1, 2)]
-    sides = tuple(replace(one, name=f"{one.name}_by_side", positive=False) for one in (*rotations, *slides))
     rest = [column((a, 3 + b)) for a in range(3) for b in range(3) if (a, b) not in ((0, 1), (1, 0))]
     return [
         Shape("tilt", column((3, 3), (4, 4))[..., None], (tilt,)),
         Shape("rotation", np.stack(turning, -1), rotations),
         Shape("soil", np.stack([*turning, *sliding, *coupled], -1), (*rotations, *slides, *couplings)),
-        Shape(
-            "soil, softer to one side",
-            np.stack([*turning, *sliding, *coupled, *sided], -1),
-            (*rotations, *slides, *couplings, *sides),
-            weight=0.5,
-        ),
         Shape(
             "all",
             np.stack([*turning, *sliding, *coupled, *skewed, *rest], -1),

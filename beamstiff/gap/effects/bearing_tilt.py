@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects.effect import Effect, Quantity, Scales, Shape, stated_scale
-from beamstiff.gap.effects.laws import by_compliance, by_side, component_of, joint_of
+from beamstiff.gap.effects.laws import by_compliance, component_of, joint_of
 from beamstiff.gap.places import Place
 from beamstiff.se3 import Array
 
@@ -41,8 +39,6 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     sides = tuple(Quantity(f"radial_compliance_{axis}", "m/N", RADIAL.size, positive=True) for axis in "yz")
     stiffening = _stiffening(baseline, place, str(component))
     contact = Quantity("tilt_at_usual_moment", "rad", TILT.size * usual_moment(baseline, str(component)))
-    sided = [by_side(baseline, place, at) for at in (4, 5, 1, 2, 0)]
-    either = (*two, *sides, AXIAL)
     return [
         Shape("tilt", tilt[..., None], (TILT,)),
         Shape("tilt and radial", np.stack([tilt, radial], -1), (TILT, RADIAL)),
@@ -60,18 +56,6 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
             "all, off its centre",
             np.stack([*by_axis, *radials, axial, across, along], -1),
             (*two, skew, *sides, AXIAL, *offs),
-            weight=0.5,
-        ),
-        Shape(
-            "all, softer to one side",
-            np.stack([*by_axis, *radials, axial, *sided], -1),
-            (
-                *two,
-                skew,
-                *sides,
-                AXIAL,
-                *(replace(one, name=f"{one.name}_by_side", positive=False) for one in either),
-            ),
             weight=0.5,
         ),
     ]

@@ -25,6 +25,7 @@ BEGINNINGS = (
     (", left from the move", (1.0, -1.0), False),
     (", left from the move, then wound up by the weight", (1.0, 0.5, -0.5, -1.0), True),
 )
+FEW = 2  # ways to begin, beyond which distributed friction could be anything that remembers
 LIMITS = (0.04, 0.1, 0.2, 0.4, 0.8)  # friction over the largest torque
 
 
@@ -117,12 +118,13 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         lags = [Quantity(_name(way), unit_of(axis), size, positive=True) for way in ways]
         held = np.stack([held_shares(baseline, axis, way, wound) for way in ways], -1)  # (N, limits, ways)
         moved = -axis.shift[:, :, None, None] * held[:, None]
-        names = []
+        names: list[Quantity] = []
         for at, limit in enumerate(LIMITS):
             result.append(Shape(f"friction {limit:g}{begin}", moved[:, :, at], tuple(lags), spread=4.0))
             names += [replace(one, name=f"{one.name}_{limit:g}", size=0.5 * one.size) for one in lags]
-        every = moved.reshape(*moved.shape[:2], -1)
-        result.append(Shape(f"distributed friction{begin}", every, tuple(names), spread=4.0))
+        if len(ways) <= FEW:
+            every = moved.reshape(*moved.shape[:2], -1)
+            result.append(Shape(f"distributed friction{begin}", every, tuple(names), spread=4.0))
     return result
 
 
