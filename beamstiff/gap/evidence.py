@@ -23,6 +23,7 @@ from beamstiff.gap.whitened import Whitened
 from beamstiff.se3 import Array
 
 SHARES = np.array([0.0, 0.03, 0.06, 0.12, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0])  # r, of the noise
+COARSE = np.array([0.0, 0.06, 0.25, 1.0, 4.0])  # the same where many second causes are weighed
 MAGNITUDES = np.linspace(-1.0, 1.0, 9)  # log u over log spread
 EXACT = 0.3  # prior that a shape is exactly right
 AMISS, FACTOR = 0.12, 2.0  # what it is off by otherwise, of its own size; within this factor

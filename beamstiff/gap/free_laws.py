@@ -146,9 +146,9 @@ def _of_drive(baseline: Baseline, name: str) -> Iterator[Array]:
         near = np.exp(-0.5 * ((follow.angle[:, None] - follow.fitted) / TURN) ** 2)
         yield along(torque[:, None] * near)
         yield along((torque * np.abs(torque))[:, None] * near)
-    begun = [(way, wound) for _, ways, wound in BEGINNINGS if len(ways) <= FEW for way in ways]
-    held = [held_shares(baseline, axis, way, wound) for way, wound in begun]
-    friction = np.concatenate(held, axis=1)
+    begun = [(ways, wound) for _, ways, wound in BEGINNINGS if len(ways) <= FEW]
+    held = [held_shares(baseline, axis, ways, wound) for ways, wound in begun]
+    friction = np.concatenate([one.reshape(len(one), -1) for one in held], axis=1)
     if baseline.absolute:  # held alike everywhere it is an encoder's zero
         friction = np.round(friction - friction.mean(axis=0), DIGITS)
     yield along(friction)

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from beamstiff.gap.effects import Shape
-from beamstiff.gap.evidence import EXACT, Evidence, Scales, Stack, evidence, stacks_of
+from beamstiff.gap.evidence import COARSE, EXACT, Evidence, Scales, Stack, evidence, stacks_of
 from beamstiff.gap.free_laws import FreeLaw, modes_of
 from beamstiff.gap.heldout import Weighted
 from beamstiff.gap.library import Hypothesis, by_candidate
@@ -27,7 +27,6 @@ PRIOR = {NONE: 0.3, UNKNOWN: 0.1}  # of what is not an effect
 PAIR = 0.15  # prior that there is a second effect, given one
 FIRSTS = 6  # likeliest candidates that are tried as the first of two
 MOST = 9  # with the members of the likeliest pairs
-SECOND_SHARES = np.array([0.0, 0.06, 0.25, 1.0, 4.0])
 UNLIKELY = 3.0  # log odds below which a second cause of the likeliest first ends the search
 TRIED = 3  # pairs that are weighed together before there is held to be none
 SHAPES = 6  # of a candidate, that are kept
@@ -157,10 +156,10 @@ def weighed_together(
     found: Search,
 ) -> Search:
     """Return a search whose pairs are weighed anew, both causes together; parameters as for `search`."""
-    shapes = {key: [hypotheses[at] for at in places] for key, places in by_candidate(hypotheses).items()}
     best = found.log_weight[found.named[0]]
     if not found.pairs or found.log_weight[NONE] > best:
         return found
+    shapes = {key: [hypotheses[at] for at in places] for key, places in by_candidate(hypotheses).items()}
     single = max(alone(white, shapes[key], scales, laws) for key in found.named[:FIRSTS])
     pairs: list[Pair] = []
     for one in found.pairs:
@@ -186,9 +185,9 @@ def _beside(
     """Yield every second cause beside a first, whose place may do more than its shape says."""
     first = hypotheses[at]
     loose = modes_of(laws, first.places, white.gap.size)
-    alike = evidence(white.beside(first.columns[:, :0], loose), [first], scales, SECOND_SHARES)
+    alike = evidence(white.beside(first.columns[:, :0], loose), [first], scales, COARSE)
     beside = white.beside(first.columns, loose)
-    second = evidence(beside, hypotheses, scales, SECOND_SHARES, stacks)
+    second = evidence(beside, hypotheses, scales, COARSE, stacks)
     whole = float(np.linalg.norm(white.leave(white.gap[:, None]))) or 1.0
     part = float(np.linalg.norm(beside.leave(white.gap[:, None]))) / whole
     base = float(_log_weights([first], alike)[0])

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import logsumexp
 
-from beamstiff.gap.evidence import Evidence, Scales, evidence
+from beamstiff.gap.evidence import COARSE, Evidence, Scales, evidence
 from beamstiff.gap.free_laws import FreeLaw, modes_of
 from beamstiff.gap.heldout import Weighted
 from beamstiff.gap.library import Hypothesis
@@ -24,7 +24,6 @@ from beamstiff.se3 import Array
 TURNS = 3  # in which each is chosen beside the other
 SHAPES = 4  # of each cause, the likeliest beside the other, that are combined
 COMMON = 2.0  # factor within which both sizes are known once each has been found beside the other
-SHARES = np.array([0.0, 0.06, 0.25, 1.0, 4.0])  # of the unknown, while they are chosen
 KEPT = 0.02  # weight from which a shape of the first is kept
 
 
@@ -70,9 +69,9 @@ def together(
     loose = modes_of(laws, {*first[0].places, *second[0].places}, white.gap.size)
     best = start
     for _ in range(TURNS):
-        of_second = evidence(white.beside(best.columns, loose), second, scales, SHARES)
+        of_second = evidence(white.beside(best.columns, loose), second, scales, COARSE)
         other = second[int(np.argmax(_weights(second, of_second)))]
-        of_first = evidence(white.beside(other.columns, loose), first, scales, SHARES)
+        of_first = evidence(white.beside(other.columns, loose), first, scales, COARSE)
         before, best = best, first[int(np.argmax(_weights(first, of_first)))]
         if best.shape.name == before.shape.name:
             break

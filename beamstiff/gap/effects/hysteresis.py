@@ -6,6 +6,7 @@ the torque has moved on by r, so that a part ``S_r`` of the torque, between -r a
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -86,14 +87,14 @@ def held_torque(
     return np.array(result)
 
 
-def held_shares(baseline: Baseline, axis: Axis, way: float, wound: bool) -> Array:
-    """Return what friction of each limit holds, over the largest torque, (N, limits); see `BEGINNINGS`.
+def held_shares(baseline: Baseline, axis: Axis, ways: Sequence[float], wound: bool) -> Array:
+    """Return what friction holds, over the largest torque, (N, limits, ways); see `BEGINNINGS`.
 
     Nothing where no torque acts: friction that never slips is the zero of an encoder.
     """
     rows = baseline.rows
     if not (np.abs(axis.load) + np.abs(axis.dead)).any():
-        return np.zeros((len(rows), len(LIMITS)))
+        return np.zeros((len(rows), len(LIMITS), len(ways)))
     order = history_order(rows)
     fresh = np.zeros(len(rows), dtype=np.bool_)
     groups = rows.run if rows.continuous else rows.pose
@@ -101,12 +102,16 @@ def held_shares(baseline: Baseline, axis: Axis, way: float, wound: bool) -> Arra
     for row in order.tolist():
         fresh[row] = int(groups[row]) not in seen
         seen.add(int(groups[row]))
-    torque, more = axis.load + axis.dead, {"wound": wound, "arrived": way, "whole": baseline.absolute}
-    held = [
-        held_torque(torque, axis.dead, fresh, order, limit * axis.typical, **more)  # type: ignore[arg-type]
-        for limit in LIMITS
-    ]
-    return np.stack(held, -1) / axis.typical
+
+    def held(limit: float, way: float) -> Array:
+        torque, most = axis.load + axis.dead, limit * axis.typical
+        return held_torque(
+            torque, axis.dead, fresh, order, most, wound=wound, arrived=way, whole=baseline.absolute
+        )
+
+    every = [np.stack([held(limit, way) for way in ways], -1) for limit in LIMITS]
+    result: Array = np.stack(every, 1) / axis.typical
+    return result
 
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
@@ -116,7 +121,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     for begin, ways, wound in BEGINNINGS:
         size = give if len(ways) == 1 else 0.7 * give
         lags = [Quantity(_name(way), unit_of(axis), size, positive=True) for way in ways]
-        held = np.stack([held_shares(baseline, axis, way, wound) for way in ways], -1)  # (N, limits, ways)
+        held = held_shares(baseline, axis, ways, wound)
         moved = -axis.shift[:, :, None, None] * held[:, None]
         names: list[Quantity] = []
         for at, limit in enumerate(LIMITS):

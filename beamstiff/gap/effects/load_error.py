@@ -12,7 +12,7 @@ import numpy as np
 
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects.effect import Effect, Quantity, Scales, Shape, stated_scale
-from beamstiff.gap.effects.outside import tool_axes
+from beamstiff.gap.effects.outside import each_by_each, tool_axes
 from beamstiff.measure.rows import history_order
 from beamstiff.se3 import Array
 
@@ -55,16 +55,12 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
 
     def mixed(frame: Array) -> Array:
         """Return what a cell in some axes (N, 3, 3) misreads, each axis by each other: nine gains."""
-        parts = []
-        for s in (slice(3), slice(3, 6)):
-            own = np.einsum("nai,na->ni", frame, wrench[:, s])
-            parts.append((frame[:, :, :, None] * own[:, None, None, :]).reshape(len(own), 3, 9))
+        parts = [each_by_each(frame, wrench[:, s]) for s in (slice(3), slice(3, 6))]
         return moved(np.concatenate(parts, 1))
 
     def into_moments(frame: Array) -> Array:
         """Return what a cell reads of forces as moments, each axis by each: nine levers."""
-        own = np.einsum("nai,na->ni", frame, wrench[:, :3])
-        moment = (frame[:, :, :, None] * own[:, None, None, :]).reshape(len(own), 3, 9)
+        moment = each_by_each(frame, wrench[:, :3])
         return moved(np.concatenate([np.zeros_like(moment), moment], 1))
 
     def by_side(frame: Array) -> Array:

@@ -13,6 +13,13 @@ from beamstiff.measure.rows import history_order
 from beamstiff.se3 import Array
 
 
+def each_by_each(frame: Array, vector: Array) -> Array:
+    """Return the axes (N, 3, 3) of a frame, each times each part of vectors (N, 3) in it: (N, 3, 9)."""
+    own = np.einsum("nai,na->ni", frame, vector)
+    result: Array = (frame[:, :, :, None] * own[:, None, None, :]).reshape(len(own), 3, 9)
+    return result
+
+
 def tool_axes(baseline: Baseline) -> Array:
     """Return the axes of the TCP's frame in the base frame as columns, (N, 3, 3)."""
     return nominal_pose(baseline.nominal, baseline.rows)[1]

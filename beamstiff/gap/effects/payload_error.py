@@ -6,7 +6,7 @@ import numpy as np
 
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects.effect import Effect, Quantity, Shape
-from beamstiff.gap.effects.outside import tool_axes
+from beamstiff.gap.effects.outside import each_by_each, tool_axes
 
 MASS = 10.0  # kg
 LEVER = 2.0  # kg m
@@ -21,8 +21,8 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     lever = np.concatenate([np.zeros_like(axes), np.cross(axes, gravity[None, :, None], axis=1)], 1)
     heavier = baseline.response @ weight
     further = baseline.response @ lever
-    own = np.einsum("nai,a->ni", axes, gravity / (np.linalg.norm(gravity) or 1.0))
-    shifted = (axes[:, :, :, None] * own[:, None, None, :]).reshape(len(own), 3, 9)
+    down = gravity / (np.linalg.norm(gravity) or 1.0)
+    shifted = each_by_each(axes, np.broadcast_to(down, (len(axes), 3)))
     swung = np.concatenate([np.zeros_like(shifted), np.cross(shifted, gravity[None, :, None], axis=1)], 1)
     base = np.broadcast_to(np.eye(3), axes.shape)
     pulled = [baseline.response @ np.concatenate([frame, np.zeros_like(frame)], 1) for frame in (base, axes)]

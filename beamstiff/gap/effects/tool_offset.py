@@ -11,7 +11,7 @@ import numpy as np
 
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects.effect import Effect, Quantity, Shape
-from beamstiff.gap.effects.outside import tool_axes
+from beamstiff.gap.effects.outside import each_by_each, tool_axes
 from beamstiff.se3 import Array
 
 OFFSET = 0.03  # m
@@ -97,8 +97,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
 def _following(frame: Array, loaded: Array, force: Array) -> Array:
     """Return how the point (N, 3, 9) on which a force (N, 3) acts moves with its direction in a frame."""
     size = np.linalg.norm(force, axis=1, keepdims=True)
-    along = np.einsum("nai,na->ni", frame, force / np.where(size > 0, size, 1.0))
-    moved = (frame[:, :, :, None] * along[:, None, None, :]).reshape(len(force), 3, 9)
+    moved = each_by_each(frame, force / np.where(size > 0, size, 1.0))
     here = np.abs(loaded).max(axis=(1, 2), keepdims=True) > 0
     result: Array = np.where(here, moved, 0.0)
     return result
