@@ -93,11 +93,14 @@ def by_law(baseline: Baseline, axis: Axis, law: Callable[[Array], Array]) -> Arr
 
     Displacements are loaded less unloaded, and the dead weight acts in both.
     """
-    slip = law(axis.load + axis.dead)
-    if not baseline.absolute:
-        slip = slip - law(axis.dead)
-    result: Array = axis.shift * slip[:, None]
+    result: Array = axis.shift * _slip(baseline, axis.load, axis.dead, law)[:, None]
     return result
+
+
+def _slip(baseline: Baseline, load: Array, dead: Array, law: Callable[[Array], Array]) -> Array:
+    """Return the slip (N,) of a law; in displacements loaded less unloaded."""
+    slip = law(load + dead)
+    return slip if baseline.absolute else slip - law(dead)
 
 
 def by_compliance(baseline: Baseline, place: Place, pairs: list[tuple[int, int]]) -> Array:
@@ -117,9 +120,7 @@ def by_side(baseline: Baseline, place: Place, at: int) -> Array:
 
     Beside a compliance it makes one side softer than the other: a seam that opens, a foot that lifts.
     """
-    slip = np.abs(place.load[:, at] + place.dead[:, at])
-    if not baseline.absolute:
-        slip = slip - np.abs(place.dead[:, at])
+    slip = _slip(baseline, place.load[:, at], place.dead[:, at], np.abs)
     result: Array = place.shift[:, :, at] * slip[:, None]
     return result
 
