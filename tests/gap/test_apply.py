@@ -121,7 +121,12 @@ def test_the_robot_written_has_the_effect_and_the_stiffness_beside_it(
     found = [robot.parameter(name) for name in robot.identify]
     np.testing.assert_allclose(found, STIFFNESS * [1.2, 0.8], rtol=0.01)
     if effect == "backlash":
-        sizes = [str(one.parameters["half_width"]).split() for one in robot.effects]
+        sizes = [
+            str(value).split()
+            for one in robot.effects
+            for name, value in one.parameters.items()
+            if name.startswith("half_width")
+        ]
         assert {unit for _, unit in sizes} == {"rad"}
         assert sum(float(value) for value, _ in sizes) == pytest.approx(SIZE, rel=0.05)
 

@@ -25,7 +25,23 @@ VARIES = 0.3  # RMS of the compliance over its mean, usual for a drive of this k
 
 NEAR_DEAD = 0.35  # of its largest lever, below which nobody lets a screw work
 
+ROUND = np.deg2rad(270.0)  # range of a joint that no rod can serve: its dead points are half a turn apart
+
 Crank = tuple[float, float, float, float]  # ratio, phase, gear, mean square lever
+
+
+def _components(baseline: Baseline) -> list[str | None]:
+    """Return the drives whose range a rod, or a linkage, can serve; all of them where there is none."""
+    limits = {variable.name: variable.limits for variable in baseline.nominal.variables}
+    found = drives(baseline)
+
+    def served(name: str | None) -> bool:
+        own = limits.get(str(name))
+        return own is None or not axis_at(baseline, str(name)).turns or own[1] - own[0] <= ROUND
+
+    if baseline.stated is not None:  # whoever wrote it into the robot knows better
+        return found
+    return [name for name in found if served(name)] or found
 
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
@@ -64,7 +80,14 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         )
         for (ratio, phase, _, _), column in zip(cranks, columns, strict=True)
     ]
-    return [*result, Shape("any crank", np.stack(whole, -1), names, spread=3.0)]
+    turn = follow.varying(lambda q: np.stack([np.cos(q), np.sin(q)], -1)).T
+    waves = np.stack([scaled_torque(baseline, axis, factor) for factor in turn], -1)
+    parts = tuple(Quantity(f"compliance_{part}", unit, VARIES * compliance) for part in ("cosine", "sine"))
+    return [
+        *result,
+        Shape("once a turn", waves, parts, spread=3.0),
+        Shape("any crank", np.stack(whole, -1), names, spread=3.0),
+    ]
 
 
 def _possible(
@@ -93,7 +116,7 @@ EFFECT = Effect(
     name="actuator-lever",
     family="drive",
     meaning="The drive's stiffness about the axis follows its lever arm (ball screw, tie rod).",
-    components=drives,
+    components=_components,
     shapes=_shapes,
     separation="the same torque at four angles of this joint; the drive's geometry from its drawing",
     look_alikes=("gravity-compensator", "tool-compliance"),

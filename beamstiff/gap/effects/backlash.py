@@ -17,20 +17,24 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     unit = unit_of(axis)
     half = Quantity("half_width", unit, 2e-4 if axis.turns else 5e-5, positive=True)
     rest = Quantity("rest", unit, 0.5 * half.size)
-    result = []
+    result, flanks = [], []
     for width in WIDTHS:
 
         def flank(torque: np.ndarray, soft: float = width * largest) -> np.ndarray:
             return np.tanh(torque / soft)
 
         odd = by_law(baseline, axis, flank)
+        flanks.append(odd)
         # without torque the drive rests off the middle: the way to one flank is longer
         even = by_law(baseline, axis, lambda torque, flank=flank: -np.abs(flank(torque)))  # type: ignore[misc]
         result += [
             Shape(f"flank within {width:g}", odd[..., None], (half,), spread=6.0, weight=2.0),
             Shape(f"flank within {width:g}, off rest", np.stack([odd, even], -1), (half, rest), spread=6.0),
         ]
-    return result
+    halves = tuple(
+        Quantity(f"half_width_{width:g}", unit, 0.5 * half.size, positive=True) for width in WIDTHS
+    )
+    return [*result, Shape("flanks one after another", np.stack(flanks, -1), halves, spread=6.0)]
 
 
 EFFECT = Effect(

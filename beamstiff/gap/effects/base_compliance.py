@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from beamstiff.gap.baseline import Baseline
-from beamstiff.gap.effects.effect import Effect, Quantity, Shape
-from beamstiff.gap.effects.laws import by_compliance
+from beamstiff.gap.effects.effect import Effect, Quantity, Scales, Shape
+from beamstiff.gap.effects.laws import by_compliance, by_contact, load_scales, softness, usual_load
 
 ROTATION = 5e-8  # rad/(N m)
 TRANSLATION = 5e-9  # m/N
@@ -19,19 +19,21 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     def column(*pairs: tuple[int, int]) -> np.ndarray:
         return by_compliance(baseline, place, list(pairs))
 
-    tilt = Quantity("tilting_compliance", "rad/(N*m)", ROTATION, positive=True)
+    soft = float(np.sqrt(softness(baseline)))  # a small robot may stand on the floor of a large one
+    rotation, translation, coupling = soft * ROTATION, soft * TRANSLATION, soft * COUPLING
+    tilt = Quantity("tilting_compliance", "rad/(N*m)", rotation, positive=True)
     rotations = tuple(
-        Quantity(f"rotational_compliance_{axis}", "rad/(N*m)", ROTATION, positive=True) for axis in "xyz"
+        Quantity(f"rotational_compliance_{axis}", "rad/(N*m)", rotation, positive=True) for axis in "xyz"
     )
     skews = tuple(
-        Quantity(f"rotational_compliance_{pair}", "rad/(N*m)", 0.3 * ROTATION) for pair in ("xy", "xz", "yz")
+        Quantity(f"rotational_compliance_{pair}", "rad/(N*m)", 0.3 * rotation) for pair in ("xy", "xz", "yz")
     )
     slides = tuple(
-        Quantity(f"translational_compliance_{axis}", "m/N", TRANSLATION, positive=True) for axis in "xyz"
+        Quantity(f"translational_compliance_{axis}", "m/N", translation, positive=True) for axis in "xyz"
     )
-    couplings = tuple(Quantity(f"coupling_{pair}", "1/N", COUPLING) for pair in ("x_ry", "y_rx"))
+    couplings = tuple(Quantity(f"coupling_{pair}", "1/N", coupling) for pair in ("x_ry", "y_rx"))
     others = tuple(
-        Quantity(f"coupling_{'xyz'[a]}_r{'xyz'[b]}", "1/N", 0.5 * COUPLING)
+        Quantity(f"coupling_{'xyz'[a]}_r{'xyz'[b]}", "1/N", 0.5 * coupling)
         for a in range(3)
         for b in range(3)
         if (a, b) not in ((0, 1), (1, 0))
@@ -41,6 +43,12 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     coupled = [column((0, 4)), column((1, 3))]
     skewed = [column((3, 4)), column((3, 5)), column((4, 5))]
     rest = [column((a, 3 + b)) for a in range(3) for b in range(3) if (a, b) not in ((0, 1), (1, 0))]
+    usual = usual_load(baseline, baseline.fit.places.base.load)
+    contacts = [by_contact(baseline, place, at, usual) for at in (3, 4, 5, 0, 1, 2)]
+    stiffening = (
+        *(Quantity(f"rotation_at_contacts_{axis}", "rad", rotation * usual[1]) for axis in "xyz"),
+        *(Quantity(f"translation_at_contacts_{axis}", "m", translation * usual[0]) for axis in "xyz"),
+    )
     return [
         Shape("tilt", column((3, 3), (4, 4))[..., None], (tilt,)),
         Shape("rotation", np.stack(turning, -1), rotations),
@@ -50,7 +58,23 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
             np.stack([*turning, *sliding, *coupled, *skewed, *rest], -1),
             (*rotations, *slides, *couplings, *skews, *others),
         ),
+        Shape(
+            "rotation that stiffens",
+            np.stack([*turning, *contacts[:3]], -1),
+            (*rotations, *stiffening[:3]),
+            weight=0.5,
+        ),
+        Shape(
+            "all, stiffening",
+            np.stack([*turning, *sliding, *coupled, *skewed, *rest, *contacts], -1),
+            (*rotations, *slides, *couplings, *skews, *others, *stiffening),
+            weight=0.5,
+        ),
     ]
+
+
+def _scales(baseline: Baseline, component: str | None) -> Scales:  # noqa: ARG001
+    return load_scales(baseline, baseline.fit.places.base.load)
 
 
 EFFECT = Effect(
@@ -62,5 +86,6 @@ EFFECT = Effect(
     separation="the same load with the first joint turned by 90 degrees; a reflector on the pedestal",
     look_alikes=("bearing-tilt",),
     sources="1e-8 to 2e-7 rad/(N m), engineering estimate",
+    scales=_scales,
     place="base",
 )

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects.effect import Effect, Quantity, Scales, Shape, stated_scale
-from beamstiff.gap.effects.laws import by_compliance, component_of, joint_of
+from beamstiff.gap.effects.laws import by_compliance, component_of, joint_of, softness
 from beamstiff.gap.places import Place
+from beamstiff.robot.fields import FREE, RIGID
 from beamstiff.se3 import Array
 
-TILT = Quantity("tilting_compliance", "rad/(N*m)", 2e-7, positive=True)
-RADIAL = Quantity("radial_compliance", "m/N", 3e-9, positive=True)
-AXIAL = Quantity("axial_compliance", "m/N", 2e-9, positive=True)
+TILT = 2e-7  # rad/(N m), of a heavy robot's
+OF_DRIVE = 0.5  # the same over the compliance of the joint's own drive
+RADIAL, AXIAL = 0.015, 0.01  # m^2, over the tilting compliance
+SPREAD = 30.0  # from a wrist's to a press's
 OFF = 0.05  # m along the axis, from the joint's frame to where its bearing tilts about
 
 
@@ -22,43 +26,56 @@ def _components(baseline: Baseline) -> list[str | None]:
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     place = baseline.places.joints[joint_of(baseline, str(component)).name]
+    size = _usual_tilt(baseline, str(component))
+    tilting = Quantity("tilting_compliance", "rad/(N*m)", size, positive=True)
+    both_ways = Quantity("radial_compliance", "m/N", RADIAL * size, positive=True)
+    lengthwise = Quantity("axial_compliance", "m/N", AXIAL * size, positive=True)
     tilt = by_compliance(baseline, place, [(4, 4), (5, 5)])
     radial = by_compliance(baseline, place, [(1, 1), (2, 2)])
     axial = by_compliance(baseline, place, [(0, 0)])
     by_axis = [by_compliance(baseline, place, [pair]) for pair in ((4, 4), (5, 5), (4, 5))]
-    skew = Quantity("tilting_compliance_yz", "rad/(N*m)", 0.5 * TILT.size)
+    skew = Quantity("tilting_compliance_yz", "rad/(N*m)", 0.5 * size)
     two = (
-        Quantity("tilting_compliance_y", "rad/(N*m)", TILT.size, positive=True),
-        Quantity("tilting_compliance_z", "rad/(N*m)", TILT.size, positive=True),
+        Quantity("tilting_compliance_y", "rad/(N*m)", size, positive=True),
+        Quantity("tilting_compliance_z", "rad/(N*m)", size, positive=True),
     )
     radials = [by_compliance(baseline, place, [pair]) for pair in ((1, 1), (2, 2))]
     # about a point that is off along the axis, forces across it tilt too
     across, along = (by_compliance(baseline, place, [pair]) for pair in ((1, 5), (2, 4)))
-    off = Quantity("tilting_by_force", "rad/N", OFF * TILT.size)
-    offs = tuple(Quantity(f"tilting_by_force_{axis}", "rad/N", OFF * TILT.size) for axis in "yz")
-    sides = tuple(Quantity(f"radial_compliance_{axis}", "m/N", RADIAL.size, positive=True) for axis in "yz")
+    off = Quantity("tilting_by_force", "rad/N", OFF * size)
+    offs = tuple(Quantity(f"tilting_by_force_{axis}", "rad/N", OFF * size) for axis in "yz")
+    sides = tuple(
+        Quantity(f"radial_compliance_{axis}", "m/N", both_ways.size, positive=True) for axis in "yz"
+    )
     stiffening = _stiffening(baseline, place, str(component))
-    contact = Quantity("tilt_at_usual_moment", "rad", TILT.size * usual_moment(baseline, str(component)))
-    return [
-        Shape("tilt", tilt[..., None], (TILT,)),
-        Shape("tilt and radial", np.stack([tilt, radial], -1), (TILT, RADIAL)),
+    contact = Quantity("tilt_at_usual_moment", "rad", size * usual_moment(baseline, str(component)))
+    found = [
+        Shape("tilt", tilt[..., None], (tilting,)),
+        Shape("tilt and radial", np.stack([tilt, radial], -1), (tilting, both_ways)),
         Shape("tilt by axis", np.stack(by_axis, -1), (*two, skew)),
-        Shape("tilt that stiffens", np.stack([tilt, stiffening], -1), (TILT, contact)),
-        Shape("all", np.stack([*by_axis, radial, axial], -1), (*two, skew, RADIAL, AXIAL)),
+        Shape("tilt that stiffens", np.stack([tilt, stiffening], -1), (tilting, contact)),
+        Shape("all", np.stack([*by_axis, radial, axial], -1), (*two, skew, both_ways, lengthwise)),
         Shape(
             "all, stiffening",
             np.stack([*by_axis, radial, axial, stiffening], -1),
-            (*two, skew, RADIAL, AXIAL, contact),
+            (*two, skew, both_ways, lengthwise, contact),
             weight=0.5,
         ),
-        Shape("tilt off its centre", np.stack([tilt, radial, across - along], -1), (TILT, RADIAL, off)),
+        Shape("tilt off its centre", np.stack([tilt, radial, across - along], -1), (tilting, both_ways, off)),
         Shape(
             "all, off its centre",
             np.stack([*by_axis, *radials, axial, across, along], -1),
-            (*two, skew, *sides, AXIAL, *offs),
+            (*two, skew, *sides, lengthwise, *offs),
             weight=0.5,
         ),
     ]
+    return [replace(one, spread=SPREAD) for one in found]
+
+
+def _usual_tilt(baseline: Baseline, component: str) -> float:
+    """Return a middling tilting compliance, rad/(N m): as soft as the joint's drive, or as the machine."""
+    own = joint_of(baseline, component).stiffness.torsional
+    return OF_DRIVE / own if FREE < own < RIGID else softness(baseline) * TILT
 
 
 def usual_moment(baseline: Baseline, component: str) -> float:

@@ -34,6 +34,9 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     scale = np.concatenate([seen[:, :3], np.zeros_like(seen[:, :3])], 1)[..., None]
     turns = tuple(Quantity(f"rotation_{axis}", "rad", TURN) for axis in "xyz")
     growth = Quantity("scale", "1", SCALE)
+    scales = np.zeros((len(seen), 6, 3))
+    scales[:, [0, 1, 2], [0, 1, 2]] = seen[:, :3]
+    growths = tuple(Quantity(f"scale_{axis}", "1", SCALE) for axis in "xyz")
     # axes that are not square to each other, of a machine that measures along its own
     skew = np.zeros((len(seen), 6, 3))
     for at, (i, j) in enumerate(SKEWED):
@@ -43,9 +46,9 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
         Shape("turned", turn, turns),
         Shape("turned and scaled", np.concatenate([turn, scale], -1), (*turns, growth), weight=0.5),
         Shape(
-            "turned, scaled and skewed",
-            np.concatenate([turn, scale, skew], -1),
-            (*turns, growth, *skews),
+            "turned, scaled by axis and skewed",
+            np.concatenate([turn, scales, skew], -1),
+            (*turns, *growths, *skews),
             weight=0.5,
         ),
     ]

@@ -36,8 +36,25 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         Shape(f"knee at {at:g}", column[..., None], (soft,), spread=5.0)
         for at, column in zip(KNEES, windups, strict=True)
     ]
+
+    def to_side(torque: np.ndarray, at: float, side: float) -> np.ndarray:
+        return knee(side * np.maximum(side * torque, 0.0), at)
+
+    sided = [
+        by_law(baseline, axis, lambda torque, at=at, side=side: to_side(torque, at, side))  # type: ignore[misc]
+        for at in KNEES
+        for side in (1.0, -1.0)
+    ]
+    sides = tuple(
+        Quantity(f"extra_windup_{at:g}_{side}", unit, 0.15 * give, positive=True)
+        for at in KNEES
+        for side in ("up", "down")
+    )
     several = tuple(Quantity(f"extra_windup_{at:g}", unit, 0.15 * give, positive=True) for at in KNEES)
     result.append(Shape("several knees", np.stack(windups, -1), several, spread=5.0))
+    result.append(
+        Shape("several knees, other ones to each side", np.stack(sided, -1), sides, spread=5.0, weight=0.5)
+    )
     return result
 
 

@@ -14,6 +14,9 @@ from beamstiff.robot.fields import FREE, RIGID
 from beamstiff.robot.parts import Joint
 from beamstiff.se3 import Array
 
+HEAVY = 8e6  # N m/rad, the stiffest drive of a robot of 2.7 m reach (seed 001, Table 2: 6.6e6 and more)
+LOADS = ("force", "moment")  # scales of a place's load
+
 
 @dataclass(frozen=True)
 class Axis:
@@ -125,10 +128,54 @@ def by_side(baseline: Baseline, place: Place, at: int) -> Array:
     return result
 
 
+def usual_load(baseline: Baseline, load: Array) -> tuple[float, float]:
+    """Return the largest force and moment (N, N m) of the loads (N, 6) of the rows that were fitted."""
+    size = [float(np.linalg.norm(load[:, s], axis=1).max(initial=0.0)) for s in (slice(3), slice(3, 6))]
+    force, moment = (stated_scale(baseline, name) or value for name, value in zip(LOADS, size, strict=True))
+    return force or 1.0, moment or 1.0
+
+
+def load_scales(baseline: Baseline, load: Array) -> Scales:
+    """Return the scales of the effects that count loads (N, 6) against the largest one."""
+    return dict(zip(LOADS, usual_load(baseline, load), strict=True))
+
+
+def by_contact(baseline: Baseline, place: Place, at: int, usual: tuple[float, float]) -> Array:
+    """Return the displacement (N, 6) of a place that stiffens as it is loaded along a direction, 0..5.
+
+    Its slip is 1 at the usual load and goes by the power 2/3 of it, as that of rolling contacts does.
+    """
+    scale = usual[at // 3]
+
+    def law(load: Array) -> Array:
+        share = load / scale
+        return np.asarray(np.sign(share) * np.abs(share) ** (2.0 / 3.0))
+
+    slip = _slip(baseline, place.load[:, at], place.dead[:, at], law)
+    result: Array = place.shift[:, :, at] * slip[:, None]
+    return result
+
+
 def drive_compliance(axis: Axis) -> float:
     """Return the compliance of a drive as the robot was given; of rigid ones a middling value."""
     usual = 3e-7 if axis.turns else 3e-9
     return 1.0 / axis.stiffness if FREE < axis.stiffness < RIGID else usual
+
+
+def softness(baseline: Baseline) -> float:
+    """Return how soft a machine is over a heavy robot: that of its stiffest drive; 1 where none has a value.
+
+    Realistic sizes of compliances are those of a heavy robot times this: what is usual of a small arm would
+    not be believed of a large one.
+    """
+    robot = baseline.nominal
+    own = [
+        joint.stiffness.torsional
+        for joint in robot.joints
+        if joint.variable is not None and own_direction(robot, joint.name) == "torsional"
+    ]
+    finite = [value for value in own if FREE < value < RIGID]
+    return HEAVY / max(finite) if finite else 1.0
 
 
 def unit_of(axis: Axis) -> str:

@@ -8,15 +8,23 @@ unit-load method): under end force F and moment M, at s from the root, the secti
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects.effect import Effect, Quantity, Shape
+from beamstiff.gap.effects.laws import softness
 from beamstiff.gap.places import Place
 from beamstiff.se3 import Array
 
 EI = 1e7  # N m^2, a middling link
 TWIST = 1.3  # EI / GJ of a closed steel section, nearly
+STRETCH = 5e-10  # 1/N
+SEAM = 1e-7  # rad/(N m), of a weak section
+SECTIONS = (0.0, 0.5, 1.0)  # of the length, where a link may be weak
+SPREAD = 30.0  # from castings of a small arm to those of a press
+PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 GAUSS, WEIGHTS = np.polynomial.legendre.leggauss(6)
 
 
@@ -65,8 +73,9 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     twist = flexibility(length, even, "twist")
     stretch = np.zeros((6, 6))
     stretch[0, 0] = length
-    bend = Quantity("bending_flexibility", "1/(N*m^2)", 1 / EI, positive=True)
-    turn = Quantity("torsion_flexibility", "1/(N*m^2)", TWIST / EI, positive=True)
+    soft = softness(baseline)
+    bend = Quantity("bending_flexibility", "1/(N*m^2)", soft / EI, positive=True)
+    turn = Quantity("torsion_flexibility", "1/(N*m^2)", soft * TWIST / EI, positive=True)
     column = {
         "uniform": _column(baseline, place, both(even) + TWIST * twist),
         "root": _column(baseline, place, both(root)),
@@ -77,20 +86,45 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         "skew": _column(baseline, place, _skew(length)),
         "stretch": _column(baseline, place, stretch),
     }
-    half = Quantity("bending_flexibility_root", "1/(N*m^2)", 0.7 / EI)
-    other = Quantity("bending_flexibility_tip", "1/(N*m^2)", 0.7 / EI)
-    sheer = Quantity("stretch_flexibility", "1/N", 5e-10, positive=True)
-    y, z = (Quantity(f"bending_flexibility_{axis}", "1/(N*m^2)", 1 / EI, positive=True) for axis in "yz")
-    yz = Quantity("bending_flexibility_yz", "1/(N*m^2)", 0.3 / EI)
+    half = Quantity("bending_flexibility_root", "1/(N*m^2)", 0.7 * soft / EI)
+    other = Quantity("bending_flexibility_tip", "1/(N*m^2)", 0.7 * soft / EI)
+    sheer = Quantity("stretch_flexibility", "1/N", soft * STRETCH, positive=True)
+    y, z = (Quantity(f"bending_flexibility_{axis}", "1/(N*m^2)", soft / EI, positive=True) for axis in "yz")
+    yz = Quantity("bending_flexibility_yz", "1/(N*m^2)", 0.3 * soft / EI)
     names = [
         ("uniform", ("uniform",), (bend,)),
         ("tapered", ("root", "tip", "twist"), (half, other, turn)),
         ("by plane", ("xy", "xz", "skew", "twist", "stretch"), (y, z, yz, turn, sheer)),
     ]
-    return [
-        Shape(name, np.stack([column[key] for key in keys], -1), parameters)
+    found = [
+        Shape(name, np.stack([column[key] for key in keys], -1), parameters, spread=SPREAD)
         for name, keys, parameters in names
     ]
+    weak = [
+        [_column(baseline, place, _section(length * (1.0 - at), *pair)) for pair in PAIRS] for at in SECTIONS
+    ]
+    seams = tuple(
+        Quantity(
+            f"section_compliance_{'xyz'[a]}{'xyz'[b]}", "rad/(N*m)", soft * SEAM * (1.0 if a == b else 0.3)
+        )
+        for a, b in PAIRS
+    )
+    found.append(Shape("weak at its root", np.stack(weak[0], -1), seams, spread=SPREAD, weight=0.5))
+    several = tuple(replace(one, name=f"{one.name}_at_{at:g}") for at in SECTIONS for one in seams)
+    every = np.stack([column for columns in weak for column in columns], -1)
+    found.append(Shape("weak at several sections", every, several, spread=SPREAD, weight=0.5))
+    return found
+
+
+def _section(arm: float, a: int, b: int) -> Array:
+    """Return the flexibility (6, 6) at the end of a section, an arm before it, that turns about two axes."""
+    moment = np.zeros((3, 6))  # at the section, of a wrench at the end
+    moment[:, 3:] = np.eye(3)
+    moment[1, 2], moment[2, 1] = -arm, arm
+    turn = np.zeros((3, 3))
+    turn[a, b] = turn[b, a] = 1.0
+    result: Array = moment.T @ turn @ moment
+    return result
 
 
 def _skew(length: float) -> Array:

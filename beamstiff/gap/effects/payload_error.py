@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from beamstiff.gap.baseline import Baseline
+from beamstiff.gap.baseline import Baseline, nominal_pose
 from beamstiff.gap.effects.effect import Effect, Quantity, Shape
 from beamstiff.gap.effects.outside import each_by_each, tool_axes
 
 MASS = 10.0  # kg
 LEVER = 2.0  # kg m
 PULL = 50.0  # N
+STRETCH = 50.0  # N/m
 
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: ARG001
@@ -26,6 +27,10 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     swung = np.concatenate([np.zeros_like(shifted), np.cross(shifted, gravity[None, :, None], axis=1)], 1)
     base = np.broadcast_to(np.eye(3), axes.shape)
     pulled = [baseline.response @ np.concatenate([frame, np.zeros_like(frame)], 1) for frame in (base, axes)]
+    place = nominal_pose(baseline.nominal, baseline.rows)[0]
+    drawn = each_by_each(base, place)
+    drawn = baseline.response @ np.concatenate([drawn, np.zeros_like(drawn)], 1)
+    springs = tuple(Quantity(f"pull_{a}_by_{b}", "N/m", STRETCH) for a in "xyz" for b in "xyz")
     shifts = tuple(Quantity(f"mass_times_{a}_by_{b}", "kg*m", LEVER) for a in "xyz" for b in "xyz")
     pulls = tuple(Quantity(f"pull_{where}{axis}", "N", PULL) for where in ("", "tool_") for axis in "xyz")
     mass = Quantity("mass", "kg", MASS)
@@ -44,6 +49,12 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
             "something that pulls, as hoses do",
             np.concatenate([further, *pulled], -1),
             (*levers, *pulls),
+            weight=0.5,
+        ),
+        Shape(
+            "something that pulls the more the further it is drawn",
+            np.concatenate([heavier, further, pulled[0], drawn], -1),
+            (mass, *levers, *pulls[:3], *springs),
             weight=0.5,
         ),
     ]

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import asdict
+from dataclasses import asdict, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -23,6 +25,9 @@ EXPANSION = 1.2e-5  # 1/K, of steel
 DECAYS = (0.1, 0.3, 1.0)  # of the campaign's duration
 LAGS = (0.0, 0.05, 0.2)  # of the campaign's duration, by which the machine follows its temperature
 TURNING = ("linear", "warming up within 0.3")
+WAVES = (1, 2, 3)  # half waves over the campaign, as of a hall that warms and cools
+MODES, FEWER = 5, 4  # of any course: of the whole, and of every part
+SHORT = 30.0  # spread of what has drifted since the unloaded reading, a small part of the campaign ago
 
 
 def _components(baseline: Baseline) -> list[str | None]:
@@ -36,69 +41,126 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     fitted, stated = baseline.fit.rows, baseline.stated is not None
     time = clock(baseline)
     shared = not baseline.absolute and fitted.shared_unloaded
-    courses = {"linear": time - 0.5}
-    courses |= {f"warming up within {decay:g}": 1 - np.exp(-time / decay) for decay in DECAYS}
+    courses = _courses(time)
+    modes = {f"mode {k + 1}": mode for k, mode in enumerate((_table(time) @ _mixture()).T)}
     result: list[Shape] = []
     parts = _parts(baseline)
     if stated or not shared:
-        result += _in_time(baseline, courses, "")
-        result += _by_part(parts, {name: courses[name] for name in TURNING}, "")
+        result += _in_time(baseline, courses, modes, "")
+        result += _of_parts(parts, courses, modes, "")
     if stated or shared:  # what drifted before the unloaded reading of a posture is in both readings
         since = {name: since_pose(baseline, course) for name, course in courses.items()}
-        result += _in_time(baseline, since, ", since the unloaded reading")
-        result += _by_part(parts, {name: since[name] for name in TURNING}, ", since the unloaded reading")
+        moved = {name: since_pose(baseline, mode) for name, mode in modes.items()}
+        short = _in_time(baseline, since, moved, ", since the unloaded reading")
+        short += _of_parts(parts, since, moved, ", since the unloaded reading")
+        result += [replace(one, spread=SHORT) for one in short]
     if stated or (np.isfinite(fitted.temperature).all() and np.ptp(fitted.temperature) > 0):
-        for lag in LAGS:
-            warmth = lagged(baseline, lag)
-            label = "temperature" if lag == 0 else f"temperature, lagging by {lag:g}"
-            if stated or not shared:
-                result.append(Shape(label, _along(warmth), _named("expansion", "m/K", WARMTH)))
-                result.append(_turned(baseline, label, warmth))
-                result.append(_grown(baseline, f"growing with {label}", warmth))
-                result += _by_part(parts, {label: warmth / WARM}, "")
-            if stated or shared:
-                change = since_pose(baseline, warmth)
-                label = f"{label}, since the unloaded reading"
-                result.append(Shape(label, _along(change), _named("expansion", "m/K", WARMTH)))
-                result.append(_turned(baseline, label, change))
-                result.append(_grown(baseline, f"growing with {label}", change))
-                result += _by_part(parts, {label: change / WARM}, "")
+        warmth = {
+            "temperature" if lag == 0 else f"temperature, lagging by {lag:g}": lagged(baseline, lag)
+            for lag in LAGS
+        }
+        if stated or not shared:
+            result += _with_warmth(baseline, parts, warmth, "")
+        if stated or shared:
+            change = {name: since_pose(baseline, course) for name, course in warmth.items()}
+            short = _with_warmth(baseline, parts, change, ", since the unloaded reading")
+            result += [replace(one, spread=SHORT) for one in short]
     return result
 
 
-def _in_time(baseline: Baseline, courses: dict[str, Array], since: str) -> list[Shape]:
+def _courses(time: Array) -> dict[str, Array]:
+    """Return the courses (N,) that are common, of the time in campaigns."""
+    result = {"linear": time - 0.5}
+    return result | {f"warming up within {decay:g}": 1 - np.exp(-time / decay) for decay in DECAYS}
+
+
+def _table(time: Array) -> Array:
+    """Return courses (N, m) of which any is a mixture."""
+    waves = [np.cos(np.pi * k * time) for k in WAVES]
+    return np.stack([*_courses(time).values(), *waves], -1)
+
+
+@lru_cache
+def _mixture() -> Array:
+    """Return what mixes the courses into the main modes of their family, (m, MODES), as for `Following`."""
+    table = _table(np.linspace(0.0, 1.0, 101))
+    size = np.sqrt((table**2).mean(axis=0))
+    _, _, right = np.linalg.svd(table / size, full_matrices=False)
+    sign = np.where(right @ np.cos(np.arange(right.shape[1])) < 0, -1.0, 1.0)[:MODES]
+    result: Array = sign * right[:MODES].T / np.sqrt(right.shape[1]) / size[:, None]
+    return result
+
+
+def _in_time(
+    baseline: Baseline, courses: dict[str, Array], modes: dict[str, Array], since: str
+) -> list[Shape]:
     """Return drifts that follow courses (N,) of the time: each, any mixture, and turning with it."""
-    result = [
+    single = [
         Shape(f"{name}{since}", _along(course), _named("drift", "m", DRIFT), weight=0.5)
         for name, course in courses.items()
     ]
-    names = [name.replace(" ", "_") for name in courses]
-    drifts = tuple(item for name in names for item in _named(f"drift_{name}", "m", 0.5 * DRIFT))
-    turns = tuple(
-        item for name in TURNING for item in _named(f"turn_{name.replace(' ', '_')}", "rad", 0.5 * TURN)
+    return [*single, *_whole(baseline, modes, "any course", since)]
+
+
+def _whole(baseline: Baseline, courses: dict[str, Array], label: str, since: str) -> list[Shape]:
+    """Return drifts of the whole machine that follow any mixture of courses (N,)."""
+    names = [name.replace(" ", "_").replace(",", "") for name in courses]
+
+    def all_of(change: Callable[[Array], Array]) -> Array:
+        return np.concatenate([change(course) for course in courses.values()], -1)
+
+    drifts = tuple(item for name in names for item in _named(f"drift_{name}", "m", DRIFT))
+    turns = tuple(item for name in names for item in _named(f"turn_{name}", "rad", TURN))
+    growths = (
+        *(Quantity(f"growth_{name}", "1", GROWTH) for name in names),
+        *(Quantity(f"lengthening_{name}", "m", DRIFT) for name in names),
     )
-    every = np.concatenate([_along(course) for course in courses.values()], -1)
-    turning = [_turning(baseline, courses[name]) for name in TURNING]
+    every, turning = all_of(_along), all_of(lambda course: _turning(baseline, course))
     growing = np.concatenate(
-        [_growing(baseline, course) for course in courses.values()]
-        + [_lengthening(baseline, course) for course in courses.values()],
+        [
+            all_of(lambda course: _growing(baseline, course)),
+            all_of(lambda course: _lengthening(baseline, course)),
+        ],
         -1,
     )
-    growths = (
-        *(Quantity(f"growth_{name}", "1", 0.5 * GROWTH) for name in names),
-        *(Quantity(f"lengthening_{name}", "m", 0.5 * DRIFT) for name in names),
-    )
     return [
-        *result,
-        Shape(f"any course{since}", every, drifts),
-        Shape(f"any course, turning{since}", np.concatenate([every, *turning], -1), (*drifts, *turns)),
-        Shape(f"growing{since}", growing, growths),
+        Shape(f"{label}{since}", every, drifts),
+        Shape(f"{label}, turning{since}", np.concatenate([every, turning], -1), (*drifts, *turns)),
+        Shape(f"growing, {label}{since}", growing, growths),
         Shape(
-            f"growing and turning{since}",
-            np.concatenate([growing, *turning], -1),
+            f"growing and turning, {label}{since}",
+            np.concatenate([growing, turning], -1),
             (*growths, *turns),
         ),
     ]
+
+
+def _of_parts(
+    parts: dict[str, dict[str, Array]], courses: dict[str, Array], modes: dict[str, Array], since: str
+) -> list[Shape]:
+    """Return drifts in which each part follows courses (N,) of the time by itself."""
+    common = {name: courses[name] for name in TURNING}
+    few = dict(list(modes.items())[:FEWER])
+    result = [_by_part({what: parts[what]}, common, " and ".join(common), since) for what in parts]
+    return [*result, *([_by_part(parts, few, "any course", since)] if parts else [])]
+
+
+def _with_warmth(
+    baseline: Baseline, parts: dict[str, dict[str, Array]], warmth: dict[str, Array], since: str
+) -> list[Shape]:
+    """Return drifts that follow the temperature less its mean, with each lag (N,), and with any."""
+    result = []
+    for name, course in warmth.items():
+        label = f"{name}{since}"
+        result += [
+            Shape(label, _along(course), _named("expansion", "m/K", WARMTH)),
+            _turned(baseline, label, course),
+            _grown(baseline, f"growing with {label}", course),
+            *(_by_part({what: parts[what]}, {name: course / WARM}, name, since) for what in parts),
+        ]
+    share = {name: course / WARM for name, course in warmth.items()}
+    result += _whole(baseline, share, "temperature, with any lag", since)
+    return [*result, *([_by_part(parts, share, "temperature, with any lag", since)] if parts else [])]
 
 
 def _parts(baseline: Baseline) -> dict[str, dict[str, Array]]:
@@ -119,23 +181,21 @@ def _parts(baseline: Baseline) -> dict[str, dict[str, Array]]:
         for name in some:
             with suppress(BeamstiffError):  # a loop that cannot close otherwise
                 found[what][name] = pose_change(baseline, name)
-    return found
+    return {what: changes for what, changes in found.items() if changes}
 
 
-def _by_part(parts: dict[str, dict[str, Array]], courses: dict[str, Array], since: str) -> list[Shape]:
-    """Return drifts in which each joint's zero, or each link's length, follows the courses (N,) by itself."""
-    result = []
+def _by_part(parts: dict[str, dict[str, Array]], courses: dict[str, Array], label: str, since: str) -> Shape:
+    """Return the drift in which each part, a joint's zero or a length, follows the courses (N,) by itself."""
+    columns, quantities = [], []
     for what, changes in parts.items():
-        if not changes:
-            continue
-        label = " and ".join(courses)
-        columns = [change * course[:, None] for course in courses.values() for change in changes.values()]
-        size = TURN if what == "zero" else DRIFT
-        unit = "rad" if what == "zero" else "m"
-        names = [f"{what}_{name}_{course}".replace(" ", "_") for course in courses for name in changes]
-        quantities = tuple(Quantity(name, unit, size) for name in names)
-        result.append(Shape(f"every {what}, {label}{since}", np.stack(columns, -1), quantities, weight=0.5))
-    return result
+        for course_name, course in courses.items():
+            for name, change in changes.items():
+                own = f"{what}_{name}_{course_name}".replace(" ", "_").replace(",", "")
+                size, unit = (TURN, "rad") if what == "zero" else (DRIFT, "m")
+                columns.append(change * course[:, None])
+                quantities.append(Quantity(own, unit, size))
+    kinds = " and ".join(parts)
+    return Shape(f"every {kinds}, {label}{since}", np.stack(columns, -1), tuple(quantities), weight=0.5)
 
 
 def lagged(baseline: Baseline, lag: float) -> Array:

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from beamstiff.gap.baseline import Baseline
-from beamstiff.gap.effects.effect import Effect, Quantity, Shape
-from beamstiff.gap.effects.laws import by_compliance, by_side
+from beamstiff.gap.effects.effect import Effect, Quantity, Scales, Shape
+from beamstiff.gap.effects.laws import by_compliance, by_contact, by_side, load_scales, softness, usual_load
 
 ROTATION = 2e-6  # rad/(N m)
 TRANSLATION = 2e-8  # m/N
 COUPLING = 2e-7  # 1/N: an elastic centre a decimetre behind the TCP
-SPREAD = 5.0
+SPREAD = 10.0
 CENTRES = (0.05, 0.1, 0.2)  # m along the tool's axis z, at which it tilts
 
 
@@ -23,24 +23,26 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     def column(*pairs: tuple[int, int]) -> np.ndarray:
         return by_compliance(baseline, place, list(pairs))
 
-    even = Quantity("rotational_compliance", "rad/(N*m)", ROTATION, positive=True)
+    soft = softness(baseline)
+    rotation, translation, coupling = soft * ROTATION, soft * TRANSLATION, soft * COUPLING
+    even = Quantity("rotational_compliance", "rad/(N*m)", rotation, positive=True)
     rotations = tuple(
-        Quantity(f"rotational_compliance_{axis}", "rad/(N*m)", ROTATION, positive=True) for axis in "xyz"
+        Quantity(f"rotational_compliance_{axis}", "rad/(N*m)", rotation, positive=True) for axis in "xyz"
     )
     skews = tuple(
-        Quantity(f"rotational_compliance_{pair}", "rad/(N*m)", 0.3 * ROTATION) for pair in ("xy", "xz", "yz")
+        Quantity(f"rotational_compliance_{pair}", "rad/(N*m)", 0.3 * rotation) for pair in ("xy", "xz", "yz")
     )
     slides = tuple(
-        Quantity(f"translational_compliance_{axis}", "m/N", TRANSLATION, positive=True) for axis in "xyz"
+        Quantity(f"translational_compliance_{axis}", "m/N", translation, positive=True) for axis in "xyz"
     )
     couplings = tuple(
-        Quantity(f"coupling_{'xyz'[a]}_r{'xyz'[b]}", "1/N", COUPLING) for a in range(3) for b in range(3)
+        Quantity(f"coupling_{'xyz'[a]}_r{'xyz'[b]}", "1/N", coupling) for a in range(3) for b in range(3)
     )
     turning = [column((3, 3)), column((4, 4)), column((5, 5))]
     sliding = [column((0, 0)), column((1, 1)), column((2, 2))]
     skewed = [column((3, 4)), column((3, 5)), column((4, 5))]
     coupled = [column((a, 3 + b)) for a in range(3) for b in range(3)]
-    tilt = Quantity("tilting_compliance", "rad/(N*m)", ROTATION, positive=True)
+    tilt = Quantity("tilting_compliance", "rad/(N*m)", rotation, positive=True)
     behind = [
         np.stack(
             [
@@ -55,7 +57,13 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     ]
     sided = [by_side(baseline, place, at) for at in (3, 4, 5, 0, 1, 2)]
     sides = tuple(replace(one, name=f"{one.name}_by_side", positive=False) for one in (*rotations, *slides))
-    slide = Quantity("translational_compliance", "m/N", TRANSLATION, positive=True)
+    usual = usual_load(baseline, baseline.fit.places.flange.load)
+    contacts = [by_contact(baseline, place, at, usual) for at in (3, 4, 5, 0, 1, 2)]
+    stiffening = (
+        *(Quantity(f"rotation_at_contacts_{axis}", "rad", rotation * usual[1]) for axis in "xyz"),
+        *(Quantity(f"translation_at_contacts_{axis}", "m", translation * usual[0]) for axis in "xyz"),
+    )
+    slide = Quantity("translational_compliance", "m/N", translation, positive=True)
     both = [column((3, 3), (4, 4), (5, 5)), column((0, 0), (1, 1), (2, 2))]
     found = [
         Shape("rotation", both[0][..., None], (even,)),
@@ -77,12 +85,22 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
             weight=0.5,
         ),
         Shape(
+            "by axis, stiffening",
+            np.stack([*turning, *sliding, *contacts], -1),
+            (*rotations, *slides, *stiffening),
+            weight=0.5,
+        ),
+        Shape(
             "all",
             np.stack([*turning, *sliding, *skewed, *coupled], -1),
             (*rotations, *slides, *skews, *couplings),
         ),
     ]
     return [replace(one, spread=SPREAD) for one in found]
+
+
+def _scales(baseline: Baseline, component: str | None) -> Scales:  # noqa: ARG001
+    return load_scales(baseline, baseline.fit.places.flange.load)
 
 
 EFFECT = Effect(
@@ -94,5 +112,6 @@ EFFECT = Effect(
     separation="reflectors on flange and tool; a pure moment at the tool",
     look_alikes=("actuator-lever", "tool-offset"),
     sources="5e-7 to 1e-5 rad/(N m), engineering estimate",
+    scales=_scales,
     place="tool",
 )

@@ -33,7 +33,19 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
 
     load = acting(loaded, rows.wrench[:, :3])
     loads = tuple(Quantity(f"load_point_{axis}", "m", OFFSET) for axis in "xyz")
+    still = np.broadcast_to(np.eye(3), axes.shape)
+    beside = acting(np.where(np.abs(loaded).any(axis=2, keepdims=True), still, 0.0), rows.wrench[:, :3])
+    besides = tuple(Quantity(f"load_point_base_{axis}", "m", OFFSET) for axis in "xyz")
     hung = [
+        Shape("load that keeps its side in the base frame", beside, besides, weight=0.5),
+        Shape(
+            "load that keeps its side in the tool and in the base frame",
+            np.concatenate([load, beside], -1),
+            (*loads, *besides),
+            weight=0.5,
+        ),
+    ]
+    hung += [
         Shape(
             f"load that turns after its direction{where}",
             np.concatenate(
@@ -42,7 +54,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
             (*loads, *(Quantity(f"load_point_{a}_by_{b}", "m", OFFSET) for a in "xyz" for b in "xyz")),
             weight=0.5,
         )
-        for where, frame in (("", axes), (", in the base frame", np.broadcast_to(np.eye(3), axes.shape)))
+        for where, frame in (("", axes), (", in the base frame", still))
     ]
     if baseline.absolute:
         mass = sum(item.mass for item in robot.masses if item.node == robot.tcp)

@@ -30,10 +30,12 @@ def test_displacements_seen_in_another_scale() -> None:
 
 def test_displacements_seen_along_axes_that_are_not_square() -> None:
     there = nominal(kr240(), at_random(kr240(), 8, seed=1))
-    shape = shape_of(there, "frame-misalignment", None, "turned, scaled and skewed")
+    shape = shape_of(there, "frame-misalignment", None, "turned, scaled by axis and skewed")
     x, y, _ = there.predicted[:, :3].T
     at = [item.name for item in shape.parameters].index("skew_xy")
     close(shape.columns[..., at], np.stack([y, x, *4 * [0 * x]], axis=1))
+    at = [item.name for item in shape.parameters].index("scale_y")
+    close(shape.columns[..., at], np.stack([0 * y, y, *4 * [0 * y]], axis=1))
 
 
 @pytest.mark.parametrize("at", range(7))

@@ -1,11 +1,13 @@
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from beamstiff.gap.effects import EFFECTS
+from beamstiff.se3 import Array
 from tests.gap.machines import FORE, UPPER, at_random, elbow, nominal, rows_of, shape_of
 
 TIME = np.array([0.0, 100, 200, 300, 350, 400])
@@ -77,22 +79,43 @@ def test_a_turning_frame_moves_points_by_their_distance() -> None:
     rows = at_random(elbow(), 6, seed=1, time=TIME)
     baseline = nominal(elbow(), rows)
     shape = shape_of(baseline, "thermal-drift", None, "any course, turning")
-    turn = shape.columns[..., -6:-3]  # of the linear course, about x, y and z
-    course = TIME / 400 - 0.5
+    names = [item.name for item in shape.parameters]
+    turn = shape.columns[..., [names.index(f"turn_mode_1_{axis}") for axis in "xyz"]]
+    course = shape.columns[:, 0, names.index("drift_mode_1_x")]
     for axis in range(3):
         assert turn[:, 3 + axis, axis] == pytest.approx(course)
         assert np.cross(np.eye(3)[axis], turn[:, :3, axis]) @ np.eye(3)[axis] == pytest.approx(0.0)
 
 
+@pytest.mark.parametrize(
+    "course",
+    [
+        pytest.param(lambda t: t, id="linear"),
+        pytest.param(lambda t: 1 - np.exp(-t / 0.2), id="warming up"),
+        pytest.param(lambda t: np.sin(2 * np.pi * t), id="a hall over a day"),
+        pytest.param(lambda t: (t - 0.4) ** 2, id="there and back"),
+    ],
+)
+def test_any_smooth_course_of_the_time_is_a_mixture_of_the_modes(course: Callable[[Array], Array]) -> None:
+    time = np.linspace(0.0, 400.0, 41)
+    rows = at_random(elbow(), 41, seed=1, time=time)
+    along_x = shape_of(nominal(elbow(), rows), "thermal-drift", None, "any course").columns[:, 0]
+    wanted = course(time / 400)
+    wanted = wanted - wanted.mean()
+    modes = along_x - along_x.mean(axis=0)  # a constant is the unloaded reading's, or the frame's
+    found = modes @ np.linalg.lstsq(modes, wanted, rcond=None)[0]
+    assert np.linalg.norm(found - wanted) < 0.05 * np.linalg.norm(wanted)
+
+
 def test_a_machine_that_grows_moves_every_point_away_from_its_base_by_its_distance() -> None:
     rows = at_random(elbow(), 6, seed=1, time=TIME)
     rows = replace(rows, point=np.array(["tip", "end"] * 3))
-    shape = shape_of(nominal(elbow(), rows), "thermal-drift", None, "growing")
+    shape = shape_of(nominal(elbow(), rows), "thermal-drift", None, "growing, any course")
+    course = shape_of(nominal(elbow(), rows), "thermal-drift", None, "any course").columns[:, 0, 0]
     first, both = rows.q[:, 0], rows.q.sum(axis=1)
     tip = np.where(np.arange(6) % 2 == 0, 1.0, 0.0)[:, None]
     away = UPPER * np.stack([np.cos(first), np.sin(first), 0 * first], -1)
     away = away + tip * FORE * np.stack([np.cos(both), np.sin(both), 0 * both], -1)
-    course = TIME / 400 - 0.5
     np.testing.assert_allclose(shape.columns[:, :3, 0], course[:, None] * away, atol=1e-12)
     assert not shape.columns[:, 3:].any()
 
