@@ -213,20 +213,19 @@ def _given_share(
     apart = weight[:, None] * gaps - half.T @ seen  # (n, d)
     for stack in stacks:
         eigenvalues, projected, vectors = _projected(stack, stack.gram(share, weight), half, apart)
+        sizes = spread[stack.index, None] ** MAGNITUDES  # (h, U)
+        upper = np.zeros((*sizes.shape, gaps.shape[1]))
         signed = np.flatnonzero(stack.positive.any(axis=1))
-        for k, magnitude in enumerate(MAGNITUDES):
-            u = spread[stack.index] ** magnitude  # (h,)
-            ratio = (u[:, None] / scales.value) ** 2  # (h, S)
+        if signed.size:
+            parts = (stack.positive[signed], eigenvalues[signed], projected[signed], vectors[signed])
+            upper[signed] = _log_upper(*parts, sizes[signed] / middle, middle)
+        for k in range(MAGNITUDES.size):
+            ratio = (sizes[:, k, None] / scales.value) ** 2  # (h, S)
             grown = ratio[:, :, None] * eigenvalues[:, None]  # (h, S, c)
             loss = 0.5 * np.log1p(grown).sum(axis=2)[..., None]
             factor = ratio[:, :, None] / (1 + grown)
             explained = factor @ projected**2  # (h, S, d)
-            if signed.size:
-                parts = (stack.positive[signed], eigenvalues[signed], projected[signed], vectors[signed])
-                upper = np.zeros((stack.index.size, 1, gaps.shape[1]))
-                upper[signed, 0] = _log_upper(*parts, u[signed], middle)
-                loss = loss - upper
-            result[1 + stack.index, k] = averaged(total - explained, loss)
+            result[1 + stack.index, k] = averaged(total - explained, loss - upper[:, k, None])
     return result
 
 
@@ -243,19 +242,44 @@ def _projected(stack: Stack, gram: Array, half: Array, apart: Array) -> tuple[Ar
 
 
 def _log_upper(
-    positive: NDArray[np.bool_], eigenvalues: Array, projected: Array, vectors: Array, u: Array, scale: float
+    positive: NDArray[np.bool_],
+    eigenvalues: Array,
+    projected: Array,
+    vectors: Array,
+    sizes: Array,
+    scale: float,
 ) -> Array:
-    """Return by how much the density grows (h, d), log, as some parameters (h, c) cannot be negative.
+    """Return by how much the density grows (h, U, d), log, as some parameters (h, c) cannot be negative.
 
-    Twice the probability that each is not, given the gap and a noise scale; exact for one parameter, of
-    several as if they were independent. `eigenvalues` (h, c), `projected` (h, c, d) as of `_projected`.
+    Twice the probability that each is not, given the gap and a noise scale, and given that those before it
+    are not: what is known to be positive is taken for normal again, with its new mean and variance (Mendell
+    and Elston, Biometrics 30 (1974) 41). Of several gaps, which are compared with each other only, as if the
+    parameters were independent. `eigenvalues` (h, c), `projected` (h, c, d) as of `_projected`; `sizes`
+    (h, U) over the noise scale.
     """
-    ratio = (u[:, None] / scale) ** 2
-    factor = ratio / (1.0 + ratio * eigenvalues)  # variance along the vectors, over scale^2
-    mean = vectors @ (factor[..., None] * projected)  # (h, c, d)
-    spread = scale * np.sqrt(np.maximum((vectors**2 @ factor[..., None]), 1e-300))  # (h, c, 1)
-    upper = np.log(2.0) + log_ndtr(mean / spread)
-    result: Array = np.where(positive[..., None], upper, 0.0).sum(axis=1)
+    ratio = sizes[:, :, None] ** 2
+    factor = ratio / (1.0 + ratio * eigenvalues[:, None])  # (h, U, c), variance along the vectors, / scale^2
+    mean = vectors[:, None] @ (factor[..., None] * projected[:, None]) / scale  # (h, U, c, d)
+    alone = projected.shape[2] > 1
+    if alone:
+        variance = (vectors[:, None] ** 2 @ factor[..., None])[..., 0]
+    else:
+        covariance = (vectors[:, None] * factor[:, :, None]) @ vectors[:, None].swapaxes(-1, -2)
+    result = np.zeros((*sizes.shape, projected.shape[2]))
+    for k in np.flatnonzero(positive.any(axis=0)).tolist():
+        own = variance[..., k] if alone else covariance[..., k, k]
+        spread = np.sqrt(np.maximum(own, 1e-300))[..., None]
+        above = mean[:, :, k] / spread
+        part = log_ndtr(above)
+        result += np.where(positive[:, None, None, k], np.log(2.0) + part, 0.0)
+        if alone:
+            continue
+        hazard = np.exp(-0.5 * above**2 - 0.5 * np.log(2.0 * np.pi) - part)  # (h, U, 1)
+        hazard = np.where(positive[:, None, None, k], hazard, 0.0)
+        toward = covariance[..., k] / spread  # (h, U, c)
+        mean = mean + (toward * hazard)[..., None]
+        lost = np.clip(hazard * (hazard + above), 0.0, 1.0)[..., None]
+        covariance = covariance - lost * toward[..., None] * toward[..., None, :]
     return result
 
 

@@ -138,6 +138,26 @@ def test_of_several_that_are_independent_each_counts_by_itself() -> None:
     assert gain == pytest.approx(np.log((weights @ odds) / weights.sum()), abs=1e-9)
 
 
+@pytest.mark.parametrize("count", [2, 3, 5])
+@pytest.mark.parametrize("seed", range(4))
+def test_of_several_that_look_alike_all_have_to_be_positive_at_once(count: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    columns = rng.standard_normal((30, count)) + 2 * rng.standard_normal((30, 1))
+    gap = columns @ (0.4 * rng.standard_normal(count)) + rng.standard_normal(30)
+    shapes = [hypothesis(columns, positive=one, spread=1.0) for one in (True, False)]
+    both, free = (evidence(gap_of(gap), [one], ONE).exact[0] for one in shapes)
+    covariance = np.linalg.inv(columns.T @ columns + np.eye(count))
+    mean = covariance @ columns.T @ gap
+    below = multivariate_normal(-mean, covariance, seed=1, maxpts=10**6, abseps=0, releps=1e-5)
+    exact = count * np.log(2) + np.log(below.cdf(np.zeros(count)))
+    apart = np.log(2) * count + norm.logcdf(mean / np.sqrt(np.diag(covariance))).sum()
+    if exact > -5:
+        assert both - free == pytest.approx(exact, abs=0.25 + 0.1 * abs(exact))
+    else:  # far out it is too mild, but less so than one by one
+        assert exact < both - free < 0.5 * exact
+    assert abs(both - free - exact) <= abs(apart - exact) + 0.05
+
+
 def test_many_hypotheses_at_once_are_weighed_as_each_alone() -> None:
     white, _ = case(6, 1, 1)
     rng = np.random.default_rng(5)
