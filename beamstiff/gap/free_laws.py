@@ -8,7 +8,7 @@ better than they do.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,15 +47,16 @@ class FreeLaw:
         Its main modes, whitened, less what the fit absorbs; all together have mean square 1.
     inside : bool
         Whether it is a place of the machine that gives way.
-    play : (n, k) array or None
-        Main modes of a structure's place that only gives from one side to the other: few enough to be seen
-        where all that it could do is too much.
+    nameless : tuple of (n, k) array
+        Main modes of what no effect of the library is: play of the structure; of a drive what gives more to
+        one side than to the other, changes with the time, or fades. Few enough each to be seen where all that
+        the place could do is too much.
     """
 
     place: str
     modes: Array
     inside: bool = True
-    play: Array | None = None
+    nameless: tuple[Array, ...] = ()
 
 
 def free_laws(baseline: Baseline, library: Library, white: Whitened) -> list[FreeLaw]:
@@ -70,8 +71,11 @@ def free_laws(baseline: Baseline, library: Library, white: Whitened) -> list[Fre
     found = []
     for name, at in structure:
         compliance, bent, play = _of_structure(baseline, at)
-        found.append(FreeLaw(name, _modes(white, (compliance, bent)), play=_modes(white, (play,))))
-    found += [FreeLaw(str(one), _modes(white, _of_drive(baseline, str(one)))) for one in drives(baseline)]
+        found.append(FreeLaw(name, _modes(white, (compliance, bent)), nameless=(_modes(white, (play,)),)))
+    for drive in map(str, drives(baseline)):
+        named, nameless = _of_drive(baseline, drive)
+        modes = tuple(_modes(white, (law,)) for law in nameless)
+        found.append(FreeLaw(drive, _modes(white, (*named, *nameless)), nameless=modes))
     outside: dict[str, list[Array]] = {}
     for one in library.hypotheses:
         if EFFECTS[one.effect].family not in INSIDE:
@@ -127,7 +131,8 @@ def _of_structure(baseline: Baseline, place: Place) -> tuple[Array, Array, Array
     return compliance, np.concatenate([one_sided, grown, sudden], -1), sudden
 
 
-def _of_drive(baseline: Baseline, name: str) -> Iterator[Array]:
+def _of_drive(baseline: Baseline, name: str) -> tuple[list[Array], list[Array]]:
+    """Return the laws (N, 6, c) that a drive could follow: those with a name, and those without."""
     axis = axis_at(baseline, name)
     torque = (axis.load + axis.dead if baseline.absolute else axis.load) / axis.typical
 
@@ -140,21 +145,22 @@ def _of_drive(baseline: Baseline, name: str) -> Iterator[Array]:
         for knee in KNEES
         for side in (1.0, -1.0)
     ]
-    yield np.stack(bends, -1)
+    named = [np.stack(bends, -1)]
     if axis.joint.variable is not None:
         follow = Following(baseline, axis.joint.variable)
         near = np.exp(-0.5 * ((follow.angle[:, None] - follow.fitted) / TURN) ** 2)
-        yield along(torque[:, None] * near)
-        yield along((torque * np.abs(torque))[:, None] * near)
+        named += [along(torque[:, None] * near), along((torque * np.abs(torque))[:, None] * near)]
     begun = [(ways, wound) for _, ways, wound in BEGINNINGS if len(ways) <= FEW]
     held = [held_shares(baseline, axis, ways, wound) for ways, wound in begun]
     friction = np.concatenate([one.reshape(len(one), -1) for one in held], axis=1)
     if baseline.absolute:  # held alike everywhere it is an encoder's zero
         friction = np.round(friction - friction.mean(axis=0), DIGITS)
-    yield along(friction)
+    named.append(along(friction))
     time = clock(baseline)
-    yield along(torque[:, None] * np.stack([time, time**2], -1))
-    yield along(_remembered(baseline, axis, time))
+    one_sided = [by_law(baseline, axis, law) for law in (np.abs, np.square)]
+    changing = along(torque[:, None] * np.stack([time, time**2], -1))
+    fading = along(_remembered(baseline, axis, time))
+    return named, [np.stack(one_sided, -1), changing, fading]
 
 
 def _remembered(baseline: Baseline, axis: Axis, time: Array) -> Array:

@@ -71,8 +71,9 @@ class Search:
         Share of the gap's size that it leaves to the unknown.
     free : dict of str to float
         Log evidence of what each place could do at most.
-    play : dict of str to float
-        Log evidence of play at each place of the structure.
+    nameless : dict of str to float
+        Log evidence of the likeliest law at each place that is no effect of the library: play of the
+        structure, drives that give more to one side, change with the time, or fade.
     """
 
     log_weight: dict[str, float]
@@ -80,7 +81,7 @@ class Search:
     shapes: dict[str, list[Weighted]]
     left: dict[str, float]
     free: dict[str, float] = field(default_factory=dict)
-    play: dict[str, float] = field(default_factory=dict)
+    nameless: dict[str, float] = field(default_factory=dict)
 
     @property
     def single(self) -> dict[str, float]:
@@ -124,8 +125,8 @@ def search(
         ]
         shapes[key] = kept
         left[key] = float(alone.left[order[0]])
-    free, play = _freely(white, laws, scales), _playing(white, laws, scales)
-    result = Search(log_weight, (), shapes, left, free, play)
+    free, nameless = _freely(white, laws, scales), _namelessly(white, laws, scales)
+    result = Search(log_weight, (), shapes, left, free, nameless)
     if not pairs:
         return result
     found: dict[frozenset[str], Pair] = {}
@@ -209,9 +210,9 @@ def _freely(white: Whitened, laws: Sequence[FreeLaw], scales: Scales) -> dict[st
     return _weighed(white, inside, scales)
 
 
-def _playing(white: Whitened, laws: Sequence[FreeLaw], scales: Scales) -> dict[str, float]:
-    """Return the log evidence of play at each place of the structure."""
-    return _weighed(white, [(law.place, law.play) for law in laws if law.play is not None], scales)
+def _namelessly(white: Whitened, laws: Sequence[FreeLaw], scales: Scales) -> dict[str, float]:
+    """Return the log evidence of the likeliest law of each place that is no effect of the library."""
+    return _weighed(white, [(law.place, modes) for law in laws for modes in law.nameless], scales)
 
 
 def _weighed(white: Whitened, places: Sequence[tuple[str, Array]], scales: Scales) -> dict[str, float]:

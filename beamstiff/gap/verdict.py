@@ -104,14 +104,15 @@ def share_of_free_laws(search: Search, log_weight: float) -> float:
     return float(np.clip(free / (max(log_weight - nothing, 0.0) + BEHIND), APART, 2.0))
 
 
-def odds_of_play(search: Search, log_weight: float) -> float:
-    """Return the log odds of play at some place of the structure, which has no name, against a cause.
+def odds_of_nameless(search: Search, log_weight: float) -> float:
+    """Return the log odds that some place follows a law that has no name, against a cause.
 
-    Divided as those between causes are. Play looks like a soft place that stiffens, and is another repair.
+    Divided as those between causes are. Play of the structure looks like a soft place that stiffens, a drive
+    that creeps like one with friction, and each is another repair.
     """
-    play = max(search.play.values(), default=-np.inf)
+    nameless = max(search.nameless.values(), default=-np.inf)
     evidence = log_weight - search.log_weight[NONE]
-    return float((play - log_weight) / (1.0 + max(evidence, 0.0) / FAITH))
+    return float((nameless - log_weight) / (1.0 + max(evidence, 0.0) / FAITH))
 
 
 def accepted(pair: Pair | None, search: Search, single: Shrink, both: Shrink | None) -> bool:
@@ -170,7 +171,7 @@ def judge(
     if two and pair is not None and both is not None:
         left, worth, weight = pair.left, both.worth, pair.log_weight
     odd = doubt(left, share_of_free_laws(search, weight), worth)
-    odd = float(np.logaddexp(odd, odds_of_play(search, weight)))
+    odd = float(np.logaddexp(odd, odds_of_nameless(search, weight)))
     if freedom < FEW:
         odd = min(odd, search.log_weight[UNKNOWN] - total, -1.0)
     if freedom < SCARCE:
