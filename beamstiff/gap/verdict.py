@@ -26,7 +26,7 @@ FAITH = 40.0
 FAITH_IN_TWO = 100.0  # the same of which two causes there are
 # log odds that a cause is real: of its share left to the unknown, of the share of its evidence that free laws
 # of the places have, and of its worth on held-out postures
-REAL, LEFT, FREE, WORTH = 1.65, 1.25, 6.8, 2.6
+REAL, LEFT, FREE, WORTH = 2.2, 1.25, 6.8, 2.6
 BEHIND = 20.0  # log odds that are added to both evidences
 APART = 0.7  # share below which free laws do not speak for a cause any more
 FEW = 60  # values less fitted ones, below which nothing can be called unknown
@@ -36,7 +36,7 @@ FAINT, BARE = 15.0, 0.3  # log odds against none below which a cause has to be w
 CAUTION = 2.0  # log odds that any effect needs before it is as likely as none
 CHANCE = 0.01  # share of simulated campaigns without an effect that look as if they had one
 SURE, SLIGHT = 0.95, 0.04  # probability of the verdict with what cannot be told from it; and of a member
-DOUBTED = 0.12  # probability of the unknown from which a set holds it
+DOUBTED = 0.09  # probability of the unknown from which a set holds it
 SECOND = 8.0  # log odds of a second cause
 STILL_OPEN = 1.03  # of the noise, which the first must leave on held-out postures for a second to close
 SECOND_WORTH = 0.75  # share of that which both must close

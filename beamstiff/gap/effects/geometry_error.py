@@ -24,6 +24,7 @@ STEP = 1e-5  # m or rad
 LENGTHS, ANGLES = ("d", "r", "b"), ("alpha", "theta", "gamma", "beta")
 USUAL = ("d", "r", "alpha", "theta")
 LENGTH, ANGLE = 5e-4, 1e-3  # m, rad
+RUNOUT = 0.2  # of these: discs and bearings are centred better than links are long
 
 
 def _components(baseline: Baseline) -> list[str | None]:
@@ -54,7 +55,9 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         courses = (np.ones_like(turn), np.sin(turn), np.cos(turn))
         parts = ("offset", "once_a_turn_sine", "once_a_turn_cosine")
         by_turn = np.stack([columns * course[:, None] for course in courses], -1)
-        runout = tuple(Quantity(part, unit, size) for part in parts)
+        runout = tuple(
+            Quantity(part, unit, size * of) for part, of in zip(parts, (1.0, RUNOUT, RUNOUT), strict=True)
+        )
         result.append(Shape("offset, and once a turn", by_turn, runout, weight=0.5))
     return result
 

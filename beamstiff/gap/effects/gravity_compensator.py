@@ -46,7 +46,10 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     follow = Following(baseline, axis.joint.variable)
     compliance = _compliance(baseline, axis)
     family = [(ratio, free, phase) for ratio in RATIOS for free in FREE_LENGTHS for phase in PHASES]
-    springs = [(MIDDLE, free, phase) for free in FREE_LENGTHS[::2] for phase in PHASES]
+    # without a free length a spring half a turn on is the same with the other sign
+    springs = [
+        (MIDDLE, free, phase) for free in FREE_LENGTHS[::2] for phase in PHASES if free or phase < np.pi
+    ]
 
     def laws(q: np.ndarray, chosen: list[tuple[float, float, float]], of: int = STIFFNESS) -> np.ndarray:
         return np.stack([_spring(q - phase, ratio, free)[of] for ratio, free, phase in chosen], -1)

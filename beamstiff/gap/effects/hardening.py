@@ -8,7 +8,7 @@ from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects.effect import Effect, Quantity, Shape
 from beamstiff.gap.effects.laws import axis_at, by_law, drive_compliance, drives, torque_scale, unit_of
 
-KNEES = (0.1, 0.25, 0.5)  # of the largest torque: where the soft wind-up ends
+KNEES = (0.05, 0.1, 0.25, 0.5)  # of the largest torque: where the soft wind-up ends
 
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
