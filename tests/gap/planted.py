@@ -122,6 +122,12 @@ def bearing_play(what: Plan, joint: int = 2, half: float = 1.5e-4) -> Array:
     return what.arm.turned(half * across / size * np.minimum(size / 100.0, 1.0), joint)
 
 
+def one_sided_drive(what: Plan, joint: int = 1, softer: float = 8e-8) -> Array:
+    """A drive gives more under torque of one sign than of the other: the library has no name for that."""
+    torque = what.arm.torque(what.wrench)[:, joint]
+    return what.arm.slipped(softer * np.maximum(torque, 0.0), joint)
+
+
 def base_compliance(what: Plan, compliance: float = 2e-7) -> Array:
     """A pedestal tilts about a point 0.2 m below the floor."""
     lever = what.arm.tip - [0.0, 0.0, -0.2]

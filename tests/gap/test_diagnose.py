@@ -57,6 +57,12 @@ def test_play_in_a_bearing_is_no_soft_bearing() -> None:
     assert found.where["components"][0]["component"] == "q3"
 
 
+def test_a_drive_that_is_softer_to_one_side_has_no_name() -> None:
+    found = diagnosed("one_sided_drive")
+    assert found.verdict.key == "unknown:null"
+    assert found.where["components"][0]["component"] == "q2"
+
+
 def test_wrong_rows_are_unknown_where_outliers_are_ruled_out() -> None:
     found = diagnose(kr240(), campaign(plan(), planted.outliers), without=["outliers"])
     assert found.verdict.key == "unknown:null"

@@ -6,7 +6,7 @@ import numpy as np
 
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects.effect import Effect, Quantity, Scales, Shape
-from beamstiff.gap.effects.laws import by_compliance, by_contact, load_scales, softness, usual_load
+from beamstiff.gap.effects.laws import by_compliance, by_contacts, load_scales, softness
 
 ROTATION = 5e-8  # rad/(N m)
 TRANSLATION = 5e-9  # m/N
@@ -43,11 +43,8 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     coupled = [column((0, 4)), column((1, 3))]
     skewed = [column((3, 4)), column((3, 5)), column((4, 5))]
     rest = [column((a, 3 + b)) for a in range(3) for b in range(3) if (a, b) not in ((0, 1), (1, 0))]
-    usual = usual_load(baseline, baseline.fit.places.base.load)
-    contacts = [by_contact(baseline, place, at, usual) for at in (3, 4, 5, 0, 1, 2)]
-    stiffening = (
-        *(Quantity(f"rotation_at_contacts_{axis}", "rad", rotation * usual[1]) for axis in "xyz"),
-        *(Quantity(f"translation_at_contacts_{axis}", "m", translation * usual[0]) for axis in "xyz"),
+    contacts, stiffening = by_contacts(
+        baseline, place, load_scales(baseline, baseline.fit.places.base), rotation, translation
     )
     return [
         Shape("tilt", column((3, 3), (4, 4))[..., None], (tilt,)),
@@ -74,7 +71,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
 
 
 def _scales(baseline: Baseline, component: str | None) -> Scales:  # noqa: ARG001
-    return load_scales(baseline, baseline.fit.places.base.load)
+    return {**load_scales(baseline, baseline.fit.places.base)}
 
 
 EFFECT = Effect(

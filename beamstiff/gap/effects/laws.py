@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from beamstiff.gap.baseline import Baseline, own_direction
-from beamstiff.gap.effects.effect import Scales, stated_scale
+from beamstiff.gap.effects.effect import Quantity, Scales, stated_scale
 from beamstiff.gap.places import Place
 from beamstiff.robot.fields import FREE, RIGID
 from beamstiff.robot.parts import Joint
 from beamstiff.se3 import Array
 
 HEAVY = 8e6  # N m/rad, the stiffest drive of a robot of 2.7 m reach (seed 001, Table 2: 6.6e6 and more)
-LOADS = ("force", "moment")  # scales of a place's load
 
 
 @dataclass(frozen=True)
@@ -128,32 +127,37 @@ def by_side(baseline: Baseline, place: Place, at: int) -> Array:
     return result
 
 
-def usual_load(baseline: Baseline, load: Array) -> tuple[float, float]:
-    """Return the largest force and moment (N, N m) of the loads (N, 6) of the rows that were fitted."""
-    size = [float(np.linalg.norm(load[:, s], axis=1).max(initial=0.0)) for s in (slice(3), slice(3, 6))]
-    force, moment = (stated_scale(baseline, name) or value for name, value in zip(LOADS, size, strict=True))
-    return force or 1.0, moment or 1.0
+def load_scales(baseline: Baseline, fitted: Place) -> dict[str, float]:
+    """Return the largest force and moment of the loads of the rows that were fitted, N and N m."""
+    sizes = [np.linalg.norm(fitted.load[:, part], axis=1) for part in (slice(3), slice(3, 6))]
+    return {
+        name: stated_scale(baseline, name) or float(size.max(initial=0.0)) or 1.0
+        for name, size in zip(("force", "moment"), sizes, strict=True)
+    }
 
 
-def load_scales(baseline: Baseline, load: Array) -> Scales:
-    """Return the scales of the effects that count loads (N, 6) against the largest one."""
-    return dict(zip(LOADS, usual_load(baseline, load), strict=True))
+def by_contacts(
+    baseline: Baseline, place: Place, scales: Mapping[str, float], rotation: float, translation: float
+) -> tuple[list[Array], tuple[Quantity, ...]]:
+    """Return how a place that stiffens displaces the rows, (N, 6) each: three rotations, three translations.
 
-
-def by_contact(baseline: Baseline, place: Place, at: int, usual: tuple[float, float]) -> Array:
-    """Return the displacement (N, 6) of a place that stiffens as it is loaded along a direction, 0..5.
-
-    Its slip is 1 at the usual load and goes by the power 2/3 of it, as that of rolling contacts does.
+    Its slip goes by the power 2/3 of the load, as that of contacts does; the parameters are what it comes to
+    under the largest load (`load_scales`), usually that of the compliances given.
     """
-    scale = usual[at // 3]
 
-    def law(load: Array) -> Array:
-        share = load / scale
-        return np.asarray(np.sign(share) * np.abs(share) ** (2.0 / 3.0))
+    def slip(at: int) -> Array:
+        def law(load: Array) -> Array:
+            share = load / scales["force" if at < 3 else "moment"]
+            return np.asarray(np.sign(share) * np.abs(share) ** (2.0 / 3.0))
 
-    slip = _slip(baseline, place.load[:, at], place.dead[:, at], law)
-    result: Array = place.shift[:, :, at] * slip[:, None]
-    return result
+        return _slip(baseline, place.load[:, at], place.dead[:, at], law)
+
+    columns = [place.shift[:, :, at] * slip(at)[:, None] for at in (3, 4, 5, 0, 1, 2)]
+    turn, shift = rotation * scales["moment"], translation * scales["force"]
+    return columns, (
+        *(Quantity(f"rotation_at_contacts_{axis}", "rad", turn) for axis in "xyz"),
+        *(Quantity(f"translation_at_contacts_{axis}", "m", shift) for axis in "xyz"),
+    )
 
 
 def drive_compliance(axis: Axis) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects.effect import Effect, Quantity, Scales, Shape
-from beamstiff.gap.effects.laws import by_compliance, by_contact, by_side, load_scales, softness, usual_load
+from beamstiff.gap.effects.laws import by_compliance, by_contacts, by_side, load_scales, softness
 
 ROTATION = 2e-6  # rad/(N m)
 TRANSLATION = 2e-8  # m/N
@@ -57,11 +57,8 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     ]
     sided = [by_side(baseline, place, at) for at in (3, 4, 5, 0, 1, 2)]
     sides = tuple(replace(one, name=f"{one.name}_by_side", positive=False) for one in (*rotations, *slides))
-    usual = usual_load(baseline, baseline.fit.places.flange.load)
-    contacts = [by_contact(baseline, place, at, usual) for at in (3, 4, 5, 0, 1, 2)]
-    stiffening = (
-        *(Quantity(f"rotation_at_contacts_{axis}", "rad", rotation * usual[1]) for axis in "xyz"),
-        *(Quantity(f"translation_at_contacts_{axis}", "m", translation * usual[0]) for axis in "xyz"),
+    contacts, stiffening = by_contacts(
+        baseline, place, load_scales(baseline, baseline.fit.places.flange), rotation, translation
     )
     slide = Quantity("translational_compliance", "m/N", translation, positive=True)
     both = [column((3, 3), (4, 4), (5, 5)), column((0, 0), (1, 1), (2, 2))]
@@ -100,7 +97,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
 
 
 def _scales(baseline: Baseline, component: str | None) -> Scales:  # noqa: ARG001
-    return load_scales(baseline, baseline.fit.places.flange.load)
+    return {**load_scales(baseline, baseline.fit.places.flange)}
 
 
 EFFECT = Effect(

@@ -1,11 +1,23 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from beamstiff import Robot
 from beamstiff.robot.parts import Joint, JointStiffness, Node
-from tests.gap.machines import arm_at, at_random, by_compliance_of, close, elbow, kr240, nominal, shape_of
+from tests.gap.machines import (
+    arm_at,
+    at_random,
+    by_compliance_of,
+    close,
+    elbow,
+    kr240,
+    nominal,
+    rows_of,
+    shape_of,
+)
 
 SOUND = {"axial": 1e9, "radial": 1e9, "torsional": 1e8, "tilting": 1e8}
 
@@ -61,3 +73,23 @@ def test_all_of_it_is_any_symmetric_6x6_compliance_of_the_floor() -> None:
     every /= np.linalg.norm(every, axis=0)
     left = moved - every @ np.linalg.lstsq(every, moved)[0]
     assert np.linalg.norm(left) < 1e-9 * np.linalg.norm(moved)
+
+
+@pytest.mark.parametrize("at", range(6))
+def test_under_eight_times_the_load_contacts_give_four_times_as_much(at: int) -> None:
+    rows = at_random(elbow(), 8, seed=4)
+    eight = rows_of(elbow(), rows.q, 8 * rows.wrench)
+    stated = {"force": 1e3, "moment": 1e3}
+    once, more = (
+        shape_of(replace(nominal(elbow(), some), stated=stated), "base-compliance", None, "all, stiffening")
+        for some in (rows, eight)
+    )
+    names = [item.name for item in once.parameters]
+    column = names.index(f"{('rotation', 'translation')[at // 3]}_at_contacts_{'xyz'[at % 3]}")
+    close(more.columns[..., column], 4 * once.columns[..., column])
+    # under the load that is stated they give what the parameter says
+    load = rows_of(elbow(), [0, 0], 1e3 * np.eye(6)[(at + 3) % 6])
+    alone = shape_of(
+        replace(nominal(elbow(), load), stated=stated), "base-compliance", None, "all, stiffening"
+    ).columns[0, :, column]
+    assert alone[(at + 3) % 6] == pytest.approx(1.0)

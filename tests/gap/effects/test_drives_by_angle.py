@@ -151,3 +151,16 @@ def test_angles_that_stand_still_show_neither() -> None:
     for effect in ("actuator-lever", "gravity-compensator"):
         for shape in EFFECTS[effect].shapes(there, "q2"):
             np.testing.assert_allclose(shape.columns, 0, atol=1e-9)
+
+
+def test_once_a_turn_the_compliance_follows_cosine_and_sine(campaign: Baseline) -> None:
+    columns = shape_of(campaign, "actuator-lever", "q2", "once a turn").columns
+    angle = campaign.rows.q[:, 1]
+    for at, law in enumerate((np.cos, np.sin)):
+        close(columns[..., at], elastic(campaign, law(angle) - law(angle).mean()), 1e-6)
+
+
+def test_a_joint_that_goes_round_has_no_lever(campaign: Baseline) -> None:
+    effect = EFFECTS["actuator-lever"]
+    assert effect.components(campaign) == ["q2", "q5"]  # 130 and 250 degrees; the third has 274
+    assert len(effect.components(replace(campaign, stated={}))) == 6

@@ -24,7 +24,7 @@ def test_a_square_drive_gives_less_by_the_square_to_either_side() -> None:
     assert slips("square")[:, 0] == pytest.approx(-SHARES * np.abs(SHARES))
 
 
-@pytest.mark.parametrize("knee", [0.1, 0.25, 0.5])
+@pytest.mark.parametrize("knee", [0.05, 0.1, 0.25, 0.5])
 def test_a_soft_windup_ends_at_its_knee(knee: float) -> None:
     found = slips(f"knee at {knee:g}")[:, 0]
     beyond = np.abs(SHARES) >= knee
@@ -32,8 +32,18 @@ def test_a_soft_windup_ends_at_its_knee(knee: float) -> None:
     assert found[~beyond] == pytest.approx(SHARES[~beyond] / knee)
 
 
-def test_several_knees_make_any_drive_of_four_straight_lines() -> None:
+def test_several_knees_make_any_drive_of_five_straight_lines() -> None:
     columns = slips("several knees")
-    curve = np.interp(np.abs(SHARES), [0, 0.1, 0.25, 0.5, 1], [0, 0.5, 0.8, 1.0, 1.0]) * np.sign(SHARES)
+    curve = np.interp(np.abs(SHARES), [0, 0.05, 0.1, 0.25, 0.5, 1], [0, 0.3, 0.5, 0.8, 1.0, 1.0]) * np.sign(
+        SHARES
+    )
     left = curve - columns @ np.linalg.lstsq(columns, curve)[0]
     np.testing.assert_allclose(left, 0, atol=1e-12)
+
+
+def test_each_side_winds_up_by_itself() -> None:
+    columns, both = slips("several knees, other ones to each side"), slips("several knees")
+    up, down = columns[:, 0::2], columns[:, 1::2]
+    np.testing.assert_allclose(up + down, both, atol=1e-15)
+    assert not up[SHARES < 0].any()
+    assert not down[SHARES > 0].any()

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from beamstiff.gap.baseline import Baseline
+from beamstiff.gap.effects import EFFECTS
 from beamstiff.gap.effects.link_bending import GAUSS, flexibility
 from beamstiff.model.linear import predict_displacements
 from beamstiff.robot.parts import Beam, Material
@@ -86,3 +87,32 @@ def test_the_flexibility_of_a_uniform_cantilever_is_the_textbooks() -> None:
 
 def test_every_link_of_some_length_is_a_component(campaign: Baseline) -> None:
     assert set(campaign.places.links) == {"link0", "link1", "link2", "link3", "link5"}  # 4 has no length
+
+
+@pytest.mark.parametrize(("link", "joint"), [("link1", 0), ("link2", 1)])
+@pytest.mark.parametrize("at", [0.0, 0.5, 1.0])
+def test_a_weak_section_is_a_hinge_there_with_springs_about_all_axes(
+    link: str, joint: int, at: float, campaign: Baseline
+) -> None:
+    arm, wrench = arm_at(campaign.rows.q), campaign.rows.wrench
+    start, end = arm.point[:, joint], arm.point[:, joint + 1]
+    lever = arm.tip - start - at * (end - start)
+    turned = wrench[:, 3:] + np.cross(lever, wrench[:, :3])
+    expected = np.concatenate([np.cross(turned, lever), turned], axis=1)
+    shape = shape_of(campaign, "link-bending", link, "weak at several sections")
+    own = [one.name in {f"section_compliance_{a}{a}_at_{at:g}" for a in "xyz"} for one in shape.parameters]
+    close(shape.columns[..., own].sum(axis=-1), expected, 1e-6)
+    if at == 0.0:
+        root = shape_of(campaign, "link-bending", link, "weak at its root")
+        np.testing.assert_allclose(root.columns, shape.columns[..., :6], atol=1e-18)
+
+
+def test_of_a_soft_machine_much_is_expected() -> None:
+    arm = kr240()
+    softer = arm.with_parameters({name: 0.1 * arm.parameter(name) for name in arm.identify})
+    rows = at_random(arm, 4, seed=1)
+    for effect in ("link-bending", "bearing-tilt", "tool-compliance"):
+        for component in EFFECTS[effect].components(nominal(arm, rows))[:2]:
+            pairs = [EFFECTS[effect].shapes(nominal(robot, rows), component)[0] for robot in (arm, softer)]
+            for one, other in zip(*(shape.parameters for shape in pairs), strict=True):
+                assert other.size == pytest.approx(10 * one.size)

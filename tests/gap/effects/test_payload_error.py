@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from beamstiff import Robot
 from beamstiff.gap.baseline import Baseline, predict
 from beamstiff.gap.effects import EFFECTS
+from beamstiff.model.linear import predict_displacements
 from beamstiff.robot.parts import Mass
 from tests.gap.machines import arm_at, at_random, close, kr240, nominal, rows_of, shape_of
 
@@ -51,3 +52,14 @@ def test_a_centre_of_gravity_further_off_sags_as_that_mass_there(axis: int, camp
 def test_displacements_do_not_show_it() -> None:
     there = nominal(carrying(20.0), at_random(kr240(), 4, seed=2))
     assert EFFECTS["payload-error"].components(there) == []
+
+
+def test_a_hose_that_pulls_as_a_spring_is_a_force_that_follows_the_tool(campaign: Baseline) -> None:
+    shape = shape_of(campaign, "payload-error", None, "something that pulls the more the further it is drawn")
+    names = [item.name for item in shape.parameters]
+    arm = arm_at(campaign.rows.q)
+    for a, b in ((0, 0), (1, 0), (2, 1)):
+        force = np.zeros((8, 6))
+        force[:, a] = arm.tip[:, b]  # 1 N/m
+        pulled = predict_displacements(carrying(20.0), rows_of(kr240(), campaign.rows.q, force))
+        close(shape.columns[..., names.index(f"pull_{'xyz'[a]}_by_{'xyz'[b]}")], pulled, 1e-6)

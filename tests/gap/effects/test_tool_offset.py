@@ -140,3 +140,18 @@ def test_a_load_that_hangs_on_something_acts_where_its_direction_takes_it(where:
     close(columns, expected)
     pulled = sum(shape.columns[..., at[f"load_point_{a}_by_{a}"]] for a in "xyz")
     np.testing.assert_allclose(pulled, 0.0, atol=1e-9)  # along its own line a load may act anywhere
+
+
+def test_a_load_that_keeps_its_side_acts_beside_the_tool_however_that_turns() -> None:
+    rows = at_random(kr240(), 8, seed=5)
+    shape = shape_of(
+        nominal(kr240(), rows), "tool-offset", None, "load that keeps its side in the base frame"
+    )
+    for axis in range(3):
+        beside = OFFSET * np.eye(3)[axis]
+        moment = rows.wrench.copy()
+        moment[:, 3:] += np.cross(beside, rows.wrench[:, :3])
+        more = predict_displacements(kr240(), replace(rows, wrench=moment)) - predict_displacements(
+            kr240(), rows
+        )
+        close(shape.columns[..., axis] * OFFSET, more)
