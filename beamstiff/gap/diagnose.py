@@ -177,7 +177,7 @@ def _diagnosis(
         indistinguishable=judged.indistinguishable,
         untestable=library.untestable,
         outliers=tuple(linear.rows.place(row) for row in outlying.tolist()),
-        notes=(*notes(screened, white, verdict.effect, scale), *_unclear(judged)),
+        notes=(*notes(screened, white, verdict.effect, scale), *_unclear(judged), *_nameless(judged, found)),
         fits=fits,
         where=where(screened.baseline, used, shares(attributed, white, scale, seed)),
         next=as_plain(proposed),
@@ -189,6 +189,15 @@ def _unclear(judged: Judged) -> Iterator[str]:
     if judged.unclear:
         are = "are two causes" if judged.verdict == UNKNOWN else "is a second cause"
         yield f"there {are}, and it is not clear which: {', '.join(judged.unclear)}"
+
+
+def _nameless(judged: Judged, found: Search) -> Iterator[str]:
+    """Yield what a place seems to do where that explains more than any effect, and has no name."""
+    best = max(found.nameless, key=found.nameless.__getitem__, default=None)
+    if judged.verdict != UNKNOWN or best is None:
+        return
+    if found.nameless[best] > max(found.log_weight[found.named[0]], found.log_weight[UNKNOWN]):
+        yield f"what explains most is no effect of the library: {best[0]} {best[1]}"
 
 
 def _rivals(judged: Judged, found: Search) -> list[str]:

@@ -8,8 +8,8 @@ better than they do.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -31,6 +31,10 @@ FADES = (1.0, 3.0, 10.0)  # usual times from state to state, over which a drive 
 MODES = 16  # of a place's law
 DIGITS = 12  # of shares of the largest torque: what is less is rounding
 ABSORBED = 1e-6  # share of a column that the fit leaves, below which it leaves nothing
+PLAY = "has play"
+ONE_SIDED = "gives more to one side than to the other"
+CHANGING = "changes its stiffness with the time"
+CREEPING = "creeps"
 INSIDE = ("structure", "drive")  # families of effects whose places have laws of their own here
 PAIRS = [(a, b) for a in range(6) for b in range(a, 6)]
 
@@ -47,16 +51,16 @@ class FreeLaw:
         Its main modes, whitened, less what the fit absorbs; all together have mean square 1.
     inside : bool
         Whether it is a place of the machine that gives way.
-    nameless : tuple of (n, k) array
-        Main modes of what no effect of the library is: play of the structure; of a drive what gives more to
-        one side than to the other, changes with the time, or fades. Few enough each to be seen where all that
-        the place could do is too much.
+    nameless : dict of str to (n, k) array
+        Main modes of what no effect of the library is, by what the place would do: play of the structure; of
+        a drive what gives more to one side than to the other, changes with the time, or creeps. Few enough
+        each to be seen where all that the place could do is too much.
     """
 
     place: str
     modes: Array
     inside: bool = True
-    nameless: tuple[Array, ...] = ()
+    nameless: Mapping[str, Array] = field(default_factory=dict)
 
 
 def free_laws(baseline: Baseline, library: Library, white: Whitened) -> list[FreeLaw]:
@@ -71,11 +75,13 @@ def free_laws(baseline: Baseline, library: Library, white: Whitened) -> list[Fre
     found = []
     for name, at in structure:
         compliance, bent, play = _of_structure(baseline, at)
-        found.append(FreeLaw(name, _modes(white, (compliance, bent)), nameless=(_modes(white, (play,)),)))
+        found.append(
+            FreeLaw(name, _modes(white, (compliance, bent)), nameless={PLAY: _modes(white, (play,))})
+        )
     for drive in map(str, drives(baseline)):
-        named, nameless = _of_drive(baseline, drive)
-        modes = tuple(_modes(white, (law,)) for law in nameless)
-        found.append(FreeLaw(drive, _modes(white, (*named, *nameless)), nameless=modes))
+        named, others = _of_drive(baseline, drive)
+        nameless = {does: _modes(white, (law,)) for does, law in others.items()}
+        found.append(FreeLaw(drive, _modes(white, (*named, *others.values())), nameless=nameless))
     outside: dict[str, list[Array]] = {}
     for one in library.hypotheses:
         if EFFECTS[one.effect].family not in INSIDE:
@@ -131,7 +137,7 @@ def _of_structure(baseline: Baseline, place: Place) -> tuple[Array, Array, Array
     return compliance, np.concatenate([one_sided, grown, sudden], -1), sudden
 
 
-def _of_drive(baseline: Baseline, name: str) -> tuple[list[Array], list[Array]]:
+def _of_drive(baseline: Baseline, name: str) -> tuple[list[Array], dict[str, Array]]:
     """Return the laws (N, 6, c) that a drive could follow: those with a name, and those without."""
     axis = axis_at(baseline, name)
     torque = (axis.load + axis.dead if baseline.absolute else axis.load) / axis.typical
@@ -160,7 +166,7 @@ def _of_drive(baseline: Baseline, name: str) -> tuple[list[Array], list[Array]]:
     one_sided = [by_law(baseline, axis, law) for law in (np.abs, np.square)]
     changing = along(torque[:, None] * np.stack([time, time**2], -1))
     fading = along(_remembered(baseline, axis, time))
-    return named, [np.stack(one_sided, -1), changing, fading]
+    return named, {ONE_SIDED: np.stack(one_sided, -1), CHANGING: changing, CREEPING: fading}
 
 
 def _remembered(baseline: Baseline, axis: Axis, time: Array) -> Array:

@@ -7,8 +7,9 @@ together.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 import numpy as np
 from scipy.special import logsumexp
@@ -30,6 +31,7 @@ MOST = 9  # with the members of the likeliest pairs
 UNLIKELY = 3.0  # log odds below which a second cause of the likeliest first ends the search
 TRIED = 3  # pairs that are weighed together before there is held to be none
 SHAPES = 6  # of a candidate, that are kept
+K = TypeVar("K", bound=Hashable)
 FREE_SIZE, FREE_SPREAD = 3.0, 30.0  # sigma a value that free laws make, and within which factor
 
 
@@ -71,9 +73,8 @@ class Search:
         Share of the gap's size that it leaves to the unknown.
     free : dict of str to float
         Log evidence of what each place could do at most.
-    nameless : dict of str to float
-        Log evidence of the likeliest law at each place that is no effect of the library: play of the
-        structure, drives that give more to one side, change with the time, or fade.
+    nameless : dict of (str, str) to float
+        Log evidence of each place doing what is no effect of the library (`FreeLaw.nameless`).
     """
 
     log_weight: dict[str, float]
@@ -81,7 +82,7 @@ class Search:
     shapes: dict[str, list[Weighted]]
     left: dict[str, float]
     free: dict[str, float] = field(default_factory=dict)
-    nameless: dict[str, float] = field(default_factory=dict)
+    nameless: dict[tuple[str, str], float] = field(default_factory=dict)
 
     @property
     def single(self) -> dict[str, float]:
@@ -206,27 +207,24 @@ def _beside(
 
 def _freely(white: Whitened, laws: Sequence[FreeLaw], scales: Scales) -> dict[str, float]:
     """Return the log evidence of each place's free law, the better of its structure's and its drive's."""
-    inside = [(law.place, law.modes) for law in laws if law.inside]
-    return _weighed(white, inside, scales)
+    return _weighed(white, [(law.place, law.modes) for law in laws if law.inside], scales)
 
 
-def _namelessly(white: Whitened, laws: Sequence[FreeLaw], scales: Scales) -> dict[str, float]:
-    """Return the log evidence of the likeliest law of each place that is no effect of the library."""
-    return _weighed(white, [(law.place, modes) for law in laws for modes in law.nameless], scales)
+def _namelessly(white: Whitened, laws: Sequence[FreeLaw], scales: Scales) -> dict[tuple[str, str], float]:
+    """Return the log evidence of what each place could do that no effect of the library does."""
+    every = [((law.place, does), modes) for law in laws for does, modes in law.nameless.items()]
+    return _weighed(white, every, scales)
 
 
-def _weighed(white: Whitened, places: Sequence[tuple[str, Array]], scales: Scales) -> dict[str, float]:
+def _weighed(white: Whitened, laws: Sequence[tuple[K, Array]], scales: Scales) -> dict[K, float]:
+    """Return the log evidence of laws by their keys, the better where two have one key."""
     shape = Shape("free", np.zeros((0, 6, 0)), (), spread=FREE_SPREAD)
-    free = [
-        Hypothesis("unknown", place, shape, 1.0, FREE_SIZE * modes)
-        for place, modes in places
-        if modes.shape[1]
-    ]
-    found: dict[str, float] = {}
+    keys = [key for key, modes in laws if modes.shape[1]]
+    free = [Hypothesis("unknown", None, shape, 1.0, FREE_SIZE * modes) for _, modes in laws if modes.shape[1]]
+    found: dict[K, float] = {}
     values = evidence(white, free, scales).hypotheses.tolist() if free else []
-    for one, value in zip(free, values, strict=True):
-        place = str(one.component)
-        found[place] = max(value, found.get(place, -np.inf))
+    for key, value in zip(keys, values, strict=True):
+        found[key] = max(value, found.get(key, -np.inf))
     return found
 
 
