@@ -283,6 +283,12 @@ def _log_upper(
     return result
 
 
+def log_weights(hypotheses: Sequence[Hypothesis], found: Evidence) -> Array:
+    """Return the log of prior times evidence of each hypothesis, (H,)."""
+    result: Array = np.log([one.prior for one in hypotheses]) + found.hypotheses
+    return result
+
+
 def logsumexp(values: Array, axis: int | tuple[int, ...] | None = None) -> Array:
     """Return the log of a sum of exponentials: `scipy.special` has it for more kinds of input, slower."""
     most = values.max(axis=axis, keepdims=True)

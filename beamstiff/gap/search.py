@@ -15,11 +15,11 @@ import numpy as np
 from scipy.special import logsumexp
 
 from beamstiff.gap.effects import Shape
-from beamstiff.gap.evidence import COARSE, EXACT, Evidence, Scales, Stack, evidence, stacks_of
+from beamstiff.gap.evidence import COARSE, EXACT, Evidence, Scales, Stack, evidence, log_weights, stacks_of
 from beamstiff.gap.free_laws import FreeLaw, modes_of
 from beamstiff.gap.heldout import Weighted
 from beamstiff.gap.library import Hypothesis, by_candidate
-from beamstiff.gap.together import alone, together
+from beamstiff.gap.together import Pair, alone, together
 from beamstiff.gap.whitened import Whitened
 from beamstiff.se3 import Array
 
@@ -33,28 +33,6 @@ TRIED = 3  # pairs that are weighed together before there is held to be none
 SHAPES = 6  # of a candidate, that are kept
 K = TypeVar("K", bound=Hashable)
 FREE_SIZE, FREE_SPREAD = 3.0, 30.0  # sigma a value that free laws make, and within which factor
-
-
-@dataclass(frozen=True)
-class Pair:
-    """Two candidates and the log probability of both, not normalised.
-
-    Attributes
-    ----------
-    first, second : str
-    log_weight : float
-        That of the likeliest single cause and the log odds of the pair against it.
-    left : float
-        Share of the gap's size that both leave to the unknown.
-    shapes : (list of Weighted, list of Weighted)
-        Of the first, and of the second beside it.
-    """
-
-    first: str
-    second: str
-    log_weight: float
-    left: float
-    shapes: tuple[list[Weighted], list[Weighted]]
 
 
 @dataclass(frozen=True)
@@ -170,7 +148,7 @@ def weighed_together(
         start = max(one.shapes[0], key=lambda shape: shape.weight).hypothesis
         both = together(white, shapes[one.first], shapes[one.second], start, scales, laws)
         weight = best + both.log_weight + np.log(PAIR) - single
-        pairs.append(Pair(one.first, one.second, float(weight), both.left, both.shapes))
+        pairs.append(replace(both, log_weight=float(weight)))
     return replace(found, pairs=tuple(sorted(pairs, key=lambda pair: -pair.log_weight)))
 
 
@@ -234,6 +212,6 @@ def rivals(one: str, other: str) -> bool:
     return one == other or (a == b and a != "null")
 
 
-def _log_weights(hypotheses: Sequence[Hypothesis], found: Evidence) -> np.ndarray:
-    prior = np.log([one.prior for one in hypotheses]) + np.log(1 - sum(PRIOR.values()))
-    return np.asarray(prior + found.hypotheses)
+def _log_weights(hypotheses: Sequence[Hypothesis], found: Evidence) -> Array:
+    result: Array = log_weights(hypotheses, found) + np.log(1 - sum(PRIOR.values()))
+    return result

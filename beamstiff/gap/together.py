@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import logsumexp
 
-from beamstiff.gap.evidence import COARSE, Evidence, Scales, evidence
+from beamstiff.gap.evidence import COARSE, Scales, evidence, log_weights
 from beamstiff.gap.free_laws import FreeLaw, modes_of
 from beamstiff.gap.heldout import Weighted
 from beamstiff.gap.library import Hypothesis
@@ -28,19 +28,23 @@ KEPT = 0.02  # weight from which a shape of the first is kept
 
 
 @dataclass(frozen=True)
-class Together:
-    """Two causes together.
+class Pair:
+    """Two candidates together.
 
     Attributes
     ----------
+    first, second : str
     log_weight : float
-        Log evidence of both, averaged over their shapes by the priors of these.
+        Log of the priors of their shapes times the evidence of both; of a search, the log weight of the
+        likeliest single cause and the log odds of the pair against it.
     left : float
         Share of the gap's size that both leave to the unknown.
     shapes : (list of Weighted, list of Weighted)
         Of the first, and of the second beside it.
     """
 
+    first: str
+    second: str
     log_weight: float
     left: float
     shapes: tuple[list[Weighted], list[Weighted]]
@@ -53,7 +57,7 @@ def together(
     start: Hypothesis,
     scales: Scales,
     laws: Sequence[FreeLaw],
-) -> Together:
+) -> Pair:
     """Return what two causes are worth together.
 
     Parameters
@@ -70,20 +74,20 @@ def together(
     best = start
     for _ in range(TURNS):
         of_second = evidence(white.beside(best.columns, loose), second, scales, COARSE)
-        other = second[int(np.argmax(_weights(second, of_second)))]
+        other = second[int(np.argmax(log_weights(second, of_second)))]
         of_first = evidence(white.beside(other.columns, loose), first, scales, COARSE)
-        before, best = best, first[int(np.argmax(_weights(first, of_first)))]
+        before, best = best, first[int(np.argmax(log_weights(first, of_first)))]
         if best.shape.name == before.shape.name:
             break
     ways = [
         (a, b)
-        for a in np.argsort(-_weights(first, of_first))[:SHAPES].tolist()
-        for b in np.argsort(-_weights(second, of_second))[:SHAPES].tolist()
+        for a in np.argsort(-log_weights(first, of_first))[:SHAPES].tolist()
+        for b in np.argsort(-log_weights(second, of_second))[:SHAPES].tolist()
     ]
     sizes = of_first.magnitude, of_second.magnitude
     both = [_joined(first[a], second[b], sizes[0][a], sizes[1][b]) for a, b in ways]
     found = evidence(white.beside(first[0].columns[:, :0], loose), both, scales)
-    weights = _weights(both, found)
+    weights = log_weights(both, found)
     total = float(logsumexp(weights))
     share = np.exp(weights - total)
     top = int(np.argmax(weights))
@@ -96,14 +100,14 @@ def together(
         [Weighted(first[a], p / a_sum, float(sizes[0][a])) for a, p in kept.items()],
         [Weighted(second[b], 1.0, float(sizes[1][b]))],
     )
-    return Together(total, float(found.left[top]), shapes)
+    return Pair(first[0].key, second[0].key, total, float(found.left[top]), shapes)
 
 
 def alone(white: Whitened, shapes: Sequence[Hypothesis], scales: Scales, laws: Sequence[FreeLaw]) -> float:
     """Return the log evidence of one cause whose place may do more than its shapes, as in `together`."""
     loose = modes_of(laws, set(shapes[0].places), white.gap.size)
     found = evidence(white.beside(shapes[0].columns[:, :0], loose), shapes, scales)
-    return float(logsumexp(_weights(shapes, found)))
+    return float(logsumexp(log_weights(shapes, found)))
 
 
 def _joined(first: Hypothesis, second: Hypothesis, size: float, other: float) -> Hypothesis:
@@ -116,8 +120,3 @@ def _joined(first: Hypothesis, second: Hypothesis, size: float, other: float) ->
         columns=columns,
         places=(*first.places, *second.places),
     )
-
-
-def _weights(shapes: Sequence[Hypothesis], found: Evidence) -> Array:
-    result: Array = np.log([one.prior for one in shapes]) + found.hypotheses
-    return result

@@ -20,7 +20,8 @@ import numpy as np
 
 from beamstiff.gap.evidence import logsumexp
 from beamstiff.gap.heldout import Shrink
-from beamstiff.gap.search import NONE, OUTLIERS, UNKNOWN, Pair, Search
+from beamstiff.gap.search import NONE, OUTLIERS, UNKNOWN, Search
+from beamstiff.gap.together import Pair
 
 FAITH = 40.0
 FAITH_IN_TWO = 100.0  # the same of which two causes there are

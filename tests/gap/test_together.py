@@ -9,7 +9,7 @@ from scipy.stats import multivariate_normal
 from beamstiff.gap.evidence import MAGNITUDES, Scales
 from beamstiff.gap.free_laws import FreeLaw, modes_of
 from beamstiff.gap.library import Hypothesis
-from beamstiff.gap.together import COMMON, Together, alone, together
+from beamstiff.gap.together import COMMON, Pair, alone, together
 from beamstiff.gap.whitened import Whitened
 from beamstiff.se3 import Array
 from tests.gap.hypotheses import complement, gap_of, hypothesis
@@ -27,7 +27,7 @@ def gap_with(signal: Array, seed: int = 0) -> Whitened:
     return gap_of(signal + rng.standard_normal(VALUES), rng.standard_normal((VALUES, 2)), np.ones(VALUES))
 
 
-def weighed(white: Whitened, first: Hypothesis, second: Hypothesis, *laws: FreeLaw) -> Together:
+def weighed(white: Whitened, first: Hypothesis, second: Hypothesis, *laws: FreeLaw) -> Pair:
     return together(white, [first], [second], first, ONE, laws)
 
 

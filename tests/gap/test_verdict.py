@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from beamstiff.gap.heldout import Shrink
-from beamstiff.gap.search import NONE, OUTLIERS, UNKNOWN, Pair, Search
+from beamstiff.gap.search import NONE, OUTLIERS, UNKNOWN, Search
+from beamstiff.gap.together import Pair
 from beamstiff.gap.verdict import (
     DOUBTED,
     FEW,
