@@ -26,7 +26,7 @@ from beamstiff.units import in_unit
 if TYPE_CHECKING:
     from beamstiff.gap.result import Diagnosis
 
-POSITIVE = ("torque", "force", "compliance", "counts", "rows")  # scales that divide
+POSITIVE = ("torque", "force", "moment", "compliance", "counts", "rows")  # scales that divide
 
 
 def predict_with_effects(robot: Robot, rows: Measurements) -> Array:
@@ -138,10 +138,16 @@ def _displacement(effect: AddedEffect, bare: Baseline) -> Array:
         if effect.component not in elsewhere:
             _unknown_component(effect, [*here, *elsewhere])
         return np.zeros((len(view.rows), 6))  # such rows do not show it: a payload, in differences
-    _check_scales(effect, law.scales(view, effect.component))
+    scales = law.scales(view, effect.component)
+    _check_scales(effect, scales)
     shapes = {shape.name: shape for shape in law.shapes(view, effect.component)}
     _known("shape", effect.shape, shapes)
     shape = shapes[effect.shape]
+    if shape.scaled and (missing := [name for name in scales if name not in effect.scales]):
+        raise BeamstiffError(
+            f"scales: {listed(missing)} missing: what the parameters are counted against, SI, as "
+            "`beamstiff diagnose --apply` writes it"
+        )
     parameters = [item.name for item in shape.parameters]
     values = np.zeros(len(parameters))
     for name, value in effect.parameters.items():
@@ -163,11 +169,6 @@ def _check_scales(effect: AddedEffect, expected: Scales) -> None:
             raise BeamstiffError(f"scales.{name}: found {shown(value)}, expected {kind}")
         if name in POSITIVE and np.min(value) <= 0:
             raise BeamstiffError(f"scales.{name}: found {shown(value)}, expected a positive number")
-    if missing := [name for name in expected if name not in effect.scales]:
-        raise BeamstiffError(
-            f"scales: {listed(missing)} missing: what the parameters are counted against, SI, as "
-            "`beamstiff diagnose --apply` writes it"
-        )
     if len({len(value) for value in effect.scales.values() if isinstance(value, tuple)}) > 1:
         raise BeamstiffError("scales: found lists of different lengths, expected equally long ones")
 

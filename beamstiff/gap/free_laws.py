@@ -32,7 +32,7 @@ MODES = 16  # of a place's law
 DIGITS = 12  # of shares of the largest torque: what is less is rounding
 ABSORBED = 1e-6  # share of a column that the fit leaves, below which it leaves nothing
 PLAY = "has play"
-ONE_SIDED = "gives more to one side than to the other"
+ONE_SIDED = "stays softer to one side, whatever its torque"
 CHANGING = "changes its stiffness with the time"
 CREEPING = "creeps"
 INSIDE = ("structure", "drive")  # families of effects whose places have laws of their own here
@@ -53,7 +53,7 @@ class FreeLaw:
         Whether it is a place of the machine that gives way.
     nameless : dict of str to (n, k) array
         Main modes of what no effect of the library is, by what the place would do: play of the structure; of
-        a drive what gives more to one side than to the other, changes with the time, or creeps. Few enough
+        a drive what stays softer to one side, changes with the time, or creeps. Few enough
         each to be seen where all that the place could do is too much.
     """
 

@@ -34,6 +34,7 @@ from beamstiff.robot.kinematics import Posture, compile_kinematics, posture
 from beamstiff.robot.parts import STIFFNESS_KINDS, Joint, JointStiffness
 from beamstiff.se3 import Array, displacement_transport, rotate_screw
 
+DIGITS = 9  # of a direction: what is less is rounding
 CUT = " cut"  # what is added to the name of a link's end to name its other side; no name of a file ends so
 
 
@@ -257,9 +258,11 @@ def _springs(
 
 
 def _turned(there: Place, along: Array) -> Place:
-    """Return a place in axes whose first is along a vector (N, 3), and the rest any perpendicular."""
+    """Return a place in axes whose first is along a vector (N, 3), the others held in its own frame."""
     length = np.linalg.norm(along, axis=1)
-    turn = beam_axes(along, np.full(3, np.nan))
+    own = (there.turn.swapaxes(-1, -2) @ along[..., None])[..., 0]
+    across = np.eye(3)[np.argmin(np.round(np.abs(own[0]) / length[0], DIGITS))]
+    turn = there.turn @ beam_axes(own, across)
     change = rotate_screw(turn.swapaxes(-1, -2) @ there.turn)  # components in new axes from those in old
     return Place(
         load=(change @ there.load[..., None])[..., 0],

@@ -31,7 +31,7 @@ MOST = 9  # with the members of the likeliest pairs
 UNLIKELY = 3.0  # log odds below which a second cause of the likeliest first ends the search
 TRIED = 3  # pairs that are weighed together before there is held to be none
 SHAPES = 6  # of a candidate, that are kept
-K = TypeVar("K", bound=Hashable)
+Key = TypeVar("Key", bound=Hashable)
 FREE_SIZE, FREE_SPREAD = 3.0, 30.0  # sigma a value that free laws make, and within which factor
 
 
@@ -52,7 +52,8 @@ class Search:
     free : dict of str to float
         Log evidence of what each place could do at most.
     nameless : dict of (str, str) to float
-        Log evidence of each place doing what is no effect of the library (`FreeLaw.nameless`).
+        Of each place doing what is no effect of the library (`FreeLaw.nameless`): log of prior times
+        evidence.
     """
 
     log_weight: dict[str, float]
@@ -189,17 +190,18 @@ def _freely(white: Whitened, laws: Sequence[FreeLaw], scales: Scales) -> dict[st
 
 
 def _namelessly(white: Whitened, laws: Sequence[FreeLaw], scales: Scales) -> dict[tuple[str, str], float]:
-    """Return the log evidence of what each place could do that no effect of the library does."""
+    """Return log prior times evidence of what each place could do that no effect of the library does."""
     every = [((law.place, does), modes) for law in laws for does, modes in law.nameless.items()]
-    return _weighed(white, every, scales)
+    prior = float(np.log(PRIOR[UNKNOWN] / max(len(every), 1)))
+    return {key: prior + value for key, value in _weighed(white, every, scales).items()}
 
 
-def _weighed(white: Whitened, laws: Sequence[tuple[K, Array]], scales: Scales) -> dict[K, float]:
+def _weighed(white: Whitened, laws: Sequence[tuple[Key, Array]], scales: Scales) -> dict[Key, float]:
     """Return the log evidence of laws by their keys, the better where two have one key."""
     shape = Shape("free", np.zeros((0, 6, 0)), (), spread=FREE_SPREAD)
     keys = [key for key, modes in laws if modes.shape[1]]
     free = [Hypothesis("unknown", None, shape, 1.0, FREE_SIZE * modes) for _, modes in laws if modes.shape[1]]
-    found: dict[K, float] = {}
+    found: dict[Key, float] = {}
     values = evidence(white, free, scales).hypotheses.tolist() if free else []
     for key, value in zip(keys, values, strict=True):
         found[key] = max(value, found.get(key, -np.inf))

@@ -62,7 +62,7 @@ def test_a_drive_that_is_softer_to_one_side_has_no_name() -> None:
     found = diagnosed("one_sided_drive")
     assert found.verdict.key == "unknown:null"
     assert found.where["components"][0]["component"] == "q2"
-    assert found.notes[-1].endswith("no effect of the library: q2 gives more to one side than to the other")
+    assert found.notes[-1].endswith("no effect of the library: q2 stays softer to one side, whatever its torque")
 
 
 def test_wrong_rows_are_unknown_where_outliers_are_ruled_out() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from beamstiff.gap.baseline import Baseline
@@ -46,7 +48,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     contacts, stiffening = by_contacts(
         baseline, place, load_scales(baseline, baseline.fit.places.base), rotation, translation
     )
-    return [
+    found = [
         Shape("tilt", column((3, 3), (4, 4))[..., None], (tilt,)),
         Shape("rotation", np.stack(turning, -1), rotations),
         Shape("soil", np.stack([*turning, *sliding, *coupled], -1), (*rotations, *slides, *couplings)),
@@ -68,6 +70,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
             weight=0.5,
         ),
     ]
+    return [replace(one, scaled="stiffen" in one.name) for one in found]
 
 
 def _scales(baseline: Baseline, component: str | None) -> Scales:  # noqa: ARG001

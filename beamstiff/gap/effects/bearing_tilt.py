@@ -69,7 +69,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
             weight=0.5,
         ),
     ]
-    return [replace(one, spread=SPREAD) for one in found]
+    return [replace(one, spread=SPREAD, scaled="stiffen" in one.name) for one in found]
 
 
 def _usual_tilt(baseline: Baseline, component: str) -> float:

@@ -42,6 +42,8 @@ class Shape:
         Realistic magnitudes lie between the sizes divided and multiplied by this.
     weight : float
         Prior weight among the shapes of its effect.
+    scaled : bool
+        Whether its columns count against the scales of the effect.
     """
 
     name: str
@@ -49,6 +51,7 @@ class Shape:
     parameters: tuple[Quantity, ...]
     spread: float = 10.0
     weight: float = 1.0
+    scaled: bool = True
 
 
 Scales = dict[str, float | tuple[float, ...]]

@@ -128,8 +128,9 @@ def by_side(baseline: Baseline, place: Place, at: int) -> Array:
 
 
 def load_scales(baseline: Baseline, fitted: Place) -> dict[str, float]:
-    """Return the largest force and moment of the loads of the rows that were fitted, N and N m."""
-    sizes = [np.linalg.norm(fitted.load[:, part], axis=1) for part in (slice(3), slice(3, 6))]
+    """Return the largest force and moment of the rows that were fitted, N and N m, with weight that shows."""
+    load = fitted.load + fitted.dead if baseline.absolute else fitted.load
+    sizes = [np.linalg.norm(load[:, part], axis=1) for part in (slice(3), slice(3, 6))]
     return {
         name: stated_scale(baseline, name) or float(size.max(initial=0.0)) or 1.0
         for name, size in zip(("force", "moment"), sizes, strict=True)

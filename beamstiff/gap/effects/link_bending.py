@@ -105,7 +105,10 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     ]
     seams = tuple(
         Quantity(
-            f"section_compliance_{'xyz'[a]}{'xyz'[b]}", "rad/(N*m)", soft * SEAM * (1.0 if a == b else 0.3)
+            f"section_compliance_{'xyz'[a]}{'xyz'[b]}",
+            "rad/(N*m)",
+            soft * SEAM * (1.0 if a == b else 0.3),
+            positive=a == b,
         )
         for a, b in PAIRS
     )

@@ -56,10 +56,10 @@ def clock(baseline: Baseline) -> Array:
     return result
 
 
-def since_pose(baseline: Baseline, time: Array) -> Array:
-    """Return the time since the first reading of a row's pose, (N,)."""
-    result = np.empty_like(time)
+def since_pose(baseline: Baseline, course: Array) -> Array:
+    """Return by how much a course (N,) has moved on since the first reading of a row's pose, (N,)."""
+    result, time = np.empty_like(course), clock(baseline)
     for pose in np.unique(baseline.rows.pose):
-        chosen: NDArray[np.bool_] = baseline.rows.pose == pose
-        result[chosen] = time[chosen] - time[chosen].min()
+        at: NDArray[np.intp] = np.flatnonzero(baseline.rows.pose == pose)
+        result[at] = course[at] - course[at[np.argmin(time[at])]]
     return result

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from beamstiff.gap.baseline import Baseline, nominal_pose
@@ -27,7 +29,8 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     swung = np.concatenate([np.zeros_like(shifted), np.cross(shifted, gravity[None, :, None], axis=1)], 1)
     base = np.broadcast_to(np.eye(3), axes.shape)
     pulled = [baseline.response @ np.concatenate([frame, np.zeros_like(frame)], 1) for frame in (base, axes)]
-    place = nominal_pose(baseline.nominal, baseline.rows)[0]
+    held = replace(baseline.rows, point=baseline.rows.load_point)  # whatever point is read
+    place = nominal_pose(baseline.nominal, held)[0]
     drawn = each_by_each(base, place)
     drawn = baseline.response @ np.concatenate([drawn, np.zeros_like(drawn)], 1)
     springs = tuple(Quantity(f"pull_{a}_by_{b}", "N/m", STRETCH) for a in "xyz" for b in "xyz")

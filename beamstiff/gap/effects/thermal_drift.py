@@ -42,7 +42,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     time = clock(baseline)
     shared = not baseline.absolute and fitted.shared_unloaded
     courses = _courses(time)
-    modes = {f"mode {k + 1}": mode for k, mode in enumerate((_table(time) @ _mixture()).T)}
+    modes = _modes(time)
     result: list[Shape] = []
     parts = _parts(baseline)
     if stated or not shared:
@@ -80,15 +80,25 @@ def _table(time: Array) -> Array:
     return np.stack([*_courses(time).values(), *waves], -1)
 
 
+def _modes(time: Array) -> dict[str, Array]:
+    """Return the main modes (N,) of any course, at times in campaigns: their mean is no drift."""
+    mean, mixture = _mixture()
+    return {f"mode {k + 1}": mode for k, mode in enumerate(((_table(time) - mean) @ mixture).T)}
+
+
 @lru_cache
-def _mixture() -> Array:
-    """Return what mixes the courses into the main modes of their family, (m, MODES), as for `Following`."""
+def _mixture() -> tuple[Array, Array]:
+    """Return the mean of the courses (m,) and what mixes them into their main modes, (m, MODES).
+
+    As for `Following`: a course drawn from the family is as large (RMS) as a linear one.
+    """
     table = _table(np.linspace(0.0, 1.0, 101))
-    size = np.sqrt((table**2).mean(axis=0))
-    _, _, right = np.linalg.svd(table / size, full_matrices=False)
+    mean = table.mean(axis=0)
+    size = table.std(axis=0)
+    _, _, right = np.linalg.svd((table - mean) / size, full_matrices=False)
     sign = np.where(right @ np.cos(np.arange(right.shape[1])) < 0, -1.0, 1.0)[:MODES]
-    result: Array = sign * right[:MODES].T / np.sqrt(right.shape[1]) / size[:, None]
-    return result
+    mixture: Array = sign * right[:MODES].T * size[0] / np.sqrt(right.shape[1]) / size[:, None]
+    return mean, mixture
 
 
 def _in_time(

@@ -93,7 +93,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
             (*rotations, *slides, *skews, *couplings),
         ),
     ]
-    return [replace(one, spread=SPREAD) for one in found]
+    return [replace(one, spread=SPREAD, scaled="stiffen" in one.name) for one in found]
 
 
 def _scales(baseline: Baseline, component: str | None) -> Scales:  # noqa: ARG001

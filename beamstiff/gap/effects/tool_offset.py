@@ -34,7 +34,8 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     load = acting(loaded, rows.wrench[:, :3])
     loads = tuple(Quantity(f"load_point_{axis}", "m", OFFSET) for axis in "xyz")
     still = np.broadcast_to(np.eye(3), axes.shape)
-    beside = acting(np.where(np.abs(loaded).any(axis=2, keepdims=True), still, 0.0), rows.wrench[:, :3])
+    here = (rows.load_point == robot.tcp)[:, None, None]
+    beside = acting(np.where(here, still, 0.0), rows.wrench[:, :3])
     besides = tuple(Quantity(f"load_point_base_{axis}", "m", OFFSET) for axis in "xyz")
     hung = [
         Shape("load that keeps its side in the base frame", beside, besides, weight=0.5),

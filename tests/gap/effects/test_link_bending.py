@@ -7,10 +7,11 @@ from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects import EFFECTS
 from beamstiff.gap.effects.link_bending import GAUSS, flexibility
 from beamstiff.model.linear import predict_displacements
+from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
 from beamstiff.robot.parts import Beam, Material
 from beamstiff.robot.sections import Section
 from beamstiff.se3 import Array
-from tests.gap.machines import arm_at, at_random, bent, close, elbow, kr240, nominal, shape_of
+from tests.gap.machines import arm_at, at_random, bent, close, elbow, kr240, nominal, rows_of, shape_of
 
 
 @pytest.fixture(scope="module")
@@ -116,3 +117,23 @@ def test_of_a_soft_machine_much_is_expected() -> None:
             pairs = [EFFECTS[effect].shapes(nominal(robot, rows), component)[0] for robot in (arm, softer)]
             for one, other in zip(*(shape.parameters for shape in pairs), strict=True):
                 assert other.size == pytest.approx(10 * one.size)
+
+
+@pytest.mark.parametrize(("link", "joint"), [("link2", 1), ("link3", 2), ("link5", 4)])
+@pytest.mark.parametrize("axis", range(3))
+def test_a_hinge_about_an_axis_that_turns_with_the_link_is_one_of_them(
+    link: str, joint: int, axis: int
+) -> None:
+    q = np.repeat(at_random(kr240(), 20, seed=6).q, 2, axis=0)
+    wrench = np.random.default_rng(7).standard_normal((40, 6)) * [800, 800, 800, 200, 200, 200]
+    rows = rows_of(kr240(), q, wrench)
+    own = shape_of(nominal(kr240(), rows), "link-bending", link, "weak at its root").columns
+    arm = arm_at(q)
+    kinematics = compile_kinematics(kr240())
+    turn = pose_of(kinematics, posture(kinematics, q), f"n{joint + 1}b")[:, :3, axis]  # of the link's frame
+    moment = arm.moment(rows.wrench)[:, joint]
+    moved = arm.turned(turn * (turn * moment).sum(axis=1, keepdims=True), joint).ravel()
+    columns = own.reshape(moved.size, -1)
+    columns = columns / np.linalg.norm(columns, axis=0)
+    rest = moved - columns @ np.linalg.lstsq(columns, moved)[0]
+    assert np.linalg.norm(rest) < 1e-6 * np.linalg.norm(moved)

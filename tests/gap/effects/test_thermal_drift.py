@@ -82,9 +82,13 @@ def test_a_turning_frame_moves_points_by_their_distance() -> None:
     names = [item.name for item in shape.parameters]
     turn = shape.columns[..., [names.index(f"turn_mode_1_{axis}") for axis in "xyz"]]
     course = shape.columns[:, 0, names.index("drift_mode_1_x")]
+    first, both = rows.q[:, 0], rows.q.sum(axis=1)
+    tip = UPPER * np.stack([np.cos(first), np.sin(first), 0 * first], -1)
+    tip = tip + FORE * np.stack([np.cos(both), np.sin(both), 0 * both], -1)
     for axis in range(3):
         assert turn[:, 3 + axis, axis] == pytest.approx(course)
-        assert np.cross(np.eye(3)[axis], turn[:, :3, axis]) @ np.eye(3)[axis] == pytest.approx(0.0)
+        moved = course[:, None] * np.cross(np.eye(3)[axis], tip)
+        np.testing.assert_allclose(turn[:, :3, axis], moved, atol=1e-12)
 
 
 @pytest.mark.parametrize(
