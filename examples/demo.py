@@ -76,10 +76,9 @@ MODELS = {
 }
 CONCLUSION = (
     "In short, these 12 values do not name the cause. A compliance that is the same in all postures (tool, "
-    "floor, camera) closes most, also on postures left out, but it would have to be larger than is "
-    "plausible. A spring along the coupler closes less. The ball screws that the paper suspects close little "
-    "alone; beside that spring they are neither needed nor excluded, for their lengths are not printed and "
-    "guessed here."
+    "floor, camera) closes most, also on postures left out. A spring along the coupler closes less. The ball "
+    "screws that the paper suspects close little alone; beside that spring they are neither needed nor "
+    "excluded, for their lengths are not printed and guessed here."
 )
 
 

@@ -146,7 +146,8 @@ def _check(baseline: Baseline, without: Sequence[str]) -> None:
     for name in without:
         effect, _, component = name.partition(":")
         if effect not in EFFECTS:
-            raise BeamstiffError(f"without: unknown effect {effect!r}{suggest(effect, EFFECTS)}")
+            hint = suggest(effect, EFFECTS) or f"; known: {listed(EFFECTS, len(EFFECTS))}"
+            raise BeamstiffError(f"without: unknown effect {effect!r}{hint}")
         known = [key_of(effect, one).partition(":")[2] for one in EFFECTS[effect].components(baseline)]
         if component and component not in known:
             hint = suggest(component, known) or f"; it can be at {listed(known) or 'none'}"

@@ -221,6 +221,7 @@ def estimates_of(fit: Fitted, which: int = 0) -> tuple[Estimate, ...]:
     """Return the parameters of one of the shapes of a fit."""
     start = sum(one.hypothesis.columns.shape[1] for one in fit.shapes[:which])
     shape = fit.shapes[which].hypothesis.shape
+    factor = shape.realistic or shape.spread
     std = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))[fit.compliance.size :]
     return tuple(
         Estimate(
@@ -228,7 +229,7 @@ def estimates_of(fit: Fitted, which: int = 0) -> tuple[Estimate, ...]:
             value=float(fit.theta[start + k] * item.size),
             std=float(std[start + k] * item.size),
             unit=item.unit,
-            realistic=(item.size / shape.spread, item.size * shape.spread),
+            realistic=(item.size / factor, item.size * factor),
         )
         for k, item in enumerate(shape.parameters)
     )

@@ -136,7 +136,12 @@ def headline(result: Diagnosis) -> str:
         return TOO_FEW if left < FEW_VALUES else NOTHING.capitalize()
     if verdict.effect == "unknown":
         return "A gap that nothing in the library explains"
-    return f"{'Cause' if verdict.probability >= LIKELY else 'Likeliest cause'}: {named(verdict)}"
+    if verdict.probability >= LIKELY:
+        return f"Cause: {named(verdict)}"
+    nothing = max((one.probability for one in result.candidates if one.effect == "none"), default=0.0)
+    if nothing > verdict.probability:
+        return f"{UNDECIDED}; likeliest cause: {named(verdict)}"
+    return f"Likeliest cause: {named(verdict)}"
 
 
 def _scaled(result: Diagnosis) -> str:

@@ -16,7 +16,7 @@ from beamstiff.se3 import Array
 TILT = 2e-7  # rad/(N m), of a heavy robot's
 OF_DRIVE = 0.5  # the same over the compliance of the joint's own drive
 RADIAL, AXIAL = 0.015, 0.01  # m^2, over the tilting compliance
-SPREAD = 30.0  # from a wrist's to a press's
+SPREAD, REALISTIC = 30.0, 10.0  # from a wrist's to a press's; and of most
 OFF = 0.05  # m along the axis, from the joint's frame to where its bearing tilts about
 
 
@@ -69,7 +69,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
             weight=0.5,
         ),
     ]
-    return [replace(one, spread=SPREAD, scaled="stiffen" in one.name) for one in found]
+    return [replace(one, spread=SPREAD, realistic=REALISTIC, scaled="stiffen" in one.name) for one in found]
 
 
 def _usual_tilt(baseline: Baseline, component: str) -> float:
@@ -112,6 +112,6 @@ EFFECT = Effect(
     shapes=_shapes,
     separation="a reflector on either side of the joint",
     look_alikes=("link-bending", "base-compliance"),
-    sources="1e-7 to 5e-7 rad/(N m), engineering estimate",
+    sources="of a heavy robot 1e-7 to 5e-7 rad/(N m), as much as its drives; engineering estimate",
     scales=_scales,
 )

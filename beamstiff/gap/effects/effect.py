@@ -39,9 +39,11 @@ class Shape:
         What each parameter adds to the prediction.
     parameters : tuple of Quantity (c)
     spread : float
-        Realistic magnitudes lie between the sizes divided and multiplied by this.
+        Magnitudes lie between the sizes divided and multiplied by this.
     weight : float
         Prior weight among the shapes of its effect.
+    realistic : float or None
+        The same of those that are realistic, where there are machines unlike the usual; None is `spread`.
     scaled : bool
         Whether its columns count against the scales of the effect.
     """
@@ -51,6 +53,7 @@ class Shape:
     parameters: tuple[Quantity, ...]
     spread: float = 10.0
     weight: float = 1.0
+    realistic: float | None = None
     scaled: bool = True
 
 

@@ -23,7 +23,7 @@ TWIST = 1.3  # EI / GJ of a closed steel section, nearly
 STRETCH = 5e-10  # 1/N
 SEAM = 1e-7  # rad/(N m), of a weak section
 SECTIONS = (0.0, 0.5, 1.0)  # of the length, where a link may be weak
-SPREAD = 30.0  # from castings of a small arm to those of a press
+SPREAD, REALISTIC = 30.0, 10.0  # from castings of a small arm to those of a press; and of most
 PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 GAUSS, WEIGHTS = np.polynomial.legendre.leggauss(6)
 
@@ -97,7 +97,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         ("by plane", ("xy", "xz", "skew", "twist", "stretch"), (y, z, yz, turn, sheer)),
     ]
     found = [
-        Shape(name, np.stack([column[key] for key in keys], -1), parameters, spread=SPREAD)
+        Shape(name, np.stack([column[key] for key in keys], -1), parameters)
         for name, keys, parameters in names
     ]
     weak = [
@@ -112,11 +112,11 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         )
         for a, b in PAIRS
     )
-    found.append(Shape("weak at its root", np.stack(weak[0], -1), seams, spread=SPREAD, weight=0.5))
+    found.append(Shape("weak at its root", np.stack(weak[0], -1), seams, weight=0.5))
     several = tuple(replace(one, name=f"{one.name}_at_{at:g}") for at in SECTIONS for one in seams)
     every = np.stack([column for columns in weak for column in columns], -1)
-    found.append(Shape("weak at several sections", every, several, spread=SPREAD, weight=0.5))
-    return found
+    found.append(Shape("weak at several sections", every, several, weight=0.5))
+    return [replace(one, spread=SPREAD, realistic=REALISTIC) for one in found]
 
 
 def _section(arm: float, a: int, b: int) -> Array:
@@ -147,5 +147,5 @@ EFFECT = Effect(
     shapes=_shapes,
     separation="two reflectors on the link, at its ends",
     look_alikes=("bearing-tilt",),
-    sources="EI 3e6 to 3e7 N m^2, engineering estimate",
+    sources="of a heavy robot EI 3e6 to 3e7 N m^2, engineering estimate",
 )

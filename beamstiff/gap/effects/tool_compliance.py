@@ -13,7 +13,7 @@ from beamstiff.gap.effects.laws import by_compliance, by_contacts, by_side, load
 ROTATION = 2e-6  # rad/(N m)
 TRANSLATION = 2e-8  # m/N
 COUPLING = 2e-7  # 1/N: an elastic centre a decimetre behind the TCP
-SPREAD = 10.0
+SPREAD, REALISTIC = 10.0, 5.0
 CENTRES = (0.05, 0.1, 0.2)  # m along the tool's axis z, at which it tilts
 
 
@@ -93,7 +93,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
             (*rotations, *slides, *skews, *couplings),
         ),
     ]
-    return [replace(one, spread=SPREAD, scaled="stiffen" in one.name) for one in found]
+    return [replace(one, spread=SPREAD, realistic=REALISTIC, scaled="stiffen" in one.name) for one in found]
 
 
 def _scales(baseline: Baseline, component: str | None) -> Scales:  # noqa: ARG001
@@ -108,7 +108,7 @@ EFFECT = Effect(
     shapes=_shapes,
     separation="reflectors on flange and tool; a pure moment at the tool",
     look_alikes=("actuator-lever", "tool-offset"),
-    sources="5e-7 to 1e-5 rad/(N m), engineering estimate",
+    sources="of a heavy robot 5e-7 to 1e-5 rad/(N m), engineering estimate",
     scales=_scales,
     place="tool",
 )
