@@ -211,6 +211,9 @@ def programme_csv(result: Diagnosis) -> str:
         tcp=result.baseline.nominal.tcp,
         wrench=[item["wrench"] for item in result.next],
         displacement=np.full((len(result.next), 6), np.nan),
+        sigma_position=rows.sigma_position,  # who measured before measures again
+        sigma_rotation=rows.sigma_rotation,
+        metadata={"robot": result.baseline.nominal.name},
         source="<next>",
         units=rows.units,
     )

@@ -91,7 +91,7 @@ def test_postures_have_the_digits_of_a_pendant_in_the_units_of_the_table(
     assert new
     np.testing.assert_allclose(np.degrees(new), np.round(np.degrees(new), 1), atol=1e-12)
     again = replace(diagnosed("backlash"), baseline=there, next=as_plain(rows))
-    header, *lines = programme_csv(again).splitlines()
+    header, *lines = (line for line in programme_csv(again).splitlines() if not line.startswith("#"))
     assert header.startswith("q1 [deg],q2 [deg]")
     assert not any("-0.0," in line for line in lines)
 
@@ -151,8 +151,11 @@ def test_a_programme_is_a_table_to_fill_in() -> None:
     found = diagnosed("backlash")
     assert found.next
     text = programme_csv(found)
+    assert text.startswith("# robot: kr240-2\n")
     rows = parse_measurements(text, kr240(), require_measured=False)
     assert len(rows) == len(found.next)
     assert rows.wrench.tolist() == [list(item["wrench"]) for item in found.next]
+    known = found.baseline.rows
+    assert (rows.sigma_position, rows.sigma_rotation) == (known.sigma_position, known.sigma_rotation)
     with pytest.raises(BeamstiffError, match="no states to propose"):
         programme_csv(replace(found, next=()))
