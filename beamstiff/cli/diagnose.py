@@ -10,7 +10,7 @@ import typer
 
 from beamstiff.cli.data import doubted, read_tables
 from beamstiff.cli.options import (
-    DataFile,
+    DataFiles,
     Debug,
     Html,
     Json,
@@ -21,14 +21,23 @@ from beamstiff.cli.options import (
     parse_region,
     robot_file,
 )
-from beamstiff.cli.output import check_outputs, effects_text, people, say, source_of, working, write_json
+from beamstiff.cli.output import (
+    check_once,
+    check_outputs,
+    effects_text,
+    people,
+    say,
+    source_of,
+    working,
+    write_json,
+)
 from beamstiff.errors import BeamstiffError
 
 
 def diagnose(
     context: typer.Context,
     robot: RobotFile,
-    data: DataFile,
+    data: DataFiles,
     without: Annotated[
         list[str] | None,
         typer.Option(
@@ -81,24 +90,27 @@ def diagnose(
       beamstiff diagnose robot.yaml data.csv --html report.html
       beamstiff diagnose robot.yaml data.csv --apply extended.yaml
       beamstiff diagnose robot.yaml data.csv --next next.csv --region z=0.3m:2m
+      beamstiff diagnose robot.yaml data.csv next.csv
     """  # noqa: D301
     from beamstiff.files import write_whole
     from beamstiff.gap.diagnose import diagnose as run
     from beamstiff.gap.next import programme_csv
+    from beamstiff.measure import concatenate
     from beamstiff.report.diagnosis import diagnosis_tables, draw_diagnosis
     from beamstiff.robot.reader import load_robot
 
     file = robot_file(robot)
-    check_outputs([file, data], json_to, next=next_to, apply=apply, figure=figure, html=html)
+    check_once(data)
+    check_outputs([file, *data], json_to, next=next_to, apply=apply, figure=figure, html=html)
     if figure is not None:
         from beamstiff.report.figures import check_format
 
         check_format(figure)
-    source = source_of(context, html, [file, data], seed)
+    source = source_of(context, html, [file, *data], seed)
     machine = load_robot(file)
     where = parse_region(region)
-    (rows,), doubts = read_tables([data], machine)
-    rows = replace(rows, region=where)
+    tables, doubts = read_tables(data, machine)
+    rows = replace(concatenate(tables), region=where)
     with doubted(doubts), working("diagnosing", quiet):
         result = run(machine, rows, without=parse_names(without, "--without") or (), seed=seed)
     for note in doubts:  # of the table: before what is made of it
@@ -122,7 +134,8 @@ def diagnose(
 
         larger = extended(result)
         added = effects_text(larger.effects[len(machine.effects) :]) or "no effect"
-        head = BeamstiffError(f"Stiffness fitted by beamstiff to {Path(data).name}, and {added} added.")
+        names = ", ".join(Path(path).name for path in data)
+        head = BeamstiffError(f"Stiffness fitted by beamstiff to {names}, and {added} added.")
         write_whole(apply, f"# {head}\n{robot_to_yaml(larger)}")  # the error's text is one line
         console.print(f"{apply}: the fitted stiffness, and {added} added.")
     if figure is not None:

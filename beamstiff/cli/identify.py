@@ -21,6 +21,7 @@ from beamstiff.cli.identify_options import (
     parse_ties,
 )
 from beamstiff.cli.options import (
+    DataFiles,
     Debug,
     Html,
     Json,
@@ -59,14 +60,7 @@ USES = ("both", "position", "rotation")
 def identify(
     context: typer.Context,
     robot: RobotFile,
-    data: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="DATA...",
-            help="CSV tables, one row a state: joint variables, wrench, measured displacement; units in the "
-            "header, SI otherwise. Several are taken together, each with its own noise.",
-        ),
-    ],
+    data: DataFiles,
     parameters: Annotated[
         list[str] | None,
         typer.Option(

@@ -26,6 +26,14 @@ RobotFile = Annotated[
         autocompletion=robots_beginning,
     ),
 ]
+DataFiles = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="DATA...",
+        help="CSV tables, one row a state: joint variables, wrench, measured displacement; units in the "
+        "header, SI otherwise. Several are taken together, each with its own noise.",
+    ),
+]
 DataFile = Annotated[
     str,
     typer.Argument(

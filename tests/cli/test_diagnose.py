@@ -78,6 +78,20 @@ def test_what_to_measure_next_is_a_table_to_fill_in(run: Run, folder: Path) -> N
     assert (rows.q <= high).all()
 
 
+def test_what_was_measured_next_is_diagnosed_with_what_was_measured_before(run: Run, folder: Path) -> None:
+    sigma, header, *lines = LOAD_CYCLE.splitlines()
+    halves = {"first.csv": lines[:10], "then.csv": lines[10:], "whole.csv": lines}
+    for name, some in halves.items():
+        (folder / name).write_text("\n".join([sigma, header, *some]) + "\n", encoding="utf-8")
+    both = run("diagnose", "crane.yaml", "first.csv", "then.csv", "--json", "-")
+    whole = run("diagnose", "crane.yaml", "whole.csv", "--json", "-")
+    found, expected = (json.loads(result.stdout)["verdict"] for result in (both, whole))
+    assert (found["effect"], found["component"]) == (expected["effect"], expected["component"])
+    assert found["probability"] == pytest.approx(expected["probability"], abs=1e-6)
+    twice = run("diagnose", "crane.yaml", "first.csv", "first.csv")
+    assert (twice.exit_code, "given twice" in twice.stderr) == (2, True)
+
+
 def test_where_there_is_nothing_to_propose_that_is_said_and_the_diagnosis_stands(
     run: Run, folder: Path
 ) -> None:
