@@ -57,6 +57,7 @@ CAUTION = (
     "it measured, ours over 12 values of a fuzzy model fitted to its 900 N readings (which leaves 0.057 mm "
     "RMS), smoothed and partly beyond the measured postures."
 )
+SHOWN = 12  # causes in the figure
 DRIVES = ("J12.torsional", "J18.torsional")
 DIAGNOSIS = (
     "\nDiagnosis, from constant springs of the two drives alone (axes 2 and 8 identified; the coupler's "
@@ -234,7 +235,7 @@ def draw_causes(told: Diagnosis, causes: Sequence[Candidate], left: dict[str, tu
     """Return the figure of the diagnosis: how likely causes are, and what they leave."""
     figure = new_figure(11.0, 4.4)
     which, how_far = figure.subplots(1, 2)
-    shown = [one for one in told.candidates if one.probability > 0.005][::-1]
+    shown = [one for one in told.candidates if one.probability > 0.005][:SHOWN][::-1]
     in_set = {told.verdict.key, *told.indistinguishable}
     colours = [BLUE if one.key in in_set else GREY for one in shown]
     which.barh([named(one) for one in shown], [one.probability for one in shown], color=colours)
@@ -247,13 +248,12 @@ def draw_causes(told: Diagnosis, causes: Sequence[Candidate], left: dict[str, tu
     for value, style, label in (
         (1e3 * told.rms, "-", "without"),
         (PAPER_RMS, "--", "the paper's model, on its readings"),
-        (1e3 * float(told.baseline.rows.sigma_position or 0.0), ":", "noise"),
+        (1e3 * told.noise, ":", "noise, as it looks"),
     ):
         how_far.axvline(value, color="black", linestyle=style, linewidth=1.2, label=label)
     how_far.set_yticks(place, names)
     how_far.set(title="How far: the gap that each leaves", xlabel="RMS, mm")
-    how_far.set_ylim(-0.7, len(names) + 1.1)
-    how_far.legend(fontsize="small", loc="upper left", ncols=2)
+    how_far.legend(fontsize="small", loc="upper center", bbox_to_anchor=(0.25, -0.18), ncols=3)
     for axes in (which, how_far):
         plain(axes)
     return figure
