@@ -168,7 +168,7 @@ def drive_compliance(axis: Axis) -> float:
 
 
 def softness(baseline: Baseline) -> float:
-    """Return how soft a machine is over a heavy robot: that of its stiffest drive; 1 where none has a value.
+    """Return how soft a machine is over a heavy robot, by its stiffest turning drive; 1 where there is none.
 
     Realistic sizes of compliances are those of a heavy robot times this: what is usual of a small arm would
     not be believed of a large one.

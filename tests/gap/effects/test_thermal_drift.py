@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from beamstiff.gap.effects import EFFECTS
+from beamstiff.gap.effects.geometry_error import pose_change
+from beamstiff.gap.effects.thermal_drift import LAGS, WARM
 from beamstiff.se3 import Array
-from tests.gap.machines import FORE, UPPER, at_random, elbow, nominal, rows_of, shape_of
+from tests.gap.machines import FORE, UPPER, at_random, close, elbow, nominal, rows_of, shape_of
 
 TIME = np.array([0.0, 100, 200, 300, 350, 400])
 
@@ -91,24 +93,63 @@ def test_a_turning_frame_moves_points_by_their_distance() -> None:
         np.testing.assert_allclose(turn[:, :3, axis], moved, atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    "course",
-    [
-        pytest.param(lambda t: t, id="linear"),
-        pytest.param(lambda t: 1 - np.exp(-t / 0.2), id="warming up"),
-        pytest.param(lambda t: np.sin(2 * np.pi * t), id="a hall over a day"),
-        pytest.param(lambda t: (t - 0.4) ** 2, id="there and back"),
-    ],
-)
+COURSES = [
+    pytest.param(lambda t: t, id="linear"),
+    pytest.param(lambda t: 1 - np.exp(-t / 0.2), id="warming up"),
+    pytest.param(lambda t: np.sin(2 * np.pi * t), id="a hall over a day"),
+    pytest.param(lambda t: (t - 0.4) ** 2, id="there and back"),
+]
+
+
+def missed(modes: Array, wanted: Array) -> float:
+    """Return the share of a course (N,) that is no mixture of modes (N, m)."""
+    found = modes @ np.linalg.lstsq(modes, wanted, rcond=None)[0]
+    return float(np.linalg.norm(found - wanted) / np.linalg.norm(wanted))
+
+
+@pytest.mark.parametrize("course", COURSES)
 def test_any_smooth_course_of_the_time_is_a_mixture_of_the_modes(course: Callable[[Array], Array]) -> None:
     time = np.linspace(0.0, 400.0, 41)
     rows = at_random(elbow(), 41, seed=1, time=time)
     along_x = shape_of(nominal(elbow(), rows), "thermal-drift", None, "any course").columns[:, 0]
     wanted = course(time / 400)
-    wanted = wanted - wanted.mean()
-    modes = along_x - along_x.mean(axis=0)  # a constant is the unloaded reading's, or the frame's
-    found = modes @ np.linalg.lstsq(modes, wanted, rcond=None)[0]
-    assert np.linalg.norm(found - wanted) < 0.05 * np.linalg.norm(wanted)
+    # a constant is the unloaded reading's, or the frame's
+    assert missed(along_x - along_x.mean(axis=0), wanted - wanted.mean()) < 0.05
+
+
+@pytest.mark.parametrize("course", COURSES)
+def test_and_so_is_what_came_since_the_first_reading_of_a_pose(course: Callable[[Array], Array]) -> None:
+    time = np.linspace(0.0, 400.0, 72)
+    q = np.repeat(at_random(elbow(), 12, seed=2).q, 6, axis=0)
+    wrench = np.tile([[0.0, 500.0, 0, 0, 0, 0]], (72, 1))
+    rows = rows_of(elbow(), q, wrench, time=time, shared_unloaded=True)
+    name = "any course, since the unloaded reading"
+    along_x = shape_of(nominal(elbow(), rows), "thermal-drift", None, name).columns[:, 0]
+    wanted = course(time / 400)
+    since = wanted - np.repeat(wanted[::6], 6)
+    assert missed(along_x, since) < 0.2
+
+
+def test_with_any_lag_is_every_lag_of_the_temperature_together() -> None:
+    warmth = np.array([20.0, 21, 23, 22, 25, 21])
+    there = nominal(elbow(), at_random(elbow(), 6, seed=3, temperature=warmth))
+    every = shape_of(there, "thermal-drift", None, "temperature, with any lag")
+    for lag in LAGS:
+        name = "temperature" if lag == 0 else f"temperature, lagging by {lag:g}"
+        one = shape_of(there, "thermal-drift", None, name).columns[:, 0, 0]
+        own = every.columns[:, 0, [f"lagging_by_{lag:g}_x" in item.name for item in every.parameters]]
+        found = own[:, 0] if lag else every.columns[:, 0, 0]
+        assert found == pytest.approx(one / WARM)
+
+
+def test_each_zero_and_each_length_follows_a_course_of_its_own() -> None:
+    there = nominal(elbow(), at_random(elbow(), 6, seed=1, time=TIME))
+    shape = shape_of(there, "thermal-drift", None, "every zero and length, any course")
+    course = shape_of(there, "thermal-drift", None, "any course").columns[:, 0, 0]
+    names = [item.name for item in shape.parameters]
+    for what, part in (("zero", "q2"), ("length", "f2.d")):
+        column = shape.columns[..., names.index(f"{what}_{part}_mode_1")]
+        close(column, course[:, None] * pose_change(there, part))
 
 
 def test_a_machine_that_grows_moves_every_point_away_from_its_base_by_its_distance() -> None:
