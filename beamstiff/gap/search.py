@@ -199,11 +199,11 @@ def _namelessly(white: Whitened, laws: Sequence[FreeLaw], scales: Scales) -> dic
 def _weighed(white: Whitened, laws: Sequence[tuple[Key, Array]], scales: Scales) -> dict[Key, float]:
     """Return the log evidence of laws by their keys, the better where two have one key."""
     shape = Shape("free", np.zeros((0, 6, 0)), (), spread=FREE_SPREAD)
-    keys = [key for key, modes in laws if modes.shape[1]]
-    free = [Hypothesis("unknown", None, shape, 1.0, FREE_SIZE * modes) for _, modes in laws if modes.shape[1]]
+    some = [(key, modes) for key, modes in laws if modes.shape[1]]
+    free = [Hypothesis("unknown", None, shape, 1.0, FREE_SIZE * modes) for _, modes in some]
     found: dict[Key, float] = {}
     values = evidence(white, free, scales).hypotheses.tolist() if free else []
-    for key, value in zip(keys, values, strict=True):
+    for (key, _), value in zip(some, values, strict=True):
         found[key] = max(value, found.get(key, -np.inf))
     return found
 
