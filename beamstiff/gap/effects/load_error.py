@@ -8,6 +8,8 @@ falling one.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from beamstiff.gap.baseline import Baseline
@@ -20,6 +22,7 @@ ANGLE = 0.03  # rad
 GAIN = 0.03
 TARE = 10.0  # N
 LEVER = 0.01  # m, of a moment that a cell reads of a force
+SPREAD = 4.0  # cells and cables are no better and no worse than the sources say by more than this
 
 
 def _largest_force(baseline: Baseline) -> float:
@@ -122,7 +125,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
         branch = rising(baseline)
         friction = Quantity("pulley_friction", "1", GAIN)
         result.append(Shape("pulley friction", moved((wrench * branch[:, None])[..., None]), (friction,)))
-    return result
+    return [replace(one, spread=SPREAD) for one in result]
 
 
 def rising(baseline: Baseline) -> Array:

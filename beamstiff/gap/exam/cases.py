@@ -25,7 +25,7 @@ from beamstiff.gap.exam.record import KINDS, Kind, Label, sha256
 from beamstiff.gap.exam.robots import ROBOTS, WEIGHTS, exam_robot, with_payload, with_stiff_drive
 from beamstiff.gap.exam.simulate import draw_stiffness
 from beamstiff.gap.exam.sizes import DIGITS, sized
-from beamstiff.gap.exam.truths import OUTSIDE, draw_truth, is_further, resized
+from beamstiff.gap.exam.truths import OUTSIDE, draw_truth, hand_of, resized
 from beamstiff.measure.table import Measurements
 from beamstiff.measure.writer import measurements_to_csv
 from beamstiff.robot.description import Robot
@@ -230,7 +230,7 @@ def _drawn(exam: Exam, rng: np.random.Generator, robot: Robot, drawn: Drawn) -> 
         claimed=wish.claimed if exam.plan is None else "true",
         readings=6 if campaign.rotations else 3,
         forms=tuple(truth.form for truth in truths),
-        further=any(is_further(truth) for truth in truths),
+        hand=max(map(hand_of, truths), default=1),
     )
     return Case(label, robot, machine, truths, campaign, fresh)
 

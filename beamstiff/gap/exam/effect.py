@@ -45,8 +45,8 @@ class Effect:
         Parameters, none of which is a joint's own stiffness: that is the machine's.
     impose : callable
         A reality with the effect.
-    further : tuple of str
-        Those of the forms that were written by another hand than the rest; they are drawn as often.
+    hands : tuple of tuple of str
+        The forms by who wrote them, where several hands did; empty for one.
     """
 
     name: str
@@ -54,29 +54,32 @@ class Effect:
     places: Callable[[Robot], Sequence[str | None]]
     draw: Callable[[Asked], dict[str, float]]
     impose: Callable[[Truth, Reality], Reality]
-    further: tuple[str, ...] = ()
+    hands: tuple[tuple[str, ...], ...] = ()
 
     def draw_form(self, rng: np.random.Generator) -> str:
-        """Return a form: in half of the cases one of the further ones, where there are any."""
-        some = tuple(form for form in self.forms if form not in self.further)
-        if self.further and rng.random() < 0.5:
-            some = self.further
+        """Return a form: of every hand as often."""
+        hands = self.hands or (self.forms,)
+        some = hands[int(rng.integers(len(hands)))]
         return some[int(rng.integers(len(some)))]
 
+    def hand_of(self, form: str) -> int:
+        """Return who wrote a form: 1 for the first hand."""
+        return next((k for k, some in enumerate(self.hands, start=1) if form in some), 1)
 
-def joined(first: Effect, further: Effect) -> Effect:
-    """Return an effect with the forms of two of the same name; it sits where the first one can."""
+
+def joined(*effects: Effect) -> Effect:
+    """Return an effect with the forms of several hands (of one name); it sits where the first can."""
 
     def of(form: str) -> Effect:
-        return further if form in further.forms else first
+        return next(effect for effect in effects if form in effect.forms)
 
     return Effect(
-        first.name,
-        (*first.forms, *further.forms),
-        first.places,
+        effects[0].name,
+        tuple(form for effect in effects for form in effect.forms),
+        effects[0].places,
         lambda asked: of(asked.form).draw(asked),
         lambda truth, reality: of(truth.form).impose(truth, reality),
-        further.forms,
+        tuple(effect.forms for effect in effects),
     )
 
 

@@ -36,8 +36,8 @@ class Label:
         3 or 6 components.
     forms : tuple of str
         Constitutive form of each truth.
-    further : bool
-        Whether one of them is a form that who writes the diagnosis has not read.
+    hand : int
+        Who wrote the forms, the last of them: 1 is who writes the diagnosis and has not read the others'.
     """
 
     case: int
@@ -51,7 +51,7 @@ class Label:
     claimed: str
     readings: int
     forms: tuple[str, ...] = ()
-    further: bool = False
+    hand: int = 1
 
     def digest(self) -> str:
         """Return the SHA-256 of the label, which seals it."""

@@ -146,7 +146,7 @@ def groups(records: Records) -> list[Group]:
                 f"noise claimed: {label.claimed}",
             ]
             if label.truths:
-                rest.append("further forms" if label.further else "first forms")
+                rest.append(f"forms of hand {label.hand}")
             sorts += [f"{label.design}, {sort}" for sort in rest]
         for sort in sorts:
             found.setdefault(sort, []).append(record)

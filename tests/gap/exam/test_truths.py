@@ -14,7 +14,7 @@ from beamstiff.gap.exam.designs import Wish, draw_campaign
 from beamstiff.gap.exam.names import EFFECTS as NAMES
 from beamstiff.gap.exam.robots import exam_robot, with_payload, with_stiff_drive
 from beamstiff.gap.exam.simulate import simulate
-from beamstiff.gap.exam.truths import EFFECTS, INSIDE, OUTSIDE, components, draw_truth, is_further, resized
+from beamstiff.gap.exam.truths import EFFECTS, INSIDE, OUTSIDE, components, draw_truth, hand_of, resized
 from beamstiff.robot.description import Robot
 from tests.gap.exam.campaigns import campaign_of, drawn, random_poses, read, without_weight
 
@@ -145,11 +145,15 @@ def test_what_cannot_be_is_refused_in_one_line() -> None:
         draw_truth(rng, robot, "backlash", form="fuzzy")
 
 
-def test_half_of_the_draws_of_an_effect_take_a_form_that_the_diagnosis_does_not_know() -> None:
+def test_every_hand_that_wrote_forms_of_an_effect_is_drawn_as_often() -> None:
     rng = np.random.default_rng(0)
-    drawn = [draw_truth(rng, exam_robot("kr240-2", rng), "backlash", 0.5) for _ in range(200)]
-    assert np.mean([is_further(truth) for truth in drawn]) == pytest.approx(0.5, abs=0.12)
-    assert not is_further(draw_truth(rng, exam_robot("kr240-2", rng), "outliers", 0.5))
+    drawn = [hand_of(draw_truth(rng, exam_robot("kr240-2", rng), "backlash", 0.5)) for _ in range(300)]
+    hands = range(1, 1 + max(drawn))
+    assert len(hands) > 1
+    assert [np.mean(np.equal(drawn, hand)) for hand in hands] == pytest.approx(
+        [1 / len(hands)] * len(hands), abs=0.1
+    )
+    assert hand_of(draw_truth(rng, exam_robot("kr240-2", rng), "outliers", 0.5)) == 1
 
 
 def test_truths_carry_their_label() -> None:

@@ -44,7 +44,7 @@ def test_further_forms_are_drawn_as_often_as_the_first() -> None:
     effect = next(effect for effect in INSIDE if effect.name == "backlash")
     found = [draw_truth(rng, robot, "backlash", 0.5).form for _ in range(400)]
     assert set(found) == set(effect.forms)
-    assert 160 < sum(form in effect.further for form in found) < 240
+    assert 90 < sum(effect.hand_of(form) == 2 for form in found) < 240
 
 
 # --- play, hardening, joint compliance

@@ -1,7 +1,8 @@
 """Effects as the simulated machines have them: one file an effect, those outside the table in `outside_*`.
 
-The files `further_*` and `outside_further` hold forms whose author has not read the diagnosis. Who writes the
-diagnosis must not read them: what its shapes miss can only show on forms that they do not know.
+The files `further_*` and `third_*`, `outside_further` and `outside_third` hold forms of a second and a third
+hand, whose authors have not read the diagnosis. Who writes the diagnosis must not read them: what its shapes
+miss can only show on forms that they do not know.
 """
 
 from __future__ import annotations
@@ -70,29 +71,29 @@ _FIRST: tuple[Effect, ...] = tuple(
         outliers,
     )
 )
-_FURTHER = {
-    effect.name: effect
-    for module in (
-        further_coupling,
-        further_friction,
-        further_geometry,
-        further_levers,
-        further_measurement,
-        further_springs,
-        further_structure,
-        further_tool,
+_LATER: tuple[dict[str, Effect], ...] = tuple(
+    {effect.name: effect for module in modules for effect in module.EFFECTS}
+    for modules in (
+        (
+            further_coupling,
+            further_friction,
+            further_geometry,
+            further_levers,
+            further_measurement,
+            further_springs,
+            further_structure,
+            further_tool,
+        ),
     )
-    for effect in module.EFFECTS
-}
+)
 INSIDE: tuple[Effect, ...] = tuple(
-    joined(effect, _FURTHER[effect.name]) if effect.name in _FURTHER else effect for effect in _FIRST
+    joined(effect, *(hand[effect.name] for hand in _LATER if effect.name in hand)) for effect in _FIRST
 )
-OUTSIDE: tuple[Effect, ...] = (
-    *outside_drives.EFFECTS,
-    *outside_structure.EFFECTS,
-    *outside_further.EFFECTS,
+_OUTSIDE: tuple[tuple[Effect, ...], ...] = (
+    (*outside_drives.EFFECTS, *outside_structure.EFFECTS),
+    outside_further.EFFECTS,
 )
-UNREAD = tuple(effect.name for effect in outside_further.EFFECTS)
+OUTSIDE: tuple[Effect, ...] = tuple(effect for hand in _OUTSIDE for effect in hand)
 EFFECTS = {effect.name: effect for effect in (*INSIDE, *OUTSIDE)}
 
 
@@ -149,9 +150,12 @@ def resized(truth: Truth, robot: Robot, size: float, seed: int) -> Truth:
     return replace(truth, parameters=_known(truth.effect).draw(asked))
 
 
-def is_further(truth: Truth) -> bool:
-    """Tell whether an effect is of a form that who writes the diagnosis has not read."""
-    return truth.form in _known(truth.effect).further or truth.effect in UNREAD
+def hand_of(truth: Truth) -> int:
+    """Return who wrote the form of an effect: 1 for who writes the diagnosis; 2 and 3 have not read it."""
+    for hand, effects in enumerate(_OUTSIDE, start=1):
+        if any(effect.name == truth.effect for effect in effects):
+            return hand
+    return _known(truth.effect).hand_of(truth.form)
 
 
 def imposed(truth: Truth, reality: Reality) -> Reality:
