@@ -113,7 +113,7 @@ def _diagnosis(
     shrinks = {
         key: held_out(linear, used, [found.shapes[key]], scale, seed) for key in found.named[:REPORTED]
     }
-    odd_rows = (outlying.size, screened.strength)
+    odd_rows = (outlying.size, screened.strength, screened.isolated)
     judged = judge(found, white.freedom, chance[1], odd_rows, shrinks[best], both, may_be_outliers)
     if judged.also not in (None, OUTLIERS) and pair is not None:
         models, scale = list(pair.shapes), scale_after(white, pair.shapes, scales)

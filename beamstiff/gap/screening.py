@@ -24,6 +24,8 @@ MOST = 0.15  # of the rows
 ROUNDS = 6
 MAIN = 1e-6  # of the largest variance of what the shapes do together, below which the rest is left out
 SURE = 1e-3  # probability that any row of a sound table is flagged
+SOUND = 0.58  # of the bound, within which all other rows lie but for two, where some are wrong by themselves
+BY_CHANCE = 0.01  # probability that wrong rows come from as few postures
 CLAIM, NO_CLAIM = 0.6, 2.0  # standard deviation of the log noise scale: claims are off by two at times
 
 
@@ -43,6 +45,9 @@ class Screened:
         Scale of the noise of positions and rotations, against the sigma claimed.
     strength : float
         How many times farther the outliers are than the farthest sound row would be, squared; their median.
+    isolated : bool
+        Whether they stand apart as mishaps do: from as many postures as chance would take, and all other
+        rows as near as sound ones are. What a shape misses is large at some postures, and next to large.
     """
 
     baseline: Baseline
@@ -50,6 +55,7 @@ class Screened:
     outliers: NDArray[np.intp]
     noise: Array
     strength: float = 0.0
+    isolated: bool = False
 
 
 def screen(baseline: Baseline, library: Library) -> Screened:
@@ -58,7 +64,7 @@ def screen(baseline: Baseline, library: Library) -> Screened:
     used = baseline.used.copy()
     found: dict[int, float] = {}
     rows = int(used.any(axis=1).sum())
-    noise = np.ones(2)
+    noise, excess = np.ones(2), np.zeros(len(used))
     for turn in range(ROUNDS):
         white = whiten(baseline, used)
         if white.freedom < 10:
@@ -85,7 +91,21 @@ def screen(baseline: Baseline, library: Library) -> Screened:
     sigma = baseline.sigma * np.repeat(noise, 3)
     order = sorted(found, key=found.__getitem__, reverse=True)
     strength = float(np.median(list(found.values()))) if found else 0.0
-    return Screened(replace(baseline, sigma=sigma), used, np.array(order, dtype=np.intp), noise, strength)
+    apart = len(order) > 0 and bool(np.sort(excess)[-3] < SOUND)
+    isolated = apart and _chance_of_few(baseline.rows.pose, order) > BY_CHANCE
+    outliers = np.array(order, dtype=np.intp)
+    return Screened(replace(baseline, sigma=sigma), used, outliers, noise, strength, isolated)
+
+
+def _chance_of_few(pose: NDArray[np.intp], rows: Sequence[int]) -> float:
+    """Return the probability that as many rows, taken at random, come from as few postures as these."""
+    postures, found = np.unique(pose).size, np.unique(pose[list(rows)]).size
+    chance = np.zeros(postures + 1)  # of a number of postures, row by row
+    chance[0] = 1.0
+    new = 1.0 - np.arange(postures + 1) / postures
+    for _ in rows:
+        chance = chance * (1.0 - new) + np.concatenate([[0.0], (chance * new)[:-1]])
+    return float(chance[: found + 1].sum())
 
 
 def _spread(distance: Array, count: NDArray[np.intp]) -> float:

@@ -44,7 +44,7 @@ SECOND_WORTH = 0.75  # share of that which both must close
 SECOND_LEFT = 0.33  # share of the gap that both leave to the unknown
 CLEAR = 0.65  # probability that a second cause needs among those that could be it
 FIRST_CLEAR = 0.75  # and the first of two, to be named alone
-DISTINCT, SEVERAL, STRONG = 1.3, 3, 1.8  # outliers: strength to be named, number and strength beside a cause
+DISTINCT, SEVERAL = 1.3, 3  # outliers: strength to be named, and number beside a cause
 SEEN = 0.9  # probability of outliers beside a cause
 MOST = 5  # effects in a set, beyond which the data tell nothing apart
 
@@ -130,7 +130,7 @@ def judge(
     search: Search,
     freedom: int,
     chance: float,
-    outliers: tuple[int, float],
+    outliers: tuple[int, float, bool],
     single: Shrink,
     both: Shrink | None,
     may_be_outliers: bool = True,
@@ -144,8 +144,9 @@ def judge(
         Values less fitted parameters.
     chance : float
         Share of simulated campaigns without an effect that look as much as if they had one.
-    outliers : (int, float)
-        How many rows were left out that nothing explains, and their strength (`Screened.strength`).
+    outliers : (int, float, bool)
+        How many rows were left out that nothing explains, their strength, and whether they are isolated
+        (`Screened`).
     single, both : Shrink
         Held-out worth of the best cause, and of the best pair.
     may_be_outliers : bool
@@ -188,7 +189,7 @@ def judge(
     probabilities = {key: real * share for key, share in effects.items()} | shares
     if real >= max(shares.values()):
         verdict = max(effects, key=effects.__getitem__)
-        wrong = outliers[0] >= SEVERAL and outliers[1] >= STRONG
+        wrong = odd_rows and outliers[0] >= SEVERAL and outliers[2]
         also = (OUTLIERS, SEEN) if wrong and may_be_outliers else (None, 0.0)
         doubted = (UNKNOWN,) if shares[UNKNOWN] >= DOUBTED or (wrong and not may_be_outliers) else ()
         return Judged(probabilities, verdict, _set(effects, verdict) + doubted, *also)

@@ -9,7 +9,7 @@ import pytest
 
 from beamstiff.gap.baseline import Baseline, fit_baseline
 from beamstiff.gap.library import Library, state_library
-from beamstiff.gap.screening import Screened, screen
+from beamstiff.gap.screening import Screened, _chance_of_few, screen
 from beamstiff.gap.whitened import whiten
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements
@@ -44,6 +44,24 @@ def test_wrong_rows_are_found_whatever_else_there_is_and_no_others(effect: plant
     assert sorted(found.outliers.tolist()) == which
     assert not found.used[which].any()
     assert found.used.sum() == 6 * (ROWS - 4)
+
+
+def test_mishaps_are_isolated_and_what_one_posture_has_to_itself_is_not() -> None:
+    rows = planted.campaign(PLAN, planted.backlash, seed=1)
+    assert screened(wrong(rows, [5, 22, 47, 70], 2e-3)).isolated
+    assert not screened(rows).isolated
+    at_one = np.flatnonzero(PLAN.pose == PLAN.pose[40])[:4].tolist()
+    found = screened(wrong(rows, at_one, 2e-3))
+    assert found.outliers.size >= 3
+    assert not found.isolated
+
+
+def test_the_chance_of_few_postures_is_that_of_boxes_and_balls() -> None:
+    pose = np.repeat(np.arange(3), 4)
+    # three balls in three boxes: all in one, in at most two, in any
+    assert _chance_of_few(pose, [0, 1, 2]) == pytest.approx(1 / 9)
+    assert _chance_of_few(pose, [0, 1, 4]) == pytest.approx(7 / 9)
+    assert _chance_of_few(pose, [0, 4, 8]) == pytest.approx(1.0)
 
 
 def test_sound_rows_are_left_alone() -> None:

@@ -28,7 +28,7 @@ NOISE = 5e-5  # m
 GOOD = Shrink(4e-4, 5.2e-5, 0.99, (0.97, 1.0), postures=14, noise=NOISE, misfit=1.02)
 USELESS = Shrink(4e-4, 4e-4, 0.0, (0.0, 0.05), postures=14, noise=NOISE, misfit=8.0)
 HALF = Shrink(4e-4, 3e-4, 0.5, (0.4, 0.6), postures=14, noise=NOISE, misfit=6.0)
-CLEAN, WRONG = (0, 0.0), (3, 3.0)  # rows left out: how many, how strongly
+CLEAN, WRONG = (0, 0.0, False), (3, 3.0, True)  # rows left out: how many, how strongly, whether isolated
 
 
 def search_of(
@@ -163,6 +163,12 @@ def test_a_name_that_is_doubted_says_so_in_its_set_and_the_unknown_says_what_it_
     assert (named.verdict, named.indistinguishable) == ("backlash:q3", (UNKNOWN,))
     unknown = judged(search_of(CLEAR, left=0.3, free=0.0))
     assert (unknown.verdict, unknown.indistinguishable) == (UNKNOWN, ("backlash:q3",))
+
+
+def test_rows_are_wrong_beside_a_cause_where_they_are_isolated() -> None:
+    assert judged(search_of(CLEAR), outliers=WRONG).also == OUTLIERS
+    assert judged(search_of(CLEAR), outliers=(30, 3.0, False)).also is None
+    assert judged(search_of(CLEAR), outliers=(2, 3.0, True)).also is None
 
 
 def test_rows_that_nothing_explains_are_unknown_where_they_may_not_be_called_wrong() -> None:
