@@ -71,7 +71,8 @@ def free_laws(baseline: Baseline, library: Library, white: Whitened) -> list[Fre
     places = baseline.places
     there = [(component_of(joint), joint.name) for joint in baseline.nominal.joints]
     structure = [(name, places.joints[joint]) for name, joint in there if joint in places.joints]
-    structure += [*places.links.items(), ("base", places.base), ("tool", places.flange)]
+    structure += [(name, link) for name, link in places.links.items() if name not in places.standing]
+    structure += [("base", places.base), ("tool", places.flange)]
     found = []
     for name, at in structure:
         compliance, bent, play = _of_structure(baseline, at)

@@ -119,6 +119,10 @@ def state_library(baseline: Baseline, white: Whitened, without: Sequence[str] = 
         Untestable("link-bending", name, "rigid parts of a loop hold it: its forces are not determined")
         for name in baseline.places.held
     ]
+    untestable += [
+        Untestable("link-bending", name, "it stands on the ground: what it gives is base-compliance here")
+        for name in baseline.places.standing
+    ]
     return seen_by(Library(tuple(hypotheses), tuple(untestable)), white)
 
 

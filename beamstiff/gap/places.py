@@ -35,6 +35,7 @@ from beamstiff.robot.parts import STIFFNESS_KINDS, Joint, JointStiffness
 from beamstiff.se3 import Array, displacement_transport, rotate_screw
 
 DIGITS = 9  # of a direction: what is less is rounding
+SAME = 1e-7  # share of the largest entry within which changes of axes are the same
 CUT = " cut"  # what is added to the name of a link's end to name its other side; no name of a file ends so
 
 
@@ -79,6 +80,9 @@ class Places:
         What the TCP carries against what holds it, axes of the TCP's frame.
     held : dict of str to str
         Places that rigid parts of their loops hold, and why the forces there are not determined.
+    standing : tuple of str
+        Links that stand on the ground: all that the rows load and show passes them in every posture as it
+        passes the floor, and what they give is the base's by another name.
     """
 
     joints: dict[str, Place]
@@ -86,6 +90,7 @@ class Places:
     base: Place
     flange: Place
     held: dict[str, str]
+    standing: tuple[str, ...] = ()
 
 
 def find_places(robot: Robot, rows: Measurements) -> Places:
@@ -134,15 +139,25 @@ def find_places(robot: Robot, rows: Measurements) -> Places:
     tcp_frame = compile_kinematics(cut).node_frame[index[robot.tcp]]
     structure = compile_structure(cut)
     weight = gravity_wrenches(structure, place(structure, where))
+    base = _base(rows, where, weight, index, pose)
     return Places(
         joints=found,
         links=links_found,
-        base=_base(rows, where, weight, index, pose),
+        base=base,
         flange=_flange(
             robot, rows, where.transforms[:, tcp_frame, :3, :3][pose], weight[pose, index[robot.tcp]]
         ),
         held=held,
+        standing=tuple(name for name, there in links_found.items() if _is_base(there, base)),
     )
+
+
+def _is_base(there: Place, base: Place) -> bool:
+    """Return whether one change of axes, the same in all rows, makes the floor of a place."""
+    change = np.linalg.solve(base.shift, there.shift)  # (N, 6, 6)
+    moved, passed = np.abs(change - change[0]).max(), np.abs(there.load - base.load @ change[0]).max()
+    least = SAME * np.abs(change[0]).max()
+    return bool(moved < least and passed < least * np.abs(base.load).max(initial=1.0))
 
 
 def has_loops(robot: Robot) -> bool:

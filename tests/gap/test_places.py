@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from beamstiff import Robot, load_robot
+from beamstiff.gap.baseline import fit_baseline
+from beamstiff.gap.effects import EFFECTS
 from beamstiff.gap.places import Place, find_places, has_loops
 from beamstiff.measure.table import Measurements
 from beamstiff.model.linear import predict_displacements
@@ -199,3 +201,19 @@ def test_a_column_that_grows_beside_a_strut_carries_its_share_at_every_height() 
     column = E * A / heights
     found = find_places(robot, rows).links["column"].load[:, 0]
     np.testing.assert_allclose(found, 1000.0 * column / (column + strut), rtol=1e-9)
+
+
+def test_links_that_stand_on_the_ground_are_named_and_the_base_gives_all_that_they_can() -> None:
+    assert find_places(elbow(), at_random(elbow(), 4, seed=2)).standing == ()
+    closed = load_robot("ir663")
+    assert find_places(closed, at_random(closed, 4, seed=2)).standing == ("column",)
+    there = fit_baseline(kr240(), at_random(kr240(), 12, seed=2))
+    assert there.places.standing == ("link0",)
+    every = next(shape for shape in EFFECTS["base-compliance"].shapes(there, None) if shape.name == "all")
+    size = [quantity.size for quantity in every.parameters]
+    base = (every.columns * size).reshape(-1, len(size))
+    for link, is_the_base in (("link0", True), ("link1", False)):
+        for shape in EFFECTS["link-bending"].shapes(there, link):
+            own = shape.columns.reshape(-1, len(shape.parameters))
+            left = own - base @ np.linalg.lstsq(base, own, rcond=1e-13)[0]
+            assert (np.linalg.norm(left) < 1e-6 * np.linalg.norm(own)) == is_the_base, (link, shape.name)

@@ -33,6 +33,9 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     slides = tuple(
         Quantity(f"translational_compliance_{axis}", "m/N", translation, positive=True) for axis in "xyz"
     )
+    slants = tuple(
+        Quantity(f"translational_compliance_{pair}", "m/N", 0.3 * translation) for pair in ("xy", "xz", "yz")
+    )
     couplings = tuple(Quantity(f"coupling_{pair}", "1/N", coupling) for pair in ("x_ry", "y_rx"))
     others = tuple(
         Quantity(f"coupling_{'xyz'[a]}_r{'xyz'[b]}", "1/N", 0.5 * coupling)
@@ -44,6 +47,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     sliding = [column((0, 0)), column((1, 1)), column((2, 2))]
     coupled = [column((0, 4)), column((1, 3))]
     skewed = [column((3, 4)), column((3, 5)), column((4, 5))]
+    slanted = [column((0, 1)), column((0, 2)), column((1, 2))]
     rest = [column((a, 3 + b)) for a in range(3) for b in range(3) if (a, b) not in ((0, 1), (1, 0))]
     contacts, stiffening = by_contacts(
         baseline, place, load_scales(baseline, baseline.fit.places.base), rotation, translation
@@ -54,8 +58,8 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
         Shape("soil", np.stack([*turning, *sliding, *coupled], -1), (*rotations, *slides, *couplings)),
         Shape(
             "all",
-            np.stack([*turning, *sliding, *coupled, *skewed, *rest], -1),
-            (*rotations, *slides, *couplings, *skews, *others),
+            np.stack([*turning, *sliding, *coupled, *skewed, *slanted, *rest], -1),
+            (*rotations, *slides, *couplings, *skews, *slants, *others),
         ),
         Shape(
             "rotation that stiffens",
@@ -65,8 +69,8 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
         ),
         Shape(
             "all, stiffening",
-            np.stack([*turning, *sliding, *coupled, *skewed, *rest, *contacts], -1),
-            (*rotations, *slides, *couplings, *skews, *others, *stiffening),
+            np.stack([*turning, *sliding, *coupled, *skewed, *slanted, *rest, *contacts], -1),
+            (*rotations, *slides, *couplings, *skews, *slants, *others, *stiffening),
             weight=0.5,
         ),
     ]

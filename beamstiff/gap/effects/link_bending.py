@@ -29,7 +29,9 @@ GAUSS, WEIGHTS = np.polynomial.legendre.leggauss(6)
 
 
 def _components(baseline: Baseline) -> list[str | None]:
-    return list(baseline.places.links)
+    if baseline.stated is not None:
+        return list(baseline.places.links)
+    return [name for name in baseline.places.links if name not in baseline.places.standing]
 
 
 def flexibility(length: float, bending: Array, plane: str) -> Array:

@@ -35,12 +35,16 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     slides = tuple(
         Quantity(f"translational_compliance_{axis}", "m/N", translation, positive=True) for axis in "xyz"
     )
+    slants = tuple(
+        Quantity(f"translational_compliance_{pair}", "m/N", 0.3 * translation) for pair in ("xy", "xz", "yz")
+    )
     couplings = tuple(
         Quantity(f"coupling_{'xyz'[a]}_r{'xyz'[b]}", "1/N", coupling) for a in range(3) for b in range(3)
     )
     turning = [column((3, 3)), column((4, 4)), column((5, 5))]
     sliding = [column((0, 0)), column((1, 1)), column((2, 2))]
     skewed = [column((3, 4)), column((3, 5)), column((4, 5))]
+    slanted = [column((0, 1)), column((0, 2)), column((1, 2))]
     coupled = [column((a, 3 + b)) for a in range(3) for b in range(3)]
     tilt = Quantity("tilting_compliance", "rad/(N*m)", rotation, positive=True)
     behind = [
@@ -89,8 +93,8 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
         ),
         Shape(
             "all",
-            np.stack([*turning, *sliding, *skewed, *coupled], -1),
-            (*rotations, *slides, *skews, *couplings),
+            np.stack([*turning, *sliding, *skewed, *slanted, *coupled], -1),
+            (*rotations, *slides, *skews, *slants, *couplings),
         ),
     ]
     return [replace(one, spread=SPREAD, realistic=REALISTIC, scaled="stiffen" in one.name) for one in found]
