@@ -2,7 +2,8 @@
 
 A spring k_s of free length l_0 between points at a (base side) and r (link) from the axis stores
 ``U = k_s (L - l_0)^2 / 2``, ``L^2 = a^2 + r^2 + 2 a r cos(q - q_0)``; its torque is U', its stiffness U''
-(Klimchik et al., arXiv 1311.6674).
+(Klimchik et al., arXiv 1311.6674). Balancers are preloaded, a gas cushion or a wound spring, so that one
+may pull much and stiffen little: torque and stiffness have sizes of their own.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ from beamstiff.robot.fields import RIGID
 RATIOS, MIDDLE = (0.15, 0.4, 0.7), 0.4
 FREE_LENGTHS = (0.0, 0.4, 0.8)
 TORQUE, STIFFNESS = 0, 1  # places of a spring's two
-
+WIND_UP = 1e-3  # rad, of the drive by the balancer's torque: about what the arm's weight does
+SPREAD, PRELOADED = 4.0, 8.0  # of stiffness; where torque shows as well
 
 LEVEL = 0.5  # cosine to the vertical of the axes that weight turns
 FAR = 1.0 / 3.0  # of the longest arm from such an axis to the tool: nobody balances a wrist
@@ -54,34 +56,50 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     def laws(q: np.ndarray, chosen: list[tuple[float, float, float]], of: int = STIFFNESS) -> np.ndarray:
         return np.stack([_spring(q - phase, ratio, free)[of] for ratio, free, phase in chosen], -1)
 
-    def column(stiffness: np.ndarray, torque: np.ndarray) -> np.ndarray:
-        shift = scaled_torque(baseline, axis, -stiffness * compliance**2)
-        # of absolute positions the balancer's own torque winds the drive up
-        return shift - axis.shift * (torque * compliance)[:, None] if baseline.absolute else shift
+    def softer(stiffness: np.ndarray) -> np.ndarray:
+        return np.stack([scaled_torque(baseline, axis, -one * compliance**2) for one in stiffness], -1)
 
-    size = Quantity("largest_stiffness", "N*m/rad", 0.1 / compliance)
-    stiffness = follow.varying(lambda q: laws(q, springs)).T
-    torques = [_spring(follow.angle - phase, ratio, free)[0] for ratio, free, phase in springs]
-    result = [
-        Shape(
-            f"spring {ratio:g}, free {free:g}, {np.degrees(phase):.0f} deg",
-            column(factor, torque)[..., None],
-            (size,),
-            spread=4.0,
-            weight=1.0 / len(springs),
-        )
-        for (ratio, free, phase), factor, torque in zip(springs, stiffness, torques, strict=True)
+    def wound(torque: np.ndarray) -> np.ndarray:
+        """Return what torques (k, N) wind up, (N, 6, k): absolute positions alone show it."""
+        moved = -np.einsum("na,kn->nak", axis.shift, torque * compliance)
+        return moved if baseline.absolute else np.zeros_like(moved)
+
+    spread = PRELOADED if baseline.absolute else SPREAD
+    stiff, turn = 0.1 / compliance, WIND_UP / compliance
+    seen = baseline.absolute or baseline.stated is not None
+    names = (("largest_torque", "N*m", turn),) if seen else ()
+    one = tuple(Quantity(*each) for each in (*names, ("largest_stiffness", "N*m/rad", stiff)))
+    result = []
+    for chosen, factor in zip(springs, follow.varying(lambda q: laws(q, springs)).T, strict=True):
+        columns = softer(factor[None])
+        if seen:
+            columns = np.concatenate([wound(_largest_torque(follow.angle, *chosen)[None]), columns], -1)
+        ratio, free, phase = chosen
+        name = f"spring {ratio:g}, free {free:g}, {np.degrees(phase):.0f} deg"
+        result.append(Shape(name, columns, one, spread=spread, weight=1.0 / len(springs)))
+    modes = follow.family(lambda q: laws(q, family)).T
+    whole = softer(modes)
+    every = tuple(Quantity(f"stiffness_mode_{k + 1}", "N*m/rad", 0.5 * stiff) for k in range(len(modes)))
+    if not seen:
+        return [*result, Shape("any spring", whole, every, spread=spread)]
+    courses = (laws(follow.angle, family, TORQUE) @ follow.mixture(laws(follow.fitted, family, TORQUE))).T
+    whole = np.concatenate([wound(courses), whole], -1)
+    every = (*(Quantity(f"torque_mode_{k + 1}", "N*m", turn) for k in range(len(courses))), *every)
+    about = follow.angle - follow.share @ follow.fitted
+    coil = np.concatenate([wound(np.stack([np.ones_like(about), about])), whole], -1)
+    more = (Quantity("torque", "N*m", turn), Quantity("torque_by_angle", "N*m/rad", turn))
+    return [
+        *result,
+        Shape("any spring", whole, every, spread=spread),
+        Shape("any spring, and a wound one", coil, (*more, *every), spread=spread),
     ]
-    if baseline.absolute:  # the torque is seen far more than the stiffness that comes with it
-        mixture = follow.mixture(laws(follow.fitted, family, TORQUE))
-        factors = follow.varying(lambda q: laws(q, family)) @ mixture
-        whole = list(map(column, factors.T, (laws(follow.angle, family, TORQUE) @ mixture).T))
-        quantity, unit, large = "torque_mode", "N*m", 0.25 * size.size
-    else:
-        whole = [column(mode, np.zeros(len(mode))) for mode in follow.family(lambda q: laws(q, family)).T]
-        quantity, unit, large = "stiffness_mode", "N*m/rad", 0.5 * size.size
-    names = tuple(Quantity(f"{quantity}_{k + 1}", unit, large) for k in range(len(whole)))
-    return [*result, Shape("any spring", np.stack(whole, -1), names, spread=4.0)]
+
+
+def _largest_torque(angle: np.ndarray, ratio: float, free: float, phase: float) -> np.ndarray:
+    """Return the torque of a balancer whose largest torque is 1."""
+    around = np.linspace(0, 2 * np.pi, 181)
+    largest: float = np.abs(_spring(around, ratio, free)[TORQUE]).max()
+    return _spring(angle - phase, ratio, free)[TORQUE] / largest
 
 
 def _compliance(baseline: Baseline, axis: Axis) -> float:

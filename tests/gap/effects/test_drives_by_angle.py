@@ -145,6 +145,28 @@ def test_of_positions_any_balancers_wind_up_is_nearly_one_of_the_main_modes(
     assert left(wound[:, :3], modes[:, :3]) < min(0.02, 0.5 * whole)
 
 
+def test_of_positions_a_wound_spring_is_one_as_well_whose_torque_no_crank_gives(campaign: Baseline) -> None:
+    arm = arm_at(campaign.rows.q)
+    rows = rows_of(kr240(), campaign.rows.q, campaign.rows.wrench, position=arm.tip)
+    there = nominal(kr240(), rows)
+    wound = arm.slipped(-(1.0 + 0.3 * campaign.rows.q[:, 1]), 1)
+    columns = shape_of(there, "gravity-compensator", "q2", "any spring, and a wound one").columns
+    assert left(wound[:, :3], columns[:, :3, :2]) < 1e-9
+
+
+def test_what_a_balancer_pulls_shows_in_positions_alone(campaign: Baseline) -> None:
+    arm = arm_at(campaign.rows.q)
+    there = nominal(kr240(), rows_of(kr240(), campaign.rows.q, campaign.rows.wrench, position=arm.tip))
+    for seen, names in ((there, ["largest_torque", "largest_stiffness"]), (campaign, ["largest_stiffness"])):
+        shape = shape_of(seen, "gravity-compensator", "q2", "spring 0.4, free 0, 45 deg")
+        assert [one.name for one in shape.parameters] == names
+    # once it is written beside a robot it means the same for either kind of rows
+    stated = replace(campaign, stated={"angles": (0.1, 0.5), "counts": (1.0, 2.0), "compliance": 1e-7})
+    shape = shape_of(stated, "gravity-compensator", "q2", "spring 0.4, free 0, 45 deg")
+    assert [one.name for one in shape.parameters] == ["largest_torque", "largest_stiffness"]
+    assert not shape.columns[..., 0].any()
+
+
 def test_angles_that_stand_still_show_neither() -> None:
     rows = rows_of(kr240(), [0, 1, -1, 0, 0.5, 0], np.random.default_rng(2).normal(0, 500, (6, 6)))
     there = nominal(kr240(), rows)
