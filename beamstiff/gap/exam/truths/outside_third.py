@@ -3,26 +3,52 @@
 from __future__ import annotations
 
 import dataclasses
+from dataclasses import dataclass
 
 import numpy as np
 
 from beamstiff.gap.exam.campaign import Array, Campaign, Truth
 from beamstiff.gap.exam.effect import Asked, Effect, between, nowhere, slender
+from beamstiff.gap.exam.laws import Memory, Situation
 from beamstiff.gap.exam.machine import Hinge
 from beamstiff.gap.exam.pedestal import behind_flange, free_name
 from beamstiff.gap.exam.placing import Placed
 from beamstiff.gap.exam.reality import Reality
 from beamstiff.gap.exam.rotations import turn, turned_by
-from beamstiff.gap.exam.truths.third_friction import Clamped
 from beamstiff.robot.parts import Node
 
-STUCK = 5e8  # N/m and, times the bolt circle squared, N m/rad: a flange that does not slip yet
-CIRCLE = 0.06  # m, radius of the bolts
+STUCK = 4.0  # of the stiffness once it slips: that before
+
+
+@dataclass(frozen=True)
+class Slipping:
+    """A spring with a grip beside it that gives way over a short way, and turns round over the same."""
+
+    stiffness: float
+    grip: float
+    arrived: float
+    remembers = True
+    changes = False
+
+    def start(self, situation: Situation) -> Memory:
+        """Return strain and the grip's force, as a share of the most, after the move to the pose."""
+        poses = len(situation.time)
+        return np.zeros(poses), np.full(poses, self.arrived)
+
+    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:  # noqa: ARG002
+        """Return force, tangent and the grip after."""
+        before, held = memory
+        slip = self.grip / (STUCK * self.stiffness)
+        way = np.where(strain >= before, 1.0, -1.0)
+        short = (way - held) * np.exp(-np.abs(strain - before) / slip)
+        now = way - short
+        slope = self.stiffness * (1.0 + STUCK * np.abs(short))
+        return self.stiffness * strain + self.grip * now, slope, (strain, now)
 
 
 def _draw_slipping(asked: Asked) -> dict[str, float]:
     return {
-        "give": between(asked.size, 5e-8, 1.2e-6) * slender(asked.robot),  # m/N once it slips
+        "give": between(asked.size, 2e-8, 3e-7) * slender(asked.robot),  # m/N once it slips
         "grip": between(float(asked.rng.uniform()), 150.0, 900.0) / slender(asked.robot),  # N
         "behind": float(asked.rng.uniform(0.02, 0.15)),
         "arrived": float(asked.rng.uniform(-0.8, 0.8)),
@@ -30,11 +56,11 @@ def _draw_slipping(asked: Asked) -> dict[str, float]:
 
 
 def _slipping(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality with a tool that slips on its flange, sideways and about the flange's axis.
+    """Return the reality with a tool that slips sideways on its flange.
 
     Beyond the grip of its bolts it slides in their clearance, against their bending, and stays there when the
-    load is taken off: friction, but in no joint. Textbooks of bolted joints (VDI 2230); slips of some tens of
-    micrometres are an engineering estimate.
+    load is taken off: friction, but in no joint. Textbooks of bolted joints (VDI 2230); slips of up to some
+    tenths of a millimetre are an engineering estimate.
     """
     machine, flange = behind_flange(reality.machine)
     p, tcp = truth.parameters, machine.node(machine.tcp)
@@ -45,10 +71,8 @@ def _slipping(truth: Truth, reality: Reality) -> Reality:
         machine = dataclasses.replace(
             machine, nodes=(*machine.nodes, Node(name=names[-1], frame=tcp.frame, at=at))
         )
-    bolts, about = 1.0 / p["give"], CIRCLE**2
-    across = Clamped(STUCK, bolts, p["grip"], p["arrived"])
-    turning = Clamped(STUCK * about, bolts * about, p["grip"] * CIRCLE, p["arrived"])
-    laws = {0: across, 1: across, 5: turning}
+    across = Slipping(1.0 / p["give"], p["grip"], p["arrived"])
+    laws = {0: across, 1: across}
     hinge = Hinge(names[0], (names[0], names[1]), tcp.frame, np.eye(3), np.full(6, np.inf), laws)
     ties = ((f"to {names[0]}", (flange, names[0])), (f"from {names[1]}", (names[1], tcp.name)))
     return reality.with_machine(
@@ -71,7 +95,8 @@ def _sticking(truth: Truth, reality: Reality) -> Reality:
     half = np.array([truth.parameters[name] for name in "xyz"])
 
     def read(campaign: Campaign, placed: Placed, values: Array) -> Array:  # noqa: ARG001
-        values, shown = values.copy(), {}
+        values = values.copy()
+        shown: dict[tuple[int, str], Array] = {}
         for row in np.lexsort((np.arange(len(values)), campaign.step, campaign.pose)):
             key = (int(campaign.pose[row]), str(campaign.point[row]))
             # the gauges are set down anew in every pose; absolute ones on the first value

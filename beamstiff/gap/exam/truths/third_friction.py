@@ -13,6 +13,7 @@ from beamstiff.gap.exam.reality import Reality
 from beamstiff.gap.exam.truths.further_springs import at_joints
 
 RUBBING = (0.04, 0.45)  # friction over the torque that passes: from a good gear to a worm
+PRESSED = 0.2  # of the strain where motion turns round, that its way is longer by
 SOFTER = (0.06, 1.2)  # what a slipping hub gives, over what the rest of the drive gives
 
 
@@ -23,7 +24,7 @@ def _draw(asked: Asked) -> dict[str, float]:
         return found | {
             "rubbing": between(asked.size, *RUBBING),
             "seals": scale * between(float(asked.rng.uniform()), 2e-6, 2e-5),  # torque over the stiffness
-            "slip": scale * between(float(asked.rng.uniform()), 1e-5, 8e-5),
+            "slip": scale * between(float(asked.rng.uniform()), 4e-5, 2e-4),
         }
     return found | {
         "softer": between(asked.size, *SOFTER),
@@ -54,7 +55,8 @@ def _impose(truth: Truth, reality: Reality) -> Reality:
 class Teeth:
     """A spring with friction that is a share of its force, and some more, and turns round over a way.
 
-    The friction's state runs to the way of motion exponentially, as Dahl's with exponent 1.
+    The friction's state runs to the way of motion exponentially, as Dahl's with exponent 1. The way is longer
+    where the teeth were pressed harder, as slip of contacts after Mindlin is.
     """
 
     stiffness: float
@@ -73,14 +75,15 @@ class Teeth:
     def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:  # noqa: ARG002
         """Return force, tangent and the friction after."""
         before, held = memory
+        slip = self.slip + PRESSED * np.abs(before)
         way = np.where(strain >= before, 1.0, -1.0)
-        short = (way - held) * np.exp(-np.abs(strain - before) / self.slip)
+        short = (way - held) * np.exp(-np.abs(strain - before) / slip)
         now = way - short
         size = np.hypot(strain, self.slip)
         most = self.seals + self.rubbing * self.stiffness * size
         growing = self.rubbing * self.stiffness * strain / size
         force = self.stiffness * strain + most * now
-        return force, self.stiffness + growing * now + most * np.abs(short) / self.slip, (strain, now)
+        return force, self.stiffness + growing * now + most * np.abs(short) / slip, (strain, now)
 
 
 @dataclass(frozen=True)

@@ -105,7 +105,7 @@ def _draw_payload(asked: Asked) -> dict[str, float]:
 def _payload(truth: Truth, reality: Reality) -> Reality:
     """Return the reality with something at the tool that the model lacks, and that moves within bounds.
 
-    ``rolling``: a part that lies loose in a box or groove and goes to its lower end as soon as that is tilted.
+    ``rolling``: a part that lies loose in a groove and goes to its lower end as soon as that is tilted.
     ``liquid``: paint, glue or coolant in an open-topped vessel, whose middle runs to the low side the further
     the more it is tilted, up to the wall. Engineering estimates both.
     """

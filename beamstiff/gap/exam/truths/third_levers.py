@@ -16,8 +16,7 @@ from beamstiff.gap.exam.truths import actuator_lever, gravity_compensator
 from beamstiff.gap.exam.truths.further_springs import at_joints
 
 CLEAR = actuator_lever.CLEAR
-GEARS = np.linspace(0.1, 1.0, 19)
-STARTS = 41
+GEARS = 200  # tried
 BLUNT = 0.02  # m over which a chain draws taut
 SQUEEZED = 0.05  # least part of an oil column that is left
 
@@ -72,15 +71,13 @@ def _draw_lever(asked: Asked) -> dict[str, float]:
             "dead": float(asked.rng.uniform(0.4, 1.0)),  # oil in lines and ends, over the swept one
         }
     share = _share(asked.form, found)
-    best = (np.inf, 0.0, 0.0)
-    for gear in GEARS:
+    aside, best = float(asked.rng.uniform()), (np.inf, 0.0, 0.0)
+    for gear in np.linspace(0.0, min(1.0, (0.5 * np.pi - CLEAR) / half), GEARS)[1:]:
         low, high = CLEAR + gear * half, np.pi - CLEAR - gear * half
-        if low >= high:
-            continue
-        for start in np.linspace(low, high, STARTS):
-            k = share(start + gear * half * np.linspace(-1.0, 1.0, 31))
-            miss = abs(float(np.log(k.max() / k.min() / swing)))
-            best = min(best, (miss, float(start), float(gear)))
+        start = low + aside * (high - low)
+        k = share(start + gear * half * np.linspace(-1.0, 1.0, 31))
+        miss = abs(float(np.log(k.max() / k.min() / swing)))
+        best = min(best, (miss, float(start), float(gear)))
     return found | {"start": best[1], "gear": best[2]}
 
 
@@ -114,7 +111,7 @@ def _draw_balancer(asked: Asked) -> dict[str, float]:
             ),  # rad from mid-range, where it neither lifts nor sinks
             "pointed": float(asked.rng.uniform(-0.4, 0.4)),  # second harmonic of the cam's lift
         }
-    return found | {"slack": float(asked.rng.uniform(-0.1, 0.05))}  # m of stretch from mid-range
+    return found | {"slack": float(asked.rng.uniform(-0.3, -0.1))}  # m of stretch from mid-range
 
 
 def lift(angle: Array, p: dict[str, float]) -> tuple[Array, Array, Array]:

@@ -12,7 +12,7 @@ from beamstiff.gap.exam.rotations import turn, turned_by
 from beamstiff.gap.exam.truths import frame_misalignment, load_error, outliers, thermal_drift
 
 DISCS = 6
-ROPE = (0.01, 0.25)  # rad that a rope's way turns where the tool is as far from mid-range as its arm is long
+ROPE = (0.02, 0.4)  # rad that a rope's way turns where the tool is as far from mid-range as its arm is long
 SEEN = 4.0  # lens distortion over the frame's angle: the machine fills a quarter of the view
 COLUMN = 1.5  # m: height that a column's drift is told at
 
@@ -90,7 +90,7 @@ def _frame(truth: Truth, reality: Reality) -> Reality:
 def _draw_load(asked: Asked) -> dict[str, float]:
     if asked.form == "rope":
         return {"angle": between(asked.size, *ROPE)}
-    gain = between(asked.size, *load_error.GAIN)
+    gain = 1.3 * between(asked.size, *load_error.GAIN)
     wrong = asked.rng.standard_normal(DISCS)
     wrong -= 0.5 * wrong.mean()  # an equal error of all would be a softer machine
     wrong *= gain / np.sqrt(np.mean(wrong**2))

@@ -54,8 +54,8 @@ def _draw_play(asked: Asked) -> dict[str, float]:
         }
     scale = 1.0 if turns(asked.robot, asked.component) else 0.1
     return found | {
-        "preload": scale * between(float(asked.rng.uniform()), 1e-5, 1e-4),  # torque over the stiffness
-        "growth": float(asked.rng.uniform(0.1, 0.5)),  # of the preload while the play is crossed
+        "preload": scale * between(float(asked.rng.uniform()), 2e-5, 1e-4),  # torque over the stiffness
+        "growth": float(asked.rng.uniform(0.3, 1.0)),  # of the preload while the play is crossed
         "way": sign(asked.rng),
     }
 
