@@ -89,7 +89,8 @@ def _frame(truth: Truth, reality: Reality) -> Reality:
 
 def _draw_load(asked: Asked) -> dict[str, float]:
     if asked.form == "rope":
-        return {"angle": between(asked.size, *ROPE)}
+        missed = direction(asked.rng) * float(asked.rng.uniform(0.0, 0.3))  # of the arm's length
+        return {"angle": between(asked.size, *ROPE)} | _named(missed)
     gain = 1.3 * between(asked.size, *load_error.GAIN)
     wrong = asked.rng.standard_normal(DISCS)
     wrong -= 0.5 * wrong.mean()  # an equal error of all would be a softer machine
@@ -100,8 +101,8 @@ def _draw_load(asked: Asked) -> dict[str, float]:
 def _load(truth: Truth, reality: Reality) -> Reality:
     """Return the reality with loads misread.
 
-    ``rope``: the rope runs to a pulley in the room, which is set out for the middle of the range and stays
-    where it is, so that the pull turns as the tool moves aside. Common practice.
+    ``rope``: the rope runs to a pulley in the room, which is set out for about the middle of the range and
+    stays where it is, so that the pull turns as the tool moves aside. Common practice.
 
     ``discs``: the load is a stack of discs whose true weights differ from their labels, so that its error has
     a slope of its own from disc to disc. Weights of commercial classes err less, those of a workshop so much;
@@ -114,8 +115,8 @@ def _load(truth: Truth, reality: Reality) -> Reality:
         changed = wrench.copy()
         for name in np.unique(campaign.load_point):
             rows, node = campaign.load_point == name, machine.node(str(name))
-            aside = placed.node(node)[rows] - middle.node(node)
             reach = float(np.linalg.norm(middle.node(machine.node(machine.tcp))))
+            aside = placed.node(node)[rows] - middle.node(node) - reach * _vector(p)
             force = wrench[rows, :3]
             size = np.linalg.norm(force, axis=1, keepdims=True)
             way = force / np.where(size > 0.0, size, np.inf)
