@@ -12,7 +12,6 @@ from beamstiff.gap.exam.designs import Wish, draw_campaign
 from beamstiff.gap.exam.effect import Asked
 from beamstiff.gap.exam.names import EFFECTS as NAMES
 from beamstiff.gap.exam.robots import exam_robot, with_payload, with_stiff_drive
-from beamstiff.gap.exam.truths import EFFECTS as REGISTERED
 from beamstiff.gap.exam.truths import INSIDE
 from beamstiff.robot.description import Robot
 from tests.gap.exam.campaigns import campaign_of, random_poses, without_weight
@@ -50,7 +49,6 @@ def test_every_effect_of_the_table_has_new_forms_and_three_lie_outside_it() -> N
         assert len(new) == (1 if name == "outliers" else 2)
         # none by a name that another hand's form has, before and after they are registered
         assert not new & known[name] or new <= known[name]
-    assert len(REGISTERED) >= len(NAMES)
 
 
 @pytest.mark.parametrize("name", ["kr240-2", "random-arm", "ir663"])
