@@ -18,6 +18,7 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.gap.exam.campaign import Array, Integers
 from beamstiff.gap.exam.laws import Law, Memory, Situation
 from beamstiff.gap.exam.layout import Layout, Topology
+from beamstiff.gap.exam.machine import Weight
 from beamstiff.gap.exam.rotations import cross_matrix, turn
 from beamstiff.gap.exam.strain import State, Strain, geometric, strain_of
 
@@ -27,7 +28,7 @@ RAMP = (0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 HOLD_SCALE = 1e7  # N/m: makes rows of rigid directions as large as those of springs
 SLACK = 1e-10  # against redundant rigid directions, of the scaled system
 
-Weighted = tuple[tuple[int, float], ...]
+Weighted = tuple[tuple[int, Weight], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,7 +207,8 @@ def _answer(
     tangent[:, at, at] = rows.rods
     force = (tangent @ strain.rows[..., None])[..., 0]
     after = []
-    for (weighted, law), old in zip(rows.laws, memory, strict=True):
+    for (weights, law), old in zip(rows.laws, memory, strict=True):
+        weighted = [(row, weight(situation) if callable(weight) else weight) for row, weight in weights]
         total = sum((weight * strain.rows[:, row] for row, weight in weighted), np.zeros(poses))
         extra, slope, new = law.respond(total, situation, old)
         for row, weight in weighted:

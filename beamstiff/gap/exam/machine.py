@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.gap.exam.campaign import Array
-from beamstiff.gap.exam.laws import Law
+from beamstiff.gap.exam.laws import Law, Situation
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import JOINT_DIRECTIONS, Mass, Node
 from beamstiff.robot.sections import section_properties
@@ -23,6 +23,7 @@ from beamstiff.robot.sections import section_properties
 TURN = 3  # direction about the joint's axis
 ALONG = 0
 GAUSS = np.polynomial.legendre.leggauss(6)
+Weight = float | Callable[[Situation], Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,14 +135,15 @@ class Mesh:
     ----------
     first, second : tuple of (str, int)
         Hinge and direction.
-    weights : (float, float)
-        The spring's strain is the sum of the two strains, each times its weight.
+    weights : (float or callable, float or callable)
+        The spring's strain is the sum of the two strains, each times its weight: a number, or (P,) numbers
+        from the situation where a lever arm changes with the pose.
     law : Law
     """
 
     first: tuple[str, int]
     second: tuple[str, int]
-    weights: tuple[float, float]
+    weights: tuple[Weight, Weight]
     law: Law
 
 
