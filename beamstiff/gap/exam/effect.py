@@ -46,7 +46,7 @@ class Effect:
     impose : callable
         A reality with the effect.
     hands : tuple of tuple of str
-        The forms by who wrote them, where several hands did; empty for one.
+        The forms by who wrote them, the first hand's first; empty where all are the first hand's.
     """
 
     name: str
@@ -58,7 +58,7 @@ class Effect:
 
     def draw_form(self, rng: np.random.Generator) -> str:
         """Return a form: of every hand as often."""
-        hands = self.hands or (self.forms,)
+        hands = [some for some in self.hands if some] or [self.forms]
         some = hands[int(rng.integers(len(hands)))]
         return some[int(rng.integers(len(some)))]
 
@@ -67,19 +67,20 @@ class Effect:
         return next((k for k, some in enumerate(self.hands, start=1) if form in some), 1)
 
 
-def joined(*effects: Effect) -> Effect:
-    """Return an effect with the forms of several hands (of one name); it sits where the first can."""
+def joined(first: Effect, *later: Effect | None) -> Effect:
+    """Return an effect with the forms of several hands (None: that one wrote none)."""
+    found = [first, *(effect for effect in later if effect is not None)]
 
     def of(form: str) -> Effect:
-        return next(effect for effect in effects if form in effect.forms)
+        return next(effect for effect in found if form in effect.forms)
 
     return Effect(
-        effects[0].name,
-        tuple(form for effect in effects for form in effect.forms),
-        effects[0].places,
+        first.name,
+        tuple(form for effect in found for form in effect.forms),
+        first.places,
         lambda asked: of(asked.form).draw(asked),
         lambda truth, reality: of(truth.form).impose(truth, reality),
-        tuple(effect.forms for effect in effects),
+        tuple(() if effect is None else effect.forms for effect in (first, *later)),
     )
 
 

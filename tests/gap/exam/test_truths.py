@@ -23,6 +23,7 @@ TRACE = 2e-7  # m, a thousand times the solver's rounding: gravity's preload hid
 # no potential: what is lost to friction or creep, and what is wrong with loads or readings
 LOSSY = {
     "hysteresis", "creep", "load-error", "frame-misalignment", "thermal-drift", "outliers", "tool-offset",
+    "sticking-gauge", "moving-stand", "slipping-flange",
 }  # fmt: skip
 
 
@@ -153,7 +154,9 @@ def test_every_hand_that_wrote_forms_of_an_effect_is_drawn_as_often() -> None:
     assert [np.mean(np.equal(drawn, hand)) for hand in hands] == pytest.approx(
         [1 / len(hands)] * len(hands), abs=0.1
     )
-    assert hand_of(draw_truth(rng, exam_robot("kr240-2", rng), "outliers", 0.5)) == 1
+    # of outliers the second hand wrote none
+    drawn = [hand_of(draw_truth(rng, exam_robot("kr240-2", rng), "outliers", 0.5)) for _ in range(40)]
+    assert set(drawn) == {1, 3}
 
 
 def test_truths_carry_their_label() -> None:

@@ -41,8 +41,17 @@ from beamstiff.gap.exam.truths import (
     outside_drives,
     outside_further,
     outside_structure,
+    outside_third,
     payload_error,
     thermal_drift,
+    third_coupling,
+    third_friction,
+    third_geometry,
+    third_levers,
+    third_measurement,
+    third_springs,
+    third_structure,
+    third_tool,
     tool_compliance,
     tool_offset,
 )
@@ -84,14 +93,25 @@ _LATER: tuple[dict[str, Effect], ...] = tuple(
             further_structure,
             further_tool,
         ),
+        (
+            third_coupling,
+            third_friction,
+            third_geometry,
+            third_levers,
+            third_measurement,
+            third_springs,
+            third_structure,
+            third_tool,
+        ),
     )
 )
 INSIDE: tuple[Effect, ...] = tuple(
-    joined(effect, *(hand[effect.name] for hand in _LATER if effect.name in hand)) for effect in _FIRST
+    joined(effect, *(hand.get(effect.name) for hand in _LATER)) for effect in _FIRST
 )
 _OUTSIDE: tuple[tuple[Effect, ...], ...] = (
     (*outside_drives.EFFECTS, *outside_structure.EFFECTS),
     outside_further.EFFECTS,
+    outside_third.EFFECTS,
 )
 OUTSIDE: tuple[Effect, ...] = tuple(effect for hand in _OUTSIDE for effect in hand)
 EFFECTS = {effect.name: effect for effect in (*INSIDE, *OUTSIDE)}
