@@ -66,6 +66,8 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     )
     slide = Quantity("translational_compliance", "m/N", translation, positive=True)
     both = [column((3, 3), (4, 4), (5, 5)), column((0, 0), (1, 1), (2, 2))]
+    # flanges and cells are round mostly
+    turn_across, slide_across = column((3, 3), (4, 4)), column((0, 0), (1, 1))
     found = [
         Shape("rotation", both[0][..., None], (even,)),
         Shape("rotation and translation", np.stack(both, -1), (even, slide)),
@@ -78,6 +80,11 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
             "by axis, about a centre behind",
             np.stack([*turning, *sliding, coupled[1], coupled[3]], -1),
             (*rotations, *slides, couplings[1], couplings[3]),
+        ),
+        Shape(
+            "round",
+            np.stack([turn_across, turning[2], slide_across, sliding[2], coupled[1] - coupled[3]], -1),
+            (tilt, rotations[2], slide, slides[2], couplings[1]),
         ),
         Shape(
             "by axis, softer to one side",

@@ -43,6 +43,25 @@ def test_a_tool_that_tilts_about_a_centre_behind_the_tcp(distance: float) -> Non
     close(found[..., 1], np.concatenate([0 * about, about], axis=1))
 
 
+def test_a_round_tool_gives_the_same_whichever_way_it_is_turned_about_its_axis() -> None:
+    still = at_random(kr240(), 8, seed=6)
+    q = still.q.copy()
+    q[:, 5] += np.random.default_rng(1).uniform(-2, 2, 8)
+    turned = rows_of(kr240(), q, still.wrench)
+    for shape, alike in (("round", True), ("by axis", False)):
+        one, other = (
+            shape_of(nominal(kr240(), rows), "tool-compliance", None, shape).columns
+            for rows in (still, turned)
+        )
+        assert np.allclose(one, other, atol=1e-9 * np.abs(one).max()) == alike
+    # a tilt about a centre on the axis is one of them
+    there = nominal(kr240(), still)
+    columns = shape_of(there, "tool-compliance", None, "round").columns.reshape(48, 5)
+    behind = shape_of(there, "tool-compliance", None, "about a centre 0.1 m behind").columns.reshape(48, 2)
+    left = behind - columns @ np.linalg.lstsq(columns, behind)[0]
+    assert np.linalg.norm(left) < 1e-9 * np.linalg.norm(behind)
+
+
 def test_what_is_seen_before_the_flange_does_not_move() -> None:
     rows = rows_of(kr240(), np.full(6, 0.3), np.ones((2, 6)), point=["n5b", "n6b"])
     columns = shape_of(nominal(kr240(), rows), "tool-compliance", None, "rotation").columns
