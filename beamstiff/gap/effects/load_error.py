@@ -1,7 +1,8 @@
 """`load-error`: the wrench that acts is not the one that was written down.
 
 To first order the displacement is off by ``C dw``, C the compliance between tool and target, dw the error
-of the wrench: a cable pulls askew (``theta x F``), a cell has other gains by axis or side, reads forces
+of the wrench: a cable pulls askew (``theta x F``), or from another place than it was thought to, which is
+another angle at another place of the tool, a cell has other gains by axis or side, reads forces
 as moments, is not linear, has a tare, and the friction of a pulley adds to a rising load and takes from a
 falling one.
 """
@@ -12,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from beamstiff.gap.baseline import Baseline
+from beamstiff.gap.baseline import Baseline, nominal_pose
 from beamstiff.gap.effects.effect import Effect, Quantity, Scales, Shape, stated_scale
 from beamstiff.gap.effects.outside import each_by_each, tool_axes
 from beamstiff.measure.rows import history_order
@@ -75,6 +76,15 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
         acts = np.linalg.norm(wrench, axis=1) > 0
         return moved(np.concatenate([frame * acts[:, None, None], np.zeros_like(frame)], 1))
 
+    force = np.linalg.norm(wrench[:, :3], axis=1)
+    way = np.divide(wrench[:, :3], force[:, None], out=np.zeros_like(wrench[:, :3]), where=force[:, None] > 0)
+    across = force[:, None, None] * (base - way[:, :, None] * way[:, None, :])
+    aside = moved(np.concatenate([across, np.zeros_like(across)], 1))
+    where = nominal_pose(baseline.nominal, replace(baseline.rows, point=baseline.rows.load_point))[0]
+    pulled = np.concatenate([aside, *(aside * part[:, None, None] for part in where.T)], -1)
+    askew = tuple(Quantity(f"aside_{a}", "rad", ANGLE) for a in "xyz")
+    by_place = tuple(Quantity(f"aside_{a}_by_{b}", "rad/m", ANGLE) for b in "xyz" for a in "xyz")
+
     def named(what: str, unit: str, size: float, axis: str = "xyz") -> tuple[Quantity, ...]:
         return tuple(Quantity(f"{what}_{name}", unit, size) for name in axis)
 
@@ -93,6 +103,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
             np.concatenate([turned(base), scaled(base)], -1),
             (*named("direction", "rad", ANGLE), *named("gain", "1", GAIN)),
         ),
+        Shape("pulled from elsewhere", pulled, (*askew, *by_place), weight=0.5),
         Shape(
             "cross-talk of the cell",
             mixed(axes),

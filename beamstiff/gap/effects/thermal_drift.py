@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, replace
 from functools import lru_cache
@@ -11,6 +11,7 @@ import numpy as np
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.gap.baseline import Baseline, nominal_pose
+from beamstiff.gap.effects.cycles import HARMONICS, cycle_of, first_of_pose, waves
 from beamstiff.gap.effects.effect import Effect, Quantity, Scales, Shape, stated_scale
 from beamstiff.gap.effects.geometry_error import pose_change
 from beamstiff.gap.effects.outside import campaign, clock, since_pose
@@ -27,6 +28,7 @@ LAGS = (0.0, 0.05, 0.2)  # of the campaign's duration, by which the machine foll
 TURNING = ("linear", "warming up within 0.3")
 WAVES = (1, 2, 3)  # half waves over the campaign, as of a hall that warms and cools
 MODES, FEWER = 5, 4  # of any course: of the whole, and of every part
+NONE: Mapping[str, Array] = {}
 SHORT = 30.0  # spread of what has drifted since the unloaded reading, a small part of the campaign ago
 
 
@@ -42,12 +44,12 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     time = clock(baseline)
     shared = not baseline.absolute and fitted.shared_unloaded
     courses = _courses(time)
-    modes = _modes(time)
+    modes, begun = _modes(time), _begun(baseline)
     result: list[Shape] = []
     parts = _parts(baseline)
     if stated or not shared:
-        result += _in_time(baseline, courses, modes, "")
-        result += _of_parts(parts, courses, modes, "")
+        result += _in_time(baseline, courses, modes, "", begun)
+        result += _of_parts(parts, courses, modes, "", begun)
     if stated or shared:  # what drifted before the unloaded reading of a posture is in both readings
         since = {name: since_pose(baseline, course) for name, course in courses.items()}
         moved = {name: since_pose(baseline, mode) for name, mode in modes.items()}
@@ -60,12 +62,57 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
             for lag in LAGS
         }
         if stated or not shared:
-            result += _with_warmth(baseline, parts, warmth, "")
+            result += _with_warmth(baseline, parts, warmth, "", begun)
         if stated or shared:
             change = {name: since_pose(baseline, course) for name, course in warmth.items()}
             short = _with_warmth(baseline, parts, change, ", since the unloaded reading")
             result += [replace(one, spread=SHORT, realistic=one.spread) for one in short]
+    return [*result, *_cycling(baseline, shared)]
+
+
+def _cycling(baseline: Baseline, shared: bool) -> list[Shape]:
+    """Return drifts to and fro, as heaters and coolers make that switch on and off."""
+    cycle = cycle_of(baseline, shared)
+    if cycle.count == 0:
+        return []
+    counts = cycle.count * np.array(HARMONICS)
+    result = []
+    for since in ("", ", since the unloaded reading"):
+        if baseline.stated is None and bool(since) != shared:
+            continue
+        found = waves(clock(baseline), counts, first_of_pose(baseline) if since else None)
+        drifts: list[Array] = []
+        names: list[Quantity] = []
+        for at, harmonic in enumerate(HARMONICS):
+            for side, name in enumerate(("sine", "cosine")):
+                drifts.append(_along(found[:, at, side]))
+                names += _named(f"drift_{name}_{harmonic}", "m", DRIFT / harmonic**2)
+        if not since and (baseline.stated is not None or not baseline.absolute):
+            drifts.append(_along(_begun(baseline)["begun"]))
+            names += _named("drift_begun", "m", DRIFT)
+        turning = [_turning(baseline, found[:, 0, side]) for side in range(2)]
+        turns = [item for name in ("sine", "cosine") for item in _named(f"turn_{name}", "rad", TURN)]
+        weight = 0.5 / cycle.choices
+        result += [
+            Shape(f"cycle{since}", np.concatenate(drifts, -1), tuple(names), weight=weight),
+            Shape(
+                f"cycle, turning{since}",
+                np.concatenate([*drifts, *turning], -1),
+                (*names, *turns),
+                weight=weight,
+            ),
+        ]
     return result
+
+
+def _begun(baseline: Baseline) -> dict[str, Array]:
+    """Return the course (N,) of what had drifted when the first unloaded reading was taken.
+
+    Of absolute positions it is no drift but the frame's place, or a geometry error.
+    """
+    if baseline.absolute and baseline.stated is None:
+        return {}
+    return {"begun": np.full(len(baseline.rows), 0.0 if baseline.absolute else 1.0)}
 
 
 def _courses(time: Array) -> dict[str, Array]:
@@ -102,14 +149,18 @@ def _mixture() -> tuple[Array, Array]:
 
 
 def _in_time(
-    baseline: Baseline, courses: dict[str, Array], modes: dict[str, Array], since: str
+    baseline: Baseline,
+    courses: dict[str, Array],
+    modes: dict[str, Array],
+    since: str,
+    begun: Mapping[str, Array] = NONE,
 ) -> list[Shape]:
     """Return drifts that follow courses (N,) of the time: each, any mixture, and turning with it."""
     single = [
         Shape(f"{name}{since}", _along(course), _named("drift", "m", DRIFT), weight=0.5)
         for name, course in courses.items()
     ]
-    return [*single, *_whole(baseline, modes, "any course", since)]
+    return [*single, *_whole(baseline, {**modes, **begun}, "any course", since)]
 
 
 def _whole(baseline: Baseline, courses: dict[str, Array], label: str, since: str) -> list[Shape]:
@@ -146,17 +197,25 @@ def _whole(baseline: Baseline, courses: dict[str, Array], label: str, since: str
 
 
 def _of_parts(
-    parts: dict[str, dict[str, Array]], courses: dict[str, Array], modes: dict[str, Array], since: str
+    parts: dict[str, dict[str, Array]],
+    courses: dict[str, Array],
+    modes: dict[str, Array],
+    since: str,
+    begun: Mapping[str, Array] = NONE,
 ) -> list[Shape]:
     """Return drifts in which each part follows courses (N,) of the time by itself."""
-    common = {name: courses[name] for name in TURNING}
-    few = dict(list(modes.items())[:FEWER])
-    result = [_by_part({what: parts[what]}, common, " and ".join(common), since) for what in parts]
+    common = {**{name: courses[name] for name in TURNING}, **begun}
+    few = {**dict(list(modes.items())[:FEWER]), **begun}
+    result = [_by_part({what: parts[what]}, common, " and ".join(TURNING), since) for what in parts]
     return [*result, *([_by_part(parts, few, "any course", since)] if parts else [])]
 
 
 def _with_warmth(
-    baseline: Baseline, parts: dict[str, dict[str, Array]], warmth: dict[str, Array], since: str
+    baseline: Baseline,
+    parts: dict[str, dict[str, Array]],
+    warmth: dict[str, Array],
+    since: str,
+    begun: Mapping[str, Array] = NONE,
 ) -> list[Shape]:
     """Return drifts that follow the temperature less its mean, with each lag (N,), and with any."""
     result = []
@@ -168,13 +227,13 @@ def _with_warmth(
             _grown(baseline, f"growing with {label}", course),
             *(_by_part({what: parts[what]}, {name: course / WARM}, name, since) for what in parts),
         ]
-    share = {name: course / WARM for name, course in warmth.items()}
+    share = {**{name: course / WARM for name, course in warmth.items()}, **begun}
     result += _whole(baseline, share, "temperature, with any lag", since)
     return [*result, *([_by_part(parts, share, "temperature, with any lag", since)] if parts else [])]
 
 
 def _parts(baseline: Baseline) -> dict[str, dict[str, Array]]:
-    """Return how the nominal pose (N, 6) changes with each joint's zero, and with each length of a link."""
+    """Return how the nominal pose (N, 6) changes with each joint's zero, each link's length and its tilt."""
     robot = baseline.nominal
     names = {
         "zero": [item.name for item in robot.actuated],
@@ -184,6 +243,8 @@ def _parts(baseline: Baseline) -> dict[str, dict[str, Array]]:
             for name in ("d", "r")
             if isinstance(getattr(frame, name), float) and getattr(frame, name) != 0.0
         ],
+        # a link that is warm on one side bends, and tilts the axis that it carries
+        "tilt": [f"{frame.name}.alpha" for frame in robot.frames if isinstance(frame.alpha, float)],
     }
     found: dict[str, dict[str, Array]] = {}
     for what, some in names.items():
@@ -195,13 +256,13 @@ def _parts(baseline: Baseline) -> dict[str, dict[str, Array]]:
 
 
 def _by_part(parts: dict[str, dict[str, Array]], courses: dict[str, Array], label: str, since: str) -> Shape:
-    """Return the drift in which each part, a joint's zero or a length, follows the courses (N,) by itself."""
+    """Return the drift in which each part, a zero, a length or a tilt, follows the courses (N,) by itself."""
     columns, quantities = [], []
     for what, changes in parts.items():
         for course_name, course in courses.items():
             for name, change in changes.items():
                 own = f"{what}_{name}_{course_name}".replace(" ", "_").replace(",", "")
-                size, unit = (TURN, "rad") if what == "zero" else (DRIFT, "m")
+                size, unit = (DRIFT, "m") if what == "length" else (TURN, "rad")
                 columns.append(change * course[:, None])
                 quantities.append(Quantity(own, unit, size))
     kinds = " and ".join(parts)
@@ -231,7 +292,12 @@ def _mean_temperature(baseline: Baseline) -> float:
 
 
 def _scales(baseline: Baseline, component: str | None) -> Scales:  # noqa: ARG001
-    return {**asdict(campaign(baseline)), "temperature": _mean_temperature(baseline)}
+    shared = not baseline.absolute and baseline.fit.rows.shared_unloaded
+    return {
+        **asdict(campaign(baseline)),
+        "temperature": _mean_temperature(baseline),
+        "cycles": cycle_of(baseline, shared).count,
+    }
 
 
 def _named(what: str, unit: str, size: float) -> tuple[Quantity, ...]:

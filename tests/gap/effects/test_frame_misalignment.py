@@ -53,3 +53,21 @@ def test_absolute_poses_seen_in_a_frame_turned_shifted_or_scaled(at: int) -> Non
     shape = ("turned", "turned and shifted", "scaled")[0 if at < 3 else 1 if at < 6 else 2]
     columns = shape_of(there, "frame-misalignment", None, shape).columns[..., at if at < 6 else 0]
     close(columns, expected, 1e-5, least=1e-9)
+
+
+def test_a_tracker_whose_angles_and_lengths_have_other_scales_errs_by_where_it_looks() -> None:
+    there = nominal(kr240(), at_random(kr240(), 60, seed=1))
+    place, moved = arm_at(there.rows.q).tip, there.predicted[:, :3]
+    to = place - np.array([6.0, -4.0, 1.5])  # from a stand some metres away
+    along = to / np.linalg.norm(to, axis=1, keepdims=True)
+    error = np.concatenate([along * (along * moved).sum(axis=1, keepdims=True), 0 * moved], axis=1).ravel()
+
+    def left(name: str) -> float:
+        columns = shape_of(there, "frame-misalignment", None, name).columns.reshape(error.size, -1)
+        columns = columns / np.linalg.norm(columns, axis=0)
+        rest = error - columns @ np.linalg.lstsq(columns, error)[0]
+        return float(np.linalg.norm(rest) / np.linalg.norm(error))
+
+    assert left("turned, scaled by axis and skewed") > 0.1
+    assert left("other scales and turns elsewhere") < 0.05
+    assert left("other scales and turns elsewhere, by the square of the way") < 0.01

@@ -45,6 +45,23 @@ def test_a_load_pulled_askew(axis: int, tool: bool, campaign: Baseline) -> None:
     close(shape_of(campaign, "load-error", None, name).columns[..., axis], expected, 1e-5)
 
 
+def test_a_cable_that_comes_from_another_place_than_was_written_down(campaign: Baseline) -> None:
+    rows = campaign.rows
+    size = np.linalg.norm(rows.wrench[:, :3], axis=1, keepdims=True)
+    tip, far = arm_at(rows.q).tip, 4.0
+    pulley = tip + far * rows.wrench[:, :3] / size
+    off = SMALL * np.array([0.3, -1.0, 0.5])
+    way = pulley + off - tip
+    acting = rows.wrench.copy()
+    acting[:, :3] = size * way / np.linalg.norm(way, axis=1, keepdims=True)
+    moved = under(campaign, acting)
+    columns = shape_of(campaign, "load-error", None, "pulled from elsewhere").columns
+    close(columns[..., :3] @ (off / SMALL / far), moved, 1e-4)
+    # a place that is off by as much more as the tool is farther
+    for k in range(3):
+        close(columns[..., 3 + 3 * k : 6 + 3 * k], columns[..., :3] * tip[:, None, None, k], 1e-9)
+
+
 @pytest.mark.parametrize("axis", range(3))
 @pytest.mark.parametrize("tool", [False, True], ids=["base", "tool"])
 def test_a_cell_with_another_gain_on_one_axis(axis: int, tool: bool, campaign: Baseline) -> None:

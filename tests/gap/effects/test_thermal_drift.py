@@ -6,11 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from beamstiff.gap.baseline import fit_baseline
 from beamstiff.gap.effects import EFFECTS
+from beamstiff.gap.effects.cycles import cycle_of
 from beamstiff.gap.effects.geometry_error import pose_change
 from beamstiff.gap.effects.thermal_drift import LAGS, WARM
+from beamstiff.model.linear import predict_displacements
 from beamstiff.se3 import Array
-from tests.gap.machines import FORE, UPPER, at_random, close, elbow, nominal, rows_of, shape_of
+from tests.gap.machines import FORE, UPPER, at_random, close, elbow, kr240, nominal, rows_of, shape_of
 
 TIME = np.array([0.0, 100, 200, 300, 350, 400])
 
@@ -142,12 +145,12 @@ def test_with_any_lag_is_every_lag_of_the_temperature_together() -> None:
         assert found == pytest.approx(one / WARM)
 
 
-def test_each_zero_and_each_length_follows_a_course_of_its_own() -> None:
+def test_each_zero_length_and_tilt_follows_a_course_of_its_own() -> None:
     there = nominal(elbow(), at_random(elbow(), 6, seed=1, time=TIME))
-    shape = shape_of(there, "thermal-drift", None, "every zero and length, any course")
+    shape = shape_of(there, "thermal-drift", None, "every zero and length and tilt, any course")
     course = shape_of(there, "thermal-drift", None, "any course").columns[:, 0, 0]
     names = [item.name for item in shape.parameters]
-    for what, part in (("zero", "q2"), ("length", "f2.d")):
+    for what, part in (("zero", "q2"), ("length", "f2.d"), ("tilt", "f2.alpha")):
         column = shape.columns[..., names.index(f"{what}_{part}_mode_1")]
         close(column, course[:, None] * pose_change(there, part))
 
@@ -173,3 +176,36 @@ def test_a_machine_that_grows_with_its_temperature_does_so_by_the_kelvin() -> No
     first, both = rows.q[:, 0], rows.q.sum(axis=1)
     away = UPPER * np.cos(first) + FORE * np.cos(both)
     assert found[:, 0] == pytest.approx((warmth - 22) * away)
+
+
+@pytest.mark.parametrize("shared", [False, True])
+def test_a_cooler_that_switches_on_and_off_is_found_with_its_period(shared: bool) -> None:
+    rng = np.random.default_rng(4)
+    rows = at_random(kr240(), 96, seed=2, time=np.cumsum(rng.uniform(20, 40, 96)))
+    pose = np.repeat(np.arange(12), 8)
+    rows = replace(rows, pose=pose, q=rows.q[8 * pose], shared_unloaded=shared)
+    period = 290.0
+    saw = 1e-4 * np.abs((rows.time / period) % 1.0 - 0.5)  # a room that warms and cools by the clock
+    if shared:
+        saw = saw - saw[8 * pose]
+    moved = predict_displacements(kr240(), rows) + saw[:, None] * [1.0, -0.5, 2.0, 0, 0, 0]
+    there = fit_baseline(kr240(), replace(rows, displacement=moved + rng.normal(0, 5e-6, moved.shape)))
+    cycle = cycle_of(there, shared)
+    assert np.ptp(rows.time) / cycle.count == pytest.approx(period, rel=0.01)
+    assert cycle.choices > 1
+    name = "cycle, since the unloaded reading" if shared else "cycle"
+    columns = shape_of(there, "thermal-drift", None, name).columns[:, 0]
+    left = saw - columns @ np.linalg.lstsq(columns, saw)[0]
+    assert np.linalg.norm(left) < 0.15 * np.linalg.norm(saw - saw.mean())
+
+
+def test_a_drift_has_begun_before_the_first_row_which_of_positions_is_the_frames_place() -> None:
+    rows = at_random(elbow(), 6, seed=1, time=TIME)
+    there = nominal(elbow(), rows)
+    shape = shape_of(there, "thermal-drift", None, "any course")
+    names = [item.name for item in shape.parameters]
+    assert np.ptp(shape.columns[:, 0, names.index("drift_begun_x")]) == 0.0
+    seen = nominal(elbow(), rows_of(elbow(), rows.q, rows.wrench, position=np.ones((6, 3)), time=TIME))
+    assert not any(
+        "begun" in item.name for item in shape_of(seen, "thermal-drift", None, "any course").parameters
+    )
