@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.stats import chi2, norm, rankdata
 
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.library import Hypothesis, Library, by_candidate, whitened
@@ -46,8 +46,9 @@ class Screened:
     strength : float
         How many times farther the outliers are than the farthest sound row would be, squared; their median.
     isolated : bool
-        Whether they stand apart as mishaps do: from as many postures as chance would take, and all other
-        rows as near as sound ones are. What a shape misses is large at some postures, and next to large.
+        Whether they stand apart as mishaps do: from as many postures and under as small loads as chance would
+        take, and all other rows as near as sound ones are. What a shape misses is large at some postures or
+        loads, and next to large.
     """
 
     baseline: Baseline
@@ -92,7 +93,11 @@ def screen(baseline: Baseline, library: Library) -> Screened:
     order = sorted(found, key=found.__getitem__, reverse=True)
     strength = float(np.median(list(found.values()))) if found else 0.0
     apart = len(order) > 0 and bool(np.sort(excess)[-3] < SOUND)
-    isolated = apart and _chance_of_few(baseline.rows.pose, order) > BY_CHANCE
+    isolated = (
+        apart
+        and _chance_of_few(baseline.rows.pose, order) > BY_CHANCE
+        and _chance_of_large(np.linalg.norm(baseline.rows.wrench, axis=1), order) > BY_CHANCE
+    )
     outliers = np.array(order, dtype=np.intp)
     return Screened(replace(baseline, sigma=sigma), used, outliers, noise, strength, isolated)
 
@@ -106,6 +111,12 @@ def _chance_of_few(pose: NDArray[np.intp], rows: Sequence[int]) -> float:
     for _ in rows:
         chance = chance * (1.0 - new) + np.concatenate([[0.0], (chance * new)[:-1]])
     return float(chance[: found + 1].sum())
+
+
+def _chance_of_large(load: Array, rows: Sequence[int]) -> float:
+    """Return the probability that as many rows, taken at random, stand as high in the order of the loads."""
+    rank = (rankdata(load)[list(rows)] - 0.5) / load.size
+    return float(norm.sf((rank.mean() - 0.5) * np.sqrt(12.0 * rank.size)))
 
 
 def _spread(distance: Array, count: NDArray[np.intp]) -> float:

@@ -50,6 +50,10 @@ def test_mishaps_are_isolated_and_what_one_posture_has_to_itself_is_not() -> Non
     rows = planted.campaign(PLAN, planted.backlash, seed=1)
     assert screened(wrong(rows, [5, 22, 47, 70], 2e-3)).isolated
     assert not screened(rows).isolated
+    heavy = np.argsort(-np.linalg.norm(PLAN.wrench, axis=1), kind="stable")[:5].tolist()
+    found = screened(wrong(rows, heavy, 2e-3))
+    assert found.outliers.size >= 3
+    assert not found.isolated  # something gives way under the largest loads
     at_one = np.flatnonzero(PLAN.pose == PLAN.pose[40])[:4].tolist()
     found = screened(wrong(rows, at_one, 2e-3))
     assert found.outliers.size >= 3

@@ -17,6 +17,7 @@ TILT = 2e-7  # rad/(N m), of a heavy robot's
 OF_DRIVE = 0.5  # the same over the compliance of the joint's own drive
 RADIAL, AXIAL = 0.015, 0.01  # m^2, over the tilting compliance
 SPREAD, REALISTIC = 30.0, 10.0  # from a wrist's to a press's; and of most
+ACROSS, NAMES = (0, 1, 2, 4, 5), ("x", "y", "z", "rx", "ry", "rz")
 OFF = 0.05  # m along the axis, from the joint's frame to where its bearing tilts about
 
 
@@ -69,7 +70,22 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
             weight=0.5,
         ),
     ]
+    found.append(_any(baseline, place, size))
     return [replace(one, spread=SPREAD, realistic=REALISTIC, scaled="stiffen" in one.name) for one in found]
+
+
+def _any(baseline: Baseline, place: Place, size: float) -> Shape:
+    """Return any symmetric compliance but about and along with the joint's own axis: rollers at a slant."""
+    sizes = {i: size if i > 2 else RADIAL * size for i in ACROSS}
+    pairs = [(i, j) for i in ACROSS for j in ACROSS if i <= j]
+    columns = np.stack([by_compliance(baseline, place, [pair]) for pair in pairs], -1)
+    units = ("m/N", "rad/N", "rad/(N*m)")
+    quantities = []
+    for i, j in pairs:
+        kind = (i > 2) + (j > 2)
+        large = sizes[i] if i == j else OFF * size if kind == 1 else 0.3 * float(np.sqrt(sizes[i] * sizes[j]))
+        quantities.append(Quantity(f"compliance_{NAMES[i]}_{NAMES[j]}", units[kind], large, positive=i == j))
+    return Shape("any", columns, tuple(quantities), weight=0.5)
 
 
 def _usual_tilt(baseline: Baseline, component: str) -> float:

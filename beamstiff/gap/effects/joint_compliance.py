@@ -37,11 +37,19 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     parts = ("compliance_lost_at_much_torque", "compliance_at_contacts", "compliance_by_side")
     others = tuple(Quantity(part, unit, 0.5 * size) for part in parts)
     stiffer = Quantity("compliance_lost_at_much_torque", unit, 0.5 * size, positive=True)
-    return [
+    found = [
         Shape("linear", linear[..., None], (compliance,), spread=30.0),
         Shape("stiffening", np.stack([linear, less], -1), (compliance, stiffer), spread=30.0),
         Shape("any law", np.stack(any_law, -1), (compliance, *others), spread=30.0, weight=0.5),
     ]
+    if axis.turns and axis.joint.variable is not None:  # what carries it changes with the posture
+        angle = baseline.joint_values[axis.joint.variable]
+        courses = [wave(k * angle) for k in (1, 2) for wave in (np.cos, np.sin)]
+        by_angle = np.stack([linear, *(linear * course[:, None] for course in courses)], -1)
+        names = [f"compliance_by_{wave}_{k}" for k in ("q", "2q") for wave in ("cosine", "sine")]
+        waves = tuple(Quantity(name, unit, 0.3 * size) for name in names)
+        found.append(Shape("by its angle", by_angle, (compliance, *waves), spread=30.0, weight=0.5))
+    return found
 
 
 EFFECT = Effect(

@@ -1,4 +1,7 @@
-"""`joint-coupling`: torque on one axis turns another, as in wrists with shared gears."""
+"""`joint-coupling`: torque on one axis turns another, as in wrists with shared gears.
+
+What couples them, a rod or a hose beside both, may do so by a lever that follows their angles.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +37,18 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         Quantity("coupling_compliance_first", unit, size),
         Quantity("coupling_compliance_second", unit, size),
     )
+    angles = [baseline.joint_values[str(axis.joint.variable)] for axis in (first, second) if axis.turns]
+    courses = [wave(angle) for angle in angles for wave in (np.cos, np.sin)]
+    by_angles = np.stack(
+        [(one + other) * course[:, None] for course in (1.0 + 0.0 * one[:, 0], *courses)], -1
+    )
+    waves = tuple(
+        Quantity(f"coupling_compliance_by_{wave}_{k}", unit, 0.5 * size)
+        for k, _ in enumerate(angles, start=1)
+        for wave in ("cosine", "sine")
+    )
     return [
+        Shape("by the angles", by_angles, (shared, *waves), spread=4.0, weight=0.5),
         Shape("reciprocal", (one + other)[..., None], (shared,), spread=4.0),
         Shape("one way each", np.stack([one, other], -1), both, spread=4.0, weight=0.5),
     ]

@@ -16,6 +16,8 @@ from beamstiff.se3 import Array
 
 HEAVY = 8e6  # N m/rad, the stiffest drive of a robot of 2.7 m reach (seed 001, Table 2: 6.6e6 and more)
 
+CONTACT, SEAM = 2.0 / 3.0, 3.0  # powers of the load by which places give that stiffen, and that soften
+
 
 @dataclass(frozen=True)
 class Axis:
@@ -33,7 +35,7 @@ class Axis:
     turns : bool
         About the axis; else along it.
     typical : float
-        Largest torque from the loads of the rows that were fitted, or 1 where there is none.
+        Largest torque of the rows that were fitted, from loads and dead weight, or 1 where there is none.
     """
 
     joint: Joint
@@ -63,7 +65,8 @@ def axis_at(baseline: Baseline, component: str) -> Axis:
     place = baseline.places.joints[joint.name]
     largest = stated_scale(baseline, "torque")
     if largest is None:
-        largest = float(np.abs(baseline.fit.places.joints[joint.name].load[:, at]).max(initial=0.0))
+        fitted = baseline.fit.places.joints[joint.name]
+        largest = float(np.abs(fitted.load + fitted.dead)[:, at].max(initial=0.0))
     return Axis(
         joint=joint,
         load=place.load[:, at],
@@ -138,26 +141,33 @@ def load_scales(baseline: Baseline, fitted: Place) -> dict[str, float]:
 
 
 def by_contacts(
-    baseline: Baseline, place: Place, scales: Mapping[str, float], rotation: float, translation: float
+    baseline: Baseline,
+    place: Place,
+    scales: Mapping[str, float],
+    rotation: float,
+    translation: float,
+    power: float = CONTACT,
 ) -> tuple[list[Array], tuple[Quantity, ...]]:
     """Return how a place that stiffens displaces the rows, (N, 6) each: three rotations, three translations.
 
-    Its slip goes by the power 2/3 of the load, as that of contacts does; the parameters are what it comes to
-    under the largest load (`load_scales`), usually that of the compliances given.
+    Its slip goes by the power 2/3 of the load, as that of contacts does, or by the third power, as where a
+    preload is used up and a seam opens; the parameters are what it comes to under the largest load
+    (`load_scales`), usually that of the compliances given.
     """
+    how = "at_contacts" if power == CONTACT else "of_seams"
 
     def slip(at: int) -> Array:
         def law(load: Array) -> Array:
             share = load / scales["force" if at < 3 else "moment"]
-            return np.asarray(np.sign(share) * np.abs(share) ** (2.0 / 3.0))
+            return np.asarray(np.sign(share) * np.abs(share) ** power)
 
         return _slip(baseline, place.load[:, at], place.dead[:, at], law)
 
     columns = [place.shift[:, :, at] * slip(at)[:, None] for at in (3, 4, 5, 0, 1, 2)]
     turn, shift = rotation * scales["moment"], translation * scales["force"]
     return columns, (
-        *(Quantity(f"rotation_at_contacts_{axis}", "rad", turn) for axis in "xyz"),
-        *(Quantity(f"translation_at_contacts_{axis}", "m", shift) for axis in "xyz"),
+        *(Quantity(f"rotation_{how}_{axis}", "rad", turn) for axis in "xyz"),
+        *(Quantity(f"translation_{how}_{axis}", "m", shift) for axis in "xyz"),
     )
 
 

@@ -8,12 +8,13 @@ import numpy as np
 
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects.effect import Effect, Quantity, Scales, Shape
-from beamstiff.gap.effects.laws import by_compliance, by_contacts, by_side, load_scales, softness
+from beamstiff.gap.effects.laws import SEAM, by_compliance, by_contacts, by_side, load_scales, softness
 
 ROTATION = 2e-6  # rad/(N m)
 TRANSLATION = 2e-8  # m/N
 COUPLING = 2e-7  # 1/N: an elastic centre a decimetre behind the TCP
 SPREAD, REALISTIC = 10.0, 5.0
+LAWS = ("by axis, stiffening", "by axis, softening")  # shapes that count against the largest load
 CENTRES = (0.05, 0.1, 0.2)  # m along the tool's axis z, at which it tilts
 
 
@@ -64,6 +65,9 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     contacts, stiffening = by_contacts(
         baseline, place, load_scales(baseline, baseline.fit.places.flange), rotation, translation
     )
+    seams, softening = by_contacts(
+        baseline, place, load_scales(baseline, baseline.fit.places.flange), rotation, translation, SEAM
+    )
     slide = Quantity("translational_compliance", "m/N", translation, positive=True)
     both = [column((3, 3), (4, 4), (5, 5)), column((0, 0), (1, 1), (2, 2))]
     # flanges and cells are round mostly
@@ -99,12 +103,20 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
             weight=0.5,
         ),
         Shape(
+            "by axis, softening as a seam that opens",
+            np.stack([*turning, *sliding, *seams], -1),
+            (*rotations, *slides, *softening),
+            weight=0.5,
+        ),
+        Shape(
             "all",
             np.stack([*turning, *sliding, *skewed, *slanted, *coupled], -1),
             (*rotations, *slides, *skews, *slants, *couplings),
         ),
     ]
-    return [replace(one, spread=SPREAD, realistic=REALISTIC, scaled="stiffen" in one.name) for one in found]
+    return [
+        replace(one, spread=SPREAD, realistic=REALISTIC, scaled=one.name.startswith(LAWS)) for one in found
+    ]
 
 
 def _scales(baseline: Baseline, component: str | None) -> Scales:  # noqa: ARG001

@@ -50,3 +50,26 @@ def test_a_load_that_lifts_the_weight_crosses_the_whole_zone() -> None:
 def test_a_joint_without_torque_shows_none_of_it() -> None:
     rows = rows_of(elbow(), [0, 0], np.array([500, -500])[:, None] * np.eye(6)[0])
     assert not shape_of(nominal(elbow(), rows), "backlash", "q2", "flank within 0.03").columns.any()
+
+
+def test_an_uneven_wheel_has_another_zone_at_another_angle() -> None:
+    q = np.array([[0.0, 0.3], [0.0, 1.9], [0.0, -2.2]])
+    rows = rows_of(elbow(), q, np.tile(1000 * SIDEWAYS, (3, 1)))
+    there = nominal(elbow(), rows)
+    even = shape_of(there, "backlash", "q2", "flank within 0.03").columns[..., 0]
+    turning = shape_of(there, "backlash", "q2", "flank within 0.03, by the angle").columns @ [
+        2e-4,
+        3e-5,
+        -4e-5,
+    ]
+    half = 2e-4 + 3e-5 * np.cos(q[:, 1]) - 4e-5 * np.sin(q[:, 1])
+    close(turning @ [2e-4, 3e-5, -4e-5], half[:, None] * even)
+
+
+def test_each_side_may_have_flanks_of_its_own() -> None:
+    rows = rows_of(elbow(), [0, 0], np.array([1000, -1000])[:, None] * SIDEWAYS)
+    name = "flanks one after another, other ones to each side"
+    shape = shape_of(nominal(elbow(), rows), "backlash", "q2", name)
+    width = [item.name for item in shape.parameters].index("width_0.03_up")
+    close(shape.columns[..., width], np.array([1, 0])[:, None] * STEP, 1e-4)
+    close(shape.columns[..., width + 1], np.array([0, -1])[:, None] * STEP, 1e-4)

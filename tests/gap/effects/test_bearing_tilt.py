@@ -74,3 +74,17 @@ def test_a_bearing_that_tilts_about_a_point_off_its_frame_gives_way_to_forces_to
     close(found.columns @ theta, moved)
     by_axis = shape_of(there, "bearing-tilt", f"q{joint + 1}", "all, off its centre").columns
     close(by_axis @ (compliance * np.array([1, 1, 0, off**2, off**2, 0, -off, off])), moved)
+
+
+@pytest.mark.parametrize("joint", [0, 4])
+def test_a_bearing_gives_by_any_symmetric_compliance_but_about_its_own_axis(joint: int) -> None:
+    there = nominal(kr240(), at_random(kr240(), 12, seed=8))
+    place = there.places.joints[f"J{joint + 1}"]
+    half = np.random.default_rng(2).standard_normal((6, 6))
+    half[3] = 0.0  # the drive's
+    slip = place.load @ (half @ half.T)
+    moved = np.einsum("nab,nb->na", place.shift, slip).ravel()
+    columns = shape_of(there, "bearing-tilt", f"q{joint + 1}", "any").columns.reshape(72, 15)
+    columns = columns / np.linalg.norm(columns, axis=0)
+    left = moved - columns @ np.linalg.lstsq(columns, moved)[0]
+    assert np.linalg.norm(left) < 1e-9 * np.linalg.norm(moved)

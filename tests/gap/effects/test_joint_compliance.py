@@ -39,3 +39,13 @@ def test_a_joint_that_stiffens_gives_way_less_by_what_it_lost() -> None:
     assert found[:, 0] == pytest.approx(torque)
     # compliance of half its loss at the largest torque, of all of it far beyond
     assert found[:, 1] == pytest.approx(-torque * np.abs(torque) / (800 + np.abs(torque)))
+
+
+def test_a_joint_may_give_way_otherwise_at_another_angle() -> None:
+    robot = elbow(torsional="rigid")
+    there = nominal(robot, at_random(robot, 8, seed=1))
+    even = shape_of(there, "joint-compliance", "q2", "linear").columns[..., 0]
+    found = shape_of(there, "joint-compliance", "q2", "by its angle").columns @ [1.0, 0.2, -0.1, 0.05, 0.3]
+    q = there.rows.q[:, 1]
+    follows = 1 + 0.2 * np.cos(q) - 0.1 * np.sin(q) + 0.05 * np.cos(2 * q) + 0.3 * np.sin(2 * q)
+    close(found, follows[:, None] * even)

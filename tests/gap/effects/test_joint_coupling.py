@@ -32,3 +32,13 @@ def test_components_are_pairs_in_the_order_of_the_variables() -> None:
     assert len(found) == 15
     assert found[:2] == ["q1+q2", "q1+q3"]
     assert "q5+q6" in found
+
+
+def test_a_lever_between_them_that_follows_the_angles_couples_by_them() -> None:
+    there = nominal(kr240(), at_random(kr240(), 8, seed=1))
+    shape = shape_of(there, "joint-coupling", "q5+q6", "by the angles")
+    even = shape_of(there, "joint-coupling", "q5+q6", "reciprocal").columns[..., 0]
+    q5, q6 = there.rows.q[:, 4], there.rows.q[:, 5]
+    courses = (1 + 0 * q5, np.cos(q5), np.sin(q5), np.cos(q6), np.sin(q6))
+    for column, course in enumerate(courses):
+        close(shape.columns[..., column], course[:, None] * even)

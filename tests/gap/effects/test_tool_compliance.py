@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -67,3 +69,18 @@ def test_what_is_seen_before_the_flange_does_not_move() -> None:
     columns = shape_of(nominal(kr240(), rows), "tool-compliance", None, "rotation").columns
     assert not columns[0].any()
     assert columns[1].any()
+
+
+def test_under_twice_the_load_a_seam_that_opens_gives_eight_times_as_much() -> None:
+    rows = at_random(kr240(), 6, seed=4)
+    stated = {"force": 1e3, "moment": 1e3}
+    once, more = (
+        shape_of(
+            replace(nominal(kr240(), some), stated=stated),
+            "tool-compliance",
+            None,
+            "by axis, softening as a seam that opens",
+        ).columns[..., 6:]
+        for some in (rows, rows_of(kr240(), rows.q, 2 * rows.wrench))
+    )
+    close(more, 8 * once)
