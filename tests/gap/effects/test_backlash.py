@@ -57,11 +57,7 @@ def test_an_uneven_wheel_has_another_zone_at_another_angle() -> None:
     rows = rows_of(elbow(), q, np.tile(1000 * SIDEWAYS, (3, 1)))
     there = nominal(elbow(), rows)
     even = shape_of(there, "backlash", "q2", "flank within 0.03").columns[..., 0]
-    turning = shape_of(there, "backlash", "q2", "flank within 0.03, by the angle").columns @ [
-        2e-4,
-        3e-5,
-        -4e-5,
-    ]
+    turning = shape_of(there, "backlash", "q2", "flank within 0.03, by the angle").columns
     half = 2e-4 + 3e-5 * np.cos(q[:, 1]) - 4e-5 * np.sin(q[:, 1])
     close(turning @ [2e-4, 3e-5, -4e-5], half[:, None] * even)
 
