@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from beamstiff.gap.baseline import Baseline
+from beamstiff.gap.baseline import Baseline, own_direction
 from beamstiff.gap.effects.effect import Effect, Quantity, Scales, Shape, stated_scale
 from beamstiff.gap.effects.laws import by_compliance, component_of, joint_of, softness
 from beamstiff.gap.places import Place
 from beamstiff.robot.fields import FREE, RIGID
-from beamstiff.se3 import Array
+from beamstiff.se3 import Array, rotate_screw
 
 TILT = 2e-7  # rad/(N m), of a heavy robot's
 OF_DRIVE = 0.5  # the same over the compliance of the joint's own drive
@@ -70,11 +70,32 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
             weight=0.5,
         ),
     ]
-    found.append(_any(baseline, place, size))
+    found.append(_any(baseline, place, size, "any"))
+    joint = joint_of(baseline, str(component))
+    if joint.variable is not None and own_direction(baseline.nominal, joint.name) == "torsional":
+        seat = _seat(place, baseline.joint_values[joint.variable])
+        by_seat = [by_compliance(baseline, seat, [pair]) for pair in ((4, 4), (5, 5), (4, 5))]
+        found.append(Shape("tilt by axis of its seat", np.stack(by_seat, -1), (*two, skew), weight=0.5))
+        found.append(_any(baseline, seat, size, "any, by axis of its seat"))
     return [replace(one, spread=SPREAD, realistic=REALISTIC, scaled="stiffen" in one.name) for one in found]
 
 
-def _any(baseline: Baseline, place: Place, size: float) -> Shape:
+def _seat(place: Place, angle: Array) -> Place:
+    """Return a joint's place in axes that do not turn with it, but stay with the part that carries it."""
+    turn = np.zeros((len(angle), 3, 3))
+    turn[:, 0, 0] = 1.0
+    turn[:, 1, 1] = turn[:, 2, 2] = np.cos(angle)
+    turn[:, 2, 1], turn[:, 1, 2] = np.sin(angle), -np.sin(angle)  # components there from those here
+    change = rotate_screw(turn)
+    return Place(
+        load=(change @ place.load[..., None])[..., 0],
+        dead=(change @ place.dead[..., None])[..., 0],
+        shift=place.shift @ change.swapaxes(-1, -2),
+        turn=place.turn @ turn.swapaxes(-1, -2),
+    )
+
+
+def _any(baseline: Baseline, place: Place, size: float, name: str) -> Shape:
     """Return any symmetric compliance but about and along with the joint's own axis: rollers at a slant."""
     sizes = {i: size if i > 2 else RADIAL * size for i in ACROSS}
     pairs = [(i, j) for i in ACROSS for j in ACROSS if i <= j]
@@ -85,7 +106,7 @@ def _any(baseline: Baseline, place: Place, size: float) -> Shape:
         kind = (i > 2) + (j > 2)
         large = sizes[i] if i == j else OFF * size if kind == 1 else 0.3 * float(np.sqrt(sizes[i] * sizes[j]))
         quantities.append(Quantity(f"compliance_{NAMES[i]}_{NAMES[j]}", units[kind], large, positive=i == j))
-    return Shape("any", columns, tuple(quantities), weight=0.5)
+    return Shape(name, columns, tuple(quantities), weight=0.5)
 
 
 def _usual_tilt(baseline: Baseline, component: str) -> float:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from beamstiff import load_robot
+from beamstiff.gap.effects.bearing_tilt import _seat
 from tests.gap.machines import (
     arm_at,
     at_random,
@@ -88,3 +89,21 @@ def test_a_bearing_gives_by_any_symmetric_compliance_but_about_its_own_axis(join
     columns = columns / np.linalg.norm(columns, axis=0)
     left = moved - columns @ np.linalg.lstsq(columns, moved)[0]
     assert np.linalg.norm(left) < 1e-9 * np.linalg.norm(moved)
+
+
+def test_a_seat_stays_with_the_part_that_carries_it() -> None:
+    still = at_random(kr240(), 6, seed=9)
+    there = nominal(kr240(), still)
+    place = there.places.joints["J2"]
+    seat = _seat(place, still.q[:, 1])
+    # the same wrenches and twists in other axes
+    np.testing.assert_allclose(
+        np.einsum("nab,nb->na", seat.shift, seat.load),
+        np.einsum("nab,nb->na", place.shift, place.load),
+        rtol=1e-9,
+    )
+    # that turn with the first joint alone: its axes are those of the robot with the second at zero
+    q = still.q.copy()
+    q[:, 1] = 0.0
+    zero = nominal(kr240(), rows_of(kr240(), q, still.wrench)).places.joints["J2"]
+    np.testing.assert_allclose(seat.turn, zero.turn, atol=1e-12)
