@@ -7,13 +7,13 @@ import numpy as np
 from beamstiff.gap.baseline import Baseline, nominal_pose
 from beamstiff.gap.effects.effect import Effect, Quantity, Shape
 from beamstiff.gap.effects.outside import each_by_each
+from beamstiff.se3 import Array
 
 TURN = 0.02  # rad, of displacements
 PLACED_TURN, PLACED_SHIFT = 5e-4, 5e-4  # rad, m, of absolute positions
 SCALE = 0.01
 SKEWED = ((0, 1), (0, 2), (1, 2))
 PRODUCTS = ((0, 0), (1, 1), (2, 2), *SKEWED)
-ENTRIES = tuple(f"reading_{a}_by_{b}" for a in "xyz" for b in "xyz")
 
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: ARG001
@@ -45,35 +45,9 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     for at, (i, j) in enumerate(SKEWED):
         skew[:, i, at], skew[:, j, at] = seen[:, j], seen[:, i]
     skews = tuple(Quantity(f"skew_{'xyz'[i]}{'xyz'[j]}", "rad", SCALE) for i, j in SKEWED)
-    # what measures by angles and lengths from a stand, or through lenses, errs by where it looks
-    place = nominal_pose(baseline.nominal, baseline.rows)[0]
-    every = np.concatenate([each_by_each(axes, seen[:, :3]), np.zeros((len(seen), 3, 9))], 1)
-    where = [np.ones(len(seen)), *place.T]
-    curved = [place[:, i] * place[:, j] for i, j in PRODUCTS]
-    by_place = [
-        (f"{what}{name}", unit, SCALE * share)
-        for name, unit, share in [("", "1", 1.0), *((f"_by_{a}", "1/m", 1.0) for a in "xyz")]
-        for what in ENTRIES
-    ]
-    by_square = [
-        (f"{what}_by_{'xyz'[i]}{'xyz'[j]}", "1/m^2", 0.5 * SCALE) for i, j in PRODUCTS for what in ENTRIES
-    ]
-    linear = np.concatenate([every * course[:, None, None] for course in where], -1)
-    square = np.concatenate([every * course[:, None, None] for course in curved], -1)
     return [
         Shape("turned", turn, turns),
-        Shape(
-            "other scales and turns elsewhere",
-            linear,
-            tuple(Quantity(*each) for each in by_place),
-            weight=0.5,
-        ),
-        Shape(
-            "other scales and turns elsewhere, by the square of the way",
-            np.concatenate([linear, square], -1),
-            tuple(Quantity(*each) for each in (*by_place, *by_square)),
-            weight=0.5,
-        ),
+        *_elsewhere(baseline),
         Shape("turned and scaled", np.concatenate([turn, scale], -1), (*turns, growth), weight=0.5),
         Shape(
             "turned, scaled by axis and skewed",
@@ -81,6 +55,34 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
             (*turns, *growths, *skews),
             weight=0.5,
         ),
+    ]
+
+
+def _elsewhere(baseline: Baseline) -> list[Shape]:
+    """Return misreadings of displacements that change with the place, linearly and by its square.
+
+    What measures by angles and lengths from a stand, or through lenses, errs by where it looks.
+    """
+    moved, place = baseline.predicted[:, :3], nominal_pose(baseline.nominal, baseline.rows)[0]
+    axes = np.broadcast_to(np.eye(3), (len(moved), 3, 3))
+    every = np.concatenate([each_by_each(axes, moved), np.zeros((len(moved), 3, 9))], 1)
+    linear = {"": ("1", np.ones(len(moved)))} | {
+        f"_by_{a}": ("1/m", place[:, k]) for k, a in enumerate("xyz")
+    }
+    square = {f"_by_{'xyz'[i]}{'xyz'[j]}": ("1/m^2", 0.5 * place[:, i] * place[:, j]) for i, j in PRODUCTS}
+
+    def shape(name: str, courses: dict[str, tuple[str, Array]]) -> Shape:
+        columns = [every * course[:, None, None] for _, course in courses.values()]
+        entries = [(end, unit) for end, (unit, _) in courses.items() for _ in range(9)]
+        names = [f"reading_{a}_by_{b}" for a in "xyz" for b in "xyz"] * len(courses)
+        quantities = (
+            Quantity(name + end, unit, SCALE) for name, (end, unit) in zip(names, entries, strict=True)
+        )
+        return Shape(name, np.concatenate(columns, -1), tuple(quantities), weight=0.5)
+
+    return [
+        shape("other scales and turns elsewhere", linear),
+        shape("other scales and turns elsewhere, by the square of the way", linear | square),
     ]
 
 
