@@ -96,7 +96,7 @@ def diagnose(
     from beamstiff.gap.diagnose import diagnose as run
     from beamstiff.gap.next import programme_csv
     from beamstiff.measure import concatenate
-    from beamstiff.report.diagnosis import diagnosis_tables, draw_diagnosis
+    from beamstiff.report.diagnosis import LIKELY, diagnosis_tables, draw_diagnosis
     from beamstiff.robot.reader import load_robot
 
     file = robot_file(robot)
@@ -138,6 +138,9 @@ def diagnose(
         head = BeamstiffError(f"Stiffness fitted by beamstiff to {names}, and {added} added.")
         write_whole(apply, f"# {head}\n{robot_to_yaml(larger)}")  # the error's text is one line
         console.print(f"{apply}: the fitted stiffness, and {added} added.")
+        if result.fits and result.verdict.probability < LIKELY:
+            share = f"{100 * result.verdict.probability:.0f} %"
+            say(f"note: {apply} holds what is no more than the likeliest cause ({share})", quiet)
     if figure is not None:
         draw_diagnosis(result, figure)
     if html is not None and source is not None:

@@ -40,6 +40,7 @@ def applied(run: Run, folder: Path) -> Any:
 
 def test_the_robot_with_the_effect_is_written(applied: Any, folder: Path) -> None:
     assert applied.exit_code == 0, applied.output
+    assert "no more than the likeliest" not in applied.stderr
     assert "larger.yaml: the fitted stiffness, and backlash:q1 added." in applied.stdout
     verdict = json.loads((folder / "said.json").read_text())["verdict"]
     assert (verdict["effect"], verdict["component"]) == ("backlash", "q1")
@@ -90,6 +91,18 @@ def test_what_leaves_the_effect_out_says_so(run: Run) -> None:
     result = run("exam", "larger.yaml", "--cases", "1", "--classes", "null")
     assert result.exit_code == 0, result.output
     assert "note: the robot's effects (backlash:q1) are not part of the exam" in result.stderr
+
+
+def test_a_robot_with_a_cause_that_is_no_more_than_the_likeliest_is_said_to_be_one(
+    run: Run, folder: Path
+) -> None:
+    measured = Path(__file__).parents[2] / "examples" / "data" / "ir663_compliance_xx.csv"
+    result = run("diagnose", "ir663", str(measured), "--apply", "perhaps.yaml", "--json", "said.json")
+    assert result.exit_code == 0, result.output
+    verdict = json.loads((folder / "said.json").read_text())["verdict"]
+    assert 0.0 < verdict["probability"] < 0.6
+    share = f"{100 * verdict['probability']:.0f} %"
+    assert f"note: perhaps.yaml holds what is no more than the likeliest cause ({share})" in result.stderr
 
 
 def test_where_nothing_is_found_the_fitted_robot_is_written(run: Run, folder: Path) -> None:
