@@ -85,8 +85,9 @@ def _diagnose(robot: Robot, measurements: Measurements, without: Sequence[str], 
 
 def _chance(white: Whitened, library: Library, scales: Scales, seed: int) -> tuple[float, float]:
     """Return the log odds of any effect, and the share of simulated campaigns without one that reach them."""
+    fixed = [one for one in library.hypotheses if not one.shape.tuned]
     nulls = np.random.default_rng(seed).standard_normal((white.gap.size, NULLS))
-    odds = detection(white, library.hypotheses, scales, np.concatenate([white.gap[:, None], nulls], axis=1))
+    odds = detection(white, fixed, scales, np.concatenate([white.gap[:, None], nulls], axis=1))
     return float(odds[0]), float((1 + (odds[1:] >= odds[0]).sum()) / (1 + NULLS))
 
 

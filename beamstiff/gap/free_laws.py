@@ -31,6 +31,8 @@ FADES = (1.0, 3.0, 10.0)  # usual times from state to state, over which a drive 
 MODES = 16  # of a place's law
 DIGITS = 12  # of shares of the largest torque: what is less is rounding
 ABSORBED = 1e-6  # share of a column that the fit leaves, below which it leaves nothing
+PAIRS_OF_AXES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+TETHERED = "is held by something that acts as a spring to the floor, a hose or a cable"
 PLAY = "has play"
 ONE_SIDED = "stays softer to one side, whatever its torque"
 CHANGING = "changes its stiffness with the time"
@@ -76,9 +78,10 @@ def free_laws(baseline: Baseline, library: Library, white: Whitened) -> list[Fre
     found = []
     for name, at in structure:
         compliance, bent, play = _of_structure(baseline, at)
-        found.append(
-            FreeLaw(name, _modes(white, (compliance, bent)), nameless={PLAY: _modes(white, (play,))})
-        )
+        nameless = {PLAY: _modes(white, (play,))}
+        if name == "tool":
+            nameless[TETHERED] = _modes(white, (_tethered(baseline),))
+        found.append(FreeLaw(name, _modes(white, (compliance, bent)), nameless=nameless))
     for drive in map(str, drives(baseline)):
         named, others = _of_drive(baseline, drive)
         nameless = {does: _modes(white, (law,)) for does, law in others.items()}
@@ -136,6 +139,18 @@ def _of_structure(baseline: Baseline, place: Place) -> tuple[Array, Array, Array
 
     one_sided, grown, sudden = bent(np.abs), bent(lambda q: q * np.abs(q)), bent(lambda q: np.tanh(STEEP * q))
     return compliance, np.concatenate([one_sided, grown, sudden], -1), sudden
+
+
+def _tethered(baseline: Baseline) -> Array:
+    """Return what a spring between tool and floor takes from the displacements, (N, 6, 6): ``C K C w``."""
+    moved = baseline.predicted[:, :3]
+    force = np.zeros((len(moved), 6, 6))
+    for at, (i, j) in enumerate(PAIRS_OF_AXES):
+        force[:, i, at] -= moved[:, j]
+        if i != j:
+            force[:, j, at] -= moved[:, i]
+    result: Array = baseline.response @ force
+    return result
 
 
 def _of_drive(baseline: Baseline, name: str) -> tuple[list[Array], dict[str, Array]]:

@@ -95,8 +95,12 @@ def state_library(baseline: Baseline, white: Whitened, without: Sequence[str] = 
     hypotheses: list[Hypothesis] = []
     untestable = []
     known = [effect for effect in EFFECTS.values() if effect.name not in without]
+    standing: tuple[str, ...] = ()
+    if not {"base-compliance", key_of("base-compliance", None)} & set(without):
+        standing = baseline.places.standing
+    others = {*without, *(key_of("link-bending", name) for name in standing)}
     for effect in known:
-        components = [c for c in effect.components(baseline) if key_of(effect.name, c) not in without]
+        components = [c for c in effect.components(baseline) if key_of(effect.name, c) not in others]
         if not components:
             untestable.append(Untestable(effect.name, None, _nowhere(effect.name, baseline)))
         for component in components:
@@ -115,14 +119,11 @@ def state_library(baseline: Baseline, white: Whitened, without: Sequence[str] = 
                 )
                 for shape in shapes
             ]
-    untestable += [
-        Untestable("link-bending", name, "rigid parts of a loop hold it: its forces are not determined")
-        for name in baseline.places.held
-    ]
-    untestable += [
-        Untestable("link-bending", name, "it stands on the ground: what it gives is base-compliance here")
-        for name in baseline.places.standing
-    ]
+    if "link-bending" not in without:
+        held = "rigid parts of a loop hold it: its forces are not determined"
+        stands = "it stands on the ground: what it gives is base-compliance here"
+        untestable += [Untestable("link-bending", name, held) for name in baseline.places.held]
+        untestable += [Untestable("link-bending", name, stands) for name in standing]
     return seen_by(Library(tuple(hypotheses), tuple(untestable)), white)
 
 

@@ -81,8 +81,8 @@ class Places:
     held : dict of str to str
         Places that rigid parts of their loops hold, and why the forces there are not determined.
     standing : tuple of str
-        Links that stand on the ground: all that the rows load and show passes them in every posture as it
-        passes the floor, and what they give is the base's by another name.
+        Links that stand on the ground and that all passes which passes the floor: what they give is the
+        base's by another name.
     """
 
     joints: dict[str, Place]
@@ -148,8 +148,31 @@ def find_places(robot: Robot, rows: Measurements) -> Places:
             robot, rows, where.transforms[:, tcp_frame, :3, :3][pose], weight[pose, index[robot.tcp]]
         ),
         held=held,
-        standing=tuple(name for name, there in links_found.items() if _is_base(there, base)),
+        standing=tuple(
+            name
+            for name in _on_the_ground(robot)
+            if name in links_found and _is_base(links_found[name], base)
+        ),
     )
+
+
+def _on_the_ground(robot: Robot) -> set[str]:
+    """Return the beams and rigids whose ends do not move with any joint."""
+    moving = {variable.name for variable in robot.variables}
+    ground = {"base"}
+    for _ in robot.frames:
+        ground |= {
+            frame.name
+            for frame in robot.frames
+            if frame.parent in ground
+            and not any(
+                isinstance(value, str) and any(name in value for name in moving)
+                for value in frame.model_dump(exclude={"name", "parent"}).values()
+            )
+        }
+    at = {node.name: node.frame for node in robot.nodes}
+    found = {beam.name for beam in robot.beams if {at[node] for node in beam.nodes} <= ground}
+    return found | {rigid.name for rigid in robot.rigids if {at[node] for node in rigid.nodes} <= ground}
 
 
 def _is_base(there: Place, base: Place) -> bool:

@@ -24,7 +24,7 @@ MOST = 0.15  # of the rows
 ROUNDS = 6
 MAIN = 1e-6  # of the largest variance of what the shapes do together, below which the rest is left out
 SURE = 1e-3  # probability that any row of a sound table is flagged
-SOUND = 0.58  # of the bound, within which all other rows lie but for two, where some are wrong by themselves
+SOUND, BUT = 0.58, 2  # of the bound, within which all other rows lie but for so many, where some are mishaps
 BY_CHANCE = 0.01  # probability that wrong rows come from as few postures
 CLAIM, NO_CLAIM = 0.6, 2.0  # standard deviation of the log noise scale: claims are off by two at times
 
@@ -92,11 +92,12 @@ def screen(baseline: Baseline, library: Library) -> Screened:
     sigma = baseline.sigma * np.repeat(noise, 3)
     order = sorted(found, key=found.__getitem__, reverse=True)
     strength = float(np.median(list(found.values()))) if found else 0.0
-    apart = len(order) > 0 and bool(np.sort(excess)[-3] < SOUND)
+    excess[order] = 0.0
+    apart = len(order) > 0 and bool(np.sort(excess)[-1 - BUT] < SOUND)
     isolated = (
         apart
         and _chance_of_few(baseline.rows.pose, order) > BY_CHANCE
-        and _chance_of_large(np.linalg.norm(baseline.rows.wrench, axis=1), order) > BY_CHANCE
+        and _chance_of_large(np.linalg.norm(baseline.predicted[:, :3], axis=1), order) > BY_CHANCE
     )
     outliers = np.array(order, dtype=np.intp)
     return Screened(replace(baseline, sigma=sigma), used, outliers, noise, strength, isolated)
@@ -113,9 +114,9 @@ def _chance_of_few(pose: NDArray[np.intp], rows: Sequence[int]) -> float:
     return float(chance[: found + 1].sum())
 
 
-def _chance_of_large(load: Array, rows: Sequence[int]) -> float:
-    """Return the probability that as many rows, taken at random, stand as high in the order of the loads."""
-    rank = (rankdata(load)[list(rows)] - 0.5) / load.size
+def _chance_of_large(moved: Array, rows: Sequence[int]) -> float:
+    """Return the probability that as many rows, taken at random, stand as high in the order of what moves."""
+    rank = (rankdata(moved)[list(rows)] - 0.5) / moved.size
     return float(norm.sf((rank.mean() - 0.5) * np.sqrt(12.0 * rank.size)))
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects import EFFECTS
-from beamstiff.gap.free_laws import MODES, FreeLaw, free_laws
+from beamstiff.gap.free_laws import MODES, FreeLaw, _tethered, free_laws
 from beamstiff.gap.library import Library, state_library
 from beamstiff.gap.whitened import Whitened, whiten
 from beamstiff.se3 import Array
@@ -76,3 +76,15 @@ def test_effects_at_a_place_lie_within_its_law(
     elsewhere = within(law_at(found, far, which), columns)
     assert here > 0.7
     assert here > elsewhere + 0.2
+
+
+def test_a_spring_from_the_tool_to_the_floor_has_no_name() -> None:
+    there = nominal(kr240(), at_random(kr240(), 20, seed=4))
+    half = np.random.default_rng(1).standard_normal((3, 3))
+    spring = np.zeros((6, 6))
+    spring[:3, :3] = 1e-3 / np.abs(there.response).max() * half @ half.T  # a thousandth of the robot's own
+    beside = np.linalg.solve(np.eye(6) + there.response @ spring, there.response)  # both carry the load
+    moved = np.einsum("nab,nb->na", beside - there.response, there.rows.wrench).ravel()
+    columns = _tethered(there).reshape(moved.size, 6)
+    left = moved - columns @ np.linalg.lstsq(columns, moved)[0]
+    assert np.linalg.norm(left) < 0.01 * np.linalg.norm(moved)

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -209,6 +211,9 @@ def test_links_that_stand_on_the_ground_are_named_and_the_base_gives_all_that_th
     assert find_places(closed, at_random(closed, 4, seed=2)).standing == ("column",)
     there = fit_baseline(kr240(), at_random(kr240(), 12, seed=2))
     assert there.places.standing == ("link0",)
+    rows = at_random(kr240(), 12, seed=2)
+    still = replace(rows, q=np.tile(rows.q[0], (12, 1)))  # what does not move in a table may move
+    assert find_places(kr240(), still).standing == ("link0",)
     every = next(shape for shape in EFFECTS["base-compliance"].shapes(there, None) if shape.name == "all")
     size = [quantity.size for quantity in every.parameters]
     base = (every.columns * size).reshape(-1, len(size))

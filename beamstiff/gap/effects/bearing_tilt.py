@@ -6,18 +6,21 @@ from dataclasses import replace
 
 import numpy as np
 
+from beamstiff.fem.beam import beam_axes
 from beamstiff.gap.baseline import Baseline, own_direction
 from beamstiff.gap.effects.effect import Effect, Quantity, Scales, Shape, stated_scale
-from beamstiff.gap.effects.laws import by_compliance, component_of, joint_of, softness
-from beamstiff.gap.places import Place
+from beamstiff.gap.effects.laws import by_compliance, component_of, joint_of, most_of, softness
+from beamstiff.gap.places import DIGITS, Place
 from beamstiff.robot.fields import FREE, RIGID
+from beamstiff.robot.kinematics import compile_kinematics, posture
+from beamstiff.robot.parts import Joint
 from beamstiff.se3 import Array, rotate_screw
 
 TILT = 2e-7  # rad/(N m), of a heavy robot's
 OF_DRIVE = 0.5  # the same over the compliance of the joint's own drive
 RADIAL, AXIAL = 0.015, 0.01  # m^2, over the tilting compliance
 SPREAD, REALISTIC = 30.0, 10.0  # from a wrist's to a press's; and of most
-ACROSS, NAMES = (0, 1, 2, 4, 5), ("x", "y", "z", "rx", "ry", "rz")
+NAMES = ("x", "y", "z", "rx", "ry", "rz")
 OFF = 0.05  # m along the axis, from the joint's frame to where its bearing tilts about
 
 
@@ -70,35 +73,43 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
             weight=0.5,
         ),
     ]
-    found.append(_any(baseline, place, size, "any"))
     joint = joint_of(baseline, str(component))
-    if joint.variable is not None and own_direction(baseline.nominal, joint.name) == "torsional":
-        seat = _seat(place, baseline.joint_values[joint.variable])
+    turning = own_direction(baseline.nominal, joint.name) == "torsional"
+    found.append(_any(baseline, place, size, turning, "any"))
+    if joint.variable is not None and turning:
+        seat = _seat(baseline, joint)
         by_seat = [by_compliance(baseline, seat, [pair]) for pair in ((4, 4), (5, 5), (4, 5))]
         found.append(Shape("tilt by axis of its seat", np.stack(by_seat, -1), (*two, skew), weight=0.5))
-        found.append(_any(baseline, seat, size, "any, by axis of its seat"))
+        found.append(_any(baseline, seat, size, turning, "any, by axis of its seat"))
     return [replace(one, spread=SPREAD, realistic=REALISTIC, scaled="stiffen" in one.name) for one in found]
 
 
-def _seat(place: Place, angle: Array) -> Place:
+def _seat(baseline: Baseline, joint: Joint) -> Place:
     """Return a joint's place in axes that do not turn with it, but stay with the part that carries it."""
-    turn = np.zeros((len(angle), 3, 3))
-    turn[:, 0, 0] = 1.0
-    turn[:, 1, 1] = turn[:, 2, 2] = np.cos(angle)
-    turn[:, 2, 1], turn[:, 1, 2] = np.sin(angle), -np.sin(angle)  # components there from those here
-    change = rotate_screw(turn)
+    place, robot = baseline.places.joints[joint.name], baseline.nominal
+    frames = {node.name: node.frame for node in robot.nodes}
+    carrier = next((name for name in joint.nodes if frames[name] != joint.frame), joint.nodes[0])
+    kinematics = compile_kinematics(robot)
+    poses, number = np.unique(baseline.rows.q, axis=0, return_inverse=True)
+    at = kinematics.node_frame[[node.name for node in robot.nodes].index(carrier)]
+    part = posture(kinematics, poses).transforms[number.reshape(-1), at, :3, :3]
+    axis = (part.swapaxes(-1, -2) @ place.turn[:, :, :1])[..., 0]
+    across = np.eye(3)[np.argmin(np.round(np.abs(axis[0]), DIGITS))]
+    turn = part @ beam_axes(axis, across)
+    change = rotate_screw(turn.swapaxes(-1, -2) @ place.turn)  # components there from those here
     return Place(
         load=(change @ place.load[..., None])[..., 0],
         dead=(change @ place.dead[..., None])[..., 0],
         shift=place.shift @ change.swapaxes(-1, -2),
-        turn=place.turn @ turn.swapaxes(-1, -2),
+        turn=turn,
     )
 
 
-def _any(baseline: Baseline, place: Place, size: float, name: str) -> Shape:
-    """Return any symmetric compliance but about and along with the joint's own axis: rollers at a slant."""
-    sizes = {i: size if i > 2 else RADIAL * size for i in ACROSS}
-    pairs = [(i, j) for i in ACROSS for j in ACROSS if i <= j]
+def _any(baseline: Baseline, place: Place, size: float, turning: bool, name: str) -> Shape:
+    """Return any symmetric compliance in the five directions that are not the drive's: rollers at a slant."""
+    directions = [i for i in range(6) if i != (3 if turning else 0)]
+    sizes = {i: size if i > 2 else (RADIAL if i else AXIAL) * size for i in directions}
+    pairs = [(i, j) for i in directions for j in directions if i <= j]
     columns = np.stack([by_compliance(baseline, place, [pair]) for pair in pairs], -1)
     units = ("m/N", "rad/N", "rad/(N*m)")
     quantities = []
@@ -117,7 +128,7 @@ def _usual_tilt(baseline: Baseline, component: str) -> float:
 
 def usual_moment(baseline: Baseline, component: str) -> float:
     """Return the largest moment across the joint's axis from the loads of the rows that were fitted, N m."""
-    load = baseline.fit.places.joints[joint_of(baseline, component).name].load[:, 4:]
+    load = most_of(baseline.fit.places.joints[joint_of(baseline, component).name])[:, 4:]
     return stated_scale(baseline, "moment") or float(np.linalg.norm(load, axis=1).max(initial=0.0)) or 1.0
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects.effect import stated_scale
-from beamstiff.gap.effects.outside import clock
+from beamstiff.gap.effects.outside import clock, first_of_pose
 from beamstiff.se3 import Array
 
 FEWEST, MOST = 2.0, 150.0  # cycles in a campaign
@@ -40,29 +40,22 @@ def cycle_of(baseline: Baseline, since_unloaded: bool) -> Cycle:
     since_unloaded : bool
         Whether readings count from the first of their posture.
     """
-    stated = stated_scale(baseline, "cycles")
-    if stated is not None:
-        return Cycle(stated, 1.0)
+    if baseline.stated is not None:
+        return Cycle(stated_scale(baseline, "cycles") or 0.0, 1.0)
     fit = baseline.fit
     time = clock(fit)
     most = min(MOST, np.unique(time).size / READINGS)
     if most <= FEWEST:
         return Cycle(0.0, 1.0)
-    counts = np.arange(FEWEST, most, FINE)
+    left, own = _positions(fit)
     start = first_of_pose(fit) if since_unloaded else None
-    best = counts[np.argmax(_explained(fit, waves(time, counts, start)))]
-    near = np.arange(best - FINE, best + FINE, FINEST)
-    return Cycle(float(near[np.argmax(_explained(fit, waves(time, near, start)))]), most - FEWEST)
 
+    def best(counts: Array) -> float:
+        return float(counts[np.argmax(_explained(left, own, waves(time, counts, start), start is None))])
 
-def first_of_pose(baseline: Baseline) -> NDArray[np.intp]:
-    """Return for each row the first reading of its pose, (N,)."""
-    time, pose = clock(baseline), baseline.rows.pose
-    result = np.empty(len(pose), dtype=np.intp)
-    for one in np.unique(pose):
-        at = np.flatnonzero(pose == one)
-        result[at] = at[np.argmin(time[at])]
-    return result
+    about = best(np.arange(FEWEST, most, FINE))
+    near = np.clip(np.arange(about - FINE, about + FINE, FINEST), FEWEST, most)
+    return Cycle(best(near), max(1.0, most - FEWEST))
 
 
 def waves(time: Array, counts: Array, start: NDArray[np.intp] | None = None) -> Array:
@@ -72,25 +65,33 @@ def waves(time: Array, counts: Array, start: NDArray[np.intp] | None = None) -> 
     return result if start is None else result - result[start]
 
 
-def _explained(baseline: Baseline, found: Array) -> Array:
-    """Return what waves (N, F, 2) along x, y and z explain (F,) beside the model's own values, squared."""
-    weight = np.where(baseline.used, 1.0 / baseline.sigma, 0.0)
-    tangent = (baseline.tangent * weight[..., None]).reshape(-1, baseline.tangent.shape[2])
+def _positions(baseline: Baseline) -> tuple[Array, Array]:
+    """Return the position gap (N, 3) beside the model's own values, and what these move, (N, 3, t) together.
+
+    In metres, whatever the noise is thought to be: the period must not change with that.
+    """
+    read = baseline.used[:, :3]
+    tangent = np.where(read[..., None], baseline.tangent[:, :3], 0.0).reshape(read.size, -1)
     vectors, sizes, _ = np.linalg.svd(tangent, full_matrices=False)
     own = vectors[:, sizes > 1e-9 * sizes.max(initial=0.0)]
-    gap = (baseline.gap * weight).ravel()
-    left = (gap - own @ (own.T @ gap)).reshape(-1, 6)
-    bound = 5.0 * np.median(np.abs(left[baseline.used]))
-    left = np.clip(left, -bound, bound)  # a bad row must not make a cycle
-    own = own.reshape(len(left), 6, -1)[:, :3]
-    found = np.concatenate([found, np.ones((*found.shape[:2], 1))], -1)  # about any middle
-    columns = found[:, None] * weight[:, :3, None, None]  # (N, 3, F, 3)
-    toward = np.einsum("niab,ni->aib", columns, left[:, :3]).reshape(found.shape[1], 9)
-    part = np.einsum("niab,nit->atib", columns, own).reshape(found.shape[1], own.shape[2], 9)
-    square = np.zeros((found.shape[1], 3, 3, 3, 3))
-    for i in range(3):
-        square[:, i, :, i] = np.einsum("nab,nac->abc", columns[:, i], columns[:, i])
-    gram = square.reshape(-1, 9, 9) - part.swapaxes(1, 2) @ part
-    solved = np.linalg.pinv(gram, rcond=1e-8, hermitian=True) @ toward[..., None]
+    gap = np.where(read, baseline.gap[:, :3], 0.0).ravel()
+    left = gap - own @ (own.T @ gap)
+    bound = 5.0 * float(np.median(np.abs(left[read.ravel()]))) if read.any() else 0.0
+    clipped = np.clip(left, -bound, bound)  # a bad row must not make a cycle
+    return clipped.reshape(-1, 3), own.reshape(len(read), 3, own.shape[1])
+
+
+def _explained(left: Array, own: Array, found: Array, middle: bool) -> Array:
+    """Return what waves (N, F, 2) along x, y and z, about any middle or none, explain (F,), squared."""
+    if middle:
+        found = np.concatenate([found, np.ones((*found.shape[:2], 1))], -1)
+    count, waves_each = found.shape[1:]
+    toward = np.einsum("nfa,ni->fia", found, left).reshape(count, -1)
+    part = np.einsum("nfa,nit->ftia", found, own).reshape(count, own.shape[2], 3 * waves_each)
+    gram = np.zeros((count, 3, waves_each, 3, waves_each))
+    for axis in range(3):
+        gram[:, axis, :, axis] = np.einsum("nfa,nfb->fab", found, found)
+    whole = gram.reshape(count, 3 * waves_each, -1) - part.swapaxes(1, 2) @ part
+    solved = np.linalg.pinv(whole, rcond=1e-8, hermitian=True) @ toward[..., None]
     result: Array = np.einsum("fa,fa->f", toward, solved[..., 0])
     return result

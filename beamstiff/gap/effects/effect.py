@@ -46,6 +46,9 @@ class Shape:
         The same of those that are realistic, where there are machines unlike the usual; None is `spread`.
     scaled : bool
         Whether its columns count against the scales of the effect.
+    tuned : bool
+        Whether its columns were chosen by the gap itself: campaigns without an effect, that were simulated,
+        cannot be compared under it.
     """
 
     name: str
@@ -55,6 +58,7 @@ class Shape:
     weight: float = 1.0
     realistic: float | None = None
     scaled: bool = True
+    tuned: bool = False
 
 
 Scales = dict[str, float | tuple[float, ...]]

@@ -39,7 +39,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     stiffer = Quantity("compliance_lost_at_much_torque", unit, 0.5 * size, positive=True)
     found = [
         Shape("linear", linear[..., None], (compliance,), spread=30.0),
-        Shape("stiffening", np.stack([linear, less], -1), (compliance, stiffer), spread=30.0),
+        Shape("stiffening", np.stack([linear, less], -1), (compliance, stiffer), spread=30.0, weight=0.5),
         Shape("any law", np.stack(any_law, -1), (compliance, *others), spread=30.0, weight=0.5),
     ]
     if axis.turns and axis.joint.variable is not None:  # what carries it changes with the posture

@@ -37,21 +37,21 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         Quantity("coupling_compliance_first", unit, size),
         Quantity("coupling_compliance_second", unit, size),
     )
-    angles = [baseline.joint_values[str(axis.joint.variable)] for axis in (first, second) if axis.turns]
-    courses = [wave(angle) for angle in angles for wave in (np.cos, np.sin)]
-    by_angles = np.stack(
-        [(one + other) * course[:, None] for course in (1.0 + 0.0 * one[:, 0], *courses)], -1
-    )
-    waves = tuple(
-        Quantity(f"coupling_compliance_by_{wave}_{k}", unit, 0.5 * size)
-        for k, _ in enumerate(angles, start=1)
-        for wave in ("cosine", "sine")
-    )
-    return [
-        Shape("by the angles", by_angles, (shared, *waves), spread=4.0, weight=0.5),
+    found = [
         Shape("reciprocal", (one + other)[..., None], (shared,), spread=4.0),
         Shape("one way each", np.stack([one, other], -1), both, spread=4.0, weight=0.5),
     ]
+    courses = {
+        f"{wave}_{k}": law(baseline.joint_values[str(axis.joint.variable)])
+        for k, axis in enumerate((first, second), start=1)
+        if axis.turns
+        for wave, law in (("cosine", np.cos), ("sine", np.sin))
+    }
+    if courses:
+        columns = [one + other, *((one + other) * course[:, None] for course in courses.values())]
+        waves = (Quantity(f"coupling_compliance_by_{name}", unit, 0.5 * size) for name in courses)
+        found.append(Shape("by the angles", np.stack(columns, -1), (shared, *waves), spread=4.0, weight=0.5))
+    return found
 
 
 EFFECT = Effect(

@@ -65,8 +65,7 @@ def axis_at(baseline: Baseline, component: str) -> Axis:
     place = baseline.places.joints[joint.name]
     largest = stated_scale(baseline, "torque")
     if largest is None:
-        fitted = baseline.fit.places.joints[joint.name]
-        largest = float(np.abs(fitted.load + fitted.dead)[:, at].max(initial=0.0))
+        largest = float(np.abs(most_of(baseline.fit.places.joints[joint.name])[:, at]).max(initial=0.0))
     return Axis(
         joint=joint,
         load=place.load[:, at],
@@ -76,6 +75,11 @@ def axis_at(baseline: Baseline, component: str) -> Axis:
         turns=kind == "torsional",
         typical=largest or 1.0,
     )
+
+
+def most_of(place: Place) -> Array:
+    """Return all wrenches (2 N, 6) that a place passes, loaded and unloaded: laws act on both."""
+    return np.concatenate([place.load + place.dead, place.dead])
 
 
 def torque_scale(baseline: Baseline, component: str | None) -> Scales:
@@ -131,9 +135,8 @@ def by_side(baseline: Baseline, place: Place, at: int) -> Array:
 
 
 def load_scales(baseline: Baseline, fitted: Place) -> dict[str, float]:
-    """Return the largest force and moment of the rows that were fitted, N and N m, with weight that shows."""
-    load = fitted.load + fitted.dead if baseline.absolute else fitted.load
-    sizes = [np.linalg.norm(load[:, part], axis=1) for part in (slice(3), slice(3, 6))]
+    """Return the largest force and moment of the rows that were fitted, N and N m, weight included."""
+    sizes = [np.linalg.norm(most_of(fitted)[:, part], axis=1) for part in (slice(3), slice(3, 6))]
     return {
         name: stated_scale(baseline, name) or float(size.max(initial=0.0)) or 1.0
         for name, size in zip(("force", "moment"), sizes, strict=True)
@@ -148,10 +151,10 @@ def by_contacts(
     translation: float,
     power: float = CONTACT,
 ) -> tuple[list[Array], tuple[Quantity, ...]]:
-    """Return how a place that stiffens displaces the rows, (N, 6) each: three rotations, three translations.
+    """Return how a place that stiffens or softens displaces the rows, (N, 6) each: rotations, translations.
 
     Its slip goes by the power 2/3 of the load, as that of contacts does, or by the third power, as where a
-    preload is used up and a seam opens; the parameters are what it comes to under the largest load
+    preload is used up and a seam opens (`SEAM`); the parameters are what it comes to under the largest load
     (`load_scales`), usually that of the compliances given.
     """
     how = "at_contacts" if power == CONTACT else "of_seams"

@@ -29,9 +29,7 @@ GAUSS, WEIGHTS = np.polynomial.legendre.leggauss(6)
 
 
 def _components(baseline: Baseline) -> list[str | None]:
-    if baseline.stated is not None:
-        return list(baseline.places.links)
-    return [name for name in baseline.places.links if name not in baseline.places.standing]
+    return list(baseline.places.links)
 
 
 def flexibility(length: float, bending: Array, plane: str) -> Array:

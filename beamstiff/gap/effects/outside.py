@@ -56,10 +56,17 @@ def clock(baseline: Baseline) -> Array:
     return result
 
 
+def first_of_pose(baseline: Baseline) -> NDArray[np.intp]:
+    """Return for each row the first reading of its pose, (N,)."""
+    time, pose = clock(baseline), baseline.rows.pose
+    result = np.empty(len(pose), dtype=np.intp)
+    for one in np.unique(pose):
+        at = np.flatnonzero(pose == one)
+        result[at] = at[np.argmin(time[at])]
+    return result
+
+
 def since_pose(baseline: Baseline, course: Array) -> Array:
     """Return by how much a course (N,) has moved on since the first reading of a row's pose, (N,)."""
-    result, time = np.empty_like(course), clock(baseline)
-    for pose in np.unique(baseline.rows.pose):
-        at: NDArray[np.intp] = np.flatnonzero(baseline.rows.pose == pose)
-        result[at] = course[at] - course[at[np.argmin(time[at])]]
+    result: Array = course - course[first_of_pose(baseline)]
     return result

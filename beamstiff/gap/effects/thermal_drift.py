@@ -11,10 +11,10 @@ import numpy as np
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.gap.baseline import Baseline, nominal_pose
-from beamstiff.gap.effects.cycles import HARMONICS, cycle_of, first_of_pose, waves
+from beamstiff.gap.effects.cycles import HARMONICS, cycle_of, waves
 from beamstiff.gap.effects.effect import Effect, Quantity, Scales, Shape, stated_scale
 from beamstiff.gap.effects.geometry_error import pose_change
-from beamstiff.gap.effects.outside import campaign, clock, since_pose
+from beamstiff.gap.effects.outside import campaign, clock, first_of_pose, since_pose
 from beamstiff.se3 import Array
 
 DRIFT = 1e-4  # m over the campaign
@@ -94,12 +94,13 @@ def _cycling(baseline: Baseline, shared: bool) -> list[Shape]:
         turns = [item for name in ("sine", "cosine") for item in _named(f"turn_{name}", "rad", TURN)]
         weight = 0.5 / cycle.choices
         result += [
-            Shape(f"cycle{since}", np.concatenate(drifts, -1), tuple(names), weight=weight),
+            Shape(f"cycle{since}", np.concatenate(drifts, -1), tuple(names), weight=weight, tuned=True),
             Shape(
                 f"cycle, turning{since}",
                 np.concatenate([*drifts, *turning], -1),
                 (*names, *turns),
                 weight=weight,
+                tuned=True,
             ),
         ]
     return result
@@ -293,11 +294,9 @@ def _mean_temperature(baseline: Baseline) -> float:
 
 def _scales(baseline: Baseline, component: str | None) -> Scales:  # noqa: ARG001
     shared = not baseline.absolute and baseline.fit.rows.shared_unloaded
-    return {
-        **asdict(campaign(baseline)),
-        "temperature": _mean_temperature(baseline),
-        "cycles": cycle_of(baseline, shared).count,
-    }
+    cycles = cycle_of(baseline, shared).count
+    found: Scales = {**asdict(campaign(baseline)), "temperature": _mean_temperature(baseline)}
+    return found | ({"cycles": cycles} if cycles else {})
 
 
 def _named(what: str, unit: str, size: float) -> tuple[Quantity, ...]:

@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 from beamstiff import load_robot
+from beamstiff.gap.baseline import fit_baseline, own_direction
 from beamstiff.gap.effects.bearing_tilt import _seat
+from beamstiff.gap.effects.laws import component_of
+from beamstiff.robot.kinematics import compile_kinematics, posture
 from tests.gap.machines import (
     arm_at,
     at_random,
@@ -91,19 +94,39 @@ def test_a_bearing_gives_by_any_symmetric_compliance_but_about_its_own_axis(join
     assert np.linalg.norm(left) < 1e-9 * np.linalg.norm(moved)
 
 
-def test_a_seat_stays_with_the_part_that_carries_it() -> None:
-    still = at_random(kr240(), 6, seed=9)
-    there = nominal(kr240(), still)
-    place = there.places.joints["J2"]
-    seat = _seat(place, still.q[:, 1])
-    # the same wrenches and twists in other axes
-    np.testing.assert_allclose(
-        np.einsum("nab,nb->na", seat.shift, seat.load),
-        np.einsum("nab,nb->na", place.shift, place.load),
-        rtol=1e-9,
-    )
-    # that turn with the first joint alone: its axes are those of the robot with the second at zero
-    q = still.q.copy()
-    q[:, 1] = 0.0
-    zero = nominal(kr240(), rows_of(kr240(), q, still.wrench)).places.joints["J2"]
-    np.testing.assert_allclose(seat.turn, zero.turn, atol=1e-12)
+@pytest.mark.parametrize("robot", ["kr240-2", "kr500", "ir663", "tripod"])
+def test_a_seat_stays_with_the_part_that_carries_it(robot: str) -> None:
+    machine = load_robot(robot)
+    there = fit_baseline(machine, at_random(machine, 6, seed=9), keep=())
+    kinematics = compile_kinematics(machine)
+    where = posture(kinematics, there.rows.q).transforms
+    frames = {node.name: at for node, at in zip(machine.nodes, kinematics.node_frame, strict=True)}
+    tried = 0
+    for joint in machine.joints:
+        if joint.variable is None or joint.name not in there.places.joints:
+            continue
+        if own_direction(machine, joint.name) != "torsional":
+            continue
+        tried += 1
+        place, seat = there.places.joints[joint.name], _seat(there, joint)
+        # the same wrenches and twists in other axes, with the joint's own first
+        moved = [np.einsum("nab,nb->na", one.shift, one.load) for one in (seat, place)]
+        np.testing.assert_allclose(*moved, rtol=1e-7, atol=1e-12 * np.abs(moved[1]).max())
+        np.testing.assert_allclose(seat.turn[:, :, 0], place.turn[:, :, 0], atol=1e-9)
+        # that are at rest in the part at one of the joint's ends, and not both
+        parts = [where[:, frames[node], :3, :3].swapaxes(-1, -2) @ seat.turn for node in joint.nodes]
+        still = [bool(np.allclose(part, part[0], atol=1e-9)) for part in parts]
+        assert any(still)
+        assert not all(still) or np.ptp(there.joint_values[joint.variable]) == 0
+    assert tried
+
+
+@pytest.mark.parametrize("robot", ["tripod", "gantry"])
+def test_what_a_slide_gives_along_its_way_is_the_drives_and_not_the_bearings(robot: str) -> None:
+    machine = load_robot(robot)
+    there = fit_baseline(machine, at_random(machine, 6, seed=9), keep=())
+    slides = [joint for joint in machine.joints if own_direction(machine, joint.name) == "axial"]
+    shape = shape_of(there, "bearing-tilt", component_of(slides[0]), "any")
+    names = [item.name for item in shape.parameters]
+    assert "compliance_rx_rx" in names
+    assert not any(name.startswith("compliance_x_") for name in names)

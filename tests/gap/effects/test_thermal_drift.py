@@ -204,8 +204,24 @@ def test_a_drift_has_begun_before_the_first_row_which_of_positions_is_the_frames
     there = nominal(elbow(), rows)
     shape = shape_of(there, "thermal-drift", None, "any course")
     names = [item.name for item in shape.parameters]
-    assert np.ptp(shape.columns[:, 0, names.index("drift_begun_x")]) == 0.0
+    assert (shape.columns[:, 0, names.index("drift_begun_x")] == 1.0).all()
     seen = nominal(elbow(), rows_of(elbow(), rows.q, rows.wrench, position=np.ones((6, 3)), time=TIME))
     assert not any(
         "begun" in item.name for item in shape_of(seen, "thermal-drift", None, "any course").parameters
     )
+
+
+def test_a_machine_without_anything_to_fit_may_drift_as_well() -> None:
+    robot = elbow(torsional="rigid")
+    rows = at_random(robot, 60, seed=1, time=np.arange(60.0))
+    there = fit_baseline(robot, rows, keep=())
+    assert cycle_of(there, False).count >= 2.0
+    assert shape_of(there, "thermal-drift", None, "cycle").tuned
+
+
+def test_few_readings_are_no_reason_to_believe_in_a_cycle() -> None:
+    for count in (4, 8, 9, 12):
+        there = nominal(elbow(), at_random(elbow(), count, seed=1, time=np.arange(float(count))))
+        cycle = cycle_of(there, False)
+        assert cycle.choices >= 1.0
+        assert cycle.count == 0.0 or cycle.count >= 2.0
