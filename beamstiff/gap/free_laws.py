@@ -19,6 +19,7 @@ from beamstiff.gap.effects.drive_stiffness import Following
 from beamstiff.gap.effects.hysteresis import BEGINNINGS, FEW, held_shares
 from beamstiff.gap.effects.laws import Axis, axis_at, by_compliance, by_law, component_of, drives
 from beamstiff.gap.effects.outside import clock
+from beamstiff.gap.histories import lagging, slipping
 from beamstiff.gap.library import Library
 from beamstiff.gap.places import Place
 from beamstiff.gap.whitened import Whitened
@@ -37,6 +38,9 @@ PLAY = "has play"
 ONE_SIDED = "stays softer to one side, whatever its torque"
 CHANGING = "changes its stiffness with the time"
 CREEPING = "creeps"
+SLIPPING = "slips against friction, so that what it does depends on the load history"
+STICKING = "stick or drag behind what moves, as gauges do"
+READINGS = "readings"
 INSIDE = ("structure", "drive")  # families of effects whose places have laws of their own here
 PAIRS = [(a, b) for a in range(6) for b in range(a, 6)]
 
@@ -54,9 +58,10 @@ class FreeLaw:
     inside : bool
         Whether it is a place of the machine that gives way.
     nameless : dict of str to (n, k) array
-        Main modes of what no effect of the library is, by what the place would do: play of the structure; of
-        a drive what stays softer to one side, changes with the time, or creeps. Few enough
-        each to be seen where all that the place could do is too much.
+        Main modes of what no effect of the library is, by what the place would do: play of the structure,
+        friction at base and tool, a tether; of a drive what stays softer to one side, changes with the time,
+        or creeps; of readings that they stick. Few enough each to be seen where all that the place could do
+        is too much.
     """
 
     place: str
@@ -79,6 +84,8 @@ def free_laws(baseline: Baseline, library: Library, white: Whitened) -> list[Fre
     for name, at in structure:
         compliance, bent, play = _of_structure(baseline, at)
         nameless = {PLAY: _modes(white, (play,))}
+        if name in ("base", "tool"):
+            nameless[SLIPPING] = _modes(white, (slipping(baseline, at),))
         if name == "tool":
             nameless[TETHERED] = _modes(white, (_tethered(baseline),))
         found.append(FreeLaw(name, _modes(white, (compliance, bent)), nameless=nameless))
@@ -86,13 +93,15 @@ def free_laws(baseline: Baseline, library: Library, white: Whitened) -> list[Fre
         named, others = _of_drive(baseline, drive)
         nameless = {does: _modes(white, (law,)) for does, law in others.items()}
         found.append(FreeLaw(drive, _modes(white, (*named, *others.values())), nameless=nameless))
-    outside: dict[str, list[Array]] = {}
+    outside: dict[str, list[Array]] = {READINGS: []}
     for one in library.hypotheses:
         if EFFECTS[one.effect].family not in INSIDE:
             for place in one.places:
                 outside.setdefault(place, []).append(one.columns)
-    found += [FreeLaw(place, _main(white, columns), inside=False) for place, columns in outside.items()]
-    return [law for law in found if law.modes.shape[1]]
+    for place, columns in outside.items():
+        stuck = {STICKING: _modes(white, (lagging(baseline),))} if place == READINGS else {}
+        found.append(FreeLaw(place, _main(white, columns), inside=False, nameless=stuck))
+    return [law for law in found if law.modes.shape[1] or law.nameless]
 
 
 def modes_of(laws: Sequence[FreeLaw], places: Collection[str], values: int) -> Array:

@@ -12,10 +12,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2, norm, rankdata
+from scipy.stats import chi2
 
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.library import Hypothesis, Library, by_candidate, whitened
+from beamstiff.gap.mishaps import by_chance
 from beamstiff.gap.variance import Variance, estimate, precision
 from beamstiff.gap.whitened import SILENT, Whitened, whiten
 from beamstiff.se3 import Array
@@ -25,7 +26,6 @@ ROUNDS = 6
 MAIN = 1e-6  # of the largest variance of what the shapes do together, below which the rest is left out
 SURE = 1e-3  # probability that any row of a sound table is flagged
 SOUND, BUT = 0.58, 2  # of the bound, within which all other rows lie but for so many, where some are mishaps
-BY_CHANCE = 0.01  # probability that wrong rows come from as few postures
 CLAIM, NO_CLAIM = 0.6, 2.0  # standard deviation of the log noise scale: claims are off by two at times
 
 
@@ -46,9 +46,7 @@ class Screened:
     strength : float
         How many times farther the outliers are than the farthest sound row would be, squared; their median.
     isolated : bool
-        Whether they stand apart as mishaps do: from as many postures and under as small loads as chance would
-        take, and all other rows as near as sound ones are. What a shape misses is large at some postures or
-        loads, and next to large.
+        Whether they stand apart as mishaps do (`mishaps`), and all other rows are as near as sound ones are.
     """
 
     baseline: Baseline
@@ -94,30 +92,9 @@ def screen(baseline: Baseline, library: Library) -> Screened:
     strength = float(np.median(list(found.values()))) if found else 0.0
     excess[order] = 0.0
     apart = len(order) > 0 and bool(np.sort(excess)[-1 - BUT] < SOUND)
-    isolated = (
-        apart
-        and _chance_of_few(baseline.rows.pose, order) > BY_CHANCE
-        and _chance_of_large(np.linalg.norm(baseline.predicted[:, :3], axis=1), order) > BY_CHANCE
-    )
+    isolated = apart and by_chance(baseline, order)
     outliers = np.array(order, dtype=np.intp)
     return Screened(replace(baseline, sigma=sigma), used, outliers, noise, strength, isolated)
-
-
-def _chance_of_few(pose: NDArray[np.intp], rows: Sequence[int]) -> float:
-    """Return the probability that as many rows, taken at random, come from as few postures as these."""
-    postures, found = np.unique(pose).size, np.unique(pose[list(rows)]).size
-    chance = np.zeros(postures + 1)  # of a number of postures, row by row
-    chance[0] = 1.0
-    new = 1.0 - np.arange(postures + 1) / postures
-    for _ in rows:
-        chance = chance * (1.0 - new) + np.concatenate([[0.0], (chance * new)[:-1]])
-    return float(chance[: found + 1].sum())
-
-
-def _chance_of_large(moved: Array, rows: Sequence[int]) -> float:
-    """Return the probability that as many rows, taken at random, stand as high in the order of what moves."""
-    rank = (rankdata(moved)[list(rows)] - 0.5) / moved.size
-    return float(norm.sf((rank.mean() - 0.5) * np.sqrt(12.0 * rank.size)))
 
 
 def _spread(distance: Array, count: NDArray[np.intp]) -> float:

@@ -9,7 +9,7 @@ import pytest
 
 from beamstiff.gap.baseline import Baseline, fit_baseline
 from beamstiff.gap.library import Library, state_library
-from beamstiff.gap.screening import Screened, _chance_of_few, screen
+from beamstiff.gap.screening import Screened, screen
 from beamstiff.gap.whitened import whiten
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements
@@ -60,12 +60,14 @@ def test_mishaps_are_isolated_and_what_one_posture_has_to_itself_is_not() -> Non
     assert not found.isolated
 
 
-def test_the_chance_of_few_postures_is_that_of_boxes_and_balls() -> None:
-    pose = np.repeat(np.arange(3), 4)
-    # three balls in three boxes: all in one, in at most two, in any
-    assert _chance_of_few(pose, [0, 1, 2]) == pytest.approx(1 / 9)
-    assert _chance_of_few(pose, [0, 1, 4]) == pytest.approx(7 / 9)
-    assert _chance_of_few(pose, [0, 4, 8]) == pytest.approx(1.0)
+def test_rows_of_one_posture_that_are_off_by_the_same_are_one_mishap() -> None:
+    rows = planted.campaign(PLAN, planted.backlash, seed=1)
+    run = np.flatnonzero(PLAN.pose == PLAN.pose[40])[:4].tolist()
+    moved = rows.displacement.copy()
+    moved[run, :3] += [1.5e-3, -1e-3, 1e-3]  # a reflector that was bumped
+    found = screened(replace(rows, displacement=moved))
+    assert sorted(found.outliers.tolist()) == run
+    assert found.isolated
 
 
 def test_sound_rows_are_left_alone() -> None:

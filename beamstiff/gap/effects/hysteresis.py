@@ -92,16 +92,9 @@ def held_shares(baseline: Baseline, axis: Axis, ways: Sequence[float], wound: bo
 
     Nothing where no torque acts: friction that never slips is the zero of an encoder.
     """
-    rows = baseline.rows
     if not (np.abs(axis.load) + np.abs(axis.dead)).any():
-        return np.zeros((len(rows), len(LIMITS), len(ways)))
-    order = history_order(rows)
-    fresh = np.zeros(len(rows), dtype=np.bool_)
-    groups = rows.run if rows.continuous else rows.pose
-    seen: set[int] = set()
-    for row in order.tolist():
-        fresh[row] = int(groups[row]) not in seen
-        seen.add(int(groups[row]))
+        return np.zeros((len(baseline.rows), len(LIMITS), len(ways)))
+    order, fresh = history(baseline)
 
     def held(limit: float, way: float) -> Array:
         torque, most = axis.load + axis.dead, limit * axis.typical
@@ -112,6 +105,30 @@ def held_shares(baseline: Baseline, axis: Axis, ways: Sequence[float], wound: bo
     every = [np.stack([held(limit, way) for way in ways], -1) for limit in LIMITS]
     result: Array = np.stack(every, 1) / axis.typical
     return result
+
+
+def history(
+    baseline: Baseline, some: NDArray[np.bool_] | None = None
+) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+    """Return the order in which the rows were loaded, and which of them (N,) begin a history.
+
+    Parameters
+    ----------
+    baseline : Baseline
+    some : (N,) bool array, optional
+        Rows that have a history of their own; else all.
+    """
+    rows = baseline.rows
+    order = history_order(rows)
+    if some is not None:
+        order = order[some[order]]
+    fresh = np.zeros(len(rows), dtype=np.bool_)
+    groups = rows.run if rows.continuous else rows.pose
+    seen: set[int] = set()
+    for row in order.tolist():
+        fresh[row] = int(groups[row]) not in seen
+        seen.add(int(groups[row]))
+    return order, fresh
 
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
