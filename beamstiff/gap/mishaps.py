@@ -18,7 +18,7 @@ from beamstiff.se3 import Array
 
 BY_CHANCE = 0.01  # probability that wrong rows come from as few postures, or from as large moves
 SAME = 0.15  # of the square of what rows are off by, within which they are off by the same
-VARIES = 0.1  # of the square of what the model predicts, from which the loads of a run differ
+VARIES = 0.05  # of the square of what the model predicts, from which the loads of a run differ
 
 
 def by_chance(baseline: Baseline, outliers: Sequence[int]) -> bool:
