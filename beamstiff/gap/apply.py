@@ -26,7 +26,10 @@ from beamstiff.units import in_unit
 if TYPE_CHECKING:
     from beamstiff.gap.result import Diagnosis
 
-POSITIVE = ("torque", "force", "moment", "compliance", "counts", "rows", "cycles")  # scales that divide
+POSITIVE = (
+    *("torque", "force", "moment", "compliance", "counts", "rows", "cycles"),
+    *("seats_radius", "seats_force"),
+)  # scales that divide
 
 
 def predict_with_effects(robot: Robot, rows: Measurements) -> Array:

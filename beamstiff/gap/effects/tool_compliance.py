@@ -9,12 +9,13 @@ import numpy as np
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects.effect import Effect, Quantity, Scales, Shape
 from beamstiff.gap.effects.laws import SEAM, by_compliance, by_contacts, by_side, load_scales, softness
+from beamstiff.gap.effects.seats import NAMES, by_seats, choices, seat_scales, seats_of
 
 ROTATION = 2e-6  # rad/(N m)
 TRANSLATION = 2e-8  # m/N
 COUPLING = 2e-7  # 1/N: an elastic centre a decimetre behind the TCP
 SPREAD, REALISTIC = 10.0, 5.0
-LAWS = ("by axis, stiffening", "by axis, softening")  # shapes that count against the largest load
+LAWS = ("by axis, stiffening", "by axis, softening", "on three")  # shapes that count against the largest load
 CENTRES = (0.05, 0.1, 0.2)  # m along the tool's axis z, at which it tilts
 
 
@@ -114,13 +115,27 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
             (*rotations, *slides, *skews, *slants, *couplings),
         ),
     ]
+    if (seats := seats_of(baseline)) is not None:
+        tilted = rotation * 1.5 * seats.radius * seats.force
+        sizes = (("tilt", "rad", tilted), ("lift", "m", tilted * seats.radius))
+        ways = tuple(Quantity(f"{what}_{name}", unit, size) for name in NAMES for what, unit, size in sizes)
+        columns = np.stack([*turning, *sliding, coupled[1], coupled[3]], -1)
+        found.append(
+            Shape(
+                "on three seats",
+                np.concatenate([columns, by_seats(baseline, place, seats)], -1),
+                (*rotations, *slides, couplings[1], couplings[3], *ways),
+                weight=0.5 / choices(),
+                tuned=True,
+            )
+        )
     return [
         replace(one, spread=SPREAD, realistic=REALISTIC, scaled=one.name.startswith(LAWS)) for one in found
     ]
 
 
 def _scales(baseline: Baseline, component: str | None) -> Scales:  # noqa: ARG001
-    return {**load_scales(baseline, baseline.fit.places.flange)}
+    return load_scales(baseline, baseline.fit.places.flange) | seat_scales(baseline)
 
 
 EFFECT = Effect(

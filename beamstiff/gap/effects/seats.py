@@ -1,0 +1,164 @@
+"""Tools on three seats: jaws, feet or bolts at a radius r, 120 degrees apart, each giving way by a law.
+
+From a wrench about their middle, a distance a behind the TCP, a seat in direction ``t_i`` carries
+``f_i = F_z / 3 + 2 M t_i / (3 r)``; what the seats give way by tilts the tool about the ``t_i`` and lifts it.
+Where each follows any law of its force, and lifts off or opens, the tool is softer in some directions than in
+others, and softer to one side of each: no compliance, and no law by axis, does that. Where the seats stand is
+not known beforehand: they are taken where they explain most of the gap, and the choice is paid for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from beamstiff.gap.baseline import Baseline
+from beamstiff.gap.effects.effect import Scales, stated_scale
+from beamstiff.gap.effects.laws import by_compliance
+from beamstiff.gap.places import Place
+from beamstiff.se3 import Array
+
+DISTANCES, RADII = (0.06, 0.1), (0.035, 0.065)  # m
+ANGLES = tuple(np.deg2rad(np.arange(0.0, 120.0, 15.0)).tolist())
+NEARER, TURNED = (0.75, 1.0, 1.3), tuple(np.deg2rad([-5.0, 0.0, 5.0]).tolist())
+KNEES = (0.15, 0.35)  # of the largest force on a seat
+NAMES = ("by_side", *(f"{side}_{knee:g}" for knee in KNEES for side in ("pressed_beyond", "lifted_beyond")))
+BOUND = 5.0  # usual sizes beyond which a value counts as one at this bound: a bad row must not choose
+SILENT = 1e-9
+
+
+@dataclass(frozen=True)
+class Seats:
+    """Where three seats stand.
+
+    Attributes
+    ----------
+    distance : float, m
+        Along z behind the TCP.
+    radius : float, m
+    angle : float, rad
+        Of the first one's direction of tilt from x about z.
+    force : float, N
+        Largest one on a seat, against which its laws count.
+    """
+
+    distance: float
+    radius: float
+    angle: float
+    force: float
+
+    def forces(self, load: Array) -> Array:
+        """Return the forces on the seats (N, 3) of wrenches (N, 6) about the TCP in the tool's axes, N."""
+        moment = load[:, 3:5] + self.distance * np.stack([-load[:, 1], load[:, 0]], -1)
+        result: Array = load[:, 2:3] / 3.0 + 2.0 / (3.0 * self.radius) * moment @ self.directions.T
+        return result
+
+    @property
+    def directions(self) -> Array:
+        """The directions (3, 2) about which the seats tilt the tool."""
+        angle = self.angle + 2.0 * np.pi / 3.0 * np.arange(3)
+        return np.stack([np.cos(angle), np.sin(angle)], -1)
+
+
+def seat_scales(baseline: Baseline) -> Scales:
+    """Return where the seats stand and their largest force, by the names that `seats_of` finds again."""
+    seats = seats_of(baseline)
+    if seats is None:
+        return {}
+    return {f"seats_{name}": value for name, value in vars(seats).items()}
+
+
+def seats_of(baseline: Baseline) -> Seats | None:
+    """Return the seats that explain most of the gap of the rows that were fitted, or those stated.
+
+    None where no row loads them, or where the robot states none.
+    """
+    if baseline.stated is not None:
+        stated = [
+            stated_scale(baseline, f"seats_{name}") for name in ("distance", "radius", "angle", "force")
+        ]
+        values = [value for value in stated if value is not None]
+        return Seats(*values) if len(values) == len(stated) else None
+    fit = baseline.fit
+    left, own, weight = _left(fit)
+    if not left.any():
+        return None
+
+    def explained(seats: Seats) -> float:
+        columns = (by_seats(fit, fit.places.flange, seats) * weight[..., None])[fit.used]
+        columns = columns - own @ (own.T @ columns)
+        size = np.linalg.norm(columns, axis=0)
+        columns = columns[:, size > SILENT * size.max(initial=0.0)]
+        toward = columns.T @ left
+        return float(toward @ np.linalg.pinv(columns.T @ columns, rcond=1e-8, hermitian=True) @ toward)
+
+    tried = [_at(fit, *where) for where in product(DISTANCES, RADII, ANGLES)]
+    best = max((seats for seats in tried if seats.force > 0), key=explained, default=None)
+    if best is None:
+        return None
+    distances, radii = ([size * by for by in NEARER] for size in (best.distance, best.radius))
+    angles = [best.angle + by for by in TURNED]
+    return max((_at(fit, *where) for where in product(distances, radii, angles)), key=explained)
+
+
+def choices() -> int:
+    """Return among how many places of the seats one is chosen first."""
+    return len(DISTANCES) * len(RADII) * len(ANGLES)
+
+
+def by_seats(baseline: Baseline, place: Place, seats: Seats) -> Array:
+    """Return how seats that give way by laws displace the rows, (N, 6, 2 laws): tilts in turn with lifts.
+
+    Each law is 1 under the largest force, whose tilt is 1 rad and whose lift is 1 m.
+    """
+    loaded, dead = (seats.forces(wrench) / seats.force for wrench in (place.load + place.dead, place.dead))
+    # the seats' tilt moves the TCP too, which is in front of them
+    tilt = place.shift[:, :, 3:5] + seats.distance * np.stack(
+        [-place.shift[:, :, 1], place.shift[:, :, 0]], -1
+    )
+    turned = tilt @ seats.directions.T  # (N, 6, 3)
+    columns = []
+    for law in _laws():
+        given = law(loaded) - (0.0 if baseline.absolute else law(dead))
+        columns += [np.einsum("nas,ns->na", turned, given), place.shift[:, :, 2] * given.sum(axis=1)[:, None]]
+    return np.stack(columns, -1)
+
+
+def _laws() -> Iterator[Callable[[Array], Array]]:
+    yield np.abs
+    for knee in KNEES:
+        yield lambda force, at=knee: np.maximum(force - at, 0.0)  # type: ignore[misc]
+        yield lambda force, at=knee: np.minimum(force + at, 0.0)  # type: ignore[misc]
+
+
+def _at(baseline: Baseline, distance: float, radius: float, angle: float) -> Seats:
+    seats = Seats(distance, radius, angle, 1.0)
+    place = baseline.places.flange
+    largest = max(
+        np.abs(seats.forces(load)).max(initial=0.0) for load in (place.load + place.dead, place.dead)
+    )
+    return replace(seats, force=float(largest))
+
+
+def _left(baseline: Baseline) -> tuple[Array, Array, Array]:
+    """Return the gap (n,) beside the model's own values and any compliance of the tool, and their weights.
+
+    These are orthonormal columns (n, t); the weights (N, 6) are those of positions and rotations.
+    """
+    place, used = baseline.places.flange, baseline.used
+    pairs = [(a, b) for a in range(6) for b in range(a, 6)]
+    any_compliance = np.stack([by_compliance(baseline, place, [pair]) for pair in pairs], -1)
+    weight = 1.0 / np.where(used, baseline.sigma, 1.0)
+    own = (np.concatenate([baseline.tangent, any_compliance], -1) * weight[..., None])[used]
+    size = np.linalg.norm(own, axis=0)
+    own = own[:, size > 0] / size[size > 0]
+    vectors, values, _ = np.linalg.svd(own, full_matrices=False)
+    vectors = vectors[:, values > SILENT * values.max(initial=0.0)]
+    gap = (baseline.gap * weight)[used]
+    left = gap - vectors @ (vectors.T @ gap)
+    bound = BOUND * float(np.median(np.abs(left))) if left.size else 0.0
+    clipped = np.clip(left, -bound, bound)
+    return clipped - vectors @ (vectors.T @ clipped), vectors, weight
