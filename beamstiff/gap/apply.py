@@ -99,7 +99,8 @@ def extended(diagnosis: Diagnosis) -> Robot:
     Returns
     -------
     Robot
-        Predicts what `Diagnosis.predict_shift` does, but for terms of second order in what was added.
+        Predicts what `Diagnosis.predict_shift` does, but for terms of second order in what was added and
+        for what was of the measured postures alone.
     """
     fit = diagnosis.linear if diagnosis.fits else diagnosis.baseline
     found: dict[tuple[str, str | None, str], tuple[Shape, Array]] = {}
@@ -121,6 +122,7 @@ def extended(diagnosis: Diagnosis) -> Robot:
             parameters={
                 item.name: _written(value, item.unit)
                 for item, value in zip(shape.parameters, values.tolist(), strict=True)
+                if not item.passing
             },
             scales=EFFECTS[effect].scales(fit, component),
         )

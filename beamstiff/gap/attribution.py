@@ -59,7 +59,7 @@ def attribute(white: Whitened, laws: Sequence[FreeLaw], noise: float) -> Attribu
     precision = np.full(len(places), 10.0 * len(places) * columns.shape[0] / max(float(y @ y), 1.0))
     count = np.bincount(of, minlength=len(places))
     mean, covariance = np.zeros(of.size), np.zeros((of.size, of.size))
-    for _ in range(ROUNDS if places else 0):
+    for _ in range(ROUNDS if of.size else 0):
         covariance = _inverse(gram / noise**2 + np.diag(precision[of]))
         mean = covariance @ toward / noise**2
         before = precision

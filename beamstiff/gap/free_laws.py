@@ -9,7 +9,7 @@ better than they do.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -101,12 +101,15 @@ def free_laws(baseline: Baseline, library: Library, white: Whitened) -> list[Fre
     for place, columns in outside.items():
         stuck = {STICKING: _modes(white, (lagging(baseline),))} if place == READINGS else {}
         found.append(FreeLaw(place, _main(white, columns), inside=False, nameless=stuck))
+    found = [
+        replace(law, nameless={does: m for does, m in law.nameless.items() if m.shape[1]}) for law in found
+    ]
     return [law for law in found if law.modes.shape[1] or law.nameless]
 
 
 def modes_of(laws: Sequence[FreeLaw], places: Collection[str], values: int) -> Array:
     """Return the modes (n, m) of some places, n whitened values, together of mean square 1; none is m = 0."""
-    own = [law.modes for law in laws if law.place in places]
+    own = [law.modes for law in laws if law.place in places and law.modes.shape[1]]
     result: Array = np.concatenate([np.zeros((values, 0)), *own], axis=1) / np.sqrt(max(len(own), 1))
     return result
 

@@ -25,6 +25,7 @@ def held_back(
     *,
     carried: bool | NDArray[np.bool_] = False,
     released: bool | NDArray[np.bool_] = False,
+    whole: bool = False,
 ) -> Array:
     """Return what is held of vectors that are followed, (N, m, 3), since the start of each row's history.
 
@@ -41,6 +42,8 @@ def held_back(
         Whether what is held when a history ends is still held when the next one starts.
     released : bool or (m,) bool array
         Whether all is let go where the limit is passed, as what sticks does; else the limit stays held.
+    whole : bool
+        Whether what is held when a history starts counts too, as where positions are absolute.
 
     Examples
     --------
@@ -67,7 +70,7 @@ def held_back(
             held = np.where(np.reshape(carried, (-1, 1)), moved(start[row] - before), 0.0)
             before, first = start[row], held
         held, before = moved(followed[row] - before), followed[row]
-        result[row] = held - first
+        result[row] = held if whole else held - first
     return result
 
 
@@ -82,7 +85,9 @@ def slipping(baseline: Baseline, place: Place) -> Array:
     ways = loads[0].shape[1]
     load, start = (np.tile(np.concatenate(parts, axis=1), (1, 2, 1)) for parts in (loads, starts))
     carried = np.repeat([False, True], 2 * ways)
-    held = held_back(load, start, *history(baseline), np.tile(_limits(), 4), carried=carried)
+    held = held_back(
+        load, start, *history(baseline), np.tile(_limits(), 4), carried=carried, whole=baseline.absolute
+    )
     shift = place.shift.reshape(*place.shift.shape[:2], 2, 3)
     columns = np.einsum("napi,ncpmi->nacpmi", shift, held.reshape(len(held), 2, 2, ways, 3))
     flat = columns.reshape(*columns.shape[:2], -1)

@@ -17,18 +17,17 @@ from beamstiff.measure.rows import history_order
 from beamstiff.se3 import Array
 
 BY_CHANCE = 0.01  # probability that wrong rows come from as few postures, or from as large moves
-SAME = 0.15  # of the square of what rows are off by, within which they are off by the same
-VARIES = 0.05  # of the square of what the model predicts, from which the loads of a run differ
+SAME = 0.15  # of the squares of what two are off by, within which they are off by the same
+VARIES = 0.25  # of the square of what the model predicts, from which a run's loads turn, or come to nothing
 
 
 def by_chance(baseline: Baseline, outliers: Sequence[int]) -> bool:
     """Return whether rows come from as many postures and from as small moves as mishaps would."""
     each = mishaps(baseline, outliers)
     moved = np.linalg.norm(baseline.predicted[:, :3], axis=1)
-    largest = [max(rows, key=moved.__getitem__) for rows in each]
-    postures = [int(baseline.rows.pose[rows[0]]) for rows in each]
-    few = _chance_of_few(np.unique(baseline.rows.pose).size, postures)
-    return few > BY_CHANCE and _chance_of_large(moved, largest) > BY_CHANCE
+    struck = [rows[0] for rows in each]
+    few = _chance_of_few(np.unique(baseline.rows.pose).size, baseline.rows.pose[struck].tolist())
+    return few > BY_CHANCE and _chance_of_large(moved, struck) > BY_CHANCE
 
 
 def mishaps(baseline: Baseline, outliers: Sequence[int]) -> list[list[int]]:
@@ -42,7 +41,8 @@ def mishaps(baseline: Baseline, outliers: Sequence[int]) -> list[list[int]]:
     Returns
     -------
     list of list of int
-        Rows under loads that differ, read of one reflector one after another.
+        Rows of one reflector, one after another, under loads that turn or come to nothing: what gives way and
+        stays so is off by the same under all loads to one side.
     """
     wrong = set(outliers)
     off = np.where(baseline.used, baseline.gap / baseline.sigma, 0.0)
@@ -51,7 +51,7 @@ def mishaps(baseline: Baseline, outliers: Sequence[int]) -> list[list[int]]:
     for one in np.unique(point):
         run: list[int] = []
         for row in order[point[order] == one].tolist():
-            if row in wrong and run and _same(off[[*run, row]]):
+            if row in wrong and run and _same(off[row], off[run].mean(axis=0)):
                 run.append(row)
                 continue
             result += _as_mishaps(baseline, run)
@@ -60,13 +60,13 @@ def mishaps(baseline: Baseline, outliers: Sequence[int]) -> list[list[int]]:
     return result
 
 
-def _same(values: Array) -> bool:
-    """Return whether vectors (k, 6) are about the same."""
-    return bool(((values - values.mean(axis=0)) ** 2).sum() <= SAME * (values**2).sum())
+def _same(one: Array, other: Array) -> bool:
+    """Return whether vectors (6,) are about the same."""
+    return bool(((one - other) ** 2).sum() <= SAME * ((one**2).sum() + (other**2).sum()))
 
 
 def _as_mishaps(baseline: Baseline, run: list[int]) -> list[list[int]]:
-    """Return a run as one mishap where its loads differ; what is off by as much as it is loaded is no run."""
+    """Return a run as one mishap where its loads differ enough, else row by row."""
     moved = baseline.predicted[run] / baseline.sigma[run]
     if len(run) > 1 and ((moved - moved.mean(axis=0)) ** 2).sum() >= VARIES * (moved**2).sum():
         return [run]

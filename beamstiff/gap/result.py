@@ -218,7 +218,7 @@ def columns_at(baseline: Baseline, hypothesis: Any) -> Array:
 
 
 def estimates_of(fit: Fitted, which: int = 0) -> tuple[Estimate, ...]:
-    """Return the parameters of one of the shapes of a fit."""
+    """Return the parameters of one of the shapes of a fit, but those of the postures at hand alone."""
     start = sum(one.hypothesis.columns.shape[1] for one in fit.shapes[:which])
     shape = fit.shapes[which].hypothesis.shape
     factor = shape.realistic or shape.spread
@@ -232,6 +232,7 @@ def estimates_of(fit: Fitted, which: int = 0) -> tuple[Estimate, ...]:
             realistic=(item.size / factor, item.size * factor),
         )
         for k, item in enumerate(shape.parameters)
+        if not item.passing
     )
 
 

@@ -7,11 +7,11 @@ import pytest
 
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects import EFFECTS
-from beamstiff.gap.free_laws import MODES, FreeLaw, _tethered, free_laws
+from beamstiff.gap.free_laws import MODES, FreeLaw, _tethered, free_laws, modes_of
 from beamstiff.gap.library import Library, state_library
 from beamstiff.gap.whitened import Whitened, whiten
 from beamstiff.se3 import Array
-from tests.gap.machines import POSITION, ROTATION, at_random, kr240, nominal
+from tests.gap.machines import POSITION, ROTATION, at_random, kr240, nominal, rows_of
 
 Found = tuple[Baseline, Whitened, Library, list[FreeLaw]]
 
@@ -88,3 +88,14 @@ def test_a_spring_from_the_tool_to_the_floor_has_no_name() -> None:
     columns = _tethered(there).reshape(moved.size, 6)
     left = moved - columns @ np.linalg.lstsq(columns, moved)[0]
     assert np.linalg.norm(left) < 0.01 * np.linalg.norm(moved)
+
+
+def test_drives_that_carry_nothing_take_nothing_from_the_others() -> None:
+    q = at_random(kr240(), 24, seed=5).q
+    down = np.tile([0.0, 0.0, -900.0, 0.0, 0.0, 0.0], (24, 1))
+    there = nominal(kr240(), rows_of(kr240(), q, down, sigma_position=POSITION, sigma_rotation=ROTATION))
+    white = whiten(there)
+    laws = free_laws(there, state_library(there, white), white)
+    assert all(modes.shape[1] for law in laws for modes in law.nameless.values())
+    for place in ("q1", "q2", "tool"):  # nothing turns the first axis
+        assert (modes_of(laws, {place}, white.gap.size) ** 2).sum() == pytest.approx(white.gap.size)

@@ -114,3 +114,11 @@ def test_a_seat_that_slips_about_one_axis_lies_among_what_friction_can_do(there:
     largest = np.linalg.norm(load[:, 3:], axis=1).max()
     held = held_torque(load[:, 4], dead[:, 4], history(there)[1], history(there)[0], LIMIT * largest)
     assert explained(slipping(there, place), place.shift[:, :, 4] * held[:, None]) > 1 - 1e-9
+
+
+def test_where_positions_are_absolute_what_was_held_before_counts_too() -> None:
+    way = np.zeros((4, 1, 3))
+    way[:, 0, 0] = 1.0, 0.0, 1.0, 0.0
+    first = np.array([True, False, True, False])
+    held = held_back(way, 0 * way, np.arange(4), first, np.array([0.4]), carried=True, whole=True)
+    np.testing.assert_allclose(held[:, 0, 0], [0.4, -0.4, 0.4, -0.4])

@@ -14,7 +14,8 @@ from tests.gap.machines import kr240, nominal
 from tests.gap.planted import campaign, plan
 
 PLAN = plan(6)
-RUN = [13, 14, 15]  # of the posture of rows 12 to 17, under loads that differ
+RUN = [13, 14, 15]  # of the posture of rows 12 to 17
+SHIFT = np.array([12.0, -9.0, 4.0, 0.0, 0.0, 0.0])  # sigma
 
 
 def off_by(values: dict[int, Array]) -> Baseline:
@@ -26,29 +27,35 @@ def off_by(values: dict[int, Array]) -> Baseline:
     return replace(there, measured=there.predicted + gap)
 
 
+def under(there: Baseline, steps: list[float]) -> Baseline:
+    """Return the same with the loads of the run in one direction, times the steps."""
+    predicted = there.predicted.copy()
+    predicted[RUN] = np.outer(steps, np.full(6, 1e-3))
+    return replace(there, measured=there.gap + predicted, predicted=predicted)
+
+
 def test_rows_one_after_another_that_are_off_by_the_same_are_one_mishap() -> None:
     rng = np.random.default_rng(2)
-    shift = np.array([12.0, -9.0, 4.0, 0.0, 0.0, 0.0])
-    there = off_by({row: shift + rng.standard_normal(6) for row in RUN})
-    assert mishaps(there, RUN) == [RUN]
-    assert mishaps(there, [RUN[0], RUN[2]]) == [[RUN[0]], [RUN[2]]]  # a sound row lies between
+    there = off_by({row: SHIFT + rng.standard_normal(6) for row in RUN})
+    for steps in ([0.5, 0.0, -0.5], [1.0, 0.5, 0.0]):
+        assert mishaps(under(there, steps), RUN) == [RUN]
+    assert mishaps(under(there, [0.5, 0.0, -0.5]), [RUN[0], RUN[2]]) == [[RUN[0]], [RUN[2]]]  # one is sound
 
 
-def test_rows_that_are_off_by_as_much_as_they_are_loaded_are_each_one() -> None:
-    shift = np.array([12.0, -9.0, 4.0, 0.0, 0.0, 0.0])
-    steps = np.array([0.2, 1.0, 0.5])
-    there = off_by({row: shift * step * 2 for row, step in zip(RUN, steps, strict=True)})
-    assert len(mishaps(there, RUN)) > 1
-    turned = off_by({row: np.roll(shift, k) for k, row in enumerate(RUN)})
-    assert mishaps(turned, RUN) == [[row] for row in RUN]
+def test_what_gives_way_and_stays_so_is_no_mishap() -> None:
+    there = off_by(dict.fromkeys(RUN, SHIFT))
+    assert mishaps(under(there, [0.6, 1.0, 0.5]), RUN) == [[row] for row in RUN]
+    turned = off_by({row: sign * SHIFT for row, sign in zip(RUN, (1, 1, -1), strict=True)})
+    assert RUN not in mishaps(under(turned, [0.6, 1.0, -1.0]), RUN)
 
 
-def test_under_one_load_a_run_says_nothing() -> None:
-    shift = np.array([12.0, -9.0, 4.0, 0.0, 0.0, 0.0])
-    there = off_by(dict.fromkeys(RUN, shift))
-    still = there.predicted.copy()
-    still[RUN] = still[RUN[0]]
-    assert mishaps(replace(there, measured=there.gap + still, predicted=still), RUN) == [[row] for row in RUN]
+def test_rows_that_are_off_by_something_else_are_another_mishap() -> None:
+    long = list(range(12, 30))
+    there = off_by(dict.fromkeys(long, SHIFT) | {30: np.roll(SHIFT, 1)})
+    predicted = there.predicted.copy()
+    predicted[long] = np.outer(np.cos(np.arange(18.0)), np.full(6, 1e-3))
+    there = replace(there, measured=there.gap + predicted, predicted=predicted)
+    assert mishaps(there, [*long, 30]) == [long, [30]]
 
 
 def test_the_chance_of_few_postures_is_that_of_boxes_and_balls() -> None:

@@ -20,12 +20,15 @@ class Quantity:
         A middling realistic magnitude, in `unit`.
     positive : bool
         Whether it cannot be negative: nothing gives way against its load.
+    passing : bool
+        Whether it is of the postures at hand alone: it says nothing of others, and is not told.
     """
 
     name: str
     unit: str
     size: float
     positive: bool = False
+    passing: bool = False
 
 
 @dataclass(frozen=True, eq=False)

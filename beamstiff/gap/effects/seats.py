@@ -15,6 +15,7 @@ from itertools import product
 
 import numpy as np
 
+from beamstiff.errors import BeamstiffError, listed
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects.effect import Scales, stated_scale
 from beamstiff.gap.effects.laws import by_compliance
@@ -27,7 +28,8 @@ NEARER, TURNED = (0.75, 1.0, 1.3), tuple(np.deg2rad([-5.0, 0.0, 5.0]).tolist())
 KNEES = (0.15, 0.35)  # of the largest force on a seat
 NAMES = ("by_side", *(f"{side}_{knee:g}" for knee in KNEES for side in ("pressed_beyond", "lifted_beyond")))
 BOUND = 5.0  # usual sizes beyond which a value counts as one at this bound: a bad row must not choose
-SILENT = 1e-9
+SILENT = 1e-9  # share below which there is nothing but rounding
+LEVER = 0.5  # m, by which rotations count beside positions, whatever the noise is thought to be
 
 
 @dataclass(frozen=True)
@@ -77,31 +79,28 @@ def seats_of(baseline: Baseline) -> Seats | None:
     None where no row loads them, or where the robot states none.
     """
     if baseline.stated is not None:
-        stated = [
-            stated_scale(baseline, f"seats_{name}") for name in ("distance", "radius", "angle", "force")
-        ]
-        values = [value for value in stated if value is not None]
-        return Seats(*values) if len(values) == len(stated) else None
+        return _stated(baseline)
     fit = baseline.fit
     left, own, weight = _left(fit)
-    if not left.any():
-        return None
 
     def explained(seats: Seats) -> float:
         columns = (by_seats(fit, fit.places.flange, seats) * weight[..., None])[fit.used]
         columns = columns - own @ (own.T @ columns)
         size = np.linalg.norm(columns, axis=0)
         columns = columns[:, size > SILENT * size.max(initial=0.0)]
+        if not columns.shape[1]:
+            return 0.0
         toward = columns.T @ left
         return float(toward @ np.linalg.pinv(columns.T @ columns, rcond=1e-8, hermitian=True) @ toward)
 
-    tried = [_at(fit, *where) for where in product(DISTANCES, RADII, ANGLES)]
-    best = max((seats for seats in tried if seats.force > 0), key=explained, default=None)
-    if best is None:
+    tried = [seats for where in product(DISTANCES, RADII, ANGLES) if (seats := _at(fit, *where)) is not None]
+    best = max(tried, key=explained, default=None)
+    if best is None or not explained(best) > SILENT * (fit.gap**2).sum():
         return None
     distances, radii = ([size * by for by in NEARER] for size in (best.distance, best.radius))
     angles = [best.angle + by for by in TURNED]
-    return max((_at(fit, *where) for where in product(distances, radii, angles)), key=explained)
+    near = [seats for where in product(distances, radii, angles) if (seats := _at(fit, *where)) is not None]
+    return max(near, key=explained)
 
 
 def choices() -> int:
@@ -112,7 +111,8 @@ def choices() -> int:
 def by_seats(baseline: Baseline, place: Place, seats: Seats) -> Array:
     """Return how seats that give way by laws displace the rows, (N, 6, 2 laws): tilts in turn with lifts.
 
-    Each law is 1 under the largest force, whose tilt is 1 rad and whose lift is 1 m.
+    Each law is 1 under the largest force to its side; the lift is the mean of the three seats', in m, and the
+    tilt the sum about their directions, in rad.
     """
     loaded, dead = (seats.forces(wrench) / seats.force for wrench in (place.load + place.dead, place.dead))
     # the seats' tilt moves the TCP too, which is in front of them
@@ -123,35 +123,57 @@ def by_seats(baseline: Baseline, place: Place, seats: Seats) -> Array:
     columns = []
     for law in _laws():
         given = law(loaded) - (0.0 if baseline.absolute else law(dead))
-        columns += [np.einsum("nas,ns->na", turned, given), place.shift[:, :, 2] * given.sum(axis=1)[:, None]]
+        columns += [
+            np.einsum("nas,ns->na", turned, given),
+            place.shift[:, :, 2] * given.mean(axis=1)[:, None],
+        ]
     return np.stack(columns, -1)
 
 
 def _laws() -> Iterator[Callable[[Array], Array]]:
     yield np.abs
     for knee in KNEES:
-        yield lambda force, at=knee: np.maximum(force - at, 0.0)  # type: ignore[misc]
-        yield lambda force, at=knee: np.minimum(force + at, 0.0)  # type: ignore[misc]
+        yield lambda force, at=knee: np.maximum(force - at, 0.0) / (1.0 - at)  # type: ignore[misc]
+        yield lambda force, at=knee: np.minimum(force + at, 0.0) / (1.0 - at)  # type: ignore[misc]
 
 
-def _at(baseline: Baseline, distance: float, radius: float, angle: float) -> Seats:
-    seats = Seats(distance, radius, angle, 1.0)
-    place = baseline.places.flange
-    largest = max(
-        np.abs(seats.forces(load)).max(initial=0.0) for load in (place.load + place.dead, place.dead)
-    )
-    return replace(seats, force=float(largest))
+def _stated(baseline: Baseline) -> Seats | None:
+    names = [f"seats_{name}" for name in ("distance", "radius", "angle", "force")]
+    values = [stated_scale(baseline, name) for name in names]
+    known = [value for value in values if value is not None]
+    if not any(name in (baseline.stated or {}) for name in names):
+        return None
+    if len(known) < len(names):
+        missing = [name for name, value in zip(names, values, strict=True) if value is None]
+        raise BeamstiffError(
+            f"scales: {listed(missing)} missing, expected a number for each of {listed(names)}"
+        )
+    for name, value in zip(names, known, strict=True):
+        if name in ("seats_radius", "seats_force") and value <= 0:
+            raise BeamstiffError(f"scales.{name}: found {value:g}, expected a positive number")
+    return Seats(*known)
+
+
+def _at(baseline: Baseline, distance: float, radius: float, angle: float) -> Seats | None:
+    """Return seats with their largest force; None where no row loads them."""
+    seats, place = Seats(distance, radius, angle, 1.0), baseline.places.flange
+    every = np.concatenate([place.load + place.dead, place.dead])
+    largest = float(np.abs(seats.forces(every)).max(initial=0.0))
+    most = np.linalg.norm(every[:, :3], axis=1) + np.linalg.norm(every[:, 3:], axis=1) / radius
+    loaded = largest > SILENT * float(most.max(initial=0.0))
+    return replace(seats, force=largest) if loaded else None
 
 
 def _left(baseline: Baseline) -> tuple[Array, Array, Array]:
     """Return the gap (n,) beside the model's own values and any compliance of the tool, and their weights.
 
-    These are orthonormal columns (n, t); the weights (N, 6) are those of positions and rotations.
+    These are orthonormal columns (n, t); the weights (N, 6) are those of positions and rotations. The noise
+    has no part in them: seats must not move with what it is thought to be.
     """
     place, used = baseline.places.flange, baseline.used
     pairs = [(a, b) for a in range(6) for b in range(a, 6)]
     any_compliance = np.stack([by_compliance(baseline, place, [pair]) for pair in pairs], -1)
-    weight = 1.0 / np.where(used, baseline.sigma, 1.0)
+    weight = np.broadcast_to(np.repeat([1.0, LEVER], 3), used.shape)
     own = (np.concatenate([baseline.tangent, any_compliance], -1) * weight[..., None])[used]
     size = np.linalg.norm(own, axis=0)
     own = own[:, size > 0] / size[size > 0]

@@ -2,10 +2,13 @@
 
 A load off by p adds the moment ``p x F``; a target off by p moves by ``r x p`` more, and its absolute
 position is off by p, constant in the tool's frame. What a load hangs on turns after it: its point is then
-``p + P F / |F|``, P constant in the tool's or in the base frame.
+``p + P F / |F|``, P constant in the tool's or in the base frame. What is hooked on anew in every posture is
+off by ``p + p_k`` in the k-th.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,6 +21,8 @@ OFFSET = 0.03  # m
 FAR = 0.1  # m
 PLACED = 5e-4  # m, of a target whose place was measured
 TURNED = 1e-3  # rad
+POSTURES = 40  # beyond which nobody hooks a load on by hand
+SAME = 1e-6  # rad or m, within which joint values are of one posture
 
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: ARG001
@@ -57,6 +62,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
         )
         for where, frame in (("", axes), (", in the base frame", still))
     ]
+    hung.append(_anew(baseline, load, loads))
     if baseline.absolute:
         mass = sum(item.mass for item in robot.masses if item.node == robot.tcp)
         payload = acting(axes, np.broadcast_to(mass * np.array(robot.gravity), (len(rows), 3)))
@@ -105,6 +111,23 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
         *far,
         *hung,
     ]
+
+
+def _anew(baseline: Baseline, load: Array, loads: tuple[Quantity, ...]) -> Shape:
+    """Return the shape of a load (N, 6, 3) whose point differs from posture to posture, about a common one.
+
+    Of a robot that states it only the common one is known.
+    """
+    columns, names = [load], list(loads)
+    postures = np.unique(np.round(baseline.fit.rows.q, 9), axis=0)
+    if baseline.stated is None and 1 < len(postures) <= POSTURES:
+        here = np.asarray((np.abs(baseline.rows.q[:, None] - postures) < SAME).all(axis=2))  # (N, postures)
+        columns.append((load[:, :, None] * here[:, None, :, None]).reshape(*load.shape[:2], -1))
+        for k in range(len(postures)):
+            names += [replace(one, name=f"{one.name}_in_{k}", passing=True) for one in loads]
+    return Shape(
+        "load, hooked on anew in every posture", np.concatenate(columns, -1), tuple(names), weight=0.5
+    )
 
 
 def _following(frame: Array, loaded: Array, force: Array) -> Array:

@@ -155,3 +155,23 @@ def test_a_load_that_keeps_its_side_acts_beside_the_tool_however_that_turns() ->
             kr240(), rows
         )
         close(shape.columns[..., axis] * OFFSET, more)
+
+
+def test_a_load_that_is_hooked_on_anew_sits_elsewhere_in_every_posture() -> None:
+    q = np.repeat(at_random(kr240(), 5, seed=9).q, 4, axis=0)
+    there = nominal(kr240(), rows_of(kr240(), q, at_random(kr240(), 20, seed=10).wrench))
+    offset = np.repeat(np.random.default_rng(11).uniform(-OFFSET, OFFSET, (5, 3)), 4, axis=0)
+    at = np.einsum("nai,ni->na", arm_at(q).tool, offset)
+    moment = np.cross(at, there.rows.wrench[:, :3])
+    moved = np.einsum("nab,nb->na", there.response[:, :, 3:], moment)
+    shape = shape_of(there, "tool-offset", None, "load, hooked on anew in every posture")
+    left = moved.ravel() - (flat := shape.columns.reshape(120, -1)) @ np.linalg.lstsq(flat, moved.ravel())[0]
+    assert np.linalg.norm(left) < 1e-9 * np.linalg.norm(moved)
+    assert sum(not item.passing for item in shape.parameters) == 3
+    # of postures that were not measured it knows the common point alone
+    other = at_random(kr240(), 6, seed=12)
+    elsewhere = replace(nominal(kr240(), other), fit_rows=there)
+    found = shape_of(elsewhere, "tool-offset", None, "load, hooked on anew in every posture").columns
+    assert found.shape[2] == shape.columns.shape[2]
+    assert not found[:, :, 3:].any()
+    close(found[:, :, :3], shape_of(elsewhere, "tool-offset", None, "load").columns)
