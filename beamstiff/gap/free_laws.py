@@ -96,8 +96,9 @@ def free_laws(baseline: Baseline, library: Library, white: Whitened) -> list[Fre
     outside: dict[str, list[Array]] = {READINGS: []}
     for one in library.hypotheses:
         if EFFECTS[one.effect].family not in INSIDE:
+            lasting = [not item.passing for item in one.shape.parameters]
             for place in one.places:
-                outside.setdefault(place, []).append(one.columns)
+                outside.setdefault(place, []).append(one.columns[:, lasting])
     for place, columns in outside.items():
         stuck = {STICKING: _modes(white, (lagging(baseline),))} if place == READINGS else {}
         found.append(FreeLaw(place, _main(white, columns), inside=False, nameless=stuck))
