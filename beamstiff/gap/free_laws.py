@@ -131,8 +131,10 @@ def _main(white: Whitened, groups: Sequence[Array]) -> Array:
             parts.append(columns[:, kept] / size[kept] / np.sqrt(kept.sum()))
     if not parts:
         return np.zeros((white.gap.size, 0))
-    left, values, _ = np.linalg.svd(np.concatenate(parts, axis=1), full_matrices=False)
-    main = left[:, :MODES] * values[:MODES]
+    whole = np.concatenate(parts, axis=1)
+    # by the eigenvectors of the small side: LAPACK's quick singular values fail now and then on such columns
+    _, vectors = np.linalg.eigh(whole.T @ whole)
+    main = whole @ vectors[:, ::-1][:, : min(MODES, len(whole))]
     result: Array = main * np.sqrt(len(main)) / np.linalg.norm(main)
     return result
 
