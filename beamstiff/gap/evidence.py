@@ -26,6 +26,7 @@ SHARES = np.array([0.0, 0.03, 0.06, 0.12, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0]) 
 COARSE = np.array([0.0, 0.06, 0.25, 1.0, 4.0])  # the same where many second causes are weighed
 MAGNITUDES = np.linspace(-1.0, 1.0, 9)  # log u over log spread
 EXACT = 0.3  # prior that a shape is exactly right
+SWEEPS = 8  # of the search for a bound
 AMISS, FACTOR = 0.12, 2.0  # what it is off by otherwise, of its own size; within this factor
 
 
@@ -253,7 +254,8 @@ def _log_upper(
 
     Twice the probability that each is not, given the gap and a noise scale, and given that those before it
     are not: what is known to be positive is taken for normal again, with its new mean and variance (Mendell
-    and Elston, Biometrics 30 (1974) 41). Of several gaps, which are compared with each other only, as if the
+    and Elston, Biometrics 30 (1974) 41); and at most the probability that a sum of them is not (`_farthest`),
+    for far out that is far too much. Of several gaps, which are compared with each other only, as if the
     parameters were independent. `eigenvalues` (h, c), `projected` (h, c, d) as of `_projected`; `sizes`
     (h, U) over the noise scale.
     """
@@ -266,6 +268,8 @@ def _log_upper(
     else:
         covariance = (vectors[:, None] * factor[:, :, None]) @ vectors[:, None].swapaxes(-1, -2)
     result = np.zeros((*sizes.shape, projected.shape[2]))
+    pull = -(vectors @ projected)[:, None, :, 0] / scale  # -V^-1 m
+    most = 0.0 if alone else _farthest(mean[..., 0], covariance, pull, positive)[..., None]
     for k in np.flatnonzero(positive.any(axis=0)).tolist():
         own = variance[..., k] if alone else covariance[..., k, k]
         spread = np.sqrt(np.maximum(own, 1e-300))[..., None]
@@ -280,6 +284,31 @@ def _log_upper(
         mean = mean + (toward * hazard)[..., None]
         lost = np.clip(hazard * (hazard + above), 0.0, 1.0)[..., None]
         covariance = covariance - lost * toward[..., None] * toward[..., None, :]
+    if alone:
+        return result
+    bounded: Array = np.minimum(result, np.log(2.0) * positive.sum(axis=1)[:, None, None] + most)
+    return bounded
+
+
+def _farthest(mean: Array, covariance: Array, pull: Array, positive: NDArray[np.bool_]) -> Array:
+    """Return a bound of the log probability that no positive parameter is negative, (h, U).
+
+    It is at most that of any sum of them with weights a >= 0 being positive, least where a is the pull of the
+    bounds on the likeliest point within them: ``V a + m >= 0``, found by Gauss and Seidel's method from the
+    `pull` (h, 1, c) that would bring all to nothing.
+    """
+    weight = np.where(positive[:, None], np.maximum(pull, 0.0), 0.0) + np.zeros_like(mean)
+    places = np.flatnonzero(positive.any(axis=0)).tolist()
+    for _ in range(SWEEPS):
+        for k in places:
+            own = np.maximum(covariance[..., k, k], 1e-300)
+            others = (covariance[..., k, :] * weight).sum(axis=-1) - own * weight[..., k]
+            weight[..., k] = np.where(
+                positive[:, None, k], np.maximum(-(mean[..., k] + others) / own, 0.0), 0.0
+            )
+    middle = (weight * mean).sum(axis=-1)
+    spread = np.sqrt(np.maximum(((covariance @ weight[..., None])[..., 0] * weight).sum(axis=-1), 1e-300))
+    result: Array = np.where(middle < 0, log_ndtr(middle / spread), 0.0)
     return result
 
 

@@ -34,6 +34,8 @@ DIGITS = 12  # of shares of the largest torque: what is less is rounding
 ABSORBED = 1e-6  # share of a column that the fit leaves, below which it leaves nothing
 PAIRS_OF_AXES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 TETHERED = "is held by something that acts as a spring to the floor, a hose or a cable"
+STOPPED = "comes up against something that stands still"
+STOPS = (0.0, 0.3, 0.6)  # of the largest displacement along a direction, where a stop may begin
 PLAY = "has play"
 ONE_SIDED = "stays softer to one side, whatever its torque"
 CHANGING = "changes its stiffness with the time"
@@ -88,6 +90,7 @@ def free_laws(baseline: Baseline, library: Library, white: Whitened) -> list[Fre
             nameless[SLIPPING] = _modes(white, (slipping(baseline, at),))
         if name == "tool":
             nameless[TETHERED] = _modes(white, (_tethered(baseline),))
+            nameless[STOPPED] = _modes(white, (_stopped(baseline),))
         found.append(FreeLaw(name, _modes(white, (compliance, bent)), nameless=nameless))
     for drive in map(str, drives(baseline)):
         named, others = _of_drive(baseline, drive)
@@ -168,6 +171,20 @@ def _tethered(baseline: Baseline) -> Array:
     return result
 
 
+def _stopped(baseline: Baseline) -> Array:
+    """Return what stops on either side of the tool, along each axis, take from the displacements, (N, 6, c)."""
+    moved = baseline.predicted[:, :3]
+    columns = []
+    for axis in range(3):
+        for side in (1.0, -1.0):
+            way = np.maximum(side * moved[:, axis], 0.0)
+            for at in STOPS:
+                force = np.zeros((len(moved), 6))
+                force[:, axis] = -side * np.maximum(way - at * way.max(initial=0.0), 0.0)
+                columns.append(np.einsum("nab,nb->na", baseline.response, force))
+    return np.stack(columns, -1)
+
+
 def _of_drive(baseline: Baseline, name: str) -> tuple[list[Array], dict[str, Array]]:
     """Return the laws (N, 6, c) that a drive could follow: those with a name, and those without."""
     axis = axis_at(baseline, name)
@@ -201,18 +218,23 @@ def _of_drive(baseline: Baseline, name: str) -> tuple[list[Array], dict[str, Arr
 
 
 def _remembered(baseline: Baseline, axis: Axis, time: Array) -> Array:
-    """Return the torque over the largest as memories of it fade, (N, m), since the first state of a pose."""
+    """Return the torques over the largest, of load and of weight, as memories of them fade, (N, m).
+
+    Since the first state of a pose: on the move there the weight's torque has changed too.
+    """
     rows = baseline.rows
-    result = np.zeros((len(rows), len(FADES)))
+    torque = np.stack([axis.load, axis.dead], -1) / axis.typical
+    rates = np.tile(np.reciprocal(FADES), (2, 1)).T
+    result = np.zeros((len(rows), *rates.shape))
     poses = [np.flatnonzero(rows.pose == pose) for pose in np.unique(rows.pose)]
     poses = [at[np.argsort(time[at], kind="stable")] for at in poses]
     steps = np.concatenate([np.diff(time[at]) for at in poses])
     usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
     for at in poses:
-        held = np.zeros(len(FADES))
+        held = np.zeros_like(rates)
         passed = np.diff(time[at], prepend=time[at[0]] - usual) / usual
         for row, lasted in zip(at, passed, strict=True):
-            keep = np.exp(-lasted / np.array(FADES))
-            held = keep * held + (1.0 - keep) * axis.load[row] / axis.typical
+            keep = np.exp(-lasted * rates)
+            held = keep * held + (1.0 - keep) * torque[row]
             result[row] = held
-    return result
+    return result.reshape(len(rows), -1)

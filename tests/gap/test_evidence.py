@@ -153,8 +153,8 @@ def test_of_several_that_look_alike_all_have_to_be_positive_at_once(count: int, 
     apart = np.log(2) * count + norm.logcdf(mean / np.sqrt(np.diag(covariance))).sum()
     if exact > -5:
         assert both - free == pytest.approx(exact, abs=0.25 + 0.1 * abs(exact))
-    else:  # far out it is too mild, but less so than one by one
-        assert exact < both - free < 0.5 * exact
+    else:  # far out it is too mild, but far less so than one by one
+        assert exact < both - free < 0.6 * exact
     assert abs(both - free - exact) <= abs(apart - exact) + 0.05
 
 

@@ -2,73 +2,63 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from beamstiff.gap.baseline import Baseline
-from beamstiff.gap.effects.effect import Effect, Quantity, Shape
+from beamstiff.gap.effects.effect import Effect, Quantity, Scales, Shape, stated_scale
 from beamstiff.gap.effects.laws import axis_at, by_law, drives, torque_scale, unit_of
 from beamstiff.se3 import Array
 
 WIDTHS = (0.005, 0.03, 0.1)  # of the largest torque, over which the flank is reached
+SIDES = ("up", "down")
+WAVES = {"cosine": np.cos, "sine": np.sin}
 
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     axis = axis_at(baseline, str(component))
-    largest = axis.typical
     unit = unit_of(axis)
     half = Quantity("half_width", unit, 2e-4 if axis.turns else 5e-5, positive=True)
-    rest = Quantity("rest", unit, 0.5 * half.size)
-    result, flanks = [], []
-    for width in WIDTHS:
+    way = replace(half, size=0.5 * half.size)
 
-        def flank(torque: np.ndarray, soft: float = width * largest) -> np.ndarray:
-            return np.tanh(torque / soft)
+    def to_side(width: float, side: float) -> Array:
+        return by_law(baseline, axis, partial(_one_side, side=side, soft=width * axis.typical))
 
-        odd = by_law(baseline, axis, flank)
-        flanks.append(odd)
+    sided = [[to_side(width, side) for side in (1.0, -1.0)] for width in WIDTHS]
+    flanks = [up + down for up, down in sided]
+    result = []
+    for width, odd, both in zip(WIDTHS, flanks, sided, strict=True):
         # without torque the drive rests off the middle: the way to one flank is longer
-        even = by_law(baseline, axis, lambda torque, flank=flank: -np.abs(flank(torque)))  # type: ignore[misc]
+        ways = tuple(replace(half, name=f"width_{side}") for side in SIDES)
         result += [
             Shape(f"flank within {width:g}", odd[..., None], (half,), spread=6.0, weight=2.0),
-            Shape(f"flank within {width:g}, off rest", np.stack([odd, even], -1), (half, rest), spread=6.0),
+            Shape(f"flank within {width:g}, off rest", np.stack(both, -1), ways, spread=6.0),
         ]
-    halves = tuple(
-        Quantity(f"half_width_{width:g}", unit, 0.5 * half.size, positive=True) for width in WIDTHS
-    )
+    halves = tuple(replace(way, name=f"half_width_{width:g}") for width in WIDTHS)
     result.append(Shape("flanks one after another", np.stack(flanks, -1), halves, spread=6.0))
-    sided = [
-        by_law(baseline, axis, partial(_one_side, side=side, soft=width * largest))
-        for width in WIDTHS
-        for side in (1.0, -1.0)
-    ]
-    sides = tuple(
-        Quantity(f"width_{width:g}_{side}", unit, 0.5 * half.size, positive=True)
-        for width in WIDTHS
-        for side in ("up", "down")
-    )
+    sides = tuple(replace(way, name=f"width_{width:g}_{side}") for width in WIDTHS for side in SIDES)
     result.append(
         Shape(
             "flanks one after another, other ones to each side",
-            np.stack(sided, -1),
+            np.stack([one for both in sided for one in both], -1),
             sides,
             spread=6.0,
             weight=0.5,
         )
     )
     if axis.turns and axis.joint.variable is not None:  # wheels that are worn or off their centre
-        angle = baseline.joint_values[axis.joint.variable]
-        turning = [
-            half,
-            *(Quantity(f"half_width_{wave}", unit, 0.3 * half.size) for wave in ("cosine", "sine")),
-        ]
-        courses = (np.ones_like(angle), np.cos(angle), np.sin(angle))
+        angle, usual = baseline.joint_values[axis.joint.variable], _usual_course(baseline, str(component))
+        # about its mean: that is what must not be negative, as the drive gives way along its torque
+        courses = [np.ones_like(angle), *(wave(angle) - usual[name] for name, wave in WAVES.items())]
+        waves = (replace(half, name=f"half_width_{name}", size=0.3 * half.size, positive=False) for name in WAVES)
+        turning = (half, *waves)
         result += [
             Shape(
                 f"flank within {width:g}, by the angle",
                 np.stack([odd * course[:, None] for course in courses], -1),
-                tuple(turning),
+                turning,
                 spread=6.0,
                 weight=0.5,
             )
@@ -82,6 +72,22 @@ def _one_side(torque: Array, side: float, soft: float) -> Array:
     return side * np.tanh(np.maximum(side * torque / soft, 0.0))
 
 
+def _usual_course(baseline: Baseline, component: str) -> dict[str, float]:
+    """Return the mean cosine and sine of the joint's angle in the rows that were fitted; none if it has none."""
+    axis = axis_at(baseline, component)
+    if not axis.turns or axis.joint.variable is None:
+        return {}
+    angle, result = baseline.fit.joint_values[axis.joint.variable], {}
+    for name, wave in WAVES.items():
+        stated = stated_scale(baseline, name)
+        result[name] = float(wave(angle).mean()) if stated is None else stated
+    return result
+
+
+def _scales(baseline: Baseline, component: str | None) -> Scales:
+    return torque_scale(baseline, component) | _usual_course(baseline, str(component))
+
+
 EFFECT = Effect(
     name="backlash",
     family="drive",
@@ -91,5 +97,5 @@ EFFECT = Effect(
     separation="fine load steps through zero torque of this joint, in both directions",
     look_alikes=("hardening", "hysteresis"),
     sources="lost motion below 1 arcmin (Harmonic Drive CHA); worn gears a few",
-    scales=torque_scale,
+    scales=_scales,
 )

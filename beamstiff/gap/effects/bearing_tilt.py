@@ -52,7 +52,9 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         Quantity(f"radial_compliance_{axis}", "m/N", both_ways.size, positive=True) for axis in "yz"
     )
     stiffening = _stiffening(baseline, place, str(component))
-    contact = Quantity("tilt_at_usual_moment", "rad", size * usual_moment(baseline, str(component)))
+    contact = Quantity(
+        "tilt_at_usual_moment", "rad", size * usual_moment(baseline, str(component)), positive=True
+    )
     found = [
         Shape("tilt", tilt[..., None], (tilting,)),
         Shape("tilt and radial", np.stack([tilt, radial], -1), (tilting, both_ways)),

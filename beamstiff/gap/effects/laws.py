@@ -169,8 +169,8 @@ def by_contacts(
     columns = [place.shift[:, :, at] * slip(at)[:, None] for at in (3, 4, 5, 0, 1, 2)]
     turn, shift = rotation * scales["moment"], translation * scales["force"]
     return columns, (
-        *(Quantity(f"rotation_{how}_{axis}", "rad", turn) for axis in "xyz"),
-        *(Quantity(f"translation_{how}_{axis}", "m", shift) for axis in "xyz"),
+        *(Quantity(f"rotation_{how}_{axis}", "rad", turn, positive=True) for axis in "xyz"),
+        *(Quantity(f"translation_{how}_{axis}", "m", shift, positive=True) for axis in "xyz"),
     )
 
 

@@ -86,8 +86,8 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         "skew": _column(baseline, place, _skew(length)),
         "stretch": _column(baseline, place, stretch),
     }
-    half = Quantity("bending_flexibility_root", "1/(N*m^2)", 0.7 * soft / EI)
-    other = Quantity("bending_flexibility_tip", "1/(N*m^2)", 0.7 * soft / EI)
+    half = Quantity("bending_flexibility_root", "1/(N*m^2)", 0.7 * soft / EI, positive=True)
+    other = Quantity("bending_flexibility_tip", "1/(N*m^2)", 0.7 * soft / EI, positive=True)
     sheer = Quantity("stretch_flexibility", "1/N", soft * STRETCH, positive=True)
     y, z = (Quantity(f"bending_flexibility_{axis}", "1/(N*m^2)", soft / EI, positive=True) for axis in "yz")
     yz = Quantity("bending_flexibility_yz", "1/(N*m^2)", 0.3 * soft / EI)
