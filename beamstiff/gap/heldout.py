@@ -72,6 +72,9 @@ class Shrink:
         What is left with the effects, RMS over all values, rotations too, each over its noise.
     open : float
         The same without the effects.
+    surely : float
+        The share that closes of all values, each counted by how surely the effects, fitted without its
+        posture, predict it: at the end of a joint's range little is known of what follows the angle.
     """
 
     before: float
@@ -82,6 +85,7 @@ class Shrink:
     noise: float = 0.0
     misfit: float = 1.0
     open: float = 1.0
+    surely: float = 0.0
 
     @property
     def worth(self) -> float:
@@ -89,7 +93,7 @@ class Shrink:
         if self.open < SEEN:
             return self.shrink
         share = 1.0 - (self.misfit**2 - 1.0) / (self.open**2 - 1.0)
-        return max(self.shrink, float(np.clip(share, 0.0, 1.0)))
+        return max(self.shrink, self.surely, float(np.clip(share, 0.0, 1.0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,6 +225,7 @@ def held_out(
     rng = np.random.default_rng(seed)
     fold, poses = folds(baseline, used, rng)
     left = [np.zeros_like(baseline.gap) for _ in range(2)]
+    unsure = np.zeros_like(baseline.gap)
     problems = [stated(baseline, used, effects, scale) for effects in ((), models)]
     for k in range(min(FOLDS, poses.size)):
         train = fold != k
@@ -228,10 +233,16 @@ def held_out(
             fits = problem.solved(train)
             columns = [[one.hypothesis.shape.columns for one in fit.shapes] for fit in fits]
             target[~train] = (baseline.gap - shift(baseline, fits, columns))[~train]
+            if problem is problems[-1]:
+                unsure[~train] = _variance(baseline, fits, columns, ~train)
     counted = used & (fold >= 0)[:, None]
     without, misfit = (
         float(np.sqrt(((target / (scale * baseline.sigma))[counted] ** 2).mean())) for target in left
     )
+    noise = (scale * baseline.sigma[counted]) ** 2
+    sure = noise / (noise + unsure[counted])
+    before, after = (float(sure @ (target[counted] ** 2 / noise - 1.0)) for target in left)
+    seen = before > (SEEN**2 - 1.0) * sure.sum()
     position = np.where(used[:, :3], 1.0, 0.0)
     squares = [(target[:, :3] ** 2 * position).sum(axis=1) for target in left]
     squares.append(((scale * baseline.sigma[:, :3]) ** 2 * position).sum(axis=1))
@@ -250,7 +261,21 @@ def held_out(
         noise=float(np.sqrt(total[2] / total[3])),
         misfit=misfit,
         open=without,
+        surely=float(np.clip(1.0 - after / before, 0.0, 1.0)) if seen else 0.0,
     )
+
+
+def _variance(
+    baseline: Baseline, fits: Sequence[Fitted], columns: Sequence[Sequence[Array]], rows: NDArray[np.bool_]
+) -> Array:
+    """Return the variance (n, 6) of what fits say of some rows (N,), for columns (N, 6, c) of each shape."""
+    result = np.zeros((int(rows.sum()), 6))
+    for fit, own in zip(fits, columns, strict=True):
+        sizes = [one.hypothesis.sizes for one in fit.shapes]
+        every = [baseline.tangent[rows], *(part[rows] * size for part, size in zip(own, sizes, strict=True))]
+        stacked = np.concatenate(every, axis=-1)
+        result += fit.weight * ((stacked @ fit.covariance) * stacked).sum(axis=-1)
+    return result
 
 
 def _shrink(sums: Array) -> float:

@@ -117,6 +117,19 @@ def test_what_fits_each_posture_by_itself_is_worth_nothing_on_others() -> None:
     gap[:, 0] = by_pose[:, 0] @ rng.standard_normal(40) * 30 * POSITION
     found = held_out(with_gap(there, gap), there.used, [[weighted(by_pose)]], 1.0, 0)
     assert found.shrink < 0.05
+    assert found.worth < 0.05
+
+
+def test_a_posture_that_an_effect_says_little_of_does_not_spoil_what_it_is_worth() -> None:
+    """Of two parameters one shows in a single posture, much: without it nothing is known of it."""
+    there, rng = campaign(), np.random.default_rng(8)
+    columns = np.zeros((120, 6, 2))
+    columns[..., 0] = rng.standard_normal((120, 6)) * SIGMA
+    columns[there.rows.pose == 7, :, 1] = 200 * rng.standard_normal((3, 6)) * SIGMA
+    gap = columns @ [5.0, 0.5] + rng.standard_normal((120, 6)) * SIGMA
+    found = held_out(with_gap(there, gap), there.used, [[weighted(columns, magnitude=1.0)]], 1.0, 0)
+    assert found.shrink < 0.3
+    assert found.surely == found.worth > 0.9
 
 
 def test_a_gap_below_the_noise_has_nothing_to_close() -> None:
