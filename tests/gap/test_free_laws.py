@@ -2,16 +2,29 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects import EFFECTS
-from beamstiff.gap.free_laws import MODES, FreeLaw, _tethered, free_laws, modes_of
+from beamstiff.gap.effects.laws import axis_at
+from beamstiff.gap.effects.outside import clock
+from beamstiff.gap.free_laws import (
+    FADES,
+    MODES,
+    FreeLaw,
+    _remembered,
+    _stopped,
+    _tethered,
+    free_laws,
+    modes_of,
+)
 from beamstiff.gap.library import Library, state_library
 from beamstiff.gap.whitened import Whitened, whiten
 from beamstiff.se3 import Array
-from tests.gap.machines import POSITION, ROTATION, at_random, kr240, nominal, rows_of
+from tests.gap.machines import POSITION, ROTATION, at_random, elbow, kr240, nominal, rows_of
 
 Found = tuple[Baseline, Whitened, Library, list[FreeLaw]]
 
@@ -88,6 +101,35 @@ def test_a_spring_from_the_tool_to_the_floor_has_no_name() -> None:
     columns = _tethered(there).reshape(moved.size, 6)
     left = moved - columns @ np.linalg.lstsq(columns, moved)[0]
     assert np.linalg.norm(left) < 0.01 * np.linalg.norm(moved)
+
+
+def test_a_stop_beside_the_tool_has_no_name() -> None:
+    there = nominal(kr240(), at_random(kr240(), 20, seed=4))
+    moved = there.predicted[:, 1]
+    stop = 1e-3 / np.abs(there.response).max()  # N/m, a thousandth of the robot's own; it takes what it holds
+    begins = 0.3 * moved.max()
+    force = -stop * np.maximum(moved - begins, 0.0)
+    taken = there.response[:, :, 1] * force[:, None]
+    columns = _stopped(there).reshape(taken.size, -1)
+    left = taken.ravel() - columns @ np.linalg.lstsq(columns, taken.ravel())[0]
+    assert np.linalg.norm(left) < 1e-9 * np.linalg.norm(taken)
+    assert not force[moved < begins].any()
+    assert (force < 0).any()
+
+
+def test_a_drive_creeps_under_the_weight_too() -> None:
+    """By hand, under a torque that stays: after each state the memory is that much nearer to it."""
+    heavy = elbow(mass=50.0, gravity=(0.0, -9.81, 0.0))
+    rows = rows_of(heavy, [0, 0], [[0.0, 100.0, 0, 0, 0, 0]] * 2, pose=[0, 0])
+    rows = replace(rows, time=np.array([0.0, 30.0]))
+    there = nominal(heavy, rows)
+    axis = axis_at(there, "q2")
+    assert axis.dead.all()
+    held = _remembered(there, axis, clock(there)).reshape(2, len(FADES), 2)
+    for fade, own in zip(FADES, held.transpose(1, 0, 2), strict=True):
+        gone = 1.0 - np.exp(-1.0 / fade), 1.0 - np.exp(-2.0 / fade)
+        for torque, (first, second) in zip((axis.load, axis.dead), own.T, strict=True):
+            assert (first, second) == pytest.approx(np.multiply(gone, torque / axis.typical))
 
 
 def test_drives_that_carry_nothing_take_nothing_from_the_others() -> None:
