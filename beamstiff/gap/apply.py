@@ -124,7 +124,7 @@ def extended(diagnosis: Diagnosis) -> Robot:
                 for item, value in zip(shape.parameters, values.tolist(), strict=True)
                 if not item.passing
             },
-            scales=EFFECTS[effect].scales(fit, component),
+            scales=_against(shape, EFFECTS[effect].scales(fit, component)),
         )
         for (effect, component, name), (shape, values) in found.items()
     )
@@ -148,7 +148,7 @@ def _displacement(effect: AddedEffect, bare: Baseline) -> Array:
     shapes = {shape.name: shape for shape in law.shapes(view, effect.component)}
     _known("shape", effect.shape, shapes)
     shape = shapes[effect.shape]
-    if shape.scaled and (missing := [name for name in scales if name not in effect.scales]):
+    if missing := [name for name in _against(shape, scales) if name not in effect.scales]:
         raise BeamstiffError(
             f"scales: {listed(missing)} missing: what the parameters are counted against, SI, as "
             "`beamstiff diagnose --apply` writes it"
@@ -164,6 +164,10 @@ def _displacement(effect: AddedEffect, bare: Baseline) -> Array:
             raise BeamstiffError(f"parameters.{name}: {error}") from None
     result: Array = shape.columns @ values
     return result
+
+
+def _against(shape: Shape, scales: Scales) -> Scales:
+    return {name: value for name, value in scales.items() if shape.against is None or name in shape.against}
 
 
 def _check_scales(effect: AddedEffect, expected: Scales) -> None:

@@ -51,9 +51,9 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     if axis.turns and axis.joint.variable is not None:  # wheels that are worn or off their centre
         angle, usual = baseline.joint_values[axis.joint.variable], _usual_course(baseline, str(component))
         # about its mean: that is what must not be negative, as the drive gives way along its torque
-        courses = [np.ones_like(angle), *(wave(angle) - usual[name] for name, wave in WAVES.items())]
-        waves = (replace(half, name=f"half_width_{name}", size=0.3 * half.size, positive=False) for name in WAVES)
-        turning = (half, *waves)
+        courses = [np.ones_like(angle), *(course(angle) - usual[name] for name, course in WAVES.items())]
+        wave = replace(half, size=0.3 * half.size, positive=False)
+        turning = (half, *(replace(wave, name=f"half_width_{name}") for name in WAVES))
         result += [
             Shape(
                 f"flank within {width:g}, by the angle",
@@ -61,10 +61,11 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
                 turning,
                 spread=6.0,
                 weight=0.5,
+                against=("torque", *WAVES),
             )
             for width, odd in zip(WIDTHS, flanks, strict=True)
         ]
-    return result
+    return [replace(one, against=one.against or ("torque",)) for one in result]
 
 
 def _one_side(torque: Array, side: float, soft: float) -> Array:
@@ -73,14 +74,14 @@ def _one_side(torque: Array, side: float, soft: float) -> Array:
 
 
 def _usual_course(baseline: Baseline, component: str) -> dict[str, float]:
-    """Return the mean cosine and sine of the joint's angle in the rows that were fitted; none if it has none."""
+    """Return the mean cosine and sine of the joint's angle in the rows that were fitted, if it turns."""
     axis = axis_at(baseline, component)
     if not axis.turns or axis.joint.variable is None:
         return {}
     angle, result = baseline.fit.joint_values[axis.joint.variable], {}
-    for name, wave in WAVES.items():
+    for name, course in WAVES.items():
         stated = stated_scale(baseline, name)
-        result[name] = float(wave(angle).mean()) if stated is None else stated
+        result[name] = float(course(angle).mean()) if stated is None else stated
     return result
 
 

@@ -74,7 +74,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
             weight=0.5,
         ),
     ]
-    return [replace(one, scaled="stiffen" in one.name) for one in found]
+    return [replace(one, against=None if "stiffen" in one.name else ()) for one in found]
 
 
 def _scales(baseline: Baseline, component: str | None) -> Scales:  # noqa: ARG001

@@ -83,7 +83,10 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         by_seat = [by_compliance(baseline, seat, [pair]) for pair in ((4, 4), (5, 5), (4, 5))]
         found.append(Shape("tilt by axis of its seat", np.stack(by_seat, -1), (*two, skew), weight=0.5))
         found.append(_any(baseline, seat, size, turning, "any, by axis of its seat"))
-    return [replace(one, spread=SPREAD, realistic=REALISTIC, scaled="stiffen" in one.name) for one in found]
+    return [
+        replace(one, spread=SPREAD, realistic=REALISTIC, against=None if "stiffen" in one.name else ())
+        for one in found
+    ]
 
 
 def _seat(baseline: Baseline, joint: Joint) -> Place:

@@ -47,8 +47,8 @@ class Shape:
         Prior weight among the shapes of its effect.
     realistic : float or None
         The same of those that are realistic, where there are machines unlike the usual; None is `spread`.
-    scaled : bool
-        Whether its columns count against the scales of the effect.
+    against : tuple of str, optional
+        The scales of the effect that its columns count against; by default all of them.
     tuned : bool
         Whether its columns were chosen by the gap itself: campaigns without an effect, that were simulated,
         cannot be compared under it.
@@ -60,7 +60,7 @@ class Shape:
     spread: float = 10.0
     weight: float = 1.0
     realistic: float | None = None
-    scaled: bool = True
+    against: tuple[str, ...] | None = None
     tuned: bool = False
 
 

@@ -130,7 +130,8 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
             )
         )
     return [
-        replace(one, spread=SPREAD, realistic=REALISTIC, scaled=one.name.startswith(LAWS)) for one in found
+        replace(one, spread=SPREAD, realistic=REALISTIC, against=None if one.name.startswith(LAWS) else ())
+        for one in found
     ]
 
 

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from tests.gap.machines import FORE, close, elbow, nominal, rows_of, shape_of
+from beamstiff.gap.evidence import Scales, evidence
+from beamstiff.gap.library import Hypothesis, state_library
+from beamstiff.gap.whitened import whiten
+from tests.gap.machines import FORE, POSITION, close, elbow, nominal, rows_of, shape_of
 
 SIDEWAYS = np.array([0.0, 1.0, 0, 0, 0, 0])  # of the straight arm along x: turns the elbow by FORE a newton
 STEP = np.array([0.0, FORE, 0, 0, 0, 1.0])  # what the tip does per radian of the elbow
@@ -21,9 +26,7 @@ def test_a_torque_beyond_the_flank_moves_the_joint_by_half_the_zone_to_its_side(
 def test_a_drive_that_rests_off_the_middle_of_its_play_goes_farther_to_one_flank() -> None:
     rows = rows_of(elbow(), [0, 0], np.array([1000, -1000])[:, None] * SIDEWAYS)
     found = shape_of(nominal(elbow(), rows), "backlash", "q2", "flank within 0.03, off rest")
-    half, rest = 3e-4, 1e-4
-    moved = found.columns @ [half, rest]
-    close(moved, np.array([half - rest, -half - rest])[:, None] * STEP, 1e-4)
+    close(found.columns @ [2e-4, 4e-4], np.array([2e-4, -4e-4])[:, None] * STEP, 1e-4)
 
 
 def test_about_zero_torque_the_flank_is_steep() -> None:
@@ -58,8 +61,32 @@ def test_an_uneven_wheel_has_another_zone_at_another_angle() -> None:
     there = nominal(elbow(), rows)
     even = shape_of(there, "backlash", "q2", "flank within 0.03").columns[..., 0]
     turning = shape_of(there, "backlash", "q2", "flank within 0.03, by the angle").columns
-    half = 2e-4 + 3e-5 * np.cos(q[:, 1]) - 4e-5 * np.sin(q[:, 1])
-    close(turning @ [2e-4, 3e-5, -4e-5], half[:, None] * even)
+    wave = 3e-5 * np.cos(q[:, 1]) - 4e-5 * np.sin(q[:, 1])
+    close(turning @ [2e-4, 3e-5, -4e-5], (2e-4 + wave - wave.mean())[:, None] * even)
+
+
+def test_no_zone_that_follows_the_angle_makes_up_for_one_below_nothing() -> None:
+    """Over few degrees waves could be a level of their own; a drive that softens is no play."""
+    rng = np.random.default_rng(3)
+    q = np.column_stack([np.zeros(60), rng.uniform(0.4, 0.8, 60)])
+    force = rng.uniform(-2000, 2000, 60)[:, None] * SIDEWAYS
+    there = nominal(elbow(), rows_of(elbow(), q, force, sigma_position=POSITION))
+    less = -2e-4 * shape_of(there, "backlash", "q2", "flank within 0.03").columns[..., 0]
+    noise = POSITION * rng.standard_normal((60, 3))
+    measured = replace(there, measured=there.predicted + less + np.pad(noise, ((0, 0), (0, 3))))
+    white = whiten(measured)
+    own = [one for one in state_library(measured, white).hypotheses if one.effect == "backlash"]
+    found, freely = (
+        evidence(white, some, Scales(np.ones(1), np.zeros(1)))
+        for some in (own, [_of_any_sign(one) for one in own])
+    )
+    assert max(freely.hypotheses) > found.none + 300
+    assert max(found.hypotheses) < found.none + 60
+
+
+def _of_any_sign(one: Hypothesis) -> Hypothesis:
+    parameters = tuple(replace(item, positive=False) for item in one.shape.parameters)
+    return replace(one, shape=replace(one.shape, parameters=parameters))
 
 
 def test_each_side_may_have_flanks_of_its_own() -> None:
