@@ -172,7 +172,7 @@ def _tethered(baseline: Baseline) -> Array:
 
 
 def _stopped(baseline: Baseline) -> Array:
-    """Return what stops on either side of the tool take from the displacements, (N, 6, c): along each axis."""
+    """Return what stops beside the tool take from the displacements, (N, 6, c): to each side of each axis."""
     moved = baseline.predicted[:, :3]
     columns = []
     for axis in range(3):
