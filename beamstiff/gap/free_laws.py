@@ -19,6 +19,7 @@ from beamstiff.gap.effects.drive_stiffness import Following
 from beamstiff.gap.effects.hysteresis import BEGINNINGS, FEW, held_shares
 from beamstiff.gap.effects.laws import Axis, axis_at, by_compliance, by_law, component_of, drives
 from beamstiff.gap.effects.outside import clock
+from beamstiff.gap.effects.tool_offset import POSTURES
 from beamstiff.gap.histories import lagging, slipping
 from beamstiff.gap.library import Library
 from beamstiff.gap.places import Place
@@ -40,6 +41,8 @@ PLAY = "has play"
 ONE_SIDED = "stays softer to one side, whatever its torque"
 CHANGING = "changes its stiffness with the time"
 CREEPING = "creeps"
+UNSTEADY = "gives way otherwise in every posture"
+ASTRAY = "stands off otherwise in every posture"
 SLIPPING = "slips against friction, so that what it does depends on the load history"
 STICKING = "stick or drag behind what moves, as gauges do"
 READINGS = "readings"
@@ -95,6 +98,8 @@ def free_laws(baseline: Baseline, library: Library, white: Whitened) -> list[Fre
     for drive in map(str, drives(baseline)):
         named, others = _of_drive(baseline, drive)
         nameless = {does: _modes(white, (law,)) for does, law in others.items()}
+        by_posture = _by_posture(baseline, drive)
+        nameless |= {does: _main(white, [white.turn(law)], POSTURES) for does, law in by_posture.items()}
         found.append(FreeLaw(drive, _modes(white, (*named, *others.values())), nameless=nameless))
     outside: dict[str, list[Array]] = {READINGS: []}
     for one in library.hypotheses:
@@ -123,7 +128,7 @@ def _modes(white: Whitened, groups: Iterable[Array]) -> Array:
     return _main(white, [white.turn(group) for group in groups])
 
 
-def _main(white: Whitened, groups: Sequence[Array]) -> Array:
+def _main(white: Whitened, groups: Sequence[Array], most: int = MODES) -> Array:
     """Return the main modes of groups of whitened columns (n, c); (n, 0) where the fit leaves none."""
     parts = []
     for whole in groups:
@@ -137,7 +142,7 @@ def _main(white: Whitened, groups: Sequence[Array]) -> Array:
     whole = np.concatenate(parts, axis=1)
     # by the eigenvectors of the small side: LAPACK's quick singular values fail now and then on such columns
     _, vectors = np.linalg.eigh(whole.T @ whole)
-    main = whole @ vectors[:, ::-1][:, : min(MODES, len(whole))]
+    main = whole @ vectors[:, ::-1][:, : min(most, len(whole))]
     result: Array = main * np.sqrt(len(main)) / np.linalg.norm(main)
     return result
 
@@ -215,6 +220,19 @@ def _of_drive(baseline: Baseline, name: str) -> tuple[list[Array], dict[str, Arr
     changing = along(torque[:, None] * np.stack([time, time**2], -1))
     fading = along(_remembered(baseline, axis, time))
     return named, {ONE_SIDED: np.stack(one_sided, -1), CHANGING: changing, CREEPING: fading}
+
+
+def _by_posture(baseline: Baseline, name: str) -> dict[str, Array]:
+    """Return what a drive could do that is another in every posture, (N, 6, postures)."""
+    axis, poses = axis_at(baseline, name), np.unique(baseline.rows.pose)
+    if len(poses) > POSTURES:
+        return {}
+    there = (baseline.rows.pose[:, None] == poses).astype(np.float64)
+    torque = (axis.load + axis.dead if baseline.absolute else axis.load) / axis.typical
+    gains = axis.shift[:, :, None] * (torque[:, None] * there)[:, None, :]
+    if not baseline.absolute:
+        return {UNSTEADY: gains}
+    return {UNSTEADY: gains, ASTRAY: axis.shift[:, :, None] * there[:, None, :]}
 
 
 def _remembered(baseline: Baseline, axis: Axis, time: Array) -> Array:

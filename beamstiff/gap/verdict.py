@@ -243,6 +243,7 @@ def _two(
     if doubtful or unsure:
         unclear = (first, second, *kept)[:MOST] if not doubtful else ()
         return Judged(probabilities, max(shares, key=shares.__getitem__), (), unclear=unclear)
+    doubted = (UNKNOWN,) if shares[UNKNOWN] >= DOUBTED else ()
     if member[second] < CLEAR:
-        return Judged(probabilities, first, (), unclear=(second, *kept)[:MOST])
-    return Judged(probabilities, first, kept, second, real * min(member[second], 1.0))
+        return Judged(probabilities, first, doubted, unclear=(second, *kept)[:MOST])
+    return Judged(probabilities, first, kept + doubted, second, real * min(member[second], 1.0))

@@ -11,10 +11,13 @@ from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects import EFFECTS
 from beamstiff.gap.effects.laws import axis_at
 from beamstiff.gap.effects.outside import clock
+from beamstiff.gap.effects.tool_offset import POSTURES
 from beamstiff.gap.free_laws import (
     FADES,
     MODES,
+    UNSTEADY,
     FreeLaw,
+    _by_posture,
     _remembered,
     _stopped,
     _tethered,
@@ -115,6 +118,21 @@ def test_a_stop_beside_the_tool_has_no_name() -> None:
     assert np.linalg.norm(left) < 1e-9 * np.linalg.norm(taken)
     assert not force[moved < begins].any()
     assert (force < 0).any()
+
+
+def test_a_drive_that_is_another_in_every_posture_has_no_name() -> None:
+    rows = at_random(elbow(), 12, seed=6)
+    there = nominal(elbow(), replace(rows, pose=np.repeat(np.arange(6), 2)))
+    axis, each = axis_at(there, "q2"), np.repeat(np.random.default_rng(2).standard_normal(6), 2)
+    laws = _by_posture(there, "q2")
+    assert list(laws) == [UNSTEADY]  # displacements do not show where it stands
+    moved = (axis.shift * (each * axis.load)[:, None]).ravel()
+    columns = laws[UNSTEADY].reshape(moved.size, -1)
+    assert columns.shape[1] == 6
+    left = moved - columns @ np.linalg.lstsq(columns, moved)[0]
+    assert np.linalg.norm(left) < 1e-9 * np.linalg.norm(moved)
+    many = nominal(elbow(), at_random(elbow(), POSTURES + 1, seed=6))
+    assert _by_posture(many, "q2") == {}
 
 
 def test_a_drive_creeps_under_the_weight_too() -> None:

@@ -228,6 +228,15 @@ def test_of_two_causes_the_clear_one_is_named_alone_where_the_other_is_not() -> 
     assert found.unclear == seconds
 
 
+def test_two_causes_that_are_doubted_say_so_too() -> None:
+    left = pair_of("backlash:q3", "base-compliance:null", 60.0, left=0.3)
+    search = search_of(CLEAR | {"base-compliance:null": -90.0}, left=0.4, free=-20.0, pairs=(left,))
+    found = judged(search, single=HALF, both=GOOD)
+    assert found.also == "base-compliance:null"
+    assert found.probabilities[UNKNOWN] > DOUBTED
+    assert UNKNOWN in found.indistinguishable
+
+
 @pytest.mark.parametrize(
     ("pair", "single", "both"),
     [
