@@ -2,12 +2,15 @@
 
 Stop operators (Prandtl and Ishlinskii; Iwan, J. Appl. Mech. 33 (1966) 893): friction r holds the drive until
 the torque has moved on by r, so that a part ``S_r`` of the torque, between -r and r, does not wind it up.
+Teeth and screws rub the more the more they carry: r is then ``r_0 + mu |torque|``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +31,8 @@ BEGINNINGS = (
 )
 FEW = 2  # ways to begin, beyond which distributed friction could be anything that remembers
 LIMITS = (0.04, 0.1, 0.2, 0.4, 0.8)  # friction over the largest torque
+STEADY = tuple((one, 0.0) for one in LIMITS)
+GROWING = ((0.0, 0.05), (0.05, 0.1, 0.2, 0.4))  # the same where it grows: without torque, and by the torque
 
 
 def held_torque(
@@ -37,6 +42,7 @@ def held_torque(
     order: NDArray[np.intp],
     limit: float,
     *,
+    grows: float = 0.0,
     wound: bool = False,
     arrived: float = 0.0,
     whole: bool = False,
@@ -52,7 +58,9 @@ def held_torque(
         Whether a row is the first of its history.
     order : (N,) int array
     limit : float
-        Friction r.
+        Friction r, that without torque if it grows.
+    grows : float
+        By which share of the torque it grows.
     wound : bool
         Whether the dead weight winds the drive up against its friction when a history begins.
     arrived : float
@@ -77,32 +85,40 @@ def held_torque(
     for row in order.tolist():
         if new[row]:
             before = unloaded[row]
-            held = arrived * limit
+            most = limit + grows * abs(before)
+            held = arrived * most
             if wound:
-                held = max(-limit, min(limit, held + before))
+                held = max(-most, min(most, held + before))
             first = 0.0 if whole else held
-        held = max(-limit, min(limit, held + loads[row] - before))
+        most = limit + grows * abs(loads[row])
+        held = max(-most, min(most, held + loads[row] - before))
         before = loads[row]
         result[row] = held - first
     return np.array(result)
 
 
-def held_shares(baseline: Baseline, axis: Axis, ways: Sequence[float], wound: bool) -> Array:
+def held_shares(
+    baseline: Baseline,
+    axis: Axis,
+    ways: Sequence[float],
+    wound: bool,
+    limits: Sequence[tuple[float, float]] = STEADY,
+) -> Array:
     """Return what friction holds, over the largest torque, (N, limits, ways); see `BEGINNINGS`.
 
+    The limits are friction without torque over the largest, and by which share of the torque it grows.
     Nothing where no torque acts: friction that never slips is the zero of an encoder.
     """
     if not (np.abs(axis.load) + np.abs(axis.dead)).any():
-        return np.zeros((len(baseline.rows), len(LIMITS), len(ways)))
+        return np.zeros((len(baseline.rows), len(limits), len(ways)))
     order, fresh = history(baseline)
 
-    def held(limit: float, way: float) -> Array:
-        torque, most = axis.load + axis.dead, limit * axis.typical
-        return held_torque(
-            torque, axis.dead, fresh, order, most, wound=wound, arrived=way, whole=baseline.absolute
-        )
+    def held(limit: float, grows: float, way: float) -> Array:
+        torque, least = axis.load + axis.dead, limit * axis.typical
+        begun: dict[str, Any] = {"wound": wound, "arrived": way, "whole": baseline.absolute}
+        return held_torque(torque, axis.dead, fresh, order, least, grows=grows, **begun)
 
-    every = [np.stack([held(limit, way) for way in ways], -1) for limit in LIMITS]
+    every = [np.stack([held(*limit, way) for way in ways], -1) for limit in limits]
     result: Array = np.stack(every, 1) / axis.typical
     return result
 
@@ -133,7 +149,7 @@ def history(
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     axis = axis_at(baseline, str(component))
-    give = drive_compliance(axis) * axis.typical
+    give, limits = drive_compliance(axis) * axis.typical, tuple(product(*GROWING))
     result = []
     for begin, ways, wound in BEGINNINGS:
         size = give if len(ways) == 1 else 0.7 * give
@@ -147,6 +163,15 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         if len(ways) <= FEW:
             every = moved.reshape(*moved.shape[:2], -1)
             result.append(Shape(f"distributed friction{begin}", every, tuple(names), spread=4.0))
+            held = held_shares(baseline, axis, ways, wound, limits)
+            every = -axis.shift[:, :, None] * held.reshape(len(held), 1, -1)
+            grown = tuple(
+                replace(one, name=f"{one.name}_{least:g}_and_{by:g}", size=0.5 * one.size)
+                for least, by in limits
+                for one in lags
+            )
+            name = f"friction that grows with the torque{begin}"
+            result.append(Shape(name, every, grown, spread=4.0, weight=0.5))
     return result
 
 

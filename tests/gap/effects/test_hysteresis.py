@@ -53,6 +53,19 @@ def test_a_closed_cycle_loses_the_work_of_the_friction() -> None:
     assert work == pytest.approx(2 * r * (2 * top - 2 * r), rel=2e-3)
 
 
+@pytest.mark.parametrize("share", [0.1, 0.3])
+def test_friction_that_grows_with_the_torque_holds_a_share_of_it_one_way_and_the_other(share: float) -> None:
+    # up: it slips all the way at mu T. Down: first it sticks, then it slips at -mu T
+    up, down = np.linspace(0.01, 2.0, 200), np.linspace(1.99, 0.0, 200)
+    found = stepped(np.concatenate([up, down]), 0.0, grows=share)
+    assert found[:200] == pytest.approx(share * up)
+    stuck = share * 2.0 - (2.0 - down)
+    assert found[200:] == pytest.approx(np.maximum(stuck, -share * down), abs=1e-9)
+    assert (found[200:][down < 2.0 * (1 - share) / (1 + share)] < 0).any()
+    steady = stepped(np.concatenate([up, down]), 0.2, grows=0.0)
+    assert steady == pytest.approx(stepped(np.concatenate([up, down]), 0.2))
+
+
 def test_the_elbow_lags_by_what_friction_holds() -> None:
     largest = 1000.0
     rows = rows_of(
