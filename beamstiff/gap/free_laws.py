@@ -18,8 +18,7 @@ from beamstiff.gap.effects import EFFECTS
 from beamstiff.gap.effects.drive_stiffness import Following
 from beamstiff.gap.effects.hysteresis import BEGINNINGS, FEW, held_shares
 from beamstiff.gap.effects.laws import Axis, axis_at, by_compliance, by_law, component_of, drives
-from beamstiff.gap.effects.outside import clock
-from beamstiff.gap.effects.tool_offset import POSTURES
+from beamstiff.gap.effects.outside import POSTURES, by_posture, clock
 from beamstiff.gap.histories import lagging, slipping
 from beamstiff.gap.library import Library
 from beamstiff.gap.places import Place
@@ -98,8 +97,8 @@ def free_laws(baseline: Baseline, library: Library, white: Whitened) -> list[Fre
     for drive in map(str, drives(baseline)):
         named, others = _of_drive(baseline, drive)
         nameless = {does: _modes(white, (law,)) for does, law in others.items()}
-        by_posture = _by_posture(baseline, drive)
-        nameless |= {does: _main(white, [white.turn(law)], POSTURES) for does, law in by_posture.items()}
+        each = _by_posture(baseline, drive)
+        nameless |= {does: _main(white, [white.turn(law)], POSTURES) for does, law in each.items()}
         found.append(FreeLaw(drive, _modes(white, (*named, *others.values())), nameless=nameless))
     outside: dict[str, list[Array]] = {READINGS: []}
     for one in library.hypotheses:
@@ -223,12 +222,11 @@ def _of_drive(baseline: Baseline, name: str) -> tuple[list[Array], dict[str, Arr
 
 
 def _by_posture(baseline: Baseline, name: str) -> dict[str, Array]:
-    """Return what a drive could do that is another in every posture, (N, 6, postures)."""
-    axis, poses = axis_at(baseline, name), np.unique(baseline.rows.pose)
-    if len(poses) > POSTURES:
-        return {}
-    there = (baseline.rows.pose[:, None] == poses).astype(np.float64)
+    """Return what a drive could do that is another in every posture, (N, 6, postures); see `by_posture`."""
+    axis, there = axis_at(baseline, name), by_posture(baseline)
     torque = (axis.load + axis.dead if baseline.absolute else axis.load) / axis.typical
+    if not there.shape[1]:
+        return {}
     gains = axis.shift[:, :, None] * (torque[:, None] * there)[:, None, :]
     if not baseline.absolute:
         return {UNSTEADY: gains}
@@ -238,11 +236,14 @@ def _by_posture(baseline: Baseline, name: str) -> dict[str, Array]:
 def _remembered(baseline: Baseline, axis: Axis, time: Array) -> Array:
     """Return the torques over the largest, of load and of weight, as memories of them fade, (N, m).
 
-    Since the first state of a pose: on the move there the weight's torque has changed too.
+    Since the first state of a pose, at which the weight's torque is another than before, too; what the weight
+    does shows only where most poses were read more than once.
     """
     rows = baseline.rows
     torque = np.stack([axis.load, axis.dead], -1) / axis.typical
-    rates = np.tile(np.reciprocal(FADES), (2, 1)).T
+    if np.median(np.unique(rows.pose, return_counts=True)[1]) < 2:
+        torque = torque[:, :1]
+    rates = np.tile(np.reciprocal(FADES), (torque.shape[1], 1)).T
     result = np.zeros((len(rows), *rates.shape))
     poses = [np.flatnonzero(rows.pose == pose) for pose in np.unique(rows.pose)]
     poses = [at[np.argsort(time[at], kind="stable")] for at in poses]

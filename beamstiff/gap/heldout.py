@@ -18,6 +18,7 @@ from beamstiff.se3 import Array
 RESAMPLED = 400
 FOLDS = 10
 SEEN = 1.05  # of the noise, what values have to leave without effects for a share of it to be told
+KNOWN = 0.5  # mean weight below which too little is predicted surely for a share of it to be told
 SURELY = 3.0  # standard deviations by which a compliance has to be negative for its bound to be kept
 
 
@@ -89,7 +90,7 @@ class Shrink:
 
     @property
     def worth(self) -> float:
-        """Share of the explainable gap that closes, of positions or of all values: of which more does."""
+        """Share of the explainable gap that closes, of positions, of all values or of those that are sure."""
         if self.open < SEEN:
             return self.shrink
         share = 1.0 - (self.misfit**2 - 1.0) / (self.open**2 - 1.0)
@@ -242,7 +243,7 @@ def held_out(
     noise = (scale * baseline.sigma[counted]) ** 2
     sure = noise / (noise + unsure[counted])
     before, after = (float(sure @ (target[counted] ** 2 / noise - 1.0)) for target in left)
-    seen = before > (SEEN**2 - 1.0) * sure.sum()
+    seen = sure.mean() > KNOWN and before > (SEEN**2 - 1.0) * sure.sum()
     position = np.where(used[:, :3], 1.0, 0.0)
     squares = [(target[:, :3] ** 2 * position).sum(axis=1) for target in left]
     squares.append(((scale * baseline.sigma[:, :3]) ** 2 * position).sum(axis=1))

@@ -86,7 +86,7 @@ def held_torque(
         if new[row]:
             before = unloaded[row]
             most = limit + grows * abs(before)
-            held = arrived * most
+            held = arrived * (limit if wound else most)
             if wound:
                 held = max(-most, min(most, held + before))
             first = 0.0 if whole else held

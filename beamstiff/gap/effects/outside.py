@@ -12,6 +12,9 @@ from beamstiff.gap.effects.effect import stated_scale
 from beamstiff.measure.rows import history_order
 from beamstiff.se3 import Array
 
+POSTURES = 40  # beyond which nobody does anything anew by hand in each
+SAME = 1e-6  # rad or m, within which joint values are of one posture
+
 
 def each_by_each(frame: Array, vector: Array) -> Array:
     """Return the axes (N, 3, 3) of a frame, each times each part of vectors (N, 3) in it: (N, 3, 9)."""
@@ -54,6 +57,21 @@ def clock(baseline: Baseline) -> Array:
     result = np.empty(len(rows))
     result[history_order(rows)] = np.arange(len(rows)) / max(fitted.rows - 1, 1)
     return result
+
+
+def by_posture(baseline: Baseline) -> NDArray[np.bool_]:
+    """Return which rows are of each posture that was fitted, (N, postures); none where that tells nothing.
+
+    That is of one posture, of more than anybody would work on one by one, or of most under one load alone:
+    then whatever is another in every posture could be anything.
+    """
+    fit = baseline.fit.rows
+    postures, number = np.unique(np.round(fit.q, 9), axis=0, return_inverse=True)
+    loads = np.unique(np.column_stack([number.reshape(-1), fit.wrench]), axis=0)[:, 0]
+    several = float(np.median(np.bincount(loads.astype(np.intp)))) > 1
+    if not (several and 1 < len(postures) <= POSTURES):
+        return np.zeros((len(baseline.rows), 0), dtype=np.bool_)
+    return np.asarray((np.abs(baseline.rows.q[:, None] - postures) < SAME).all(axis=2))
 
 
 def first_of_pose(baseline: Baseline) -> NDArray[np.intp]:

@@ -14,15 +14,13 @@ import numpy as np
 
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects.effect import Effect, Quantity, Shape
-from beamstiff.gap.effects.outside import each_by_each, tool_axes
+from beamstiff.gap.effects.outside import by_posture, each_by_each, tool_axes
 from beamstiff.se3 import Array
 
 OFFSET = 0.03  # m
 FAR = 0.1  # m
 PLACED = 5e-4  # m, of a target whose place was measured
 TURNED = 1e-3  # rad
-POSTURES = 40  # beyond which nobody hooks a load on by hand
-SAME = 1e-6  # rad or m, within which joint values are of one posture
 
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: ARG001
@@ -119,11 +117,10 @@ def _anew(baseline: Baseline, load: Array, loads: tuple[Quantity, ...]) -> Shape
     Of a robot that states it only the common one is known.
     """
     columns, names = [load], list(loads)
-    postures = np.unique(np.round(baseline.fit.rows.q, 9), axis=0)
-    if baseline.stated is None and 1 < len(postures) <= POSTURES:
-        here = np.asarray((np.abs(baseline.rows.q[:, None] - postures) < SAME).all(axis=2))  # (N, postures)
+    here = by_posture(baseline)
+    if baseline.stated is None:
         columns.append((load[:, :, None] * here[:, None, :, None]).reshape(*load.shape[:2], -1))
-        for k in range(len(postures)):
+        for k in range(here.shape[1]):
             names += [replace(one, name=f"{one.name}_in_{k}", passing=True) for one in loads]
     return Shape(
         "load, hooked on anew in every posture", np.concatenate(columns, -1), tuple(names), weight=0.5
