@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,12 @@ def hypothesis(
     shape = Shape(more.pop("shape", "only"), columns[:, None, :], names, spread)
     places = more.pop("places", ())
     return Hypothesis(effect, more.pop("component", None), shape, prior, columns, places)
+
+
+def of_any_sign(one: Hypothesis) -> Hypothesis:
+    """Return a hypothesis of which every parameter may be negative."""
+    parameters = tuple(replace(item, positive=False) for item in one.shape.parameters)
+    return replace(one, shape=replace(one.shape, parameters=parameters))
 
 
 def gap_of(gap: Any, tangent: Any = None, unknown: Any = None, component: Any = None) -> Whitened:

@@ -10,7 +10,13 @@ import numpy as np
 import pytest
 
 from beamstiff import BeamstiffError, Robot, identify
-from beamstiff.gap.apply import effects_displacement, extended, predict_with_effects, without_effects
+from beamstiff.gap.apply import (
+    _against,
+    effects_displacement,
+    extended,
+    predict_with_effects,
+    without_effects,
+)
 from beamstiff.gap.baseline import at_rows, fit_baseline, predict
 from beamstiff.gap.diagnose import diagnose
 from beamstiff.gap.effects import EFFECTS
@@ -275,7 +281,7 @@ def test_every_shape_means_the_same_without_the_rows_it_was_fitted_to(effect: st
                 component=component,
                 shape=shape.name,
                 parameters={name: value for name, value in zip(names, values.tolist(), strict=True) if value},
-                scales=law.scales(fit, component),
+                scales=_against(shape, law.scales(fit, component)),
             )
             robot = fit.robot.model_copy(update={"effects": (added,)})
             robot = parse_robot(robot_to_yaml(robot))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import combinations
 from typing import Any
 
@@ -222,10 +223,14 @@ def test_two_causes_of_which_none_is_clear_are_unknown_and_said() -> None:
 def test_of_two_causes_the_clear_one_is_named_alone_where_the_other_is_not() -> None:
     seconds = ("b:2", "c:3", "d:4")
     pairs = tuple(pair_of("a:1", second, 60.0 - 0.1 * at) for at, second in enumerate(seconds))
+    far = tuple(replace(one, left=0.3) for one in pairs)
     weights = {"a:1": 0.0} | dict.fromkeys(seconds, -50.0)
     found = judged(search_of(weights, left=0.4, pairs=pairs), single=HALF, both=GOOD)
     assert (found.verdict, found.also) == ("a:1", None)
     assert found.unclear == seconds
+    assert found.indistinguishable == ()
+    doubted = judged(search_of(weights, left=0.4, free=-20.0, pairs=far), single=HALF, both=GOOD)
+    assert (doubted.verdict, doubted.indistinguishable) == ("a:1", (UNKNOWN,))
 
 
 def test_two_causes_that_are_doubted_say_so_too() -> None:

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from beamstiff.gap.evidence import Scales, evidence
-from beamstiff.gap.library import Hypothesis, state_library
+from beamstiff.gap.library import state_library
 from beamstiff.gap.whitened import whiten
+from tests.gap.hypotheses import of_any_sign
 from tests.gap.machines import FORE, POSITION, close, elbow, nominal, rows_of, shape_of
 
 SIDEWAYS = np.array([0.0, 1.0, 0, 0, 0, 0])  # of the straight arm along x: turns the elbow by FORE a newton
@@ -78,15 +79,10 @@ def test_no_zone_that_follows_the_angle_makes_up_for_one_below_nothing() -> None
     own = [one for one in state_library(measured, white).hypotheses if one.effect == "backlash"]
     found, freely = (
         evidence(white, some, Scales(np.ones(1), np.zeros(1)))
-        for some in (own, [_of_any_sign(one) for one in own])
+        for some in (own, [of_any_sign(one) for one in own])
     )
     assert max(freely.hypotheses) > found.none + 300
     assert max(found.hypotheses) < found.none + 60
-
-
-def _of_any_sign(one: Hypothesis) -> Hypothesis:
-    parameters = tuple(replace(item, positive=False) for item in one.shape.parameters)
-    return replace(one, shape=replace(one.shape, parameters=parameters))
 
 
 def test_each_side_may_have_flanks_of_its_own() -> None:

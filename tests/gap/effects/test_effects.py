@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,11 @@ from scipy.spatial.transform import Rotation
 from beamstiff import load_robot
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects import EFFECTS
-from tests.gap.machines import arm_at, at_random, kr240, nominal, rows_of
+from beamstiff.gap.evidence import Scales, evidence
+from beamstiff.gap.library import state_library
+from beamstiff.gap.whitened import whiten
+from tests.gap.hypotheses import of_any_sign
+from tests.gap.machines import POSITION, ROTATION, arm_at, at_random, kr240, nominal, rows_of
 
 NAMES = [
     "link-bending",
@@ -112,3 +117,31 @@ def test_linear_places_do_twice_as_much_under_twice_the_load(rows: dict[str, Bas
                 np.testing.assert_allclose(
                     other.columns[..., linear], 2 * one.columns[..., linear], rtol=1e-9, atol=1e-9
                 )
+
+
+@pytest.mark.parametrize(
+    ("effect", "component", "shape"),
+    [
+        ("base-compliance", None, "rotation that stiffens"),
+        ("bearing-tilt", "q2", "tilt that stiffens"),
+        ("tool-compliance", None, "by axis, softening as a seam that opens"),
+        ("link-bending", "link2", "tapered"),
+        ("hysteresis", "q2", "friction that grows with the torque, wound up by the weight"),
+    ],
+)
+def test_nothing_gives_way_against_its_load(effect: str, component: str | None, shape: str) -> None:
+    rows = at_random(kr240(), 60, seed=3, sigma_position=POSITION, sigma_rotation=ROTATION)
+    there = nominal(kr240(), rows)
+    law = next(one for one in EFFECTS[effect].shapes(there, component) if one.name == shape)
+    backward = -law.columns @ [3 * item.size * item.positive for item in law.parameters]
+    noise = np.random.default_rng(4).standard_normal(backward.shape) * there.sigma
+    there = replace(there, measured=there.predicted + backward + noise)
+    white = whiten(there)
+    key = (effect, component, shape)
+    own = [h for h in state_library(there, white).hypotheses if (h.effect, h.component, h.shape.name) == key]
+    found, freely = (
+        evidence(white, some, Scales(np.ones(1), np.zeros(1)))
+        for some in (own, [of_any_sign(one) for one in own])
+    )
+    assert freely.hypotheses[0] > freely.unknown + 50
+    assert found.hypotheses[0] < found.unknown

@@ -62,8 +62,15 @@ def test_friction_that_grows_with_the_torque_holds_a_share_of_it_one_way_and_the
     stuck = share * 2.0 - (2.0 - down)
     assert found[200:] == pytest.approx(np.maximum(stuck, -share * down), abs=1e-9)
     assert (found[200:][down < 2.0 * (1 - share) / (1 + share)] < 0).any()
-    steady = stepped(np.concatenate([up, down]), 0.2, grows=0.0)
-    assert steady == pytest.approx(stepped(np.concatenate([up, down]), 0.2))
+    both = stepped(np.concatenate([up, down]), 0.2, grows=share)
+    assert np.abs(both) == pytest.approx(np.minimum(np.abs(both), 0.2 + share * np.concatenate([up, down])))
+    assert both[199] == pytest.approx(0.2 + 2.0 * share)
+
+
+def test_what_the_move_has_left_is_friction_without_torque_where_the_weight_acts_after_it() -> None:
+    flat = np.full(3, 0.5)
+    found = stepped(flat, 0.1, start=0.5, grows=0.4, arrived=-1.0, wound=True, whole=True)
+    assert found == pytest.approx(np.full(3, 0.3))  # -0.1 and 0.5 more, held by 0.1 + 0.4 * 0.5 at most
 
 
 def test_the_elbow_lags_by_what_friction_holds() -> None:
