@@ -268,8 +268,9 @@ def _log_upper(
     else:
         covariance = (vectors[:, None] * factor[:, :, None]) @ vectors[:, None].swapaxes(-1, -2)
     result = np.zeros((*sizes.shape, projected.shape[2]))
-    pull = -(vectors @ projected)[:, None, :, 0] / scale  # -V^-1 m
-    most = 0.0 if alone else _farthest(mean[..., 0], covariance, pull, positive)[..., None]
+    if not alone:
+        pull = -(vectors @ projected)[:, None, :, 0] / scale  # -V^-1 m
+        bound = _farthest(mean[..., 0], covariance, pull, positive)[..., None]
     for k in np.flatnonzero(positive.any(axis=0)).tolist():
         own = variance[..., k] if alone else covariance[..., k, k]
         spread = np.sqrt(np.maximum(own, 1e-300))[..., None]
@@ -286,7 +287,7 @@ def _log_upper(
         covariance = covariance - lost * toward[..., None] * toward[..., None, :]
     if alone:
         return result
-    bounded: Array = np.minimum(result, np.log(2.0) * positive.sum(axis=1)[:, None, None] + most)
+    bounded: Array = np.minimum(result, np.log(2.0) * positive.sum(axis=1)[:, None, None] + bound)
     return bounded
 
 

@@ -63,9 +63,9 @@ class FreeLaw:
         Whether it is a place of the machine that gives way.
     nameless : dict of str to (n, k) array
         Main modes of what no effect of the library is, by what the place would do: play of the structure,
-        friction at base and tool, a tether; of a drive what stays softer to one side, changes with the time,
-        or creeps; of readings that they stick. Few enough each to be seen where all that the place could do
-        is too much.
+        friction at base and tool, a tether or a stop; of a drive what stays softer to one side, changes with
+        the time or from posture to posture, or creeps; of readings that they stick. Few enough each to be
+        seen where all that the place could do is too much.
     """
 
     place: str

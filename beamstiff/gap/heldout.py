@@ -170,13 +170,15 @@ def shift(baseline: Baseline, fits: Sequence[Fitted], columns: Sequence[Sequence
 
 def stacked_covariance(baseline: Baseline, fit: Fitted, columns: Sequence[Array]) -> Array:
     """Return the covariance (N, 6, 6) of what a fit predicts, for columns (N, 6, c) of each of its shapes."""
-    sizes = np.concatenate([np.ones(0), *(one.hypothesis.sizes for one in fit.shapes)])
-    every = [baseline.tangent]
-    if fit.shapes:
-        every.append(np.concatenate(list(columns), axis=-1) * sizes)
-    stacked = np.concatenate(every, axis=-1)
+    stacked = _stacked(baseline, fit, columns)
     result: Array = stacked @ fit.covariance @ stacked.swapaxes(-1, -2)
     return result
+
+
+def _stacked(baseline: Baseline, fit: Fitted, columns: Sequence[Array]) -> Array:
+    """Return the columns (N, 6, t + c) of all that a fit holds, for those (N, 6, c) of each of its shapes."""
+    sized = (part * one.hypothesis.sizes for part, one in zip(columns, fit.shapes, strict=True))
+    return np.concatenate([baseline.tangent, *sized], axis=-1)
 
 
 def combinations_of(models: Sequence[Sequence[Weighted]]) -> list[tuple[float, list[Weighted]]]:
@@ -272,9 +274,7 @@ def _variance(
     """Return the variance (n, 6) of what fits say of some rows (N,), for columns (N, 6, c) of each shape."""
     result = np.zeros((int(rows.sum()), 6))
     for fit, own in zip(fits, columns, strict=True):
-        sizes = [one.hypothesis.sizes for one in fit.shapes]
-        every = [baseline.tangent[rows], *(part[rows] * size for part, size in zip(own, sizes, strict=True))]
-        stacked = np.concatenate(every, axis=-1)
+        stacked = _stacked(baseline, fit, own)[rows]
         result += fit.weight * ((stacked @ fit.covariance) * stacked).sum(axis=-1)
     return result
 
