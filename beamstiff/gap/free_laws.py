@@ -22,7 +22,7 @@ from beamstiff.gap.effects.outside import POSTURES, by_posture, clock
 from beamstiff.gap.histories import lagging, slipping
 from beamstiff.gap.library import Library
 from beamstiff.gap.places import Place
-from beamstiff.gap.whitened import Whitened
+from beamstiff.gap.whitened import SILENT, Whitened
 from beamstiff.se3 import Array
 
 KNEES = (0.02, 0.1, 0.25, 0.5)  # of the largest torque: where the free torque curve can bend
@@ -132,8 +132,9 @@ def _main(white: Whitened, groups: Sequence[Array], most: int = MODES) -> Array:
     parts = []
     for whole in groups:
         columns = white.leave(whole)
-        size = np.linalg.norm(columns, axis=0)
-        kept = size > ABSORBED * np.maximum(np.linalg.norm(whole, axis=0), 1e-300)
+        size, before = np.linalg.norm(columns, axis=0), np.linalg.norm(whole, axis=0)
+        # a column that is small beside the others of its kind moves nothing but by rounding
+        kept = size > np.maximum(ABSORBED * before, SILENT * before.max(initial=0.0))
         if kept.any():
             parts.append(columns[:, kept] / size[kept] / np.sqrt(kept.sum()))
     if not parts:

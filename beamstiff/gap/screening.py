@@ -125,10 +125,10 @@ def _unit_columns(some: Sequence[Hypothesis], white: Whitened) -> Array:
     """Return columns (n, c) that vary as some shapes do, each shape of unit size a value; the main ones."""
     parts = [np.zeros((white.gap.size, 0))]
     for one in whitened(some, white):
-        # what the fit absorbs of a shape changes nothing, and would drown the rest in rounding
+        # what the fit absorbs of a shape, and one that moves nothing, would drown the rest in rounding
         left = white.leave(one.columns)
         size = np.linalg.norm(left)
-        if size > SILENT * np.linalg.norm(one.columns):
+        if size > SILENT * max(float(np.linalg.norm(one.columns)), 1.0):
             parts.append(left * np.sqrt(white.gap.size) / size)
     columns = np.concatenate(parts, axis=1)
     values, vectors = np.linalg.eigh(columns.T @ columns)

@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 from beamstiff import load_robot, read_measurements
 from beamstiff.cli.main import app
 from tests.cli.demo_text import demo_text
+from tests.printed import prints
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 README = (REPOSITORY / "README.md").read_text(encoding="utf-8")
@@ -36,7 +37,8 @@ def crane(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_the_demo_prints_what_the_readme_shows(tmp_path: Path) -> None:
-    assert demo_text(tmp_path) == block("demo"), "`make readme` writes what the demo prints now"
+    printed = demo_text(tmp_path)
+    assert prints(block("demo"), printed), f"`make readme` writes what the demo prints now:\n{printed}"
 
 
 def test_the_python_of_the_readme_runs(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,11 +14,11 @@ from typer.testing import CliRunner
 
 from beamstiff import __version__
 from beamstiff.cli.main import app
+from tests.printed import prints
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 DOCS = REPOSITORY / "docs"
 PAGES = [*DOCS.glob("*.md"), *REPOSITORY.glob("*.md")]
-CHECKER, FLAGS = doctest.OutputChecker(), doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 LARGEST = 200_000  # bytes of a picture in the repository
 
 
@@ -43,7 +43,7 @@ def test_the_commands_of_the_tutorial_print_what_it_shows(
     for command, printed in sessions("tutorial.md"):
         result = CliRunner().invoke(app, shlex.split(command)[1:], prog_name="beamstiff")
         assert result.exit_code == 0, f"{command}: {result.stderr}"
-        assert CHECKER.check_output(printed, result.stdout, FLAGS), f"{command} prints\n{result.stdout}"
+        assert prints(printed, result.stdout), f"{command} prints\n{result.stdout}"
         ran += 1
     assert ran == 6
     for name in ("tests.csv", "real.yaml", "next.csv", "report.html", "corrected.csv"):

@@ -9,7 +9,7 @@ not known beforehand: they are taken where they explain most of the gap, and the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -28,6 +28,7 @@ NEARER, TURNED = (0.75, 1.0, 1.3), tuple(np.deg2rad([-5.0, 0.0, 5.0]).tolist())
 KNEES = (0.15, 0.35)  # of the largest force on a seat
 NAMES = ("by_side", *(f"{side}_{knee:g}" for knee in KNEES for side in ("pressed_beyond", "lifted_beyond")))
 BOUND = 5.0  # usual sizes beyond which a value counts as one at this bound: a bad row must not choose
+TIED = 1e-6  # share of what is explained, within which two places are equals
 SILENT = 1e-9  # share below which there is nothing but rounding
 LEVER = 0.5  # m, by which rotations count beside positions, whatever the noise is thought to be
 
@@ -94,13 +95,13 @@ def seats_of(baseline: Baseline) -> Seats | None:
         return float(toward @ np.linalg.pinv(columns.T @ columns, rcond=1e-8, hermitian=True) @ toward)
 
     tried = [seats for where in product(DISTANCES, RADII, ANGLES) if (seats := _at(fit, *where)) is not None]
-    best = max(tried, key=explained, default=None)
+    best = _first_of_the_best(tried, explained)
     if best is None or not explained(best) > SILENT * (fit.gap**2).sum():
         return None
     distances, radii = ([size * by for by in NEARER] for size in (best.distance, best.radius))
     angles = [best.angle + by for by in TURNED]
     near = [seats for where in product(distances, radii, angles) if (seats := _at(fit, *where)) is not None]
-    return max(near, key=explained)
+    return _first_of_the_best(near, explained)
 
 
 def choices() -> int:
@@ -128,6 +129,12 @@ def by_seats(baseline: Baseline, place: Place, seats: Seats) -> Array:
             place.shift[:, :, 2] * given.mean(axis=1)[:, None],
         ]
     return np.stack(columns, -1)
+
+
+def _first_of_the_best(seats: Sequence[Seats], explained: Callable[[Seats], float]) -> Seats | None:
+    """Return the first that explains most; of few rows many explain all, and rounding must not choose."""
+    values = np.array([explained(one) for one in seats])
+    return seats[int(np.argmax(values >= (1.0 - TIED) * values.max()))] if values.size else None
 
 
 def _laws() -> Iterator[Callable[[Array], Array]]:
