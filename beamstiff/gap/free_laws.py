@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -40,6 +41,8 @@ PLAY = "has play"
 ONE_SIDED = "stays softer to one side, whatever its torque"
 CHANGING = "changes its stiffness with the time"
 CREEPING = "creeps"
+SOFTENING = "gives way the more the more it carries"
+GIVING = (0.03, 0.05, 0.08, 0.12, 0.2, 0.3, 0.45)  # of the largest torque, beyond which it may
 UNSTEADY = "gives way otherwise in every posture"
 ASTRAY = "stands off otherwise in every posture"
 SLIPPING = "slips against friction, so that what it does depends on the load history"
@@ -63,9 +66,9 @@ class FreeLaw:
         Whether it is a place of the machine that gives way.
     nameless : dict of str to (n, k) array
         Main modes of what no effect of the library is, by what the place would do: play of the structure,
-        friction at base and tool, a tether or a stop; of a drive what stays softer to one side, changes with
-        the time or from posture to posture, or creeps; of readings that they stick. Few enough each to be
-        seen where all that the place could do is too much.
+        friction at base and tool, a tether or a stop; of a drive what softens, stays softer to one side,
+        changes with the time or from posture to posture, or creeps; of readings that they stick. Few enough
+        each to be seen where all that the place could do is too much.
     """
 
     place: str
@@ -97,6 +100,9 @@ def free_laws(baseline: Baseline, library: Library, white: Whitened) -> list[Fre
     for drive in map(str, drives(baseline)):
         named, others = _of_drive(baseline, drive)
         nameless = {does: _modes(white, (law,)) for does, law in others.items()}
+        softer = white.turn(_softening(baseline, drive))
+        if _softens(white, softer):
+            nameless[SOFTENING] = _main(white, [softer])
         each = _by_posture(baseline, drive)
         nameless |= {does: _main(white, [white.turn(law)], POSTURES) for does, law in each.items()}
         found.append(FreeLaw(drive, _modes(white, (*named, *others.values())), nameless=nameless))
@@ -220,6 +226,27 @@ def _of_drive(baseline: Baseline, name: str) -> tuple[list[Array], dict[str, Arr
     changing = along(torque[:, None] * np.stack([time, time**2], -1))
     fading = along(_remembered(baseline, axis, time))
     return named, {ONE_SIDED: np.stack(one_sided, -1), CHANGING: changing, CREEPING: fading}
+
+
+def _softening(baseline: Baseline, name: str) -> Array:
+    """Return what a drive gives way more beyond each torque at which it may begin to, (N, 6, m)."""
+    axis = axis_at(baseline, name)
+
+    def beyond(torque: Array, at: float) -> Array:
+        return np.sign(torque) * np.maximum(np.abs(torque) - at * axis.typical, 0.0)
+
+    return np.stack([by_law(baseline, axis, partial(beyond, at=at)) for at in GIVING], -1)
+
+
+def _softens(white: Whitened, columns: Array) -> bool:
+    """Return whether the gap shows a drive that softens: one that hardens has the same laws backwards."""
+    left = white.leave(columns)
+    size = np.linalg.norm(left, axis=0)
+    kept = size > ABSORBED * np.linalg.norm(columns, axis=0)
+    if not kept.any():
+        return False
+    factor = np.linalg.lstsq(left[:, kept] / size[kept], white.leave(white.gap[:, None])[:, 0], rcond=1e-3)[0]
+    return bool((1.0 - np.array(GIVING)[kept]) @ (factor / size[kept]) > 0)
 
 
 def _by_posture(baseline: Baseline, name: str) -> dict[str, Array]:

@@ -237,8 +237,18 @@ def test_the_mutations_leave_some_tables_readable_and_spoil_most(arm: Robot) -> 
     assert 15 < read < 200
 
 
+ALL = settings(max_examples=10_000, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
+
+
 @given(source=st.randoms(use_true_random=False))
-@settings(max_examples=10_000, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
+@settings(ALL, max_examples=4_000)
+def test_mutated_tables_are_read_or_refused(source: random.Random, arm: Robot) -> None:
+    read_or_refused(mutate(source.choice(SEEDS), source), arm)
+
+
+@pytest.mark.slow
+@given(source=st.randoms(use_true_random=False))
+@settings(ALL)
 def test_ten_thousand_mutated_tables_are_read_or_refused(source: random.Random, arm: Robot) -> None:
     read_or_refused(mutate(source.choice(SEEDS), source), arm)
 

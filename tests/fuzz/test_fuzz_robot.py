@@ -244,9 +244,19 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("fuzz") / "robot.yaml"
 
 
-@settings(
+ALL = settings(
     max_examples=10_000, suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture]
 )
+
+
+@settings(ALL, max_examples=2_000)
+@given(data=mutated())
+def test_mutated_files_are_robots_or_one_line(data: bytes, file: Path) -> None:
+    event("a robot" if check_file(data, file) else "refused")
+
+
+@pytest.mark.slow
+@settings(ALL)
 @given(data=mutated())
 def test_ten_thousand_mutated_files_are_robots_or_one_line(data: bytes, file: Path) -> None:
     event("a robot" if check_file(data, file) else "refused")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +17,7 @@ from beamstiff.gap.free_laws import (
     ASTRAY,
     FADES,
     MODES,
+    SOFTENING,
     STOPPED,
     STOPS,
     UNSTEADY,
@@ -155,6 +157,29 @@ def test_a_drive_that_is_another_in_every_posture_has_no_name() -> None:
     more = at_random(elbow(), 2 * POSTURES + 2, seed=6)
     pose = np.repeat(np.arange(POSTURES + 1), 2)
     assert _by_posture(nominal(elbow(), replace(more, q=more.q[pose], pose=pose)), "q2") == {}
+
+
+@pytest.mark.parametrize("knee", [0.06, 0.3])
+def test_a_drive_that_softens_has_no_name_and_one_that_hardens_is_none(knee: float) -> None:
+    some = at_random(kr240(), 60, seed=8)
+    there = nominal(kr240(), some)
+    axis = axis_at(there, "q2")
+    over = np.maximum(np.abs(axis.load) - knee * axis.typical, 0.0)
+    law = 4e-7 * (axis.shift * (np.sign(axis.load) * over)[:, None])
+    noise = there.sigma * np.random.default_rng(9).standard_normal(law.shape)
+
+    def of(gap: Array) -> Mapping[str, Array]:
+        seen = replace(there, measured=there.predicted + gap + noise)
+        white = whiten(seen)
+        laws = free_laws(seen, state_library(seen, white), white)
+        return {does: modes for one in laws if one.place == "q2" for does, modes in one.nameless.items()}
+
+    columns = of(law)[SOFTENING]
+    white = whiten(there)
+    moved = white.leave(white.turn(law[..., None]))
+    left = moved - columns @ np.linalg.lstsq(columns, moved)[0]
+    assert np.linalg.norm(left) < 0.05 * np.linalg.norm(moved)
+    assert SOFTENING not in of(-law)
 
 
 def test_a_drive_creeps_under_the_weight_too() -> None:

@@ -118,3 +118,16 @@ def test_too_few_rows_are_taken_as_they_are() -> None:
     found = screened(subset(planted.campaign(PLAN, seed=8), [2]))
     assert found.noise.tolist() == [1.0, 1.0]
     assert found.outliers.size == 0
+
+
+def test_a_shape_that_moves_nothing_but_by_rounding_tells_nothing_of_the_noise() -> None:
+    there, library = prepared(planted.campaign(PLAN, seed=3))
+    still = replace(library.hypotheses[0].shape, name="still")
+    columns = 1e-50 * np.random.default_rng(4).standard_normal((*still.columns.shape[:2], 1))
+    nothing = replace(
+        library.hypotheses[0],
+        component="elsewhere",
+        shape=replace(still, columns=columns, parameters=still.parameters[:1]),
+    )
+    with_it = replace(library, hypotheses=(*library.hypotheses, nothing))
+    assert screen(there, with_it).noise.tolist() == screen(there, library).noise.tolist()

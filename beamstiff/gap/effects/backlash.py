@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -13,7 +14,10 @@ from beamstiff.gap.effects.laws import axis_at, by_law, drives, torque_scale, un
 from beamstiff.se3 import Array
 
 WIDTHS = (0.005, 0.03, 0.1)  # of the largest torque, over which the flank is reached
+BETWEEN = (0.02, 0.05, 0.07, 0.15)  # further widths, of a drive that rests off the middle
+STRAIGHT = (0.03, 0.05, 0.07, 0.1, 0.15)  # widths over which a soft stage is wound up to its stop
 SIDES = ("up", "down")
+RARELY = 0.3  # weight of these
 WAVES = {"cosine": np.cos, "sine": np.sin}
 
 
@@ -23,19 +27,23 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     half = Quantity("half_width", unit, 2e-4 if axis.turns else 5e-5, positive=True)
     way = replace(half, size=0.5 * half.size)
 
-    def to_side(width: float, side: float) -> Array:
-        return by_law(baseline, axis, partial(_one_side, side=side, soft=width * axis.typical))
+    def to_sides(law: Callable[..., Array], width: float) -> list[Array]:
+        soft = width * axis.typical
+        return [by_law(baseline, axis, partial(law, side=side, soft=soft)) for side in (1.0, -1.0)]
 
-    sided = [[to_side(width, side) for side in (1.0, -1.0)] for width in WIDTHS]
+    def off_rest(name: str, both: Sequence[Array], weight: float = 1.0) -> Shape:
+        # without torque the drive rests off the middle: the way to one flank is longer
+        ways = tuple(replace(half, name=f"width_{side}") for side in SIDES)
+        return Shape(f"{name}, off rest", np.stack(both, -1), ways, spread=6.0, weight=weight)
+
+    sided = [to_sides(_one_side, width) for width in WIDTHS]
     flanks = [up + down for up, down in sided]
     result = []
     for width, odd, both in zip(WIDTHS, flanks, sided, strict=True):
-        # without torque the drive rests off the middle: the way to one flank is longer
-        ways = tuple(replace(half, name=f"width_{side}") for side in SIDES)
-        result += [
-            Shape(f"flank within {width:g}", odd[..., None], (half,), spread=6.0, weight=2.0),
-            Shape(f"flank within {width:g}, off rest", np.stack(both, -1), ways, spread=6.0),
-        ]
+        name = f"flank within {width:g}"
+        result += [Shape(name, odd[..., None], (half,), spread=6.0, weight=2.0), off_rest(name, both)]
+    result += [off_rest(f"flank within {at:g}", to_sides(_one_side, at), RARELY) for at in BETWEEN]
+    result += [off_rest(f"straight flank within {at:g}", to_sides(_straight, at), RARELY) for at in STRAIGHT]
     halves = tuple(replace(way, name=f"half_width_{width:g}") for width in WIDTHS)
     result.append(Shape("flanks one after another", np.stack(flanks, -1), halves, spread=6.0))
     sides = tuple(replace(way, name=f"width_{width:g}_{side}") for width in WIDTHS for side in SIDES)
@@ -71,6 +79,11 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
 def _one_side(torque: Array, side: float, soft: float) -> Array:
     """Return the way to the flank on one side, none on the other."""
     return side * np.tanh(np.maximum(side * torque / soft, 0.0))
+
+
+def _straight(torque: Array, side: float, soft: float) -> Array:
+    """Return the way to the flank on one side, by a spring that is wound up to its stop."""
+    return side * np.clip(side * torque / soft, 0.0, 1.0)
 
 
 def _usual_course(baseline: Baseline, component: str) -> dict[str, float]:

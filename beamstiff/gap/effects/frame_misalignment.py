@@ -2,61 +2,131 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import asdict, replace
+
 import numpy as np
 
 from beamstiff.gap.baseline import Baseline, nominal_pose
-from beamstiff.gap.effects.effect import Effect, Quantity, Shape
-from beamstiff.gap.effects.outside import each_by_each
+from beamstiff.gap.effects.chosen import best_of, left_by
+from beamstiff.gap.effects.effect import Effect, Quantity, Scales, Shape, stated_scale
+from beamstiff.gap.effects.outside import anew, campaign, clock, each_by_each
 from beamstiff.se3 import Array
 
 TURN = 0.02  # rad, of displacements
 PLACED_TURN, PLACED_SHIFT = 5e-4, 5e-4  # rad, m, of absolute positions
-SCALE = 0.01
+SCALE, PLACED_SCALE = 0.01, 1e-4
 FEW_TIMES = 3.0  # its sizes: what errs by a tenth a metre nobody would measure with
 SKEWED = ((0, 1), (0, 2), (1, 2))
 PRODUCTS = ((0, 0), (1, 1), (2, 2), *SKEWED)
+MOMENTS, LEAST = 20, 0.15  # moments at most at which the frame may have moved; share of rows before and after
 
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: ARG001
-    axes = np.broadcast_to(np.eye(3), (len(baseline.rows), 3, 3))
-    nothing = np.zeros_like(axes)
     if baseline.absolute:
-        position = nominal_pose(baseline.nominal, baseline.rows)[0]
-        turn = np.concatenate([np.cross(axes, position[:, :, None], axis=1), axes], 1)
-        shift = np.concatenate([axes, nothing], 1)
-        turns = tuple(Quantity(f"rotation_{axis}", "rad", PLACED_TURN) for axis in "xyz")
-        shifts = tuple(Quantity(f"shift_{axis}", "m", PLACED_SHIFT) for axis in "xyz")
-        grown = np.concatenate([position, np.zeros_like(position)], 1)[..., None]
-        growth = Quantity("scale", "1", 1e-4)
-        return [
-            Shape("turned", turn, turns),
-            Shape("turned and shifted", np.concatenate([turn, shift], -1), (*turns, *shifts)),
-            Shape("scaled", grown, (growth,), weight=0.3),
-        ]
+        return _of_positions(baseline)
     seen = baseline.predicted
-    turn = np.concatenate([np.cross(axes, seen[:, s, None], axis=1) for s in (slice(3), slice(3, 6))], 1)
-    scale = np.concatenate([seen[:, :3], np.zeros_like(seen[:, :3])], 1)[..., None]
-    turns = tuple(Quantity(f"rotation_{axis}", "rad", TURN) for axis in "xyz")
+    turn, turns = _turned(baseline)
     growth = Quantity("scale", "1", SCALE)
-    scales = np.zeros((len(seen), 6, 3))
-    scales[:, [0, 1, 2], [0, 1, 2]] = seen[:, :3]
-    growths = tuple(Quantity(f"scale_{axis}", "1", SCALE) for axis in "xyz")
-    # axes that are not square to each other, of a machine that measures along its own
-    skew = np.zeros((len(seen), 6, 3))
-    for at, (i, j) in enumerate(SKEWED):
-        skew[:, i, at], skew[:, j, at] = seen[:, j], seen[:, i]
-    skews = tuple(Quantity(f"skew_{'xyz'[i]}{'xyz'[j]}", "rad", SCALE) for i, j in SKEWED)
+    scale = _stretched(seen[:, :3])[..., :3].sum(axis=-1, keepdims=True)
+    stretched = np.concatenate([turn, _stretched(seen[:, :3])], -1)
     return [
         Shape("turned", turn, turns),
         *_elsewhere(baseline),
         Shape("turned and scaled", np.concatenate([turn, scale], -1), (*turns, growth), weight=0.5),
-        Shape(
-            "turned, scaled by axis and skewed",
-            np.concatenate([turn, scales, skew], -1),
-            (*turns, *growths, *skews),
-            weight=0.5,
-        ),
+        Shape("turned, scaled by axis and skewed", stretched, (*turns, *_stretches(SCALE)), weight=0.5),
+        *_moved(baseline, "turned", turn, turns),
+        # set up again for every posture
+        Shape("turned, another way in every posture", *anew(baseline, turn, turns), weight=0.5),
     ]
+
+
+def _of_positions(baseline: Baseline) -> list[Shape]:
+    placed, entries = _turned(baseline)
+    turn, turns = placed[..., :3], entries[:3]
+    stretched = _stretched(nominal_pose(baseline.nominal, baseline.rows)[0])
+    growth = Quantity("scale", "1", PLACED_SCALE)
+    return [
+        Shape("turned", turn, turns),
+        Shape("turned and shifted", placed, entries),
+        Shape("scaled", stretched[..., :3].sum(axis=-1, keepdims=True), (growth,), weight=0.3),
+        Shape(
+            "turned, shifted, scaled by axis and skewed",
+            np.concatenate([placed, stretched], -1),
+            (*entries, *_stretches(PLACED_SCALE)),
+            weight=0.3,
+        ),
+        *_moved(baseline, "turned and shifted", placed, entries),
+    ]
+
+
+def _turned(baseline: Baseline) -> tuple[Array, tuple[Quantity, ...]]:
+    """Return what another frame reads (N, 6, c): turned by c = 3 angles; of positions shifted too, c = 6."""
+    axes = np.broadcast_to(np.eye(3), (len(baseline.rows), 3, 3))
+    size = PLACED_TURN if baseline.absolute else TURN
+    turns = tuple(Quantity(f"rotation_{axis}", "rad", size) for axis in "xyz")
+    if not baseline.absolute:
+        seen = baseline.predicted
+        parts = [np.cross(axes, seen[:, some, None], axis=1) for some in (slice(3), slice(3, 6))]
+        return np.concatenate(parts, 1), turns
+    position = nominal_pose(baseline.nominal, baseline.rows)[0]
+    turn = np.concatenate([np.cross(axes, position[:, :, None], axis=1), axes], 1)
+    shift = np.concatenate([axes, np.zeros_like(axes)], 1)
+    shifts = tuple(Quantity(f"shift_{axis}", "m", PLACED_SHIFT) for axis in "xyz")
+    return np.concatenate([turn, shift], -1), (*turns, *shifts)
+
+
+def _stretched(length: Array) -> Array:
+    """Return how scales by axis and axes that are not square to each other change lengths (N, 3), (N, 6, 6).
+
+    So reads a machine that measures along its own axes.
+    """
+    result = np.zeros((len(length), 6, 6))
+    result[:, [0, 1, 2], [0, 1, 2]] = length
+    for at, (i, j) in enumerate(SKEWED, 3):
+        result[:, i, at], result[:, j, at] = length[:, j], length[:, i]
+    return result
+
+
+def _stretches(size: float) -> tuple[Quantity, ...]:
+    scales = tuple(Quantity(f"scale_{axis}", "1", size) for axis in "xyz")
+    return (*scales, *(Quantity(f"skew_{'xyz'[i]}{'xyz'[j]}", "rad", size) for i, j in SKEWED))
+
+
+def _moved(
+    baseline: Baseline, name: str, columns: Array, quantities: tuple[Quantity, ...]
+) -> Iterator[Shape]:
+    """Yield the shape of a frame (N, 6, c) that was moved: of all its columns those after the moment too."""
+    at = _moment(baseline)
+    if at is not None:
+        after = np.where((clock(baseline) > at)[:, None, None], columns, 0.0)
+        later = tuple(replace(one, name=f"{one.name}_later") for one in quantities)
+        both = np.concatenate([columns, after], -1)
+        # the choice of the moment is paid for
+        yield Shape(f"{name}, then moved", both, (*quantities, *later), weight=1.0 / MOMENTS, tuned=True)
+
+
+def _moment(baseline: Baseline) -> float | None:
+    """Return by the clock when the frame was moved: as stated, or between which postures explains most."""
+    if baseline.stated is not None:
+        return stated_scale(baseline, "moved_at")
+    fit = baseline.fit
+    columns, time = _turned(fit)[0], clock(fit)
+    order = np.argsort(time, kind="stable")
+    changed = np.flatnonzero(np.diff(fit.rows.pose[order]) != 0)
+    early, late = np.quantile(time, [LEAST, 1.0 - LEAST])
+    between = 0.5 * (time[order][changed] + time[order][changed + 1])
+    between = between[(between > early) & (between < late)]
+    if not between.size:
+        return None
+    some = between[np.unique(np.linspace(0, between.size - 1, MOMENTS).round().astype(np.intp))]
+    left = left_by(fit, columns)
+    return best_of(some.tolist(), left, lambda at: np.where((time > at)[:, None, None], columns, 0.0))
+
+
+def _scales(baseline: Baseline, component: str | None) -> Scales:  # noqa: ARG001
+    at = _moment(baseline)
+    return {} if at is None else {"moved_at": at, **asdict(campaign(baseline))}
 
 
 def _elsewhere(baseline: Baseline) -> list[Shape]:
@@ -97,4 +167,5 @@ EFFECT = Effect(
     look_alikes=("load-error", "geometry-error"),
     sources="0.2 to 3 deg, engineering estimate",
     place="readings",
+    scales=_scales,
 )

@@ -2,7 +2,7 @@
 
 Columns are central differences of the nominal pose, loops closed anew. Displacements hardly depend on
 geometry: of them only encoders' zeros are tried, by central differences of the deflection. What sits off
-the axis of its joint, a disc or a bearing, errs once a turn as well.
+the axis of its joint, a disc or a bearing, errs once a turn as well; an encoder's disc that is oval twice.
 """
 
 from __future__ import annotations
@@ -52,13 +52,17 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     result = [Shape("offset", columns[..., None], (Quantity("offset", unit, size),))]
     turn = _turn(baseline, name) if baseline.absolute else None
     if turn is not None:
-        courses = (np.ones_like(turn), np.sin(turn), np.cos(turn))
-        parts = ("offset", "once_a_turn_sine", "once_a_turn_cosine")
-        by_turn = np.stack([columns * course[:, None] for course in courses], -1)
-        runout = tuple(
-            Quantity(part, unit, size * of) for part, of in zip(parts, (1.0, RUNOUT, RUNOUT), strict=True)
-        )
-        result.append(Shape("offset, and once a turn", by_turn, runout, weight=0.5))
+        names = ["once"] if frame else ["once", "twice"]
+        waves = {
+            f"{often}_a_turn_{name_of}": course(times * turn)
+            for times, often in enumerate(names, 1)
+            for name_of, course in (("sine", np.sin), ("cosine", np.cos))
+        }
+        by_turn = np.stack([columns, *(columns * wave[:, None] for wave in waves.values())], -1)
+        runout = (Quantity("offset", unit, size), *(Quantity(wave, unit, size * RUNOUT) for wave in waves))
+        result.append(Shape("offset, and once a turn", by_turn[..., :3], runout[:3], weight=0.5))
+        if not frame:
+            result.append(Shape("offset, and once and twice a turn", by_turn, runout, weight=0.25))
     return result
 
 

@@ -9,6 +9,9 @@ from beamstiff.gap.effects.effect import Effect, Quantity, Shape
 from beamstiff.gap.effects.laws import axis_at, by_law, component_of, torque_scale
 from beamstiff.robot.fields import RIGID
 
+SECTOR = 20.0  # deg, half a sector
+SECTORS = tuple(range(-180, 180, 30))
+
 
 def _components(baseline: Baseline) -> list[str | None]:
     robot = baseline.nominal
@@ -49,6 +52,11 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         names = [f"compliance_by_{wave}_{k}" for k in ("q", "2q") for wave in ("cosine", "sine")]
         waves = tuple(Quantity(name, unit, 0.3 * size) for name in names)
         found.append(Shape("by its angle", by_angle, (compliance, *waves), spread=30.0, weight=0.5))
+        # worn or stiff sectors
+        bumps = np.exp((np.cos(angle[:, None] - np.deg2rad(SECTORS)) - 1.0) / np.deg2rad(SECTOR) ** 2)
+        near = np.concatenate([linear[..., None], linear[..., None] * bumps[:, None]], -1)
+        sectors = tuple(Quantity(f"compliance_near_{at}_deg", unit, 0.5 * size) for at in SECTORS)
+        found.append(Shape("by sectors", near, (compliance, *sectors), spread=30.0, weight=0.5))
     return found
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.gap.baseline import Baseline, nominal_pose
-from beamstiff.gap.effects.effect import stated_scale
+from beamstiff.gap.effects.effect import Quantity, stated_scale
 from beamstiff.measure.rows import history_order
 from beamstiff.se3 import Array
 
@@ -72,6 +72,25 @@ def by_posture(baseline: Baseline) -> NDArray[np.bool_]:
     if not (several and 1 < len(postures) <= POSTURES):
         return np.zeros((len(baseline.rows), 0), dtype=np.bool_)
     return np.asarray((np.abs(baseline.rows.q[:, None] - postures) < SAME).all(axis=2))
+
+
+def anew(
+    baseline: Baseline, columns: Array, quantities: tuple[Quantity, ...]
+) -> tuple[Array, tuple[Quantity, ...]]:
+    """Return columns (N, 6, c) and their quantities, beside them those of each posture on its own.
+
+    Of a robot that states them only the common ones are known.
+    """
+    if baseline.stated is not None:
+        return columns, quantities
+    here = by_posture(baseline)
+    each = (columns[:, :, None] * here[:, None, :, None]).reshape(*columns.shape[:2], -1)
+    names = tuple(
+        replace(one, name=f"{one.name}_in_{k}", passing=True)
+        for k in range(here.shape[1])
+        for one in quantities
+    )
+    return np.concatenate([columns, each], -1), (*quantities, *names)
 
 
 def first_of_pose(baseline: Baseline) -> NDArray[np.intp]:

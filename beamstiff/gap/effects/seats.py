@@ -17,6 +17,7 @@ import numpy as np
 
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.gap.baseline import Baseline
+from beamstiff.gap.effects.chosen import SILENT, best_of, left_by
 from beamstiff.gap.effects.effect import Scales, stated_scale
 from beamstiff.gap.effects.laws import by_compliance
 from beamstiff.gap.places import Place
@@ -24,13 +25,10 @@ from beamstiff.se3 import Array
 
 DISTANCES, RADII = (0.06, 0.1), (0.035, 0.065)  # m
 ANGLES = tuple(np.deg2rad(np.arange(0.0, 120.0, 15.0)).tolist())
+PAIRS = [(a, b) for a in range(6) for b in range(a, 6)]
 NEARER, TURNED = (0.75, 1.0, 1.3), tuple(np.deg2rad([-5.0, 0.0, 5.0]).tolist())
 KNEES = (0.15, 0.35)  # of the largest force on a seat
 NAMES = ("by_side", *(f"{side}_{knee:g}" for knee in KNEES for side in ("pressed_beyond", "lifted_beyond")))
-BOUND = 5.0  # usual sizes beyond which a value counts as one at this bound: a bad row must not choose
-TIED = 1e-6  # share of what is explained, within which two places are equals
-SILENT = 1e-9  # share below which there is nothing but rounding
-LEVER = 0.5  # m, by which rotations count beside positions, whatever the noise is thought to be
 
 
 @dataclass(frozen=True)
@@ -81,27 +79,18 @@ def seats_of(baseline: Baseline) -> Seats | None:
     """
     if baseline.stated is not None:
         return _stated(baseline)
-    fit = baseline.fit
-    left, own, weight = _left(fit)
+    fit, place = baseline.fit, baseline.fit.places.flange
+    left = left_by(fit, np.stack([by_compliance(fit, place, [pair]) for pair in PAIRS], -1))
 
-    def explained(seats: Seats) -> float:
-        columns = (by_seats(fit, fit.places.flange, seats) * weight[..., None])[fit.used]
-        columns = columns - own @ (own.T @ columns)
-        size = np.linalg.norm(columns, axis=0)
-        columns = columns[:, size > SILENT * size.max(initial=0.0)]
-        if not columns.shape[1]:
-            return 0.0
-        toward = columns.T @ left
-        return float(toward @ np.linalg.pinv(columns.T @ columns, rcond=1e-8, hermitian=True) @ toward)
+    def chosen(*where: Sequence[float]) -> Seats | None:
+        tried = [seats for one in product(*where) if (seats := _at(fit, *one)) is not None]
+        return best_of(tried, left, lambda seats: by_seats(fit, place, seats))
 
-    tried = [seats for where in product(DISTANCES, RADII, ANGLES) if (seats := _at(fit, *where)) is not None]
-    best = _first_of_the_best(tried, explained)
-    if best is None or not explained(best) > SILENT * (fit.gap**2).sum():
+    best = chosen(DISTANCES, RADII, ANGLES)
+    if best is None:
         return None
     distances, radii = ([size * by for by in NEARER] for size in (best.distance, best.radius))
-    angles = [best.angle + by for by in TURNED]
-    near = [seats for where in product(distances, radii, angles) if (seats := _at(fit, *where)) is not None]
-    return _first_of_the_best(near, explained)
+    return chosen(distances, radii, [best.angle + by for by in TURNED])
 
 
 def choices() -> int:
@@ -129,12 +118,6 @@ def by_seats(baseline: Baseline, place: Place, seats: Seats) -> Array:
             place.shift[:, :, 2] * given.mean(axis=1)[:, None],
         ]
     return np.stack(columns, -1)
-
-
-def _first_of_the_best(seats: Sequence[Seats], explained: Callable[[Seats], float]) -> Seats | None:
-    """Return the first that explains most; of few rows many explain all, and rounding must not choose."""
-    values = np.array([explained(one) for one in seats])
-    return seats[int(np.argmax(values >= (1.0 - TIED) * values.max()))] if values.size else None
 
 
 def _laws() -> Iterator[Callable[[Array], Array]]:
@@ -169,25 +152,3 @@ def _at(baseline: Baseline, distance: float, radius: float, angle: float) -> Sea
     most = np.linalg.norm(every[:, :3], axis=1) + np.linalg.norm(every[:, 3:], axis=1) / radius
     loaded = largest > SILENT * float(most.max(initial=0.0))
     return replace(seats, force=largest) if loaded else None
-
-
-def _left(baseline: Baseline) -> tuple[Array, Array, Array]:
-    """Return the gap (n,) beside the model's own values and any compliance of the tool, and their weights.
-
-    These are orthonormal columns (n, t); the weights (N, 6) are those of positions and rotations. The noise
-    has no part in them: seats must not move with what it is thought to be.
-    """
-    place, used = baseline.places.flange, baseline.used
-    pairs = [(a, b) for a in range(6) for b in range(a, 6)]
-    any_compliance = np.stack([by_compliance(baseline, place, [pair]) for pair in pairs], -1)
-    weight = np.broadcast_to(np.repeat([1.0, LEVER], 3), used.shape)
-    own = (np.concatenate([baseline.tangent, any_compliance], -1) * weight[..., None])[used]
-    size = np.linalg.norm(own, axis=0)
-    own = own[:, size > 0] / size[size > 0]
-    vectors, values, _ = np.linalg.svd(own, full_matrices=False)
-    vectors = vectors[:, values > SILENT * values.max(initial=0.0)]
-    gap = (baseline.gap * weight)[used]
-    left = gap - vectors @ (vectors.T @ gap)
-    bound = BOUND * float(np.median(np.abs(left))) if left.size else 0.0
-    clipped = np.clip(left, -bound, bound)
-    return clipped - vectors @ (vectors.T @ clipped), vectors, weight

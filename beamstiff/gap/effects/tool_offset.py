@@ -8,13 +8,11 @@ off by ``p + p_k`` in the k-th.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects.effect import Effect, Quantity, Shape
-from beamstiff.gap.effects.outside import by_posture, each_by_each, tool_axes
+from beamstiff.gap.effects.outside import anew, each_by_each, tool_axes
 from beamstiff.se3 import Array
 
 OFFSET = 0.03  # m
@@ -60,7 +58,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
         )
         for where, frame in (("", axes), (", in the base frame", still))
     ]
-    hung.append(_anew(baseline, load, loads))
+    hung.append(Shape("load, hooked on anew in every posture", *anew(baseline, load, loads), weight=0.5))
     if baseline.absolute:
         mass = sum(item.mass for item in robot.masses if item.node == robot.tcp)
         payload = acting(axes, np.broadcast_to(mass * np.array(robot.gravity), (len(rows), 3)))
@@ -109,22 +107,6 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
         *far,
         *hung,
     ]
-
-
-def _anew(baseline: Baseline, load: Array, loads: tuple[Quantity, ...]) -> Shape:
-    """Return the shape of a load (N, 6, 3) whose point differs from posture to posture, about a common one.
-
-    Of a robot that states it only the common one is known.
-    """
-    columns, names = [load], list(loads)
-    here = by_posture(baseline)
-    if baseline.stated is None:
-        columns.append((load[:, :, None] * here[:, None, :, None]).reshape(*load.shape[:2], -1))
-        for k in range(here.shape[1]):
-            names += [replace(one, name=f"{one.name}_in_{k}", passing=True) for one in loads]
-    return Shape(
-        "load, hooked on anew in every posture", np.concatenate(columns, -1), tuple(names), weight=0.5
-    )
 
 
 def _following(frame: Array, loaded: Array, force: Array) -> Array:

@@ -1,12 +1,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from beamstiff.gap.baseline import fit_baseline
+from beamstiff.gap.baseline import Baseline, fit_baseline
+from beamstiff.gap.effects import EFFECTS
 from tests.gap.machines import arm_at, at_random, close, kr240, nominal, rows_of, shape_of
 
 SMALL = 1e-6
@@ -71,3 +73,74 @@ def test_a_tracker_whose_angles_and_lengths_have_other_scales_errs_by_where_it_l
     assert left("turned, scaled by axis and skewed") > 0.1
     assert left("other scales and turns elsewhere") < 0.05
     assert left("other scales and turns elsewhere, by the square of the way") < 0.01
+
+
+def in_steps(poses: int, kind: str = "displacement") -> Baseline:
+    """Return four readings in each of some postures of the KR240-2, one posture after another."""
+    q = np.repeat(at_random(kr240(), poses, seed=6).q, 4, axis=0)
+    wrench = at_random(kr240(), len(q), seed=7).wrench
+    pose = np.repeat(np.arange(poses), 4)
+    more: dict[str, Any] = {"pose": pose}
+    if kind == "absolute":
+        arm = arm_at(q)
+        turned = Rotation.from_matrix(arm.tool).as_rotvec()
+        more |= {"position": arm.tip, "rotation": turned}
+    return nominal(kr240(), rows_of(kr240(), q, wrench, **more))
+
+
+@pytest.mark.parametrize("kind", ["displacement", "absolute"])
+def test_a_frame_that_was_moved_reads_otherwise_after_that(kind: str) -> None:
+    there = in_steps(10, kind)
+    turn = Rotation.from_rotvec([0.0, 0.0, 3e-4])
+    d, r = np.split(there.predicted, 2, axis=1)
+    seen = np.concatenate([turn.apply(d), turn.apply(r)], axis=1)
+    if kind == "absolute":
+        tip = arm_at(there.rows.q).tip
+        seen = there.predicted + np.concatenate(
+            [turn.apply(tip) - tip, np.tile(turn.as_rotvec(), (40, 1))], 1
+        )
+    first = np.arange(40) < 24
+    measured = np.where(first[:, None], there.predicted, seen)
+    noise = 1e-8 * np.random.default_rng(8).standard_normal(measured.shape)
+    moved = replace(there, measured=measured + noise)
+    name = "turned, then moved" if kind == "displacement" else "turned and shifted, then moved"
+    shape = shape_of(moved, "frame-misalignment", None, name)
+    at = [item.name for item in shape.parameters].index("rotation_z_later")
+    close(3e-4 * shape.columns[..., at], measured - there.predicted, 1e-3, least=1e-9)
+    assert shape.tuned
+    # on other rows it stays at its moment, which the robot states
+    scales = EFFECTS["frame-misalignment"].scales(moved, None)
+    assert 23 / 39 < scales["moved_at"] < 24 / 39
+    again = replace(there, stated=scales)
+    close(shape_of(again, "frame-misalignment", None, name).columns, shape.columns)
+    shapes = EFFECTS["frame-misalignment"].shapes(replace(there, stated={}), None)
+    assert name not in [one.name for one in shapes]
+
+
+def test_a_frame_is_moved_between_postures_and_not_at_the_ends() -> None:
+    def names(there: Baseline) -> list[str]:
+        noise = np.random.default_rng(9).standard_normal(there.measured.shape)
+        seen = replace(there, measured=there.predicted + 1e-5 * noise)
+        return [one.name for one in EFFECTS["frame-misalignment"].shapes(seen, None)]
+
+    assert "turned, then moved" in names(in_steps(4))
+    assert "turned, then moved" not in names(in_steps(1))
+
+
+def test_a_frame_that_is_set_up_again_is_turned_another_way_in_every_posture() -> None:
+    there = in_steps(5)
+    turns = Rotation.from_rotvec(np.repeat(np.random.default_rng(10).uniform(-1e-6, 1e-6, (5, 3)), 4, axis=0))
+    d, r = np.split(there.predicted, 2, axis=1)
+    off = (np.concatenate([turns.apply(d), turns.apply(r)], axis=1) - there.predicted).ravel()
+    shape = shape_of(there, "frame-misalignment", None, "turned, another way in every posture")
+    flat = shape.columns.reshape(off.size, -1)
+    assert np.linalg.norm(off - flat @ np.linalg.lstsq(flat, off)[0]) < 1e-5 * np.linalg.norm(off)
+    assert [item.passing for item in shape.parameters] == 3 * [False] + 15 * [True]
+
+
+def test_absolute_positions_along_axes_of_other_scales_and_not_square() -> None:
+    there = in_steps(6, "absolute")
+    shape = shape_of(there, "frame-misalignment", None, "turned, shifted, scaled by axis and skewed")
+    x, y, _ = arm_at(there.rows.q).tip.T
+    at = [item.name for item in shape.parameters].index("skew_xy")
+    close(shape.columns[..., at], np.stack([y, x, *4 * [0 * x]], axis=1), 1e-9, least=1e-9)

@@ -46,6 +46,20 @@ def test_an_encoders_offset_turns_the_joint(joint: int) -> None:
     close(found, moved(there.rows.q, (joint, "theta", 0.0)), 1e-6)
 
 
+def test_discs_err_once_and_twice_a_turn() -> None:
+    there = placed(kr240(), 40)
+    shape = shape_of(there, "geometry-error", "q4", "offset, and once and twice a turn")
+    q = there.rows.q[:, 3]
+    oval = 0.3 + 0.1 * np.sin(q) - 0.2 * np.cos(2 * q)
+    turned = moved(there.rows.q, (3, "theta", 0.0))
+    size = {"offset": 0.3, "once_a_turn_sine": 0.1, "twice_a_turn_cosine": -0.2}
+    found = shape.columns @ [size.get(item.name, 0.0) for item in shape.parameters]
+    close(found, oval[:, None] * turned, 1e-6)
+    # what is no encoder has no disc to be oval
+    names = [one.name for one in EFFECTS["geometry-error"].shapes(there, "f4.d")]
+    assert names == ["offset", "offset, and once a turn"]
+
+
 def test_a_loop_closes_anew_around_an_error() -> None:
     robot = load_robot("ir663")
     there = placed(robot, count=5)

@@ -49,3 +49,23 @@ def test_a_joint_may_give_way_otherwise_at_another_angle() -> None:
     q = there.rows.q[:, 1]
     follows = 1 + 0.2 * np.cos(q) - 0.1 * np.sin(q) + 0.05 * np.cos(2 * q) + 0.3 * np.sin(2 * q)
     close(found, follows[:, None] * even)
+
+
+def test_a_joint_may_be_worn_in_a_sector() -> None:
+    robot = elbow(torsional="rigid")
+    there = nominal(robot, at_random(robot, 60, seed=2))
+    even = shape_of(there, "joint-compliance", "q2", "linear").columns[..., 0]
+    shape = shape_of(there, "joint-compliance", "q2", "by sectors")
+    assert [item.name for item in shape.parameters[:2]] == ["compliance", "compliance_near_-180_deg"]
+    q = there.rows.q[:, 1]
+    bumps = [
+        np.exp(-2.0 * (np.sin((q - np.deg2rad(at)) / 2.0) / np.deg2rad(20.0)) ** 2)
+        for at in range(-180, 180, 30)
+    ]
+    for at, bump in enumerate(bumps, 1):  # cos a - 1 = -2 sin(a / 2)^2
+        close(shape.columns[..., at], bump[:, None] * even, least=1e-12)
+    # any smooth course of the angle is nearly one of these
+    worn = (1.0 + np.exp(-0.5 * ((q - 0.4) / 0.5) ** 2))[:, None] * even
+    flat = shape.columns.reshape(worn.size, -1)
+    left = worn.ravel() - flat @ np.linalg.lstsq(flat, worn.ravel())[0]
+    assert np.linalg.norm(left) < 0.02 * np.linalg.norm(worn - even)
