@@ -36,8 +36,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
         Shape("turned and scaled", np.concatenate([turn, scale], -1), (*turns, growth), weight=0.5),
         Shape("turned, scaled by axis and skewed", stretched, (*turns, *_stretches(SCALE)), weight=0.5),
         *_moved(baseline, "turned", turn, turns),
-        # set up again for every posture
-        Shape("turned, another way in every posture", *anew(baseline, turn, turns), weight=0.5),
+        *anew("turned, another way in every posture", baseline, turn, turns),  # set up again for each
     ]
 
 

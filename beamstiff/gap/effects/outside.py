@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.gap.baseline import Baseline, nominal_pose
-from beamstiff.gap.effects.effect import Quantity, stated_scale
+from beamstiff.gap.effects.effect import Quantity, Shape, stated_scale
 from beamstiff.measure.rows import history_order
 from beamstiff.se3 import Array
 
@@ -74,23 +75,23 @@ def by_posture(baseline: Baseline) -> NDArray[np.bool_]:
     return np.asarray((np.abs(baseline.rows.q[:, None] - postures) < SAME).all(axis=2))
 
 
-def anew(
-    baseline: Baseline, columns: Array, quantities: tuple[Quantity, ...]
-) -> tuple[Array, tuple[Quantity, ...]]:
-    """Return columns (N, 6, c) and their quantities, beside them those of each posture on its own.
+def anew(name: str, baseline: Baseline, columns: Array, quantities: tuple[Quantity, ...]) -> Iterator[Shape]:
+    """Yield the shape of columns (N, 6, c) that are others in every posture, about common ones: `by_posture`.
 
-    Of a robot that states them only the common ones are known.
+    Of a robot that states it only the common ones are known.
     """
-    if baseline.stated is not None:
-        return columns, quantities
-    here = by_posture(baseline)
-    each = (columns[:, :, None] * here[:, None, :, None]).reshape(*columns.shape[:2], -1)
-    names = tuple(
-        replace(one, name=f"{one.name}_in_{k}", passing=True)
-        for k in range(here.shape[1])
-        for one in quantities
-    )
-    return np.concatenate([columns, each], -1), (*quantities, *names)
+    parts, every = [columns], list(quantities)
+    if baseline.stated is None:
+        here = by_posture(baseline)
+        if not here.shape[1]:
+            return
+        parts.append((columns[:, :, None] * here[:, None, :, None]).reshape(*columns.shape[:2], -1))
+        every += [
+            replace(one, name=f"{one.name}_in_{k}", passing=True)
+            for k in range(here.shape[1])
+            for one in quantities
+        ]
+    yield Shape(name, np.concatenate(parts, -1), tuple(every), weight=0.5)
 
 
 def first_of_pose(baseline: Baseline) -> NDArray[np.intp]:

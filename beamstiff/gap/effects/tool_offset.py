@@ -58,7 +58,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
         )
         for where, frame in (("", axes), (", in the base frame", still))
     ]
-    hung.append(Shape("load, hooked on anew in every posture", *anew(baseline, load, loads), weight=0.5))
+    hung += anew("load, hooked on anew in every posture", baseline, load, loads)
     if baseline.absolute:
         mass = sum(item.mass for item in robot.masses if item.node == robot.tcp)
         payload = acting(axes, np.broadcast_to(mass * np.array(robot.gravity), (len(rows), 3)))
