@@ -31,6 +31,7 @@ def test_workers_find_the_same_to_the_bit(scheduler: str) -> None:
         assert found[number].flags.writeable
 
 
+@pytest.mark.slow
 def test_a_worker_killed_in_the_middle_costs_its_tasks_only(scheduler: str, tmp_path: Path) -> None:
     found = list(spread(partial(die_once, tmp_path), range(60), scheduler=scheduler))
     assert (tmp_path / "died").exists()

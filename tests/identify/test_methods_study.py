@@ -27,7 +27,7 @@ from benchmarks.identification_methods import (
 )
 
 
-@pytest.fixture(scope="module", params=[0, 1], ids=["paper", "told"])
+@pytest.fixture(scope="module", params=[0, pytest.param(1, marks=pytest.mark.slow)], ids=["paper", "told"])
 def tried(request: pytest.FixtureRequest) -> Case:
     return cases()[request.param]
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 import io
 
 import numpy as np
+import pytest
 from rich.console import Console
 
 from beamstiff import load_robot
 from benchmarks.dexterity_study import LOADS, compare_ir663, compare_kr240, print_dexterity
 
 
+@pytest.mark.slow
 def test_optimal_tests_beat_the_choices_of_both_papers() -> None:
     names = load_robot("kr240-2").identify
     kr240 = compare_kr240(10, np.array(LOADS), names, seeds=10, title="KR240-2").rows

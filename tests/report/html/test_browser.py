@@ -15,6 +15,7 @@ import pytest
 
 from tests.report.html.conftest import JOINT_NAME, KINDS, LINK_NAME, ROBOT_NAME
 
+QUICK = ("diagnosis", "identification", "exam")  # opened in every run, the others by `make slow`
 WIDE, NARROW = 1280, 390
 PAPER = 700
 SHAPE = "const plot = document.getElementById('plot-robot'); return [plot.data[0].x, plot.data[1].x];"
@@ -101,7 +102,9 @@ def written(page: str, folder: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    "kind", [pytest.param(kind, marks=() if kind in QUICK else pytest.mark.slow) for kind in KINDS]
+)
 def test_a_page_opens_without_fault_wide_and_light_narrow_and_dark(
     kind: str, browser: Any, axe: str, request: pytest.FixtureRequest, tmp_path: Path
 ) -> None:
