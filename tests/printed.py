@@ -4,22 +4,31 @@ from __future__ import annotations
 
 import re
 
-ROUNDED = r"-?\d+(?:\.\d+|(?=\s+%))"  # numbers that were rounded; others are counts and names
+# numbers that were rounded; others are counts, names and versions
+ROUNDED = r"(?<![\d.])-?\d+(?:\.\d+(?![\d.]*\d)|(?=\s+%|\s+to\s+\d+\s+%))"
 UNITS = 1.001  # of the last digit
 
 
 def prints(shown: str, printed: str) -> bool:
     """Return whether a text is what is shown, in which ``...`` stands for anything and all space is alike."""
-    parts = [re.split(rf"({ROUNDED})", part) for part in re.split(r"\.\.\.", shown)]
+    parts = [re.split(f"({ROUNDED})", part) for part in shown.split("...")]
     pattern = ".*?".join(
-        "".join(f"({ROUNDED})" if at % 2 else _plain(text) for at, text in enumerate(part)) for part in parts
+        "".join(_like(text) if at % 2 else _plain(text) for at, text in enumerate(part)) for part in parts
     )
     found = re.fullmatch(rf"\s*{pattern}\s*", printed, re.DOTALL)
     wanted = [number for part in parts for number in part[1::2]]
-    return found is not None and all(
-        abs(float(number) - float(other)) <= UNITS * 10.0 ** -len(number.partition(".")[2])
-        for number, other in zip(wanted, found.groups(), strict=True)
-    )
+    return found is not None and all(map(_near, wanted, found.groups()))
+
+
+def _near(number: str, other: str) -> bool:
+    near = abs(float(number) - float(other)) <= UNITS * 10.0 ** -len(number.partition(".")[2])
+    return near and not (other.startswith("-") and float(other) == 0.0)
+
+
+def _like(number: str) -> str:
+    """Return a pattern of numbers with as many decimals."""
+    decimals = len(number.partition(".")[2])
+    return rf"(-?\d+\.\d{{{decimals}}})(?!\d)" if decimals else r"(-?\d+)"
 
 
 def _plain(text: str) -> str:

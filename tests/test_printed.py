@@ -24,6 +24,10 @@ def test_the_last_digit_may_be_another_one(printed: str) -> None:
         "12 rows leave 0.069 m: (23 %) of -1.50 N",
         "12 rows leave 0.069 mm: (23 %) of -1.50 N, or not",
         "12 rows leave 0.069 mm: (23 %)",
+        "12 rows leave 0.0694 mm: (23 %) of -1.50 N",
+        "12 rows leave 0.069 mm: (23 %) of -1.5 N",
+        "12 rows leave 0.069 mm: (23.4 %) of -1.50 N",
+        "12 rows leave .069 mm: (23 %) of -1.50 N",
     ],
 )
 def test_all_else_may_not(printed: str) -> None:
@@ -33,3 +37,18 @@ def test_all_else_may_not(printed: str) -> None:
 def test_dots_stand_for_anything() -> None:
     assert prints("rows leave\n...of -1.5 N", "rows leave\n0.1 mm, and\nmore of -1.5 N")
     assert not prints("rows leave\n...of -1.5 N", "rows leave\n0.1 mm, and\nmore of -1.9 N")
+
+
+@pytest.mark.parametrize(
+    ("shown", "printed"), [("0.00 mm", "-0.00 mm"), ("0.9.1", "0.8.1"), ("0 rows", "1 rows")]
+)
+def test_neither_is_a_zero_with_a_sign_nor_a_version_a_number_that_was_rounded(
+    shown: str, printed: str
+) -> None:
+    assert prints(shown, shown)
+    assert not prints(shown, printed)
+
+
+def test_both_ends_of_an_interval_are_rounded() -> None:
+    assert prints("closes (67 to 97\n%)", "closes (66 to 98 %)")
+    assert not prints("closes (67 to 97 %)", "closes (65 to 97 %)")

@@ -24,7 +24,7 @@ from beamstiff.identify.problem import Problem, whitening
 from beamstiff.measure.arrays import Integers
 from beamstiff.measure.table import Measurements
 from beamstiff.model.linear import predict_displacements
-from beamstiff.model.ports import reduce_to_ports
+from beamstiff.model.ports import PortModel, reduce_to_ports
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import RIGID
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
@@ -32,6 +32,7 @@ from beamstiff.robot.stiffness import stiffness_parameters
 from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 
 ROUNDS = 3  # of fitting and correcting for the loaded machine
+SILENT = 1e-9  # share of its like, below which a quantity is nothing but rounding
 ABSORBED = 1e-9  # singular value of unit columns below which a direction is none
 POSITION_NOISE, ROTATION_NOISE = 3e-5, 5e-5  # m, rad: where a table says none, to begin with
 KNOWN_FACTOR = 1e4  # a fitted stiffness stays near its start unless the data say otherwise, by this factor
@@ -181,8 +182,7 @@ def fit_baseline(
             predicted = predict(fitted, rows)
             if np.abs(np.log(stiffness / before)).max() < 1e-3:
                 break
-        _, by_value = model.derivatives(stiffness)
-        tangent = -by_value * stiffness**2
+        tangent = _by_compliance(model, stiffness)
     else:
         tangent = np.zeros((len(rows), 6, 0))
     return Baseline(
@@ -208,7 +208,7 @@ def at_rows(fit: Baseline, rows: Measurements) -> Baseline:
     if fit.fitted:
         model = reduce_to_ports(fit.robot, rows, fit.fitted, gravity=rows.kind == "absolute")
         stiffness = _values(fit.robot, fit.fitted, model.start)
-        tangent = -model.derivatives(stiffness)[1] * stiffness**2
+        tangent = _by_compliance(model, stiffness)
     else:
         tangent = np.zeros((len(rows), 6, 0))
     used = rows.measured_mask
@@ -228,6 +228,13 @@ def at_rows(fit: Baseline, rows: Measurements) -> Baseline:
         places=find_places(fit.robot, rows),
         fit_rows=fit.fit,
     )
+
+
+def _by_compliance(model: PortModel, stiffness: Array) -> Array:
+    """Return the derivative of the displacements by compliances, (N, 6, t); 0 where it is but rounding."""
+    tangent: Array = -model.derivatives(stiffness)[1] * stiffness**2
+    size = np.linalg.norm(tangent, axis=(0, 1)) / stiffness
+    return np.where(size > SILENT * size.max(initial=0.0), tangent, 0.0)
 
 
 def around(fit: Baseline, stiffness: Array) -> Baseline:

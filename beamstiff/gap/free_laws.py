@@ -14,7 +14,7 @@ from functools import partial
 
 import numpy as np
 
-from beamstiff.gap.baseline import Baseline
+from beamstiff.gap.baseline import SILENT, Baseline
 from beamstiff.gap.effects import EFFECTS
 from beamstiff.gap.effects.drive_stiffness import Following
 from beamstiff.gap.effects.hysteresis import BEGINNINGS, FEW, held_shares
@@ -23,7 +23,7 @@ from beamstiff.gap.effects.outside import POSTURES, by_posture, clock
 from beamstiff.gap.histories import lagging, slipping
 from beamstiff.gap.library import Library
 from beamstiff.gap.places import Place
-from beamstiff.gap.whitened import SILENT, Whitened
+from beamstiff.gap.whitened import Whitened
 from beamstiff.se3 import Array
 
 KNEES = (0.02, 0.1, 0.25, 0.5)  # of the largest torque: where the free torque curve can bend
@@ -41,7 +41,7 @@ PLAY = "has play"
 ONE_SIDED = "stays softer to one side, whatever its torque"
 CHANGING = "changes its stiffness with the time"
 CREEPING = "creeps"
-SOFTENING = "gives way the more the more it carries"
+SOFTENING = "softens the more it carries"
 GIVING = (0.03, 0.05, 0.08, 0.12, 0.2, 0.3, 0.45)  # of the largest torque, beyond which it may
 UNSTEADY = "gives way otherwise in every posture"
 ASTRAY = "stands off otherwise in every posture"

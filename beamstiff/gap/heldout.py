@@ -192,7 +192,8 @@ def combinations_of(models: Sequence[Sequence[Weighted]]) -> list[tuple[float, l
 def solve(columns: Array, ridge: Array, gap: Array) -> tuple[Array, Array]:
     """Return the coefficients (c,) of ridge regression and their covariance (c, c)."""
     gram = columns.T @ columns + np.diag(ridge)
-    size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    size = np.sqrt(np.diag(gram))
+    size = np.where(size > 0, size, np.inf)  # of what shows nowhere nothing is known, and nothing told
     inverse = np.linalg.pinv(gram / np.outer(size, size), rcond=1e-11, hermitian=True) / np.outer(size, size)
     return inverse @ (columns.T @ gap), inverse
 

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from beamstiff.gap.baseline import Baseline
+from beamstiff.gap.baseline import SILENT, Baseline
 from beamstiff.gap.library import Hypothesis, Library, by_candidate, whitened
 from beamstiff.gap.mishaps import by_chance
 from beamstiff.gap.variance import Variance, estimate, precision
-from beamstiff.gap.whitened import SILENT, Whitened, whiten
+from beamstiff.gap.whitened import Whitened, whiten
 from beamstiff.se3 import Array
 
 MOST = 0.15  # of the rows

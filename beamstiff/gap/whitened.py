@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from beamstiff.gap.baseline import Baseline
+from beamstiff.gap.baseline import SILENT, Baseline
 from beamstiff.identify.problem import whitening
 from beamstiff.se3 import Array
 
@@ -20,7 +20,6 @@ LARGE = 800  # rows from which on postures are taken one by one
 REACH = 1.0  # rad or m over which the unknown changes with the posture
 LEVER = 0.7  # m: unknown rotations are unknown displacements over this
 CONSTANT, SQUARE = 0.3, 0.5  # weights of what does not grow with the load, or with its square
-SILENT = 1e-9  # share of a column that the fit leaves, below which it leaves nothing
 
 
 @dataclass(frozen=True)
@@ -84,7 +83,9 @@ class Whitened:
 
         Beside them `loose` (n, m), of mean square 1 together, is what its place may do else.
         """
-        fitted = _orthonormal(np.concatenate([self.tangent, cause], axis=1))
+        size = np.linalg.norm(cause, axis=0)
+        shown = cause[:, size > SILENT * size.max(initial=0.0)]
+        fitted = _orthonormal(np.concatenate([self.tangent, shown], axis=1))
         return replace(self, tangent=fitted, loose=self.loose if loose is None else loose)
 
     def leave(self, columns: Array) -> Array:

@@ -14,7 +14,7 @@ from beamstiff.gap.result import Diagnosis
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements
 from tests.gap import planted
-from tests.gap.machines import ONCE, POSITION, arm_at, at_random, kr240, rows_of
+from tests.gap.machines import ONCE, POSITION, arm_at, at_random, kr240, nominal, rows_of
 from tests.gap.planted import backlash, base_compliance, campaign, diagnosed, plan, tool_offset
 
 TRUTHS = {
@@ -237,3 +237,15 @@ def test_positions_alone_are_enough() -> None:
     found = diagnose(kr240(), replace(rows, displacement=moved))
     keys = {found.verdict.key, *found.indistinguishable}
     assert "tool-offset:null" in keys or found.verdict.effect in ("none", "unknown")
+
+
+def test_a_campaign_in_the_plane_of_the_arm_is_diagnosed() -> None:
+    rng = np.random.default_rng(4)
+    q = np.repeat(rng.uniform(-0.5, 0.5, (8, 6)) * [0, 1, 1, 0, 1, 0] + [0, 1.2, -1.2, 0, 0, 0], 3, axis=0)
+    force = rng.uniform(-900, 900, (24, 6)) * [1, 0, 1, 0, 0, 0]
+    rows = rows_of(kr240(), q, force, pose=np.repeat(np.arange(8), 3))
+    noise = 3e-5 * rng.standard_normal((24, 6))
+    result = diagnose(kr240(), replace(rows, displacement=nominal(kr240(), rows).predicted + noise))
+    assert result.verdict.key == "none:null"
+    hidden = {(one.effect, one.component) for one in result.untestable}
+    assert {("backlash", "q1"), ("backlash", "q4"), ("backlash", "q6")} <= hidden

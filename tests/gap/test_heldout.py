@@ -193,6 +193,21 @@ def test_ridge_regression_of_columns_of_any_size_is_the_dense_solution() -> None
     )
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_of_what_shows_nowhere_nothing_is_told(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    columns = rng.standard_normal((60, 9))
+    columns[:, 2] = 0.0
+    ridge, gap = np.repeat([0.0, 1.0], [6, 3]), rng.standard_normal(60)
+    some = np.arange(9) != 2
+    found, covariance = solve(columns, ridge, gap)
+    expected, spread = solve(columns[:, some], ridge[some], gap)
+    assert found[some] == pytest.approx(expected)
+    assert found[2] == 0.0
+    np.testing.assert_allclose(covariance[np.ix_(some, some)], spread, rtol=1e-9, atol=1e-15)
+    assert not covariance[2].any()
+
+
 def test_shapes_of_the_first_effect_share_its_weight_beside_the_best_of_the_second() -> None:
     blank = np.zeros((1, 6, 1))
     first = [weighted(blank, weight=0.7), weighted(blank, weight=0.3)]

@@ -17,7 +17,7 @@ WIDTHS = (0.005, 0.03, 0.1)  # of the largest torque, over which the flank is re
 BETWEEN = (0.02, 0.05, 0.07, 0.15)  # further widths, of a drive that rests off the middle
 STRAIGHT = (0.03, 0.05, 0.07, 0.1, 0.15)  # widths over which a soft stage is wound up to its stop
 SIDES = ("up", "down")
-RARELY = 0.3  # weight of these
+RARELY = 0.3  # weight of each further width
 WAVES = {"cosine": np.cos, "sine": np.sin}
 
 

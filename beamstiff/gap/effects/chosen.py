@@ -12,13 +12,12 @@ from typing import TypeVar
 
 import numpy as np
 
-from beamstiff.gap.baseline import Baseline
+from beamstiff.gap.baseline import SILENT, Baseline
 from beamstiff.se3 import Array
 
 Choice = TypeVar("Choice")
 
 BOUND = 5.0  # usual sizes beyond which a value counts as one at this bound: a bad row must not choose
-SILENT = 1e-9  # share below which there is nothing but rounding
 TIED = 1e-6  # share of what is explained, within which two choices are equals
 LEVER = 0.5  # m, by which rotations count beside positions, whatever the noise is thought to be
 
@@ -42,10 +41,9 @@ class Left:
 
     def explained(self, columns: Array) -> float:
         """Return how much of it columns (N, 6, c) of the rows that were fitted explain, squared."""
-        flat = _weighted(self.fit, columns)
-        flat = flat - self.own @ (self.own.T @ flat)
-        size = np.linalg.norm(flat, axis=0)
-        flat = flat[:, size > SILENT * size.max(initial=0.0)]
+        whole = _weighted(self.fit, columns)
+        flat = whole - self.own @ (self.own.T @ whole)
+        flat = flat[:, np.linalg.norm(flat, axis=0) > SILENT * np.linalg.norm(whole, axis=0)]
         if not flat.shape[1]:
             return 0.0
         toward = flat.T @ self.gap
@@ -54,9 +52,13 @@ class Left:
 
 def left_by(fit: Baseline, columns: Array) -> Left:
     """Return what the model's own values and columns (N, 6, c) leave of the gap."""
-    own = _weighted(fit, np.concatenate([fit.tangent, columns], -1))
-    size = np.linalg.norm(own, axis=0)
-    vectors, values, _ = np.linalg.svd(own[:, size > 0] / size[size > 0], full_matrices=False)
+    parts = []
+    for some in (fit.tangent, columns):
+        flat = _weighted(fit, some)
+        size = np.linalg.norm(flat, axis=0)
+        kept = size > SILENT * size.max(initial=0.0)
+        parts.append(flat[:, kept] / size[kept])
+    vectors, values, _ = np.linalg.svd(np.concatenate(parts, axis=1), full_matrices=False)
     vectors = vectors[:, values > SILENT * values.max(initial=0.0)]
     gap = _weighted(fit, fit.gap[..., None])[:, 0]
     left = gap - vectors @ (vectors.T @ gap)

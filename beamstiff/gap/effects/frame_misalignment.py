@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from beamstiff.gap.baseline import Baseline, nominal_pose
 from beamstiff.gap.effects.chosen import best_of, left_by
@@ -19,12 +20,17 @@ SCALE, PLACED_SCALE = 0.01, 1e-4
 FEW_TIMES = 3.0  # its sizes: what errs by a tenth a metre nobody would measure with
 SKEWED = ((0, 1), (0, 2), (1, 2))
 PRODUCTS = ((0, 0), (1, 1), (2, 2), *SKEWED)
-MOMENTS, LEAST = 20, 0.15  # moments at most at which the frame may have moved; share of rows before and after
+MOMENTS, LEAST = 40, 0.15  # moments at most at which the frame may have moved; share of rows before and after
+
+MOVED = "then moved"
 
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: ARG001
-    if baseline.absolute:
-        return _of_positions(baseline)
+    found = _of_positions(baseline) if baseline.absolute else _of_displacements(baseline)
+    return [replace(one, against=None if one.name.endswith(MOVED) else ()) for one in found]
+
+
+def _of_displacements(baseline: Baseline) -> list[Shape]:
     seen = baseline.predicted
     turn, turns = _turned(baseline)
     growth = Quantity("scale", "1", SCALE)
@@ -98,17 +104,31 @@ def _moved(
     """Yield the shape of a frame (N, 6, c) that was moved: of all its columns those after the moment too."""
     at = _moment(baseline)
     if at is not None:
-        after = np.where((clock(baseline) > at)[:, None, None], columns, 0.0)
+        after = np.where(_later_than(at, baseline)[:, None, None], columns, 0.0)
         later = tuple(replace(one, name=f"{one.name}_later") for one in quantities)
         both = np.concatenate([columns, after], -1)
         # the choice of the moment is paid for
-        yield Shape(f"{name}, then moved", both, (*quantities, *later), weight=1.0 / MOMENTS, tuned=True)
+        yield Shape(f"{name}, {MOVED}", both, (*quantities, *later), weight=1.0 / MOMENTS, tuned=True)
+
+
+def _later_than(at: float, baseline: Baseline) -> NDArray[np.bool_]:
+    """Return which rows were read after a moment, (N,).
+
+    Other rows than those of the campaign are, where times do not say otherwise: it is the frame of today.
+    """
+    timed, own = campaign(baseline).duration > 0, baseline.stated is None and baseline.fit_rows is None
+    told = np.isfinite(baseline.rows.time).all() if timed else len(baseline.rows) == campaign(baseline).rows
+    return clock(baseline) > at if own or told else np.ones(len(baseline.rows), dtype=np.bool_)
 
 
 def _moment(baseline: Baseline) -> float | None:
-    """Return by the clock when the frame was moved: as stated, or between which postures explains most."""
+    """Return by the clock when the frame was moved: as stated, or between which postures explains most.
+
+    NaN where a robot does not state it.
+    """
     if baseline.stated is not None:
-        return stated_scale(baseline, "moved_at")
+        at = stated_scale(baseline, "moved_at")
+        return np.nan if at is None else at
     fit = baseline.fit
     columns, time = _turned(fit)[0], clock(fit)
     order = np.argsort(time, kind="stable")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from beamstiff.gap.baseline import Baseline, own_direction
+from beamstiff.gap.baseline import SILENT, Baseline, own_direction
 from beamstiff.gap.effects.effect import Quantity, Scales, stated_scale
 from beamstiff.gap.places import Place
 from beamstiff.robot.fields import FREE, RIGID
@@ -65,16 +65,24 @@ def axis_at(baseline: Baseline, component: str) -> Axis:
     place = baseline.places.joints[joint.name]
     largest = stated_scale(baseline, "torque")
     if largest is None:
-        largest = float(np.abs(most_of(baseline.fit.places.joints[joint.name])[:, at]).max(initial=0.0))
+        largest = _largest(baseline.fit.places.joints[joint.name], at)
+    carries = _largest(place, at) > 0
     return Axis(
         joint=joint,
-        load=place.load[:, at],
-        dead=place.dead[:, at],
+        load=place.load[:, at] * carries,
+        dead=place.dead[:, at] * carries,
         shift=place.shift[:, :, at],
         stiffness=float(getattr(joint.stiffness, kind)),
         turns=kind == "torsional",
         typical=largest or 1.0,
     )
+
+
+def _largest(place: Place, at: int) -> float:
+    """Return the largest entry of a place's wrenches; 0 where it is nothing but the rounding of others."""
+    every = most_of(place)
+    largest = float(np.abs(every[:, at]).max(initial=0.0))
+    return largest if largest > SILENT * float(np.linalg.norm(every, axis=1).max(initial=0.0)) else 0.0
 
 
 def most_of(place: Place) -> Array:

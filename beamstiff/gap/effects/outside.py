@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from beamstiff.gap.baseline import Baseline, nominal_pose
 from beamstiff.gap.effects.effect import Quantity, Shape, stated_scale
 from beamstiff.measure.rows import history_order
+from beamstiff.measure.table import Measurements
 from beamstiff.se3 import Array
 
 POSTURES = 40  # beyond which nobody does anything anew by hand in each
@@ -43,21 +45,32 @@ def campaign(baseline: Baseline) -> Campaign:
     stated = [stated_scale(baseline, item.name) for item in fields(Campaign)]
     if None not in stated:
         return Campaign(*(value for value in stated if value is not None))
-    fitted = baseline.fit.rows
-    if not np.isfinite(fitted.time).all():
+    fitted, time = baseline.fit.rows, _elapsed(baseline.fit.rows)
+    if not np.isfinite(time).all():
         return Campaign(0.0, 0.0, float(len(fitted)))
-    return Campaign(float(fitted.time.min()), float(np.ptp(fitted.time)), float(len(fitted)))
+    return Campaign(float(time.min()), float(np.ptp(time)), float(len(fitted)))
 
 
 def clock(baseline: Baseline) -> Array:
     """Return when each row was read, (N,): its time, else its place in the order, from 0 to about 1."""
     rows, fitted = baseline.rows, campaign(baseline)
     if fitted.duration > 0:
-        read: Array = np.nan_to_num((rows.time - fitted.start) / fitted.duration)
+        read: Array = np.nan_to_num((_elapsed(rows) - fitted.start) / fitted.duration)
         return read
     result = np.empty(len(rows))
     result[history_order(rows)] = np.arange(len(rows)) / max(fitted.rows - 1, 1)
     return result
+
+
+def _elapsed(rows: Measurements) -> Array:
+    """Return the times of rows (N,); those of a run that starts its clock again follow on the run before."""
+    time: Array = rows.time.copy()
+    for before, after in pairwise(np.unique(rows.run)):
+        last, first = time[rows.run == before].max(), time[rows.run == after].min()
+        if last >= first:
+            steps = np.diff(np.unique(time[rows.run == after]))
+            time[rows.run == after] += last - first + (np.median(steps) if steps.size else 1.0)
+    return time
 
 
 def by_posture(baseline: Baseline) -> NDArray[np.bool_]:

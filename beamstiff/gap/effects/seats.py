@@ -16,8 +16,8 @@ from itertools import product
 import numpy as np
 
 from beamstiff.errors import BeamstiffError, listed
-from beamstiff.gap.baseline import Baseline
-from beamstiff.gap.effects.chosen import SILENT, best_of, left_by
+from beamstiff.gap.baseline import SILENT, Baseline
+from beamstiff.gap.effects.chosen import best_of, left_by
 from beamstiff.gap.effects.effect import Scales, stated_scale
 from beamstiff.gap.effects.laws import by_compliance
 from beamstiff.gap.places import Place

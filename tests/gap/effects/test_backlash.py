@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from beamstiff.gap.effects import EFFECTS
 from beamstiff.gap.effects.laws import axis_at
 from beamstiff.gap.evidence import Scales, evidence
 from beamstiff.gap.library import state_library
 from beamstiff.gap.whitened import whiten
 from tests.gap.hypotheses import of_any_sign
-from tests.gap.machines import FORE, POSITION, close, elbow, nominal, rows_of, shape_of
+from tests.gap.machines import FORE, POSITION, close, elbow, kr240, nominal, rows_of, shape_of
 
 SIDEWAYS = np.array([0.0, 1.0, 0, 0, 0, 0])  # of the straight arm along x: turns the elbow by FORE a newton
 STEP = np.array([0.0, FORE, 0, 0, 0, 1.0])  # what the tip does per radian of the elbow
@@ -66,6 +67,20 @@ def test_a_load_that_lifts_the_weight_crosses_the_whole_zone() -> None:
 def test_a_joint_without_torque_shows_none_of_it() -> None:
     rows = rows_of(elbow(), [0, 0], np.array([500, -500])[:, None] * np.eye(6)[0])
     assert not shape_of(nominal(elbow(), rows), "backlash", "q2", "flank within 0.03").columns.any()
+
+
+def test_a_joint_whose_torque_is_only_rounding_shows_none_of_it() -> None:
+    """In the plane of its arm the KR240-2 turns neither its base nor its wrist."""
+    q = np.random.default_rng(1).uniform(-0.5, 0.5, (12, 6)) * [0, 1, 1, 0, 1, 0] + [0, 1.2, -1.2, 0, 0, 0]
+    force = np.random.default_rng(2).uniform(-900, 900, (12, 6)) * [1, 0, 1, 0, 0, 0]
+    there = nominal(kr240(), rows_of(kr240(), q, force))
+    for joint in ("q1", "q4", "q6"):
+        assert not axis_at(there, joint).load.any()
+        for shape in EFFECTS["backlash"].shapes(there, joint):
+            assert not shape.columns.any()
+    assert axis_at(there, "q2").load.all()
+    # nor is anything of their stiffness known
+    assert there.tangent.any(axis=(0, 1)).tolist() == [False, True, True, False, True, False]
 
 
 def test_an_uneven_wheel_has_another_zone_at_another_angle() -> None:

@@ -70,3 +70,15 @@ def test_where_nothing_is_left_nothing_is_chosen(there: Baseline) -> None:
     left = left_by(seen(there, rest[..., 0]), rest)
     assert best_of([drawn(2)], left, lambda one: one) is None
     assert best_of([], left, lambda one: one) is None
+
+
+def test_columns_of_rounding_neither_explain_nor_take_anything(there: Baseline) -> None:
+    rest, gap = drawn(1, 2), drawn(2)[..., 0]
+    rounding = 1e-13 * drawn(3, 9)
+    assert left_by(seen(there, gap), np.concatenate([rest, rounding], -1)).gap == pytest.approx(
+        left_by(seen(there, gap), rest).gap
+    )
+    left = left_by(seen(there, gap), rest)
+    absorbed = rest @ np.random.default_rng(4).standard_normal((2, 5))
+    assert left.explained(absorbed) == 0.0
+    assert best_of([absorbed], left, lambda one: one) is None

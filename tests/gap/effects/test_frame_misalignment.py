@@ -7,8 +7,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from beamstiff.errors import BeamstiffError
+from beamstiff.gap.apply import effects_displacement
 from beamstiff.gap.baseline import Baseline, fit_baseline
 from beamstiff.gap.effects import EFFECTS
+from beamstiff.measure.rows import subset
+from beamstiff.robot.parts import AddedEffect
 from tests.gap.machines import arm_at, at_random, close, kr240, nominal, rows_of, shape_of
 
 SMALL = 1e-6
@@ -108,23 +112,68 @@ def test_a_frame_that_was_moved_reads_otherwise_after_that(kind: str) -> None:
     at = [item.name for item in shape.parameters].index("rotation_z_later")
     close(3e-4 * shape.columns[..., at], measured - there.predicted, 1e-3, least=1e-9)
     assert shape.tuned
-    # on other rows it stays at its moment, which the robot states
+    # a robot states the moment, for the same rows again
     scales = EFFECTS["frame-misalignment"].scales(moved, None)
     assert 23 / 39 < scales["moved_at"] < 24 / 39
     again = replace(there, stated=scales)
     close(shape_of(again, "frame-misalignment", None, name).columns, shape.columns)
-    shapes = EFFECTS["frame-misalignment"].shapes(replace(there, stated={}), None)
-    assert name not in [one.name for one in shapes]
+    # what is measured another day is measured in the frame of after it
+    half = subset(there.rows, np.arange(10))
+    today = replace(nominal(kr240(), half), stated=scales)
+    found = shape_of(today, "frame-misalignment", None, name).columns
+    own = len(shape.parameters) // 2
+    close(found[..., own:], found[..., :own])
+    # no other shape counts against it
+    assert [one.name for one in EFFECTS["frame-misalignment"].shapes(moved, None) if one.against is None] == [
+        name
+    ]
+
+
+def test_of_rows_that_were_timed_the_time_says_what_was_before_and_after() -> None:
+    scales = {"moved_at": 0.5, "start": 60.0, "duration": 100.0, "rows": 40.0}
+    there = in_steps(2)
+    timed = replace(there.rows, time=np.array([70.0, 80, 90, 100, 115, 120, 130, 900]))
+    shape = shape_of(
+        replace(there, rows=timed, stated=scales), "frame-misalignment", None, "turned, then moved"
+    )
+    assert shape.columns[..., 3:].any(axis=(1, 2)).tolist() == 4 * [False] + 4 * [True]
+
+
+def test_a_frame_that_is_moved_between_two_tables_is_found_though_each_starts_its_clock() -> None:
+    there = in_steps(8)
+    run, time = np.repeat([0, 1], 16), np.tile(60.0 * np.arange(16), 2)
+    rows = replace(there.rows, run=run, time=time, sources=("a.csv", "b.csv"))
+    turn = Rotation.from_rotvec([0.0, 0.0, 3e-4])
+    d, r = np.split(there.predicted, 2, axis=1)
+    seen = np.where(
+        run[:, None] == 0, there.predicted, np.concatenate([turn.apply(d), turn.apply(r)], axis=1)
+    )
+    noise = 1e-8 * np.random.default_rng(8).standard_normal(seen.shape)
+    shape = shape_of(
+        replace(there, rows=rows, measured=seen + noise), "frame-misalignment", None, "turned, then moved"
+    )
+    assert shape.columns[..., 3:].any(axis=(1, 2)).tolist() == 16 * [False] + 16 * [True]
+
+
+def test_a_moment_that_is_not_stated_is_asked_for() -> None:
+    turned = {"rotation_z_later": "1 mrad"}
+    added = AddedEffect(effect="frame-misalignment", shape="turned, then moved", parameters=turned)
+    robot = kr240().model_copy(update={"effects": (added,)})
+    with pytest.raises(BeamstiffError, match="scales: moved_at, start, duration, rows missing"):
+        effects_displacement(robot, in_steps(2).rows)
 
 
 def test_a_frame_is_moved_between_postures_and_not_at_the_ends() -> None:
-    def names(there: Baseline) -> list[str]:
+    def names(pose: list[int]) -> list[str]:
+        there = in_steps(10)
+        rows = replace(there.rows, pose=np.array(pose))
         noise = np.random.default_rng(9).standard_normal(there.measured.shape)
-        seen = replace(there, measured=there.predicted + 1e-5 * noise)
+        seen = replace(there, rows=rows, measured=there.predicted + 1e-5 * noise)
         return [one.name for one in EFFECTS["frame-misalignment"].shapes(seen, None)]
 
-    assert "turned, then moved" in names(in_steps(4))
-    assert "turned, then moved" not in names(in_steps(1))
+    assert "turned, then moved" in names(20 * [0] + 20 * [1])
+    assert "turned, then moved" not in names(40 * [0])
+    assert "turned, then moved" not in names(4 * [0] + 32 * [1] + 4 * [2])
 
 
 def test_a_frame_that_is_set_up_again_is_turned_another_way_in_every_posture() -> None:
