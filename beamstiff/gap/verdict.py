@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamstiff.gap.evidence import logsumexp
+from beamstiff.gap.free_laws import OF_POSTURES
 from beamstiff.gap.heldout import Shrink
 from beamstiff.gap.search import NONE, OUTLIERS, UNKNOWN, Search
 from beamstiff.gap.together import Pair
@@ -109,9 +110,17 @@ def odds_of_nameless(search: Search, log_weight: float) -> float:
     """Return the log odds that some place follows a law that has no name, against a cause.
 
     Divided as those between causes are. Play of the structure looks like a soft place that stiffens, a drive
-    that creeps like one with friction, and each is another repair.
+    that creeps like one with friction, and each is another repair. What is another in every posture holds
+    every law that follows the posture, and so counts only where it is the better one.
     """
-    nameless = max(search.nameless.values(), default=-np.inf)
+    nameless = max(
+        (
+            weight
+            for (_, does), weight in search.nameless.items()
+            if does not in OF_POSTURES or weight > log_weight
+        ),
+        default=-np.inf,
+    )
     evidence = log_weight - search.log_weight[NONE]
     return float((nameless - log_weight) / (1.0 + max(evidence, 0.0) / FAITH))
 

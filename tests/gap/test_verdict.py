@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from beamstiff.gap.free_laws import CREEPING, OF_POSTURES
 from beamstiff.gap.heldout import Shrink
 from beamstiff.gap.search import NONE, OUTLIERS, UNKNOWN, Search
 from beamstiff.gap.together import Pair
@@ -260,3 +261,17 @@ def test_a_second_cause_is_refused_without_evidence_and_worth(
     search = search_of(CLEAR, left=0.4, pairs=() if pair is None else (pair,))
     assert not accepted(pair, search, single, both)
     assert judged(search, single=single, both=both).also is None
+
+
+def test_what_is_another_in_every_posture_counts_only_where_it_is_better() -> None:
+    """It holds every law that follows the posture, a lever's too, and explains that nearly as well."""
+    search = search_of({"actuator-lever:q2": -40.0})
+
+    def unknown(does: str, log_weight: float) -> float:
+        return judged(replace(search, nameless={("q2", does): log_weight})).probabilities[UNKNOWN]
+
+    without = judged(search).probabilities[UNKNOWN]
+    for does in OF_POSTURES:
+        assert unknown(does, -42.0) == pytest.approx(without)
+        assert unknown(does, -20.0) > 0.9
+    assert unknown(CREEPING, -42.0) > 2.0 * without  # a law of its own is a rival anyway
