@@ -1,4 +1,7 @@
-"""Whether a program prints what a page shows, on any machine: the last digit may be another one."""
+"""Whether a program prints what a page shows, on any machine: last digits may be others.
+
+Iterations end a little elsewhere where products are rounded in another order.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,7 @@ import re
 
 # numbers that were rounded; others are counts, names and versions
 ROUNDED = r"(?<![\d.])-?\d+(?:\.\d+(?![\d.]*\d)|(?=\s+%|\s+to\s+\d+\s+%))"
-UNITS = 1.001  # of the last digit
+UNITS, SHARE = 1.001, 0.005  # of the last digit, of the number
 
 
 def prints(shown: str, printed: str) -> bool:
@@ -21,7 +24,8 @@ def prints(shown: str, printed: str) -> bool:
 
 
 def _near(number: str, other: str) -> bool:
-    near = abs(float(number) - float(other)) <= UNITS * 10.0 ** -len(number.partition(".")[2])
+    digit = UNITS * 10.0 ** -len(number.partition(".")[2])
+    near = abs(float(number) - float(other)) <= max(digit, SHARE * abs(float(number)))
     return near and not (other.startswith("-") and float(other) == 0.0)
 
 

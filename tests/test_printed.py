@@ -1,4 +1,4 @@
-"""What pages show is compared word by word, and numbers to their last digit."""
+"""What pages show is compared word by word, and numbers to their last digit, or to half a percent."""
 
 from __future__ import annotations
 
@@ -52,3 +52,9 @@ def test_neither_is_a_zero_with_a_sign_nor_a_version_a_number_that_was_rounded(
 def test_both_ends_of_an_interval_are_rounded() -> None:
     assert prints("closes (67 to 97\n%)", "closes (66 to 98 %)")
     assert not prints("closes (67 to 97 %)", "closes (65 to 97 %)")
+
+
+def test_long_numbers_agree_to_half_a_percent() -> None:
+    assert prints("4.922e-10 rad", "4.915e-10 rad")
+    assert not prints("4.922e-10 rad", "4.822e-10 rad")
+    assert not prints("4.922e-10 rad", "4.922e-11 rad")
