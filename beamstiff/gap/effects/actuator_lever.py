@@ -24,6 +24,7 @@ NEARER_DEAD = 0.25
 VARIES = 0.3  # RMS of the compliance over its mean, usual for a drive of this kind
 
 NEAR_DEAD = 0.35  # of its largest lever, below which nobody lets a screw work
+GENTLE = 0.5  # of it, above which most stay
 
 ROUND = np.deg2rad(270.0)  # range of a joint that no rod can serve: its dead points are half a turn apart
 
@@ -65,11 +66,15 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         return np.stack(columns, -1) if columns else np.zeros((len(q), 0))
 
     gain = Quantity("mean_compliance", unit, compliance)
-    modes = follow.family(lambda q: laws(q, family))
     factors = follow.varying(lambda q: laws(q, cranks)).T
     columns = [scaled_torque(baseline, axis, factor) for factor in factors]
-    whole = [scaled_torque(baseline, axis, mode) for mode in modes.T]
-    names = tuple(Quantity(f"compliance_mode_{k + 1}", unit, VARIES * compliance) for k in range(len(whole)))
+
+    def any_of(name: str, some: list[Crank]) -> Shape:
+        whole = [scaled_torque(baseline, axis, mode) for mode in follow.family(lambda q: laws(q, some)).T]
+        names = (Quantity(f"compliance_mode_{k + 1}", unit, VARIES * compliance) for k in range(len(whole)))
+        return Shape(name, np.stack(whole, -1), tuple(names), spread=3.0, weight=0.5)
+
+    gentle = _possible(follow, FINE_RATIOS, FINE, GEARS, GENTLE)
     result = [
         Shape(
             f"crank {ratio:g}, {np.degrees(phase):.0f} deg",
@@ -86,7 +91,8 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     return [
         *result,
         Shape("once a turn", waves, parts, spread=3.0),
-        Shape("any crank", np.stack(whole, -1), names, spread=3.0),
+        any_of("any crank", family),
+        *([any_of("any gentle crank", gentle)] if gentle else []),
     ]
 
 
