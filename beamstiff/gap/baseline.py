@@ -33,7 +33,6 @@ from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 
 ROUNDS = 3  # of fitting and correcting for the loaded machine
 SILENT = 1e-9  # share of its like, below which a quantity is nothing but rounding
-ABSORBED = 1e-9  # singular value of unit columns below which a direction is none
 POSITION_NOISE, ROTATION_NOISE = 3e-5, 5e-5  # m, rad: where a table says none, to begin with
 KNOWN_FACTOR = 1e4  # a fitted stiffness stays near its start unless the data say otherwise, by this factor
 

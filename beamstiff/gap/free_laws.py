@@ -18,7 +18,7 @@ from beamstiff.gap.baseline import SILENT, Baseline
 from beamstiff.gap.effects import EFFECTS
 from beamstiff.gap.effects.drive_stiffness import Following
 from beamstiff.gap.effects.hysteresis import BEGINNINGS, FEW, held_shares
-from beamstiff.gap.effects.laws import Axis, axis_at, by_compliance, by_law, component_of, drives
+from beamstiff.gap.effects.laws import Axis, any_compliance, axis_at, by_law, component_of, drives
 from beamstiff.gap.effects.outside import POSTURES, by_posture, clock
 from beamstiff.gap.histories import lagging, slipping
 from beamstiff.gap.library import Library
@@ -50,7 +50,6 @@ SLIPPING = "slips against friction, so that what it does depends on the load his
 STICKING = "stick or drag behind what moves, as gauges do"
 READINGS = "readings"
 INSIDE = ("structure", "drive")  # families of effects whose places have laws of their own here
-PAIRS = [(a, b) for a in range(6) for b in range(a, 6)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +155,7 @@ def _main(white: Whitened, groups: Sequence[Array], most: int = MODES) -> Array:
 
 def _of_structure(baseline: Baseline, place: Place) -> tuple[Array, Array, Array]:
     """Return what any compliance (N, 6, 21), any bent law (N, 6, 18) and play (N, 6, 6) could do."""
-    compliance = np.stack([by_compliance(baseline, place, [pair]) for pair in PAIRS], -1)
+    compliance = any_compliance(baseline, place)
     usual = np.sqrt((place.load**2).mean(axis=0) + (place.dead**2).mean(axis=0))
     usual = np.where(usual > 0, usual, 1.0)
 

@@ -83,9 +83,7 @@ class Whitened:
 
         Beside them `loose` (n, m), of mean square 1 together, is what its place may do else.
         """
-        size = np.linalg.norm(cause, axis=0)
-        shown = cause[:, size > SILENT * size.max(initial=0.0)]
-        fitted = _orthonormal(np.concatenate([self.tangent, shown], axis=1))
+        fitted = orthonormal(np.concatenate([self.tangent, shown(cause)], axis=1))
         return replace(self, tangent=fitted, loose=self.loose if loose is None else loose)
 
     def leave(self, columns: Array) -> Array:
@@ -108,10 +106,18 @@ def whiten(baseline: Baseline, used: NDArray[np.bool_] | None = None) -> Whitene
     nothing = np.zeros((int(chosen.sum()), 0))
     white = Whitened(axes, unknown, component, np.zeros(len(nothing)), nothing, chosen, nothing)
     gap = white.turn(baseline.gap[..., None])[:, 0]
-    return replace(white, gap=gap, tangent=_orthonormal(white.turn(baseline.tangent)))
+    return replace(white, gap=gap, tangent=orthonormal(white.turn(baseline.tangent)))
 
 
-def _orthonormal(columns: Array) -> Array:
+def shown(columns: Array) -> Array:
+    """Return columns (n, c) without those that are nothing but rounding beside the others."""
+    size = np.linalg.norm(columns, axis=0)
+    result: Array = columns[:, size > SILENT * size.max(initial=0.0)]
+    return result
+
+
+def orthonormal(columns: Array) -> Array:
+    """Return orthonormal columns (n, t) that span columns (n, c) of any sizes."""
     size = np.linalg.norm(columns, axis=0)
     kept = columns[:, size > 0] / size[size > 0]
     if not kept.shape[1]:

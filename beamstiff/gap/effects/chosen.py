@@ -13,6 +13,7 @@ from typing import TypeVar
 import numpy as np
 
 from beamstiff.gap.baseline import SILENT, Baseline
+from beamstiff.gap.whitened import orthonormal, shown
 from beamstiff.se3 import Array
 
 Choice = TypeVar("Choice")
@@ -52,19 +53,13 @@ class Left:
 
 def left_by(fit: Baseline, columns: Array) -> Left:
     """Return what the model's own values and columns (N, 6, c) leave of the gap."""
-    parts = []
-    for some in (fit.tangent, columns):
-        flat = _weighted(fit, some)
-        size = np.linalg.norm(flat, axis=0)
-        kept = size > SILENT * size.max(initial=0.0)
-        parts.append(flat[:, kept] / size[kept])
-    vectors, values, _ = np.linalg.svd(np.concatenate(parts, axis=1), full_matrices=False)
-    vectors = vectors[:, values > SILENT * values.max(initial=0.0)]
+    parts = [shown(_weighted(fit, some)) for some in (fit.tangent, columns)]
+    own = orthonormal(np.concatenate(parts, axis=1))
     gap = _weighted(fit, fit.gap[..., None])[:, 0]
-    left = gap - vectors @ (vectors.T @ gap)
+    left = gap - own @ (own.T @ gap)
     bound = BOUND * float(np.median(np.abs(left))) if left.size else 0.0
     clipped = np.clip(left, -bound, bound)
-    return Left(fit, clipped - vectors @ (vectors.T @ clipped), vectors)
+    return Left(fit, clipped - own @ (own.T @ clipped), own)
 
 
 def best_of(choices: Sequence[Choice], left: Left, columns: Callable[[Choice], Array]) -> Choice | None:

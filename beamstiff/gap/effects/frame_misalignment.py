@@ -21,7 +21,6 @@ FEW_TIMES = 3.0  # its sizes: what errs by a tenth a metre nobody would measure 
 SKEWED = ((0, 1), (0, 2), (1, 2))
 PRODUCTS = ((0, 0), (1, 1), (2, 2), *SKEWED)
 MOMENTS, LEAST = 40, 0.15  # moments at most at which the frame may have moved; share of rows before and after
-
 MOVED = "then moved"
 
 
@@ -31,16 +30,20 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
 
 
 def _of_displacements(baseline: Baseline) -> list[Shape]:
-    seen = baseline.predicted
     turn, turns = _turned(baseline)
     growth = Quantity("scale", "1", SCALE)
-    scale = _stretched(seen[:, :3])[..., :3].sum(axis=-1, keepdims=True)
-    stretched = np.concatenate([turn, _stretched(seen[:, :3])], -1)
+    stretched = _stretched(baseline.predicted[:, :3])
+    scale = stretched[..., :3].sum(axis=-1, keepdims=True)
     return [
         Shape("turned", turn, turns),
         *_elsewhere(baseline),
         Shape("turned and scaled", np.concatenate([turn, scale], -1), (*turns, growth), weight=0.5),
-        Shape("turned, scaled by axis and skewed", stretched, (*turns, *_stretches(SCALE)), weight=0.5),
+        Shape(
+            "turned, scaled by axis and skewed",
+            np.concatenate([turn, stretched], -1),
+            (*turns, *_stretches(SCALE)),
+            weight=0.5,
+        ),
         *_moved(baseline, "turned", turn, turns),
         *anew("turned, another way in every posture", baseline, turn, turns),  # set up again for each
     ]
@@ -116,9 +119,10 @@ def _later_than(at: float, baseline: Baseline) -> NDArray[np.bool_]:
 
     Other rows than those of the campaign are, where times do not say otherwise: it is the frame of today.
     """
-    timed, own = campaign(baseline).duration > 0, baseline.stated is None and baseline.fit_rows is None
-    told = np.isfinite(baseline.rows.time).all() if timed else len(baseline.rows) == campaign(baseline).rows
-    return clock(baseline) > at if own or told else np.ones(len(baseline.rows), dtype=np.bool_)
+    rows, fitted = baseline.rows, campaign(baseline)
+    own = baseline.stated is None and baseline.fit_rows is None
+    told = np.isfinite(rows.time).all() if fitted.duration > 0 else len(rows) == fitted.rows
+    return clock(baseline) > at if own or told else np.ones(len(rows), dtype=np.bool_)
 
 
 def _moment(baseline: Baseline) -> float | None:

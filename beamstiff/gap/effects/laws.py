@@ -132,6 +132,12 @@ def by_compliance(baseline: Baseline, place: Place, pairs: list[tuple[int, int]]
     return result
 
 
+def any_compliance(baseline: Baseline, place: Place) -> Array:
+    """Return the displacements (N, 6, 21) of all unit symmetric compliances of a place."""
+    pairs = [(a, b) for a in range(6) for b in range(a, 6)]
+    return np.stack([by_compliance(baseline, place, [pair]) for pair in pairs], -1)
+
+
 def by_side(baseline: Baseline, place: Place, at: int) -> Array:
     """Return the displacement (N, 6) of a place that gives to either side of a direction, 0..5, as to one.
 

@@ -19,13 +19,12 @@ from beamstiff.errors import BeamstiffError, listed
 from beamstiff.gap.baseline import SILENT, Baseline
 from beamstiff.gap.effects.chosen import best_of, left_by
 from beamstiff.gap.effects.effect import Scales, stated_scale
-from beamstiff.gap.effects.laws import by_compliance
+from beamstiff.gap.effects.laws import any_compliance, most_of
 from beamstiff.gap.places import Place
 from beamstiff.se3 import Array
 
 DISTANCES, RADII = (0.06, 0.1), (0.035, 0.065)  # m
 ANGLES = tuple(np.deg2rad(np.arange(0.0, 120.0, 15.0)).tolist())
-PAIRS = [(a, b) for a in range(6) for b in range(a, 6)]
 NEARER, TURNED = (0.75, 1.0, 1.3), tuple(np.deg2rad([-5.0, 0.0, 5.0]).tolist())
 KNEES = (0.15, 0.35)  # of the largest force on a seat
 NAMES = ("by_side", *(f"{side}_{knee:g}" for knee in KNEES for side in ("pressed_beyond", "lifted_beyond")))
@@ -80,7 +79,7 @@ def seats_of(baseline: Baseline) -> Seats | None:
     if baseline.stated is not None:
         return _stated(baseline)
     fit, place = baseline.fit, baseline.fit.places.flange
-    left = left_by(fit, np.stack([by_compliance(fit, place, [pair]) for pair in PAIRS], -1))
+    left = left_by(fit, any_compliance(fit, place))
 
     def chosen(*where: Sequence[float]) -> Seats | None:
         tried = [seats for one in product(*where) if (seats := _at(fit, *one)) is not None]
@@ -147,7 +146,7 @@ def _stated(baseline: Baseline) -> Seats | None:
 def _at(baseline: Baseline, distance: float, radius: float, angle: float) -> Seats | None:
     """Return seats with their largest force; None where no row loads them."""
     seats, place = Seats(distance, radius, angle, 1.0), baseline.places.flange
-    every = np.concatenate([place.load + place.dead, place.dead])
+    every = most_of(place)
     largest = float(np.abs(seats.forces(every)).max(initial=0.0))
     most = np.linalg.norm(every[:, :3], axis=1) + np.linalg.norm(every[:, 3:], axis=1) / radius
     loaded = largest > SILENT * float(most.max(initial=0.0))

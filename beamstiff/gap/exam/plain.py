@@ -9,6 +9,7 @@ import numpy as np
 from beamstiff.gap.baseline import fit_baseline
 from beamstiff.gap.effects import EFFECTS
 from beamstiff.gap.exam.names import NONE, key_of
+from beamstiff.gap.whitened import orthonormal
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
@@ -35,7 +36,7 @@ def plain_bic(robot: Robot, measurements: Measurements, withheld: Sequence[str] 
     baseline = fit_baseline(robot, measurements)
     used = baseline.used
     weight = 1.0 / baseline.sigma[used]
-    tangent = _orthonormal(baseline.tangent[used] * weight[:, None])
+    tangent = orthonormal(baseline.tangent[used] * weight[:, None])
     gap = _left(baseline.gap[used] * weight, tangent)
     n = gap.size
     best, name = n * np.log(float(gap @ gap) / n), key_of(NONE, None)
@@ -47,7 +48,7 @@ def plain_bic(robot: Robot, measurements: Measurements, withheld: Sequence[str] 
                 whole = shape.columns[used] * weight[:, None]
                 left = _left(whole, tangent)
                 shown = np.linalg.norm(left, axis=0) > ABSORBED * np.linalg.norm(whole, axis=0)
-                columns = _orthonormal(left[:, shown])
+                columns = orthonormal(left[:, shown])
                 rest = gap - columns @ (columns.T @ gap)
                 k = columns.shape[1]
                 bic = n * np.log(max(float(rest @ rest), 1e-300) / n) + k * np.log(n)
@@ -59,13 +60,3 @@ def plain_bic(robot: Robot, measurements: Measurements, withheld: Sequence[str] 
 def _left(values: Array, basis: Array) -> Array:
     left: Array = values - basis @ (basis.T @ values)
     return left
-
-
-def _orthonormal(columns: Array) -> Array:
-    size = np.linalg.norm(columns, axis=0)
-    kept = columns[:, size > 0] / size[size > 0]
-    if not kept.shape[1]:
-        return np.zeros((len(columns), 0))
-    left, values, _ = np.linalg.svd(kept, full_matrices=False)
-    result: Array = left[:, values > SILENT * values[0]]
-    return result
