@@ -18,6 +18,7 @@ from beamstiff.measure.table import Measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.robot.description import Robot
 from beamstiff.robot.expression import parse_expression
+from beamstiff.robot.parts import Frame
 from beamstiff.se3 import Array, vector_from_rotation
 
 STEP = 1e-5  # m or rad
@@ -29,15 +30,18 @@ RUNOUT = 0.2  # of these: discs and bearings are centred better than links are l
 
 def _components(baseline: Baseline) -> list[str | None]:
     robot = baseline.nominal
-    moved = {variable.name for variable in robot.variables}
     found: list[str | None] = [variable.name for variable in robot.actuated]
     for frame in robot.frames if baseline.absolute else ():
         for name in (*LENGTHS, *ANGLES):
-            value = getattr(frame, name)
-            follows = isinstance(value, str) and any(variable in value for variable in moved)
-            if not follows and (name in USUAL or value != 0.0):
+            if stays(robot, frame, name) and (name in USUAL or getattr(frame, name) != 0.0):
                 found.append(f"{frame.name}.{name}")
     return found
+
+
+def stays(robot: Robot, frame: Frame, name: str) -> bool:
+    """Return whether a frame's parameter is a length or an angle that no variable changes."""
+    value = getattr(frame, name)
+    return not (isinstance(value, str) and any(variable.name in value for variable in robot.variables))
 
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:

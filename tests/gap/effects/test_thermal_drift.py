@@ -8,9 +8,10 @@ import pytest
 
 from beamstiff.gap.baseline import fit_baseline
 from beamstiff.gap.effects import EFFECTS
+from beamstiff.gap.effects.courses import LAGS
 from beamstiff.gap.effects.cycles import cycle_of
 from beamstiff.gap.effects.geometry_error import pose_change
-from beamstiff.gap.effects.thermal_drift import LAGS, WARM
+from beamstiff.gap.effects.thermal_drift import WARM
 from beamstiff.model.linear import predict_displacements
 from beamstiff.se3 import Array
 from tests.gap.machines import FORE, UPPER, at_random, close, elbow, kr240, nominal, rows_of, shape_of
@@ -199,16 +200,49 @@ def test_a_cooler_that_switches_on_and_off_is_found_with_its_period(shared: bool
     assert np.linalg.norm(left) < 0.15 * np.linalg.norm(saw - saw.mean())
 
 
-def test_a_drift_has_begun_before_the_first_row_which_of_positions_is_the_frames_place() -> None:
+def test_a_drift_has_begun_before_the_first_row_and_a_machine_may_grow_before_it_is_measured() -> None:
     rows = at_random(elbow(), 6, seed=1, time=TIME)
     there = nominal(elbow(), rows)
-    shape = shape_of(there, "thermal-drift", None, "any course")
-    names = [item.name for item in shape.parameters]
-    assert (shape.columns[:, 0, names.index("drift_begun_x")] == 1.0).all()
     seen = nominal(elbow(), rows_of(elbow(), rows.q, rows.wrench, position=np.ones((6, 3)), time=TIME))
-    assert not any(
-        "begun" in item.name for item in shape_of(seen, "thermal-drift", None, "any course").parameters
-    )
+    for baseline, name in ((there, "drift_begun_x"), (seen, "drift_before_x")):
+        for stated in (None, {"temperature": 20.0}):  # a robot that states a drift has it under the same name
+            shape = shape_of(replace(baseline, stated=stated), "thermal-drift", None, "any course")
+            names = [item.name for item in shape.parameters]
+            assert (shape.columns[:, 0, names.index(name)] == 1.0).all()
+    shape = shape_of(replace(seen, stated={"temperature": 20.0}), "thermal-drift", None, "any course")
+    assert not shape.columns[..., [item.name for item in shape.parameters].index("drift_begun_x")].any()
+
+
+def test_lengths_drift_whatever_unit_they_are_written_in() -> None:
+    there = nominal(kr240(), at_random(kr240(), 6, seed=1, time=TIME))
+    shape = shape_of(there, "thermal-drift", None, "every length, linear and warming up within 0.3")
+    found = {item.name.removesuffix("_linear") for item in shape.parameters if item.name.endswith("_linear")}
+    assert found == {f"length_{name}" for name in ("f1.r", "f2.d", "f3.d", "f4.d", "f4.r", "f6.r")}
+
+
+def test_a_spindle_grows_along_its_own_axis_wherever_the_arm_holds_it() -> None:
+    rows = at_random(elbow(), 6, seed=1, time=TIME)
+    there = nominal(elbow(), rows)
+    shape = shape_of(there, "thermal-drift", None, "tool, any course")
+    course = shape_of(there, "thermal-drift", None, "any course").columns[:, 0, 0]
+    turned = rows.q.sum(axis=1)
+    along = np.stack([np.cos(turned), np.sin(turned), 0 * turned], -1)
+    np.testing.assert_allclose(shape.columns[:, :3, 0], course[:, None] * along, atol=1e-12)
+    assert not shape.columns[:, 3:].any()
+
+
+def test_a_target_that_turns_on_its_holder_moves_no_point() -> None:
+    rows = at_random(elbow(), 6, seed=1, time=TIME)
+    shape = shape_of(nominal(elbow(), rows), "thermal-drift", None, "any course, target turning")
+    turns = shape.columns[..., [item.name.startswith("target_turn") for item in shape.parameters]]
+    assert not turns[:, :3].any()
+    assert turns[:, 3:].any()
+    # where no rotation is read there is nothing to see of it
+    lone = at_random(elbow(), 6, seed=1, time=TIME, displacement=np.zeros((6, 3)))
+    read = np.isfinite(lone.displacement)
+    lone = replace(lone, displacement=np.where(read, predict_displacements(elbow(), lone), np.nan))
+    shapes = EFFECTS["thermal-drift"].shapes(fit_baseline(elbow(), lone), None)
+    assert not any("target" in one.name for one in shapes)
 
 
 def test_a_machine_without_anything_to_fit_may_drift_as_well() -> None:
