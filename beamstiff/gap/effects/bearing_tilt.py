@@ -9,7 +9,15 @@ import numpy as np
 from beamstiff.fem.beam import beam_axes
 from beamstiff.gap.baseline import Baseline, own_direction
 from beamstiff.gap.effects.effect import Effect, Quantity, Scales, Shape, stated_scale
-from beamstiff.gap.effects.laws import by_compliance, component_of, joint_of, most_of, softness
+from beamstiff.gap.effects.laws import (
+    CONTACT,
+    by_compliance,
+    component_of,
+    joint_of,
+    loaded_less_unloaded,
+    most_of,
+    softness,
+)
 from beamstiff.gap.places import DIGITS, Place
 from beamstiff.robot.fields import FREE, RIGID
 from beamstiff.robot.kinematics import compile_kinematics, posture
@@ -21,6 +29,8 @@ OF_DRIVE = 0.5  # the same over the compliance of the joint's own drive
 RADIAL, AXIAL = 0.015, 0.01  # m^2, over the tilting compliance
 SPREAD, REALISTIC = 30.0, 10.0  # from a wrist's to a press's; and of most
 NAMES = ("x", "y", "z", "rx", "ry", "rz")
+PRELOADS = {"": 0.0, ", with preload": 0.5}  # of the usual moment, up to which contacts give evenly
+RAYS = (0, 45, 90, 135)  # deg about the joint's axis, about which rolling contacts give
 OFF = 0.05  # m along the axis, from the joint's frame to where its bearing tilts about
 
 
@@ -51,10 +61,10 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     sides = tuple(
         Quantity(f"radial_compliance_{axis}", "m/N", both_ways.size, positive=True) for axis in "yz"
     )
-    stiffening = _stiffening(baseline, place, str(component))
-    contact = Quantity(
-        "tilt_at_usual_moment", "rad", size * usual_moment(baseline, str(component)), positive=True
-    )
+    usual = usual_moment(baseline, str(component))
+    stiffening = _stiffening(baseline, place, usual)
+    contact = Quantity("tilt_at_usual_moment", "rad", size * usual, positive=True)
+    contacts = [replace(contact, name=f"{contact.name}_at_{degrees}_deg") for degrees in RAYS]
     found = [
         Shape("tilt", tilt[..., None], (tilting,)),
         Shape("tilt and radial", np.stack([tilt, radial], -1), (tilting, both_ways)),
@@ -66,6 +76,15 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
             np.stack([*by_axis, radial, axial, stiffening], -1),
             (*two, skew, both_ways, lengthwise, contact),
             weight=0.5,
+        ),
+        *(
+            Shape(
+                f"all, stiffening by axis{how}",
+                np.stack([*by_axis, radial, axial, *_by_axis(baseline, place, usual, preload)], -1),
+                (*two, skew, both_ways, lengthwise, *contacts),
+                weight=0.5,
+            )
+            for how, preload in PRELOADS.items()
         ),
         Shape("tilt off its centre", np.stack([tilt, radial, across - along], -1), (tilting, both_ways, off)),
         Shape(
@@ -137,20 +156,38 @@ def usual_moment(baseline: Baseline, component: str) -> float:
     return stated_scale(baseline, "moment") or float(np.linalg.norm(load, axis=1).max(initial=0.0)) or 1.0
 
 
-def _stiffening(baseline: Baseline, place: Place, component: str) -> Array:
+def _stiffening(baseline: Baseline, place: Place, usual: float) -> Array:
     """Return the displacement (N, 6) of a tilt by the power 2/3 of the moment, as of rolling contacts."""
-    usual = usual_moment(baseline, component)
 
     def law(wrench: Array) -> Array:
         moment = wrench[:, 4:] / usual
         size = np.maximum(np.linalg.norm(moment, axis=1, keepdims=True), 1e-9)
-        return np.concatenate([np.zeros((len(moment), 4)), moment * size ** (-1.0 / 3.0)], axis=1)
+        return np.concatenate([np.zeros((len(moment), 4)), moment * size ** (CONTACT - 1.0)], axis=1)
 
-    slip = law(place.load + place.dead)
-    if not baseline.absolute:
-        slip = slip - law(place.dead)
-    result: Array = np.einsum("nab,nb->na", place.shift, slip)
+    result: Array = np.einsum(
+        "nab,nb->na", place.shift, loaded_less_unloaded(baseline, place.load, place.dead, law)
+    )
     return result
+
+
+def _by_axis(baseline: Baseline, place: Place, usual: float, preload: float) -> list[Array]:
+    """Return the displacements (N, 6) of contacts that stiffen, each about an axis across the joint's own.
+
+    Up to about the preload, a share of the usual moment, they give in proportion; beyond by the power 2/3.
+    """
+    found = []
+    for angle in np.deg2rad(RAYS):
+        about = np.array([0.0, 0.0, 0.0, 0.0, np.cos(angle), np.sin(angle)])
+
+        def law(wrench: Array, about: Array = about) -> Array:
+            moment = wrench @ about / usual
+            size = np.maximum(moment**2 + preload**2, 1e-18) / (1.0 + preload**2)
+            return np.asarray(moment * size ** (0.5 * (CONTACT - 1.0)))
+
+        found.append(
+            (place.shift @ about) * loaded_less_unloaded(baseline, place.load, place.dead, law)[:, None]
+        )
+    return found
 
 
 def _scales(baseline: Baseline, component: str | None) -> Scales:

@@ -54,31 +54,42 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         return []
     unit, size = ("rad", ANGLE) if angle else ("m", LENGTH)
     result = [Shape("offset", columns[..., None], (Quantity("offset", unit, size),))]
-    turn = _turn(baseline, name) if baseline.absolute else None
-    if turn is not None:
-        names = ["once"] if frame else ["once", "twice"]
-        waves = {
-            f"{often}_a_turn_{name_of}": course(times * turn)
-            for times, often in enumerate(names, 1)
-            for name_of, course in (("sine", np.sin), ("cosine", np.cos))
-        }
-        by_turn = np.stack([columns, *(columns * wave[:, None] for wave in waves.values())], -1)
-        runout = (Quantity("offset", unit, size), *(Quantity(wave, unit, size * RUNOUT) for wave in waves))
-        result.append(Shape("offset, and once a turn", by_turn[..., :3], runout[:3], weight=0.5))
-        if not frame:
-            result.append(Shape("offset, and once and twice a turn", by_turn, runout, weight=0.25))
+    variable = _turning(baseline.nominal, name) if baseline.absolute else None
+    if variable is None:
+        return result
+    turn = baseline.rows.q[:, baseline.rows.variables.index(variable)]
+
+    def waves(of: Array, often: str, times: int, unit: str, size: float) -> list[tuple[Array, Quantity]]:
+        courses = (("sine", np.sin(times * turn)), ("cosine", np.cos(times * turn)))
+        return [
+            (of * course[:, None], Quantity(f"{often}_a_turn_{wave}", unit, size * RUNOUT))
+            for wave, course in courses
+        ]
+
+    def shape(label: str, parts: list[tuple[Array, Quantity]], weight: float) -> Shape:
+        return Shape(
+            label, np.stack([one for one, _ in parts], -1), tuple(q for _, q in parts), weight=weight
+        )
+
+    steady = [(columns, result[0].parameters[0])]
+    once = [*steady, *waves(columns, "once", 1, unit, size)]
+    result.append(shape("offset, and once a turn", once, 0.5))
+    if frame:  # what sits off the axis takes the encoder's disc along
+        disc = waves(pose_change(baseline, variable), "encoder_once", 1, "rad", ANGLE)
+        result.append(shape("offset, and once a turn, of the encoder too", [*once, *disc], 0.25))
+    else:
+        oval = waves(columns, "twice", 2, unit, size)
+        result.append(shape("offset, and once and twice a turn", [*once, *oval], 0.25))
     return result
 
 
-def _turn(baseline: Baseline, name: str) -> Array | None:
-    """Return the angle (N,) of the joint at which a parameter sits: what is off its axis turns with it."""
-    robot, rows = baseline.nominal, baseline.rows
+def _turning(robot: Robot, name: str) -> str | None:
+    """Return the joint at which a parameter sits, if it turns: what is off its axis turns with it."""
     frame, _, _ = name.rpartition(".")
     for variable in robot.actuated:
         own = variable.name == name if not frame else _follows(robot, frame, variable.name)
         if own and variable.kind == "angle":
-            result: Array = rows.q[:, rows.variables.index(variable.name)]
-            return result
+            return variable.name
     return None
 
 

@@ -110,12 +110,14 @@ def by_law(baseline: Baseline, axis: Axis, law: Callable[[Array], Array]) -> Arr
 
     Displacements are loaded less unloaded, and the dead weight acts in both.
     """
-    result: Array = axis.shift * _slip(baseline, axis.load, axis.dead, law)[:, None]
+    result: Array = axis.shift * loaded_less_unloaded(baseline, axis.load, axis.dead, law)[:, None]
     return result
 
 
-def _slip(baseline: Baseline, load: Array, dead: Array, law: Callable[[Array], Array]) -> Array:
-    """Return the slip (N,) of a law; in displacements loaded less unloaded."""
+def loaded_less_unloaded(
+    baseline: Baseline, load: Array, dead: Array, law: Callable[[Array], Array]
+) -> Array:
+    """Return the slip (N, ...) of a law; in displacements loaded less unloaded."""
     slip = law(load + dead)
     return slip if baseline.absolute else slip - law(dead)
 
@@ -143,7 +145,7 @@ def by_side(baseline: Baseline, place: Place, at: int) -> Array:
 
     Beside a compliance it makes one side softer than the other: a seam that opens, a foot that lifts.
     """
-    slip = _slip(baseline, place.load[:, at], place.dead[:, at], np.abs)
+    slip = loaded_less_unloaded(baseline, place.load[:, at], place.dead[:, at], np.abs)
     result: Array = place.shift[:, :, at] * slip[:, None]
     return result
 
@@ -178,7 +180,7 @@ def by_contacts(
             share = load / scales["force" if at < 3 else "moment"]
             return np.asarray(np.sign(share) * np.abs(share) ** power)
 
-        return _slip(baseline, place.load[:, at], place.dead[:, at], law)
+        return loaded_less_unloaded(baseline, place.load[:, at], place.dead[:, at], law)
 
     columns = [place.shift[:, :, at] * slip(at)[:, None] for at in (3, 4, 5, 0, 1, 2)]
     turn, shift = rotation * scales["moment"], translation * scales["force"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 
@@ -16,7 +16,10 @@ from beamstiff.measure.table import Measurements
 from beamstiff.se3 import Array
 
 POSTURES = 40  # beyond which nobody does anything anew by hand in each
-SAME = 1e-6  # rad or m, within which joint values are of one posture
+SETUPS = 80  # the same of a posture with a load that pulls one way
+SAME = (
+    1e-6  # rad or m, within which joint values are of one posture; of a force, within which it pulls one way
+)
 
 
 def each_by_each(frame: Array, vector: Array) -> Array:
@@ -79,23 +82,48 @@ def by_posture(baseline: Baseline) -> NDArray[np.bool_]:
     That is of one posture, of more than anybody would work on one by one, or of most under one load alone:
     then whatever is another in every posture could be anything.
     """
+    return _alike(
+        baseline, np.zeros((len(baseline.fit.rows), 0)), np.zeros((len(baseline.rows), 0)), POSTURES
+    )
+
+
+def by_setup(baseline: Baseline) -> NDArray[np.bool_]:
+    """Return which rows are of each posture with a force that pulls one way, (N, setups): as `by_posture`."""
+    return _alike(baseline, _ways(baseline.fit.rows), _ways(baseline.rows), SETUPS)
+
+
+def _ways(rows: Measurements) -> Array:
+    """Return the directions in which forces pull, (N, 3)."""
+    size = np.linalg.norm(rows.wrench[:, :3], axis=1, keepdims=True)
+    result: Array = rows.wrench[:, :3] / np.where(size > 0, size, 1.0)
+    return result
+
+
+def _alike(baseline: Baseline, fitted: Array, ways: Array, most: int) -> NDArray[np.bool_]:
     fit = baseline.fit.rows
-    postures, number = np.unique(np.round(fit.q, 9), axis=0, return_inverse=True)
+    states, number = np.unique(np.round(np.column_stack([fit.q, fitted]), 7), axis=0, return_inverse=True)
     loads = np.unique(np.column_stack([number.reshape(-1), fit.wrench]), axis=0)[:, 0]
     several = float(np.median(np.bincount(loads.astype(np.intp)))) > 1
-    if not (several and 1 < len(postures) <= POSTURES):
+    if not (several and 1 < len(states) <= most):
         return np.zeros((len(baseline.rows), 0), dtype=np.bool_)
-    return np.asarray((np.abs(baseline.rows.q[:, None] - postures) < SAME).all(axis=2))
+    here = np.column_stack([baseline.rows.q, ways])
+    return np.asarray((np.abs(here[:, None] - states) < SAME).all(axis=2))
 
 
-def anew(name: str, baseline: Baseline, columns: Array, quantities: tuple[Quantity, ...]) -> Iterator[Shape]:
-    """Yield the shape of columns (N, 6, c) that are others in every posture, about common ones: `by_posture`.
+def anew(
+    name: str,
+    baseline: Baseline,
+    columns: Array,
+    quantities: tuple[Quantity, ...],
+    times: Callable[[Baseline], NDArray[np.bool_]] = by_posture,
+) -> Iterator[Shape]:
+    """Yield the shape of columns (N, 6, c) that are others each time, about common ones.
 
     Of a robot that states it only the common ones are known.
     """
     parts, every = [columns], list(quantities)
     if baseline.stated is None:
-        here = by_posture(baseline)
+        here = times(baseline)
         if not here.shape[1]:
             return
         parts.append((columns[:, :, None] * here[:, None, :, None]).reshape(*columns.shape[:2], -1))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, replace
 
 import numpy as np
@@ -49,9 +49,12 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     modes, begun = any_course(time), steady(baseline)
     result: list[Shape] = []
     parts = parts_of(baseline)
+    # a zero or a length that was off before its positions were measured is a geometry error, not a drift
+    ahead = {name: course for name, course in begun.items() if name != "before"}
     if stated or not shared:
+        own = [_from_the_start(law, time) if baseline.absolute else law(time) for law in (usual, any_course)]
         result += _in_time(baseline, courses, modes, "", begun)
-        result += _of_parts(parts, courses, modes, "", begun)
+        result += _of_parts(parts, own[0], own[1], "", ahead)
     if stated or shared:  # what drifted before the unloaded reading of a posture is in both readings
         since = {name: since_pose(baseline, course) for name, course in courses.items()}
         moved = {name: since_pose(baseline, mode) for name, mode in modes.items()}
@@ -64,12 +67,18 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
             for lag in LAGS
         }
         if stated or not shared:
-            result += _with_warmth(baseline, parts, warmth, "", begun)
+            result += _with_warmth(baseline, parts, warmth, "", begun, ahead)
         if stated or shared:
             change = {name: since_pose(baseline, course) for name, course in warmth.items()}
             short = _with_warmth(baseline, parts, change, ", since the unloaded reading")
             result += [replace(one, spread=SHORT, realistic=one.spread) for one in short]
     return [*result, *_cycling(baseline, shared)]
+
+
+def _from_the_start(law: Callable[[Array], dict[str, Array]], time: Array) -> dict[str, Array]:
+    """Return courses (N,) that are zero when the campaign starts."""
+    start = law(np.zeros(1))
+    return {name: course - start[name] for name, course in law(time).items()}
 
 
 def _cycling(baseline: Baseline, shared: bool) -> list[Shape]:
@@ -143,8 +152,12 @@ def _with_warmth(
     warmth: dict[str, Array],
     since: str,
     begun: Mapping[str, Array] = NONE,
+    ahead: Mapping[str, Array] = NONE,
 ) -> list[Shape]:
-    """Return drifts that follow the temperature less its mean, with each lag (N,), and with any."""
+    """Return drifts that follow the temperature less its mean, with each lag (N,), and with any.
+
+    The whole has what had `begun` as well, its parts what had `ahead`.
+    """
     result = []
     for name, course in warmth.items():
         label = f"{name}{since}"
@@ -154,9 +167,10 @@ def _with_warmth(
             _grown(baseline, f"growing with {label}", course),
             *(by_part({what: parts[what]}, {name: course / WARM}, name, since) for what in parts),
         ]
-    share = {**{name: course / WARM for name, course in warmth.items()}, **begun}
-    result += of_the_whole(baseline, share, "temperature, with any lag", since)
-    return [*result, *([by_part(parts, share, "temperature, with any lag", since)] if parts else [])]
+    share = {name: course / WARM for name, course in warmth.items()}
+    label = "temperature, with any lag"
+    result += of_the_whole(baseline, share | dict(begun), label, since)
+    return [*result, *([by_part(parts, share | dict(ahead), label, since)] if parts else [])]
 
 
 def _scales(baseline: Baseline, component: str | None) -> Scales:  # noqa: ARG001

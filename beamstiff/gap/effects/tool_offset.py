@@ -2,8 +2,8 @@
 
 A load off by p adds the moment ``p x F``; a target off by p moves by ``r x p`` more, and its absolute
 position is off by p, constant in the tool's frame. What a load hangs on turns after it: its point is then
-``p + P F / |F|``, P constant in the tool's or in the base frame. What is hooked on anew in every posture is
-off by ``p + p_k`` in the k-th.
+``p + P F / |F|``, P constant in the tool's or in the base frame. What is hooked on anew in every posture,
+or for every direction there, is off by ``p + p_k`` in the k-th.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects.effect import Effect, Quantity, Shape
-from beamstiff.gap.effects.outside import anew, each_by_each, tool_axes
+from beamstiff.gap.effects.outside import anew, by_setup, each_by_each, tool_axes
 from beamstiff.se3 import Array
 
 OFFSET = 0.03  # m
@@ -59,6 +59,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
         for where, frame in (("", axes), (", in the base frame", still))
     ]
     hung += anew("load, hooked on anew in every posture", baseline, load, loads)
+    hung += anew("load, hooked on anew for every direction", baseline, load, loads, by_setup)
     if baseline.absolute:
         mass = sum(item.mass for item in robot.masses if item.node == robot.tcp)
         payload = acting(axes, np.broadcast_to(mass * np.array(robot.gravity), (len(rows), 3)))

@@ -64,6 +64,23 @@ def test_a_bearing_that_stiffens_tilts_by_the_power_two_thirds_of_the_moment() -
     assert found[:, 2, 1] == pytest.approx(0.8 * np.sign(share) * np.abs(share) ** (2 / 3))
 
 
+def test_a_preloaded_bearing_gives_evenly_at_first_and_then_stiffens() -> None:
+    share = np.array([1.0, 0.01, -0.02, -1.0])
+    rows = rows_of(elbow(), [0, 0], 500 * share[:, None] * np.eye(6)[2])
+    there = nominal(elbow(), rows)
+    shape = shape_of(there, "bearing-tilt", "q2", "all, stiffening by axis, with preload")
+    names = [item.name for item in shape.parameters]
+    about_y = [k for k, name in enumerate(names) if name.startswith("tilt_at_usual_moment")]
+    found = shape.columns[:, 4, about_y]
+    across = found[:, np.abs(found).max(axis=0).argmax()]
+    assert across[0] == pytest.approx(-1.0)  # the parameter is the tilt under the usual moment
+    assert across[3] == pytest.approx(1.0)
+    assert across[2] / across[1] == pytest.approx(-2.0, rel=1e-3)
+    assert across[1] / across[0] == pytest.approx(0.01 * (1.25 / 0.25) ** (1 / 6), rel=1e-3)
+    freely = shape_of(there, "bearing-tilt", "q2", "all, stiffening by axis").columns[:, 4, about_y]
+    assert np.abs(freely).max(axis=1) == pytest.approx(np.abs(share) ** (2 / 3))
+
+
 @pytest.mark.parametrize("joint", range(6))
 def test_a_bearing_that_tilts_about_a_point_off_its_frame_gives_way_to_forces_too(joint: int) -> None:
     compliance, off = 3e-7, 0.12  # rad/(N m), m along the axis

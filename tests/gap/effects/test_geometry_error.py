@@ -55,9 +55,19 @@ def test_discs_err_once_and_twice_a_turn() -> None:
     size = {"offset": 0.3, "once_a_turn_sine": 0.1, "twice_a_turn_cosine": -0.2}
     found = shape.columns @ [size.get(item.name, 0.0) for item in shape.parameters]
     close(found, oval[:, None] * turned, 1e-6)
-    # what is no encoder has no disc to be oval
+    # what is no encoder has no disc to be oval, but takes one along
     names = [one.name for one in EFFECTS["geometry-error"].shapes(there, "f4.d")]
-    assert names == ["offset", "offset, and once a turn"]
+    assert names == ["offset", "offset, and once a turn", "offset, and once a turn, of the encoder too"]
+
+
+def test_an_axis_that_runs_out_of_true_takes_its_encoder_along() -> None:
+    there = placed(kr240(), 40)
+    shape = shape_of(there, "geometry-error", "f4.d", "offset, and once a turn, of the encoder too")
+    q = there.rows.q[:, 3]
+    size = {"offset": 0.3, "once_a_turn_sine": 0.1, "encoder_once_a_turn_cosine": -0.2}
+    found = shape.columns @ [size.get(item.name, 0.0) for item in shape.parameters]
+    longer, turned = moved(there.rows.q, (3, "d", 0.0)), moved(there.rows.q, (3, "theta", 0.0))
+    close(found, (0.3 + 0.1 * np.sin(q))[:, None] * longer - 0.2 * np.cos(q)[:, None] * turned, 1e-6)
 
 
 def test_a_loop_closes_anew_around_an_error() -> None:
