@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from beamstiff.gap.result import Diagnosis
 
 POSITIVE = (
-    *("torque", "force", "moment", "compliance", "counts", "rows", "cycles"),
+    *("torque", "force", "moment", "compliance", "counts", "rows", "cycles", "lasts"),
     *("seats_radius", "seats_force"),
 )  # scales that divide
 

@@ -68,25 +68,12 @@ def named(what: str, unit: str, size: float) -> tuple[Quantity, ...]:
 
 
 def of_the_whole(baseline: Baseline, courses: Mapping[str, Array], label: str, since: str) -> list[Shape]:
-    """Return drifts of the whole machine, its tool or its target, each any mixture of courses (N,)."""
+    """Return drifts of the whole machine, each any mixture of courses (N,)."""
+    every, drifts = _each(courses, along, "drift", "m", DRIFT)
+    about, turns = _each(courses, lambda course: turning(baseline, course), "turn", "rad", TURN)
     names = [_word(name) for name in courses]
-
-    def all_of(change: Callable[[Array], Array]) -> Array:
-        return np.concatenate([change(course) for course in courses.values()], -1)
-
-    def each(what: str, unit: str, size: float) -> tuple[Quantity, ...]:
-        return tuple(item for name in names for item in named(f"{what}_{name}", unit, size))
-
-    every, tool = all_of(along), all_of(lambda course: of_the_tool(baseline, course))
-    drifts, turns = each("drift", "m", DRIFT), each("turn", "rad", TURN)
-    about = all_of(lambda course: turning(baseline, course))
-    grown = np.concatenate(
-        [
-            all_of(lambda course: growing(baseline, course)),
-            all_of(lambda course: lengthening(baseline, course)),
-        ],
-        -1,
-    )
+    ways = (growing, lengthening)
+    grown = np.concatenate([way(baseline, course) for way in ways for course in courses.values()], -1)
     growths = (
         *(Quantity(f"growth_{name}", "1", GROWTH) for name in names),
         *(Quantity(f"lengthening_{name}", "m", DRIFT) for name in names),
@@ -96,18 +83,42 @@ def of_the_whole(baseline: Baseline, courses: Mapping[str, Array], label: str, s
         f"{label}, turning": (np.concatenate([every, about], -1), (*drifts, *turns)),
         f"growing, {label}": (grown, growths),
         f"growing and turning, {label}": (np.concatenate([grown, about], -1), (*growths, *turns)),
-        f"tool, {label}": (tool, each("tool_drift", "m", DRIFT)),
     }
-    if baseline.stated is not None or baseline.fit.used[:, 3:].any():
-        # what is read of rotations drifts by itself: a target turns on its holder, and a tool in its seat
-        target, spins = turned_over(every), each("target_turn", "rad", TURN)
-        seat, turned = turned_over(tool), (*each("tool_drift", "m", DRIFT), *each("tool_turn", "rad", TURN))
+    if _turns_are_read(baseline):  # and may drift by themselves: a target turns on its holder
+        target, spins = _each(courses, lambda course: turned_over(along(course)), "target_turn", "rad", TURN)
         found |= {
             f"{label}, target turning": (np.concatenate([every, target], -1), (*drifts, *spins)),
             f"growing, {label}, target turning": (np.concatenate([grown, target], -1), (*growths, *spins)),
-            f"tool, {label}, turning": (np.concatenate([tool, seat], -1), turned),
         }
     return [Shape(f"{name}{since}", columns, quantities) for name, (columns, quantities) in found.items()]
+
+
+def of_the_tool_alone(
+    baseline: Baseline, courses: Mapping[str, Array], label: str, since: str
+) -> list[Shape]:
+    """Return drifts of the tool, each any mixture of courses (N,)."""
+    tool, drifts = _each(courses, lambda course: of_the_tool(baseline, course), "tool_drift", "m", DRIFT)
+    result = [Shape(f"tool, {label}{since}", tool, drifts)]
+    if _turns_are_read(baseline):
+        seat, turns = _each(
+            courses, lambda course: turned_over(of_the_tool(baseline, course)), "tool_turn", "rad", TURN
+        )
+        both = np.concatenate([tool, seat], -1)
+        result.append(Shape(f"tool, {label}, turning{since}", both, (*drifts, *turns)))
+    return result
+
+
+def _turns_are_read(baseline: Baseline) -> bool:
+    return baseline.stated is not None or bool(baseline.fit.used[:, 3:].any())
+
+
+def _each(
+    courses: Mapping[str, Array], change: Callable[[Array], Array], what: str, unit: str, size: float
+) -> tuple[Array, tuple[Quantity, ...]]:
+    """Return what a drift changes that follows any mixture of courses (N,), and its parameters."""
+    columns = np.concatenate([change(course) for course in courses.values()], -1)
+    names = [_word(name) for name in courses]
+    return columns, tuple(item for name in names for item in named(f"{what}_{name}", unit, size))
 
 
 def parts_of(baseline: Baseline) -> dict[str, dict[str, Array]]:

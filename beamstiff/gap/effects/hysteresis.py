@@ -2,7 +2,8 @@
 
 Stop operators (Prandtl and Ishlinskii; Iwan, J. Appl. Mech. 33 (1966) 893): friction r holds the drive until
 the torque has moved on by r, so that a part ``S_r`` of the torque, between -r and r, does not wind it up.
-Teeth and screws rub the more the more they carry: r is then ``r_0 + mu |torque|``.
+Teeth and screws rub the more the more they carry: r is then ``r_0 + mu |torque|``. What is held may creep and
+be let go with the time, ``S' = -S / tau``.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.gap.baseline import Baseline
-from beamstiff.gap.effects.effect import Effect, Quantity, Shape
+from beamstiff.gap.effects.effect import Effect, Quantity, Scales, Shape, stated_scale
 from beamstiff.gap.effects.laws import Axis, axis_at, drive_compliance, drives, torque_scale, unit_of
 from beamstiff.measure.rows import history_order
 from beamstiff.se3 import Array
@@ -29,10 +30,14 @@ BEGINNINGS = (
     (", left from the move", (1.0, -1.0), False),
     (", left from the move, then wound up by the weight", (1.0, 0.5, -0.5, -1.0), True),
 )
+LET_GO = ", let go with the time"
 FEW = 2  # ways to begin, beyond which distributed friction could be anything that remembers
 LIMITS = (0.04, 0.1, 0.2, 0.4, 0.8)  # friction over the largest torque
 STEADY = tuple((one, 0.0) for one in LIMITS)
-GROWING = ((0.0, 0.05), (0.05, 0.1, 0.2, 0.4))  # the same where it grows: without torque, and by the torque
+GROWING = (
+    (0.0, 0.05),
+    (0.05, 0.1, 0.2, 0.4, 0.8),
+)  # the same where it grows: without torque, and by the torque
 
 
 def held_torque(
@@ -46,6 +51,7 @@ def held_torque(
     wound: bool = False,
     arrived: float = 0.0,
     whole: bool = False,
+    kept: Array | None = None,
 ) -> Array:
     """Return S_r (N,): the torque that friction holds, stepping through the rows in their order.
 
@@ -68,6 +74,8 @@ def held_torque(
     whole : bool
         Whether what is held when a history begins counts too, as where positions are absolute; displacements
         are counted from there.
+    kept : (N,) array, optional
+        Share of what is held that is still held when a row is read, since the row before; all by default.
 
     Examples
     --------
@@ -76,11 +84,9 @@ def held_torque(
     array([ 0.5,  0.5, -0.5, -0.5])
     """
     result = [0.0] * len(torque)
-    loads, unloaded, new = (
-        torque.tolist(),
-        start.tolist(),
-        fresh.tolist(),
-    )  # plain numbers are faster in a loop
+    # plain numbers are faster in a loop
+    loads, unloaded, new = torque.tolist(), start.tolist(), fresh.tolist()
+    still = [1.0] * len(torque) if kept is None else kept.tolist()
     held = before = first = 0.0
     for row in order.tolist():
         if new[row]:
@@ -91,7 +97,7 @@ def held_torque(
                 held = max(-most, min(most, held + before))
             first = 0.0 if whole else held
         most = limit + grows * abs(loads[row])
-        held = max(-most, min(most, held + loads[row] - before))
+        held = max(-most, min(most, still[row] * held + loads[row] - before))
         before = loads[row]
         result[row] = held - first
     return np.array(result)
@@ -103,10 +109,12 @@ def held_shares(
     ways: Sequence[float],
     wound: bool,
     limits: Sequence[tuple[float, float]] = STEADY,
+    kept: Array | None = None,
 ) -> Array:
     """Return what friction holds, over the largest torque, (N, limits, ways); see `BEGINNINGS`.
 
-    The limits are friction without torque over the largest, and by which share of the torque it grows.
+    The limits are friction without torque over the largest, and by which share of the torque it grows;
+    `kept` is what is still held from row to row, (N,).
     Nothing where no torque acts: friction that never slips is the zero of an encoder.
     """
     if not (np.abs(axis.load) + np.abs(axis.dead)).any():
@@ -116,7 +124,7 @@ def held_shares(
     def held(limit: float, grows: float, way: float) -> Array:
         torque, least = axis.load + axis.dead, limit * axis.typical
         begun: dict[str, Any] = {"wound": wound, "arrived": way, "whole": baseline.absolute}
-        return held_torque(torque, axis.dead, fresh, order, least, grows=grows, **begun)
+        return held_torque(torque, axis.dead, fresh, order, least, grows=grows, kept=kept, **begun)
 
     every = [np.stack([held(*limit, way) for way in ways], -1) for limit in limits]
     result: Array = np.stack(every, 1) / axis.typical
@@ -149,30 +157,75 @@ def history(
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     axis = axis_at(baseline, str(component))
-    give, limits = drive_compliance(axis) * axis.typical, tuple(product(*GROWING))
+    give, growing = drive_compliance(axis) * axis.typical, tuple(product(*GROWING))
+    kept = _kept(baseline)
     result = []
     for begin, ways, wound in BEGINNINGS:
         size = give if len(ways) == 1 else 0.7 * give
         lags = [Quantity(_name(way), unit_of(axis), size, positive=True) for way in ways]
-        held = held_shares(baseline, axis, ways, wound)
-        moved = -axis.shift[:, :, None, None] * held[:, None]
-        names: list[Quantity] = []
-        for at, limit in enumerate(LIMITS):
-            result.append(Shape(f"friction {limit:g}{begin}", moved[:, :, at], tuple(lags), spread=4.0))
-            names += [replace(one, name=f"{one.name}_{limit:g}", size=0.5 * one.size) for one in lags]
-        if len(ways) <= FEW:
-            every = moved.reshape(*moved.shape[:2], -1)
-            result.append(Shape(f"distributed friction{begin}", every, tuple(names), spread=4.0))
-            held = held_shares(baseline, axis, ways, wound, limits)
-            every = -axis.shift[:, :, None] * held.reshape(len(held), 1, -1)
-            grown = tuple(
-                replace(one, name=f"{one.name}_{least:g}_and_{by:g}", size=0.5 * one.size)
-                for least, by in limits
-                for one in lags
+
+        def every(limits: Sequence[tuple[float, float]], of: Array | None = None) -> Array:
+            held = held_shares(baseline, axis, ways, wound, limits, of)  # noqa: B023
+            result: Array = -axis.shift[:, :, None, None] * held[:, None]
+            return result.reshape(*result.shape[:2], -1)
+
+        def named(limits: Sequence[tuple[float, float]], then: str = "") -> tuple[Quantity, ...]:
+            return tuple(
+                replace(one, name=f"{one.name}_{_limit(limit)}{then}", size=0.5 * one.size)
+                for limit in limits
+                for one in lags  # noqa: B023
             )
-            name = f"friction that grows with the torque{begin}"
-            result.append(Shape(name, every, grown, spread=4.0, weight=0.5))
+
+        steady = every(STEADY)
+        for at, limit in enumerate(LIMITS):
+            one = steady[:, :, at * len(ways) : (at + 1) * len(ways)]
+            result.append(Shape(f"friction {limit:g}{begin}", one, tuple(lags), spread=4.0))
+        if len(ways) > FEW:
+            continue
+        kinds = {"distributed friction": (STEADY, steady, 1.0)}
+        kinds["friction that grows with the torque"] = (growing, every(growing), 0.5)
+        for kind, (limits, columns, weight) in kinds.items():
+            result.append(Shape(f"{kind}{begin}", columns, named(limits), spread=4.0, weight=weight))
+            if kept is not None and len(ways) == 1:
+                both = np.concatenate([columns, every(limits, kept)], -1)
+                quantities = (*named(limits), *named(limits, "_let_go"))
+                name = f"{kind}{begin}{LET_GO}"
+                result.append(Shape(name, both, quantities, spread=4.0, weight=0.5 * weight))
+    return [one if one.name.endswith(LET_GO) else replace(one, against=("torque",)) for one in result]
+
+
+def _limit(limit: tuple[float, float]) -> str:
+    least, by = limit
+    return f"{least:g}_and_{by:g}" if by else f"{least:g}"
+
+
+def _kept(baseline: Baseline) -> Array | None:
+    """Return the share (N,), of what friction held a row before, that it still holds, if times are known."""
+    lasts = _lasts(baseline)
+    if lasts is None or not np.isfinite(baseline.rows.time).all():
+        return None
+    order, fresh = history(baseline)
+    result = np.ones(len(order))
+    result[order[1:]] = np.exp(-np.maximum(np.diff(baseline.rows.time[order]), 0.0) / lasts)
+    result[fresh] = 1.0
     return result
+
+
+def _lasts(baseline: Baseline) -> float | None:
+    """Return the time by which friction lets go, s: as stated, or as long as a history usually takes."""
+    if baseline.stated is not None:
+        return stated_scale(baseline, "lasts")
+    fit = baseline.fit
+    if not np.isfinite(fit.rows.time).all():
+        return None
+    groups = fit.rows.run if fit.rows.continuous else fit.rows.pose
+    taken = [float(np.ptp(fit.rows.time[groups == one])) for one in np.unique(groups)]
+    return float(np.median(taken)) or None
+
+
+def _scales(baseline: Baseline, component: str | None) -> Scales:
+    lasts = _lasts(baseline)
+    return torque_scale(baseline, component) | ({} if lasts is None else {"lasts": lasts})
 
 
 def _name(way: float) -> str:
@@ -190,5 +243,5 @@ EFFECT = Effect(
     separation="a closed load cycle with a return to zero load",
     look_alikes=("load-error", "backlash"),
     sources="below 1 to 3 arcmin (Harmonic Drive CHA)",
-    scales=torque_scale,
+    scales=_scales,
 )

@@ -17,6 +17,7 @@ from beamstiff.gap.effects.drifts import (
     by_part,
     growing,
     named,
+    of_the_tool_alone,
     of_the_whole,
     parts_of,
     turning,
@@ -49,17 +50,17 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     modes, begun = any_course(time), steady(baseline)
     result: list[Shape] = []
     parts = parts_of(baseline)
-    # a zero or a length that was off before its positions were measured is a geometry error, not a drift
+    # a zero, a length or a tool that was off before positions were measured is an error, not a drift
     ahead = {name: course for name, course in begun.items() if name != "before"}
     if stated or not shared:
         own = [_from_the_start(law, time) if baseline.absolute else law(time) for law in (usual, any_course)]
         result += _in_time(baseline, courses, modes, "", begun)
-        result += _of_parts(parts, own[0], own[1], "", ahead)
+        result += _of_parts(baseline, parts, own[0], own[1], "", ahead)
     if stated or shared:  # what drifted before the unloaded reading of a posture is in both readings
         since = {name: since_pose(baseline, course) for name, course in courses.items()}
         moved = {name: since_pose(baseline, mode) for name, mode in modes.items()}
         short = _in_time(baseline, since, moved, ", since the unloaded reading")
-        short += _of_parts(parts, since, moved, ", since the unloaded reading")
+        short += _of_parts(baseline, parts, since, moved, ", since the unloaded reading")
         result += [replace(one, spread=SHORT, realistic=one.spread) for one in short]
     if stated or (np.isfinite(fitted.temperature).all() and np.ptp(fitted.temperature) > 0):
         warmth = {
@@ -133,17 +134,22 @@ def _in_time(
 
 
 def _of_parts(
+    baseline: Baseline,
     parts: dict[str, dict[str, Array]],
     courses: dict[str, Array],
     modes: dict[str, Array],
     since: str,
     begun: Mapping[str, Array] = NONE,
 ) -> list[Shape]:
-    """Return drifts in which each part follows courses (N,) of the time by itself."""
+    """Return drifts in which each part, or the tool, follows courses (N,) of the time by itself."""
     common = {**{name: courses[name] for name in TURNING}, **begun}
     few = {**dict(list(modes.items())[:FEWER]), **begun}
     result = [by_part({what: parts[what]}, common, " and ".join(TURNING), since) for what in parts]
-    return [*result, *([by_part(parts, few, "any course", since)] if parts else [])]
+    return [
+        *result,
+        *([by_part(parts, few, "any course", since)] if parts else []),
+        *of_the_tool_alone(baseline, {**modes, **begun}, "any course", since),
+    ]
 
 
 def _with_warmth(
@@ -170,7 +176,9 @@ def _with_warmth(
     share = {name: course / WARM for name, course in warmth.items()}
     label = "temperature, with any lag"
     result += of_the_whole(baseline, share | dict(begun), label, since)
-    return [*result, *([by_part(parts, share | dict(ahead), label, since)] if parts else [])]
+    own = share | dict(ahead)
+    result += of_the_tool_alone(baseline, own, label, since)
+    return [*result, *([by_part(parts, own, label, since)] if parts else [])]
 
 
 def _scales(baseline: Baseline, component: str | None) -> Scales:  # noqa: ARG001

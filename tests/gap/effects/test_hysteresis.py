@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -8,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from beamstiff.gap.effects import EFFECTS
 from beamstiff.gap.effects.hysteresis import LIMITS, held_torque
 from beamstiff.se3 import Array
 from tests.gap.machines import ELBOW, FORE, elbow, nominal, rows_of, shape_of
@@ -163,3 +165,29 @@ def test_the_columns_of_absolute_rows_differ_by_what_was_held_at_first(name: str
     np.testing.assert_allclose(apart, np.broadcast_to(apart[:1], apart.shape), atol=1e-12)
     if "move" in name:  # without dead weight nothing else is held before the first load
         assert np.abs(apart).max() > 1e-3 * np.abs(moved.columns).max()
+
+
+def test_what_friction_holds_is_let_go_with_the_time() -> None:
+    # a load that stays: of what is held a share exp(-t / tau) is left; tau is as long as a pose takes
+    time = np.array([0.0, 10, 30, 70, 90])
+    load = np.array([1.0, 1, 1, 1, 1])[:, None] * np.eye(6)[1]
+    rows = rows_of(elbow(), [0, 0], load, time=time)
+    there = nominal(elbow(), rows)
+    shape = shape_of(there, "hysteresis", "q1", "friction that grows with the torque, let go with the time")
+    names = [item.name for item in shape.parameters]
+    still = shape.columns[:, 5, names.index("held_windup_0_and_0.8")]
+    gone = shape.columns[:, 5, names.index("held_windup_0_and_0.8_let_go")]
+    assert still == pytest.approx(-0.8)  # of the largest torque, held to the end
+    assert gone == pytest.approx(-0.8 * np.exp(-time / 90.0))
+    # a robot that states it keeps the time of the campaign it was found in
+    assert EFFECTS["hysteresis"].scales(there, "q1")["lasts"] == 90.0
+    stated = replace(there, stated={"torque": 1.3, "lasts": 45.0})
+    shape = shape_of(stated, "hysteresis", "q1", "friction that grows with the torque, let go with the time")
+    gone = shape.columns[:, 5, names.index("held_windup_0_and_0.8_let_go")]
+    assert gone[4] / gone[0] == pytest.approx(np.exp(-2.0))
+
+
+def test_without_times_nothing_is_let_go() -> None:
+    rows = rows_of(elbow(), [0, 0], np.eye(6)[[1, 1, 1]])
+    shapes = EFFECTS["hysteresis"].shapes(nominal(elbow(), rows), "q1")
+    assert not any("let go" in one.name for one in shapes)
