@@ -175,3 +175,22 @@ def test_a_load_that_is_hooked_on_anew_sits_elsewhere_in_every_posture() -> None
     assert found.shape[2] == shape.columns.shape[2]
     assert not found[:, :, 3:].any()
     close(found[:, :, :3], shape_of(elsewhere, "tool-offset", None, "load").columns)
+
+
+def test_or_whenever_it_pulls_another_way() -> None:
+    # three postures, each pulled four ways, weakly and strongly
+    q = np.repeat(at_random(kr240(), 3, seed=9).q, 8, axis=0)
+    ways = np.repeat(at_random(kr240(), 12, seed=10).wrench, 2, axis=0)
+    there = nominal(kr240(), rows_of(kr240(), q, ways * np.tile([1.0, 2.0], 12)[:, None]))
+    offset = np.repeat(np.random.default_rng(11).uniform(-OFFSET, OFFSET, (12, 3)), 2, axis=0)
+    at = np.einsum("nai,ni->na", arm_at(q).tool, offset)
+    moved = np.einsum("nab,nb->na", there.response[:, :, 3:], np.cross(at, there.rows.wrench[:, :3]))
+    shape = shape_of(there, "tool-offset", None, "load, hooked on anew for every direction")
+    flat = shape.columns.reshape(moved.size, -1)
+    assert flat.shape[1] == 3 + 3 * 12
+    left = moved.ravel() - flat @ np.linalg.lstsq(flat, moved.ravel())[0]
+    assert np.linalg.norm(left) < 1e-9 * np.linalg.norm(moved)
+    # where every load pulls another way it could be anything
+    alone = nominal(kr240(), rows_of(kr240(), q, at_random(kr240(), 24, seed=13).wrench))
+    with pytest.raises(StopIteration):
+        shape_of(alone, "tool-offset", None, "load, hooked on anew for every direction")
