@@ -11,7 +11,8 @@ import numpy as np
 
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects.effect import Effect, Quantity, Shape
-from beamstiff.gap.effects.laws import axis_at, drive_compliance, drives
+from beamstiff.gap.effects.laws import Axis, axis_at, drive_compliance, drives
+from beamstiff.se3 import Array
 
 
 def _components(baseline: Baseline) -> list[str | None]:
@@ -24,9 +25,8 @@ def _components(baseline: Baseline) -> list[str | None]:
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     first, second = (axis_at(baseline, name) for name in str(component).split("+"))
 
-    def torque(axis: object) -> np.ndarray:
-        load, dead = axis.load, axis.dead  # type: ignore[attr-defined]
-        return np.asarray(load + dead if baseline.absolute else load)
+    def torque(axis: Axis) -> Array:
+        return axis.load + axis.dead if baseline.absolute else axis.load
 
     one = first.shift * torque(second)[:, None]
     other = second.shift * torque(first)[:, None]
@@ -41,17 +41,41 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         Shape("reciprocal", (one + other)[..., None], (shared,), spread=4.0),
         Shape("one way each", np.stack([one, other], -1), both, spread=4.0, weight=0.5),
     ]
-    courses = {
-        f"{wave}_{k}": law(baseline.joint_values[str(axis.joint.variable)])
+    turns = {
+        k: (np.cos(angle), np.sin(angle))
         for k, axis in enumerate((first, second), start=1)
         if axis.turns
-        for wave, law in (("cosine", np.cos), ("sine", np.sin))
+        for angle in (baseline.joint_values[str(axis.joint.variable)],)
     }
-    if courses:
-        columns = [one + other, *((one + other) * course[:, None] for course in courses.values())]
-        waves = (Quantity(f"coupling_compliance_by_{name}", unit, 0.5 * size) for name in courses)
-        found.append(Shape("by the angles", np.stack(columns, -1), (shared, *waves), spread=4.0, weight=0.5))
+    cross = one + other
+
+    def followed(
+        column: Array, name: str, large: float, by: list[int], of: str
+    ) -> list[tuple[Array, Quantity]]:
+        return [
+            (column * course[:, None], Quantity(f"{name}_by_{wave}_{k}", of, 0.5 * large))
+            for k in by
+            for wave, course in zip(("cosine", "sine"), turns[k], strict=True)
+        ]
+
+    def shape(name: str, parts: list[tuple[Array, Quantity]]) -> Shape:
+        columns, quantities = np.stack([part for part, _ in parts], -1), tuple(part for _, part in parts)
+        return Shape(name, columns, quantities, spread=4.0, weight=0.5)
+
+    if turns:
+        parts = followed(cross, "coupling_compliance", size, list(turns), unit)
+        found.append(shape("by the angles", [(cross, shared), *parts]))
+    for k in turns:  # a rod across both is a spring beside each as well
+        parts = followed(cross, "coupling_compliance", size, [k], unit)
+        for at, axis in enumerate((first, second), start=1):
+            own = axis.shift * torque(axis)[:, None]
+            parts += followed(own, f"compliance_{at}", 0.2 * drive_compliance(axis), [k], _unit(axis))
+        found.append(shape(f"a rod across both, by angle {k}", [(cross, shared), *parts]))
     return found
+
+
+def _unit(axis: Axis) -> str:
+    return "rad/(N*m)" if axis.turns else "m/N"
 
 
 EFFECT = Effect(
