@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
@@ -10,12 +10,16 @@ import numpy as np
 
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects.effect import Effect, Quantity, Scales, Shape, stated_scale
-from beamstiff.gap.effects.laws import axis_at, by_law, drives, torque_scale, unit_of
+from beamstiff.gap.effects.laws import axis_at, by_law, drive_compliance, drives, torque_scale, unit_of
 from beamstiff.se3 import Array
 
 WIDTHS = (0.005, 0.03, 0.1)  # of the largest torque, over which the flank is reached
 BETWEEN = (0.02, 0.05, 0.07, 0.15)  # further widths, of a drive that rests off the middle
 STRAIGHT = (0.03, 0.05, 0.07, 0.1, 0.15)  # widths over which a soft stage is wound up to its stop
+LEAST, MOST = 3e-5, 1.2e-3  # rad, of a half width
+SLIDE = 0.25  # m/rad, of the same where the drive is a slide
+FEW_TIMES = 3.0  # range of half widths at least
+SOFT = 4.0  # compliance within the play over the drive's, at least: less is a soft wind-up
 SIDES = ("up", "down")
 RARELY = 0.3  # weight of each further width
 WAVES = {"cosine": np.cos, "sine": np.sin}
@@ -23,29 +27,41 @@ WAVES = {"cosine": np.cos, "sine": np.sin}
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     axis = axis_at(baseline, str(component))
-    unit = unit_of(axis)
-    half = Quantity("half_width", unit, 2e-4 if axis.turns else 5e-5, positive=True)
-    way = replace(half, size=0.5 * half.size)
+    unit, turns = unit_of(axis), 1.0 if axis.turns else SLIDE
+    give = drive_compliance(axis) * axis.typical
+    half = Quantity("half_width", unit, float(np.sqrt(LEAST * MOST)) * turns, positive=True)
+
+    def sized(width: float) -> tuple[Quantity, float]:
+        """Return a half width that is crossed by a share of the largest torque, and its spread."""
+        least = max(LEAST * turns, SOFT * width * give)
+        most = max(MOST * turns, FEW_TIMES * least)
+        return replace(half, size=float(np.sqrt(least * most))), float(np.sqrt(most / least))
 
     def to_sides(law: Callable[..., Array], width: float) -> list[Array]:
         soft = width * axis.typical
         return [by_law(baseline, axis, partial(law, side=side, soft=soft)) for side in (1.0, -1.0)]
 
-    def off_rest(name: str, both: Sequence[Array], weight: float = 1.0) -> Shape:
+    def off_rest(kind: str, law: Callable[..., Array], width: float, weight: float = 1.0) -> Shape:
         # without torque the drive rests off the middle: the way to one flank is longer
-        ways = tuple(replace(half, name=f"width_{side}") for side in SIDES)
-        return Shape(f"{name}, off rest", np.stack(both, -1), ways, spread=6.0, weight=weight)
+        one, spread = sized(width)
+        ways = tuple(replace(one, name=f"width_{side}") for side in SIDES)
+        columns = np.stack(to_sides(law, width), -1)
+        return Shape(f"{kind} within {width:g}, off rest", columns, ways, spread=spread, weight=weight)
 
     sided = [to_sides(_one_side, width) for width in WIDTHS]
     flanks = [up + down for up, down in sided]
     result = []
-    for width, odd, both in zip(WIDTHS, flanks, sided, strict=True):
-        name = f"flank within {width:g}"
-        result += [Shape(name, odd[..., None], (half,), spread=6.0, weight=2.0), off_rest(name, both)]
-    result += [off_rest(f"flank within {at:g}", to_sides(_one_side, at), RARELY) for at in BETWEEN]
-    result += [off_rest(f"straight flank within {at:g}", to_sides(_straight, at), RARELY) for at in STRAIGHT]
+    for width, odd in zip(WIDTHS, flanks, strict=True):
+        one, spread = sized(width)
+        result += [
+            Shape(f"flank within {width:g}", odd[..., None], (one,), spread=spread, weight=2.0),
+            off_rest("flank", _one_side, width),
+        ]
+    result += [off_rest("flank", _one_side, width, RARELY) for width in BETWEEN]
+    result += [off_rest("straight flank", _straight, width, RARELY) for width in STRAIGHT]
+    way = replace(half, size=0.5 * half.size)
     halves = tuple(replace(way, name=f"half_width_{width:g}") for width in WIDTHS)
-    result.append(Shape("flanks one after another", np.stack(flanks, -1), halves, spread=6.0))
+    result.append(Shape("flanks one after another", np.stack(flanks, -1), halves, spread=6.0, weight=0.5))
     sides = tuple(replace(way, name=f"width_{width:g}_{side}") for width in WIDTHS for side in SIDES)
     result.append(
         Shape(
@@ -60,19 +76,19 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         angle, usual = baseline.joint_values[axis.joint.variable], _usual_course(baseline, str(component))
         # about its mean: that is what must not be negative, as the drive gives way along its torque
         courses = [np.ones_like(angle), *(course(angle) - usual[name] for name, course in WAVES.items())]
-        wave = replace(half, size=0.3 * half.size, positive=False)
-        turning = (half, *(replace(wave, name=f"half_width_{name}") for name in WAVES))
-        result += [
-            Shape(
-                f"flank within {width:g}, by the angle",
-                np.stack([odd * course[:, None] for course in courses], -1),
-                turning,
-                spread=6.0,
-                weight=0.5,
-                against=("torque", *WAVES),
+        for width, odd in zip(WIDTHS, flanks, strict=True):
+            one, spread = sized(width)
+            wave = replace(one, size=0.3 * one.size, positive=False)
+            result.append(
+                Shape(
+                    f"flank within {width:g}, by the angle",
+                    np.stack([odd * course[:, None] for course in courses], -1),
+                    (one, *(replace(wave, name=f"half_width_{name}") for name in WAVES)),
+                    spread=spread,
+                    weight=0.5,
+                    against=("torque", *WAVES),
+                )
             )
-            for width, odd in zip(WIDTHS, flanks, strict=True)
-        ]
     return [replace(one, against=one.against or ("torque",)) for one in result]
 
 

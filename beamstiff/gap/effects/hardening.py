@@ -9,6 +9,7 @@ from beamstiff.gap.effects.effect import Effect, Quantity, Shape
 from beamstiff.gap.effects.laws import axis_at, by_law, drive_compliance, drives, torque_scale, unit_of
 
 KNEES = (0.05, 0.1, 0.25, 0.5)  # of the largest torque: where the soft wind-up ends
+SOFTER = 0.8  # compliance that ends there, over the drive's: K3 / K1 - 1
 
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
@@ -16,7 +17,10 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     largest, unit = axis.typical, unit_of(axis)
     give = drive_compliance(axis) * largest
     scale = Quantity("softening_at_largest_torque", unit, 0.3 * give, positive=True)
-    soft = Quantity("extra_windup", unit, 0.2 * give, positive=True)
+
+    def soft(name: str, at: float) -> Quantity:
+        # what winds up until a knee goes by its torque: beyond a few times the drive's compliance it is play
+        return Quantity(name, unit, SOFTER * at * give, positive=True)
 
     def cubic(torque: np.ndarray) -> np.ndarray:
         return np.asarray(-((torque / largest) ** 3))
@@ -33,7 +37,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     ]
     windups = [by_law(baseline, axis, lambda torque, at=at: knee(torque, at)) for at in KNEES]  # type: ignore[misc]
     result += [
-        Shape(f"knee at {at:g}", column[..., None], (soft,), spread=5.0)
+        Shape(f"knee at {at:g}", column[..., None], (soft("extra_windup", at),), spread=4.0)
         for at, column in zip(KNEES, windups, strict=True)
     ]
 
@@ -45,15 +49,11 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         for at in KNEES
         for side in (1.0, -1.0)
     ]
-    sides = tuple(
-        Quantity(f"extra_windup_{at:g}_{side}", unit, 0.15 * give, positive=True)
-        for at in KNEES
-        for side in ("up", "down")
-    )
-    several = tuple(Quantity(f"extra_windup_{at:g}", unit, 0.15 * give, positive=True) for at in KNEES)
-    result.append(Shape("several knees", np.stack(windups, -1), several, spread=5.0))
+    sides = tuple(soft(f"extra_windup_{at:g}_{side}", at) for at in KNEES for side in ("up", "down"))
+    several = tuple(soft(f"extra_windup_{at:g}", at) for at in KNEES)
+    result.append(Shape("several knees", np.stack(windups, -1), several, spread=4.0))
     result.append(
-        Shape("several knees, other ones to each side", np.stack(sided, -1), sides, spread=5.0, weight=0.5)
+        Shape("several knees, other ones to each side", np.stack(sided, -1), sides, spread=4.0, weight=0.5)
     )
     return result
 
