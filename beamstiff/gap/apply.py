@@ -136,17 +136,20 @@ def _displacement(effect: AddedEffect, bare: Baseline) -> Array:
     _known("effect", effect.effect, EFFECTS)
     law = EFFECTS[effect.effect]
     view = replace(bare, stated=effect.scales)
+    other = replace(view, rows=replace(view.rows, kind="displacement" if view.absolute else "absolute"))
     here = law.components(view)
     if effect.component not in here:
-        other = replace(view.rows, kind="displacement" if view.absolute else "absolute")
-        elsewhere = law.components(replace(view, rows=other))
+        elsewhere = law.components(other)
         if effect.component not in elsewhere:
             _unknown_component(effect, [*here, *elsewhere])
         return np.zeros((len(view.rows), 6))  # such rows do not show it: a payload, in differences
     scales = law.scales(view, effect.component)
     _check_scales(effect, scales)
     shapes = {shape.name: shape for shape in law.shapes(view, effect.component)}
-    _known("shape", effect.shape, shapes)
+    if effect.shape not in shapes:
+        elsewhere_too = [shape.name for shape in law.shapes(other, effect.component)]
+        _known("shape", effect.shape, [*shapes, *elsewhere_too])
+        return np.zeros((len(view.rows), 6))  # nor a target's place
     shape = shapes[effect.shape]
     if missing := [name for name in _against(shape, scales) if name not in effect.scales]:
         raise BeamstiffError(

@@ -33,7 +33,7 @@ def steady(baseline: Baseline) -> dict[str, Array]:
     """Return the courses (N,) of what does not change over the campaign.
 
     Displacements count from the first unloaded reading: they have all that had drifted by then, *begun*. And
-    positions have what the machine grew *before* it was measured, since its model was made. A robot that
+    positions have what the machine grew, moved and turned *before* it was measured. A robot that
     states a drift has both, each where it shows.
     """
     one = np.ones(len(baseline.rows))

@@ -10,7 +10,7 @@ import numpy as np
 from beamstiff.errors import BeamstiffError
 from beamstiff.gap.baseline import Baseline, nominal_pose
 from beamstiff.gap.effects.effect import Quantity, Shape
-from beamstiff.gap.effects.geometry_error import pose_change, stays
+from beamstiff.gap.effects.geometry_error import fixed, pose_change
 from beamstiff.gap.effects.outside import tool_axes
 from beamstiff.se3 import Array
 
@@ -130,10 +130,10 @@ def parts_of(baseline: Baseline) -> dict[str, dict[str, Array]]:
             f"{frame.name}.{name}"
             for frame in robot.frames
             for name in ("d", "r")
-            if stays(robot, frame, name) and getattr(frame, name) != 0.0
+            if fixed(robot, frame, name)
         ],
         # a link that is warm on one side bends, and tilts the axis that it carries
-        "tilt": [f"{frame.name}.alpha" for frame in robot.frames if stays(robot, frame, "alpha")],
+        "tilt": [f"{frame.name}.alpha" for frame in robot.frames if fixed(robot, frame, "alpha") is not None],
     }
     found: dict[str, dict[str, Array]] = {}
     for what, some in names.items():

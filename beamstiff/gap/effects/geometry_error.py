@@ -17,7 +17,7 @@ from beamstiff.gap.effects.effect import Effect, Quantity, Shape
 from beamstiff.measure.table import Measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.robot.description import Robot
-from beamstiff.robot.expression import parse_expression
+from beamstiff.robot.expression import Expression, parse_expression
 from beamstiff.robot.parts import Frame
 from beamstiff.se3 import Array, vector_from_rotation
 
@@ -33,15 +33,21 @@ def _components(baseline: Baseline) -> list[str | None]:
     found: list[str | None] = [variable.name for variable in robot.actuated]
     for frame in robot.frames if baseline.absolute else ():
         for name in (*LENGTHS, *ANGLES):
-            if stays(robot, frame, name) and (name in USUAL or getattr(frame, name) != 0.0):
+            value = fixed(robot, frame, name)
+            if value is not None and (name in USUAL or value != 0.0):
                 found.append(f"{frame.name}.{name}")
     return found
 
 
-def stays(robot: Robot, frame: Frame, name: str) -> bool:
-    """Return whether a frame's parameter is a length or an angle that no variable changes."""
-    value = getattr(frame, name)
-    return not (isinstance(value, str) and any(variable.name in value for variable in robot.variables))
+def fixed(robot: Robot, frame: Frame, name: str) -> float | None:
+    """Return a frame's parameter, m or rad; None where it follows a variable."""
+    value = _expression(robot, frame, name)
+    return None if value.coefficients else value.constant
+
+
+def _expression(robot: Robot, frame: Frame, name: str) -> Expression:
+    kinds = {variable.name: variable.kind for variable in robot.variables}
+    return parse_expression(getattr(frame, name), "angle" if name in ANGLES else "length", kinds)
 
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
@@ -95,8 +101,7 @@ def _turning(robot: Robot, name: str) -> str | None:
 
 def _follows(robot: Robot, frame: str, variable: str) -> bool:
     one = next(item for item in robot.frames if item.name == frame)
-    values = [getattr(one, name) for name in ANGLES]
-    return any(isinstance(value, str) and variable in value for value in values)
+    return any(variable in _expression(robot, one, name).coefficients for name in ANGLES)
 
 
 def _turns(robot: Robot, variable: str) -> bool:
@@ -111,17 +116,12 @@ def _changed(baseline: Baseline, name: str, by: float) -> tuple[Robot, Measureme
         q = rows.q.copy()
         q[:, rows.variables.index(name)] += by
         return robot, replace(rows, q=q)
-    kind = "angle" if parameter in ANGLES else "length"
-    kinds = {variable.name: variable.kind for variable in robot.variables}
 
-    def off(value: float | str) -> str:
-        exact = parse_expression(value, kind, kinds)
-        return str(replace(exact, constant=exact.constant + by))
+    def off(item: Frame) -> Frame:
+        exact = _expression(robot, item, parameter)
+        return item.model_copy(update={parameter: str(replace(exact, constant=exact.constant + by))})
 
-    frames = [
-        item.model_copy(update={parameter: off(getattr(item, parameter))}) if item.name == frame else item
-        for item in robot.frames
-    ]
+    frames = [off(item) if item.name == frame else item for item in robot.frames]
     return robot.model_copy(update={"frames": tuple(frames)}), rows
 
 

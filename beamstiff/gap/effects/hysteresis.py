@@ -200,27 +200,32 @@ def _limit(limit: tuple[float, float]) -> str:
 
 
 def _kept(baseline: Baseline) -> Array | None:
-    """Return the share (N,), of what friction held a row before, that it still holds, if times are known."""
+    """Return the share (N,) of what friction held a row before that it still holds; None if nobody can know.
+
+    Rows without times, of a machine that is known to let go, let go of nothing.
+    """
     lasts = _lasts(baseline)
-    if lasts is None or not np.isfinite(baseline.rows.time).all():
+    if lasts is None:
         return None
-    order, fresh = history(baseline)
-    result = np.ones(len(order))
-    result[order[1:]] = np.exp(-np.maximum(np.diff(baseline.rows.time[order]), 0.0) / lasts)
-    result[fresh] = 1.0
+    result = np.ones(len(baseline.rows))
+    if np.isfinite(baseline.rows.time).all():
+        order, fresh = history(baseline)
+        waited = np.maximum(np.diff(baseline.rows.time[order]), 0.0)
+        result[order[1:]] = np.exp(-waited / lasts)
+        result[fresh] = 1.0
     return result
 
 
 def _lasts(baseline: Baseline) -> float | None:
     """Return the time by which friction lets go, s: as stated, or as long as a history usually takes."""
     if baseline.stated is not None:
-        return stated_scale(baseline, "lasts")
-    fit = baseline.fit
-    if not np.isfinite(fit.rows.time).all():
+        return stated_scale(baseline, "lasts") or 1.0
+    fit = baseline.fit.rows
+    if not np.isfinite(fit.time).all():
         return None
-    groups = fit.rows.run if fit.rows.continuous else fit.rows.pose
-    taken = [float(np.ptp(fit.rows.time[groups == one])) for one in np.unique(groups)]
-    return float(np.median(taken)) or None
+    groups = fit.run if fit.continuous else fit.pose
+    taken = np.array([np.ptp(fit.time[groups == one]) for one in np.unique(groups)])
+    return float(np.median(taken[taken > 0])) if (taken > 0).any() else None
 
 
 def _scales(baseline: Baseline, component: str | None) -> Scales:

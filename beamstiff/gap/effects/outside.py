@@ -17,9 +17,9 @@ from beamstiff.se3 import Array
 
 POSTURES = 40  # beyond which nobody does anything anew by hand in each
 SETUPS = 80  # the same of a posture with a load that pulls one way
-SAME = (
-    1e-6  # rad or m, within which joint values are of one posture; of a force, within which it pulls one way
-)
+SAME = 1e-6  # rad or m, within which joint values are of one posture
+SAME_WAY = np.deg2rad(2.0)  # within which forces pull one way
+SLACK = 0.01  # share of the largest force, below which nothing pulls
 
 
 def each_by_each(frame: Array, vector: Array) -> Array:
@@ -82,32 +82,57 @@ def by_posture(baseline: Baseline) -> NDArray[np.bool_]:
     That is of one posture, of more than anybody would work on one by one, or of most under one load alone:
     then whatever is another in every posture could be anything.
     """
-    return _alike(
-        baseline, np.zeros((len(baseline.fit.rows), 0)), np.zeros((len(baseline.rows), 0)), POSTURES
-    )
+    fit = baseline.fit.rows
+    postures, number = np.unique(np.round(fit.q, 9), axis=0, return_inverse=True)
+    if not _tells(number.reshape(-1), fit.wrench, POSTURES):
+        return np.zeros((len(baseline.rows), 0), dtype=np.bool_)
+    return np.asarray((np.abs(baseline.rows.q[:, None] - postures) < SAME).all(axis=2))
 
 
 def by_setup(baseline: Baseline) -> NDArray[np.bool_]:
-    """Return which rows are of each posture with a force that pulls one way, (N, setups): as `by_posture`."""
-    return _alike(baseline, _ways(baseline.fit.rows), _ways(baseline.rows), SETUPS)
+    """Return which rows are of each posture with a force that pulls one way, (N, setups); as `by_posture`.
 
-
-def _ways(rows: Measurements) -> Array:
-    """Return the directions in which forces pull, (N, 3)."""
-    size = np.linalg.norm(rows.wrench[:, :3], axis=1, keepdims=True)
-    result: Array = rows.wrench[:, :3] / np.where(size > 0, size, 1.0)
-    return result
-
-
-def _alike(baseline: Baseline, fitted: Array, ways: Array, most: int) -> NDArray[np.bool_]:
+    None either where most postures are pulled one way only: then it is another in every posture.
+    """
+    nothing = np.zeros((len(baseline.rows), 0), dtype=np.bool_)
     fit = baseline.fit.rows
-    states, number = np.unique(np.round(np.column_stack([fit.q, fitted]), 7), axis=0, return_inverse=True)
-    loads = np.unique(np.column_stack([number.reshape(-1), fit.wrench]), axis=0)[:, 0]
-    several = float(np.median(np.bincount(loads.astype(np.intp)))) > 1
-    if not (several and 1 < len(states) <= most):
-        return np.zeros((len(baseline.rows), 0), dtype=np.bool_)
-    here = np.column_stack([baseline.rows.q, ways])
-    return np.asarray((np.abs(here[:, None] - states) < SAME).all(axis=2))
+    ways, pulled = _ways(fit.wrench)
+    every = np.concatenate([fit.q, ways], axis=1)
+    number = np.full(len(fit), -1)
+    states: list[Array] = []
+    while (left := np.flatnonzero(pulled & (number < 0))).size:
+        states.append(every[left[0]])
+        number[left[_alike(every[left], states[-1])]] = len(states) - 1
+        if len(states) > SETUPS:
+            return nothing
+    if not states or not _tells(number[pulled], fit.wrench[pulled], SETUPS):
+        return nothing
+    postures = np.unique(np.round(np.array(states)[:, :-3], 9), axis=0, return_counts=True)[1]
+    if float(np.median(postures)) <= 1 or len(postures) > POSTURES:
+        return nothing
+    ways, pulled = _ways(baseline.rows.wrench)
+    every = np.concatenate([baseline.rows.q, ways], axis=1)
+    return np.stack([pulled & _alike(every, one) for one in states], -1)
+
+
+def _ways(wrench: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the directions in which forces pull, (N, 3), and whether they do."""
+    size = np.linalg.norm(wrench[:, :3], axis=1, keepdims=True)
+    pulled = size > SLACK * size.max(initial=0.0)
+    return wrench[:, :3] / np.where(pulled, size, 1.0), pulled[:, 0]
+
+
+def _alike(states: Array, one: Array) -> NDArray[np.bool_]:
+    """Return which states (N, n + 3), joint values and a direction, are the same as one."""
+    posture = (np.abs(states[:, :-3] - one[:-3]) < SAME).all(axis=1)
+    return np.asarray(posture & (states[:, -3:] @ one[-3:] > np.cos(SAME_WAY)))
+
+
+def _tells(number: NDArray[np.intp], wrench: Array, most: int) -> bool:
+    """Return whether there are some states, no more than `most`, most of them under several loads."""
+    loads = np.unique(np.column_stack([number, wrench]), axis=0)[:, 0].astype(np.intp)
+    each = np.unique(loads, return_counts=True)[1]
+    return 1 < each.size <= most and float(np.median(each)) > 1
 
 
 def anew(

@@ -53,9 +53,9 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     # a zero, a length or a tool that was off before positions were measured is an error, not a drift
     ahead = {name: course for name, course in begun.items() if name != "before"}
     if stated or not shared:
-        own = [_from_the_start(law, time) if baseline.absolute else law(time) for law in (usual, any_course)]
+        common, any_own = (_from_the_start(law, time) for law in (usual, any_course))
         result += _in_time(baseline, courses, modes, "", begun)
-        result += _of_parts(baseline, parts, own[0], own[1], "", ahead)
+        result += _of_parts(baseline, parts, common, any_own, "", ahead)
     if stated or shared:  # what drifted before the unloaded reading of a posture is in both readings
         since = {name: since_pose(baseline, course) for name, course in courses.items()}
         moved = {name: since_pose(baseline, mode) for name, mode in modes.items()}

@@ -191,3 +191,23 @@ def test_without_times_nothing_is_let_go() -> None:
     rows = rows_of(elbow(), [0, 0], np.eye(6)[[1, 1, 1]])
     shapes = EFFECTS["hysteresis"].shapes(nominal(elbow(), rows), "q1")
     assert not any("let go" in one.name for one in shapes)
+
+
+def test_a_machine_that_lets_go_is_known_where_nobody_looked_at_the_clock() -> None:
+    rows = rows_of(elbow(), [0, 0], np.eye(6)[[1, 1, 1]], time=np.array([0.0, 10, 20]))
+    there = nominal(elbow(), rows)
+    name = "friction that grows with the torque, let go with the time"
+    found = shape_of(there, "hysteresis", "q1", name)
+    untimed = nominal(elbow(), rows_of(elbow(), [0, 0], np.eye(6)[[1, 1, 1]]))
+    for other in (replace(untimed, fit_rows=there), replace(untimed, stated={"torque": 1.3, "lasts": 20.0})):
+        shape = shape_of(other, "hysteresis", "q1", name)
+        assert [item.name for item in shape.parameters] == [item.name for item in found.parameters]
+        half = len(shape.parameters) // 2  # as long as it takes to read one, nothing is let go
+        np.testing.assert_array_equal(shape.columns[..., half:], shape.columns[..., :half])
+
+
+def test_single_readings_say_nothing_of_how_long_a_history_takes() -> None:
+    q = np.array([[0.0, 0.0]] * 3 + [[0.1, 0.0], [0.2, 0.0], [0.3, 0.0], [0.4, 0.0]])
+    pose = np.array([0, 0, 0, 1, 2, 3, 4])
+    rows = rows_of(elbow(), q, np.eye(6)[[1] * 7], time=np.arange(7.0) * 15, pose=pose)
+    assert EFFECTS["hysteresis"].scales(nominal(elbow(), rows), "q1")["lasts"] == 30.0

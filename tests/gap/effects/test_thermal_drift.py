@@ -150,6 +150,7 @@ def test_each_zero_length_and_tilt_follows_a_course_of_its_own() -> None:
     there = nominal(elbow(), at_random(elbow(), 6, seed=1, time=TIME))
     shape = shape_of(there, "thermal-drift", None, "every zero and length and tilt, any course")
     course = shape_of(there, "thermal-drift", None, "any course").columns[:, 0, 0]
+    course = course - course[0]  # what it was at the start is no drift of a part
     names = [item.name for item in shape.parameters]
     for what, part in (("zero", "q2"), ("length", "f2.d"), ("tilt", "f2.alpha")):
         column = shape.columns[..., names.index(f"{what}_{part}_mode_1")]
@@ -225,6 +226,7 @@ def test_a_spindle_grows_along_its_own_axis_wherever_the_arm_holds_it() -> None:
     there = nominal(elbow(), rows)
     shape = shape_of(there, "thermal-drift", None, "tool, any course")
     course = shape_of(there, "thermal-drift", None, "any course").columns[:, 0, 0]
+    course = course - course[0]
     turned = rows.q.sum(axis=1)
     along = np.stack([np.cos(turned), np.sin(turned), 0 * turned], -1)
     np.testing.assert_allclose(shape.columns[:, :3, 0], course[:, None] * along, atol=1e-12)
@@ -259,3 +261,25 @@ def test_few_readings_are_no_reason_to_believe_in_a_cycle() -> None:
         cycle = cycle_of(there, False)
         assert cycle.choices >= 1.0
         assert cycle.count == 0.0 or cycle.count >= 2.0
+
+
+@pytest.mark.parametrize("absolute", [False, True])
+def test_what_a_length_drifts_by_counts_from_the_start_of_the_campaign(absolute: bool) -> None:
+    rows = at_random(elbow(), 6, seed=1, time=TIME)
+    if absolute:
+        rows = rows_of(elbow(), rows.q, rows.wrench, position=np.ones((6, 3)), time=TIME)
+    there = nominal(elbow(), rows)
+    shape = shape_of(there, "thermal-drift", None, "every length, linear and warming up within 0.3")
+    names = [item.name for item in shape.parameters]
+    found = shape.columns[..., names.index("length_f2.d_linear")]
+    close(found, (TIME / 400)[:, None] * pose_change(there, "f2.d"))
+
+
+def test_a_length_of_nothing_does_not_grow_whatever_unit_it_is_written_in() -> None:
+    robot = elbow()
+    first = robot.frames[0].model_copy(update={"r": "0 mm"})
+    robot = robot.model_copy(update={"frames": (first, *robot.frames[1:])})
+    shapes = EFFECTS["thermal-drift"].shapes(nominal(robot, at_random(robot, 6, seed=1, time=TIME)), None)
+    names = {item.name for shape in shapes for item in shape.parameters}
+    assert any(name.startswith("length_f2.d") for name in names)
+    assert not any(name.startswith("length_f1.r") for name in names)

@@ -9,6 +9,8 @@ import pytest
 
 from beamstiff import Robot
 from beamstiff.gap.baseline import nominal_pose
+from beamstiff.gap.effects import EFFECTS
+from beamstiff.measure.table import Measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.robot.parts import Node, Rigid
 from tests.gap.machines import arm_at, at_random, close, kr240, nominal, rows_of, shape_of
@@ -194,3 +196,22 @@ def test_or_whenever_it_pulls_another_way() -> None:
     alone = nominal(kr240(), rows_of(kr240(), q, at_random(kr240(), 24, seed=13).wrench))
     with pytest.raises(StopIteration):
         shape_of(alone, "tool-offset", None, "load, hooked on anew for every direction")
+
+
+def ways_of(rows: Measurements) -> int:
+    there = nominal(kr240(), rows)
+    names = {one.name: one for one in EFFECTS["tool-offset"].shapes(there, None)}
+    found = names.get("load, hooked on anew for every direction")
+    return 0 if found is None else found.columns.shape[2] // 3 - 1
+
+
+def test_ways_to_pull_are_told_as_a_load_cell_reads_them() -> None:
+    q = np.repeat(at_random(kr240(), 3, seed=9).q, 12, axis=0)
+    once = at_random(kr240(), 12, seed=10).wrench
+    pulled = np.repeat(once, 3, axis=0) * np.tile([0.0, 1.0, 2.0], 12)[:, None]  # and let go in between
+    read = pulled + np.random.default_rng(2).normal(0, 0.3, pulled.shape)
+    assert ways_of(rows_of(kr240(), q, pulled)) == 12
+    assert ways_of(rows_of(kr240(), q, read)) == 12
+    # pulled one way in every posture it is another in every posture
+    one_way = np.repeat(once[:3], 12, axis=0) * np.tile(np.arange(1.0, 13.0), 3)[:, None]
+    assert ways_of(rows_of(kr240(), q, one_way)) == 0
