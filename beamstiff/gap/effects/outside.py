@@ -16,6 +16,7 @@ from beamstiff.measure.table import Measurements
 from beamstiff.se3 import Array
 
 POSTURES = 40  # beyond which nobody does anything anew by hand in each
+SPREAD = 4.0  # of what is another each time: so many values of any size could be anything
 SETUPS = 80  # the same of a posture with a load that pulls one way
 SAME = 1e-6  # rad or m, within which joint values are of one posture
 SAME_WAY = np.deg2rad(2.0)  # within which forces pull one way
@@ -157,7 +158,7 @@ def anew(
             for k in range(here.shape[1])
             for one in quantities
         ]
-    yield Shape(name, np.concatenate(parts, -1), tuple(every), weight=0.5)
+    yield Shape(name, np.concatenate(parts, -1), tuple(every), spread=SPREAD, weight=0.5)
 
 
 def first_of_pose(baseline: Baseline) -> NDArray[np.intp]:
