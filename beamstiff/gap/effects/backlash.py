@@ -41,24 +41,24 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         soft = width * axis.typical
         return [by_law(baseline, axis, partial(law, side=side, soft=soft)) for side in (1.0, -1.0)]
 
-    def off_rest(kind: str, law: Callable[..., Array], width: float, weight: float = 1.0) -> Shape:
+    def off_rest(kind: str, both: list[Array], width: float, weight: float = 1.0) -> Shape:
         # without torque the drive rests off the middle: the way to one flank is longer
         one, spread = sized(width)
         ways = tuple(replace(one, name=f"width_{side}") for side in SIDES)
-        columns = np.stack(to_sides(law, width), -1)
-        return Shape(f"{kind} within {width:g}, off rest", columns, ways, spread=spread, weight=weight)
+        name = f"{kind} within {width:g}, off rest"
+        return Shape(name, np.stack(both, -1), ways, spread=spread, weight=weight)
 
     sided = [to_sides(_one_side, width) for width in WIDTHS]
     flanks = [up + down for up, down in sided]
     result = []
-    for width, odd in zip(WIDTHS, flanks, strict=True):
+    for width, odd, both in zip(WIDTHS, flanks, sided, strict=True):
         one, spread = sized(width)
         result += [
             Shape(f"flank within {width:g}", odd[..., None], (one,), spread=spread, weight=2.0),
-            off_rest("flank", _one_side, width),
+            off_rest("flank", both, width),
         ]
-    result += [off_rest("flank", _one_side, width, RARELY) for width in BETWEEN]
-    result += [off_rest("straight flank", _straight, width, RARELY) for width in STRAIGHT]
+    result += [off_rest("flank", to_sides(_one_side, width), width, RARELY) for width in BETWEEN]
+    result += [off_rest("straight flank", to_sides(_straight, width), width, RARELY) for width in STRAIGHT]
     way = replace(half, size=0.5 * half.size)
     halves = tuple(replace(way, name=f"half_width_{width:g}") for width in WIDTHS)
     result.append(Shape("flanks one after another", np.stack(flanks, -1), halves, spread=6.0, weight=0.5))

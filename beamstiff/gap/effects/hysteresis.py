@@ -34,10 +34,8 @@ LET_GO = ", let go with the time"
 FEW = 2  # ways to begin, beyond which distributed friction could be anything that remembers
 LIMITS = (0.04, 0.1, 0.2, 0.4, 0.8)  # friction over the largest torque
 STEADY = tuple((one, 0.0) for one in LIMITS)
-GROWING = (
-    (0.0, 0.05),
-    (0.05, 0.1, 0.2, 0.4, 0.8),
-)  # the same where it grows: without torque, and by the torque
+# the same where it grows: without torque, and by which share of the torque
+GROWING = ((0.0, 0.05), (0.05, 0.1, 0.2, 0.4, 0.8))
 
 
 def held_torque(
