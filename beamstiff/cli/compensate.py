@@ -164,6 +164,8 @@ def compensate(
     steps = _steps(resample)
     if steps is not None and out is not None and Path(out).suffix.lower() != ".csv":
         raise BeamstiffError(f"--out {out}: a resampled path is written as a table, expected a name.csv")
+    if out is not None and steps is None:
+        _check_format(path, out)
     if figure is not None:
         check_format(figure)
     controller = load_robot(robot)
@@ -208,6 +210,18 @@ def compensate(
     elif not quiet:
         say("note: --out FILE writes the corrected path", quiet)
     write_json(facts, json)
+
+
+def _check_format(path: str, out: str) -> None:
+    """Refuse an output whose ending is that of another language than the path is written in."""
+    from beamstiff.compensate.formats import ENDINGS
+
+    read, write = (Path(name).suffix.lower() for name in (path, out))
+    if read in ENDINGS and write in ENDINGS and ENDINGS[read] is not ENDINGS[write]:
+        raise BeamstiffError(
+            f"--out {out}: found the ending {write}, expected {read} as of {path}: a path is corrected "
+            "in the language it is written in"
+        )
 
 
 def _load(wrench: Sequence[str] | None, process: str | None) -> Process | None:

@@ -211,6 +211,8 @@ def identify(
     chosen("--use", use, USES)
     for option, value, least in (("--folds", folds, 0), ("--bootstrap", bootstrap, 0), ("--seed", seed, 0)):
         at_least(option, value, least)
+    if folds == 1:
+        raise BeamstiffError("--folds: found 1, expected 2 or more, or 0 for none")
     at_least("--evaluations", evaluations, 1)
     at_least("--population", population, 5)
     at_least("--searches", searches, 1)

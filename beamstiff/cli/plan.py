@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from beamstiff.se3 import Array
 
 MOST_TESTS, MOST_CANDIDATES = 500, 10_000
+TESTS = 20  # to make if nothing else is said
 GROWING = (0.5, 1, 2, 4)  # sizes that are looked at, to say how many tests are enough
 
 
@@ -30,7 +31,9 @@ def plan(
         str | None,
         typer.Option("--out", metavar="FILE", help="Write the tests as a CSV table to fill in."),
     ] = None,
-    tests: Annotated[int, typer.Option("--tests", metavar="N", help="Tests (rows) to make.")] = 20,
+    tests: Annotated[
+        int | None, typer.Option("--tests", metavar="N", help=f"Tests (rows) to make; {TESTS} by default.")
+    ] = None,
     poses: Annotated[
         int | None,
         typer.Option("--poses", metavar="N", help="Poses instead of tests: each takes all loads."),
@@ -112,7 +115,9 @@ def plan(
     from beamstiff.robot.reader import load_robot
 
     description = load_robot(robot)
-    count, whole = (tests, False) if poses is None else (poses, True)
+    if tests is not None and poses is not None:
+        raise BeamstiffError("--tests: found beside --poses, expected one of them")
+    count, whole = (TESTS if tests is None else tests, False) if poses is None else (poses, True)
     _check_range("--tests" if poses is None else "--poses", count, 1, MOST_TESTS)
     _check_range("--candidates", candidates, 1, MOST_CANDIDATES)
     if seed < 0:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from beamstiff.gap.attribution import attribute, ceiling, shares
 from beamstiff.gap.baseline import Baseline, fit_baseline
 from beamstiff.gap.evidence import Scales, detection
 from beamstiff.gap.free_laws import FreeLaw, free_laws
-from beamstiff.gap.heldout import Shrink, fitted, folds, held_out
+from beamstiff.gap.heldout import Fitted, Shrink, Weighted, fitted, folds, held_out
 from beamstiff.gap.library import Library, seen_by, state_library
 from beamstiff.gap.linearised import TURNS, beside_the_cause
 from beamstiff.gap.next import as_plain, programme
@@ -31,6 +31,31 @@ from beamstiff.robot.description import Robot
 NULLS = 200  # simulated campaigns without an effect
 REPORTED = 8  # candidates whose held-out gap is computed
 RIVALS = 3  # candidates that the next measurements are to tell apart
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """Rows about one linearisation, and what every cause is worth of them.
+
+    Attributes
+    ----------
+    screened : Screened
+    linear : Baseline
+        The one about whose stiffness effects are linear.
+    white : Whitened
+    library : Library
+    laws : sequence of FreeLaw
+    found : Search
+    scales : Scales
+    """
+
+    screened: Screened
+    linear: Baseline
+    white: Whitened
+    library: Library
+    laws: Sequence[FreeLaw]
+    found: Search
+    scales: Scales
 
 
 def diagnose(
@@ -65,22 +90,29 @@ def _diagnose(robot: Robot, measurements: Measurements, without: Sequence[str], 
     baseline = fit_baseline(robot, measurements)
     library = state_library(baseline, whiten(baseline), without)
     screened = screen(baseline, library)
-    linear, used = screened.baseline, screened.used
-    white = whiten(linear, used)
+    white = whiten(screened.baseline, screened.used)
     library = seen_by(library, white)
-    scales = scales_of(linear)
+    scales = scales_of(screened.baseline)
     chance = _chance(white, library, scales, seed)
+    weighed = _weigh(screened, white, library, scales, without)
+    return _diagnosis(weighed, chance, "outliers" not in without, seed)
+
+
+def _weigh(
+    screened: Screened, white: Whitened, library: Library, scales: Scales, without: Sequence[str]
+) -> Weighed:
+    """Return what every cause is worth, about the stiffness that the likeliest leaves."""
+    linear = screened.baseline
     for turn in range(1 + TURNS):
         laws = free_laws(linear, library, white)
         found = search(white, library.hypotheses, scales, laws)
         moved = beside_the_cause(linear, white, found, scales) if turn < TURNS else None
         if moved is None:
             break
-        linear, white = moved, whiten(moved, used)
+        linear, white = moved, whiten(moved, screened.used)
         library = state_library(linear, white, without)
     found = weighed_together(white, library.hypotheses, scales, laws, found)
-    may_be_outliers = "outliers" not in without
-    return _diagnosis(screened, linear, white, library, laws, found, scales, chance, may_be_outliers, seed)
+    return Weighed(screened, linear, white, library, laws, found, scales)
 
 
 def _chance(white: Whitened, library: Library, scales: Scales, seed: int) -> tuple[float, float]:
@@ -91,23 +123,12 @@ def _chance(white: Whitened, library: Library, scales: Scales, seed: int) -> tup
     return float(odds[0]), float((1 + (odds[1:] >= odds[0]).sum()) / (1 + NULLS))
 
 
-def _diagnosis(
-    screened: Screened,
-    linear: Baseline,
-    white: Whitened,
-    library: Library,
-    laws: Sequence[FreeLaw],
-    found: Search,
-    scales: Scales,
-    chance: tuple[float, float],
-    may_be_outliers: bool,
-    seed: int,
-) -> Diagnosis:
+def _diagnosis(weighed: Weighed, chance: tuple[float, float], may_be_outliers: bool, seed: int) -> Diagnosis:
+    screened, linear, white, found = weighed.screened, weighed.linear, weighed.white, weighed.found
     used, outlying = screened.used, screened.outliers
-    best = found.named[0]
-    pair = found.pairs[0] if found.pairs else None
+    best, pair = found.named[0], found.pairs[0] if found.pairs else None
     # what one cause leaves is no noise if two close it
-    scale = scale_after(white, pair.shapes if pair is not None else [found.shapes[best]], scales)
+    scale = scale_after(white, pair.shapes if pair is not None else [found.shapes[best]], weighed.scales)
     both = None
     if pair is not None and pair.log_weight - found.log_weight[best] > SECOND:
         both = held_out(linear, used, pair.shapes, scale, seed)
@@ -116,74 +137,87 @@ def _diagnosis(
     }
     odd_rows = (outlying.size, screened.strength, screened.isolated)
     judged = judge(found, white.freedom, chance[1], odd_rows, shrinks[best], both, may_be_outliers)
-    if judged.also not in (None, OUTLIERS) and pair is not None:
-        models, scale = list(pair.shapes), scale_after(white, pair.shapes, scales)
-    elif judged.verdict in found.shapes:
-        models = [found.shapes[judged.verdict]]
-        scale = scale_after(white, models, scales)
-    else:
-        models = []
-        if judged.verdict != UNKNOWN:
-            scale = scale_after(white, [], scales)
+    models = _models(judged, found)
+    if judged.verdict != UNKNOWN:
+        scale = scale_after(white, models, weighed.scales)
     fits = tuple(fitted(linear, used, models, scale)) if models else ()
     candidates = _candidates(linear, used, found, judged, shrinks, scale)
     by_key = {one.key: one for one in candidates}
+    also = _also(judged, by_key, fits)
+    if len(models) == 2:
+        by_key[judged.verdict] = replace(by_key[judged.verdict], shrink=both)
     verdict = by_key[judged.verdict]
-    also = None
-    if judged.also == OUTLIERS:
-        also = Candidate("outliers", None, judged.also_probability)
-    elif judged.also is not None and both is not None:
-        verdict = replace(verdict, shrink=both)
-        candidates = tuple(verdict if one.key == verdict.key else one for one in candidates)
-        second = int(fits[0].shapes[0].hypothesis.key != judged.also)
-        also = replace(
-            by_key[judged.also],
-            probability=judged.also_probability,
-            estimates=estimates_of(fits[0], second),
-            shape=fits[0].shapes[second].hypothesis.shape.name,
-        )
-    first = shrinks[best]
     squares = np.where(used[:, :3], (scale * linear.sigma[:, :3]) ** 2, 0.0).sum()
-    features = {
-        "log_odds": chance[0],
-        "chance": chance[1],
-        "none": found.log_weight[NONE] - found.log_weight[best],
-        "unknown": found.log_weight[UNKNOWN] - found.log_weight[best],
-        "left": found.left[best],
-        "free": max(found.free.values(), default=-np.inf) - found.log_weight[best],
-        "shrink": first.shrink,
-        "scale": scale,
-        "outliers": float(outlying.size),
-        "outlier_strength": screened.strength,
-        "noise_position": float(screened.noise[0]),
-        "noise_rotation": float(screened.noise[1]),
-        "pair": pair.log_weight - found.log_weight[best] if pair else -np.inf,
-        "pair_left": pair.left if pair else np.nan,
-        "pair_after": both.after if both else np.nan,
-        "single_after": first.after,
-    }
-    attributed = attribute(white, laws, scale)
+    attributed = attribute(white, weighed.laws, scale)
     fold, _ = folds(linear, used, np.random.default_rng(seed))
     rivals = [(key, judged.probabilities[key], found.shapes[key]) for key in _rivals(judged, found)]
-    proposed = programme(linear, used, rivals, scale, seed)
     return Diagnosis(
         baseline=screened.baseline,
         linear=linear,
-        rms=first.before,
+        rms=shrinks[best].before,
         ceiling=ceiling(attributed, white, fold, linear.sigma, scale),
         noise=float(np.sqrt(squares / max(used[:, :3].any(axis=1).sum(), 1))),
-        candidates=candidates,
+        candidates=tuple(by_key.values()),
         verdict=verdict,
         also=also,
         indistinguishable=judged.indistinguishable,
-        untestable=library.untestable,
+        untestable=weighed.library.untestable,
         outliers=tuple(linear.rows.place(row) for row in outlying.tolist()),
         notes=(*notes(screened, white, verdict.effect, scale), *_unclear(judged), *_nameless(judged, found)),
         fits=fits,
         where=where(screened.baseline, used, shares(attributed, white, scale, seed)),
-        next=as_plain(proposed),
-        features=features,
+        next=as_plain(programme(linear, used, rivals, scale, seed)),
+        features=_features(weighed, chance, both, shrinks[best], scale),
     )
+
+
+def _models(judged: Judged, found: Search) -> list[list[Weighted]]:
+    """Return the shapes of the causes that are named: of two, each beside the other."""
+    if judged.also not in (None, OUTLIERS):
+        return list(found.pairs[0].shapes)
+    return [found.shapes[judged.verdict]] if judged.verdict in found.shapes else []
+
+
+def _also(judged: Judged, by_key: Mapping[str, Candidate], fits: Sequence[Fitted]) -> Candidate | None:
+    """Return the second cause, as it is beside the first."""
+    if judged.also is None:
+        return None
+    if judged.also == OUTLIERS:
+        return Candidate("outliers", None, judged.also_probability)
+    second = int(fits[0].shapes[0].hypothesis.key != judged.also)
+    return replace(
+        by_key[judged.also],
+        probability=judged.also_probability,
+        estimates=estimates_of(fits[0], second),
+        shape=fits[0].shapes[second].hypothesis.shape.name,
+    )
+
+
+def _features(
+    weighed: Weighed, chance: tuple[float, float], both: Shrink | None, first: Shrink, scale: float
+) -> dict[str, float]:
+    """Return what the verdict rests on, as numbers."""
+    found, screened = weighed.found, weighed.screened
+    best, pair = found.named[0], found.pairs[0] if found.pairs else None
+    weight = found.log_weight[best]
+    return {
+        "log_odds": chance[0],
+        "chance": chance[1],
+        "none": found.log_weight[NONE] - weight,
+        "unknown": found.log_weight[UNKNOWN] - weight,
+        "left": found.left[best],
+        "free": max(found.free.values(), default=-np.inf) - weight,
+        "shrink": first.shrink,
+        "scale": scale,
+        "outliers": float(screened.outliers.size),
+        "outlier_strength": screened.strength,
+        "noise_position": float(screened.noise[0]),
+        "noise_rotation": float(screened.noise[1]),
+        "pair": pair.log_weight - weight if pair else -np.inf,
+        "pair_left": pair.left if pair else np.nan,
+        "pair_after": both.after if both else np.nan,
+        "single_after": first.after,
+    }
 
 
 def _unclear(judged: Judged) -> Iterator[str]:

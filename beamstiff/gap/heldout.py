@@ -255,12 +255,15 @@ def held_out(
     drawn = rng.integers(0, len(poses), (RESAMPLED, len(poses)))
     samples = np.array([_shrink(by_pose[some].sum(axis=0)) for some in drawn])
     total = by_pose.sum(axis=0)
+    shrink = _shrink(total)
+    # few postures carry most of some gaps: the estimate of all may lie beyond those of their samples
     low, high = np.quantile(samples, [0.05, 0.95])
+    interval = (min(float(low), shrink), max(float(high), shrink))
     return Shrink(
         before=float(np.sqrt(total[0] / total[3])),
         after=float(np.sqrt(total[1] / total[3])),
-        shrink=_shrink(total),
-        interval=(float(low), float(high)),
+        shrink=shrink,
+        interval=interval,
         postures=len(poses),
         noise=float(np.sqrt(total[2] / total[3])),
         misfit=misfit,

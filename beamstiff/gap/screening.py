@@ -26,6 +26,7 @@ ROUNDS = 6
 MAIN = 1e-6  # of the largest variance of what the shapes do together, below which the rest is left out
 SURE = 1e-3  # probability that any row of a sound table is flagged
 SOUND, BUT = 0.58, 2  # of the bound, within which all other rows lie but for so many, where some are mishaps
+SILENCE = 0.3  # of the noise claimed: claims are off by two at times, not by more
 CLAIM, NO_CLAIM = 0.6, 2.0  # standard deviation of the log noise scale: claims are off by two at times
 
 
@@ -47,6 +48,9 @@ class Screened:
         How many times farther the outliers are than the farthest sound row would be, squared; their median.
     isolated : bool
         Whether they stand apart as mishaps do (`mishaps`), and all other rows are as near as sound ones are.
+    silent : bool
+        Whether the rows scatter so much less than the noise claimed, as simulated ones do, that the claim is
+        kept.
     """
 
     baseline: Baseline
@@ -55,6 +59,7 @@ class Screened:
     noise: Array
     strength: float = 0.0
     isolated: bool = False
+    silent: bool = False
 
 
 def screen(baseline: Baseline, library: Library) -> Screened:
@@ -87,6 +92,8 @@ def screen(baseline: Baseline, library: Library) -> Screened:
             break
         found |= {int(row): float(excess[row]) for row in worst}
         used[worst] = False
+    silent = _silent(whiten(baseline)) if baseline.claimed else np.zeros(2, dtype=np.bool_)
+    noise = np.where(silent, 1.0, noise)
     sigma = baseline.sigma * np.repeat(noise, 3)
     order = sorted(found, key=found.__getitem__, reverse=True)
     strength = float(np.median(list(found.values()))) if found else 0.0
@@ -94,7 +101,19 @@ def screen(baseline: Baseline, library: Library) -> Screened:
     apart = len(order) > 0 and bool(np.sort(excess)[-1 - BUT] < SOUND)
     isolated = apart and by_chance(baseline, order)
     outliers = np.array(order, dtype=np.intp)
-    return Screened(replace(baseline, sigma=sigma), used, outliers, noise, strength, isolated)
+    shown = replace(baseline, sigma=sigma)
+    return Screened(shown, used, outliers, noise, strength, isolated, bool(silent.any()))
+
+
+def _silent(white: Whitened) -> NDArray[np.bool_]:
+    """Return whether all that the fit leaves of positions, and of rotations, is far below the noise claimed.
+
+    What is left then is of the program that made the rows, or of averaging; no claim is off by so much.
+    """
+    left = white.leave(white.gap[:, None])[:, 0]
+    rotation = white.component >= 3
+    sizes = [np.sqrt((left[own] ** 2).mean()) if own.any() else np.inf for own in (~rotation, rotation)]
+    return np.array(sizes) < SILENCE
 
 
 def _spread(distance: Array, count: NDArray[np.intp]) -> float:

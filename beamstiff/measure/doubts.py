@@ -38,6 +38,8 @@ def doubts(measurements: Measurements, robot: Robot) -> tuple[str, ...]:
         *_of_the_noise(measurements),
         *_of_the_joints(measurements, robot),
         *_of_sizes(measurements),
+        *_of_copies(measurements),
+        *_of_the_robot(measurements, robot),
     )
 
 
@@ -146,3 +148,29 @@ def _of_sizes(table: Measurements) -> Iterator[str]:
     row = int(load.argmax())
     if load[row] > LARGE_FORCE:
         yield f"{table.place(row)}: a load of {load[row]:.3g} N or N m is large for a robot"
+
+
+def _of_copies(table: Measurements) -> Iterator[str]:
+    """Yield that rows were pasted twice: readings of one state agree to the last digit by chance only."""
+    read = np.concatenate([table.displacement, table.position, table.rotation], axis=1)
+    columns = [table.q, table.wrench, read, table.time[:, None], table.temperature[:, None]]
+    values = np.nan_to_num(np.concatenate(columns, axis=1))
+    first: dict[tuple[str, str, bytes], int] = {}
+    copies: list[tuple[int, int]] = []
+    for row in np.flatnonzero(np.nan_to_num(read).any(axis=1)).tolist():
+        key = (str(table.point[row]), str(table.load_point[row]), values[row].tobytes())
+        if key in first:
+            copies.append((row, first[key]))
+        first.setdefault(key, row)
+    if len(copies) >= SEVERAL:
+        row, like = copies[0]
+        yield (
+            f"{table.place(row)}: {len(copies)} rows are copies of others to the last digit (this one of "
+            f"{table.place(like)}): a reading counts once, leave the copies out"
+        )
+
+
+def _of_the_robot(table: Measurements, robot: Robot) -> Iterator[str]:
+    name = table.metadata.get("robot")
+    if name is not None and name != robot.name:
+        yield f"{table.source}: the table is of robot {name!r}, here it is read with {robot.name!r}"

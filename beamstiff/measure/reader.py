@@ -40,6 +40,7 @@ from beamstiff.units import quantity, unit_factor
 
 LARGEST = 1 << 30  # bytes; a table of some five million states
 SPREADSHEETS = (".xlsx", ".xls", ".xlsm", ".ods")
+LEAST_SIGMA = 1e-12  # m or rad; below the resolution of anything
 SAME_POSE = 1e-2  # rad or m: readings of one configuration differ by far less, two configurations by more
 
 _WHOLE = re.compile(r"([+-]?\d{1,15})(?:\.0*)?", re.ASCII)
@@ -246,8 +247,10 @@ def _sigma(key: str, kind: str, raw: RawTable) -> float | None:
         sigma = quantity(value, kind)
     except BeamstiffError as error:
         raw.fail_in_metadata(key, str(error))
-    if sigma <= 0:
-        raw.fail_in_metadata(key, f"found {shown(value)}, expected a positive standard deviation")
+    if sigma < LEAST_SIGMA:
+        raw.fail_in_metadata(
+            key, f"found {shown(value)}, expected a positive standard deviation, at least {LEAST_SIGMA:g}"
+        )
     return sigma
 
 

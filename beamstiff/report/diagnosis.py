@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.console import RenderableType
+from rich.table import Table
 from rich.text import Text
 
 from beamstiff.gap.effects import EFFECTS
@@ -44,19 +45,8 @@ def diagnosis_tables(result: Diagnosis) -> Iterator[RenderableType]:
     if rows:
         add_rows(sizes, rows)
         yield sizes
-    places = table("Where: share of the explainable gap that a place could make", "place", "share", "90 %")
-    add_rows(
-        places,
-        [
-            [
-                item["component"],
-                f"{100 * item['share']:.0f} %",
-                f"{100 * item['interval'][0]:.0f} to {100 * item['interval'][1]:.0f} %",
-            ]
-            for item in result.where.get("components", [])[:SHOWN]
-        ],
-    )
-    yield places
+    if result.verdict.effect != "none":
+        yield _places(result)
     for title in ("directions", "loads", "history", "time"):
         found = result.where.get(title)
         if found:
@@ -71,6 +61,22 @@ def diagnosis_tables(result: Diagnosis) -> Iterator[RenderableType]:
         yield Text(f"\nTo measure next: {len(result.next)} states that would tell most (--next writes them).")
     for line in separations(result):
         yield Text(line)
+
+
+def _places(result: Diagnosis) -> Table:
+    places = table("Where: share of the explainable gap that a place could make", "place", "share", "90 %")
+    add_rows(
+        places,
+        [
+            [
+                item["component"],
+                f"{100 * item['share']:.0f} %",
+                f"{100 * item['interval'][0]:.0f} to {100 * item['interval'][1]:.0f} %",
+            ]
+            for item in result.where.get("components", [])[:SHOWN]
+        ],
+    )
+    return places
 
 
 def summary(result: Diagnosis) -> str:

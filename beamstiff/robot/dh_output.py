@@ -11,19 +11,22 @@ from __future__ import annotations
 import csv
 import io
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from beamstiff.errors import BeamstiffError
+from beamstiff.errors import BeamstiffError, listed
 from beamstiff.robot.coupling import frame_expressions
 from beamstiff.robot.description import Robot
-from beamstiff.robot.dh_tables import CONVENTIONS, KINDS
+from beamstiff.robot.dh_tables import CONVENTIONS, KINDS, known_convention
 from beamstiff.robot.expression import Expression
+from beamstiff.robot.parts import STIFFNESS_KINDS
 from beamstiff.robot.placement import frame_parameters
 from beamstiff.se3 import transform
 
 ZERO = Expression()
+WORDS = {np.inf: "rigid", 0.0: "free"}
 
 
 @dataclass
@@ -38,8 +41,12 @@ class _Row:
         self.values[key] = _sum(self.get(key), value)
 
     @property
+    def variables(self) -> list[str]:
+        return [name for value in self.values.values() for name in value.coefficients]
+
+    @property
     def moves(self) -> bool:
-        return any(value.coefficients for value in self.values.values())
+        return bool(self.variables)
 
 
 @dataclass(frozen=True)
@@ -63,6 +70,7 @@ def robot_to_table(robot: Robot, convention: str) -> Table:
     BeamstiffError
         When a variable moves a frame along or about its x axis, or a frame has both theta and r moved.
     """
+    convention = known_convention(convention, "convention")
     rows = _chain(robot)
     rows = [part for row in rows for part in _plain(row)]
     if convention != "khalil-kleinfinger":
@@ -77,13 +85,26 @@ def robot_to_table(robot: Robot, convention: str) -> Table:
             f"{len(fixed)} of {len(rows)} rows hold no joint ({', '.join(fixed)}): programs that expect one "
             "row a joint need them as base and tool transforms"
         )
+    stiffness = _stiffness(robot, rows)
     left = [what for what in ("loops", "beams", "struts", "masses", "effects") if getattr(robot, what)]
+    left += ["limits"] * any(variable.limits is not None for variable in robot.variables)
+    left += ["joints that no row moves"] * (len(stiffness) < len(robot.joints))
     if left or any(not variable.actuated for variable in robot.variables):
         notes.append(
-            "a table holds the frames to the TCP only"
-            + (f", not {' and '.join(left)}" if left else ", variables as they are named")
+            "a table holds the frames to the TCP and what gives way at their joints only"
+            + (f", not {listed(left)}" if left else ", variables as they are named")
         )
-    return Table(_csv(robot, rows, convention), tuple(notes))
+    return Table(_csv(robot, rows, convention, stiffness), tuple(notes))
+
+
+def _stiffness(robot: Robot, rows: list[_Row]) -> dict[str, dict[str, float]]:
+    """Return the stiffness of the joint that each variable of the rows moves, by kind."""
+    moved = [name for row in rows for name in row.variables]
+    return {
+        joint.variable: {kind: robot.parameter(f"{joint.name}.{kind}") for kind in STIFFNESS_KINDS}
+        for joint in robot.joints
+        if joint.variable is not None and moved.count(joint.variable) == 1
+    }
 
 
 def _chain(robot: Robot) -> list[_Row]:
@@ -156,14 +177,21 @@ def _sum(one: Expression, other: Expression) -> Expression:
     )
 
 
-def _csv(robot: Robot, rows: list[_Row], convention: str) -> str:
+def _csv(
+    robot: Robot, rows: list[_Row], convention: str, stiffness: Mapping[str, Mapping[str, float]]
+) -> str:
     out = io.StringIO()
     out.write(f"# convention: {convention}\n# name: {robot.name}\n")
     writer = csv.writer(out, lineterminator="\n")
     keys = CONVENTIONS[convention]
-    writer.writerow(["name", *(f"{key} [{'deg' if KINDS[key] == 'angle' else 'mm'}]" for key in keys)])
+    gives = [kind for kind in STIFFNESS_KINDS if any(np.isfinite(own[kind]) for own in stiffness.values())]
+    units = {kind: "N*m/rad" if KINDS[kind] == "rotational stiffness" else "N/m" for kind in gives}
+    frame = [f"{key} [{'deg' if KINDS[key] == 'angle' else 'mm'}]" for key in keys]
+    writer.writerow(["name", *frame, *(f"{kind} [{unit}]" for kind, unit in units.items())])
     for row in rows:
-        writer.writerow([row.name, *(_cell(row.name, key, row.get(key)) for key in keys)])
+        own = next((stiffness[name] for name in row.variables if name in stiffness), {})
+        springs = [WORDS.get(own[kind], own[kind]) if own else "" for kind in gives]
+        writer.writerow([row.name, *(_cell(row.name, key, row.get(key)) for key in keys), *springs])
     return out.getvalue()
 
 

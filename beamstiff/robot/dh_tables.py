@@ -125,7 +125,7 @@ def parse_csv_table(text: str, convention: str | None = None, name: str = "<text
             if cell:
                 row[column] = _with_unit(cell, column, unit, place)
         rows.append(row | {"place": place})
-    return _robot(rows, convention or said.get("convention"), said.get("name") or _stem(name), name)
+    return _robot(rows, convention, said.get("convention"), said.get("name") or _stem(name), name)
 
 
 def parse_yaml_table(text: str, convention: str | None = None, name: str = "<text>") -> Robot:
@@ -144,9 +144,8 @@ def parse_yaml_table(text: str, convention: str | None = None, name: str = "<tex
             )
     rows = [{**row, "place": f"{name}:{lines.at(('rows', at))}"} for at, row in enumerate(found)]
     given = data.get("convention")
-    return _robot(
-        rows, convention or (None if given is None else str(given)), str(data.get("name", _stem(name))), name
-    )
+    said = None if given is None else str(given)
+    return _robot(rows, convention, said, str(data.get("name", _stem(name))), name)
 
 
 def _columns(header: Sequence[str], place: str) -> list[tuple[str, str]]:
@@ -192,19 +191,31 @@ def _with_unit(cell: str, column: str, unit: str, place: str) -> str:
     )
 
 
-def _robot(rows: list[Row], convention: str | None, name: str, source: str) -> Robot:
+def known_convention(name: str, place: str) -> str:
+    """Return one of `CONVENTIONS` by its name or short name; `place` begins the message of the error."""
+    short = {"craig": "modified", "dh": "classic", "kk": "khalil-kleinfinger"}
+    convention = short.get(name.strip().lower(), name.strip().lower())
+    if convention not in CONVENTIONS:
+        raise BeamstiffError(
+            f"{place}: found {shown(name)}{suggest(convention, CONVENTIONS)}, expected one of "
+            f"{listed(CONVENTIONS)}"
+        )
+    return convention
+
+
+def _robot(rows: list[Row], given: str | None, said: str | None, name: str, source: str) -> Robot:
+    """Return the robot of rows in a given convention, or in the one that the file says."""
+    told = None if said is None else known_convention(said, f"{source}: convention")
+    asked = None if given is None else known_convention(given, "convention")
+    convention = asked or told
     if convention is None:
         raise BeamstiffError(
             f"{source}: its convention is not said, expected `# convention: classic` (or modified, "
             "khalil-kleinfinger) before the header, or --convention"
         )
-    convention = {"craig": "modified", "dh": "classic", "kk": "khalil-kleinfinger"}.get(
-        convention.strip().lower(), convention.strip().lower()
-    )
-    if convention not in CONVENTIONS:
+    if told is not None and told != convention:
         raise BeamstiffError(
-            f"{source}: convention: found {shown(convention)}{suggest(convention, CONVENTIONS)}, expected "
-            f"one of {listed(CONVENTIONS)}"
+            f"{source}: convention: found {told} in the file and {convention} asked for, expected one of them"
         )
     turning, sliding = "theta", "r" if convention == "khalil-kleinfinger" else "d"
     read = [_read(row, convention, turning, sliding) for row in rows]

@@ -205,6 +205,7 @@ def test_a_path_without_load_and_weight_stays_as_it_is(cell: Path, run: Callable
         (["cell.src", "--resample", "step=1mm,step=2mm"], "--resample: step is given twice"),
         (["cell.src", "--unreachable", "drop"], "--unreachable: found 'drop', expected refuse, keep"),
         (["cell.src", "--out", "cell.src"], "--out cell.src: would overwrite the input cell.src"),
+        (["cell.src", "--out", "o.csv"], "--out o.csv: found the ending .csv, expected .src as of cell.src"),
         (["cell.src", "--figure", "p.gif"], "p.gif: found the ending 'gif', expected a figure"),
         (["cell.src", "--q", "q9=1"], "--q: unknown joint variable 'q9'"),
         (["broken.src"], "broken.src:2: LIN: Y: found 'abc', expected a number"),

@@ -125,6 +125,11 @@ def test_points_and_joint_values_become_measurements(run: Run, folder: Path) -> 
         (("crane.urdf", "--out", "x.txt"), "found the ending '.txt'"),
         (("crane.urdf", "--out", "crane.urdf"), "would overwrite the input"),
         (("crane.urdf", "--out", "x.csv"), "--convention: is missing"),
+        (("crane.urdf", "--convention", "clasic", "--out", "x.csv"), "convention: found 'clasic' (did you"),
+        (
+            ("classic.csv", "--convention", "modified", "--out", "x.yaml"),
+            "classic.csv: convention: found classic in the file and modified asked for, expected one",
+        ),
         (("crane.urdf", "--like", "arm.urdf", "--out", "x.yaml"), "--like: goes with"),
         (("crane.urdf", "--like", "arm.urdf", "--out", "x.urdf"), "has no joint variable base_yaw"),
         (("crane.urdf", "--joint-stiffness", "1e6", "--out", "x.yaml"), "expected a stiffness with its unit"),
@@ -137,6 +142,9 @@ def test_points_and_joint_values_become_measurements(run: Run, folder: Path) -> 
     ],
 )
 def test_bad_input_ends_with_one_line_and_code_2(run: Run, arguments: tuple[str, ...], message: str) -> None:
+    Path("classic.csv").write_text(
+        "# convention: classic\ntheta [deg],d [mm],a [mm],alpha [deg]\nq1,0,600,0\n"
+    )
     result = run("convert", *arguments)
     assert result.exit_code == 2
     assert message in result.stderr

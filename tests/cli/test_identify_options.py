@@ -192,6 +192,7 @@ def test_ctrl_c_after_the_fit_leaves_the_fit(run: Run, monkeypatch: pytest.Monke
         (["--use", "rotations"], ["--use: found 'rotations'", "did you mean 'rotation'"]),
         (["--use", "rotation"], ["crane.csv", "no measured components of rotation"]),
         (["--folds", "-1"], ["--folds: found -1", "0 or more"]),
+        (["--folds", "1"], ["--folds: found 1", "2 or more, or 0"]),
         (["--seed", "-1"], ["--seed: found -1"]),
         (["--bootstrap", "-3"], ["--bootstrap: found -3"]),
         (["--bootstrap", "20"], ["crane.csv", "poses"]),

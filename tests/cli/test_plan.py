@@ -165,6 +165,7 @@ def test_the_region_holds_the_tcp(run: Run) -> None:
         (["--region", "z=5:6"], ["in the region", "make it larger"]),
         (["--load", "fz=1000"], ["J1.torsional", "never loaded"]),
         (["--json", "crane.yaml"], ["would overwrite the input"]),
+        (["--tests", "4", "--poses", "3"], ["--tests: found beside --poses"]),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else None,
 )

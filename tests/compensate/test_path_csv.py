@@ -107,6 +107,13 @@ def test_names_and_units_beyond_ascii(encoding: str) -> None:
     assert program.with_poses(program.path.poses) == text.encode(encoding)
 
 
+def test_a_column_of_forces_that_is_no_load_is_told() -> None:
+    text = "x [mm],y [mm],z [mm],{} [N],feed [mm]\n1,2,3,-900,5\n"
+    (note,) = path_csv.read(text.format("gz"), "p.csv").notes
+    assert note == "p.csv: gz: kept for the process, no load on the tool; loads are called fx fy fz mx my mz"
+    assert path_csv.read(text.format("fz"), "p.csv").notes == ()
+
+
 def test_temperatures_are_in_degrees_celsius() -> None:
     path = path_csv.read("x,y,z,room [degC],oil [K]\n1,2,3,21.5,300\n", "a.csv").path
     assert path.columns["room"] == [21.5]

@@ -21,6 +21,7 @@ def said(
     outliers: int = 0,
     verdict: str = "none",
     scale: float = 1.0,
+    silent: bool = False,
     q: Any = None,
     wrench: Any = None,
     **more: Any,
@@ -31,7 +32,10 @@ def said(
     rows = rows_of(elbow(), rows.q if q is None else q, rows.wrench if wrench is None else wrench, **columns)
     there = nominal(elbow(), rows)
     found = replace(
-        screen(there, SILENCE), noise=np.array(noise), outliers=np.arange(outliers, dtype=np.intp)
+        screen(there, SILENCE),
+        noise=np.array(noise),
+        outliers=np.arange(outliers, dtype=np.intp),
+        silent=silent,
     )
     assert isinstance(found, Screened)
     return "\n".join(notes(found, whiten(there), verdict, scale))
@@ -84,6 +88,7 @@ def test_repeats_that_contradict_the_claim_or_drift_are_told() -> None:
         ({"wrench": np.zeros((10, 6))}, "no row carries a load"),
         ({"wrench": np.linspace(1, 2, 10)[:, None] * np.eye(6)[1] * 500}, "do not span all directions"),
         ({"wrench": np.tile(np.eye(6)[:3], (4, 1))[:10] * 500}, "one load level only"),
+        ({"silent": True}, "as simulated ones do: what is smaller than the claim is not looked at"),
         ({"scale": 1.8}, "the fit leaves 1.8 times the noise counted with"),
         ({"verdict": "unknown"}, "may stand in the table as well: joint columns in another order"),
         ({"outliers": 1}, "1 row that nothing explains left out"),

@@ -243,6 +243,28 @@ def test_two_causes_that_are_doubted_say_so_too() -> None:
     assert UNKNOWN in found.indistinguishable
 
 
+def test_two_others_stand_instead_of_a_flexible_cause_that_stood_in_for_both() -> None:
+    flexible = replace(GOOD, misfit=1.03)
+    two = pair_of("base-compliance:null", "joint-coupling:q5+q6", 40.0)
+    alone = CLEAR | {two.first: -80.0, two.second: -90.0}
+    found = judged(search_of(alone, pairs=(two,)), single=flexible, both=GOOD)
+    assert {found.verdict, found.also} == {two.first, two.second}
+
+
+@pytest.mark.parametrize(
+    ("two", "both"),
+    [
+        (pair_of("base-compliance:null", "joint-coupling:q5+q6", 15.0), GOOD),  # hardly likelier than one
+        (pair_of("base-compliance:null", "joint-coupling:q5+q6", 40.0, left=0.2), GOOD),  # leaves something
+        (pair_of("base-compliance:null", "joint-coupling:q5+q6", 40.0), replace(GOOD, misfit=1.1)),
+        (pair_of("backlash:q3", "joint-coupling:q5+q6", 40.0), GOOD),  # the one, and nothing left to close
+    ],
+    ids=["no evidence", "left", "worth less", "beside it"],
+)
+def test_two_causes_do_not_replace_one_that_explains_it_as_well(two: Pair, both: Shrink) -> None:
+    assert not accepted(two, search_of(CLEAR, pairs=(two,)), replace(GOOD, misfit=1.025), both)
+
+
 @pytest.mark.parametrize(
     ("pair", "single", "both"),
     [

@@ -117,6 +117,10 @@ BAD: dict[str, tuple[str, list[str]]] = {
         "# sigma_position: 0 mm\nq1,d2,dx\n1,2,3\n",
         ["table.csv:1: sigma_position: found '0 mm'", "positive"],
     ),
+    "sigma below anything": (
+        "# sigma_position: 1e-300 mm\nq1,d2,dx\n1,2,3\n",
+        ["table.csv:1: sigma_position: found '1e-300 mm'", "positive", "at least 1e-12"],
+    ),
     "sigma below zero": (
         "# sigma_rotation: -1 deg\nq1,d2,rx\n1,2,3\n",
         ["sigma_rotation: found '-1 deg'", "positive"],

@@ -36,6 +36,20 @@ def test_a_common_table_leaves_no_doubt(arm: Robot) -> None:
     assert doubts(parse_measurements(text, arm), arm) == ()
 
 
+def test_rows_that_were_pasted_twice_are_told(arm: Robot) -> None:
+    rows = "0.5,0.25,10,0.001\n0.5,0.25,20,0.002\n0.5,0.25,30,0.003\n"
+    found = doubts(parse_measurements(f"q1,d2,fx,dx\n{rows}{rows}", arm, "t.csv"), arm)
+    assert len(found) == 1
+    assert found[0].startswith("t.csv:5: 3 rows are copies of others to the last digit (this one of t.csv:2)")
+    again = rows.replace("0.001", "0.0011").replace("0.002", "0.0021")
+    assert doubts(parse_measurements(f"q1,d2,fx,dx\n{rows}{again}", arm), arm) == ()
+
+
+def test_a_table_of_another_robot_is_told(arm: Robot) -> None:
+    found = doubts(parse_measurements("# robot: kr500\nq1,d2,fx,dx\n0.5,0.25,10,0.001\n", arm, "t.csv"), arm)
+    assert found == (f"t.csv: the table is of robot 'kr500', here it is read with {arm.name!r}",)
+
+
 def test_an_absolute_table_has_no_large_displacements(arm: Robot) -> None:
     assert doubts(parse_measurements("q1,d2,x,y,z,a,b,c\n0,0,2,1,1,3,0,0\n", arm), arm) == ()
 
@@ -50,10 +64,10 @@ STATES = [
 
 def table_of(states: list[tuple[float, ...]], sigma: str = "0.03 mm", header: str = "") -> str:
     """Return a table of loads and displacements; `header` orders the columns otherwise."""
-    rows = [f"0,0.5,{','.join(map(str, state))}" for state in states]
+    rows = [f"0,0.5,{','.join(map(str, state))},{at}" for at, state in enumerate(states)]
     return "\n".join(
         [f"# sigma_position: {sigma}"] * bool(sigma)
-        + [f"q1,d2,{header or 'fx,fy,fz,dx [mm],dy [mm],dz [mm]'}", *rows, ""]
+        + [f"q1,d2,{header or 'fx,fy,fz,dx [mm],dy [mm],dz [mm]'},t", *rows, ""]
     )
 
 

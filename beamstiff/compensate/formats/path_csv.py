@@ -9,7 +9,7 @@ a target. Other columns of numbers are kept for the process (depth of cut, feed,
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -45,6 +45,7 @@ _KIND = {
     **dict.fromkeys(WRENCH[:3], "force"),
     **dict.fromkeys(WRENCH[3:], "moment"),
 }
+LOADS = ("force", "moment")
 _CELL = re.compile(r"(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?")
 _NUMBER = re.compile(NUMBER)
 _QUOTED = re.compile(r'"[^"]*"')
@@ -56,6 +57,7 @@ class _Column:
     kind: str | None  # None: whatever the cells hold
     unit: float
     offset: float = 0.0  # of temperatures
+    load: bool = False
 
 
 def read(text: str, source: str) -> Program:
@@ -109,13 +111,14 @@ def read(text: str, source: str) -> Program:
         )
     orientation, names = _orientation([column.name for column in header], declared, source, header_line)
     program = _program(text, source, header, rows, orientation, names)
-    if names != ANGLES or declared is not None or (program.path.poses[:, :3, :3] == np.eye(3)).all():
-        return program
-    note = (
-        f"{source}: a, b, c are read as rotation vectors; angles of a controller are declared before the "
-        "header: # orientation: KUKA ABC"
-    )
-    return replace(program, notes=(*program.notes, note))
+    notes = list(_no_loads(header, source))
+    turned = not (program.path.poses[:, :3, :3] == np.eye(3)).all()
+    if names == ANGLES and declared is None and turned:
+        notes.append(
+            f"{source}: a, b, c are read as rotation vectors; angles of a controller are declared before the "
+            "header: # orientation: KUKA ABC"
+        )
+    return replace(program, notes=(*program.notes, *notes))
 
 
 def write(path: ToolPath, made_by: str) -> str:
@@ -179,6 +182,15 @@ def _header(cells: Sequence[tuple[int, str]], source: str, line: int) -> list[_C
     return columns
 
 
+def _no_loads(header: Sequence[_Column], source: str) -> Iterator[str]:
+    others = [column.name for column in header if column.kind is None and column.load]
+    if others:
+        yield (
+            f"{source}: {listed(others)}: kept for the process, no load on the tool; loads are called "
+            f"{' '.join(WRENCH)}"
+        )
+
+
 def _column(name: str, unit: str | None, source: str, line: int) -> _Column:
     if name == "name":
         return _Column(name, "name", 1.0)
@@ -188,7 +200,8 @@ def _column(name: str, unit: str | None, source: str, line: int) -> _Column:
     problem = ""
     for kind in kinds:
         try:
-            return _Column(name, _KIND.get(name), *unit_factor(unit, kind))
+            factor, offset = unit_factor(unit, kind)
+            return _Column(name, _KIND.get(name), factor, offset, load=kind in LOADS)
         except BeamstiffError as error:
             problem = problem or str(error)
     if name in _KIND:

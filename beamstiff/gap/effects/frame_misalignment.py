@@ -155,8 +155,11 @@ def _scales(baseline: Baseline, component: str | None) -> Scales:  # noqa: ARG00
 def _elsewhere(baseline: Baseline) -> list[Shape]:
     """Return misreadings of displacements that change with the place, linearly and by its square.
 
-    What measures by angles and lengths from a stand, or through lenses, errs by where it looks.
+    What measures by angles and lengths from a stand, or through lenses, errs by where it looks; what reads
+    rotations beside it is turned by itself.
     """
+    turn, turns = _turned(baseline)
+    turn = np.concatenate([0.0 * turn[:, :3], turn[:, 3:]], 1)
     moved, place = baseline.predicted[:, :3], nominal_pose(baseline.nominal, baseline.rows)[0]
     axes = np.broadcast_to(np.eye(3), (len(moved), 3, 3))
     every = np.concatenate([each_by_each(axes, moved), np.zeros((len(moved), 3, 9))], 1)
@@ -166,13 +169,14 @@ def _elsewhere(baseline: Baseline) -> list[Shape]:
     square = {f"_by_{'xyz'[i]}{'xyz'[j]}": ("1/m^2", 0.5 * place[:, i] * place[:, j]) for i, j in PRODUCTS}
 
     def shape(name: str, courses: dict[str, tuple[str, Array]]) -> Shape:
-        columns = [every * course[:, None, None] for _, course in courses.values()]
+        columns = [turn, *(every * course[:, None, None] for _, course in courses.values())]
         entries = [(end, unit) for end, (unit, _) in courses.items() for _ in range(9)]
         names = [f"reading_{a}_by_{b}" for a in "xyz" for b in "xyz"] * len(courses)
         quantities = (
             Quantity(name + end, unit, SCALE) for name, (end, unit) in zip(names, entries, strict=True)
         )
-        return Shape(name, np.concatenate(columns, -1), tuple(quantities), spread=FEW_TIMES, weight=0.5)
+        both = (*turns, *quantities)
+        return Shape(name, np.concatenate(columns, -1), both, spread=FEW_TIMES, weight=0.5)
 
     return [
         shape("other scales and turns elsewhere", linear),

@@ -9,6 +9,8 @@ import numpy as np
 from beamstiff.gap.baseline import Baseline, nominal_pose
 from beamstiff.gap.effects.effect import Effect, Quantity, Shape
 from beamstiff.gap.effects.outside import each_by_each, tool_axes
+from beamstiff.robot.description import Robot
+from beamstiff.se3 import Array
 
 MASS = 10.0  # kg
 LEVER = 2.0  # kg m
@@ -39,7 +41,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     mass = Quantity("mass", "kg", MASS)
     levers = tuple(Quantity(f"mass_times_{axis}", "kg*m", LEVER) for axis in "xyz")
     return [
-        Shape("mass", heavier, (mass,)),
+        Shape("mass", heavier + further @ _centre(baseline.nominal)[:, None], (mass,)),
         Shape("centre of gravity", further, levers),
         Shape("mass and centre of gravity", np.concatenate([heavier, further], -1), (mass, *levers)),
         Shape(
@@ -61,6 +63,16 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
             weight=0.5,
         ),
     ]
+
+
+def _centre(robot: Robot) -> Array:
+    """Return where the payload that is described has its centre, in the frame of the TCP, m, (3,)."""
+    carried = [mass for mass in robot.masses if mass.node == robot.tcp]
+    kilograms = sum(mass.mass for mass in carried)
+    if not kilograms:
+        return np.zeros(3)
+    result: Array = sum((mass.mass * np.array(mass.at) for mass in carried), np.zeros(3)) / kilograms
+    return result
 
 
 EFFECT = Effect(

@@ -151,7 +151,7 @@ def _where(result: Diagnosis) -> Section:
     places: Sequence[Mapping[str, Any]] = result.where.get("components", [])
     first = places[:SHOWN]
     figures = []
-    if first:
+    if first and result.verdict.effect != "none":
         traces, layout = bars(
             [item["component"] for item in first],
             [item["share"] for item in first],

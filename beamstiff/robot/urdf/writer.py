@@ -10,6 +10,7 @@ import math
 import os
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import quoteattr
@@ -127,12 +128,13 @@ def _with_extension(text: str, robot: Robot) -> str:
     for old in root.all(EXTENSION):
         edits.remove(old)
     tree = read_tree(root)
-    told = Robot(**_told(tree))
-    keys = [key for key in differences(robot, told) if key not in ("name", "tcp")]
+    keys = _untold(tree, robot)
     if "joints" in keys:
         for item in root.all("joint"):
             for old in item.all(EXTENSION):
                 edits.remove(old)
+        rigid = tuple(replace(joint, stiffness={}) for joint in tree.joints)
+        keys = _untold(replace(tree, joints=rigid), robot)  # what those elements told is told no more
     attribute = f" tcp={quoteattr(robot.tcp)}" if _needs_other_tcp(tree, robot) else ""
     if keys:
         body = fragment_to_yaml(robot, keys).replace("]]>", "]]]]><![CDATA[>")
@@ -140,6 +142,11 @@ def _with_extension(text: str, robot: Robot) -> str:
     elif attribute:
         edits.child(root, f"<{EXTENSION}{attribute}/>")
     return edits.made()
+
+
+def _untold(tree: LinkTree, robot: Robot) -> list[str]:
+    """Return the keys of a robot that its tree does not tell."""
+    return [key for key in differences(robot, Robot(**_told(tree))) if key not in ("name", "tcp")]
 
 
 def _told(tree: LinkTree) -> dict[str, Any]:

@@ -79,6 +79,15 @@ def test_a_tracker_whose_angles_and_lengths_have_other_scales_errs_by_where_it_l
     assert left("other scales and turns elsewhere, by the square of the way") < 0.01
 
 
+@pytest.mark.parametrize("axis", range(3))
+def test_what_reads_rotations_beside_such_a_tracker_is_turned_by_itself(axis: int) -> None:
+    there = nominal(kr240(), at_random(kr240(), 8, seed=1))
+    turned = Rotation.from_rotvec(SMALL * np.eye(3)[axis]).apply(there.predicted[:, 3:])
+    change = (turned - there.predicted[:, 3:]) / SMALL
+    columns = shape_of(there, "frame-misalignment", None, "other scales and turns elsewhere").columns
+    close(columns[..., axis], np.concatenate([0.0 * change, change], axis=1), 1e-5)
+
+
 def in_steps(poses: int, kind: str = "displacement") -> Baseline:
     """Return four readings in each of some postures of the KR240-2, one posture after another."""
     q = np.repeat(at_random(kr240(), poses, seed=6).q, 4, axis=0)

@@ -42,6 +42,14 @@ def test_a_heavier_payload_sags_as_the_same_robot_with_that_mass(campaign: Basel
     close(found, more(campaign, carrying(20.5)) / 0.5, 1e-3)  # what is left is the weight's own stiffness
 
 
+def test_what_a_payload_weighs_too_much_hangs_at_the_centre_that_is_described(campaign: Baseline) -> None:
+    at = (0.08, -0.05, 0.1)
+    described = replace(campaign, nominal=carrying(20.0, at))
+    found = shape_of(described, "payload-error", None, "mass").columns[..., 0]
+    heavier = predict(carrying(20.5, at), campaign.rows) - predict(carrying(20.0, at), campaign.rows)
+    close(found, heavier / 0.5, 1e-3)
+
+
 @pytest.mark.parametrize("axis", range(3))
 def test_a_centre_of_gravity_further_off_sags_as_that_mass_there(axis: int, campaign: Baseline) -> None:
     at = tuple(0.05 * np.eye(3)[axis])
