@@ -78,7 +78,7 @@ def main(folder: Path = HERE / "output") -> None:
     folder.mkdir(parents=True, exist_ok=True)
     save_figure(compensation_figure(real, "Forming with a KUKA IR-663"), folder / "forming_path.png")
     write_whole(folder / "forming_corrected.csv", real.content)
-    console.print(f"Path, picture: {folder.name}/forming_corrected.csv, {folder.name}/forming_path.png")
+    console.print(f"Path, picture: {folder / 'forming_corrected.csv'}, {folder / 'forming_path.png'}")
 
 
 if __name__ == "__main__":

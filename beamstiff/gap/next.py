@@ -20,19 +20,16 @@ from numpy.typing import NDArray
 from beamstiff.gap.baseline import Baseline, at_rows
 from beamstiff.gap.heldout import Weighted, fitted, shift, stacked_covariance
 from beamstiff.gap.result import Diagnosis, columns_at
-from beamstiff.measure.columns import Column, to_si
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.measure.writer import measurements_to_csv
 from beamstiff.plan.candidates import candidate_poses
-from beamstiff.plan.poses import closed_posture, joint_ranges, random_poses
+from beamstiff.plan.poses import closed_posture, random_poses, rounded_postures
 from beamstiff.robot.kinematics import compile_kinematics
 from beamstiff.se3 import Array
-from beamstiff.units import UNITS, unit_factor
 
 POSES, MANY = 24, 400  # postures to choose from, of so many drawn
 NEAR = 0.15  # of the machine's size: as far from where the tool was seen it is likely to be seen as well
-DIGIT = {"angle": 2e-3, "length": 2e-4}  # rad, m: the last digit of a proposed posture is worth at most this
 PROGRAMME = 6  # poses that are proposed
 AXES = 3  # along which each is loaded
 STEPS = (0.5, 1.0, 0.5, -0.5, -1.0)  # of the largest load: a cycle shows history and reversal
@@ -146,7 +143,7 @@ def _postures(baseline: Baseline, rng: np.random.Generator) -> Array:
         others = candidate_poses(kinematics, POSES, int(rng.integers(1 << 31)), rows.region)
     else:
         others = random_poses(kinematics, MANY, rng)
-    others = _rounded(baseline, others)
+    others = rounded_postures(baseline.nominal, others, rows.units)
     where, closed = closed_posture(kinematics, others)
     others, at = others[closed], where.node_positions[:, tcp]
     if rows.region is not None:
@@ -161,19 +158,6 @@ def inside(region: Sequence[tuple[float, float]], positions: Array) -> NDArray[n
     """Return which positions (n, 3) lie in a region, (n,)."""
     low, high = np.asarray(region, dtype=np.float64).T
     return np.asarray(((positions >= low) & (positions <= high)).all(axis=1))
-
-
-def _rounded(baseline: Baseline, q: Array) -> Array:
-    """Return postures (n, A) with the digits that a pendant takes, in units of the rows, within limits."""
-    lower, upper = joint_ranges(baseline.nominal)
-    result = q.copy()
-    for k, variable in enumerate(baseline.nominal.actuated):
-        unit = baseline.rows.units.get(variable.name, UNITS[variable.kind])
-        factor, _ = unit_factor(unit, variable.kind)
-        decimals = max(0, -int(np.floor(np.log10(DIGIT[variable.kind] / factor))))
-        column = Column(variable.name, variable.kind, unit, variable.name)
-        result[:, k] = to_si(np.round(q[:, k] / factor, decimals) + 0.0, column)
-    return np.where((result >= lower) & (result <= upper), result, q)
 
 
 def as_plain(found: Programme | None) -> list[dict[str, Any]]:

@@ -176,10 +176,11 @@ def _unknown(name: str, robot: Robot, place: tuple[str, int]) -> NoReturn:
     if re.search(r"\(.*\)", name):
         hint += "; a unit stands in square brackets, like dx [mm]"
     variables = [variable.name for variable in robot.actuated]
+    moved = f"{listed(variables, 12)}, " if variables else ""
     fail(
         *place,
         shown(name),
-        f"unknown column{hint}, expected one of {listed(variables, 12)}, fx fy fz mx my mz, dx dy dz rx "
+        f"unknown column{hint}, expected one of {moved}fx fy fz mx my mz, dx dy dz rx "
         "ry rz (or x y z a b c), point, load_point, pose, step, t, temperature, remark "
         "(for text of your own); delete the column if it is none of these",
     )

@@ -15,6 +15,7 @@ from beamstiff.measure.table import Measurements
 from beamstiff.measure.writer import write_measurements
 from beamstiff.plan.candidates import Noise, candidate_poses, candidate_tests, information
 from beamstiff.plan.designs import Criterion, Design, choose_tests
+from beamstiff.plan.poses import rounded_postures
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics
 from beamstiff.se3 import Array
@@ -151,7 +152,8 @@ def _nearest_next(poses: Array) -> list[int]:
 def write_plan(campaign: Campaign, path: str | Path, robot: Robot) -> None:
     """Write the tests as a CSV file of measurements whose displacement columns are to be filled in.
 
-    The lines before the header say what to expect of it. Filled in, `measure.read_measurements` reads it.
+    Postures are in degrees and millimetres, with the digits that a pendant takes. The lines before the header
+    say what to expect of it. Filled in, `measure.read_measurements` reads it.
 
     Raises
     ------
@@ -169,4 +171,6 @@ def write_plan(campaign: Campaign, path: str | Path, robot: Robot) -> None:
     }
     if (campaign.tests.displacement == campaign.tests.displacement).any():
         raise BeamstiffError(f"{path}: the tests of this campaign are measured already, expected a plan")
-    write_measurements(replace(campaign.tests, metadata=says), path, robot)
+    units = {item.name: "deg" if item.kind == "angle" else "mm" for item in robot.actuated}
+    q = rounded_postures(robot, campaign.tests.q, units)
+    write_measurements(replace(campaign.tests, q=q, units=units, metadata=says), path, robot)

@@ -95,8 +95,14 @@ def candidate_poses(
             return found[:count]
     raise BeamstiffError(
         f"robot {kinematics.robot.name!r}: only {len(found)} of {count} random poses have their TCP in the "
-        f"region {np.stack([low, high], axis=1).tolist()} m; make it larger"
+        f"region {_shown(low, high)}; make it larger, or move it to where the robot reaches"
     )
+
+
+def _shown(low: Array, high: Array) -> str:
+    sides = zip("xyz", low.tolist(), high.tolist(), strict=True)
+    told = [f"{axis} from {a:g} to {b:g} m" for axis, a, b in sides if np.isfinite([a, b]).any()]
+    return ", ".join(told)
 
 
 def force_loads(magnitude: float, directions: Sequence[str] = ("x", "y", "z")) -> Array:

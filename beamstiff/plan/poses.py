@@ -9,13 +9,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from beamstiff.errors import BeamstiffError, listed, suggest
+from beamstiff.measure.columns import Column, to_si
 from beamstiff.robot.closure import close_loops
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import Kinematics, Posture, actuated_values, posture_at
 from beamstiff.se3 import Array
+from beamstiff.units import UNITS, unit_factor
 
 Mask = NDArray[np.bool_]
 
+DIGIT = {"angle": 2e-3, "length": 2e-4}  # rad, m: the last digit of a proposed posture is worth at most this
 ROUNDS = 50  # of drawing random poses, before too few of them are said to close
 
 
@@ -155,3 +158,32 @@ def check_node(kinematics: Kinematics, node: str | None) -> str:
             f"robot {kinematics.robot.name!r} has no node {name!r}{suggest(name, kinematics.node_names)}"
         )
     return name
+
+
+def rounded_postures(robot: Robot, q: Array, units: Mapping[str, str]) -> Array:
+    """Return postures with the digits that a pendant takes, within the limits.
+
+    Parameters
+    ----------
+    robot : Robot
+    q : (n, A) array
+        Of the actuated variables, rad or m.
+    units : mapping of str to str
+        In which the pendant takes them, by variable; SI else.
+
+    Examples
+    --------
+    >>> from beamstiff import load_robot
+    >>> posture = np.array([[0.12345, -0.5, 0.5, 0.0, 0.0, 0.0]])
+    >>> np.degrees(rounded_postures(load_robot("kr500"), posture, {"q1": "deg"}))[0, 0].round(12)
+    np.float64(7.1)
+    """
+    lower, upper = joint_ranges(robot)
+    result = q.copy()
+    for k, variable in enumerate(robot.actuated):
+        unit = units.get(variable.name, UNITS[variable.kind])
+        factor, _ = unit_factor(unit, variable.kind)
+        decimals = max(0, -int(np.floor(np.log10(DIGIT[variable.kind] / factor))))
+        column = Column(variable.name, variable.kind, unit, variable.name)
+        result[:, k] = to_si(np.round(q[:, k] / factor, decimals) + 0.0, column)
+    return np.where((result >= lower) & (result <= upper), result, q)

@@ -75,7 +75,9 @@ def test_the_table_written_is_filled_in_and_identified(run: Run, folder: Path) -
     for at in range(head + 1, len(lines)):
         cells = dict(zip(names, lines[at].split(","), strict=True))
         assert cells["dx [mm]"] == cells["dy [mm]"] == ""
-        q, force = float(cells["q1 [rad]"]), np.array([float(cells["fx [N]"]), float(cells["fy [N]"])])
+        q = np.radians(float(cells["q1 [deg]"]))
+        assert cells["q1 [deg]"] == f"{np.degrees(q):.1f}".removesuffix(".0")  # as a pendant takes it
+        force = np.array([float(cells["fx [N]"]), float(cells["fy [N]"])])
         across = np.array([-np.sin(q), np.cos(q)])
         moved = force / softer.parameter("J1.radial") + across * (across @ force) / 7e5
         cells |= {"dx [mm]": f"{1e3 * moved[0]:.17g}", "dy [mm]": f"{1e3 * moved[1]:.17g}", "dz [mm]": "0"}

@@ -136,7 +136,7 @@ def test_the_plan_is_a_table_that_is_read_back_when_filled_in(tmp_path: Path) ->
     write_plan(campaign, path, KR240)
     lines = path.read_text().splitlines()
     header = next(line for line in lines if not line.startswith("#"))
-    for cell in ("q1 [rad]", "fz [N]", "dx [mm]", "rz [rad]", "pose", "step"):
+    for cell in ("q1 [deg]", "fz [N]", "dx [mm]", "rz [rad]", "pose", "step"):
         assert cell in header.split(",")
     assert any(line.startswith("# sigma_rotation: 5e-05 rad") for line in lines)
     assert any(line.startswith("# plan: 12 tests, D-efficient to at least 9") for line in lines)
@@ -158,7 +158,9 @@ def test_the_plan_is_a_table_that_is_read_back_when_filled_in(tmp_path: Path) ->
         row += 1
     path.write_text("\n".join(filled) + "\n")
     back = read_measurements(path, KR240)
-    assert back.q.tolist() == campaign.tests.q.tolist()
+    # to the digits of a pendant, a tenth of a degree
+    np.testing.assert_allclose(back.q, campaign.tests.q, rtol=0, atol=np.radians(0.05) + 1e-12)
+    np.testing.assert_allclose(np.degrees(back.q), np.degrees(back.q).round(1), rtol=0, atol=1e-12)
     assert back.wrench.tolist() == campaign.tests.wrench.tolist()
     assert back.displacement == pytest.approx(expected, rel=1e-12)
     assert back.pose.tolist() == campaign.tests.pose.tolist()
