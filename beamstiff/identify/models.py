@@ -155,8 +155,12 @@ def _nominal(robot: Robot, table: Measurements, options: Options) -> Fitted:  # 
 
 def _parametric(robot: Robot, table: Measurements, options: Options) -> Fitted:
     found = identify(robot, table, options.parameters, folds=0)
-    known = sum(item.identifiable for item in found.parameters)
-    return Fitted(StructuralModel(found.robot), f"{known} of {len(found.parameters)} stiffness values known")
+    unknown = [item.name for item in found.parameters if not item.identifiable]
+    count = len(found.parameters)
+    said = f"{count - len(unknown)} of {count} stiffness values known"
+    if unknown:
+        said += f"; the rows fitted do not tell {listed(unknown, 6)}"
+    return Fitted(StructuralModel(found.robot), said)
 
 
 def _gray(robot: Robot, table: Measurements, options: Options) -> Fitted:
