@@ -43,9 +43,14 @@ SECOND = 8.0  # log odds of a second cause
 STILL_OPEN = 1.03  # of the noise, which the first must leave on held-out postures for a second to close
 SECOND_WORTH = 0.75  # share of that which both must close
 SECOND_LEFT = 0.33  # share of the gap that both leave to the unknown
-INSTEAD, INSTEAD_LEFT = 25.0, 0.1  # the same of two causes instead of the likeliest by itself
+LITTLE = 0.1  # share that leaves nothing to it
+INSTEAD = 25.0  # log odds of two causes instead of the likeliest by itself, where they leave nothing
+EVIDENT, KNOWN = (
+    50.0,
+    0.9,
+)  # log odds and worth of a second cause that leaves nothing, whatever postures close
 CLEAR = 0.65  # probability that a second cause needs among those that could be it
-FIRST_CLEAR = 0.75  # and the first of two, to be named alone
+FIRST_CLEAR = 0.85  # and the first of two, to be named alone
 DISTINCT, SEVERAL = 1.3, 3  # outliers: strength to be named, and number beside a cause
 SEEN = 0.9  # probability of outliers beside a cause
 MOST = 5  # effects in a set, beyond which the data tell nothing apart
@@ -129,18 +134,21 @@ def odds_of_nameless(search: Search, log_weight: float) -> float:
 def accepted(pair: Pair | None, search: Search, single: Shrink, both: Shrink | None) -> bool:
     """Return whether there are two causes.
 
-    Beside the likeliest a second one has evidence, and closes what the first leaves on unseen postures. Two
-    others instead of it, a flexible one that stood in for both, leave nothing and are worth no less there.
+    Beside the likeliest a second one has evidence, and closes what the first leaves on unseen postures, or
+    what is known of them where each posture has something to itself. Two others instead of it, a flexible one
+    that stood in for both, leave nothing and are worth no less there.
     """
     if pair is None or both is None:
         return False
     best = search.named[0]
     ahead = pair.log_weight - search.log_weight[best]
-    instead = best not in (pair.first, pair.second) and both.misfit <= single.misfit
-    if instead and ahead >= INSTEAD and pair.left <= INSTEAD_LEFT:
+    whole = pair.left <= LITTLE and both.misfit <= single.misfit
+    if whole and ahead >= INSTEAD and best not in (pair.first, pair.second):
         return True
     if single.misfit < STILL_OPEN or pair.left > SECOND_LEFT or ahead < SECOND:
         return False
+    if whole and ahead >= EVIDENT and both.worth >= KNOWN:
+        return True
     before, after = single.misfit**2 - 1.0, both.misfit**2 - 1.0
     return after <= (1.0 - SECOND_WORTH) * before
 

@@ -243,6 +243,28 @@ def test_two_causes_that_are_doubted_say_so_too() -> None:
     assert UNKNOWN in found.indistinguishable
 
 
+@pytest.mark.parametrize(
+    ("ahead", "left", "misfit", "worth", "told"),
+    [
+        (60.0, 0.05, 4.0, 0.95, True),
+        (30.0, 0.05, 4.0, 0.95, False),  # not evident
+        (60.0, 0.2, 4.0, 0.95, False),  # leaves something
+        (60.0, 0.05, 6.5, 0.95, False),  # postures speak against it
+        (60.0, 0.05, 4.0, 0.8, False),  # what is known of them does not speak for it
+    ],
+)
+def test_what_each_posture_has_to_itself_is_a_second_cause_where_it_is_evident(
+    ahead: float, left: float, misfit: float, worth: float, told: bool
+) -> None:
+    """Whoever hooks a load on anew for each posture leaves nothing of it to be told of the next."""
+    pair = pair_of("backlash:q3", "tool-offset:null", ahead, left=left)
+    both = Shrink(
+        4e-4, 3e-4, 0.5, (0.4, 0.6), postures=14, noise=NOISE, misfit=misfit, surely=worth, open=7.0
+    )
+    assert both.worth == pytest.approx(worth)
+    assert accepted(pair, search_of(CLEAR, left=0.4, pairs=(pair,)), HALF, both) == told
+
+
 def test_two_others_stand_instead_of_a_flexible_cause_that_stood_in_for_both() -> None:
     flexible = replace(GOOD, misfit=1.03)
     two = pair_of("base-compliance:null", "joint-coupling:q5+q6", 40.0)

@@ -11,15 +11,14 @@ from numpy.typing import NDArray
 from beamstiff.gap.baseline import Baseline, nominal_pose
 from beamstiff.gap.effects.chosen import best_of, left_by
 from beamstiff.gap.effects.effect import Effect, Quantity, Scales, Shape, stated_scale
-from beamstiff.gap.effects.outside import anew, campaign, clock, each_by_each
+from beamstiff.gap.effects.misread import SCALE, misread
+from beamstiff.gap.effects.outside import anew, campaign, clock
 from beamstiff.se3 import Array
 
 TURN = 0.02  # rad, of displacements
 PLACED_TURN, PLACED_SHIFT = 5e-4, 5e-4  # rad, m, of absolute positions
-SCALE, PLACED_SCALE = 0.01, 1e-4
-FEW_TIMES = 3.0  # its sizes: what errs by a tenth a metre nobody would measure with
+PLACED_SCALE = 1e-4
 SKEWED = ((0, 1), (0, 2), (1, 2))
-PRODUCTS = ((0, 0), (1, 1), (2, 2), *SKEWED)
 MOMENTS, LEAST = 40, 0.15  # moments at most at which the frame may have moved; share of rows before and after
 MOVED = "then moved"
 
@@ -36,7 +35,7 @@ def _of_displacements(baseline: Baseline) -> list[Shape]:
     scale = stretched[..., :3].sum(axis=-1, keepdims=True)
     return [
         Shape("turned", turn, turns),
-        *_elsewhere(baseline),
+        *misread(baseline, turn, turns),
         Shape("turned and scaled", np.concatenate([turn, scale], -1), (*turns, growth), weight=0.5),
         Shape(
             "turned, scaled by axis and skewed",
@@ -150,38 +149,6 @@ def _moment(baseline: Baseline) -> float | None:
 def _scales(baseline: Baseline, component: str | None) -> Scales:  # noqa: ARG001
     at = _moment(baseline)
     return {} if at is None else {"moved_at": at, **asdict(campaign(baseline))}
-
-
-def _elsewhere(baseline: Baseline) -> list[Shape]:
-    """Return misreadings of displacements that change with the place, linearly and by its square.
-
-    What measures by angles and lengths from a stand, or through lenses, errs by where it looks; what reads
-    rotations beside it is turned by itself.
-    """
-    turn, turns = _turned(baseline)
-    turn = np.concatenate([0.0 * turn[:, :3], turn[:, 3:]], 1)
-    moved, place = baseline.predicted[:, :3], nominal_pose(baseline.nominal, baseline.rows)[0]
-    axes = np.broadcast_to(np.eye(3), (len(moved), 3, 3))
-    every = np.concatenate([each_by_each(axes, moved), np.zeros((len(moved), 3, 9))], 1)
-    linear = {"": ("1", np.ones(len(moved)))} | {
-        f"_by_{a}": ("1/m", place[:, k]) for k, a in enumerate("xyz")
-    }
-    square = {f"_by_{'xyz'[i]}{'xyz'[j]}": ("1/m^2", 0.5 * place[:, i] * place[:, j]) for i, j in PRODUCTS}
-
-    def shape(name: str, courses: dict[str, tuple[str, Array]]) -> Shape:
-        columns = [turn, *(every * course[:, None, None] for _, course in courses.values())]
-        entries = [(end, unit) for end, (unit, _) in courses.items() for _ in range(9)]
-        names = [f"reading_{a}_by_{b}" for a in "xyz" for b in "xyz"] * len(courses)
-        quantities = (
-            Quantity(name + end, unit, SCALE) for name, (end, unit) in zip(names, entries, strict=True)
-        )
-        both = (*turns, *quantities)
-        return Shape(name, np.concatenate(columns, -1), both, spread=FEW_TIMES, weight=0.5)
-
-    return [
-        shape("other scales and turns elsewhere", linear),
-        shape("other scales and turns elsewhere, by the square of the way", linear | square),
-    ]
 
 
 EFFECT = Effect(

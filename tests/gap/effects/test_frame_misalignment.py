@@ -79,6 +79,27 @@ def test_a_tracker_whose_angles_and_lengths_have_other_scales_errs_by_where_it_l
     assert left("other scales and turns elsewhere, by the square of the way") < 0.01
 
 
+@pytest.mark.parametrize("degree", [3, 4])
+def test_a_displacement_is_the_difference_of_two_places_that_are_read_in_a_bent_space(degree: int) -> None:
+    there = nominal(kr240(), at_random(kr240(), 60, seed=1))
+    place, moved = arm_at(there.rows.q).tip, there.predicted[:, :3]
+    stand = np.array([4.0, -3.0, 1.0])
+
+    def read(at: np.ndarray) -> np.ndarray:  # a lens: what is farther from its axis is seen farther still
+        x, y, z = (at - stand).T
+        return stand + np.stack([x, y * (1 + 0.002 * (y**2 + z**2)), z * (1 + 0.002 * (y**2 + z**2))], -1)
+
+    step = 1e-4 / np.abs(moved).max()
+    error = (read(place + step * moved) - read(place - step * moved)) / (2 * step) - moved
+    columns = shape_of(
+        there, "frame-misalignment", None, f"places read in a bent space, of degree {degree}"
+    ).columns
+    assert not columns[:, 3:, 3:].any()
+    flat = columns[:, :3, 3:].reshape(180, -1)
+    left = error.ravel() - flat @ np.linalg.lstsq(flat, error.ravel())[0]
+    assert np.linalg.norm(left) < 1e-6 * np.linalg.norm(error)
+
+
 @pytest.mark.parametrize("axis", range(3))
 def test_what_reads_rotations_beside_such_a_tracker_is_turned_by_itself(axis: int) -> None:
     there = nominal(kr240(), at_random(kr240(), 8, seed=1))
