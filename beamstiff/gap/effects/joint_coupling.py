@@ -5,6 +5,7 @@ What couples them, a rod or a hose beside both, may do so by a lever that follow
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import combinations
 
 import numpy as np
@@ -41,21 +42,23 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         Shape("reciprocal", (one + other)[..., None], (shared,), spread=4.0),
         Shape("one way each", np.stack([one, other], -1), both, spread=4.0, weight=0.5),
     ]
-    turns = {
-        k: (np.cos(angle), np.sin(angle))
+    angles = {
+        k: baseline.joint_values[str(axis.joint.variable)]
         for k, axis in enumerate((first, second), start=1)
         if axis.turns
-        for angle in (baseline.joint_values[str(axis.joint.variable)],)
     }
+    turns = {k: {"cosine": np.cos(angle), "sine": np.sin(angle)} for k, angle in angles.items()}
+    # what is wound up goes on where waves come back: wrists turn twice
+    winds = {k: {"turn": angle / np.pi, "turn_squared": (angle / np.pi) ** 2} for k, angle in angles.items()}
     cross = one + other
 
     def followed(
-        column: Array, name: str, large: float, by: list[int], of: str
+        column: Array, name: str, large: float, by: Mapping[int, Mapping[str, Array]], of: str
     ) -> list[tuple[Array, Quantity]]:
         return [
-            (column * course[:, None], Quantity(f"{name}_by_{wave}_{k}", of, 0.5 * large))
-            for k in by
-            for wave, course in zip(("cosine", "sine"), turns[k], strict=True)
+            (column * course[:, None], Quantity(f"{name}_by_{way}_{k}", of, 0.5 * large))
+            for k, courses in by.items()
+            for way, course in courses.items()
         ]
 
     def shape(name: str, parts: list[tuple[Array, Quantity]]) -> Shape:
@@ -63,14 +66,16 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         return Shape(name, columns, quantities, spread=4.0, weight=0.5)
 
     if turns:
-        parts = followed(cross, "coupling_compliance", size, list(turns), unit)
+        parts = followed(cross, "coupling_compliance", size, turns, unit)
         found.append(shape("by the angles", [(cross, shared), *parts]))
-    for k in turns:  # a rod across both is a spring beside each as well
-        parts = followed(cross, "coupling_compliance", size, [k], unit)
-        for at, axis in enumerate((first, second), start=1):
-            own = axis.shift * torque(axis)[:, None]
-            parts += followed(own, f"compliance_{at}", 0.2 * drive_compliance(axis), [k], _unit(axis))
-        found.append(shape(f"a rod across both, by angle {k}", [(cross, shared), *parts]))
+    ways = {"a rod across both, by angle": turns, "a cable across both, wound up by angle": winds}
+    for name, every in ways.items():
+        for k, courses in every.items():  # what is across both is a spring beside each as well
+            parts = followed(cross, "coupling_compliance", size, {k: courses}, unit)
+            for at, axis in enumerate((first, second), start=1):
+                own, large = axis.shift * torque(axis)[:, None], 0.2 * drive_compliance(axis)
+                parts += followed(own, f"compliance_{at}", large, {k: courses}, _unit(axis))
+            found.append(shape(f"{name} {k}", [(cross, shared), *parts]))
     return found
 
 

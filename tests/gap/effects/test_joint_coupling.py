@@ -42,3 +42,24 @@ def test_a_lever_between_them_that_follows_the_angles_couples_by_them() -> None:
     courses = (1 + 0 * q5, np.cos(q5), np.sin(q5), np.cos(q6), np.sin(q6))
     for column, course in enumerate(courses):
         close(shape.columns[..., column], course[:, None] * even)
+
+
+def test_a_spring_on_a_cable_that_winds_up_with_an_angle_is_three_compliances_that_grow_with_it() -> None:
+    """Pulled is the cable by both joints: ``l = (a + b q6) s5 + (c + d q6) s6`` of their slips s."""
+    there = nominal(kr240(), at_random(kr240(), 30, seed=1))
+    arm = arm_at(there.rows.q)
+    torque, q6 = arm.torque(there.rows.wrench), there.rows.q[:, 5]
+    first, second = 0.3 + 0.05 * q6, -0.2 + 0.1 * q6
+    pull = first * torque[:, 4] + second * torque[:, 5]
+    moved = arm.slipped(first * pull, 4) + arm.slipped(second * pull, 5)
+    own = [shape_of(there, "joint-coupling", "q5+q6", name).columns for name in ("reciprocal",)]
+    drives = np.stack([arm.slipped(torque[:, joint], joint) for joint in (4, 5)], -1)  # fitted anyway
+    wound = shape_of(there, "joint-coupling", "q5+q6", "a cable across both, wound up by angle 2").columns
+
+    def left(*columns: np.ndarray) -> float:
+        every = np.concatenate([drives, *columns], -1).reshape(moved.size, -1)
+        rest = moved.ravel() - every @ np.linalg.lstsq(every, moved.ravel())[0]
+        return float(np.linalg.norm(rest) / np.linalg.norm(moved))
+
+    assert left(*own) > 0.05
+    assert left(wound) < 1e-9
