@@ -45,10 +45,7 @@ SECOND_WORTH = 0.75  # share of that which both must close
 SECOND_LEFT = 0.33  # share of the gap that both leave to the unknown
 LITTLE = 0.1  # share that leaves nothing to it
 INSTEAD = 25.0  # log odds of two causes instead of the likeliest by itself, where they leave nothing
-EVIDENT, KNOWN = (
-    50.0,
-    0.9,
-)  # log odds and worth of a second cause that leaves nothing, whatever postures close
+EVIDENT, KNOWN = 100.0, 0.9  # log odds and worth of a second cause that leaves nothing, of what is known
 CLEAR = 0.65  # probability that a second cause needs among those that could be it
 FIRST_CLEAR = 0.85  # and the first of two, to be named alone
 DISTINCT, SEVERAL = 1.3, 3  # outliers: strength to be named, and number beside a cause
