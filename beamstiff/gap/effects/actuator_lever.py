@@ -21,6 +21,7 @@ RATIOS = (0.15, 0.3, 0.5, 0.7, 0.85)  # of the two arms
 FINE_RATIOS = (0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9)
 GEARS = (1.0, 0.6, 0.3)  # turn of the crank over the joint's
 NEARER_DEAD = 0.25
+TWICE = 0.5  # of a wave, that which comes twice
 VARIES = 0.3  # RMS of the compliance over its mean, usual for a drive of this kind
 
 NEAR_DEAD = 0.35  # of its largest lever, below which nobody lets a screw work
@@ -85,12 +86,17 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         )
         for (ratio, phase, _, _), column in zip(cranks, columns, strict=True)
     ]
-    turn = follow.varying(lambda q: np.stack([np.cos(q), np.sin(q)], -1)).T
+    turn = follow.varying(lambda q: np.stack([np.cos(q), np.sin(q), np.cos(2 * q), np.sin(2 * q)], -1)).T
     waves = np.stack([scaled_torque(baseline, axis, factor) for factor in turn], -1)
-    parts = tuple(Quantity(f"compliance_{part}", unit, VARIES * compliance) for part in ("cosine", "sine"))
+    parts = tuple(
+        Quantity(f"compliance_{wave}{often}", unit, size * VARIES * compliance)
+        for often, size in (("", 1.0), ("_twice", TWICE))
+        for wave in ("cosine", "sine")
+    )
     return [
         *result,
-        Shape("once a turn", waves, parts, spread=3.0),
+        Shape("once a turn", waves[..., :2], parts[:2], spread=3.0),
+        Shape("once and twice a turn", waves, parts, spread=3.0, weight=0.5),
         any_of("any crank", family),
         *([any_of("any gentle crank", gentle)] if gentle else []),
     ]

@@ -193,6 +193,20 @@ def test_once_a_turn_the_compliance_follows_cosine_and_sine(campaign: Baseline) 
         close(columns[..., at], elastic(campaign, law(angle) - law(angle).mean()), 1e-6)
 
 
+def test_a_rod_whose_stiffness_has_two_waves_is_once_and_twice_a_turn(campaign: Baseline) -> None:
+    q = campaign.rows.q[:, 1]
+    stiffness = 3.0 + np.cos(q - 0.4) + 0.5 * np.cos(2 * q + 0.7)
+    moved = elastic(campaign, 1.0 / stiffness)
+    once, twice = (
+        shape_of(campaign, "actuator-lever", "q2", name).columns
+        for name in ("once a turn", "once and twice a turn")
+    )
+    assert twice.shape[-1] == 4
+    close(twice[..., :2], once)
+    found = [left(moved, np.concatenate([columns, constant(campaign)], -1)) for columns in (once, twice)]
+    assert found[1] < 0.1 * found[0]
+
+
 def test_a_joint_that_goes_round_has_no_lever(campaign: Baseline) -> None:
     effect = EFFECTS["actuator-lever"]
     assert effect.components(campaign) == ["q2", "q5"]  # 130 and 250 degrees; the third has 274
