@@ -45,7 +45,8 @@ SECOND_WORTH = 0.75  # share of that which both must close
 SECOND_LEFT = 0.33  # share of the gap that both leave to the unknown
 LITTLE = 0.1  # share that leaves nothing to it
 INSTEAD = 25.0  # log odds of two causes instead of the likeliest by itself, where they leave nothing
-EVIDENT, KNOWN = 100.0, 0.9  # log odds and worth of a second cause that leaves nothing, of what is known
+EVIDENT, KNOWN = 50.0, 0.9  # log odds and worth of a second cause that leaves nothing, of what is known
+HALVED = 0.5  # share of what the first leaves of that, which both may leave
 CLEAR = 0.65  # probability that a second cause needs among those that could be it
 FIRST_CLEAR = 0.85  # and the first of two, to be named alone
 DISTINCT, SEVERAL = 1.3, 3  # outliers: strength to be named, and number beside a cause
@@ -144,7 +145,8 @@ def accepted(pair: Pair | None, search: Search, single: Shrink, both: Shrink | N
         return True
     if single.misfit < STILL_OPEN or pair.left > SECOND_LEFT or ahead < SECOND:
         return False
-    if whole and ahead >= EVIDENT and both.worth >= KNOWN:
+    known = both.worth >= KNOWN and 1.0 - both.worth <= HALVED * (1.0 - single.worth)
+    if whole and ahead >= EVIDENT and known:
         return True
     before, after = single.misfit**2 - 1.0, both.misfit**2 - 1.0
     return after <= (1.0 - SECOND_WORTH) * before
