@@ -69,8 +69,9 @@ def screen(baseline: Baseline, library: Library) -> Screened:
     found: dict[int, float] = {}
     rows = int(used.any(axis=1).sum())
     noise, excess = np.ones(2), np.zeros(len(used))
+    whole = whiten(baseline)
     for turn in range(ROUNDS):
-        white = whiten(baseline, used)
+        white = whiten(baseline, used) if found else whole
         if white.freedom < 10:
             break
         columns = _unit_columns(some, white)
@@ -87,12 +88,11 @@ def screen(baseline: Baseline, library: Library) -> Screened:
         if len(found) + worst.size > MOST * rows:  # too many: not outliers, but something else
             used = baseline.used.copy()
             found = {}
-            white = whiten(baseline, used)
-            noise = estimate(white, _unit_columns(some, white), CLAIM if baseline.claimed else NO_CLAIM).noise
+            noise = estimate(whole, _unit_columns(some, whole), CLAIM if baseline.claimed else NO_CLAIM).noise
             break
         found |= {int(row): float(excess[row]) for row in worst}
         used[worst] = False
-    silent = _silent(whiten(baseline)) if baseline.claimed else np.zeros(2, dtype=np.bool_)
+    silent = _silent(whole) if baseline.claimed else np.zeros(2, dtype=np.bool_)
     noise = np.where(silent, 1.0, noise)
     sigma = baseline.sigma * np.repeat(noise, 3)
     order = sorted(found, key=found.__getitem__, reverse=True)

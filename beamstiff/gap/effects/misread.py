@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import combinations_with_replacement
+from math import comb
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from beamstiff.se3 import Array
 SCALE = 0.01
 FEW_TIMES = 5.0  # its sizes: what errs by a tenth a metre nobody would measure with
 PRODUCTS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+LINEAR = 36  # nine gains, constant and by each coordinate
 DEGREES = (3, 4)
 
 
@@ -38,28 +40,28 @@ def misread(baseline: Baseline, turn: Array, turns: tuple[Quantity, ...]) -> Ite
     """
     moved, place = baseline.predicted[:, :3], nominal_pose(baseline.nominal, baseline.rows)[0]
     turned = np.concatenate([0.0 * turn[:, :3], turn[:, 3:]], 1)
+    of_place, bent = _of_each_place(moved, place), _bent(moved, place, max(DEGREES))
     ways = {
-        "other scales and turns elsewhere": _of_each_place(moved, place, square=False),
-        "other scales and turns elsewhere, by the square of the way": _of_each_place(
-            moved, place, square=True
-        ),
+        "other scales and turns elsewhere": (of_place, LINEAR),
+        "other scales and turns elsewhere, by the square of the way": (of_place, len(of_place[1])),
     }
     ways |= {
-        f"places read in a bent space, of degree {degree}": _bent(moved, place, degree) for degree in DEGREES
+        f"places read in a bent space, of degree {degree}": (bent, 3 * (comb(degree + 3, 3) - 1))
+        for degree in DEGREES
     }
-    for name, (columns, quantities) in ways.items():
-        both = np.concatenate([turned, columns], -1)
-        yield Shape(name, both, (*turns, *quantities), spread=FEW_TIMES, weight=0.5)
+    for name, ((columns, quantities), first) in ways.items():
+        both = np.concatenate([turned, columns[..., :first]], -1)
+        yield Shape(name, both, (*turns, *quantities[:first]), spread=FEW_TIMES, weight=0.5)
 
 
-def _of_each_place(moved: Array, place: Array, *, square: bool) -> tuple[Array, list[Quantity]]:
-    """Return nine gains (N, 6, c) of displacements that change with the place, linearly and by its square."""
+def _of_each_place(moved: Array, place: Array) -> tuple[Array, list[Quantity]]:
+    """Return nine gains (N, 6, c) of displacements that change with the place, squares after `LINEAR`."""
     axes = np.broadcast_to(np.eye(3), (len(moved), 3, 3))
     every = np.concatenate([each_by_each(axes, moved), np.zeros((len(moved), 3, 9))], 1)
     courses = {"": ("1", np.ones(len(moved)))} | {
         f"_by_{a}": ("1/m", place[:, k]) for k, a in enumerate("xyz")
     }
-    for i, j in PRODUCTS if square else ():
+    for i, j in PRODUCTS:
         courses[f"_by_{'xyz'[i]}{'xyz'[j]}"] = "1/m^2", 0.5 * place[:, i] * place[:, j]
     columns = [every * course[:, None, None] for _, course in courses.values()]
     quantities = [
@@ -72,7 +74,7 @@ def _of_each_place(moved: Array, place: Array, *, square: bool) -> tuple[Array, 
 
 
 def _bent(moved: Array, place: Array, degree: int) -> tuple[Array, list[Quantity]]:
-    """Return what a bent space adds to displacements (N, 3), (N, 6, c).
+    """Return what a bent space adds to displacements (N, 3), (N, 6, c), lower degrees first.
 
     Read instead of a place x is ``x + sum c_m m(x)``, m the monomials up to a degree, each over its own
     degree; to a displacement d that adds ``c_m (grad m . d)``.
