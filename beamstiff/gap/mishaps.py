@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import norm, rankdata
 
 from beamstiff.gap.baseline import Baseline
@@ -41,23 +42,28 @@ def mishaps(baseline: Baseline, outliers: Sequence[int]) -> list[list[int]]:
     Returns
     -------
     list of list of int
-        Rows of one reflector, one after another, under loads that turn or come to nothing: what gives way and
-        stays so is off by the same under all loads to one side.
+        Rows of one reflector, or of all of them, one after another, under loads that turn or come to nothing:
+        what gives way and stays so is off by the same under all loads to one side.
     """
     wrong = set(outliers)
+    order, point = history_order(baseline.rows), baseline.rows.point
+    of_one = [run for one in np.unique(point) for run in _runs(baseline, order[point[order] == one], wrong)]
+    of_all = _runs(baseline, order, wrong)
+    return of_all if len(of_all) < len(of_one) else of_one
+
+
+def _runs(baseline: Baseline, order: NDArray[np.intp], wrong: set[int]) -> list[list[int]]:
+    """Return the wrong rows of some that were read one after another, by mishap."""
     off = np.where(baseline.used, baseline.gap / baseline.sigma, 0.0)
     result: list[list[int]] = []
-    order, point = history_order(baseline.rows), baseline.rows.point
-    for one in np.unique(point):
-        run: list[int] = []
-        for row in order[point[order] == one].tolist():
-            if row in wrong and run and _same(off[row], off[run].mean(axis=0)):
-                run.append(row)
-                continue
-            result += _as_mishaps(baseline, run)
-            run = [row] if row in wrong else []
+    run: list[int] = []
+    for row in order.tolist():
+        if row in wrong and run and _same(off[row], off[run].mean(axis=0)):
+            run.append(row)
+            continue
         result += _as_mishaps(baseline, run)
-    return result
+        run = [row] if row in wrong else []
+    return result + _as_mishaps(baseline, run)
 
 
 def _same(one: Array, other: Array) -> bool:

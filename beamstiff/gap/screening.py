@@ -79,11 +79,15 @@ def screen(baseline: Baseline, library: Library) -> Screened:
         noise = variance.noise
         distance, count = _left_out(white, columns, variance)
         scale = _spread(distance, count)
-        bound = chi2.isf(SURE / rows, np.maximum(count, 1)) * scale
-        excess = np.where(count > 0, distance / bound, 0.0)
+        excess = _excess(distance, count, rows) / scale
         worst = np.flatnonzero(excess > 1.0)
         worst = worst[np.argsort(-excess[worst])][: max(1, int(0.04 * rows))]
         if not worst.size:
+            if found:  # what was left out beside wrong rows may be what the sound ones predict
+                apart = _excess(*_left_out(whole, _unit_columns(some, whole), variance, list(found)), rows)
+                back = [row for row in found if apart[row] < scale]
+                found = {row: value for row, value in found.items() if row not in back}
+                used[back] = baseline.used[back]
             break
         if len(found) + worst.size > MOST * rows:  # too many: not outliers, but something else
             used = baseline.used.copy()
@@ -98,11 +102,15 @@ def screen(baseline: Baseline, library: Library) -> Screened:
     order = sorted(found, key=found.__getitem__, reverse=True)
     strength = float(np.median(list(found.values()))) if found else 0.0
     excess[order] = 0.0
-    apart = len(order) > 0 and bool(np.sort(excess)[-1 - BUT] < SOUND)
-    isolated = apart and by_chance(baseline, order)
+    isolated = len(order) > 0 and bool(np.sort(excess)[-1 - BUT] < SOUND) and by_chance(baseline, order)
     outliers = np.array(order, dtype=np.intp)
     shown = replace(baseline, sigma=sigma)
     return Screened(shown, used, outliers, noise, strength, isolated, bool(silent.any()))
+
+
+def _excess(distance: Array, count: NDArray[np.intp], rows: int) -> Array:
+    """Return squared distances (N,) over those that hardly any of so many sound rows reaches."""
+    return np.where(count > 0, distance / chi2.isf(SURE / rows, np.maximum(count, 1)), 0.0)
 
 
 def _silent(white: Whitened) -> NDArray[np.bool_]:
@@ -122,8 +130,13 @@ def _spread(distance: Array, count: NDArray[np.intp]) -> float:
     return max(1.0, float(np.median(distance[known] / chi2.median(count[known]))))
 
 
-def _left_out(white: Whitened, columns: Array, variance: Variance) -> tuple[Array, NDArray[np.intp]]:
-    """Return each row's squared distance from what the others predict (N,), and its number of values."""
+def _left_out(
+    white: Whitened, columns: Array, variance: Variance, together: Sequence[int] = ()
+) -> tuple[Array, NDArray[np.intp]]:
+    """Return each row's squared distance from what the others predict (N,), and its number of values.
+
+    Of rows left out together, none counts among the others; only they have distances then.
+    """
     inverse, _ = precision(white, columns, variance)
     n = white.gap.size
     seen = white.back(inverse.times(white.gap)[:, None])[:, 0]
@@ -132,11 +145,19 @@ def _left_out(white: Whitened, columns: Array, variance: Variance) -> tuple[Arra
     number = np.full(white.used.shape, -1)
     number[white.used] = np.arange(n)
     distance, count = np.zeros(len(number)), np.zeros(len(number), dtype=np.intp)
-    for row in np.flatnonzero(white.used.any(axis=1)):
-        at = number[row][white.used[row]]
+    rows = np.flatnonzero(white.used.any(axis=1)).tolist()
+    for some in [list(together)] if together else [[row] for row in rows]:
+        own = [number[row][white.used[row]] for row in some]
+        at = np.concatenate(own)
         block = plain[at] @ plain[at].T - taken[at] @ taken[at].T
-        distance[row] = float(seen[at] @ np.linalg.lstsq(block, seen[at], rcond=1e-9)[0])
-        count[row] = at.size
+        covariance = np.linalg.pinv(block, rcond=1e-9, hermitian=True)
+        left = covariance @ seen[at]
+        ends = np.cumsum([0, *(len(values) for values in own)]).tolist()
+        for row, start, end in zip(some, ends[:-1], ends[1:], strict=True):
+            part = left[start:end]
+            its = covariance[start:end, start:end]
+            distance[row] = float(part @ np.linalg.lstsq(its, part, rcond=1e-9)[0])
+            count[row] = end - start
     return distance, count
 
 
