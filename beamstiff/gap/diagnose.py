@@ -22,6 +22,7 @@ from beamstiff.gap.notes import notes
 from beamstiff.gap.result import Candidate, Diagnosis, estimates_of
 from beamstiff.gap.screening import Screened, screen
 from beamstiff.gap.search import NONE, OUTLIERS, UNKNOWN, Search, search, weighed_together
+from beamstiff.gap.together import Pair
 from beamstiff.gap.verdict import SECOND, Judged, judge
 from beamstiff.gap.where import where
 from beamstiff.gap.whitened import Whitened, whiten
@@ -136,7 +137,11 @@ def _diagnosis(weighed: Weighed, chance: tuple[float, float], may_be_outliers: b
         key: held_out(linear, used, [found.shapes[key]], scale, seed) for key in found.named[:REPORTED]
     }
     odd_rows = (outlying.size, screened.strength, screened.isolated)
-    judged = judge(found, white.freedom, chance[1], odd_rows, shrinks[best], both, may_be_outliers)
+    by_load = None
+    if pair is not None and both is not None and _each_posture_its_own(pair):
+        single = held_out(linear, used, [found.shapes[best]], scale, seed, by_load=True)
+        by_load = single, held_out(linear, used, pair.shapes, scale, seed, by_load=True)
+    judged = judge(found, white.freedom, chance[1], odd_rows, shrinks[best], both, may_be_outliers, by_load)
     models = _models(judged, found)
     if judged.verdict != UNKNOWN:
         scale = scale_after(white, models, weighed.scales)
@@ -169,6 +174,12 @@ def _diagnosis(weighed: Weighed, chance: tuple[float, float], may_be_outliers: b
         next=as_plain(programme(linear, used, rivals, scale, seed)),
         features=_features(weighed, chance, both, shrinks[best], scale),
     )
+
+
+def _each_posture_its_own(pair: Pair) -> bool:
+    """Return whether a pair has parameters of some postures alone, which tell nothing of new ones."""
+    shapes = [one.hypothesis.shape for shapes in pair.shapes for one in shapes]
+    return any(quantity.passing for shape in shapes for quantity in shape.parameters)
 
 
 def _models(judged: Judged, found: Search) -> list[list[Weighted]]:

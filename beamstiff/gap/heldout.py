@@ -206,15 +206,23 @@ def bounded(columns: Array, gap: Array, least: Array) -> Array:
 
 
 def folds(
-    baseline: Baseline, used: NDArray[np.bool_], rng: np.random.Generator
+    baseline: Baseline, used: NDArray[np.bool_], rng: np.random.Generator, by_load: bool = False
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return the fold of each row (N,), -1 where no position counts, and the postures that are folded."""
+    """Return the fold of each row (N,), -1 where no position counts, and the postures that are folded.
+
+    By load, those of a posture are divided among the folds.
+    """
     seen = np.flatnonzero(used[:, :3].any(axis=1))
     poses = np.unique(baseline.rows.pose[seen])
+    unit = baseline.rows.pose
+    if by_load:
+        states = np.column_stack([baseline.rows.pose, baseline.rows.wrench])
+        unit = np.unique(states, axis=0, return_inverse=True)[1].reshape(-1)
+    units = np.unique(unit[seen])
     fold_of = dict(
-        zip(rng.permutation(poses).tolist(), (np.arange(poses.size) % FOLDS).tolist(), strict=True)
+        zip(rng.permutation(units).tolist(), (np.arange(units.size) % FOLDS).tolist(), strict=True)
     )
-    fold = np.array([fold_of.get(pose, -1) for pose in baseline.rows.pose.tolist()], dtype=np.intp)
+    fold = np.array([fold_of.get(one, -1) for one in unit.tolist()], dtype=np.intp)
     return fold, poses
 
 
@@ -224,14 +232,15 @@ def held_out(
     models: Sequence[Sequence[Weighted]],
     scale: float,
     seed: int,
+    by_load: bool = False,
 ) -> Shrink:
-    """Return what effects are worth on held-out postures; parameters as for `fitted`."""
+    """Return what effects are worth on held-out postures, or loads; parameters as for `fitted`."""
     rng = np.random.default_rng(seed)
-    fold, poses = folds(baseline, used, rng)
+    fold, poses = folds(baseline, used, rng, by_load)
     left = [np.zeros_like(baseline.gap) for _ in range(2)]
     unsure = np.zeros_like(baseline.gap)
     problems = [stated(baseline, used, effects, scale) for effects in ((), models)]
-    for k in range(min(FOLDS, poses.size)):
+    for k in range(int(fold.max(initial=-1)) + 1):
         train = fold != k
         for target, problem in zip(left, problems, strict=True):
             fits = problem.solved(train)

@@ -3,9 +3,10 @@
 Evidence takes its shapes for true, and no real drive or link has exactly the shape of a library: a truth
 that is off by a share of its own size shifts log odds by an amount that grows with the evidence itself. Log
 odds between effects are therefore divided by ``1 + E / FAITH``, E the log odds of the best against the
-unknown, and more where values are few. What a cause leaves to the unknown, what it is worth on postures it
-did not see, and how far the free laws of the places explain more than it does, decide
-between it and `unknown`.
+unknown, and more where values are few; those between pairs, which are free enough to show by what they leave
+how far off they are, by ``1 + sqrt(E left)``. What a cause leaves to the unknown, what it is worth on
+postures it did not see, and how far the free laws of the places explain more than it does, decide between it
+and `unknown`.
 
 The constants are those of simulated campaigns (`beamstiff exam`) on seeds of their own, which are not
 reported.
@@ -25,7 +26,6 @@ from beamstiff.gap.search import NONE, OUTLIERS, UNKNOWN, Search
 from beamstiff.gap.together import Pair
 
 FAITH = 40.0
-FAITH_IN_TWO = 100.0  # the same of which two causes there are
 # log odds that a cause is real: of its share left to the unknown, of the share of its evidence that free laws
 # of the places have, and of its worth on held-out postures
 REAL, LEFT, FREE, WORTH = 2.2, 1.25, 6.8, 2.6
@@ -47,9 +47,10 @@ LITTLE = 0.1  # share that leaves nothing to it
 INSTEAD = 25.0  # log odds of two causes instead of the likeliest by itself, where they leave nothing
 EVIDENT, KNOWN = 50.0, 0.9  # log odds and worth of a second cause that leaves nothing, of what is known
 HALVED = 0.5  # share of what the first leaves of that, which both may leave
-CLEAR = 0.65  # probability that a second cause needs among those that could be it
+CLEAR = 0.7  # probability that a second cause needs among those that could be it
 FIRST_CLEAR = 0.85  # and the first of two, to be named alone
 DISTINCT, SEVERAL = 1.3, 3  # outliers: strength to be named, and number beside a cause
+GROSS = 10.0  # strength from which fewer are named beside it
 SEEN = 0.9  # probability of outliers beside a cause
 MOST = 5  # effects in a set, beyond which the data tell nothing apart
 
@@ -79,11 +80,11 @@ class Judged:
     unclear: tuple[str, ...] = ()
 
 
-def tempered(log_weight: Mapping[str, float], evidence: float, faith: float = FAITH) -> dict[str, float]:
-    """Return probabilities of effects among themselves, from log weights and the evidence of the best."""
+def tempered(log_weight: Mapping[str, float], divisor: float) -> dict[str, float]:
+    """Return probabilities of candidates among themselves, from log weights over a divisor."""
     keys = list(log_weight)
     values = np.array([log_weight[key] for key in keys])
-    values = (values - values.max()) / (1.0 + max(evidence, 0.0) / faith)
+    values = (values - values.max()) / divisor
     share = np.exp(values - logsumexp(values))
     return dict(zip(keys, share.tolist(), strict=True))
 
@@ -129,12 +130,19 @@ def odds_of_nameless(search: Search, log_weight: float) -> float:
     return float((nameless - log_weight) / (1.0 + max(evidence, 0.0) / FAITH))
 
 
-def accepted(pair: Pair | None, search: Search, single: Shrink, both: Shrink | None) -> bool:
+def accepted(
+    pair: Pair | None,
+    search: Search,
+    single: Shrink,
+    both: Shrink | None,
+    by_load: tuple[Shrink, Shrink] | None = None,
+) -> bool:
     """Return whether there are two causes.
 
-    Beside the likeliest a second one has evidence, and closes what the first leaves on unseen postures, or
-    what is known of them where each posture has something to itself. Two others instead of it, a flexible one
-    that stood in for both, leave nothing and are worth no less there.
+    Beside the likeliest a second one has evidence, and closes what the first leaves on unseen postures. Where
+    each posture has something to itself it closes what is known of them, or what the first leaves of unseen
+    loads there. Two others instead of it, a flexible one that stood in for both, leave nothing and are worth
+    no less.
     """
     if pair is None or both is None:
         return False
@@ -148,8 +156,13 @@ def accepted(pair: Pair | None, search: Search, single: Shrink, both: Shrink | N
     known = both.worth >= KNOWN and 1.0 - both.worth <= HALVED * (1.0 - single.worth)
     if whole and ahead >= EVIDENT and known:
         return True
-    before, after = single.misfit**2 - 1.0, both.misfit**2 - 1.0
-    return after <= (1.0 - SECOND_WORTH) * before
+    of_loads = by_load is not None and pair.left <= LITTLE and ahead >= EVIDENT and _closes(*by_load)
+    return of_loads or _closes(single, both)
+
+
+def _closes(single: Shrink, both: Shrink) -> bool:
+    """Return whether a second cause closes most of what the first leaves."""
+    return both.misfit**2 - 1.0 <= (1.0 - SECOND_WORTH) * (single.misfit**2 - 1.0)
 
 
 def judge(
@@ -160,6 +173,7 @@ def judge(
     single: Shrink,
     both: Shrink | None,
     may_be_outliers: bool = True,
+    by_load: tuple[Shrink, Shrink] | None = None,
 ) -> Judged:
     """Return the verdict.
 
@@ -177,6 +191,8 @@ def judge(
         Held-out worth of the best cause, and of the best pair.
     may_be_outliers : bool
         Whether rows that nothing explains may be called wrong; else they are what is unknown.
+    by_load : (Shrink, Shrink), optional
+        The worth of both on held-out loads, where the pair has something to itself in each posture.
     """
     named = search.named
     odd_rows = outliers[0] > 0 and outliers[1] >= DISTINCT
@@ -184,7 +200,7 @@ def judge(
     best = named[0]
     evidence = search.log_weight[best] - search.log_weight[UNKNOWN]
     faith = FAITH * min(1.0, max(freedom, 1) / ENOUGH)
-    effects = tempered({key: search.log_weight[key] for key in named}, evidence, faith)
+    effects = tempered({key: search.log_weight[key] for key in named}, 1.0 + max(evidence, 0.0) / faith)
     total = float(logsumexp(np.array([search.log_weight[key] for key in named])))
     quiet = search.log_weight[NONE] - total  # log odds of nothing against any effect
     evidence_of_any = -quiet
@@ -194,10 +210,11 @@ def judge(
     if chance > CHANCE:
         quiet = max(quiet, np.log(chance / CHANCE))
     pair = search.pairs[0] if search.pairs else None
-    two = accepted(pair, search, single, both)
+    two = accepted(pair, search, single, both, by_load)
     left, worth, weight = search.left[best], single.worth, search.log_weight[best]
     if two and pair is not None and both is not None:
-        left, worth, weight = pair.left, both.worth, pair.log_weight
+        worth = max(both.worth, by_load[1].worth) if by_load is not None else both.worth
+        left, weight = pair.left, pair.log_weight
     odd = doubt(left, share_of_free_laws(search, weight), worth)
     odd = float(np.logaddexp(odd, odds_of_nameless(search, weight)))
     if freedom < FEW:
@@ -215,7 +232,7 @@ def judge(
     probabilities = {key: real * share for key, share in effects.items()} | shares
     if real >= max(shares.values()):
         verdict = max(effects, key=effects.__getitem__)
-        wrong = odd_rows and outliers[0] >= SEVERAL and outliers[2]
+        wrong = odd_rows and (outliers[0] >= SEVERAL or outliers[1] >= GROSS) and outliers[2]
         also = (OUTLIERS, SEEN) if wrong and may_be_outliers else (None, 0.0)
         doubted = (UNKNOWN,) if shares[UNKNOWN] >= DOUBTED or (wrong and not may_be_outliers) else ()
         return Judged(probabilities, verdict, _set(effects, verdict) + doubted, *also)
@@ -245,7 +262,8 @@ def _two(
 ) -> Judged:
     names = {f"{k}": one for k, one in enumerate(search.pairs)}
     evidence = pair.log_weight - search.log_weight[UNKNOWN]
-    among = tempered({k: one.log_weight for k, one in names.items()}, evidence, FAITH_IN_TWO)
+    divisor = 1.0 + float(np.sqrt(max(evidence, 0.0) * pair.left))
+    among = tempered({k: one.log_weight for k, one in names.items()}, divisor)
     member: dict[str, float] = {}
     for k, share in among.items():
         for key in (names[k].first, names[k].second):

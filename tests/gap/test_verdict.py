@@ -135,13 +135,22 @@ def test_a_set_is_the_likeliest_few_in_their_order() -> None:
     assert shares == sorted(shares, reverse=True)
 
 
-def test_evidence_is_believed_less_the_more_of_it_there_is() -> None:
-    # shapes are never quite right: what speaks for the one against the other grows with the gap itself
+def test_log_odds_are_divided_so_that_the_likeliest_stays_ahead() -> None:
     weights = {"a": 0.0, "b": -10.0}
-    shares = [tempered(weights, evidence)["b"] for evidence in (0.0, 50.0, 500.0)]
+    shares = [tempered(weights, divisor)["b"] for divisor in (1.0, 5.0, 50.0)]
     assert shares[0] == pytest.approx(np.exp(-10) / (1 + np.exp(-10)))
     assert shares[0] < shares[1] < shares[2] < 0.5
-    assert sum(tempered(weights, 77.0).values()) == pytest.approx(1)
+    assert sum(tempered(weights, 7.7).values()) == pytest.approx(1)
+
+
+def test_evidence_is_believed_less_the_more_of_it_there_is() -> None:
+    # shapes are never quite right: what speaks for the one against the other grows with the gap itself
+    ahead = [
+        judged(search_of({"hardening:q1": size, "backlash:q1": size - 10.0})).probabilities["backlash:q1"]
+        for size in (0.0, 50.0, 500.0)
+    ]
+    assert ahead == sorted(ahead)
+    assert ahead[0] < 0.6 * ahead[-1]
 
 
 def test_doubt_grows_with_what_is_left_and_what_free_laws_explain_and_shrinks_with_worth() -> None:
