@@ -120,6 +120,22 @@ def test_what_fits_each_posture_by_itself_is_worth_nothing_on_others() -> None:
     assert found.worth < 0.05
 
 
+def test_what_each_posture_has_to_itself_is_worth_something_on_its_other_loads() -> None:
+    there, rng = campaign(poses=12, loads=10), np.random.default_rng(9)
+    own = np.zeros((120, 6, 12))
+    pose = np.repeat(np.arange(12), 10)
+    own[np.arange(120), :, pose] = np.linalg.norm(there.rows.wrench, axis=1)[:, None] * 1e-6
+    gap = own @ rng.standard_normal(12) * 10 + rng.standard_normal((120, 6)) * SIGMA
+    by_posture, by_load = (
+        held_out(with_gap(there, gap), there.used, [[weighted(own)]], 1.0, 0, by_load=held)
+        for held in (False, True)
+    )
+    assert by_posture.worth < 0.3
+    assert by_load.worth > 0.95
+    assert by_load.misfit == pytest.approx(1.0, abs=0.1)
+    assert by_load.postures == by_posture.postures == 12
+
+
 def test_a_posture_that_an_effect_says_little_of_does_not_spoil_what_it_is_worth() -> None:
     """Of two parameters one shows in a single posture, much: without it nothing is known of it."""
     there, rng = campaign(), np.random.default_rng(8)

@@ -42,6 +42,17 @@ def test_rows_one_after_another_that_are_off_by_the_same_are_one_mishap() -> Non
     assert mishaps(under(there, [0.5, 0.0, -0.5]), [RUN[0], RUN[2]]) == [[RUN[0]], [RUN[2]]]  # one is sound
 
 
+def test_a_knock_of_the_tracker_strikes_whichever_reflector_is_read() -> None:
+    there = under(off_by(dict.fromkeys(RUN, SHIFT)), [0.5, 0.0, -0.5])
+    points = np.where(np.arange(len(there.rows)) % 2 == 0, "left", "right")
+    of_two = replace(there, rows=replace(there.rows, point=points))
+    assert mishaps(of_two, RUN) == [RUN]
+    gap = there.gap.copy()
+    gap[RUN[1]] *= -1  # the other reflector is off by something else
+    apart = replace(of_two, measured=there.predicted + gap)
+    assert sorted(mishaps(apart, RUN)) == [[RUN[0], RUN[2]], [RUN[1]]]
+
+
 def test_what_gives_way_and_stays_so_is_no_mishap() -> None:
     there = off_by(dict.fromkeys(RUN, SHIFT))
     assert mishaps(under(there, [0.6, 1.0, 0.5]), RUN) == [[row] for row in RUN]

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
+from beamstiff.gap import screening
 from beamstiff.gap.baseline import Baseline, fit_baseline
 from beamstiff.gap.library import Library, state_library
-from beamstiff.gap.screening import Screened, screen
+from beamstiff.gap.screening import Screened, _left_out, screen
+from beamstiff.gap.variance import Variance
 from beamstiff.gap.whitened import whiten
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements
+from beamstiff.se3 import Array
 from tests.gap import planted
 from tests.gap.machines import POSITION, ROTATION, kr240
 
@@ -138,3 +143,50 @@ def test_rows_that_scatter_far_below_the_noise_claimed_are_judged_by_the_claim(s
     found = screened(planted.campaign(PLAN, seed=1, noise=size))
     assert found.silent == (size < 0.3)
     np.testing.assert_allclose(found.noise, 1.0 if found.silent else size, rtol=0.25)
+
+
+def test_rows_left_out_together_are_compared_with_what_the_others_predict() -> None:
+    """Against the conditional distribution of a dense Gaussian, the fitted parameters nearly free."""
+    rng = np.random.default_rng(6)
+    white = whiten(prepared(planted.campaign(PLAN, planted.backlash, seed=1))[0])
+    columns = white.leave(rng.standard_normal((white.gap.size, 4)))
+    scales = Variance(np.array([1.2, 0.9]), 0.3, 2.0)
+    some = [5, 6, 40]
+    distance, count = _left_out(white, columns, scales, some)
+    assert np.flatnonzero(count).tolist() == some
+    rotation = (white.component >= 3).astype(np.intp)
+    free = 1e4 * white.tangent / np.linalg.norm(white.tangent, axis=0)
+    covariance = np.diag(scales.noise[rotation] ** 2 + scales.unknown * white.unknown)
+    covariance += scales.library * columns @ columns.T + free @ free.T
+    axes = white.undo(np.eye(white.gap.size))  # to the values as they were measured
+    covariance, gap = axes @ covariance @ axes.T, axes @ white.gap
+    number = np.cumsum(white.used.ravel()).reshape(white.used.shape) - 1
+    out = np.concatenate([number[row][white.used[row]] for row in some])
+    rest = np.setdiff1d(np.arange(white.gap.size), out)
+    gain = np.linalg.solve(covariance[np.ix_(rest, rest)], covariance[np.ix_(rest, out)]).T
+    left = gap[out] - gain @ gap[rest]
+    apart = covariance[np.ix_(out, out)] - gain @ covariance[np.ix_(rest, out)]
+    for row, at in zip(some, np.split(np.arange(out.size), len(some)), strict=True):
+        expected = left[at] @ np.linalg.solve(apart[np.ix_(at, at)], left[at])
+        assert distance[row] == pytest.approx(expected, rel=1e-4)
+
+
+def test_what_was_left_out_beside_wrong_rows_is_taken_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = wrong(planted.campaign(PLAN, planted.backlash, seed=1), [5, 22, 47, 70], 2e-3)
+    there, library = prepared(rows)
+    each = screening._left_out
+    turns: list[int] = []
+
+    def misled(*args: Any) -> tuple[Array, NDArray[np.intp]]:
+        distance, count = each(*args)
+        if len(args) == 3 and not turns:  # in the first turn two sound rows look worse than all
+            distance = distance.copy()
+            distance[[10, 11]] = 1e6
+        turns.append(len(args))
+        return distance, count
+
+    monkeypatch.setattr(screening, "_left_out", misled)
+    found = screen(there, library)
+    assert turns[-1] == 4
+    assert sorted(found.outliers.tolist()) == [5, 22, 47, 70]
+    assert found.used[[10, 11]].all()

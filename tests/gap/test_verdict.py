@@ -180,6 +180,7 @@ def test_rows_are_wrong_beside_a_cause_where_they_are_isolated() -> None:
     assert judged(search_of(CLEAR), outliers=WRONG).also == OUTLIERS
     assert judged(search_of(CLEAR), outliers=(30, 3.0, False)).also is None
     assert judged(search_of(CLEAR), outliers=(2, 3.0, True)).also is None
+    assert judged(search_of(CLEAR), outliers=(1, 30.0, True)).also == OUTLIERS  # one that is grossly wrong
 
 
 def test_rows_that_nothing_explains_are_unknown_where_they_may_not_be_called_wrong() -> None:
@@ -274,6 +275,41 @@ def test_what_each_posture_has_to_itself_is_a_second_cause_where_it_is_evident(
     assert accepted(pair, search_of(CLEAR, left=0.4, pairs=(pair,)), HALF, both) == told
     known = replace(HALF, surely=0.92, open=7.0)  # of what is known the first leaves next to nothing
     assert not accepted(pair, search_of(CLEAR, left=0.4, pairs=(pair,)), known, replace(both, surely=0.95))
+
+
+@pytest.mark.parametrize(
+    ("ahead", "left", "first", "second", "told"),
+    [
+        (60.0, 0.05, 3.0, 1.1, True),
+        (40.0, 0.05, 3.0, 1.1, False),  # not evident enough
+        (60.0, 0.2, 3.0, 1.1, False),  # leaves too much
+        (60.0, 0.05, 3.0, 2.0, False),  # does not close what the first leaves of other loads
+    ],
+)
+def test_what_each_posture_has_to_itself_is_judged_by_its_other_loads(
+    ahead: float, left: float, first: float, second: float, told: bool
+) -> None:
+    pair = pair_of("backlash:q3", "tool-offset:null", ahead, left)
+    search = search_of(CLEAR | {pair.second: -90.0}, left=0.4, pairs=(pair,))
+    by_load = replace(HALF, misfit=first), replace(GOOD, misfit=second)
+    assert not accepted(pair, search, HALF, HALF)
+    assert accepted(pair, search, HALF, HALF, by_load) == told
+    also = judged(search, single=HALF, both=HALF, by_load=by_load).also
+    assert (also is not None) == told
+
+
+def test_pairs_are_told_apart_the_better_the_less_they_leave() -> None:
+    def second(left: float) -> float:
+        pairs = tuple(
+            pair_of("backlash:q3", name, 100.0 - 20.0 * at, left)
+            for at, name in enumerate(("base-compliance:null", "bearing-tilt:q2"))
+        )
+        effects = CLEAR | {pair.second: -90.0 for pair in pairs}
+        return judged(search_of(effects, left=0.4, pairs=pairs), single=HALF, both=GOOD).also_probability
+
+    shares = [second(left) for left in (0.01, 0.05, 0.1)]
+    assert shares == sorted(shares, reverse=True)
+    assert shares[0] > 0.99
 
 
 def test_two_others_stand_instead_of_a_flexible_cause_that_stood_in_for_both() -> None:
