@@ -13,14 +13,14 @@ from beamstiff.gap.attribution import attribute, ceiling, shares
 from beamstiff.gap.baseline import Baseline, fit_baseline
 from beamstiff.gap.evidence import Scales, detection
 from beamstiff.gap.free_laws import FreeLaw, free_laws
-from beamstiff.gap.heldout import Fitted, Shrink, Weighted, fitted, folds, held_out
+from beamstiff.gap.heldout import Fitted, Shrink, Weighted, fitted, folds, held_out, shift
 from beamstiff.gap.library import Library, seen_by, state_library
 from beamstiff.gap.linearised import TURNS, beside_the_cause
 from beamstiff.gap.next import as_plain, programme
 from beamstiff.gap.noise import scale_after, scales_of
 from beamstiff.gap.notes import notes
 from beamstiff.gap.result import Candidate, Diagnosis, estimates_of
-from beamstiff.gap.screening import Screened, screen
+from beamstiff.gap.screening import Screened, screen, unlikely
 from beamstiff.gap.search import NONE, OUTLIERS, UNKNOWN, Search, search, weighed_together
 from beamstiff.gap.together import Pair
 from beamstiff.gap.verdict import SECOND, Judged, judge
@@ -136,7 +136,8 @@ def _diagnosis(weighed: Weighed, chance: tuple[float, float], may_be_outliers: b
     shrinks = {
         key: held_out(linear, used, [found.shapes[key]], scale, seed) for key in found.named[:REPORTED]
     }
-    odd_rows = (outlying.size, screened.strength, screened.isolated)
+    wrong = _still_wrong(screened, linear, found.shapes[best], scale)
+    odd_rows = (wrong, screened.strength, screened.isolated)
     by_load = None
     if pair is not None and both is not None and _each_posture_its_own(pair):
         single = held_out(linear, used, [found.shapes[best]], scale, seed, by_load=True)
@@ -174,6 +175,14 @@ def _diagnosis(weighed: Weighed, chance: tuple[float, float], may_be_outliers: b
         next=as_plain(programme(linear, used, rivals, scale, seed)),
         features=_features(weighed, chance, both, shrinks[best], scale),
     )
+
+
+def _still_wrong(screened: Screened, baseline: Baseline, shapes: Sequence[Weighted], scale: float) -> int:
+    """Return how many of the rows that were left out the likeliest cause does not explain either."""
+    fits = fitted(baseline, screened.used, [shapes], scale)
+    moved = shift(baseline, fits, [[one.hypothesis.shape.columns for one in fit.shapes] for fit in fits])
+    off = np.where(baseline.used, (baseline.gap - moved) / (scale * baseline.sigma), 0.0)[screened.outliers]
+    return int(unlikely((off**2).sum(axis=1), baseline.used[screened.outliers].sum(axis=1), len(moved)).sum())
 
 
 def _each_posture_its_own(pair: Pair) -> bool:

@@ -108,6 +108,11 @@ def screen(baseline: Baseline, library: Library) -> Screened:
     return Screened(shown, used, outliers, noise, strength, isolated, bool(silent.any()))
 
 
+def unlikely(squared: Array, values: NDArray[np.intp], rows: int) -> NDArray[np.bool_]:
+    """Return which rows are farther off (squared, over the noise) than hardly any of so many sound ones."""
+    return np.asarray(_excess(squared, values, rows) > 1.0)
+
+
 def _excess(distance: Array, count: NDArray[np.intp], rows: int) -> Array:
     """Return squared distances (N,) over those that hardly any of so many sound rows reaches."""
     return np.where(count > 0, distance / chi2.isf(SURE / rows, np.maximum(count, 1)), 0.0)

@@ -25,7 +25,7 @@ from beamstiff.gap.heldout import Shrink
 from beamstiff.gap.search import NONE, OUTLIERS, UNKNOWN, Search
 from beamstiff.gap.together import Pair
 
-FAITH = 40.0
+FAITH = 60.0
 # log odds that a cause is real: of its share left to the unknown, of the share of its evidence that free laws
 # of the places have, and of its worth on held-out postures
 REAL, LEFT, FREE, WORTH = 2.2, 1.25, 6.8, 2.6

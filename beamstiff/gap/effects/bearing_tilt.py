@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from beamstiff.gap.baseline import Baseline, own_direction
 from beamstiff.gap.effects.effect import Effect, Quantity, Scales, Shape, stated_scale
 from beamstiff.gap.effects.laws import (
     CONTACT,
+    any_symmetric,
     by_compliance,
     component_of,
     joint_of,
@@ -28,8 +30,8 @@ TILT = 2e-7  # rad/(N m), of a heavy robot's
 OF_DRIVE = 0.5  # the same over the compliance of the joint's own drive
 RADIAL, AXIAL = 0.015, 0.01  # m^2, over the tilting compliance
 SPREAD, REALISTIC = 30.0, 10.0  # from a wrist's to a press's; and of most
-NAMES = ("x", "y", "z", "rx", "ry", "rz")
 PRELOADS = {"": 0.0, ", with preload": 0.5}  # of the usual moment, up to which contacts give evenly
+KNEES = (0.1, 0.2, 0.35, 0.6)  # of the usual moment, at which a preload may be lost: bearings give more then
 RAYS = (0, 45, 90, 135)  # deg about the joint's axis, about which rolling contacts give
 OFF = 0.05  # m along the axis, from the joint's frame to where its bearing tilts about
 
@@ -65,26 +67,31 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     stiffening = _stiffening(baseline, place, usual)
     contact = Quantity("tilt_at_usual_moment", "rad", size * usual, positive=True)
     contacts = [replace(contact, name=f"{contact.name}_at_{degrees}_deg") for degrees in RAYS]
+    every, quantities = [*by_axis, radial, axial], (*two, skew, both_ways, lengthwise)
     found = [
         Shape("tilt", tilt[..., None], (tilting,)),
         Shape("tilt and radial", np.stack([tilt, radial], -1), (tilting, both_ways)),
         Shape("tilt by axis", np.stack(by_axis, -1), (*two, skew)),
         Shape("tilt that stiffens", np.stack([tilt, stiffening], -1), (tilting, contact)),
-        Shape("all", np.stack([*by_axis, radial, axial], -1), (*two, skew, both_ways, lengthwise)),
-        Shape(
-            "all, stiffening",
-            np.stack([*by_axis, radial, axial, stiffening], -1),
-            (*two, skew, both_ways, lengthwise, contact),
-            weight=0.5,
-        ),
+        Shape("all", np.stack(every, -1), quantities),
+        Shape("all, stiffening", np.stack([*every, stiffening], -1), (*quantities, contact), weight=0.5),
         *(
             Shape(
                 f"all, stiffening by axis{how}",
-                np.stack([*by_axis, radial, axial, *_by_axis(baseline, place, usual, preload)], -1),
-                (*two, skew, both_ways, lengthwise, *contacts),
+                np.stack([*every, *_by_axis(baseline, place, usual, _contact(preload))], -1),
+                (*quantities, *contacts),
                 weight=0.5,
             )
             for how, preload in PRELOADS.items()
+        ),
+        *(
+            Shape(
+                f"all, softening by axis as its preload is lost at {knee:g}",
+                np.stack([*every, *_by_axis(baseline, place, usual, _unloaded(knee))], -1),
+                (*quantities, *contacts),
+                weight=0.5 / len(KNEES),
+            )
+            for knee in KNEES
         ),
         Shape("tilt off its centre", np.stack([tilt, radial, across - along], -1), (tilting, both_ways, off)),
         Shape(
@@ -102,8 +109,14 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         by_seat = [by_compliance(baseline, seat, [pair]) for pair in ((4, 4), (5, 5), (4, 5))]
         found.append(Shape("tilt by axis of its seat", np.stack(by_seat, -1), (*two, skew), weight=0.5))
         found.append(_any(baseline, seat, size, turning, "any, by axis of its seat"))
+    counted = ("stiffen", "soften")  # against the usual moment
     return [
-        replace(one, spread=SPREAD, realistic=REALISTIC, against=None if "stiffen" in one.name else ())
+        replace(
+            one,
+            spread=SPREAD,
+            realistic=REALISTIC,
+            against=None if any(how in one.name for how in counted) else (),
+        )
         for one in found
     ]
 
@@ -131,17 +144,13 @@ def _seat(baseline: Baseline, joint: Joint) -> Place:
 
 def _any(baseline: Baseline, place: Place, size: float, turning: bool, name: str) -> Shape:
     """Return any symmetric compliance in the five directions that are not the drive's: rollers at a slant."""
-    directions = [i for i in range(6) if i != (3 if turning else 0)]
-    sizes = {i: size if i > 2 else (RADIAL if i else AXIAL) * size for i in directions}
-    pairs = [(i, j) for i in directions for j in directions if i <= j]
-    columns = np.stack([by_compliance(baseline, place, [pair]) for pair in pairs], -1)
-    units = ("m/N", "rad/N", "rad/(N*m)")
-    quantities = []
-    for i, j in pairs:
-        kind = (i > 2) + (j > 2)
-        large = sizes[i] if i == j else OFF * size if kind == 1 else 0.3 * float(np.sqrt(sizes[i] * sizes[j]))
-        quantities.append(Quantity(f"compliance_{NAMES[i]}_{NAMES[j]}", units[kind], large, positive=i == j))
-    return Shape(name, columns, tuple(quantities), weight=0.5)
+    own = np.array([AXIAL * size, RADIAL * size, RADIAL * size, size, size, size])
+    sizes = 0.3 * np.sqrt(np.outer(own, own))
+    sizes[:3, 3:] = sizes[3:, :3] = OFF * size
+    np.fill_diagonal(sizes, own)
+    driven = 3 if turning else 0
+    sizes[driven], sizes[:, driven] = 0.0, 0.0
+    return any_symmetric(baseline, place, sizes, name)
 
 
 def _usual_tilt(baseline: Baseline, component: str) -> float:
@@ -170,24 +179,41 @@ def _stiffening(baseline: Baseline, place: Place, usual: float) -> Array:
     return result
 
 
-def _by_axis(baseline: Baseline, place: Place, usual: float, preload: float) -> list[Array]:
-    """Return the displacements (N, 6) of contacts that stiffen, each about an axis across the joint's own.
+def _by_axis(baseline: Baseline, place: Place, usual: float, law: Callable[[Array], Array]) -> list[Array]:
+    """Return the displacements (N, 6) of tilts by a law of the moment over the usual one.
 
-    Up to about the preload, a share of the usual moment, they give in proportion; beyond by the power 2/3.
+    Each is about an axis across the joint's own.
     """
     found = []
     for angle in np.deg2rad(RAYS):
         about = np.array([0.0, 0.0, 0.0, 0.0, np.cos(angle), np.sin(angle)])
 
-        def law(wrench: Array, about: Array = about) -> Array:
-            moment = wrench @ about / usual
-            size = np.maximum(moment**2 + preload**2, 1e-18) / (1.0 + preload**2)
-            return np.asarray(moment * size ** (0.5 * (CONTACT - 1.0)))
+        def tilt(wrench: Array, about: Array = about) -> Array:
+            return law(wrench @ about / usual)
 
         found.append(
-            (place.shift @ about) * loaded_less_unloaded(baseline, place.load, place.dead, law)[:, None]
+            (place.shift @ about) * loaded_less_unloaded(baseline, place.load, place.dead, tilt)[:, None]
         )
     return found
+
+
+def _contact(preload: float) -> Callable[[Array], Array]:
+    """Return the law of contacts: in proportion up to about the preload, beyond by the power 2/3."""
+
+    def law(moment: Array) -> Array:
+        size = np.maximum(moment**2 + preload**2, 1e-18) / (1.0 + preload**2)
+        return np.asarray(moment * size ** (0.5 * (CONTACT - 1.0)))
+
+    return law
+
+
+def _unloaded(knee: float) -> Callable[[Array], Array]:
+    """Return the law of what gives besides where a preload is lost: one row of rollers carries alone."""
+
+    def law(moment: Array) -> Array:
+        return np.asarray(np.sign(moment) * np.maximum(np.abs(moment) - knee, 0.0) / (1.0 - knee))
+
+    return law
 
 
 def _scales(baseline: Baseline, component: str | None) -> Scales:

@@ -14,7 +14,7 @@ import numpy as np
 
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects.effect import Effect, Quantity, Shape
-from beamstiff.gap.effects.laws import softness
+from beamstiff.gap.effects.laws import any_symmetric, softness
 from beamstiff.gap.places import Place
 from beamstiff.se3 import Array
 
@@ -23,6 +23,7 @@ TWIST = 1.3  # EI / GJ of a closed steel section, nearly
 STRETCH = 5e-10  # 1/N
 SEAM = 1e-7  # rad/(N m), of a weak section
 SECTIONS = (0.0, 0.5, 1.0)  # of the length, where a link may be weak
+COUPLED = 0.5  # of the mean of two compliances, what couples them round a corner
 SPREAD, REALISTIC = 30.0, 10.0  # from castings of a small arm to those of a press; and of most
 PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 GAUSS, WEIGHTS = np.polynomial.legendre.leggauss(6)
@@ -116,6 +117,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     several = tuple(replace(one, name=f"{one.name}_at_{at:g}") for at in SECTIONS for one in seams)
     every = np.stack([column for columns in weak for column in columns], -1)
     found.append(Shape("weak at several sections", every, several, weight=0.5))
+    found.append(any_symmetric(baseline, place, _sizes(length, soft), "any, as round a corner"))
     return [replace(one, spread=SPREAD, realistic=REALISTIC) for one in found]
 
 
@@ -128,6 +130,15 @@ def _section(arm: float, a: int, b: int) -> Array:
     turn[a, b] = turn[b, a] = 1.0
     result: Array = moment.T @ turn @ moment
     return result
+
+
+def _sizes(length: float, soft: float) -> Array:
+    """Return realistic sizes (6, 6) of the compliance at the end of a link."""
+    slide, turn = soft * length**3 / (3 * EI), soft * length / EI
+    own = np.array([slide, slide, slide, turn, turn, turn])
+    sizes: Array = COUPLED * np.sqrt(np.outer(own, own))
+    np.fill_diagonal(sizes, own)
+    return sizes
 
 
 def _skew(length: float) -> Array:

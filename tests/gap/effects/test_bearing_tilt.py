@@ -81,6 +81,23 @@ def test_a_preloaded_bearing_gives_evenly_at_first_and_then_stiffens() -> None:
     assert np.abs(freely).max(axis=1) == pytest.approx(np.abs(share) ** (2 / 3))
 
 
+@pytest.mark.parametrize("knee", [0.1, 0.2, 0.35, 0.6])
+def test_a_bearing_that_loses_its_preload_gives_more_beyond_and_evenly(knee: float) -> None:
+    share = np.array([1.0, 0.05, -0.5 * (1 + knee), -1.0])
+    rows = rows_of(elbow(), [0, 0], 500 * share[:, None] * np.eye(6)[2])
+    shape = shape_of(
+        nominal(elbow(), rows),
+        "bearing-tilt",
+        "q2",
+        f"all, softening by axis as its preload is lost at {knee:g}",
+    )
+    besides = [k for k, item in enumerate(shape.parameters) if item.name.startswith("tilt_at_usual_moment")]
+    found = shape.columns[:, 4, besides]
+    across = found[:, np.abs(found).max(axis=0).argmax()]
+    assert across == pytest.approx([-1.0, 0.0, 0.5, 1.0])  # half way from the knee to the usual moment
+    assert all(shape.parameters[k].positive for k in besides)
+
+
 @pytest.mark.parametrize("joint", range(6))
 def test_a_bearing_that_tilts_about_a_point_off_its_frame_gives_way_to_forces_too(joint: int) -> None:
     compliance, off = 3e-7, 0.12  # rad/(N m), m along the axis

@@ -8,7 +8,7 @@ from beamstiff.gap.effects import EFFECTS
 from beamstiff.gap.effects.link_bending import GAUSS, flexibility
 from beamstiff.model.linear import predict_displacements
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
-from beamstiff.robot.parts import Beam, Material
+from beamstiff.robot.parts import Beam, Material, Node
 from beamstiff.robot.sections import Section
 from beamstiff.se3 import Array
 from tests.gap.machines import arm_at, at_random, bent, close, elbow, kr240, nominal, rows_of, shape_of
@@ -49,6 +49,35 @@ def test_each_plane_bends_as_a_beam_that_is_not_round() -> None:
     # Mohr's circle of the two planes, whatever the local axes: 1/EIy and 1/EIz come out
     middle, radius = (y + z) / 2, np.hypot((y - z) / 2, yz)
     assert sorted([middle - radius, middle + radius]) == pytest.approx([1 / 8e6, 1 / 2e6], rel=1e-6)
+
+
+def test_a_link_round_a_corner_is_two_beams_that_meet_there() -> None:
+    robot = elbow()
+    rows = at_random(robot, 12, seed=5)
+    there = nominal(robot, rows)
+    rigid = next(item for item in robot.rigids if item.name == "fore")
+    corner = Node(name="corner", frame="f2", at=(0.3, 0.2, 0.15))
+    beams = tuple(
+        Beam(name=name, nodes=nodes, section="s", material="m", up=(0.0, 1.0, 2.0))
+        for name, nodes in (("one", ("pin", "corner")), ("other", ("corner", "tip")))
+    )
+    update = {
+        "nodes": (*robot.nodes, corner),
+        "rigids": tuple(item for item in robot.rigids if item is not rigid),
+        "beams": beams,
+        "sections": {"s": Section(A=1e-3, Iy=4e-5, Iz=1e-5, J=2e-5)},
+        "materials": {"m": Material(E=2e11, G=8e10)},
+    }
+    moved = predict_displacements(robot.model_copy(update=update), rows) - predict_displacements(robot, rows)
+
+    def left(shape: str) -> float:
+        columns = shape_of(there, "link-bending", "fore", shape).columns.reshape(72, -1)
+        columns = columns / np.linalg.norm(columns, axis=0)
+        rest = moved.ravel() - columns @ np.linalg.lstsq(columns, moved.ravel())[0]
+        return float(np.linalg.norm(rest) / np.linalg.norm(moved))
+
+    assert left("any, as round a corner") < 1e-9
+    assert left("by plane") > 0.05
 
 
 def mohr(q: Array, wrench: Array, joint: int, weight: Array) -> Array:
