@@ -179,6 +179,8 @@ def _diagnosis(weighed: Weighed, chance: tuple[float, float], may_be_outliers: b
 
 def _still_wrong(screened: Screened, baseline: Baseline, shapes: Sequence[Weighted], scale: float) -> int:
     """Return how many of the rows that were left out the likeliest cause does not explain either."""
+    if not screened.outliers.size:
+        return 0
     fits = fitted(baseline, screened.used, [shapes], scale)
     moved = shift(baseline, fits, [[one.hypothesis.shape.columns for one in fit.shapes] for fit in fits])
     off = np.where(baseline.used, (baseline.gap - moved) / (scale * baseline.sigma), 0.0)[screened.outliers]

@@ -75,6 +75,8 @@ def screen(baseline: Baseline, library: Library) -> Screened:
         if white.freedom < 10:
             break
         columns = _unit_columns(some, white)
+        if not found:
+            of_all = columns
         variance = estimate(white, columns, CLAIM if baseline.claimed else NO_CLAIM, sound=turn > 0)
         noise = variance.noise
         distance, count = _left_out(white, columns, variance)
@@ -84,7 +86,7 @@ def screen(baseline: Baseline, library: Library) -> Screened:
         worst = worst[np.argsort(-excess[worst])][: max(1, int(0.04 * rows))]
         if not worst.size:
             if found:  # what was left out beside wrong rows may be what the sound ones predict
-                apart = _excess(*_left_out(whole, _unit_columns(some, whole), variance, list(found)), rows)
+                apart = _excess(*_left_out(whole, of_all, variance, list(found)), rows)
                 back = [row for row in found if apart[row] < scale]
                 found = {row: value for row, value in found.items() if row not in back}
                 used[back] = baseline.used[back]
@@ -92,7 +94,7 @@ def screen(baseline: Baseline, library: Library) -> Screened:
         if len(found) + worst.size > MOST * rows:  # too many: not outliers, but something else
             used = baseline.used.copy()
             found = {}
-            noise = estimate(whole, _unit_columns(some, whole), CLAIM if baseline.claimed else NO_CLAIM).noise
+            noise = estimate(whole, of_all, CLAIM if baseline.claimed else NO_CLAIM).noise
             break
         found |= {int(row): float(excess[row]) for row in worst}
         used[worst] = False

@@ -15,6 +15,7 @@ from beamstiff.robot.parts import Joint
 from beamstiff.se3 import Array
 
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
+PAIRS = tuple((i, j) for i in range(6) for j in range(i, 6))  # of directions, of a symmetric compliance
 HEAVY = 8e6  # N m/rad, the stiffest drive of a robot of 2.7 m reach (seed 001, Table 2: 6.6e6 and more)
 
 CONTACT, SEAM = 2.0 / 3.0, 3.0  # powers of the load by which places give that stiffen, and that soften
@@ -137,13 +138,12 @@ def by_compliance(baseline: Baseline, place: Place, pairs: list[tuple[int, int]]
 
 def any_compliance(baseline: Baseline, place: Place) -> Array:
     """Return the displacements (N, 6, 21) of all unit symmetric compliances of a place."""
-    pairs = [(a, b) for a in range(6) for b in range(a, 6)]
-    return np.stack([by_compliance(baseline, place, [pair]) for pair in pairs], -1)
+    return np.stack([by_compliance(baseline, place, [pair]) for pair in PAIRS], -1)
 
 
 def any_symmetric(baseline: Baseline, place: Place, sizes: Array, name: str) -> Shape:
     """Return the shape of any symmetric compliance of a place, of realistic sizes (6, 6); 0 is held."""
-    pairs = [(i, j) for i in range(6) for j in range(i, 6) if sizes[i, j] > 0]
+    pairs = [pair for pair in PAIRS if sizes[pair] > 0]
     columns = np.stack([by_compliance(baseline, place, [pair]) for pair in pairs], -1)
     units = ("m/N", "rad/N", "rad/(N*m)")
     quantities = tuple(
