@@ -259,6 +259,14 @@ def tool_response(robot: Robot, rows: Measurements) -> Array:
     return np.stack(columns, axis=-1)
 
 
+def tcp_response(baseline: Baseline) -> Array:
+    """Return the displacement of the rows' points per unit wrench at the TCP, (N, 6, 6), linear."""
+    rows, tcp = baseline.rows, baseline.robot.tcp
+    if (rows.load_point == tcp).all():
+        return baseline.response
+    return tool_response(baseline.robot, replace(rows, load_point=np.full(len(rows), tcp)))
+
+
 def predict(robot: Robot, rows: Measurements) -> Array:
     """Return what a model says of the rows, (N, 6).
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from beamstiff.errors import BeamstiffError
 from beamstiff.gap.attribution import attribute, ceiling, shares
 from beamstiff.gap.baseline import Baseline, fit_baseline
 from beamstiff.gap.evidence import Scales, detection
@@ -81,7 +82,8 @@ def diagnose(
     Raises
     ------
     BeamstiffError
-        When the rows cannot be predicted, or `without` names no effect.
+        When the rows cannot be predicted, hold no position or nothing that an effect could show in, or
+        `without` names no effect.
     """
     with threadpool_limits(limits=1, user_api="blas"):  # small matrices are slower on several threads
         return _diagnose(robot, measurements, without, seed)
@@ -89,10 +91,16 @@ def diagnose(
 
 def _diagnose(robot: Robot, measurements: Measurements, without: Sequence[str], seed: int) -> Diagnosis:
     baseline = fit_baseline(robot, measurements)
+    if not baseline.used[:, :3].any():
+        raise BeamstiffError(
+            "no row has a measured position: the gap is one of positions (dx dy dz or x y z)"
+        )
     library = state_library(baseline, whiten(baseline), without)
     screened = screen(baseline, library)
     white = whiten(screened.baseline, screened.used)
     library = seen_by(library, white)
+    if not library.hypotheses:
+        raise BeamstiffError("no effect is left that these rows could show: measure more, or leave out fewer")
     scales = scales_of(screened.baseline)
     chance = _chance(white, library, scales, seed)
     weighed = _weigh(screened, white, library, scales, without)
@@ -118,7 +126,7 @@ def _weigh(
 
 def _chance(white: Whitened, library: Library, scales: Scales, seed: int) -> tuple[float, float]:
     """Return the log odds of any effect, and the share of simulated campaigns without one that reach them."""
-    fixed = [one for one in library.hypotheses if not one.shape.tuned]
+    fixed = [one for one in library.hypotheses if not one.shape.tuned] or library.hypotheses
     nulls = np.random.default_rng(seed).standard_normal((white.gap.size, NULLS))
     odds = detection(white, fixed, scales, np.concatenate([white.gap[:, None], nulls], axis=1))
     return float(odds[0]), float((1 + (odds[1:] >= odds[0]).sum()) / (1 + NULLS))

@@ -23,6 +23,7 @@ from beamstiff.gap.effects.outside import POSTURES, by_posture, clock
 from beamstiff.gap.histories import lagging, slipping
 from beamstiff.gap.library import Library
 from beamstiff.gap.places import Place
+from beamstiff.gap.tethers import stopped, tethered
 from beamstiff.gap.whitened import Whitened
 from beamstiff.se3 import Array
 
@@ -33,10 +34,8 @@ FADES = (1.0, 3.0, 10.0)  # usual times from state to state, over which a drive 
 MODES = 16  # of a place's law
 DIGITS = 12  # of shares of the largest torque: what is less is rounding
 ABSORBED = 1e-6  # share of a column that the fit leaves, below which it leaves nothing
-PAIRS_OF_AXES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 TETHERED = "is held by something that acts as a spring to the floor, a hose or a cable"
 STOPPED = "comes up against something that stands still"
-STOPS = (0.0, 0.3, 0.6)  # of the largest displacement along a direction, where a stop may begin
 PLAY = "has play"
 ONE_SIDED = "stays softer to one side, whatever its torque"
 CHANGING = "changes its stiffness with the time"
@@ -83,7 +82,7 @@ def free_laws(baseline: Baseline, library: Library, white: Whitened) -> list[Fre
     Of what is outside, all shapes of the library together count as free.
     """
     places = baseline.places
-    there = [(component_of(joint), joint.name) for joint in baseline.nominal.joints]
+    there = [(component_of(baseline.nominal, joint), joint.name) for joint in baseline.nominal.joints]
     structure = [(name, places.joints[joint]) for name, joint in there if joint in places.joints]
     structure += [(name, link) for name, link in places.links.items() if name not in places.standing]
     structure += [("base", places.base), ("tool", places.flange)]
@@ -91,11 +90,11 @@ def free_laws(baseline: Baseline, library: Library, white: Whitened) -> list[Fre
     for name, at in structure:
         compliance, bent, play = _of_structure(baseline, at)
         nameless = {PLAY: _modes(white, (play,))}
-        if name in ("base", "tool"):
+        if at is places.base or at is places.flange:
             nameless[SLIPPING] = _modes(white, (slipping(baseline, at),))
-        if name == "tool":
-            nameless[TETHERED] = _modes(white, (_tethered(baseline),))
-            nameless[STOPPED] = _modes(white, (_stopped(baseline),))
+        if at is places.flange:
+            nameless[TETHERED] = _modes(white, tethered(baseline, white))
+            nameless[STOPPED] = _modes(white, (stopped(baseline),))
         found.append(FreeLaw(name, _modes(white, (compliance, bent)), nameless=nameless))
     for drive in map(str, drives(baseline)):
         named, others = _of_drive(baseline, drive)
@@ -168,32 +167,6 @@ def _of_structure(baseline: Baseline, place: Place) -> tuple[Array, Array, Array
 
     one_sided, grown, sudden = bent(np.abs), bent(lambda q: q * np.abs(q)), bent(lambda q: np.tanh(STEEP * q))
     return compliance, np.concatenate([one_sided, grown, sudden], -1), sudden
-
-
-def _tethered(baseline: Baseline) -> Array:
-    """Return what a spring between tool and floor takes from the displacements, (N, 6, 6): ``C K C w``."""
-    moved = baseline.predicted[:, :3]
-    force = np.zeros((len(moved), 6, 6))
-    for at, (i, j) in enumerate(PAIRS_OF_AXES):
-        force[:, i, at] -= moved[:, j]
-        if i != j:
-            force[:, j, at] -= moved[:, i]
-    result: Array = baseline.response @ force
-    return result
-
-
-def _stopped(baseline: Baseline) -> Array:
-    """Return what stops beside the tool take from the displacements, (N, 6, c): to each side of each axis."""
-    moved = baseline.predicted[:, :3]
-    columns = []
-    for axis in range(3):
-        for side in (1.0, -1.0):
-            way = np.maximum(side * moved[:, axis], 0.0)
-            for at in STOPS:
-                force = np.zeros((len(moved), 6))
-                force[:, axis] = -side * np.maximum(way - at * way.max(initial=0.0), 0.0)
-                columns.append(np.einsum("nab,nb->na", baseline.response, force))
-    return np.stack(columns, -1)
 
 
 def _of_drive(baseline: Baseline, name: str) -> tuple[list[Array], dict[str, Array]]:

@@ -239,14 +239,18 @@ def held_out(
     fold, poses = folds(baseline, used, rng, by_load)
     left = [np.zeros_like(baseline.gap) for _ in range(2)]
     unsure = np.zeros_like(baseline.gap)
-    problems = [stated(baseline, used, effects, scale) for effects in ((), models)]
+    causes: tuple[Sequence[Sequence[Weighted]], ...] = ((), models)
+    whole = [stated(baseline, used, effects, scale) for effects in causes]
     for k in range(int(fold.max(initial=-1)) + 1):
         train = fold != k
-        for target, problem in zip(left, problems, strict=True):
-            fits = problem.solved(train)
+        for target, effects, problem in zip(left, causes, whole, strict=True):
+            if by_load:  # rows of a posture may share an unloaded reading: none may tell of those left out
+                fits = stated(baseline, used & train[:, None], effects, scale).solved()
+            else:
+                fits = problem.solved(train)
             columns = [[one.hypothesis.shape.columns for one in fit.shapes] for fit in fits]
             target[~train] = (baseline.gap - shift(baseline, fits, columns))[~train]
-            if problem is problems[-1]:
+            if problem is whole[-1]:
                 unsure[~train] = _variance(baseline, fits, columns, ~train)
     counted = used & (fold >= 0)[:, None]
     without, misfit = (

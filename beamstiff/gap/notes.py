@@ -70,7 +70,8 @@ def notes(screened: Screened, white: Whitened, verdict: str, scale: float) -> It
         values = np.linalg.svd(force / max(float(np.linalg.norm(force)), 1e-300), compute_uv=False)
         if (values > 0.05).sum() < 3:
             yield "the forces do not span all directions: nothing is promised in those that were not loaded"
-        sizes = np.linalg.norm(force, axis=1)
+        loads = force if force.any() else rows.wrench[:, 3:]
+        sizes = np.linalg.norm(loads, axis=1)
         if np.ptp(sizes[sizes > 0]) < 0.05 * sizes.max():
             yield "one load level only: laws that are not linear in the load can hardly show"
     if count := len(screened.outliers):

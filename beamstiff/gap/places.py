@@ -12,6 +12,7 @@ All places are opened as ports at once (`fem.condensation`): with F the springs 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -36,6 +37,7 @@ from beamstiff.se3 import Array, displacement_transport, rotate_screw
 
 DIGITS = 9  # of a direction: what is less is rounding
 SAME = 1e-7  # share of the largest entry within which changes of axes are the same
+NAME = re.compile(r"[A-Za-z_]\w*")  # in an expression
 CUT = " cut"  # what is added to the name of a link's end to name its other side; no name of a file ends so
 
 
@@ -108,7 +110,7 @@ def find_places(robot: Robot, rows: Measurements) -> Places:
     BeamstiffError
         When a pose cannot close its loops or the structure is a mechanism.
     """
-    cut, links = _with_cuts(robot)
+    cut, links = _with_cuts(robot, rows.q[:1])
     index = {node.name: at for at, node in enumerate(cut.nodes)}
     poses, number = np.unique(rows.q, axis=0, return_inverse=True)
     pose = number.reshape(-1)
@@ -166,7 +168,7 @@ def _on_the_ground(robot: Robot) -> set[str]:
             for frame in robot.frames
             if frame.parent in ground
             and not any(
-                isinstance(value, str) and any(name in value for name in moving)
+                isinstance(value, str) and not moving.isdisjoint(NAME.findall(value))
                 for value in frame.model_dump(exclude={"name", "parent"}).values()
             )
         }
@@ -231,11 +233,11 @@ def _open(
     return result
 
 
-def _with_cuts(robot: Robot) -> tuple[Robot, dict[str, tuple[str, str]]]:
-    """Return the robot with a rigid joint in every rigid of some length, and their ends, by its name."""
+def _with_cuts(robot: Robot, pose: Array) -> tuple[Robot, dict[str, tuple[str, str]]]:
+    """Return the robot with a rigid joint in every rigid of some length at a pose (1, A), and their ends."""
     nodes, rigids, joints = list(robot.nodes), [], list(robot.joints)
     by_name = {node.name: node for node in robot.nodes}
-    where = posture(compile_kinematics(robot), _any_pose(robot))
+    where = posture(compile_kinematics(robot), pose)
     index = {node.name: at for at, node in enumerate(robot.nodes)}
     links = {}
     for rigid in robot.rigids:
@@ -331,9 +333,3 @@ def _flange(robot: Robot, rows: Measurements, turn: Array, weight: Array) -> Pla
     passed = (inside @ rows.wrench[..., None])[..., 0] * loaded[:, None]
     dead = (inside @ weight[..., None])[..., 0]
     return Place(passed, dead, axes * seen[:, None, None], turn)
-
-
-def _any_pose(robot: Robot) -> Array:
-    """Return one posture (1, A), in the middle of the limits."""
-    middle = [0.0 if item.limits is None else 0.5 * sum(item.limits) for item in robot.actuated]
-    return np.array([middle])

@@ -50,7 +50,7 @@ def repeats(baseline: Baseline) -> Repeats:
     noise, drift = np.full(2, np.nan), np.full(2, np.nan)
     freedom, likely, steady = np.zeros(2, dtype=np.intp), np.ones(2), np.ones(2)
     for kind, some in enumerate((slice(0, 3), slice(3, 6))):
-        deviation, time, used = _within(baseline, group, some)
+        deviation, time, used, sigma = _within(baseline, group, some)
         freedom[kind] = used.sum() - sum(np.unique(group[own]).size for own in used.T)
         if not freedom[kind]:
             continue
@@ -64,7 +64,7 @@ def repeats(baseline: Baseline) -> Repeats:
         kept = spread > 0
         slope = (time * deviation).sum(axis=0)[kept] / spread[kept]
         steady[kind] = float(chi2.sf((slope**2 * spread[kept]).sum() / noise[kind] ** 2, kept.sum()))
-        drift[kind] = float(np.abs(slope).max() * np.median(baseline.sigma[:, some][used]))
+        drift[kind] = float(np.abs(slope).max() * np.median(sigma[used]))
     return Repeats(noise, freedom, likely, drift, steady)
 
 
@@ -93,14 +93,15 @@ def _groups(baseline: Baseline) -> NDArray[np.intp]:
 
 def _within(
     baseline: Baseline, group: NDArray[np.intp], some: slice
-) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Return deviations from each state's mean over sigma, and of the times, (N, 3), and which values count.
+) -> tuple[Array, Array, NDArray[np.bool_], Array]:
+    """Return deviations from each state's mean over sigma, of the times, which values count, and that sigma.
 
-    An unloaded reading that rows share is common to them: only half of their variance is their own.
+    All (N, 3). An unloaded reading that rows share is common to them: only half of their variance is their
+    own.
     """
-    own = np.where(baseline.sharing >= 0, np.sqrt(0.5), 1.0)[:, None]
+    sigma = np.where(baseline.sharing >= 0, np.sqrt(0.5), 1.0)[:, None] * baseline.sigma[:, some]
     used = baseline.used[:, some]
-    values = np.where(used, baseline.measured[:, some] / (own * baseline.sigma[:, some]), 0.0)
+    values = np.where(used, baseline.measured[:, some] / sigma, 0.0)
     time = np.where(used, baseline.rows.time[:, None], 0.0)
     count = np.zeros((group.max() + 1, 3))
     np.add.at(count, group, used.astype(np.float64))
@@ -112,4 +113,4 @@ def _within(
         result: Array = np.where(repeated, quantity - (total / np.maximum(count, 1))[group], 0.0)
         return result
 
-    return centred(values), centred(time), repeated
+    return centred(values), centred(time), repeated, sigma

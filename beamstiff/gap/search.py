@@ -27,7 +27,7 @@ NONE, UNKNOWN, OUTLIERS = "none:null", "unknown:null", "outliers:null"
 PRIOR = {NONE: 0.3, UNKNOWN: 0.1}  # of what is not an effect
 PAIR = 0.15  # prior that there is a second effect, given one
 FIRSTS = 6  # likeliest candidates that are tried as the first of two
-MOST = 9  # with the members of the likeliest pairs
+MOST = 9  # firsts, with the members of the likeliest pairs; and pairs that are kept
 UNLIKELY = 3.0  # log odds below which a second cause of the likeliest first ends the search
 TRIED = 3  # pairs that are weighed together before there is held to be none
 SHAPES = 6  # of a candidate, that are kept
@@ -112,7 +112,7 @@ def search(
     found: dict[frozenset[str], Pair] = {}
     tried: set[str] = set()
     ahead = result.named[:1]
-    while ahead:
+    while ahead and len(tried) < MOST:
         first = ahead.pop(0)
         tried.add(first)
         at = max(by_key[first], key=lambda k: weights[k])
@@ -123,8 +123,7 @@ def search(
         best = max(found.values(), key=lambda pair: pair.log_weight, default=None)
         if best is None or (len(tried) == 1 and best.log_weight < log_weight[first] - UNLIKELY):
             break
-        if len(tried) < MOST:
-            ahead = [key for key in (best.first, best.second, *result.named[:FIRSTS]) if key not in tried]
+        ahead = [key for key in (best.first, best.second, *result.named[:FIRSTS]) if key not in tried]
     ordered = sorted(found.values(), key=lambda pair: -pair.log_weight)[:MOST]
     return replace(result, pairs=tuple(ordered))
 

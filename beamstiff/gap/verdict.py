@@ -37,8 +37,9 @@ ENOUGH = 300  # values less fitted ones, below which shapes are believed less
 FAINT, BARE = 15.0, 0.3  # log odds against none below which a cause has to be worth this share as well
 CAUTION = 2.0  # log odds that any effect needs before it is as likely as none
 CHANCE = 0.01  # share of simulated campaigns without an effect that look as if they had one
-SURE, SLIGHT = 0.95, 0.04  # probability of the verdict with what cannot be told from it; and of a member
-DOUBTED = 0.09  # probability of the unknown from which a set holds it
+SURE, SLIGHT = 0.92, 0.08  # probability of the verdict with what cannot be told from it; and of a member
+BESIDE = 0.05  # probability from which a cause may be one of two instead of those that are named
+DOUBTED = 0.065  # probability of the unknown from which a set holds it
 SECOND = 8.0  # log odds of a second cause
 STILL_OPEN = 1.03  # of the noise, which the first must leave on held-out postures for a second to close
 SECOND_WORTH = 0.75  # share of that which both must close
@@ -47,7 +48,7 @@ LITTLE = 0.1  # share that leaves nothing to it
 INSTEAD = 25.0  # log odds of two causes instead of the likeliest by itself, where they leave nothing
 EVIDENT, KNOWN = 50.0, 0.9  # log odds and worth of a second cause that leaves nothing, of what is known
 HALVED = 0.5  # share of what the first leaves of that, which both may leave
-CLEAR = 0.75  # probability that a second cause needs among those that could be it
+CLEAR = 0.72  # probability that a second cause needs among those that could be it
 FIRST_CLEAR = 0.85  # and the first of two, to be named alone
 DISTINCT, SEVERAL = 1.3, 3  # outliers: strength to be named, and number beside a cause
 GROSS = 10.0  # strength from which fewer are named beside it
@@ -221,7 +222,7 @@ def judge(
         odd = min(odd, search.log_weight[UNKNOWN] - total, -1.0)
     if freedom < SCARCE:
         odd = max(odd, OPEN)
-    logs = {nothing: quiet, UNKNOWN: min(odd, odd - quiet if quiet > 0 else odd)}
+    logs = {NONE: -np.inf, nothing: quiet, UNKNOWN: min(odd, odd - quiet if quiet > 0 else odd)}
     if odd_rows and not may_be_outliers:
         logs = {NONE: -np.inf, UNKNOWN: float(np.logaddexp(logs[UNKNOWN], quiet))}
     whole = logsumexp(np.array([0.0, *logs.values()]))
@@ -274,7 +275,7 @@ def _two(
     others = [
         key for key in sorted(member, key=member.__getitem__, reverse=True) if key not in (first, second)
     ]
-    kept = tuple(key for key in others if member[key] > 1.0 - SURE)[:MOST]
+    kept = tuple(key for key in others if member[key] > BESIDE)[:MOST]
     unsure = member[second] < CLEAR and member[first] < FIRST_CLEAR
     doubtful = real < max(shares.values())
     if unsure:  # what is sure of neither is no cause that has a name

@@ -15,6 +15,7 @@ from beamstiff.gap.effects.load_error import rising
 from beamstiff.se3 import Array
 
 WORST = 5  # poses
+SAME = 1e-9  # of the largest: what levels differ by from rounding
 
 
 def where(baseline: Baseline, used: NDArray[np.bool_], components: list[dict[str, Any]]) -> dict[str, Any]:
@@ -64,15 +65,20 @@ def _rms(values: Array) -> float:
 
 def _by_level(value: Array, size: Array, seen: NDArray[np.bool_], unit: str) -> dict[str, float]:
     """Return the RMS by thirds of a quantity, under what they span."""
-    whole = float(np.abs(value).max(initial=0.0)) or 1.0
-    value = np.round(value / whole, 6) * whole  # rounding must not split a level
+    least, whole = float(value.min()), float(np.ptp(value))
+    if whole <= SAME * float(np.abs(value).max()):
+        whole = 0.0
+    value = least + np.round((value - least) / (whole or 1.0), 6) * whole  # rounding must not split a level
     levels = np.unique(value[seen])
-    result = {}
-    for part in np.array_split(levels, min(3, levels.size)):
-        ends = dict.fromkeys(f"{end:.4g}" for end in (part[0], part[-1]))  # a single level has one
-        within = seen & (value >= part[0]) & (value <= part[-1])
-        result[f"{' to '.join(ends)} {unit}".strip()] = _rms(size[within])
-    return result
+    parts = np.array_split(levels, min(3, levels.size))
+    rms = [_rms(size[seen & (value >= part[0]) & (value <= part[-1])]) for part in parts]
+    labels: list[str] = []
+    for digits in range(4, 18):  # as many as tell the parts from one another
+        ends = [dict.fromkeys(f"{end:.{digits}g}" for end in (part[0], part[-1])) for part in parts]
+        labels = [f"{' to '.join(own)} {unit}".strip() for own in ends]
+        if len(set(labels)) == len(parts):
+            break
+    return dict(zip(labels, rms, strict=True))
 
 
 def _worst(baseline: Baseline, size: Array, seen: NDArray[np.bool_]) -> list[dict[str, Any]]:

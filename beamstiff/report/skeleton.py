@@ -58,7 +58,7 @@ def draw_shares(axes: Axes, robot: Robot, q: Array, shares: Mapping[str, float])
         middle[name] = line.mean(axis=0)
         wide = 4.0 if shares.get(name) else 2.0
         axes.plot(line[:, 0], line[:, 1], color=colour(name), lw=wide, solid_capstyle="round", zorder=1)
-    marks = [(component_of(joint), joint.nodes[0], "o") for joint in robot.joints]
+    marks = [(component_of(robot, joint), joint.nodes[0], "o") for joint in robot.joints]
     marks += [("base", robot.fixed[0], "^"), ("tool", robot.tcp, "D")]
     marks += [(TOOL_POINT, robot.tcp, "D")] if TOOL_POINT in shares else []
     for name, node, mark in marks:

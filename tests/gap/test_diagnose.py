@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from beamstiff import BeamstiffError
 from beamstiff.gap.diagnose import diagnose
+from beamstiff.gap.effects import EFFECTS
 from beamstiff.gap.result import Diagnosis
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements
@@ -103,6 +104,16 @@ def test_an_effect_that_is_ruled_out_is_no_candidate_and_what_is_left_is_not_sur
 def test_an_effect_of_no_library_is_refused_with_its_neighbour() -> None:
     with pytest.raises(BeamstiffError, match=r"unknown effect 'backlsh' \(did you mean 'backlash'\?\)"):
         diagnose(kr240(), campaign(plan(3)), without=["backlsh"])
+
+
+def test_where_no_effect_could_be_seen_that_is_said_in_a_line() -> None:
+    rows = campaign(plan(3))
+    turned = rows.displacement.copy()
+    turned[:, :3] = np.nan
+    with pytest.raises(BeamstiffError, match="no row has a measured position"):
+        diagnose(kr240(), replace(rows, displacement=turned))
+    with pytest.raises(BeamstiffError, match="no effect is left that these rows could show"):
+        diagnose(kr240(), rows, without=list(EFFECTS))
 
 
 @pytest.mark.slow

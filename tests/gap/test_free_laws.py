@@ -19,13 +19,11 @@ from beamstiff.gap.free_laws import (
     MODES,
     SOFTENING,
     STOPPED,
-    STOPS,
+    TETHERED,
     UNSTEADY,
     FreeLaw,
     _by_posture,
     _remembered,
-    _stopped,
-    _tethered,
     free_laws,
     modes_of,
 )
@@ -97,31 +95,6 @@ def test_effects_at_a_place_lie_within_its_law(
     elsewhere = within(law_at(found, far, which), columns)
     assert here > 0.7
     assert here > elsewhere + 0.2
-
-
-def test_a_spring_from_the_tool_to_the_floor_has_no_name() -> None:
-    there = nominal(kr240(), at_random(kr240(), 20, seed=4))
-    half = np.random.default_rng(1).standard_normal((3, 3))
-    spring = np.zeros((6, 6))
-    spring[:3, :3] = 1e-3 / np.abs(there.response).max() * half @ half.T  # a thousandth of the robot's own
-    beside = np.linalg.solve(np.eye(6) + there.response @ spring, there.response)  # both carry the load
-    moved = np.einsum("nab,nb->na", beside - there.response, there.rows.wrench).ravel()
-    columns = _tethered(there).reshape(moved.size, 6)
-    left = moved - columns @ np.linalg.lstsq(columns, moved)[0]
-    assert np.linalg.norm(left) < 0.01 * np.linalg.norm(moved)
-
-
-def test_a_stop_beside_the_tool_has_no_name() -> None:
-    there = nominal(kr240(), at_random(kr240(), 20, seed=4))
-    moved = there.predicted[:, 1]
-    stop = 1e-3 / np.abs(there.response).max()  # N/m, a thousandth of the robot's own; it takes what it holds
-    begins = 0.3 * moved.max()
-    force = -stop * np.maximum(moved - begins, 0.0)
-    taken = there.response[:, :, 1] * force[:, None]
-    y, forward = 1, 0
-    found = _stopped(there)[:, :, (2 * y + forward) * len(STOPS) + STOPS.index(0.3)]
-    np.testing.assert_allclose(stop * found, taken, rtol=1e-9, atol=1e-15)
-    assert 0 < np.count_nonzero(force) < len(force)  # some come up against it, some do not
 
 
 @pytest.mark.parametrize("absolute", [False, True])
@@ -206,3 +179,19 @@ def test_drives_that_carry_nothing_take_nothing_from_the_others() -> None:
     assert all(modes.shape[1] for law in laws for modes in law.nameless.values())
     for place in ("q1", "q2", "tool"):  # nothing turns the first axis
         assert (modes_of(laws, {place}, white.gap.size) ** 2).sum() == pytest.approx(white.gap.size)
+
+
+def test_a_link_may_be_called_what_a_place_is_called() -> None:
+    arm = elbow()
+    renamed = tuple(
+        one.model_copy(update={"name": {"fore": "tool", "upper": "link.1"}[one.name]}) for one in arm.rigids
+    )
+    arm = arm.model_copy(update={"rigids": renamed})
+    there = nominal(arm, at_random(arm, 12, seed=6))
+    white = whiten(there)
+    library = state_library(there, white)
+    link, flange = (law for law in free_laws(there, library, white) if law.place == "tool")
+    assert TETHERED in flange.nameless
+    assert TETHERED not in link.nameless
+    bending = {one.component: one.places for one in library.hypotheses if one.effect == "link-bending"}
+    assert bending["link.1"] == ("link.1",)

@@ -13,6 +13,7 @@ from beamstiff.gap.heldout import (
     Weighted,
     combinations_of,
     fitted,
+    folds,
     held_out,
     shift,
     solve,
@@ -242,3 +243,18 @@ def test_the_model_alone_has_no_negative_stiffness_however_well_that_would_fit()
     assert held_out(backward, there.used, (), 1.0, 0).before == pytest.approx(whole, rel=1e-3)
     softer = with_gap(there, 0.5 * there.predicted)
     assert held_out(softer, there.used, (), 1.0, 0).before < 0.02 * whole
+
+
+def test_rows_that_are_held_out_tell_nothing_by_an_unloaded_reading_they_share_with_others() -> None:
+    there, rng = campaign(poses=6, loads=8, shared=True), np.random.default_rng(4)
+    there = with_gap(there, rng.standard_normal((48, 6)) * SIGMA)
+    models = [[weighted(rng.standard_normal((48, 6, 2)) * SIGMA[:, None])]]
+    fold, _ = folds(there, there.used, np.random.default_rng(0), by_load=True)
+    left = np.zeros((48, 6))
+    for k in range(fold.max() + 1):
+        fits = fitted(there, there.used & (fold != k)[:, None], models, 1.0)
+        foretold = shift(there, fits, [[one.hypothesis.shape.columns for one in fit.shapes] for fit in fits])
+        left[fold == k] = (there.gap - foretold)[fold == k]
+    found = held_out(there, there.used, models, 1.0, 0, by_load=True)
+    assert found.after == pytest.approx(np.sqrt((left[:, :3] ** 2).sum(axis=1).mean()))
+    assert found.misfit == pytest.approx(np.sqrt(((left / SIGMA) ** 2).mean()))

@@ -88,6 +88,8 @@ def test_repeats_that_contradict_the_claim_or_drift_are_told() -> None:
         ({"wrench": np.zeros((10, 6))}, "no row carries a load"),
         ({"wrench": np.linspace(1, 2, 10)[:, None] * np.eye(6)[1] * 500}, "do not span all directions"),
         ({"wrench": np.tile(np.eye(6)[:3], (4, 1))[:10] * 500}, "one load level only"),
+        ({"wrench": np.linspace(1, 2, 10)[:, None] * np.eye(6)[5] * 500}, "do not span all directions"),
+        ({"wrench": np.tile(np.eye(6)[3:], (4, 1))[:10] * 500}, "one load level only"),
         ({"silent": True}, "as simulated ones do: what is smaller than the claim is not looked at"),
         ({"scale": 1.8}, "the fit leaves 1.8 times the noise counted with"),
         ({"verdict": "unknown"}, "may stand in the table as well: joint columns in another order"),

@@ -175,6 +175,14 @@ def test_loops_are_seen_with_the_floor_as_one_node() -> None:
     assert has_loops(elbow().model_copy(update={"fixed": ("foot", "tip")}))
 
 
+def test_a_loop_that_closes_where_it_was_measured_needs_no_limits() -> None:
+    machine = load_robot("tripod")
+    rows = at_random(machine, 2, seed=6)
+    open_ended = tuple(item.model_copy(update={"limits": None}) for item in machine.variables)
+    found = find_places(machine.model_copy(update={"variables": open_ended}), rows)
+    assert set(found.joints) == set(find_places(machine, rows).joints)
+
+
 def test_places_that_rigid_parts_of_a_loop_hold_are_named_with_the_reason() -> None:
     machine = load_robot("tripod")
     places = find_places(machine, at_random(machine, 2, seed=6))

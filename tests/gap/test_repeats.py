@@ -66,6 +66,13 @@ def test_a_steady_drift_is_found_with_its_slope() -> None:
     assert found.steady[1] > 1e-3
 
 
+def test_the_slope_is_the_same_where_rows_share_an_unloaded_reading() -> None:
+    drift = np.zeros((POSES * TIMES, 6))
+    drift[:, 0] = 1e-7 * 60.0 * np.arange(POSES * TIMES)
+    found = read(campaign(shared_unloaded=True), 0.5 * scatter() + drift)
+    assert found.drift[0] == pytest.approx(1e-7, rel=0.1)
+
+
 def test_readings_without_drift_have_none() -> None:
     assert (read(campaign(), scatter()).steady > 1e-3).all()
 

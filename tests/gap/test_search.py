@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
+import beamstiff.gap.search as searching
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects import Quantity, Shape
 from beamstiff.gap.evidence import Scales
 from beamstiff.gap.library import Hypothesis, whitened
 from beamstiff.gap.search import NONE, PRIOR, UNKNOWN, Search, rivals, search
+from beamstiff.gap.together import Pair
 from beamstiff.gap.whitened import whiten
 from beamstiff.se3 import Array
 from tests.gap.machines import POSITION, ROTATION, at_random, elbow, nominal
@@ -127,3 +130,22 @@ def test_shapes_of_one_cause_add_up_and_the_right_one_weighs_most(
 def test_what_is_no_effect_has_a_prior_of_its_own() -> None:
     assert sum(PRIOR.values()) < 1
     assert PRIOR[NONE] > PRIOR[UNKNOWN] > 0
+
+
+def test_no_more_firsts_are_tried_than_there_are_to_be(
+    there: Baseline, columns: dict[str, Array], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried: list[str] = []
+
+    def beside(*given: Any) -> Iterator[Pair]:
+        """Yield a pair that is the likelier the later it comes, of causes that were not tried."""
+        _, hypotheses, *_, at, alone = given
+        first = hypotheses[at].key
+        tried.append(first)
+        other = alone.named[(alone.named.index(first) + 3) % len(alone.named)]
+        yield Pair(first, other, alone.log_weight[alone.named[0]] + len(tried), 0.1, ([], []))
+
+    monkeypatch.setattr(searching, "_beside", beside)
+    monkeypatch.setattr(searching, "MOST", 4)
+    found(there, columns, 5 * columns["a:q1"])
+    assert len(tried) == len(set(tried)) == 4

@@ -1,8 +1,12 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from beamstiff.gap.where import where
+from tests.gap.machines import at_random, elbow, nominal, rows_of
 from tests.gap.planted import diagnosed
 
 PLACES = {
@@ -66,3 +70,20 @@ def test_friction_shows_in_the_history_of_the_load() -> None:
 def test_a_drift_shows_in_time() -> None:
     values = list(diagnosed("thermal_drift").where["time"].values())
     assert max(values) > 1.2 * min(values)
+
+
+def test_thirds_of_what_hardly_varies_have_names_of_their_own() -> None:
+    q = np.repeat([[1.23401, 0.5], [1.23402, 0.5], [1.23403, 0.5]], 4, axis=0)
+    rows = at_random(elbow(), 12, seed=1, time=1.7e9 + 5.0 * np.arange(12))  # seconds since 1970
+    there = nominal(elbow(), replace(rows, q=q))
+    found = where(there, there.used, [])
+    assert set(found["joints"]["q1"]) == {"1.23401", "1.23402", "1.23403"}
+    assert "q2" not in found["joints"]
+    assert len(found["time"]) == 3
+
+
+def test_loads_that_differ_by_rounding_are_one_level() -> None:
+    wrench = np.tile([300.0, 0, 0, 0, 0, 0], (6, 1))
+    wrench[::2, 0] += 1e-11
+    there = nominal(elbow(), rows_of(elbow(), at_random(elbow(), 6, seed=1).q, wrench))
+    assert list(where(there, there.used, [])["loads"]) == ["300 N"]

@@ -38,8 +38,9 @@ def _components(baseline: Baseline) -> list[str | None]:
     found = drives(baseline)
 
     def served(name: str | None) -> bool:
-        own = limits.get(str(name))
-        return own is None or not axis_at(baseline, str(name)).turns or own[1] - own[0] <= ROUND
+        axis = axis_at(baseline, str(name))
+        own = limits.get(axis.joint.variable or "")
+        return own is None or not axis.turns or own[1] - own[0] <= ROUND
 
     if baseline.stated is not None:  # whoever wrote it into the robot knows better
         return found

@@ -37,7 +37,8 @@ OFF = 0.05  # m along the axis, from the joint's frame to where its bearing tilt
 
 
 def _components(baseline: Baseline) -> list[str | None]:
-    return [component_of(joint) for joint in baseline.nominal.joints if joint.name in baseline.places.joints]
+    robot = baseline.nominal
+    return [component_of(robot, joint) for joint in robot.joints if joint.name in baseline.places.joints]
 
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:

@@ -44,14 +44,16 @@ def cycle_of(baseline: Baseline, since_unloaded: bool) -> Cycle:
         return Cycle(stated_scale(baseline, "cycles") or 0.0, 1.0)
     fit = baseline.fit
     time = clock(fit)
-    most = min(MOST, np.unique(time).size / READINGS)
+    read = fit.used[:, :3]
+    most = min(MOST, np.unique(time[read.any(axis=1)]).size / READINGS)
     if most <= FEWEST:
         return Cycle(0.0, 1.0)
     left, own = _positions(fit)
     start = first_of_pose(fit) if since_unloaded else None
 
     def best(counts: Array) -> float:
-        return float(counts[np.argmax(_explained(left, own, waves(time, counts, start), start is None))])
+        explained = _explained(left, own, waves(time, counts, start), read, start is None)
+        return float(counts[np.argmax(explained)])
 
     about = best(np.arange(FEWEST, most, FINE))
     near = np.clip(np.arange(about - FINE, about + FINE, FINEST), FEWEST, most)
@@ -81,8 +83,11 @@ def _positions(baseline: Baseline) -> tuple[Array, Array]:
     return clipped.reshape(-1, 3), own.reshape(len(read), 3, own.shape[1])
 
 
-def _explained(left: Array, own: Array, found: Array, middle: bool) -> Array:
-    """Return what waves (N, F, 2) along x, y and z, about any middle or none, explain (F,), squared."""
+def _explained(left: Array, own: Array, found: Array, read: NDArray[np.bool_], middle: bool) -> Array:
+    """Return what waves (N, F, 2) along x, y and z, about any middle or none, explain (F,), squared.
+
+    Of the positions that were read (N, 3).
+    """
     if middle:
         found = np.concatenate([found, np.ones((*found.shape[:2], 1))], -1)
     count, waves_each = found.shape[1:]
@@ -90,7 +95,8 @@ def _explained(left: Array, own: Array, found: Array, middle: bool) -> Array:
     part = np.einsum("nfa,nit->ftia", found, own).reshape(count, own.shape[2], 3 * waves_each)
     gram = np.zeros((count, 3, waves_each, 3, waves_each))
     for axis in range(3):
-        gram[:, axis, :, axis] = np.einsum("nfa,nfb->fab", found, found)
+        seen = found * read[:, axis, None, None]
+        gram[:, axis, :, axis] = np.einsum("nfa,nfb->fab", seen, found)
     whole = gram.reshape(count, 3 * waves_each, -1) - part.swapaxes(1, 2) @ part
     solved = np.linalg.pinv(whole, rcond=1e-8, hermitian=True) @ toward[..., None]
     result: Array = np.einsum("fa,fa->f", toward, solved[..., 0])

@@ -78,6 +78,11 @@ def no_scales(baseline: Baseline, component: str | None) -> Scales:  # noqa: ARG
     return {}
 
 
+def itself(component: str) -> tuple[str, ...]:
+    """Return the one place that a component is."""
+    return (component,)
+
+
 @dataclass(frozen=True)
 class Effect:
     """Something that a model can lack.
@@ -101,6 +106,8 @@ class Effect:
         Where the realistic sizes come from.
     place : str
         Where it sits when it has no component: ``base``, ``tool``, or outside the machine.
+    places_of : callable
+        The places that a component is: a joint pair is two, a frame's parameter is the frame.
     """
 
     name: str
@@ -113,7 +120,8 @@ class Effect:
     sources: str = "engineering estimate"
     scales: Callable[[Baseline, str | None], Scales] = no_scales
     place: str = ""
+    places_of: Callable[[str], tuple[str, ...]] = itself
 
     def places(self, component: str | None) -> tuple[str, ...]:
-        """Return the places that a component is: a joint pair is two, a frame's parameter is the frame."""
-        return (self.place,) if component is None else tuple(component.partition(".")[0].split("+"))
+        """Return the places that a component is, or where the effect sits when it has none."""
+        return (self.place,) if component is None else self.places_of(component)

@@ -147,4 +147,5 @@ EFFECT = Effect(
     separation="absolute positions of the unloaded robot in many postures",
     look_alikes=("frame-misalignment", "tool-offset"),
     sources="0.05 to 0.5 deg, tenths of a millimetre, engineering estimate",
+    places_of=lambda component: (component.partition(".")[0],),
 )

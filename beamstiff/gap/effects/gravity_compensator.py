@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from beamstiff.gap.baseline import Baseline
+from beamstiff.gap.baseline import Baseline, own_direction
 from beamstiff.gap.effects.drive_stiffness import PHASES, Following, angle_scales, scaled_torque
 from beamstiff.gap.effects.effect import Effect, Quantity, Scales, Shape, stated_scale
 from beamstiff.gap.effects.laws import Axis, axis_at, drive_compliance, drives, joint_of
@@ -34,7 +34,10 @@ def _components(baseline: Baseline) -> list[str | None]:
         return found
     arms: dict[str | None, float] = {}
     for name in found:
-        place = baseline.places.joints[joint_of(baseline, str(name)).name]
+        joint = joint_of(baseline, str(name)).name
+        if own_direction(baseline.nominal, joint) != "torsional":
+            continue
+        place = baseline.places.joints[joint]
         upright = np.abs(place.turn[:, :, 0] @ down) / np.linalg.norm(down)
         if float(np.median(upright)) < LEVEL:
             arms[name] = float(np.median(np.linalg.norm(place.shift[:, :3, 3], axis=1)))

@@ -16,7 +16,7 @@ SECTORS = tuple(range(-180, 180, 30))
 def _components(baseline: Baseline) -> list[str | None]:
     robot = baseline.nominal
     return [
-        component_of(joint)
+        component_of(robot, joint)
         for joint in robot.joints
         if joint.name in baseline.places.joints
         and getattr(joint.stiffness, own_direction(robot, joint.name)) == RIGID

@@ -12,15 +12,15 @@ import numpy as np
 
 from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects.effect import Effect, Quantity, Shape
-from beamstiff.gap.effects.laws import Axis, axis_at, drive_compliance, drives
+from beamstiff.gap.effects.laws import Axis, axis_at, drive_compliance, drives, joint_of
 from beamstiff.se3 import Array
 
 
 def _components(baseline: Baseline) -> list[str | None]:
-    order = [variable.name for variable in baseline.nominal.variables]
-    names = [str(name) for name in drives(baseline) if name in order]
-    names.sort(key=order.index)
-    return [f"{a}+{b}" for a, b in combinations(names, 2)]
+    order: list[str | None] = [variable.name for variable in baseline.nominal.variables]
+    found = [(str(name), joint_of(baseline, str(name)).variable) for name in drives(baseline)]
+    found = sorted((one for one in found if one[1] in order), key=lambda one: order.index(one[1]))
+    return [f"{a}+{b}" for (a, of_a), (b, of_b) in combinations(found, 2) if of_a != of_b]
 
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
@@ -91,4 +91,5 @@ EFFECT = Effect(
     shapes=_shapes,
     separation="torque on one of the two joints only",
     sources="5 to 50 % of the geometric mean of both compliances, engineering estimate",
+    places_of=lambda component: tuple(component.split("+")),
 )

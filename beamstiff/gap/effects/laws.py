@@ -10,6 +10,7 @@ import numpy as np
 from beamstiff.gap.baseline import SILENT, Baseline, own_direction
 from beamstiff.gap.effects.effect import Quantity, Scales, Shape, stated_scale
 from beamstiff.gap.places import Place
+from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import FREE, RIGID
 from beamstiff.robot.parts import Joint
 from beamstiff.se3 import Array
@@ -49,14 +50,16 @@ class Axis:
     typical: float
 
 
-def component_of(joint: Joint) -> str:
-    """Return the name by which a joint is a component: its variable, else its own."""
-    return joint.variable or joint.name
+def component_of(robot: Robot, joint: Joint) -> str:
+    """Return the name by which a joint is a component: its variable, if no other has it, else its own."""
+    alone = [other.variable for other in robot.joints].count(joint.variable) == 1
+    return joint.variable if joint.variable is not None and alone else joint.name
 
 
 def joint_of(baseline: Baseline, component: str) -> Joint:
     """Return the joint of a component."""
-    return next(joint for joint in baseline.nominal.joints if component_of(joint) == component)
+    robot = baseline.nominal
+    return next(joint for joint in robot.joints if component_of(robot, joint) == component)
 
 
 def axis_at(baseline: Baseline, component: str) -> Axis:
@@ -103,7 +106,7 @@ def drives(baseline: Baseline) -> list[str | None]:
     for joint in baseline.nominal.joints:
         value = getattr(joint.stiffness, own_direction(baseline.nominal, joint.name))
         if joint.name in baseline.places.joints and FREE < value < RIGID:
-            found.append(component_of(joint))
+            found.append(component_of(baseline.nominal, joint))
     return found
 
 

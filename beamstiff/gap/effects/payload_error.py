@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from beamstiff.gap.baseline import Baseline, nominal_pose
+from beamstiff.gap.baseline import Baseline, nominal_pose, tcp_response
 from beamstiff.gap.effects.effect import Effect, Quantity, Shape
 from beamstiff.gap.effects.outside import each_by_each, tool_axes
 from beamstiff.robot.description import Robot
@@ -19,22 +19,23 @@ STRETCH = 50.0  # N/m
 
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: ARG001
-    axes = tool_axes(baseline)
+    axes, response = tool_axes(baseline), tcp_response(baseline)
     gravity = np.array(baseline.nominal.gravity)
     weight = np.zeros((len(baseline.rows), 6, 1))
     weight[:, :3, 0] = gravity
     lever = np.concatenate([np.zeros_like(axes), np.cross(axes, gravity[None, :, None], axis=1)], 1)
-    heavier = baseline.response @ weight
-    further = baseline.response @ lever
+    heavier = response @ weight
+    further = response @ lever
     down = gravity / (np.linalg.norm(gravity) or 1.0)
     shifted = each_by_each(axes, np.broadcast_to(down, (len(axes), 3)))
     swung = np.concatenate([np.zeros_like(shifted), np.cross(shifted, gravity[None, :, None], axis=1)], 1)
     base = np.broadcast_to(np.eye(3), axes.shape)
-    pulled = [baseline.response @ np.concatenate([frame, np.zeros_like(frame)], 1) for frame in (base, axes)]
-    held = replace(baseline.rows, point=baseline.rows.load_point)  # whatever point is read
+    pulled = [response @ np.concatenate([frame, np.zeros_like(frame)], 1) for frame in (base, axes)]
+    tcp = np.full(len(baseline.rows), baseline.nominal.tcp)
+    held = replace(baseline.rows, point=tcp)  # whatever point is read
     place = nominal_pose(baseline.nominal, held)[0]
     drawn = each_by_each(base, place)
-    drawn = baseline.response @ np.concatenate([drawn, np.zeros_like(drawn)], 1)
+    drawn = response @ np.concatenate([drawn, np.zeros_like(drawn)], 1)
     springs = tuple(Quantity(f"pull_{a}_by_{b}", "N/m", STRETCH) for a in "xyz" for b in "xyz")
     shifts = tuple(Quantity(f"mass_times_{a}_by_{b}", "kg*m", LEVER) for a in "xyz" for b in "xyz")
     pulls = tuple(Quantity(f"pull_{where}{axis}", "N", PULL) for where in ("", "tool_") for axis in "xyz")
@@ -46,7 +47,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
         Shape("mass and centre of gravity", np.concatenate([heavier, further], -1), (mass, *levers)),
         Shape(
             "something loose",
-            np.concatenate([heavier, further, baseline.response @ swung], -1),
+            np.concatenate([heavier, further, response @ swung], -1),
             (mass, *levers, *shifts),
             weight=0.5,
         ),

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from beamstiff.gap.baseline import Baseline
+from beamstiff.gap.baseline import Baseline, tcp_response
 from beamstiff.gap.effects.effect import Effect, Quantity, Shape
 from beamstiff.gap.effects.outside import anew, by_setup, each_by_each, tool_axes
 from beamstiff.se3 import Array
@@ -27,9 +27,9 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     loaded = np.where((rows.load_point == robot.tcp)[:, None, None], axes, 0.0)
     marked = np.where((rows.point == robot.tcp)[:, None, None], axes, 0.0)
 
-    def acting(at: Array, force: Array) -> Array:
+    def acting(at: Array, force: Array, response: Array = baseline.response) -> Array:
         moment = np.cross(at, force[:, :, None], axis=1)
-        result: Array = baseline.response @ np.concatenate([np.zeros_like(moment), moment], 1)
+        result: Array = response @ np.concatenate([np.zeros_like(moment), moment], 1)
         return result
 
     load = acting(loaded, rows.wrench[:, :3])
@@ -62,7 +62,8 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     hung += anew("load, hooked on anew for every direction", baseline, load, loads, by_setup)
     if baseline.absolute:
         mass = sum(item.mass for item in robot.masses if item.node == robot.tcp)
-        payload = acting(axes, np.broadcast_to(mass * np.array(robot.gravity), (len(rows), 3)))
+        weight = np.broadcast_to(mass * np.array(robot.gravity), (len(rows), 3))
+        payload = acting(axes, weight, tcp_response(baseline))
         seat = np.concatenate([marked, nothing], 1)
         turn = np.concatenate([nothing, axes], 1)
         # of a target whose unloaded place is known, the lever is left: what the tool turns moves it

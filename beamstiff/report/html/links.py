@@ -98,7 +98,7 @@ def joint_lines(robot: Robot, q: Array, positions: Array, moved: Array, size: fl
             direction = direction / np.linalg.norm(direction)
             arms = JOINT * size * np.array([-1.0, 0.0, 1.0])[:, None] * direction
             yield (
-                component_of(joint),
+                component_of(robot, joint),
                 positions[node] + arms,
                 moved[node, :3] + np.cross(moved[node, 3:], arms),
             )

@@ -156,7 +156,7 @@ def _energy(robot: Robot, response: Response | None, at: int) -> dict[str, float
     """Return shares of the strain energy by component."""
     result: dict[str, float] = {}
     if response is not None:
-        names = {joint.name: component_of(joint) for joint in robot.joints}
+        names = {joint.name: component_of(robot, joint) for joint in robot.joints}
         for name, value in response.energy_shares().items():
             key = name if name not in names and "." not in name else name.rpartition(".")[0] or name
             key = names.get(key, key)

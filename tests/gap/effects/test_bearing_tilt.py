@@ -160,7 +160,7 @@ def test_what_a_slide_gives_along_its_way_is_the_drives_and_not_the_bearings(rob
     machine = load_robot(robot)
     there = fit_baseline(machine, at_random(machine, 6, seed=9), keep=())
     slides = [joint for joint in machine.joints if own_direction(machine, joint.name) == "axial"]
-    shape = shape_of(there, "bearing-tilt", component_of(slides[0]), "any")
+    shape = shape_of(there, "bearing-tilt", component_of(machine, slides[0]), "any")
     names = [item.name for item in shape.parameters]
     assert "compliance_rx_rx" in names
     assert not any(name.startswith("compliance_x_") for name in names)

@@ -2,7 +2,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from beamstiff import load_robot
+from beamstiff.gap.baseline import fit_baseline
 from beamstiff.gap.effects import EFFECTS
+from beamstiff.gap.effects.laws import axis_at
 from tests.gap.machines import arm_at, at_random, close, kr240, nominal, shape_of
 
 
@@ -32,6 +35,16 @@ def test_components_are_pairs_in_the_order_of_the_variables() -> None:
     assert len(found) == 15
     assert found[:2] == ["q1+q2", "q1+q3"]
     assert "q5+q6" in found
+
+
+def test_joints_that_share_a_variable_have_their_own_names_and_are_not_coupled_by_torque() -> None:
+    machine = load_robot("gantry")  # two carriages on one variable
+    there = fit_baseline(machine, at_random(machine, 3, seed=3), keep=())
+    assert EFFECTS["backlash"].components(there) == ["X_left", "X_right", "qz"]
+    assert EFFECTS["bearing-tilt"].components(there) == ["X_left", "X_right", "qy", "qz"]
+    assert EFFECTS["joint-coupling"].components(there) == ["X_left+qz", "X_right+qz"]
+    left, right = (axis_at(there, name).joint.name for name in ("X_left", "X_right"))
+    assert (left, right) == ("X_left", "X_right")
 
 
 def test_a_lever_between_them_that_follows_the_angles_couples_by_them() -> None:

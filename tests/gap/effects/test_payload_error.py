@@ -7,11 +7,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from beamstiff import Robot
-from beamstiff.gap.baseline import Baseline, predict
+from beamstiff.gap.baseline import Baseline, fit_baseline, predict
 from beamstiff.gap.effects import EFFECTS
 from beamstiff.model.linear import predict_displacements
 from beamstiff.robot.parts import Mass
-from tests.gap.machines import arm_at, at_random, close, kr240, nominal, rows_of, shape_of
+from tests.gap.machines import arm_at, at_random, close, elbow, kr240, nominal, rows_of, shape_of
 
 GRAVITY = (1.0, -2.0, -9.5)  # of a machine that stands askew
 
@@ -71,3 +71,14 @@ def test_a_hose_that_pulls_as_a_spring_is_a_force_that_follows_the_tool(campaign
         force[:, a] = arm.tip[:, b]  # 1 N/m
         pulled = predict_displacements(carrying(20.0), rows_of(kr240(), campaign.rows.q, force))
         close(shape.columns[..., names.index(f"pull_{'xyz'[a]}_by_{'xyz'[b]}")], pulled, 1e-6)
+
+
+def test_it_hangs_at_the_tcp_wherever_the_load_acts() -> None:
+    machine = elbow(mass=20.0, gravity=(0.0, -9.81, 0.0))
+    q = at_random(machine, 6, seed=1).q
+    where = {"position": np.zeros((6, 3)), "rotation": np.zeros((6, 3)), "load_point": ["end"] * 6}
+    rows = rows_of(machine, q, np.zeros((6, 6)), **where)
+    there = fit_baseline(machine, rows, keep=())
+    heavier = machine.model_copy(update={"masses": (Mass(node="tip", mass=20.5),)})
+    moved = predict(heavier, rows) - predict(machine, rows)
+    close(shape_of(there, "payload-error", None, "mass").columns[..., 0], moved / 0.5, 1e-2)

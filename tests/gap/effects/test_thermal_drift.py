@@ -201,6 +201,20 @@ def test_a_cooler_that_switches_on_and_off_is_found_with_its_period(shared: bool
     assert np.linalg.norm(left) < 0.15 * np.linalg.norm(saw - saw.mean())
 
 
+def test_hours_without_readings_do_not_change_the_period() -> None:
+    """Rows that were not read are no readings of zero."""
+    rng = np.random.default_rng(2)
+    time = 30.0 * np.arange(80)
+    rows = at_random(elbow(), 80, seed=5, time=time)
+    cycles = 10.6
+    wave = 6e-5 * np.sin(2 * np.pi * cycles * time / time[-1])[:, None] * [1.0, 0.5, 0.5]
+    read = predict_displacements(elbow(), rows) + rng.normal(0, 2e-5, (80, 6))
+    read[:, :3] += wave + np.array([2e-4, -1e-4, 1.4e-4])
+    read[24:60] = np.nan
+    there = fit_baseline(elbow(), replace(rows, displacement=read))
+    assert cycle_of(there, False).count == pytest.approx(cycles, abs=0.1)
+
+
 def test_a_drift_has_begun_before_the_first_row_and_a_machine_may_grow_before_it_is_measured() -> None:
     rows = at_random(elbow(), 6, seed=1, time=TIME)
     there = nominal(elbow(), rows)
