@@ -159,7 +159,7 @@ def _diagnosis(weighed: Weighed, chance: tuple[float, float], may_be_outliers: b
     by_key = {one.key: one for one in candidates}
     also = _also(judged, by_key, fits)
     if len(models) == 2:
-        by_key[judged.verdict] = replace(by_key[judged.verdict], shrink=both)
+        by_key[judged.verdict] = replace(_in_fit(by_key[judged.verdict], fits[0]), shrink=both)
     verdict = by_key[judged.verdict]
     squares = np.where(used[:, :3], (scale * linear.sigma[:, :3]) ** 2, 0.0).sum()
     attributed = attribute(white, weighed.laws, scale)
@@ -214,13 +214,13 @@ def _also(judged: Judged, by_key: Mapping[str, Candidate], fits: Sequence[Fitted
         return None
     if judged.also == OUTLIERS:
         return Candidate("outliers", None, judged.also_probability)
-    second = int(fits[0].shapes[0].hypothesis.key != judged.also)
-    return replace(
-        by_key[judged.also],
-        probability=judged.also_probability,
-        estimates=estimates_of(fits[0], second),
-        shape=fits[0].shapes[second].hypothesis.shape.name,
-    )
+    return replace(_in_fit(by_key[judged.also], fits[0]), probability=judged.also_probability)
+
+
+def _in_fit(cause: Candidate, fit: Fitted) -> Candidate:
+    """Return one of two causes as it is beside the other."""
+    at = [one.hypothesis.key for one in fit.shapes].index(cause.key)
+    return replace(cause, estimates=estimates_of(fit, at), shape=fit.shapes[at].hypothesis.shape.name)
 
 
 def _features(

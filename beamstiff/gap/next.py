@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from beamstiff.errors import BeamstiffError
 from beamstiff.gap.baseline import Baseline, at_rows
 from beamstiff.gap.heldout import Weighted, fitted, shift, stacked_covariance
 from beamstiff.gap.result import Diagnosis, columns_at
@@ -73,20 +74,26 @@ def programme(
         return None
     rows, cycle = _candidates(baseline, seed)
     there = at_rows(baseline, rows)
-    means, covariances = [], []
-    for _, _, shapes in rivals:
+    means, covariances, kept = [], [], []
+    for key, probability, shapes in rivals:
         best = [max(shapes, key=lambda one: one.weight)] if shapes else []
         fit = fitted(baseline, used, [[one] for one in best], scale)[0]
-        columns = [columns_at(there, one.hypothesis) for one in best]
+        try:
+            columns = [columns_at(there, one.hypothesis) for one in best]
+        except BeamstiffError:  # what it would be there is not known
+            continue
+        kept.append((key, probability))
         means.append(shift(there, [fit], [columns]))
         covariances.append(stacked_covariance(there, fit, columns))
+    if len(kept) < 2:
+        return None
     noise = 2 * np.diag((scale * np.median(baseline.sigma, axis=0)) ** 2)
     score = np.zeros(len(rows))
-    for i, j in combinations(range(len(rivals)), 2):
+    for i, j in combinations(range(len(kept)), 2):
         apart = (means[i] - means[j])[:, :3]
         total = (covariances[i] + covariances[j])[:, :3, :3] + noise[:3, :3]
         told = np.einsum("na,na->n", apart, np.linalg.solve(total, apart[..., None])[..., 0])
-        score += rivals[i][1] * rivals[j][1] * told
+        score += kept[i][1] * kept[j][1] * told
     whole = np.array([score[cycle == k].sum() for k in range(int(cycle.max()) + 1)])
     chosen: list[int] = []
     for k in np.argsort(-whole):
@@ -95,7 +102,7 @@ def programme(
         if len(chosen) == PROGRAMME:
             break
     picked = np.concatenate([np.flatnonzero(cycle == k) for k in chosen])
-    return Programme(subset(rows, picked), tuple(key for key, _, _ in rivals), score[picked])
+    return Programme(subset(rows, picked), tuple(key for key, _ in kept), score[picked])
 
 
 def _candidates(baseline: Baseline, seed: int) -> tuple[Measurements, NDArray[np.intp]]:
@@ -184,8 +191,6 @@ def programme_csv(result: Diagnosis) -> str:
     BeamstiffError
         When it proposes none.
     """
-    from beamstiff.errors import BeamstiffError
-
     if not result.next:
         raise BeamstiffError("--next: this diagnosis has no rivals to tell apart, so no states to propose")
     rows = result.baseline.rows

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from beamstiff.errors import BeamstiffError
 from beamstiff.gap.baseline import Baseline, at_rows, nominal_pose
 from beamstiff.gap.effects import EFFECTS
 from beamstiff.gap.heldout import Fitted, Shrink, shift
@@ -212,9 +213,19 @@ def as_measured(baseline: Baseline, deviation: Array) -> Array:
 
 
 def columns_at(baseline: Baseline, hypothesis: Any) -> Array:
-    """Return a hypothesis' columns (N, 6, c) at a baseline's rows."""
+    """Return a hypothesis' columns (N, 6, c) at a baseline's rows.
+
+    Raises
+    ------
+    BeamstiffError
+        When its shape does not exist there, as that of a closed loop which a changed geometry opens.
+    """
+    name = hypothesis.shape.name
     shapes = EFFECTS[hypothesis.effect].shapes(baseline, hypothesis.component)
-    return next(shape.columns for shape in shapes if shape.name == hypothesis.shape.name)
+    found = next((shape.columns for shape in shapes if shape.name == name), None)
+    if found is None:
+        raise BeamstiffError(f"{hypothesis.key}: its shape {name!r} does not exist in these rows")
+    return found
 
 
 def estimates_of(fit: Fitted, which: int = 0) -> tuple[Estimate, ...]:

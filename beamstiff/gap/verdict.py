@@ -37,7 +37,8 @@ ENOUGH = 300  # values less fitted ones, below which shapes are believed less
 FAINT, BARE = 15.0, 0.3  # log odds against none below which a cause has to be worth this share as well
 CAUTION = 2.0  # log odds that any effect needs before it is as likely as none
 CHANCE = 0.01  # share of simulated campaigns without an effect that look as if they had one
-SURE, SLIGHT = 0.92, 0.08  # probability of the verdict with what cannot be told from it; and of a member
+SURE = 0.92  # probability of the verdict with what cannot be told from it
+SLIGHT = 0.1  # share of the verdict's own from which a cause cannot be told from it
 BESIDE = 0.05  # probability from which a cause may be one of two instead of those that are named
 DOUBTED = 0.065  # probability of the unknown from which a set holds it
 SECOND = 8.0  # log odds of a second cause
@@ -248,7 +249,7 @@ def _set(effects: Mapping[str, float], verdict: str) -> tuple[str, ...]:
     for key in sorted(effects, key=effects.__getitem__, reverse=True):
         if mass >= SURE or len(rest) == MOST:
             break
-        if key != verdict and effects[key] >= SLIGHT:
+        if key != verdict and effects[key] >= SLIGHT * effects[verdict]:
             mass += effects[key]
             rest.append(key)
     return tuple(rest)
