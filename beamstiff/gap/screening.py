@@ -19,6 +19,7 @@ from beamstiff.gap.library import Hypothesis, Library, by_candidate, whitened
 from beamstiff.gap.mishaps import by_chance
 from beamstiff.gap.variance import Variance, estimate, precision
 from beamstiff.gap.whitened import Whitened, whiten
+from beamstiff.measure.rows import history_order
 from beamstiff.se3 import Array
 
 MOST = 0.15  # of the rows
@@ -85,11 +86,21 @@ def screen(baseline: Baseline, library: Library) -> Screened:
         worst = np.flatnonzero(excess > 1.0)
         worst = worst[np.argsort(-excess[worst])][: max(1, int(0.04 * rows))]
         if not worst.size:
-            if found:  # what was left out beside wrong rows may be what the sound ones predict
-                apart = _excess(*_left_out(whole, of_all, variance, list(found)), rows)
-                back = [row for row in found if apart[row] < scale]
-                found = {row: value for row, value in found.items() if row not in back}
-                used[back] = baseline.used[back]
+            if not found:
+                break
+            # rows that are off alike speak for one another: those about wrong rows count without each other
+            about = [row for row in _about(baseline, list(found)) if used[row].any()]
+            apart = _excess(*_left_out(whole, of_all, variance, [*found, *about]), rows)
+            spared = [row for row in about if apart[row] > scale]
+            if spared and turn < ROUNDS - 1 and len(found) + len(spared) <= MOST * rows:
+                found |= {row: float(apart[row] / scale) for row in spared}
+                used[spared] = False
+                continue
+            # and what was left out beside wrong rows may be what the sound ones predict
+            apart = _excess(*_left_out(whole, of_all, variance, list(found)), rows)
+            back = [row for row in found if apart[row] < scale]
+            found = {row: value for row, value in found.items() if row not in back}
+            used[back] = baseline.used[back]
             break
         if len(found) + worst.size > MOST * rows:  # too many: not outliers, but something else
             used = baseline.used.copy()
@@ -166,6 +177,15 @@ def _left_out(
             distance[row] = float(part @ np.linalg.lstsq(its, part, rcond=1e-9)[0])
             count[row] = end - start
     return distance, count
+
+
+def _about(baseline: Baseline, found: Sequence[int]) -> list[int]:
+    """Return the other rows of the postures in which rows were found, and of those read next to them."""
+    order, pose = history_order(baseline.rows), baseline.rows.pose
+    at = np.flatnonzero(np.isin(order, found))
+    beside = np.concatenate([np.maximum(at - 1, 0), at, np.minimum(at + 1, len(order) - 1)])
+    near = np.isin(pose, pose[order[beside]])
+    return [row for row in np.flatnonzero(near).tolist() if row not in found]
 
 
 def _unit_columns(some: Sequence[Hypothesis], white: Whitened) -> Array:

@@ -4,21 +4,29 @@ A load off by p adds the moment ``p x F``; a target off by p moves by ``r x p`` 
 position is off by p, constant in the tool's frame. What a load hangs on turns after it: its point is then
 ``p + P F / |F|``, P constant in the tool's or in the base frame. What is hooked on anew in every posture,
 or for every direction there, is off by ``p + p_k`` in the k-th.
+
+A wrong lever may load a drive that nothing else turns, as that of the last axis where all forces act on it.
+How soft that is no row tells then: what the lever does there is free.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from beamstiff.gap.baseline import Baseline, tcp_response
+from beamstiff.gap.baseline import Baseline, own_direction, tcp_response
 from beamstiff.gap.effects.effect import Effect, Quantity, Shape
+from beamstiff.gap.effects.laws import Axis, axis_at, drives
 from beamstiff.gap.effects.outside import anew, by_setup, each_by_each, tool_axes
+from beamstiff.gap.places import find_places
 from beamstiff.se3 import Array
 
 OFFSET = 0.03  # m
 FAR = 0.1  # m
 PLACED = 5e-4  # m, of a target whose place was measured
 TURNED = 1e-3  # rad
+FAINT = 0.1  # of the noise, which a drive that nothing turns moves at most
 
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: ARG001
@@ -58,6 +66,10 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
         )
         for where, frame in (("", axes), (", in the base frame", still))
     ]
+    turned, unknown = _where_nothing_else_turns(baseline, loaded)
+    if unknown:
+        columns = np.concatenate([load, turned], -1)
+        hung.append(Shape("load, turning what nothing else does", columns, (*loads, *unknown), weight=0.5))
     hung += anew("load, hooked on anew in every posture", baseline, load, loads)
     hung += anew("load, hooked on anew for every direction", baseline, load, loads, by_setup)
     if baseline.absolute:
@@ -109,6 +121,39 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
         *far,
         *hung,
     ]
+
+
+def _where_nothing_else_turns(baseline: Baseline, loaded: Array) -> tuple[Array, tuple[Quantity, ...]]:
+    """Return what levers (N, 3, 3) of the load turn at drives whose stiffness shows in no row, (N, 6, 3 d).
+
+    A drive of compliance c turns by ``c q^T w``, q the torque about it per unit wrench w at the load: by
+    reciprocity what a turn of it moves there. Of a robot that states the effect, every drive.
+    """
+    rows = baseline.rows
+    drives_here = [(str(name), axis_at(baseline, str(name))) for name in drives(baseline)]
+    if baseline.stated is None:
+        drives_here = [one for one in drives_here if _is_silent(baseline.fit, one[1])]
+    if not drives_here:
+        return np.zeros((len(rows), 6, 0)), ()
+    there = baseline
+    if (rows.point != rows.load_point).any():
+        there = replace(baseline, places=find_places(baseline.robot, replace(rows, point=rows.load_point)))
+    moment = np.cross(loaded, rows.wrench[:, :3, None], axis=1)  # (N, 3, 3)
+    columns, quantities = [], []
+    for name, axis in drives_here:
+        torque = np.einsum("na,nak->nk", axis_at(there, name).shift[:, 3:], moment)
+        columns.append(axis.shift[:, :, None] * (torque / axis.stiffness)[:, None, :])
+        quantities += [Quantity(f"load_point_{k}_at_{name}", "m", OFFSET) for k in "xyz"]
+    return np.concatenate(columns, -1), tuple(quantities)
+
+
+def _is_silent(fit: Baseline, axis: Axis) -> bool:
+    """Return whether a drive was fitted, and moves nothing by more than rounding, however soft it is."""
+    name = f"{axis.joint.name}.{own_direction(fit.nominal, axis.joint.name)}"
+    if name not in fit.fitted:
+        return False
+    moved = fit.tangent[..., fit.fitted.index(name)] / axis.stiffness / fit.sigma
+    return float(np.abs(moved[fit.used]).max(initial=0.0)) < FAINT
 
 
 def _following(frame: Array, loaded: Array, force: Array) -> Array:
