@@ -22,13 +22,25 @@ def gravity_wrenches(structure: Structure, geometry: Geometry) -> Array:
     BeamstiffError
         When a mass is off a node that only struts hold and that has no rotation.
     """
+    result = mass_wrenches(structure, geometry)
+    beams = beam_weight(structure, geometry)
+    for end in (0, 1):
+        nodes = structure.elements[: len(structure.robot.beams), end]
+        np.add.at(result.swapaxes(0, 1), nodes, beams[:, :, end].swapaxes(0, 1))
+    return result
+
+
+def mass_wrenches(structure: Structure, geometry: Geometry) -> Array:
+    """Return the wrench of what masses weigh on every node, (P, N, 6), base frame, N and N m.
+
+    Raises
+    ------
+    BeamstiffError
+        See `gravity_wrenches`.
+    """
     robot, positions = structure.robot, geometry.posture.node_positions
     gravity = np.array(robot.gravity)
     result = np.zeros((positions.shape[0], len(robot.nodes), 6))
-    beams = beam_weight(structure, geometry)
-    for end in (0, 1):
-        nodes = structure.elements[: len(robot.beams), end]
-        np.add.at(result.swapaxes(0, 1), nodes, beams[:, :, end].swapaxes(0, 1))
     index = structure.kinematics.node_index
     rotations = geometry.posture.transforms[:, :, :3, :3]
     turning = turning_nodes(robot)

@@ -24,7 +24,7 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.fem.beam import beam_axes, beam_stiffness
 from beamstiff.fem.condensation import Condensed, Port, condense
 from beamstiff.fem.geometry import SHORTEST, Geometry, place
-from beamstiff.fem.loads import gravity_wrenches
+from beamstiff.fem.loads import gravity_wrenches, mass_wrenches
 from beamstiff.fem.structure import Structure, compile_structure
 from beamstiff.fem.unknowns import joint_values
 from beamstiff.measure.table import Measurements
@@ -140,14 +140,15 @@ def find_places(robot: Robot, rows: Measurements) -> Places:
                 found[name] = there
     tcp_frame = compile_kinematics(cut).node_frame[index[robot.tcp]]
     structure = compile_structure(cut)
-    weight = gravity_wrenches(structure, place(structure, where))
+    geometry = place(structure, where)
+    weight, hung = gravity_wrenches(structure, geometry), mass_wrenches(structure, geometry)
     base = _base(rows, where, weight, index, pose)
     return Places(
         joints=found,
         links=links_found,
         base=base,
         flange=_flange(
-            robot, rows, where.transforms[:, tcp_frame, :3, :3][pose], weight[pose, index[robot.tcp]]
+            robot, rows, where.transforms[:, tcp_frame, :3, :3][pose], hung[pose, index[robot.tcp]]
         ),
         held=held,
         standing=tuple(
@@ -326,7 +327,10 @@ def _base(
 
 
 def _flange(robot: Robot, rows: Measurements, turn: Array, weight: Array) -> Place:
-    """Return the flange: what loads, weighs or is seen at the TCP passes through it, the rest does not."""
+    """Return the flange: what loads, hangs or is seen at the TCP passes through it, the rest does not.
+
+    The `weight` (N, 6) is that of masses: a beam that ends at the TCP carries its own by itself.
+    """
     axes = rotate_screw(turn)
     loaded, seen = ((names == robot.tcp).astype(np.float64) for names in (rows.load_point, rows.point))
     inside = axes.swapaxes(-1, -2)

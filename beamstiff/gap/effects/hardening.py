@@ -9,6 +9,7 @@ from beamstiff.gap.effects.effect import Effect, Quantity, Shape
 from beamstiff.gap.effects.laws import axis_at, by_law, drive_compliance, drives, torque_scale, unit_of
 
 KNEES = (0.05, 0.1, 0.25, 0.5)  # of the largest torque: where the soft wind-up ends
+FADES = (0.03, 0.05, 0.08, 0.12, 0.2)  # of the largest torque: over which a smooth one fades
 SOFTER = 0.8  # compliance that ends there, over the drive's: K3 / K1 - 1
 
 
@@ -39,6 +40,19 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     result += [
         Shape(f"knee at {at:g}", column[..., None], (soft("extra_windup", at),), spread=4.0)
         for at, column in zip(KNEES, windups, strict=True)
+    ]
+
+    def fading(torque: np.ndarray, at: float) -> np.ndarray:
+        return np.asarray(np.sign(torque) * -np.expm1(-np.abs(torque) / (at * largest)))
+
+    result += [
+        Shape(
+            f"smooth, over {at:g}",
+            by_law(baseline, axis, lambda torque, at=at: fading(torque, at))[..., None],  # type: ignore[misc]
+            (soft("extra_windup", at),),
+            spread=4.0,
+        )
+        for at in FADES
     ]
 
     def to_side(torque: np.ndarray, at: float, side: float) -> np.ndarray:

@@ -23,6 +23,7 @@ ANGLE = 0.03  # rad
 GAIN = 0.03
 TARE = 10.0  # N
 LEVER = 0.01  # m, of a moment that a cell reads of a force
+SAME = 1e-9  # of a load, within which it stayed
 SPREAD = 4.0  # cells and cables are no better and no worse than the sources say by more than this
 
 
@@ -140,17 +141,23 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
 
 
 def rising(baseline: Baseline) -> Array:
-    """Return 1 where the load grew to reach a row, -1 where it fell, (N,); 0 where the rows have no steps."""
+    """Return 1 where the load grew to reach a row, -1 where it fell, (N,); 0 where the rows have no steps.
+
+    Where it stayed, for another reading or another reflector, it is as it was.
+    """
     rows = baseline.rows
     result = np.zeros(len(rows))
     if not np.isfinite(rows.step).all():
         return result
     groups = rows.run if rows.continuous else rows.pose
-    before: dict[int, float] = {}
+    before: dict[int, tuple[float, float]] = {}  # load and way of the row before
     for row in history_order(rows).tolist():
         load = float(np.linalg.norm(rows.wrench[row]))
-        result[row] = 1.0 if load >= before.get(int(groups[row]), 0.0) else -1.0
-        before[int(groups[row])] = load
+        last, way = before.get(int(groups[row]), (0.0, 1.0))
+        if abs(load - last) > SAME * max(load, last):
+            way = 1.0 if load > last else -1.0
+        result[row] = way
+        before[int(groups[row])] = load, way
     return result
 
 
