@@ -213,6 +213,17 @@ def test_a_column_that_grows_beside_a_strut_carries_its_share_at_every_height() 
     np.testing.assert_allclose(found, 1000.0 * column / (column + strut), rtol=1e-9)
 
 
+def test_what_hangs_at_the_tcp_passes_through_the_flange_and_a_beam_that_ends_there_does_not() -> None:
+    light = bent(elbow(mass=20.0, gravity=(0.0, -9.81, 0.0)), "fore", EI=1e6)
+    steel = light.materials["bent"].model_copy(update={"density": 7850.0})
+    heavy = light.model_copy(update={"materials": light.materials | {"bent": steel}})
+    rows = at_random(light, 4, seed=2)
+    without, found = find_places(light, rows), find_places(heavy, rows)
+    assert np.abs(found.joints["J2"].dead - without.joints["J2"].dead).max() > 10.0
+    np.testing.assert_array_equal(found.flange.dead, without.flange.dead)
+    np.testing.assert_allclose(np.linalg.norm(found.flange.dead[:, :3], axis=1), 20.0 * 9.81)
+
+
 def test_links_that_stand_on_the_ground_are_named_and_the_base_gives_all_that_they_can() -> None:
     assert find_places(elbow(), at_random(elbow(), 4, seed=2)).standing == ()
     closed = load_robot("ir663")

@@ -15,7 +15,7 @@ from beamstiff.gap.library import Library, state_library
 from beamstiff.gap.screening import Screened, _left_out, screen
 from beamstiff.gap.variance import Variance
 from beamstiff.gap.whitened import whiten
-from beamstiff.measure.rows import subset
+from beamstiff.measure.rows import history_order, subset
 from beamstiff.measure.table import Measurements
 from beamstiff.se3 import Array
 from tests.gap import planted
@@ -190,3 +190,13 @@ def test_what_was_left_out_beside_wrong_rows_is_taken_back(monkeypatch: pytest.M
     assert turns[-1] == 4
     assert sorted(found.outliers.tolist()) == [5, 22, 47, 70]
     assert found.used[[10, 11]].all()
+
+
+def test_rows_that_are_off_alike_do_not_speak_for_one_another() -> None:
+    """A target that is knocked and set right again: all readings between are off by the same."""
+    rows = planted.campaign(PLAN, planted.backlash, seed=1)
+    struck = history_order(rows)[30:36]
+    moved = rows.displacement.copy()
+    moved[struck, :3] += [3e-4, -2e-4, 4e-4]
+    found = screened(replace(rows, displacement=moved))
+    assert sorted(found.outliers.tolist()) == sorted(struck.tolist())

@@ -23,7 +23,7 @@ ANGLE = 0.03  # rad
 GAIN = 0.03
 TARE = 10.0  # N
 LEVER = 0.01  # m, of a moment that a cell reads of a force
-SAME = 1e-9  # of a load, within which it stayed
+SAME = 1e-9  # of a load, within which it stays
 SPREAD = 4.0  # cells and cables are no better and no worse than the sources say by more than this
 
 
@@ -150,14 +150,15 @@ def rising(baseline: Baseline) -> Array:
     if not np.isfinite(rows.step).all():
         return result
     groups = rows.run if rows.continuous else rows.pose
-    before: dict[int, tuple[float, float]] = {}  # load and way of the row before
+    before: dict[int, tuple[Array, float]] = {}  # wrench and way of the row before
     for row in history_order(rows).tolist():
-        load = float(np.linalg.norm(rows.wrench[row]))
-        last, way = before.get(int(groups[row]), (0.0, 1.0))
-        if abs(load - last) > SAME * max(load, last):
-            way = 1.0 if load > last else -1.0
+        wrench = rows.wrench[row]
+        last, way = before.get(int(groups[row]), (np.zeros(6), 1.0))
+        load, loaded = float(np.linalg.norm(wrench)), float(np.linalg.norm(last))
+        if np.abs(wrench - last).max() > SAME * max(load, loaded):
+            way = 1.0 if load >= loaded else -1.0
         result[row] = way
-        before[int(groups[row])] = load, way
+        before[int(groups[row])] = wrench, way
     return result
 
 

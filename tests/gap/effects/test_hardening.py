@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy import integrate
 
 from tests.gap.machines import FORE, elbow, nominal, rows_of, shape_of
 
@@ -30,6 +31,14 @@ def test_a_soft_windup_ends_at_its_knee(knee: float) -> None:
     beyond = np.abs(SHARES) >= knee
     assert found[beyond] == pytest.approx(np.sign(SHARES[beyond]))
     assert found[~beyond] == pytest.approx(SHARES[~beyond] / knee)
+
+
+@pytest.mark.parametrize("over", [0.03, 0.05, 0.08, 0.12, 0.2])
+def test_a_drive_that_hardens_smoothly_has_a_stiffness_that_grows_towards_its_own(over: float) -> None:
+    found = slips(f"smooth, over {over:g}")[:, 0]
+    # it gives more at small torque by a share that fades exponentially: its windup is the integral
+    windup = [integrate.quad(lambda t: np.exp(-t / over) / over, 0, abs(share))[0] for share in SHARES]
+    assert found == pytest.approx(np.sign(SHARES) * windup, rel=1e-6)
 
 
 def test_several_knees_make_any_drive_of_five_straight_lines() -> None:

@@ -215,3 +215,31 @@ def test_ways_to_pull_are_told_as_a_load_cell_reads_them() -> None:
     # pulled one way in every posture it is another in every posture
     one_way = np.repeat(once[:3], 12, axis=0) * np.tile(np.arange(1.0, 13.0), 3)[:, None]
     assert ways_of(rows_of(kr240(), q, one_way)) == 0
+
+
+def test_a_lever_turns_a_drive_that_nothing_else_turns_by_a_stiffness_that_nobody_knows() -> None:
+    """All forces act on the last axis; a lever of 40 mm turns it, and it is half as stiff as was thought."""
+    some = at_random(kr240(), 12, seed=3)
+    rows = rows_of(
+        kr240(), some.q, some.wrench * [1, 1, 1, 0, 0, 0], sigma_position=3e-5, sigma_rotation=5e-5
+    )
+    soft = with_lug(1).with_parameters({"J6.torsional": 0.5 * kr240().parameter("J6.torsional")})
+    lever = replace(rows, load_point=np.full(12, "lug"))
+    moved = predict_displacements(soft, lever) - predict_displacements(kr240(), rows)
+    there = nominal(kr240(), rows)
+    names = {shape.name: shape.columns for shape in EFFECTS["tool-offset"].shapes(there, None)}
+
+    def left(name: str) -> float:
+        columns = names[name].reshape(moved.size, -1)
+        size = np.linalg.norm(columns, axis=0)
+        columns = columns[:, size > 0] / size[size > 0]
+        rest = moved.ravel() - columns @ np.linalg.lstsq(columns, moved.ravel())[0]
+        return float(np.linalg.norm(rest) / np.linalg.norm(moved))
+
+    assert left("load") > 0.1
+    assert left("load, turning what nothing else does") < 1e-6
+
+
+def test_where_every_drive_shows_none_is_left_free() -> None:
+    shapes = EFFECTS["tool-offset"].shapes(nominal(kr240(), at_random(kr240(), 12, seed=3)), None)
+    assert "load, turning what nothing else does" not in {shape.name for shape in shapes}
