@@ -99,7 +99,7 @@ def screen(baseline: Baseline, library: Library) -> Screened:
             # and what was left out beside wrong rows may be what the sound ones predict
             apart = _excess(*_left_out(whole, of_all, variance, list(found)), rows)
             back = [row for row in found if apart[row] < scale]
-            found = {row: value for row, value in found.items() if row not in back}
+            found = {row: float(apart[row] / scale) for row in found if row not in back}
             used[back] = baseline.used[back]
             break
         if len(found) + worst.size > MOST * rows:  # too many: not outliers, but something else

@@ -39,6 +39,7 @@ CAUTION = 2.0  # log odds that any effect needs before it is as likely as none
 CHANCE = 0.01  # share of simulated campaigns without an effect that look as if they had one
 SURE = 0.92  # probability of the verdict with what cannot be told from it
 SLIGHT = 0.1  # share of the verdict's own from which a cause cannot be told from it
+BY_FAR = 5.0  # log odds, by which what is another in every posture has to be better than a cause
 BESIDE = 0.05  # probability from which a cause may be one of two instead of those that are named
 DOUBTED = 0.065  # probability of the unknown from which a set holds it
 SECOND = 8.0  # log odds of a second cause
@@ -118,13 +119,13 @@ def odds_of_nameless(search: Search, log_weight: float) -> float:
 
     Divided as those between causes are. Play of the structure looks like a soft place that stiffens, a drive
     that creeps like one with friction, and each is another repair. What is another in every posture holds
-    every law that follows the posture, and so counts only where it is the better one.
+    every law that follows the posture, and so counts only where it is the better one by far.
     """
     nameless = max(
         (
             weight
             for (_, does), weight in search.nameless.items()
-            if does not in OF_POSTURES or weight > log_weight
+            if does not in OF_POSTURES or weight > log_weight + BY_FAR
         ),
         default=-np.inf,
     )
