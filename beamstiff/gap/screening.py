@@ -90,17 +90,17 @@ def screen(baseline: Baseline, library: Library) -> Screened:
                 break
             # rows that are off alike speak for one another: those about wrong rows count without each other
             about = [row for row in _about(baseline, list(found)) if used[row].any()]
-            apart = _excess(*_left_out(whole, of_all, variance, [*found, *about]), rows)
-            spared = [row for row in about if apart[row] > scale]
+            far = _apart(whole, of_all, variance, rows, scale, [*found, *about])
+            spared = {row: far[row] for row in about if far[row] > 1.0}
             if spared and turn < ROUNDS - 1 and len(found) + len(spared) <= MOST * rows:
-                found |= {row: float(apart[row] / scale) for row in spared}
-                used[spared] = False
+                found |= spared
+                used[list(spared)] = False
                 continue
             # and what was left out beside wrong rows may be what the sound ones predict
-            apart = _excess(*_left_out(whole, of_all, variance, list(found)), rows)
-            back = [row for row in found if apart[row] < scale]
-            found = {row: float(apart[row] / scale) for row in found if row not in back}
+            far = _apart(whole, of_all, variance, rows, scale, list(found))
+            back = [row for row, value in far.items() if value < 1.0]
             used[back] = baseline.used[back]
+            found = {row: value for row, value in far.items() if row not in back}
             break
         if len(found) + worst.size > MOST * rows:  # too many: not outliers, but something else
             used = baseline.used.copy()
@@ -129,6 +129,14 @@ def unlikely(squared: Array, values: NDArray[np.intp], rows: int) -> NDArray[np.
 def _excess(distance: Array, count: NDArray[np.intp], rows: int) -> Array:
     """Return squared distances (N,) over those that hardly any of so many sound rows reaches."""
     return np.where(count > 0, distance / chi2.isf(SURE / rows, np.maximum(count, 1)), 0.0)
+
+
+def _apart(
+    white: Whitened, columns: Array, variance: Variance, rows: int, scale: float, some: list[int]
+) -> dict[int, float]:
+    """Return how far some rows are from what all others predict, over what hardly any sound row reaches."""
+    excess = _excess(*_left_out(white, columns, variance, some), rows) / scale
+    return {row: float(excess[row]) for row in some}
 
 
 def _silent(white: Whitened) -> NDArray[np.bool_]:

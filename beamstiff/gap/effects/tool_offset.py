@@ -29,98 +29,127 @@ TURNED = 1e-3  # rad
 FAINT = 0.1  # of the noise, which a drive that nothing turns moves at most
 
 
+LOADS = tuple(Quantity(f"load_point_{axis}", "m", OFFSET) for axis in "xyz")
+
+
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: ARG001
     robot, rows = baseline.nominal, baseline.rows
-    axes, nothing = tool_axes(baseline), np.zeros((len(rows), 3, 3))
+    axes = tool_axes(baseline)
     loaded = np.where((rows.load_point == robot.tcp)[:, None, None], axes, 0.0)
     marked = np.where((rows.point == robot.tcp)[:, None, None], axes, 0.0)
+    load = _acting(baseline.response, loaded, rows.wrench[:, :3])
+    shapes = _of_positions if baseline.absolute else _of_displacements
+    return [
+        *shapes(baseline, load, loaded, marked),
+        *_hung(baseline, load, loaded),
+        *anew("load, hooked on anew in every posture", baseline, load, LOADS),
+        *anew("load, hooked on anew for every direction", baseline, load, LOADS, by_setup),
+    ]
 
-    def acting(at: Array, force: Array, response: Array = baseline.response) -> Array:
-        moment = np.cross(at, force[:, :, None], axis=1)
-        result: Array = response @ np.concatenate([np.zeros_like(moment), moment], 1)
-        return result
 
-    load = acting(loaded, rows.wrench[:, :3])
-    loads = tuple(Quantity(f"load_point_{axis}", "m", OFFSET) for axis in "xyz")
+def _acting(response: Array, at: Array, force: Array) -> Array:
+    """Return what a force (N, 3) moves more where it acts off by unit levers (N, 3, k), (N, 6, k)."""
+    moment = np.cross(at, force[:, :, None], axis=1)
+    result: Array = response @ np.concatenate([np.zeros_like(moment), moment], 1)
+    return result
+
+
+def _hung(baseline: Baseline, load: Array, loaded: Array) -> list[Shape]:
+    """Return the shapes of a load that hangs on something which turns, or stays, as the tool does not."""
+    rows = baseline.rows
+    axes, force = tool_axes(baseline), rows.wrench[:, :3]
     still = np.broadcast_to(np.eye(3), axes.shape)
-    here = (rows.load_point == robot.tcp)[:, None, None]
-    beside = acting(np.where(here, still, 0.0), rows.wrench[:, :3])
+    here = (rows.load_point == baseline.nominal.tcp)[:, None, None]
+    beside = _acting(baseline.response, np.where(here, still, 0.0), force)
     besides = tuple(Quantity(f"load_point_base_{axis}", "m", OFFSET) for axis in "xyz")
-    hung = [
+    following = tuple(Quantity(f"load_point_{a}_by_{b}", "m", OFFSET) for a in "xyz" for b in "xyz")
+
+    def after(frame: Array) -> Array:
+        turning = _acting(baseline.response, _following(frame, loaded, force), force)
+        return np.concatenate([load, turning], -1)
+
+    name = "load that turns after its direction"
+    return [
         Shape("load that keeps its side in the base frame", beside, besides, weight=0.5),
         Shape(
             "load that keeps its side in the tool and in the base frame",
             np.concatenate([load, beside], -1),
-            (*loads, *besides),
+            (*LOADS, *besides),
             weight=0.5,
         ),
+        Shape(name, after(axes), (*LOADS, *following), weight=0.5),
+        Shape(f"{name}, in the base frame", after(still), (*LOADS, *following), weight=0.5),
     ]
-    hung += [
+
+
+def _of_positions(baseline: Baseline, load: Array, loaded: Array, marked: Array) -> list[Shape]:
+    robot, rows, axes = baseline.nominal, baseline.rows, tool_axes(baseline)
+    nothing = np.zeros_like(axes)
+    mass = sum(item.mass for item in robot.masses if item.node == robot.tcp)
+    weight = np.broadcast_to(mass * np.array(robot.gravity), (len(rows), 3))
+    payload = _acting(tcp_response(baseline), axes, weight)
+    seat = np.concatenate([marked, nothing], 1)
+    turn = np.concatenate([nothing, axes], 1)
+    # of a target whose unloaded place is known, the lever is left: what the tool turns moves it
+    tilt = np.concatenate([np.cross(baseline.predicted[:, 3:, None], marked, axis=1), nothing], 1)
+    levers = tuple(Quantity(f"target_lever_{axis}", "m", OFFSET) for axis in "xyz")
+    places = tuple(Quantity(f"target_{axis}", "m", PLACED) for axis in "xyz")
+    turns = tuple(Quantity(f"turn_{axis}", "rad", TURNED) for axis in "xyz")
+    return [
+        Shape("target", seat, places),
+        Shape("target and its turn", np.concatenate([seat, turn], -1), (*places, *turns)),
+        Shape("load", load, LOADS, weight=0.5),
+        Shape("load with the payload", load + payload, LOADS, weight=0.5),
+        Shape("load and target", np.concatenate([load, seat], -1), (*LOADS, *places), weight=0.5),
+        Shape("target and its lever", np.concatenate([seat, tilt], -1), (*places, *levers), weight=0.5),
         Shape(
-            f"load that turns after its direction{where}",
-            np.concatenate(
-                [load, acting(_following(frame, loaded, rows.wrench[:, :3]), rows.wrench[:, :3])], -1
-            ),
-            (*loads, *(Quantity(f"load_point_{a}_by_{b}", "m", OFFSET) for a in "xyz" for b in "xyz")),
+            "load, target and its lever",
+            np.concatenate([load, seat, tilt], -1),
+            (*LOADS, *places, *levers),
             weight=0.5,
-        )
-        for where, frame in (("", axes), (", in the base frame", still))
+        ),
+        *_turning(baseline, "load", load, loaded, LOADS),
     ]
-    turned, unknown = _where_nothing_else_turns(baseline, loaded)
-    if unknown:
-        columns = np.concatenate([load, turned], -1)
-        hung.append(Shape("load, turning what nothing else does", columns, (*loads, *unknown), weight=0.5))
-    hung += anew("load, hooked on anew in every posture", baseline, load, loads)
-    hung += anew("load, hooked on anew for every direction", baseline, load, loads, by_setup)
-    if baseline.absolute:
-        mass = sum(item.mass for item in robot.masses if item.node == robot.tcp)
-        weight = np.broadcast_to(mass * np.array(robot.gravity), (len(rows), 3))
-        payload = acting(axes, weight, tcp_response(baseline))
-        seat = np.concatenate([marked, nothing], 1)
-        turn = np.concatenate([nothing, axes], 1)
-        # of a target whose unloaded place is known, the lever is left: what the tool turns moves it
-        tilt = np.concatenate([np.cross(baseline.predicted[:, 3:, None], marked, axis=1), nothing], 1)
-        levers = tuple(Quantity(f"target_lever_{axis}", "m", OFFSET) for axis in "xyz")
-        places = tuple(Quantity(f"target_{axis}", "m", PLACED) for axis in "xyz")
-        turns = tuple(Quantity(f"turn_{axis}", "rad", TURNED) for axis in "xyz")
-        return [
-            Shape("target", seat, places),
-            Shape("target and its turn", np.concatenate([seat, turn], -1), (*places, *turns)),
-            Shape("load", load, loads, weight=0.5),
-            Shape("load with the payload", load + payload, loads, weight=0.5),
-            Shape("load and target", np.concatenate([load, seat], -1), (*loads, *places), weight=0.5),
-            Shape("target and its lever", np.concatenate([seat, tilt], -1), (*places, *levers), weight=0.5),
-            Shape(
-                "load, target and its lever",
-                np.concatenate([load, seat, tilt], -1),
-                (*loads, *places, *levers),
-                weight=0.5,
-            ),
-            *hung,
-        ]
+
+
+def _of_displacements(baseline: Baseline, load: Array, loaded: Array, marked: Array) -> list[Shape]:
+    nothing = np.zeros_like(marked)
     # the rotation as measured holds what the offset itself adds to it
     turned = np.where(baseline.used[:, 3:], baseline.measured[:, 3:], baseline.predicted[:, 3:])
     seen = np.concatenate([np.cross(turned[:, :, None], marked, axis=1), nothing], 1)
     targets = tuple(Quantity(f"target_{axis}", "m", OFFSET) for axis in "xyz")
     both = tuple(Quantity(f"tool_{axis}", "m", OFFSET) for axis in "xyz")
+    together = np.concatenate([load, seen], -1)
     far: list[Shape] = []
     unread = np.logical_not(baseline.used[:, 3:].any(axis=1))
     # whatever the rows at hand read: an effect that was fitted has to be found again on others
     needed = baseline.stated is not None or not baseline.fit.used[:, 3:].any(axis=1).all()
     if needed:  # what a load that is far off turns, moves a target that is far off
-        moved = np.cross(load[:, 3:, :, None], marked[:, :, None, :], axis=1).reshape(len(rows), 3, 9)
+        moved = np.cross(load[:, 3:, :, None], marked[:, :, None, :], axis=1).reshape(len(marked), 3, 9)
         moved = np.concatenate([np.where(unread[:, None, None], moved, 0.0), np.zeros_like(moved)], 1)
         products = tuple(Quantity(f"load_{i}_target_{j}", "m^2", FAR * OFFSET) for i in "xyz" for j in "xyz")
-        columns = np.concatenate([load, seen, moved], -1)
-        far = [Shape("load and target, far off", columns, (*loads, *targets, *products), weight=0.5)]
+        columns = np.concatenate([together, moved], -1)
+        far = [Shape("load and target, far off", columns, (*LOADS, *targets, *products), weight=0.5)]
     return [
-        Shape("load", load, loads),
+        Shape("load", load, LOADS),
         Shape("target", seen, targets),
         Shape("load and target together", load + seen, both),
-        Shape("load and target", np.concatenate([load, seen], -1), (*loads, *targets), weight=0.5),
+        Shape("load and target", together, (*LOADS, *targets), weight=0.5),
         *far,
-        *hung,
+        *_turning(baseline, "load", load, loaded, LOADS),
+        *_turning(baseline, "load and target", together, loaded, (*LOADS, *targets)),
     ]
+
+
+def _turning(
+    baseline: Baseline, name: str, columns: Array, loaded: Array, quantities: tuple[Quantity, ...]
+) -> list[Shape]:
+    """Return a shape with what its levers turn where nothing else does, if there is such a drive."""
+    turned, unknown = _where_nothing_else_turns(baseline, loaded)
+    if not unknown:
+        return []
+    both = np.concatenate([columns, turned], -1)
+    return [Shape(f"{name}, turning what nothing else does", both, (*quantities, *unknown), weight=0.5)]
 
 
 def _where_nothing_else_turns(baseline: Baseline, loaded: Array) -> tuple[Array, tuple[Quantity, ...]]:
