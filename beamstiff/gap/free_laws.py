@@ -23,7 +23,7 @@ from beamstiff.gap.effects.outside import POSTURES, by_posture, clock
 from beamstiff.gap.histories import lagging, slipping
 from beamstiff.gap.library import Library
 from beamstiff.gap.places import Place
-from beamstiff.gap.tethers import stopped, tethered
+from beamstiff.gap.tethers import held_tool, stopped, tethered
 from beamstiff.gap.whitened import Whitened
 from beamstiff.se3 import Array
 
@@ -93,8 +93,9 @@ def free_laws(baseline: Baseline, library: Library, white: Whitened) -> list[Fre
         if at is places.base or at is places.flange:
             nameless[SLIPPING] = _modes(white, (slipping(baseline, at),))
         if at is places.flange:
-            nameless[TETHERED] = _modes(white, tethered(baseline, white))
-            nameless[STOPPED] = _modes(white, (stopped(baseline),))
+            held = held_tool(baseline)
+            nameless[TETHERED] = _modes(white, tethered(baseline, held, white))
+            nameless[STOPPED] = _modes(white, (stopped(held),))
         found.append(FreeLaw(name, _modes(white, (compliance, bent)), nameless=nameless))
     for drive in map(str, drives(baseline)):
         named, others = _of_drive(baseline, drive)

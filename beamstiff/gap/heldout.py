@@ -240,17 +240,17 @@ def held_out(
     left = [np.zeros_like(baseline.gap) for _ in range(2)]
     unsure = np.zeros_like(baseline.gap)
     causes: tuple[Sequence[Sequence[Weighted]], ...] = ((), models)
-    whole = [stated(baseline, used, effects, scale) for effects in causes]
+    whole = [] if by_load else [stated(baseline, used, effects, scale) for effects in causes]
     for k in range(int(fold.max(initial=-1)) + 1):
         train = fold != k
-        for target, effects, problem in zip(left, causes, whole, strict=True):
+        for which, (target, effects) in enumerate(zip(left, causes, strict=True)):
             if by_load:  # rows of a posture may share an unloaded reading: none may tell of those left out
                 fits = stated(baseline, used & train[:, None], effects, scale).solved()
             else:
-                fits = problem.solved(train)
+                fits = whole[which].solved(train)
             columns = [[one.hypothesis.shape.columns for one in fit.shapes] for fit in fits]
             target[~train] = (baseline.gap - shift(baseline, fits, columns))[~train]
-            if problem is whole[-1]:
+            if which == 1:
                 unsure[~train] = _variance(baseline, fits, columns, ~train)
     counted = used & (fold >= 0)[:, None]
     without, misfit = (

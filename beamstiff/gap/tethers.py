@@ -52,12 +52,13 @@ def held_tool(baseline: Baseline) -> Held:
     return Held(own[:, :3, :3], seen[:, :, :3], predict(robot, there)[:, :3])
 
 
-def tethered(baseline: Baseline, white: Whitened) -> tuple[Array, Array]:
+def tethered(baseline: Baseline, held: Held, white: Whitened) -> tuple[Array, Array]:
     """Return what a spring between tool and floor does to displacements.
 
     Parameters
     ----------
     baseline : Baseline
+    held : Held
     white : Whitened
         Its gap, which suggests how strong the spring is.
 
@@ -69,7 +70,6 @@ def tethered(baseline: Baseline, white: Whitened) -> tuple[Array, Array]:
     placed : (N, 6, 18) array
         What it would do more if it changed with the place, as it does where its direction does.
     """
-    held = held_tool(baseline)
     about = suggested_spring(held, white)
     more = _more(held, about)
     alike = np.concatenate([more, _taken(held, about)[:, :, None]], axis=-1)
@@ -97,9 +97,8 @@ def suggested_spring(held: Held, white: Whitened) -> Array:
     return result
 
 
-def stopped(baseline: Baseline) -> Array:
+def stopped(held: Held) -> Array:
     """Return what stops beside the tool take from the displacements, (N, 6, c): to each side of each axis."""
-    held = held_tool(baseline)
     columns = []
     for axis in range(3):
         for side in (1.0, -1.0):

@@ -63,7 +63,7 @@ def test_what_a_spring_takes_more_is_the_derivative(there: Baseline) -> None:
 def test_springs_weak_and_strong_lie_within_the_law(there: Baseline, share: float, left: float) -> None:
     moved = held_by(there, spring_of(there, share))
     found, white = with_gap(there, moved)
-    columns = tethered(found, white)[0].reshape(moved.size, 7)
+    columns = tethered(found, held_tool(found), white)[0].reshape(moved.size, 7)
     columns = columns / np.linalg.norm(columns, axis=0)
     rest = moved.ravel() - columns @ np.linalg.lstsq(columns, moved.ravel())[0]
     assert np.linalg.norm(rest) < left * np.linalg.norm(moved)
@@ -87,7 +87,7 @@ def test_a_stop_beside_the_tool_has_no_name() -> None:
     force = -stop * np.maximum(moved - begins, 0.0)
     taken = there.response[:, :, 1] * force[:, None]
     y, forward = 1, 0
-    found = stopped(there)[:, :, (2 * y + forward) * len(STOPS) + STOPS.index(0.3)]
+    found = stopped(held_tool(there))[:, :, (2 * y + forward) * len(STOPS) + STOPS.index(0.3)]
     np.testing.assert_allclose(stop * found, taken, rtol=1e-9, atol=1e-15)
     assert 0 < np.count_nonzero(force) < len(force)  # some come up against it, some do not
 

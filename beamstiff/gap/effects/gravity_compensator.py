@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from beamstiff.gap.baseline import Baseline, own_direction
+from beamstiff.gap.baseline import Baseline
 from beamstiff.gap.effects.drive_stiffness import PHASES, Following, angle_scales, scaled_torque
 from beamstiff.gap.effects.effect import Effect, Quantity, Scales, Shape, stated_scale
-from beamstiff.gap.effects.laws import Axis, axis_at, drive_compliance, drives, joint_of
+from beamstiff.gap.effects.laws import Axis, axis_at, drive_compliance, drives
 from beamstiff.robot.fields import RIGID
 
 RATIOS, MIDDLE = (0.15, 0.4, 0.7), 0.4
@@ -34,10 +34,10 @@ def _components(baseline: Baseline) -> list[str | None]:
         return found
     arms: dict[str | None, float] = {}
     for name in found:
-        joint = joint_of(baseline, str(name)).name
-        if own_direction(baseline.nominal, joint) != "torsional":
+        axis = axis_at(baseline, str(name))
+        if not axis.turns:
             continue
-        place = baseline.places.joints[joint]
+        place = baseline.places.joints[axis.joint.name]
         upright = np.abs(place.turn[:, :, 0] @ down) / np.linalg.norm(down)
         if float(np.median(upright)) < LEVEL:
             arms[name] = float(np.median(np.linalg.norm(place.shift[:, :3, 3], axis=1)))

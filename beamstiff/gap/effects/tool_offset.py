@@ -11,6 +11,7 @@ How soft that is no row tells then: what the lever does there is free.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -108,7 +109,7 @@ def _of_positions(baseline: Baseline, load: Array, loaded: Array, marked: Array)
             (*LOADS, *places, *levers),
             weight=0.5,
         ),
-        *_turning(baseline, "load", load, loaded, LOADS),
+        *_turning(baseline, loaded, {"load": (load, LOADS)}),
     ]
 
 
@@ -136,20 +137,28 @@ def _of_displacements(baseline: Baseline, load: Array, loaded: Array, marked: Ar
         Shape("load and target together", load + seen, both),
         Shape("load and target", together, (*LOADS, *targets), weight=0.5),
         *far,
-        *_turning(baseline, "load", load, loaded, LOADS),
-        *_turning(baseline, "load and target", together, loaded, (*LOADS, *targets)),
+        *_turning(
+            baseline, loaded, {"load": (load, LOADS), "load and target": (together, (*LOADS, *targets))}
+        ),
     ]
 
 
 def _turning(
-    baseline: Baseline, name: str, columns: Array, loaded: Array, quantities: tuple[Quantity, ...]
+    baseline: Baseline, loaded: Array, shapes: Mapping[str, tuple[Array, tuple[Quantity, ...]]]
 ) -> list[Shape]:
-    """Return a shape with what its levers turn where nothing else does, if there is such a drive."""
+    """Return shapes with what their levers turn where nothing else does, if there is such a drive."""
     turned, unknown = _where_nothing_else_turns(baseline, loaded)
     if not unknown:
         return []
-    both = np.concatenate([columns, turned], -1)
-    return [Shape(f"{name}, turning what nothing else does", both, (*quantities, *unknown), weight=0.5)]
+    return [
+        Shape(
+            f"{name}, turning what nothing else does",
+            np.concatenate([columns, turned], -1),
+            (*quantities, *unknown),
+            weight=0.5,
+        )
+        for name, (columns, quantities) in shapes.items()
+    ]
 
 
 def _where_nothing_else_turns(baseline: Baseline, loaded: Array) -> tuple[Array, tuple[Quantity, ...]]:
