@@ -10,7 +10,7 @@ the covariance of the estimates) is::
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any
 
@@ -19,21 +19,18 @@ from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.gap.baseline import Baseline, at_rows
-from beamstiff.gap.heldout import Weighted, fitted, shift, stacked_covariance
+from beamstiff.gap.heldout import Fitted, Weighted, fitted, shift, stacked_covariance
+from beamstiff.gap.proposals import empty_rows, load_cycles, reflector_nodes
 from beamstiff.gap.result import Diagnosis, columns_at
 from beamstiff.measure.rows import subset
-from beamstiff.measure.table import Measurements, make_measurements
+from beamstiff.measure.table import Measurements
 from beamstiff.measure.writer import measurements_to_csv
-from beamstiff.plan.candidates import candidate_poses
-from beamstiff.plan.poses import closed_posture, random_poses, rounded_postures
-from beamstiff.robot.kinematics import compile_kinematics
 from beamstiff.se3 import Array
 
-POSES, MANY = 24, 400  # postures to choose from, of so many drawn
-NEAR = 0.15  # of the machine's size: as far from where the tool was seen it is likely to be seen as well
-PROGRAMME = 6  # poses that are proposed
-AXES = 3  # along which each is loaded
-STEPS = (0.5, 1.0, 0.5, -0.5, -1.0)  # of the largest load: a cycle shows history and reversal
+PROGRAMME = 6  # load cycles that are proposed, each in another posture
+UNLOADED = 12  # postures, where a cycle is one reading
+WORTH = 2.0  # times what the TCP tells: less is not worth a second reflector
+DECIDES = 2.0  # of discrimination, all states together: less hardly moves the odds
 
 
 @dataclass(frozen=True)
@@ -43,7 +40,7 @@ class Programme:
     Attributes
     ----------
     rows : Measurements
-        Poses and loads; nothing measured.
+        Poses, loads and where to read; nothing measured.
     separates : tuple of str
     score : (R,) array
         Expected discrimination of each row.
@@ -52,6 +49,15 @@ class Programme:
     rows: Measurements
     separates: tuple[str, ...]
     score: Array
+
+
+@dataclass(frozen=True)
+class Rival:
+    """An explanation: its probability, and its likeliest shape, fitted (the model as it is without one)."""
+
+    key: str
+    probability: float
+    fit: Fitted
 
 
 def programme(
@@ -63,6 +69,9 @@ def programme(
 ) -> Programme | None:
     """Return the load cycles that tell rivals apart best; None where there is nothing to tell apart.
 
+    Each is of another posture. Where a reflector elsewhere on the robot would tell far more than the TCP does
+    in these states, it is read as well.
+
     Parameters
     ----------
     rivals : sequence of (key, probability, shapes)
@@ -70,101 +79,79 @@ def programme(
     scale : float
         Of the noise.
     """
-    if len(rivals) < 2 or baseline.absolute:
+    if len(rivals) < 2:
         return None
-    rows, cycle = _candidates(baseline, seed)
-    there = at_rows(baseline, rows)
-    means, covariances, kept = [], [], []
-    for key, probability, shapes in rivals:
-        best = [max(shapes, key=lambda one: one.weight)] if shapes else []
-        fit = fitted(baseline, used, [[one] for one in best], scale)[0]
-        try:
-            columns = [columns_at(there, one.hypothesis) for one in best]
-        except BeamstiffError:  # what it would be there is not known
-            continue
-        kept.append((key, probability))
-        means.append(shift(there, [fit], [columns]))
-        covariances.append(stacked_covariance(there, fit, columns))
-    if len(kept) < 2:
+    rows, cycle, posture = load_cycles(baseline, seed)
+    fits = [_rival(baseline, used, *rival, scale) for rival in rivals]
+    score, separates = discrimination(baseline, rows, fits, scale)
+    if len(separates) < 2:
         return None
-    noise = 2 * np.diag((scale * np.median(baseline.sigma, axis=0)) ** 2)
-    score = np.zeros(len(rows))
-    for i, j in combinations(range(len(kept)), 2):
-        apart = (means[i] - means[j])[:, :3]
-        total = (covariances[i] + covariances[j])[:, :3, :3] + noise[:3, :3]
-        told = np.einsum("na,na->n", apart, np.linalg.solve(total, apart[..., None])[..., 0])
-        score += kept[i][1] * kept[j][1] * told
-    whole = np.array([score[cycle == k].sum() for k in range(int(cycle.max()) + 1)])
+    whole = np.bincount(cycle, weights=score)
     chosen: list[int] = []
-    for k in np.argsort(-whole):
-        if all(k // AXES != other // AXES for other in chosen):  # another posture each time
-            chosen.append(int(k))
-        if len(chosen) == PROGRAMME:
+    most = PROGRAMME if len(rows) > len(whole) else UNLOADED
+    for k in np.argsort(-whole, kind="stable").tolist():
+        if posture[cycle == k][0] not in [posture[cycle == other][0] for other in chosen]:
+            chosen.append(k)
+        if len(chosen) == most:
             break
     picked = np.concatenate([np.flatnonzero(cycle == k) for k in chosen])
-    return Programme(subset(rows, picked), tuple(key for key, _ in kept), score[picked])
+    found = Programme(subset(rows, picked), separates, score[picked])
+    return _with_a_second_reflector(found, baseline, fits, scale)
 
 
-def _candidates(baseline: Baseline, seed: int) -> tuple[Measurements, NDArray[np.intp]]:
-    """Return load cycles at random poses within the limits, and which cycle each row is of."""
-    rows, robot = baseline.rows, baseline.nominal
-    q = _postures(baseline, np.random.default_rng(seed))
-    largest = float(np.linalg.norm(rows.wrench[:, :3], axis=1).max(initial=0.0)) or 500.0
-    largest = float(f"{largest:.3g}")
-    all_q, wrench, pose, step, cycle = [], [], [], [], []
-    for number, values in enumerate(q):
-        for axis in range(AXES):
-            for at, share in enumerate(STEPS):
-                all_q.append(values)
-                wrench.append(np.eye(6)[axis] * (share * largest) + 0.0)  # no -0
-                pose.append(AXES * number + axis)
-                step.append(at)
-                cycle.append(AXES * number + axis)
-    proposed = make_measurements(
-        list(rows.variables),
-        np.array(all_q),
-        tcp=robot.tcp,
-        wrench=np.array(wrench),
-        displacement=np.full((len(all_q), 6), np.nan),
-        pose=pose,
-        step=step,
-        time=np.arange(len(all_q), dtype=np.float64) * 60.0,
-        source="<next>",
+def discrimination(
+    baseline: Baseline, rows: Measurements, rivals: Sequence[Rival], scale: float
+) -> tuple[Array, tuple[str, ...]]:
+    """Return how far each row is expected to tell rivals apart (R,), and which of them can be foretold."""
+    there = at_rows(baseline, rows)
+    told, means, covariances = [], [], []
+    for rival in rivals:
+        try:
+            columns = [columns_at(there, one.hypothesis) for one in rival.fit.shapes]
+        except BeamstiffError:  # what it would be there is not known
+            continue
+        told.append(rival)
+        means.append(shift(there, [rival.fit], [columns])[:, :3])
+        covariances.append(stacked_covariance(there, rival.fit, columns)[:, :3, :3])
+    noise = 2 * np.diag((scale * np.median(baseline.sigma[:, :3], axis=0)) ** 2)
+    score = np.zeros(len(rows))
+    for i, j in combinations(range(len(told)), 2):
+        apart, total = means[i] - means[j], covariances[i] + covariances[j] + noise
+        square = np.einsum("na,na->n", apart, np.linalg.solve(total, apart[..., None])[..., 0])
+        score += told[i].probability * told[j].probability * square
+    return score, tuple(rival.key for rival in told)
+
+
+def _rival(
+    baseline: Baseline,
+    used: NDArray[np.bool_],
+    key: str,
+    probability: float,
+    shapes: Sequence[Weighted],
+    scale: float,
+) -> Rival:
+    best = [max(shapes, key=lambda one: one.weight)] if shapes else []
+    return Rival(key, probability, fitted(baseline, used, [[one] for one in best], scale)[0])
+
+
+def _with_a_second_reflector(
+    found: Programme, baseline: Baseline, rivals: Sequence[Rival], scale: float
+) -> Programme:
+    """Return a programme with a second reflector where one tells far more than the TCP does."""
+    nodes, states = reflector_nodes(baseline), np.arange(len(found.rows))
+    if not nodes:
+        return found
+    elsewhere = replace(
+        subset(found.rows, np.tile(states, len(nodes))), point=np.repeat(np.array(nodes), len(states))
     )
-    return proposed, np.array(cycle, dtype=np.intp)
-
-
-def _postures(baseline: Baseline, rng: np.random.Generator) -> Array:
-    """Return postures (n, A): measured ones, and others where the tool can be measured, as it seems.
-
-    That is the region that the rows state; otherwise near where the tool was seen: nothing else tells of the
-    floor, the pedestal and what the tracker sees.
-    """
-    rows = baseline.rows
-    kinematics = compile_kinematics(baseline.nominal)
-    tcp = kinematics.node_index[baseline.nominal.tcp]
-    known = np.unique(rows.q, axis=0)
-    seen = closed_posture(kinematics, known)[0].node_positions[:, tcp]
-    if rows.region is not None:
-        known = known[inside(rows.region, seen)]
-        others = candidate_poses(kinematics, POSES, int(rng.integers(1 << 31)), rows.region)
-    else:
-        others = random_poses(kinematics, MANY, rng)
-    others = rounded_postures(baseline.nominal, others, rows.units)
-    where, closed = closed_posture(kinematics, others)
-    others, at = others[closed], where.node_positions[:, tcp]
-    if rows.region is not None:
-        others = others[inside(rows.region, at)]
-    else:
-        far = np.linalg.norm(at[:, None] - seen[None], axis=2).min(axis=1)
-        others = others[far <= NEAR * kinematics.size]
-    return np.concatenate([known[rng.permutation(len(known))[: POSES // 2]], others[:POSES]])
-
-
-def inside(region: Sequence[tuple[float, float]], positions: Array) -> NDArray[np.bool_]:
-    """Return which positions (n, 3) lie in a region, (n,)."""
-    low, high = np.asarray(region, dtype=np.float64).T
-    return np.asarray(((positions >= low) & (positions <= high)).all(axis=1))
+    told, separates = discrimination(baseline, elsewhere, rivals, scale)
+    by_node = told.reshape(len(nodes), -1)
+    best = int(np.argmax(by_node.sum(axis=1)))
+    if separates != found.separates or by_node[best].sum() < max(DECIDES, WORTH * found.score.sum()):
+        return found
+    point = np.tile([baseline.nominal.tcp, nodes[best]], len(states))
+    rows = replace(subset(found.rows, np.repeat(states, 2)), point=point)
+    return Programme(rows, separates, np.stack([found.score, by_node[best]], axis=1).ravel())
 
 
 def as_plain(found: Programme | None) -> list[dict[str, Any]]:
@@ -176,6 +163,7 @@ def as_plain(found: Programme | None) -> list[dict[str, Any]]:
         {
             "q": dict(zip(rows.variables, rows.q[k].tolist(), strict=True)),
             "wrench": rows.wrench[k].tolist(),
+            "point": str(rows.point[k]),
             "separates": list(found.separates),
             "discrimination": float(found.score[k]),
         }
@@ -194,16 +182,18 @@ def programme_csv(result: Diagnosis) -> str:
     if not result.next:
         raise BeamstiffError("--next: this diagnosis has no rivals to tell apart, so no states to propose")
     rows = result.baseline.rows
-    proposed = make_measurements(
-        list(rows.variables),
-        [[item["q"][name] for name in rows.variables] for item in result.next],
-        tcp=result.baseline.nominal.tcp,
-        wrench=[item["wrench"] for item in result.next],
-        displacement=np.full((len(result.next), 6), np.nan),
-        sigma_position=rows.sigma_position,  # who measured before measures again
-        sigma_rotation=rows.sigma_rotation,
-        metadata={"robot": result.baseline.nominal.name},
-        source="<next>",
-        units=rows.units,
+    wrench = np.array([item["wrench"] for item in result.next])
+    return measurements_to_csv(
+        empty_rows(
+            rows,
+            result.baseline.nominal.tcp,
+            np.array([[item["q"][name] for name in rows.variables] for item in result.next]),
+            wrench,
+            point=[item["point"] for item in result.next],
+            sigma_position=rows.sigma_position,  # who measured before measures again
+            sigma_rotation=rows.sigma_rotation,
+            metadata={"robot": result.baseline.nominal.name},
+            units=rows.units,
+        ),
+        result.baseline.nominal,
     )
-    return measurements_to_csv(proposed, result.baseline.nominal)

@@ -58,7 +58,7 @@ def diagnosis_tables(result: Diagnosis) -> Iterator[RenderableType]:
         add_rows(hidden, [[one.effect, one.component or "-", one.why] for one in result.untestable])
         yield hidden
     if result.next:
-        yield Text(f"\nTo measure next: {len(result.next)} states that would tell most (--next writes them).")
+        yield Text(f"\nTo measure next: {proposed(result)} (--next writes them).")
     for line in separations(result):
         yield Text(line)
 
@@ -167,6 +167,19 @@ def sized(item: Estimate) -> tuple[str, str, str, str, str]:
 def named(one: Candidate) -> str:
     """Return a candidate in words."""
     return one.effect if one.component is None else f"{one.effect} at {one.component}"
+
+
+def proposed(result: Diagnosis) -> str:
+    """Return, in words, how many states the programme proposes, and where else they are to be read."""
+    told: dict[str, float] = {}
+    for item in result.next:
+        told[item["point"]] = told.get(item["point"], 0.0) + item["discrimination"]
+    states = f"{len(result.next) // len(told)} states that would tell most"
+    tcp = told.pop(result.baseline.nominal.tcp)
+    for node, there in told.items():
+        times = f"{there / tcp:.0f} times as much" if there < 1e3 * tcp else "what the TCP does not"
+        states += f", read at a reflector on {node} as well, which would tell {times}"
+    return states
 
 
 def separations(result: Diagnosis) -> list[str]:

@@ -6,9 +6,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from beamstiff import load_robot, read_measurements
+from beamstiff.gap.effects import EFFECTS
 
 Run = Callable[..., Any]
 
@@ -92,11 +94,26 @@ def test_what_was_measured_next_is_diagnosed_with_what_was_measured_before(run: 
     assert (twice.exit_code, "given twice" in twice.stderr) == (2, True)
 
 
+PLACED = "q1,fy,x,y,z\n0,100,1,0,0\n0.1,100,1,0.1,0\n0.1,10,1,0.1,0\n"
+
+
+def test_where_positions_were_measured_positions_are_proposed(run: Run, folder: Path) -> None:
+    (folder / "placed.csv").write_text(PLACED, encoding="utf-8")
+    result = run("diagnose", "crane.yaml", "placed.csv", "--next", "next.csv")
+    assert result.exit_code == 0, result.output
+    rows = read_measurements(folder / "next.csv", load_robot(folder / "crane.yaml"), require_measured=False)
+    assert rows.kind == "absolute"
+    assert not rows.measured_mask.any()
+    assert set(np.abs(rows.wrench).max(axis=1)) == {0.0, 50.0, 100.0}
+
+
 def test_where_there_is_nothing_to_propose_that_is_said_and_the_diagnosis_stands(
     run: Run, folder: Path
 ) -> None:
-    (folder / "placed.csv").write_text("q1,fy,x,y,z\n0,100,1,0,0\n0.1,100,1,0.1,0\n0.1,10,1,0.1,0\n")
-    result = run("diagnose", "crane.yaml", "placed.csv", "--next", "next.csv", "--json", "out.json")
+    (folder / "placed.csv").write_text(PLACED, encoding="utf-8")
+    others = ",".join(name for name in EFFECTS if name != "backlash")
+    named = ["--without", others, "--next", "next.csv", "--json", "out.json"]
+    result = run("diagnose", "crane.yaml", "placed.csv", *named)
     assert result.exit_code == 0, result.output
     assert "next.csv was not written" in result.stderr
     assert not (folder / "next.csv").exists()

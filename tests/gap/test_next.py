@@ -6,19 +6,20 @@ import numpy as np
 import pytest
 
 from beamstiff import BeamstiffError
-from beamstiff.gap.baseline import Baseline
+from beamstiff.gap.baseline import Baseline, fit_baseline
 from beamstiff.gap.evidence import evidence
 from beamstiff.gap.heldout import Weighted
 from beamstiff.gap.library import state_library
-from beamstiff.gap.next import NEAR, PROGRAMME, STEPS, Programme, as_plain, inside, programme, programme_csv
+from beamstiff.gap.next import PROGRAMME, UNLOADED, WORTH, Programme, as_plain, programme, programme_csv
 from beamstiff.gap.noise import scales_of
+from beamstiff.gap.proposals import NEAR, STEPS, inside
 from beamstiff.gap.search import search
 from beamstiff.gap.whitened import whiten
 from beamstiff.measure.reader import parse_measurements
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.se3 import Array
-from tests.gap.machines import kr240
-from tests.gap.planted import Plan, campaign, diagnosed, hardening, plan
+from tests.gap.machines import POSITION, kr240, rows_of
+from tests.gap.planted import Plan, base_compliance, campaign, diagnosed, hardening, plan
 
 
 def rivals_at(there: Baseline) -> list[tuple[str, float, list[Weighted]]]:
@@ -32,8 +33,6 @@ def rivals_at(there: Baseline) -> list[tuple[str, float, list[Weighted]]]:
 @pytest.fixture(scope="module")
 def split() -> tuple[Baseline, Programme]:
     """Return a baseline, and the programme that splits backlash from hardening at the second joint."""
-    from beamstiff.gap.baseline import fit_baseline
-
     there = fit_baseline(kr240(), campaign(plan(8), hardening))
     rivals = rivals_at(there)
     result = programme(there, there.used, rivals, 1.0, 0)
@@ -113,8 +112,6 @@ def test_the_proposed_states_tell_more_than_states_at_random(split: tuple[Baseli
             )
         )
         rows = campaign(joined, hardening, seed=3)
-        from beamstiff.gap.baseline import fit_baseline
-
         there = fit_baseline(kr240(), rows)
         white = whiten(there)
         some = [one for one in state_library(there, white).hypotheses if one.key in found.separates]
@@ -139,6 +136,52 @@ def test_expected_discrimination_falls_with_the_noise(split: tuple[Baseline, Pro
     assert whole.tolist() == sorted(whole, reverse=True)
     assert len(as_plain(found)) == len(found.rows)
     assert there is not None
+
+
+def test_what_no_reading_at_the_tool_tells_is_read_where_it_shows() -> None:
+    """A pedestal and a first bearing that tilt move the tool alike; the head of the pedestal they do not."""
+    there = fit_baseline(kr240(), campaign(plan(8), base_compliance))
+    white = whiten(there)
+    found = search(white, state_library(there, white).hypotheses, scales_of(there), pairs=False)
+    keys = ("base-compliance:null", "bearing-tilt:q1")
+    proposed = programme(there, there.used, [(key, 0.5, found.shapes[key]) for key in keys], 1.0, 0)
+    assert proposed is not None
+    rows = proposed.rows
+    (head,) = set(rows.point.tolist()) - {kr240().tcp}
+    kinematics = compile_kinematics(kr240())
+    at = posture(kinematics, rows.q).node_positions[:, kinematics.node_index[head]]
+    np.testing.assert_allclose(at, [[0.0, 0.0, 0.675]] * len(rows), atol=1e-9)  # where axes 1 and 2 begin
+    assert rows.point.tolist() == [kr240().tcp, head] * (PROGRAMME * len(STEPS))
+    np.testing.assert_array_equal(rows.q[::2], rows.q[1::2])
+    np.testing.assert_array_equal(rows.wrench[::2], rows.wrench[1::2])
+    at_tool, at_head = proposed.score.reshape(-1, 2).sum(axis=0)
+    assert at_head > WORTH * at_tool
+    assert at_head > 100
+
+
+def test_a_second_reflector_is_not_asked_for_where_little_is_left_to_tell(
+    split: tuple[Baseline, Programme],
+) -> None:
+    """Where a drive rattles, the tool shows it best; and what is settled needs no reflector anywhere."""
+    assert set(split[1].rows.point.tolist()) == {kr240().tcp}
+    there = diagnosed("base_compliance")
+    assert {item["point"] for item in there.next} == {kr240().tcp}
+
+
+def test_positions_without_loads_are_proposed_where_none_was_measured() -> None:
+    robot, q = kr240(), plan(8, steps=np.ones(1)).q
+    nothing = np.zeros((len(q), 6))
+    rows = rows_of(robot, q, nothing, position=tool_at(q), sigma_position=POSITION)
+    there = fit_baseline(robot, rows)
+    white = whiten(there)
+    found = search(white, state_library(there, white).hypotheses, scales_of(there), pairs=False)
+    keys = list(found.shapes)[:2]
+    proposed = programme(there, there.used, [(key, 0.5, found.shapes[key]) for key in keys], 1.0, 0)
+    assert proposed is not None
+    new = proposed.rows
+    assert (new.kind, new.wrench.any(), new.measured_mask.any()) == ("absolute", False, False)
+    assert not {tuple(one) for one in new.q} & {tuple(one) for one in q}
+    assert 1 < len(np.unique(new.q, axis=0)) <= UNLOADED
 
 
 def test_one_explanation_alone_leaves_nothing_to_split() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from beamstiff.gap.heldout import shift
 from beamstiff.gap.result import Candidate, Diagnosis
-from beamstiff.report.diagnosis import headline, named, separations, sized, summary
+from beamstiff.report.diagnosis import headline, named, proposed, separations, sized, summary
 from beamstiff.report.html.bars import bars
 from beamstiff.report.html.page import Page, render
 from beamstiff.report.html.parts import Fact, Figure, Section, Table
@@ -247,13 +247,14 @@ def _others(result: Diagnosis) -> Iterator[Section]:
                 for name, value in item["q"].items()
             ),
             ", ".join(number(value + 0.0) for value in item["wrench"]),
+            item["point"],
             ", ".join(item["separates"]),
         ]
         for item in result.next
     ]
-    columns = ("joint variables, deg or mm", "wrench, N and N m", "separates")
-    tables = [Table(f"{len(following)} states that would tell most", columns, following, 3, open=False)]
-    yield Section("next", "What to measure next", separations(result), tables=tables if following else [])
+    columns = ("joint variables, deg or mm", "wrench, N and N m", "reflector", "separates")
+    tables = [Table(proposed(result), columns, following, 4, open=False)] if following else []
+    yield Section("next", "What to measure next", separations(result), tables=tables)
     hidden = [[one.effect, one.component or "-", one.why] for one in result.untestable]
     yield Section(
         "untestable",
