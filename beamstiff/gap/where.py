@@ -1,4 +1,4 @@
-"""Where the gap is: by direction, load, history, time and posture, and by the places that could make it.
+"""Where the gap is: by direction, load, history, time, place and posture; and the places that could make it.
 
 Every place gets what it could do at most (`free_laws`), and its share of the gap (`attribution`).
 """
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from beamstiff.gap.baseline import Baseline
+from beamstiff.gap.baseline import Baseline, nominal_pose
 from beamstiff.gap.effects.load_error import rising
 from beamstiff.se3 import Array
 
@@ -33,7 +33,9 @@ def where(baseline: Baseline, used: NDArray[np.bool_], components: list[dict[str
     -------
     dict
         ``components`` (share of the explainable gap by place, with a 90 % interval), ``directions``,
-        ``loads``, ``history`` and ``time`` (RMS of the position gap in mm), ``poses`` (the worst).
+        ``loads``, ``history`` and ``time`` (RMS of the position gap in mm), ``joints`` (by thirds of every
+        variable), ``regions`` (by thirds of where it was read along the base frame's axes), ``poses`` (the
+        worst).
     """
     gap = 1e3 * np.where(used[:, :3], baseline.gap[:, :3], np.nan)
     size = np.sqrt(np.nansum(gap**2, axis=1))
@@ -53,6 +55,12 @@ def where(baseline: Baseline, used: NDArray[np.bool_], components: list[dict[str
         name: _by_level(baseline.rows.q[:, k], size, seen, "")
         for k, name in enumerate(baseline.rows.variables)
         if np.ptp(baseline.rows.q[:, k]) > 0
+    }
+    position, _ = nominal_pose(baseline.nominal, baseline.rows)
+    result["regions"] = {
+        axis: _by_level(position[:, k], size, seen, "m")
+        for k, axis in enumerate("xyz")
+        if np.ptp(position[:, k]) > SAME * float(np.abs(position).max())
     }
     result["poses"] = _worst(baseline, size, seen)
     return result

@@ -7,7 +7,7 @@ import pytest
 
 from beamstiff.gap.where import where
 from tests.gap.machines import at_random, elbow, nominal, rows_of
-from tests.gap.planted import diagnosed
+from tests.gap.planted import diagnosed, plan
 
 PLACES = {
     "link_bending": {"link2", "link1", "q2", "q3"},  # a link and the bearings at its ends do much the same
@@ -51,6 +51,18 @@ def test_the_gap_is_split_by_direction_load_and_time() -> None:
     assert set(where["history"]) == {"loading", "unloading"}
     assert len(where["time"]) == 3
     assert set(where["joints"]) == {f"q{k}" for k in range(1, 7)}
+
+
+def test_the_gap_is_split_by_where_the_tool_was() -> None:
+    found = diagnosed("backlash")
+    there, tip = found.baseline, plan().arm.tip
+    size = 1e6 * (there.gap[:, :3] ** 2).sum(axis=1)
+    assert set(found.where["regions"]) == set("xyz")
+    for k, axis in enumerate("xyz"):
+        thirds = [name.removesuffix(" m").split(" to ") for name in found.where["regions"][axis]]
+        for (low, high), rms in zip(thirds, found.where["regions"][axis].values(), strict=True):
+            some = (tip[:, k] > float(low) - 1e-3) & (tip[:, k] < float(high) + 1e-3)
+            assert rms == pytest.approx(np.sqrt(size[some].mean()))
 
 
 def test_the_worst_postures_come_first() -> None:

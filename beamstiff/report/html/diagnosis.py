@@ -182,7 +182,11 @@ def _where(result: Diagnosis) -> Section:
         for name, values in result.where.get("joints", {}).items()
         for turns in [_turns(result, name)]
     ]
-    text = "Position gap of the fitted model by direction, load and joint reading, RMS in mm."
+    tables += [
+        Table(f"By {axis} in the base frame", (axis, "mm"), _rms(values))
+        for axis, values in result.where.get("regions", {}).items()
+    ]
+    text = "Position gap of the fitted model by direction, load, joint reading and region, RMS in mm."
     return Section("where", "Where the gap is", figures=figures, tables=tables, tables_text=text)
 
 
