@@ -24,18 +24,22 @@ def read_tables(
         See `beamstiff.measure.read_measurements`.
     """
     from beamstiff.measure import doubts, read_measurements
+    from beamstiff.measure.usable import copies_between
     from beamstiff.robot.doubts import robot_doubts
 
     tables = [read_measurements(path, robot, require_measured=require_measured) for path in paths]
-    return tables, [*robot_doubts(robot), *(note for table in tables for note in doubts(table, robot))]
+    notes = [*robot_doubts(robot), *(note for table in tables for note in doubts(table, robot))]
+    return tables, [*notes, *copies_between(tables)]
 
 
 @contextmanager
 def doubted(notes: Sequence[str]) -> Iterator[None]:
     """Say with an error, in its line, what in the tables may have led to it."""
+    from beamstiff.measure.usable import UnusableError
+
     try:
         yield
     except BeamstiffError as error:
-        if not notes:
+        if not notes or isinstance(error, UnusableError):
             raise
         raise BeamstiffError(f"{error}; it may come from this: {notes[0]}") from error

@@ -197,6 +197,7 @@ def identify(
     from beamstiff.identify.statement import state_identification
     from beamstiff.identify.stiffness import identify as fit
     from beamstiff.measure.rows import concatenate
+    from beamstiff.measure.usable import counted_once
     from beamstiff.report.identification import (
         combinations_text,
         identification_table,
@@ -249,7 +250,7 @@ def identify(
     elif processes > 1 or scheduler is not None:
         say("note: one search is one process: what is spread are --bootstrap and --searches", quiet)
     tables, notes = read_tables(data, description)
-    whole, measured = description, concatenate(tables)
+    whole, measured = description, counted_once(concatenate(tables))
     if whole.effects:
         from beamstiff.gap.apply import without_effects
 

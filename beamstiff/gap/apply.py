@@ -30,6 +30,8 @@ POSITIVE = (
     *("torque", "force", "moment", "compliance", "counts", "rows", "cycles", "lasts"),
     *("seats_radius", "seats_force"),
 )  # scales that divide
+# beyond which no machine is: SI typed for mm, a missing exponent
+LARGEST = {"rad": 1.0, "m": 1.0, "rad/(N*m)": 0.1, "m/N": 0.01}
 
 
 def predict_with_effects(robot: Robot, rows: Measurements) -> Array:
@@ -59,9 +61,13 @@ def effects_displacement(robot: Robot, rows: Measurements) -> Array:
     if not robot.effects:
         return total
     bare = fit_baseline(robot.model_copy(update={"effects": ()}), rows, keep=())
+    entries = [(one.effect, one.component, one.shape) for one in robot.effects]
     for at, effect in enumerate(robot.effects):
         try:
-            total += _displacement(effect, bare)
+            if entries[at] in entries[:at]:
+                raise BeamstiffError(f"shape {effect.shape!r}: stands there before, once is enough")
+            alone = [entry[:2] for entry in entries].count(entries[at][:2]) == 1
+            total += _displacement(effect, bare, alone)
         except BeamstiffError as error:
             raise BeamstiffError(f"robot {robot.name!r}: effects[{at}] ({effect.effect}): {error}") from None
     return total
@@ -100,7 +106,8 @@ def extended(diagnosis: Diagnosis) -> Robot:
     -------
     Robot
         Predicts what `Diagnosis.predict_shift` does, but for terms of second order in what was added and
-        for what was of the measured postures alone.
+        for what was of the measured postures alone and for compliances that the noise made negative, which
+        are 0.
     """
     fit = diagnosis.linear if diagnosis.fits else diagnosis.baseline
     found: dict[tuple[str, str | None, str], tuple[Shape, Array]] = {}
@@ -114,6 +121,11 @@ def extended(diagnosis: Diagnosis) -> Robot:
             key = (hypothesis.effect, hypothesis.component, hypothesis.shape.name)
             before = found[key][1] if key in found else 0.0
             found[key] = (hypothesis.shape, before + values)
+    entries = [key[:2] for key in found]
+    for key, (shape, values) in found.items():
+        if entries.count(key[:2]) == 1:  # what the noise made negative, of what gives way with its load
+            cannot = np.array([item.positive for item in shape.parameters])
+            found[key] = shape, np.where(cannot, np.maximum(values, 0.0), values)
     added = tuple(
         AddedEffect(
             effect=effect,
@@ -132,41 +144,59 @@ def extended(diagnosis: Diagnosis) -> Robot:
     return robot.model_copy(update={"effects": (*robot.effects, *added)})
 
 
-def _displacement(effect: AddedEffect, bare: Baseline) -> Array:
+def _displacement(effect: AddedEffect, bare: Baseline, alone: bool) -> Array:
+    """Return what one entry adds, (N, 6); `alone` is the only one of its effect at its component."""
     _known("effect", effect.effect, EFFECTS)
     law = EFFECTS[effect.effect]
     view = replace(bare, stated=effect.scales)
     other = replace(view, rows=replace(view.rows, kind="displacement" if view.absolute else "absolute"))
-    here = law.components(view)
-    if effect.component not in here:
-        elsewhere = law.components(other)
-        if effect.component not in elsewhere:
-            _unknown_component(effect, [*here, *elsewhere])
-        return np.zeros((len(view.rows), 6))  # such rows do not show it: a payload, in differences
-    scales = law.scales(view, effect.component)
-    _check_scales(effect, scales)
-    shapes = {shape.name: shape for shape in law.shapes(view, effect.component)}
-    if effect.shape not in shapes:
-        elsewhere_too = [shape.name for shape in law.shapes(other, effect.component)]
-        _known("shape", effect.shape, [*shapes, *elsewhere_too])
-        return np.zeros((len(view.rows), 6))  # nor a target's place
+    here, elsewhere = law.components(view), law.components(other)
+    if effect.component not in here and effect.component not in elsewhere:
+        _unknown_component(effect, [*here, *elsewhere])
+    shows = effect.component in here
+    if shows:
+        scales = law.scales(view, effect.component)
+        _check_scales(effect, scales)
+    shapes = {shape.name: shape for shape in law.shapes(view, effect.component)} if shows else {}
+    if effect.shape not in shapes:  # such rows do not show it: a payload, or a target's place, in differences
+        others = {shape.name: shape for shape in law.shapes(other, effect.component)}
+        _known("shape", effect.shape, dict.fromkeys([*shapes, *others]))
+        _values(effect, others[effect.shape], alone)
+        return np.zeros((len(view.rows), 6))
     shape = shapes[effect.shape]
+    values = _values(effect, shape, alone)
     if missing := [name for name in _against(shape, scales) if name not in effect.scales]:
         raise BeamstiffError(
             f"scales: {listed(missing)} missing: what the parameters are counted against, SI, as "
             "`beamstiff diagnose --apply` writes it"
         )
+    result: Array = shape.columns @ values
+    return result
+
+
+def _values(effect: AddedEffect, shape: Shape, alone: bool) -> Array:
+    """Return the parameters of an entry in the order of its shape's, SI; those not named are 0."""
     parameters = [item.name for item in shape.parameters]
     values = np.zeros(len(parameters))
     for name, value in effect.parameters.items():
         _known("parameter", name, parameters)
         at = parameters.index(name)
+        item = shape.parameters[at]
         try:
-            values[at] = in_unit(value, shape.parameters[at].unit)
+            values[at] = in_unit(value, item.unit)
         except BeamstiffError as error:
             raise BeamstiffError(f"parameters.{name}: {error}") from None
-    result: Array = shape.columns @ values
-    return result
+        if item.positive and alone and values[at] < 0:  # of several shapes only the sum is meant
+            raise BeamstiffError(
+                f"parameters.{name}: found {shown(value)}, expected nothing negative: what gives way does so "
+                "with its load"
+            )
+        if abs(values[at]) > LARGEST.get(item.unit, np.inf):
+            raise BeamstiffError(
+                f"parameters.{name}: found {shown(value)}, expected at most {LARGEST[item.unit]:g} "
+                f"{item.unit}"
+            )
+    return values
 
 
 def _against(shape: Shape, scales: Scales) -> Scales:
@@ -187,7 +217,8 @@ def _check_scales(effect: AddedEffect, expected: Scales) -> None:
 
 def _known(what: str, name: str, known: Collection[str]) -> None:
     if name not in known:
-        hint = suggest(name, known) or (f"; known: {listed(known, 20)}" if known else "; there is none here")
+        names = [repr(one) if "," in one else one for one in known]
+        hint = suggest(name, known) or (f"; known: {listed(names, 20)}" if known else "; there is none here")
         raise BeamstiffError(f"unknown {what} {name!r}{hint}")
 
 

@@ -1,12 +1,13 @@
 """How much of the gap each place could make, and how far all of them together could close it.
 
 Each place's free law has a variance of its own, found by its marginal likelihood (automatic relevance
-determination: MacKay, Network 6 (1995) 469), so that what one place explains the others need not.
+determination: MacKay, Network 6 (1995) 469), so that what one place explains the others need not. What a
+cause explains is its own place's, as far as that cause is probable; the free laws share what is left.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -81,8 +82,21 @@ def _inverse(matrix: Array) -> Array:
     return result
 
 
-def shares(found: Attribution, white: Whitened, noise: float, seed: int) -> list[dict[str, Any]]:
-    """Return the share of the explainable gap of each place, with a 90 % interval, the largest first."""
+@dataclass(frozen=True)
+class Explanation:
+    """A cause: its probability, and the share of the explainable gap that it makes at each of its places."""
+
+    probability: float
+    share: Mapping[str, float]
+
+
+def shares(
+    found: Attribution, white: Whitened, noise: float, causes: Sequence[Explanation], seed: int
+) -> list[dict[str, Any]]:
+    """Return the share of the explainable gap of each place, with a 90 % interval, the largest first.
+
+    The average over the causes, each with its probability, and over what the free laws could do as well.
+    """
     y = white.leave(white.gap[:, None])[:, 0]
     if not found.places or not y.any():
         return []
@@ -101,16 +115,26 @@ def shares(found: Attribution, white: Whitened, noise: float, seed: int) -> list
         -1,
     )
     total = max(float(y @ y) - noise**2 * white.freedom, 1e-12)
-    share = explained / np.maximum(explained.sum(axis=1, keepdims=True), total)
-    low, high = np.quantile(share[1:], [0.05, 0.95], axis=0)
+    free = explained / np.maximum(explained.sum(axis=1, keepdims=True), total)
+    places = list(dict.fromkeys([*found.places, *(place for one in causes for place in one.share)]))
+    free = np.pad(free, ((0, 0), (0, len(places) - len(found.places))))
+    own = np.array(
+        [[one.share.get(place, 0.0) for place in places] for one in causes] + [[0.0] * len(places)]
+    )
+    chance = np.array([one.probability for one in causes])
+    chance = np.append(chance, max(1.0 - chance.sum(), 0.0)) / max(float(chance.sum()), 1.0)
+    left = 1.0 - own.sum(axis=1, keepdims=True)
+    mean = chance @ (own + left * free[0])
+    cause = rng.choice(len(chance), SAMPLES, p=chance)
+    low, high = np.quantile(own[cause] + left[cause] * free[1:], [0.05, 0.95], axis=0)
     return [
         {
-            "component": found.places[k],
-            "share": float(share[0, k]),
-            "interval": [float(min(low[k], share[0, k])), float(max(high[k], share[0, k]))],
+            "component": places[k],
+            "share": float(mean[k]),
+            "interval": [float(min(low[k], mean[k])), float(max(high[k], mean[k]))],
         }
-        for k in np.argsort(-share[0]).tolist()
-        if share[0, k] > SLIGHT
+        for k in np.argsort(-mean, kind="stable").tolist()
+        if mean[k] > SLIGHT
     ]
 
 

@@ -13,6 +13,7 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.gap.attribution import attribute, ceiling, shares
 from beamstiff.gap.baseline import Baseline, fit_baseline
 from beamstiff.gap.evidence import Scales, detection
+from beamstiff.gap.explained import explanations
 from beamstiff.gap.free_laws import FreeLaw, free_laws
 from beamstiff.gap.heldout import Fitted, Shrink, Weighted, fitted, folds, held_out, shift
 from beamstiff.gap.library import Library, seen_by, state_library
@@ -28,6 +29,7 @@ from beamstiff.gap.verdict import SECOND, Judged, judge
 from beamstiff.gap.where import where
 from beamstiff.gap.whitened import Whitened, whiten
 from beamstiff.measure.table import Measurements
+from beamstiff.measure.usable import counted_once, require_usable
 from beamstiff.robot.description import Robot
 
 NULLS = 200  # simulated campaigns without an effect
@@ -82,18 +84,20 @@ def diagnose(
     Raises
     ------
     BeamstiffError
-        When the rows cannot be predicted, hold no position or nothing that an effect could show in, or
-        `without` names no effect.
+        When the rows cannot be predicted, hold no position or nothing that an effect could show in (no load,
+        nothing but zeros, all against their load), or `without` names no effect.
     """
     with threadpool_limits(limits=1, user_api="blas"):  # small matrices are slower on several threads
         return _diagnose(robot, measurements, without, seed)
 
 
 def _diagnose(robot: Robot, measurements: Measurements, without: Sequence[str], seed: int) -> Diagnosis:
-    baseline = fit_baseline(robot, measurements)
+    require_usable(measurements)
+    baseline = fit_baseline(robot, counted_once(measurements))
     if not baseline.used[:, :3].any():
         raise BeamstiffError(
-            "no row has a measured position: the gap is one of positions (dx dy dz or x y z)"
+            f"{measurements.source}: no row has a measured position: the gap is one of positions "
+            "(dx dy dz or x y z)"
         )
     library = state_library(baseline, whiten(baseline), without)
     screened = screen(baseline, library)
@@ -161,15 +165,18 @@ def _diagnosis(weighed: Weighed, chance: tuple[float, float], may_be_outliers: b
     if len(models) == 2:
         by_key[judged.verdict] = replace(_in_fit(by_key[judged.verdict], fits[0]), shrink=both)
     verdict = by_key[judged.verdict]
+    causes = explanations(linear, by_key.values(), verdict, fits if len(models) == 2 else ())
     squares = np.where(used[:, :3], (scale * linear.sigma[:, :3]) ** 2, 0.0).sum()
     attributed = attribute(white, weighed.laws, scale)
+    left = [size for one in by_key.values() if one.shrink for size in (one.shrink.before, one.shrink.after)]
     fold, _ = folds(linear, used, np.random.default_rng(seed))
     rivals = [(key, judged.probabilities[key], found.shapes[key]) for key in _rivals(judged, found)]
     return Diagnosis(
         baseline=screened.baseline,
         linear=linear,
         rms=shrinks[best].before,
-        ceiling=ceiling(attributed, white, fold, linear.sigma, scale),
+        # no cause can be expected to leave less than all laws together, and none is better than the best
+        ceiling=min(ceiling(attributed, white, fold, linear.sigma, scale), *left),
         noise=float(np.sqrt(squares / max(used[:, :3].any(axis=1).sum(), 1))),
         candidates=tuple(by_key.values()),
         verdict=verdict,
@@ -179,7 +186,7 @@ def _diagnosis(weighed: Weighed, chance: tuple[float, float], may_be_outliers: b
         outliers=tuple(linear.rows.place(row) for row in outlying.tolist()),
         notes=(*notes(screened, white, verdict.effect, scale), *_unclear(judged), *_nameless(judged, found)),
         fits=fits,
-        where=where(screened.baseline, used, shares(attributed, white, scale, seed)),
+        where=where(screened.baseline, used, shares(attributed, white, scale, causes, seed)),
         next=as_plain(programme(linear, used, rivals, scale, seed)),
         features=_features(weighed, chance, both, shrinks[best], scale),
     )

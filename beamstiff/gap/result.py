@@ -22,17 +22,23 @@ FORMAT = "beamstiff-diagnosis/1"
 
 @dataclass(frozen=True)
 class Estimate:
-    """A parameter of an effect: value, standard deviation, unit; realistic sizes it is compared with."""
+    """A parameter of an effect: value, standard deviation, unit; realistic sizes it is compared with.
+
+    `positive` is whether it cannot be negative, as what gives way with its load.
+    """
 
     name: str
     value: float
     std: float
     unit: str
     realistic: tuple[float, float]
+    positive: bool = False
 
     @property
     def plausible(self) -> bool:
-        """Whether its magnitude, within two standard deviations, is not above the realistic ones."""
+        """Whether within two standard deviations it is not larger than realistic, nor negative wrongly."""
+        if self.positive and self.value < -2 * self.std:
+            return False
         return abs(self.value) - 2 * self.std <= self.realistic[1]
 
 
@@ -241,6 +247,7 @@ def estimates_of(fit: Fitted, which: int = 0) -> tuple[Estimate, ...]:
             std=float(std[start + k] * item.size),
             unit=item.unit,
             realistic=(item.size / factor, item.size * factor),
+            positive=item.positive,
         )
         for k, item in enumerate(shape.parameters)
         if not item.passing

@@ -33,6 +33,7 @@ BEHIND = 20.0  # log odds that are added to both evidences
 APART = 0.7  # share below which free laws do not speak for a cause any more
 FEW = 60  # values less fitted ones, below which nothing can be called unknown
 SCARCE, OPEN = 30, -0.7  # and below which the unknown keeps at least these log odds: nothing is sure
+LEAST_QUIET, PER_ODDS = 0.2, 10.0  # log odds of none that so few values allow: one for so many more
 ENOUGH = 300  # values less fitted ones, below which shapes are believed less
 FAINT, BARE = 15.0, 0.3  # log odds against none below which a cause has to be worth this share as well
 CAUTION = 2.0  # log odds that any effect needs before it is as likely as none
@@ -222,8 +223,8 @@ def judge(
     odd = float(np.logaddexp(odd, odds_of_nameless(search, weight)))
     if freedom < FEW:
         odd = min(odd, search.log_weight[UNKNOWN] - total, -1.0)
-    if freedom < SCARCE:
-        odd = max(odd, OPEN)
+    if freedom < SCARCE:  # nothing may show because nothing could
+        odd, quiet = max(odd, OPEN), min(quiet, LEAST_QUIET + freedom / PER_ODDS)
     logs = {NONE: -np.inf, nothing: quiet, UNKNOWN: min(odd, odd - quiet if quiet > 0 else odd)}
     if odd_rows and not may_be_outliers:
         logs = {NONE: -np.inf, UNKNOWN: float(np.logaddexp(logs[UNKNOWN], quiet))}
@@ -289,7 +290,9 @@ def _two(
     probabilities = dict.fromkeys(effects, 0.0) | {k: real * v / total for k, v in instead.items()} | shares
     if doubtful or unsure:
         unclear = (first, second, *kept)[:MOST] if not doubtful else ()
-        return Judged(probabilities, max(shares, key=shares.__getitem__), (), unclear=unclear)
+        possible = sorted(effects, key=probabilities.__getitem__, reverse=True)
+        rivals = tuple(key for key in possible if probabilities[key] >= DOUBTED)
+        return Judged(probabilities, max(shares, key=shares.__getitem__), rivals, unclear=unclear)
     doubted = (UNKNOWN,) if shares[UNKNOWN] >= DOUBTED else ()
     if member[second] < CLEAR:
         return Judged(probabilities, first, doubted, unclear=(second, *kept)[:MOST])

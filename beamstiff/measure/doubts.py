@@ -25,6 +25,7 @@ REVERSED = 0.5  # share of such rows that move against their load from which the
 # and from which it may be the frame, or the columns: loads in another frame make a third to a half of the
 # rows, a machine that drifts by several times its deflections a fifth
 MISPLACED, SEVERAL = 0.25, 3
+FINE = 0.8  # share of readings of other states that differ, of an instrument that reads finely
 
 
 def doubts(measurements: Measurements, robot: Robot) -> tuple[str, ...]:
@@ -58,10 +59,18 @@ def work(table: Measurements) -> tuple[Array, Array]:
         return done, np.linalg.norm(table.wrench * sigma, axis=1)
 
 
+def sure_work(table: Measurements) -> Array:
+    """Return the work that loads would do of the rows whose sign is beyond the noise, N m."""
+    done, std = work(table)
+    result: Array = done[np.abs(done) > BEYOND_NOISE * std]
+    return result
+
+
 def _of_the_load(table: Measurements) -> Iterator[str]:
     done, std = work(table)
     sure = np.abs(done) > BEYOND_NOISE * std
-    count, against = int(sure.sum()), int((sure & (done < 0)).sum())
+    told = sure_work(table)
+    count, against = len(told), int((told < 0).sum())
     if not count or against < MISPLACED * count:
         return
     stated = bool((std[sure] > 0).all())
@@ -150,23 +159,45 @@ def _of_sizes(table: Measurements) -> Iterator[str]:
         yield f"{table.place(row)}: a load of {load[row]:.3g} N or N m is large for a robot"
 
 
-def _of_copies(table: Measurements) -> Iterator[str]:
-    """Yield that rows were pasted twice: readings of one state agree to the last digit by chance only."""
+Reading = tuple[str, str, bytes]
+
+
+def readings(table: Measurements) -> dict[int, Reading]:
+    """Return all that is read in each row that reads anything: state, time and values, to the last digit.
+
+    Empty where readings of other states agree as well: a dial gauge may well read the same again.
+    """
     read = np.concatenate([table.displacement, table.position, table.rotation], axis=1)
     columns = [table.q, table.wrench, read, table.time[:, None], table.temperature[:, None]]
     values = np.nan_to_num(np.concatenate(columns, axis=1))
-    first: dict[tuple[str, str, bytes], int] = {}
-    copies: list[tuple[int, int]] = []
-    for row in np.flatnonzero(np.nan_to_num(read).any(axis=1)).tolist():
-        key = (str(table.point[row]), str(table.load_point[row]), values[row].tobytes())
-        if key in first:
-            copies.append((row, first[key]))
-        first.setdefault(key, row)
-    if len(copies) >= SEVERAL:
-        row, like = copies[0]
+    found = {
+        row: (str(table.point[row]), str(table.load_point[row]), values[row].tobytes())
+        for row in np.flatnonzero(np.nan_to_num(read).any(axis=1)).tolist()
+    }
+    single = read[list({reading: row for row, reading in found.items()}.values())]
+    told = (value[np.isfinite(value) & (value != 0)] for value in single.T)
+    return {} if any(np.unique(value).size < FINE * value.size for value in told) else found
+
+
+def copies(table: Measurements) -> list[tuple[int, int]]:
+    """Return the rows that are another one to the last digit, each with the first that it is like."""
+    first: dict[Reading, int] = {}
+    found = []
+    for row, reading in readings(table).items():
+        if reading in first:
+            found.append((row, first[reading]))
+        first.setdefault(reading, row)
+    return found
+
+
+def _of_copies(table: Measurements) -> Iterator[str]:
+    """Yield that rows were pasted twice: readings of one state agree to the last digit by chance only."""
+    found = copies(table)
+    if len(found) >= SEVERAL:
+        row, like = found[0]
         yield (
-            f"{table.place(row)}: {len(copies)} rows are copies of others to the last digit (this one of "
-            f"{table.place(like)}): a reading counts once, leave the copies out"
+            f"{table.place(row)}: {len(found)} rows are copies of others to the last digit (this one of "
+            f"{table.place(like)}): each reading counts once, leave the copies out"
         )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 SHOWN = 8
 LIKELY = 0.6  # probability below which a verdict is no more than the likeliest
+DUST = 1e-6  # of its standard deviation, below which a value is nothing but rounding
 NAMED = 3  # explanations that are named where nothing is decided
 UNDECIDED, TOO_FEW, NOTHING = "Undecided", "Too few rows to say anything", "nothing beyond noise"
 
@@ -33,12 +34,12 @@ def diagnosis_tables(result: Diagnosis) -> Iterator[RenderableType]:
     which = table(
         "Which effect", "effect", "component", "probability", "shape", "gap after", "closes", "90 %", left=2
     )
-    add_rows(which, [_row(one) for one in result.candidates[:SHOWN]])
+    add_rows(which, [_row(one, result) for one in result.candidates[:SHOWN]])
     yield which
     sizes = table("How large", "effect", "parameter", "value", "std", "realistic", "unit", left=2)
     rows = [
-        [one.key, name, value, std, realistic + ("" if item.plausible else " (!)"), unit]
-        for one in _named(result)
+        [named(one), name, value, std, realistic + ("" if item.plausible else " (!)"), unit]
+        for one in told(result)
         for item in one.estimates
         for name, value, std, realistic, unit in [sized(item)]
     ]
@@ -57,7 +58,7 @@ def diagnosis_tables(result: Diagnosis) -> Iterator[RenderableType]:
         hidden = table("What these data cannot show", "effect", "component", "why", left=3)
         add_rows(hidden, [[one.effect, one.component or "-", one.why] for one in result.untestable])
         yield hidden
-    if result.next:
+    if result.next and result.verdict.effect != "none":
         yield Text(f"\nTo measure next: {proposed(result)} (--next writes them).")
     for line in separations(result):
         yield Text(line)
@@ -88,10 +89,12 @@ def summary(result: Diagnosis) -> str:
     """
     rms, noise = 1e3 * result.rms, 1e3 * result.noise
     first = (
-        f"Gap that remains after the fit, on postures left out: {rms:.3f} mm RMS; noise "
-        f"alone{_scaled(result)} would leave {noise:.3f} mm, all that could give way in any way "
-        f"{1e3 * result.ceiling:.3f} mm."
+        f"Gap that remains after the fit, {tested(result)}: {rms:.3f} mm RMS; noise "
+        f"alone{_scaled(result)} would leave {noise:.3f} mm"
     )
+    if not one_posture(result):
+        first += f", all that could give way in any way {1e3 * result.ceiling:.3f} mm"
+    first += "."
     verdict, head = result.verdict, headline(result)
     percent = f"{100 * verdict.probability:.0f} %"
     if head == UNDECIDED:
@@ -99,7 +102,8 @@ def summary(result: Diagnosis) -> str:
             f"{NOTHING if one.effect == 'none' else named(one)} ({100 * one.probability:.0f} %)"
             for one in result.candidates[:NAMED]
         )
-        return f"{first}\n{head}: {likely}."
+        structure = " There is a gap with structure." if verdict.effect == "unknown" else ""
+        return f"{first}\n{head}: {likely}.{structure}"
     if head == TOO_FEW:
         return f"{first}\n{head}: nothing beyond noise shows in them, but hardly anything could."
     if verdict.effect == "none":
@@ -110,22 +114,32 @@ def summary(result: Diagnosis) -> str:
             "explains it."
         )
         if result.indistinguishable:
-            text += f"\nNot ruled out all the same: {', '.join(result.indistinguishable)}."
+            text += f"\nNot ruled out all the same: {in_words(result.indistinguishable)}."
         return text
-    text = f"{first}\n{head} ({percent}). {EFFECTS[verdict.effect].meaning}"
-    if verdict.shrink is not None:
+    also = second(result)
+    meaning = EFFECTS[verdict.effect].meaning
+    if also is not None:
+        percent += f" and {100 * also.probability:.0f} %"
+        meaning += f" {EFFECTS[also.effect].meaning}" if also.effect != verdict.effect else ""
+    text = f"{first}\n{head} ({percent}). {meaning}"
+    if verdict.shrink is not None and one_posture(result):
+        text += "\nHow far the gap closes with it cannot be said: no posture is left to try it on."
+    elif verdict.shrink is not None:
         low, high = (100 * value for value in verdict.shrink.interval)
         text += (
-            f"\nWith it the model leaves {1e3 * verdict.shrink.after:.3f} mm: "
-            f"{100 * verdict.shrink.shrink:.0f} % of the explainable gap closes ({low:.0f} to {high:.0f} %), "
+            f"\nWith {'it' if also is None else 'both'} the model leaves "
+            f"{1e3 * verdict.shrink.after:.3f} mm: {100 * verdict.shrink.shrink:.0f} % of the explainable gap "
+            f"closes ({low:.0f} to {high:.0f} %), "
             "within the postures and load directions measured."
         )
     others = [key for key in result.indistinguishable if key != UNKNOWN]
-    if others:
-        text += f"\nThese data cannot tell it from: {', '.join(others)}."
+    if others and also is None:
+        text += f"\nThese data cannot tell it from: {in_words(others)}."
+    elif others:
+        text += f"\nIn place of one of the two it could be: {in_words(others)}."
     if UNKNOWN in result.indistinguishable:
-        text += "\nNor do they rule out a cause that the library lacks."
-    if result.also is not None:
+        text += f"\nA cause that the library lacks is not ruled out{' either' if others else ''}."
+    if result.also is not None and also is None:
         text += f"\nAlso: {named(result.also)} ({100 * result.also.probability:.0f} %)."
     if result.outliers:
         text += f"\nRows that nothing explains, left out: {', '.join(result.outliers)}."
@@ -141,13 +155,33 @@ def headline(result: Diagnosis) -> str:
         left = int(result.baseline.used.sum()) - len(result.baseline.fitted)
         return TOO_FEW if left < FEW_VALUES else NOTHING.capitalize()
     if verdict.effect == "unknown":
+        if verdict.probability < LIKELY:
+            return UNDECIDED
         return "A gap that nothing in the library explains"
+    also = second(result)
     if verdict.probability >= LIKELY:
-        return f"Cause: {named(verdict)}"
+        return f"Cause: {named(verdict)}" if also is None else f"Causes: {named(verdict)} and {named(also)}"
     nothing = max((one.probability for one in result.candidates if one.effect == "none"), default=0.0)
     if nothing > verdict.probability:
         return f"{UNDECIDED}; likeliest cause: {named(verdict)}"
+    if also is not None:
+        return f"Likeliest causes: {named(verdict)} and {named(also)}"
     return f"Likeliest cause: {named(verdict)}"
+
+
+def second(result: Diagnosis) -> Candidate | None:
+    """Return the second cause, fitted together with the first; wrong rows are none."""
+    return None if result.also is None or result.also.effect == "outliers" else result.also
+
+
+def one_posture(result: Diagnosis) -> bool:
+    """Return whether all rows are of one posture, so that none can be left out to be foretold."""
+    return len(np.unique(result.baseline.rows.q, axis=0)) < 2
+
+
+def tested(result: Diagnosis) -> str:
+    """Return, in words, what the gap is of."""
+    return "in one posture" if one_posture(result) else "on postures left out"
 
 
 def _scaled(result: Diagnosis) -> str:
@@ -160,13 +194,20 @@ def _scaled(result: Diagnosis) -> str:
 
 def sized(item: Estimate) -> tuple[str, str, str, str, str]:
     """Return a parameter for people: name, value, standard deviation, realistic sizes, unit."""
-    (value, std, low, high), unit = small([item.value, item.std, *item.realistic], item.unit)
+    size = 0.0 if abs(item.value) < DUST * item.std else item.value
+    (value, std, low, high), unit = small([size, item.std, *item.realistic], item.unit)
     return item.name, value, std, f"{low} to {high}", unit
 
 
 def named(one: Candidate) -> str:
     """Return a candidate in words."""
     return one.effect if one.component is None else f"{one.effect} at {one.component}"
+
+
+def in_words(keys: Sequence[str]) -> str:
+    """Return effects, ``effect:component`` each, in words."""
+    parts = [key.partition(":") for key in keys]
+    return ", ".join(effect if name in ("", "null") else f"{effect} at {name}" for effect, _, name in parts)
 
 
 def proposed(result: Diagnosis) -> str:
@@ -184,26 +225,34 @@ def proposed(result: Diagnosis) -> str:
 
 def separations(result: Diagnosis) -> list[str]:
     """Return, in words, the measurements that separate the verdict from its look-alikes."""
-    keys = [result.verdict.key, *result.indistinguishable]
+    keys = [one.key for one in told(result)]
     effects = list(dict.fromkeys(key.partition(":")[0] for key in keys))
     return [f"To check {name}: {EFFECTS[name].separation}." for name in effects if name in EFFECTS]
 
 
-def _named(result: Diagnosis) -> list[Candidate]:
+def told(result: Diagnosis) -> list[Candidate]:
+    """Return the verdict, what cannot be told from it, and the second cause."""
     keys = {result.verdict.key, *result.indistinguishable}
     found = [one for one in result.candidates if one.key in keys]
     return [*found, *([result.also] if result.also is not None else [])]
 
 
-def _row(one: Candidate) -> list[str]:
-    if one.shrink is None:
-        return [one.effect, one.component or "-", f"{one.probability:.3f}", one.shape, "-", "-", "-"]
+def causes_of(one: Candidate, result: Diagnosis) -> tuple[str, str]:
+    """Return effect and component of a candidate, of the verdict with those of the second cause."""
+    also, component = second(result), one.component or "-"
+    if also is None or one.key != result.verdict.key:
+        return one.effect, component
+    return f"{one.effect} and {also.effect}", f"{component} and {also.component or '-'}"
+
+
+def _row(one: Candidate, result: Diagnosis) -> list[str]:
+    effect, component = causes_of(one, result)
+    head = [effect, component, f"{one.probability:.3f}", one.shape]
+    if one.shrink is None or one_posture(result):
+        return [*head, "-", "-", "-"]
     low, high = one.shrink.interval
     return [
-        one.effect,
-        one.component or "-",
-        f"{one.probability:.3f}",
-        one.shape,
+        *head,
         f"{1e3 * one.shrink.after:.3f} mm",
         f"{100 * one.shrink.shrink:.0f} %",
         f"{100 * low:.0f} to {100 * high:.0f} %",

@@ -8,8 +8,20 @@ from typing import Any
 import numpy as np
 
 from beamstiff.gap.heldout import shift
-from beamstiff.gap.result import Candidate, Diagnosis
-from beamstiff.report.diagnosis import headline, named, proposed, separations, sized, summary
+from beamstiff.gap.result import Candidate, Diagnosis, Estimate
+from beamstiff.report.diagnosis import (
+    causes_of,
+    headline,
+    named,
+    one_posture,
+    proposed,
+    second,
+    separations,
+    sized,
+    summary,
+    tested,
+    told,
+)
 from beamstiff.report.html.bars import bars
 from beamstiff.report.html.page import Page, render
 from beamstiff.report.html.parts import Fact, Figure, Section, Table
@@ -49,7 +61,7 @@ def diagnosis_html(result: Diagnosis, provenance: Provenance) -> str:
         baseline.used,
         _with_cause(result),
     )
-    rows = row_figures(compared, ("fitted model", f"with {named(result.verdict)}"))
+    rows = row_figures(compared, ("fitted model", f"with {_causes(result)}"))
     return render(
         Page(
             title="Diagnosis",
@@ -66,6 +78,11 @@ def diagnosis_html(result: Diagnosis, provenance: Provenance) -> str:
     )
 
 
+def _causes(result: Diagnosis) -> str:
+    also = second(result)
+    return named(result.verdict) + ("" if also is None else f" and {named(also)}")
+
+
 def _with_cause(result: Diagnosis) -> Array | None:
     """Return what the model says with the verdict's effects in it; None where the verdict has none."""
     if not result.fits:
@@ -75,9 +92,12 @@ def _with_cause(result: Diagnosis) -> Array | None:
 
 
 def _facts(result: Diagnosis) -> Iterator[Fact]:
-    yield Fact("How sure", f"{100 * result.verdict.probability:.0f} %", "probability of the verdict")
-    yield Fact("Gap", f"{1e3 * result.rms:.3f} mm", "RMS, model fitted, on postures left out of the fit")
-    if result.verdict.shrink is not None:
+    also, sure = second(result), f"{100 * result.verdict.probability:.0f} %"
+    if also is not None:
+        sure += f" and {100 * also.probability:.0f} %"
+    yield Fact("How sure", sure, "probability of the verdict")
+    yield Fact("Gap", f"{1e3 * result.rms:.3f} mm", f"RMS, model fitted, {tested(result)}")
+    if result.verdict.shrink is not None and not one_posture(result):
         yield Fact(
             "With the cause", f"{1e3 * result.verdict.shrink.after:.3f} mm", "the same, its effect added"
         )
@@ -116,12 +136,11 @@ def _which(result: Diagnosis) -> Section:
         "Probability of the likeliest explanations, and of none and unknown.",
         traces,
         layout,
-        Table("The candidates", columns, [_candidate(one) for one in likely], left=2),
+        Table("The candidates", columns, [_candidate(one, result) for one in likely], left=2),
     )
     sizes = [
-        [one.key, name, value, std, realistic, "yes" if item.plausible else "no, larger than that", unit]
-        for one in result.candidates
-        if one.key in {result.verdict.key, *result.indistinguishable} or one is result.also
+        [named(one), name, value, std, realistic, _plausible(item), unit]
+        for one in told(result)
         for item in one.estimates
         for name, value, std, realistic, unit in [sized(item)]
     ]
@@ -134,9 +153,16 @@ def _which(result: Diagnosis) -> Section:
     return Section("which", "Which cause", figures=[figure], tables=[large] if sizes else [])
 
 
-def _candidate(one: Candidate) -> list[str]:
-    head = [one.effect, one.component or "-", f"{100 * one.probability:.1f} %", one.shape]
-    if one.shrink is None:
+def _plausible(item: Estimate) -> str:
+    if item.plausible:
+        return "yes"
+    return "no, negative" if item.positive and item.value < 0 else "no, larger than that"
+
+
+def _candidate(one: Candidate, result: Diagnosis) -> list[str]:
+    effect, component = causes_of(one, result)
+    head = [effect, component, f"{100 * one.probability:.1f} %", one.shape]
+    if one.shrink is None or one_posture(result):
         return [*head, "-", "-", "-"]
     low, high = one.shrink.interval
     return [
@@ -210,8 +236,10 @@ def _for_people(by_level: Mapping[str, float], turns: bool) -> dict[str, float]:
 
 def _how_far(result: Diagnosis) -> Section:
     left = {"fitted model": result.rms}
+    if one_posture(result):
+        return Section("how-far", "How far the gap closes", ["No posture is left to try that on."])
     if result.verdict.shrink is not None:
-        left[f"with {named(result.verdict)}"] = result.verdict.shrink.after
+        left[f"with {_causes(result)}"] = result.verdict.shrink.after
     left |= {"any law of any place": result.ceiling, "noise alone": result.noise}
     traces, layout = bars(
         list(left),
