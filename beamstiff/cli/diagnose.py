@@ -112,7 +112,9 @@ def diagnose(
     tables, doubts = read_tables(data, machine)
     rows = replace(concatenate(tables), region=where)
     with doubted(doubts), working("diagnosing", quiet):
-        result = run(machine, rows, without=parse_names(without, "--without") or (), seed=seed)
+        result = run(
+            machine, rows, without=parse_names(without, "--without", "backlash,hardening:q1") or (), seed=seed
+        )
     for note in doubts:  # of the table: before what is made of it
         say(f"note: {note}", quiet)
     console = people(quiet, json_to)

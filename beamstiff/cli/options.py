@@ -85,7 +85,9 @@ def robot_file(robot: str) -> Path:
     return robot_path(robot) if not path.exists() and robot in robot_names() else path
 
 
-def parse_names(texts: Sequence[str] | None, option: str = "--parameters") -> list[str] | None:
+def parse_names(
+    texts: Sequence[str] | None, option: str = "--parameters", example: str = "J12.torsional,J18.torsional"
+) -> list[str] | None:
     """Return the names in texts such as ``"J12.torsional,J18.torsional"``, or None where none were given.
 
     Raises
@@ -97,9 +99,7 @@ def parse_names(texts: Sequence[str] | None, option: str = "--parameters") -> li
         return None
     names = [name.strip() for text in texts for name in text.split(",")]
     if not all(names):
-        raise BeamstiffError(
-            f"{option}: found {','.join(texts)!r}, expected names such as J12.torsional,J18.torsional"
-        )
+        raise BeamstiffError(f"{option}: found {','.join(texts)!r}, expected names such as {example}")
     return names
 
 

@@ -189,6 +189,8 @@ def _nowhere(effect: str, baseline: Baseline) -> str:
     if effect == "payload-error":
         return "displacements do not depend on it: look at absolute positions"
     if effect == "thermal-drift":
+        if np.isfinite(baseline.rows.time).any() or np.isfinite(baseline.rows.temperature).any():
+            return "time and temperature are the same in all rows that have them"
         return "the rows say neither when nor how warm: add a column t [s] or temperature [degC]"
     if effect == "joint-compliance":
         return "the model holds no joint rigid about its axis"

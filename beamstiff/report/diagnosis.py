@@ -15,7 +15,7 @@ from beamstiff.gap.effects import EFFECTS
 from beamstiff.gap.notes import FEW_VALUES, OFF
 from beamstiff.gap.result import Candidate, Diagnosis, Estimate
 from beamstiff.gap.search import UNKNOWN
-from beamstiff.report.tables import add_rows, small, table
+from beamstiff.report.tables import add_rows, counted, small, table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -126,12 +126,13 @@ def summary(result: Diagnosis) -> str:
         text += "\nHow far the gap closes with it cannot be said: no posture is left to try it on."
     elif verdict.shrink is not None:
         low, high = (100 * value for value in verdict.shrink.interval)
-        text += (
-            f"\nWith {'it' if also is None else 'both'} the model leaves "
-            f"{1e3 * verdict.shrink.after:.3f} mm: {100 * verdict.shrink.shrink:.0f} % of the explainable gap "
-            f"closes ({low:.0f} to {high:.0f} %), "
-            "within the postures and load directions measured."
+        closes = (
+            f"{100 * verdict.shrink.shrink:.0f} % of the explainable gap closes ({low:.0f} to {high:.0f} %)"
         )
+        left = f"{1e3 * verdict.shrink.after:.3f} mm"
+        both = "it" if also is None else "both"
+        text += f"\nWith {both} the model leaves {left}: {closes}, "
+        text += "within the postures and load directions measured."
     others = [key for key in result.indistinguishable if key != UNKNOWN]
     if others and also is None:
         text += f"\nThese data cannot tell it from: {in_words(others)}."
@@ -142,7 +143,7 @@ def summary(result: Diagnosis) -> str:
     if result.also is not None and also is None:
         text += f"\nAlso: {named(result.also)} ({100 * result.also.probability:.0f} %)."
     if result.outliers:
-        text += f"\nRows that nothing explains, left out: {', '.join(result.outliers)}."
+        text += f"\nRows that nothing explains, left out: {', '.join(_by_line(result.outliers))}."
     return text
 
 
@@ -150,10 +151,10 @@ def headline(result: Diagnosis) -> str:
     """Return the verdict in a few words: as sure as its probability and its rows allow."""
     verdict = result.verdict
     if verdict.effect == "none":
-        if verdict.probability < LIKELY:
-            return UNDECIDED
         left = int(result.baseline.used.sum()) - len(result.baseline.fitted)
-        return TOO_FEW if left < FEW_VALUES else NOTHING.capitalize()
+        if left < FEW_VALUES:
+            return TOO_FEW
+        return UNDECIDED if verdict.probability < LIKELY else NOTHING.capitalize()
     if verdict.effect == "unknown":
         if verdict.probability < LIKELY:
             return UNDECIDED
@@ -204,6 +205,13 @@ def named(one: Candidate) -> str:
     return one.effect if one.component is None else f"{one.effect} at {one.component}"
 
 
+def _by_line(rows: Sequence[str]) -> list[str]:
+    """Return rows, ``file:line`` each, in the order of the files."""
+    places = [row.rpartition(":") for row in rows]
+    order = sorted(places, key=lambda place: (place[0], int(place[2]) if place[2].isdigit() else 0))
+    return ["".join(place) for place in order]
+
+
 def in_words(keys: Sequence[str]) -> str:
     """Return effects, ``effect:component`` each, in words."""
     parts = [key.partition(":") for key in keys]
@@ -215,7 +223,7 @@ def proposed(result: Diagnosis) -> str:
     told: dict[str, float] = {}
     for item in result.next:
         told[item["point"]] = told.get(item["point"], 0.0) + item["discrimination"]
-    states = f"{len(result.next) // len(told)} states that would tell most"
+    states = f"{counted(len(result.next) // len(told), 'state')} that would tell most"
     tcp = told.pop(result.baseline.nominal.tcp)
     for node, there in told.items():
         times = f"{there / tcp:.0f} times as much" if there < 1e3 * tcp else "what the TCP does not"

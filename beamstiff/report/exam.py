@@ -22,6 +22,7 @@ from beamstiff.report.tables import table
 Records = Sequence[Record]
 
 MARKS = {"aim": "aim reached", "required": "reached", "missed": "MISSED", None: ""}
+FEW = 20  # cases, of which no share says whether a figure is reached
 MOST_FAILURES = 20
 SIZES = tuple(row.name for row in headline([]) if not row.share)  # figures that are no shares of cases
 SHARES = ("detected", "exact", "family", "place", "covered", "unknown")
@@ -76,6 +77,11 @@ def plan_tables(records: Records) -> Iterator[Table]:
     )
 
 
+def mark(row: Row) -> str:
+    """Return what is said of a figure beside what is asked."""
+    return "too few cases" if row.met is not None and row.figure.count < FEW else MARKS[row.met]
+
+
 def headline_table(rows: Iterable[Row], title: str) -> Table:
     """Return the figures, each with its 95 % interval, beside what is required and aimed at."""
     result = table(title, "figure", "reached", "95 %", "cases", "required", "aim", "")
@@ -83,7 +89,7 @@ def headline_table(rows: Iterable[Row], title: str) -> Table:
         sign = ">=" if row.better == "high" else "<="
         asked = ["" if value is None else f"{sign} {value:g}" for value in (row.required, row.aim)]
         reached = _share(row.figure) if row.share else _plain(row.figure)
-        result.add_row(row.name, reached, _interval(row), str(row.figure.count), *asked, MARKS[row.met])
+        result.add_row(row.name, reached, _interval(row), str(row.figure.count), *asked, mark(row))
     return result
 
 

@@ -140,11 +140,13 @@ def identification_text(found: Identification, measured: Measurements, folds: in
     unbounded = [
         item.name
         for item in found.parameters
-        if item.value is None and not item.silent and item.name not in grouped
+        if item.value is None and item.lower_bound and not item.silent and item.name not in grouped
     ]
-    gap = f"Gap that remains in position: RMS {1e3 * found.rms:.3f} mm over the "
-    gap += "one row fitted" if len(measured) == 1 else f"{len(measured)} rows fitted"
-    if found.rms_held_out is None:
+    over = "the one row fitted" if len(measured) == 1 else f"the {len(measured)} rows fitted"
+    gap = f"Gap that remains in position: RMS {1e3 * found.rms:.3f} mm over {over}"
+    if not measured.measured_mask[:, :3].any():
+        gap, held_out = f"No position was read in {over}, only rotations", "."
+    elif found.rms_held_out is None:
         few = folds > 1 and not found.interrupted
         held_out = "; too few poses to leave some out and test on them." if few else "."
     else:

@@ -157,6 +157,7 @@ def _(thing: Identification) -> Iterator[RenderableType]:
     yield ""
     yield from combinations_text(thing)
     gap = f"Gap that remains in position: RMS {1e3 * thing.rms:.3f} mm over the rows fitted"
+    gap = gap if thing.rms > 0 else "No position was read, only rotations"
     held = "" if thing.rms_held_out is None else f", {1e3 * thing.rms_held_out:.3f} mm on poses left out"
     yield f"{gap}{held}; {np.sqrt(thing.chi_square):.2f} times the noise."
     if thing.notes:

@@ -217,13 +217,13 @@ def test_shapes_between_which_the_data_do_not_choose_and_second_causes_are_all_w
     known = state_library(result.linear, whiten(result.linear)).hypotheses
     shapes = {(one.key, one.shape.name): one for one in known}
     knees = [shapes["backlash:q2", f"flank within {width}"] for width in ("0.005", "0.03")]
-    floor = shapes["base-compliance:null", "rotation"]
+    floor = shapes["base-compliance:null", "tilt"]
     models = [[Weighted(knees[0], 0.3, 1.0), Weighted(knees[1], 0.7, 1.0)], [Weighted(floor, 1.0, 1.0)]]
     both = replace(result, fits=tuple(fitted(result.linear, result.linear.used, models, 1.0)))
     robot = parse_robot(robot_to_yaml(extended(both)))
     assert [(one.effect, one.shape) for one in robot.effects] == [
         ("backlash", "flank within 0.005"),
-        ("base-compliance", "rotation"),
+        ("base-compliance", "tilt"),
         ("backlash", "flank within 0.03"),
     ]
     rows = any_rows("displacement", 4)
@@ -231,6 +231,18 @@ def test_shapes_between_which_the_data_do_not_choose_and_second_causes_are_all_w
     near, change = at_rows(both.linear, rows), sum(one.weight * one.compliance for one in both.fits)
     expected = after - near.predicted - near.tangent @ change
     np.testing.assert_allclose(effects_displacement(robot, rows), expected, rtol=0, atol=1e-14)
+
+
+def test_what_the_noise_made_negative_is_written_as_nothing() -> None:
+    """The arm lies flat: nothing turns the floor about x but noise."""
+    result = diagnosed("backlash")
+    known = state_library(result.linear, whiten(result.linear)).hypotheses
+    floor = next(one for one in known if (one.effect, one.shape.name) == ("base-compliance", "rotation"))
+    (fit,) = fitted(result.linear, result.linear.used, [[Weighted(floor, 1.0, 1.0)]], 1.0)
+    assert (fit.theta < 0).any()
+    (written,) = extended(replace(result, fits=(fit,))).effects
+    values = np.array([float(str(value).split()[0]) for value in written.parameters.values()])
+    np.testing.assert_allclose(values, np.maximum(fit.theta * floor.sizes, 0.0), rtol=1e-12)
 
 
 def test_no_compliance_becomes_negative() -> None:
@@ -331,6 +343,8 @@ def test_an_effect_written_by_hand() -> None:
             {"parameters": {"half_width": "0.2 mm"}},
             "parameters.half_width: found the unit 'mm', expected .*rad",
         ),
+        ({"parameters": {"half_width": -1e-4}}, "half_width: found -0.0001, expected nothing negative"),
+        ({"parameters": {"half_width": 30.0}}, "half_width: found 30.0, expected at most 1 rad"),
         ({"scales": {}}, "scales: torque missing"),
         ({"scales": {"torque": (1.0, 2.0)}}, "scales.torque: found .*expected a number"),
         ({"scales": {"torque": 0.0}}, "scales.torque: found 0.0, expected a positive number"),
@@ -349,6 +363,26 @@ def test_a_payload_does_not_show_in_differences() -> None:
     payload = AddedEffect(effect="payload-error", shape="mass", parameters={"mass": "3 kg"})
     robot = arm().model_copy(update={"effects": (payload,)})
     assert not effects_displacement(robot, any_rows("displacement", 0)).any()
+
+
+def test_what_does_not_show_is_checked_all_the_same() -> None:
+    payload = AddedEffect(effect="payload-error", shape="mast", parameters={"mass": "3 kg"})
+    with pytest.raises(BeamstiffError, match=r"unknown shape 'mast' .*did you mean 'mass'"):
+        effects_displacement(arm().model_copy(update={"effects": (payload,)}), any_rows("displacement", 0))
+
+
+def test_an_effect_stands_in_the_file_once() -> None:
+    play = AddedEffect(**BACKLASH)
+    twice = arm().model_copy(update={"effects": (play, play)})
+    with pytest.raises(BeamstiffError, match=r"effects\[1\] \(backlash\): shape .* stands there before"):
+        effects_displacement(twice, any_rows("displacement", 0))
+
+
+def test_of_several_shapes_only_the_sum_cannot_be_negative() -> None:
+    one = AddedEffect(**BACKLASH)
+    other = one.model_copy(update={"shape": "flank within 0.1", "parameters": {"half_width": -5e-5}})
+    both = arm().model_copy(update={"effects": (one, other)})
+    assert effects_displacement(both, any_rows("displacement", 0)).any()
 
 
 def test_names_are_written_as_the_report_writes_them() -> None:

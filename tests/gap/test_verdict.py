@@ -120,6 +120,15 @@ def test_of_a_handful_of_values_nothing_is_sure() -> None:
     assert judged(search_of(CLEAR), freedom=SCARCE).probabilities[UNKNOWN] < 0.1
 
 
+@pytest.mark.parametrize(("freedom", "most"), [(0, 0.5), (1, 0.52), (5, 0.65), (15, 0.85), (29, 0.96)])
+def test_of_a_handful_of_values_not_even_nothing_is_sure(freedom: int, most: float) -> None:
+    quiet = search_of({"backlash:q3": -2.0, "hardening:q3": -2.5}, none=0.0, unknown=-3.0)
+    found = judged(quiet, freedom=freedom, chance=1.0, single=USELESS)
+    assert found.verdict == NONE
+    assert found.probabilities[NONE] < most
+    assert judged(quiet, freedom=400, chance=1.0, single=USELESS).probabilities[NONE] > 0.97
+
+
 def test_causes_as_likely_as_the_verdict_are_its_equivalents() -> None:
     near = {"link-bending:link2": 0.0, "bearing-tilt:q2": -0.5, "backlash:q3": -400.0}
     found = judged(search_of(near))
@@ -229,6 +238,10 @@ def test_two_causes_of_which_none_is_clear_are_unknown_and_said() -> None:
     assert (found.verdict, found.also) == (UNKNOWN, None)
     assert set(found.unclear) == set(names)
     assert found.probabilities[UNKNOWN] == max(found.probabilities.values())
+    possible = [found.probabilities[key] for key in found.indistinguishable]
+    assert possible == sorted(possible, reverse=True)
+    assert possible
+    assert min(possible) >= DOUBTED
 
 
 def test_of_two_causes_the_clear_one_is_named_alone_where_the_other_is_not() -> None:

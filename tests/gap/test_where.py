@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from beamstiff.gap.effects import EFFECTS
+from beamstiff.gap.explained import explanations
 from beamstiff.gap.where import where
 from tests.gap.machines import at_random, elbow, nominal, rows_of
 from tests.gap.planted import diagnosed, plan
@@ -23,6 +25,38 @@ def test_the_place_of_the_effect_has_the_largest_share(name: str) -> None:
     shares = diagnosed(name).where["components"]
     assert shares[0]["component"] in PLACES[name]
     assert sum(item["share"] for item in shares if item["component"] in PLACES[name]) > 0.5
+
+
+@pytest.mark.parametrize("name", list(PLACES))
+def test_what_a_sure_cause_explains_is_at_its_place(name: str) -> None:
+    found = diagnosed(name)
+    effect, verdict = EFFECTS[found.verdict.effect], found.verdict
+    (place,) = effect.places(verdict.component)
+    share = {item["component"]: item["share"] for item in found.where["components"]}[place]
+    assert verdict.shrink is not None
+    assert share >= verdict.probability * verdict.shrink.worth - 1e-9
+
+
+def test_two_causes_share_the_gap_by_what_each_moves() -> None:
+    there = diagnosed("backlash")
+    (fit,) = there.fits[:1]
+    own = fit.shapes[0]
+    other = replace(
+        own, hypothesis=replace(own.hypothesis, effect="hardening", component="q2")
+    )  # as large as the first
+    pair = replace(fit, shapes=(own, other), theta=np.tile(fit.theta[: own.hypothesis.sizes.size], 2))
+    (found,) = explanations(there.linear, [there.verdict], there.verdict, [pair])
+    assert found.probability == there.verdict.probability
+    assert there.verdict.shrink is not None
+    half = 0.5 * there.verdict.shrink.worth
+    assert dict(found.share) == pytest.approx({"q3": half, "q2": half})
+
+
+def test_no_cause_leaves_less_than_what_is_said_no_cause_can() -> None:
+    for name in (None, *PLACES):
+        found = diagnosed(name)
+        left = [one.shrink.after for one in found.candidates if one.shrink is not None]
+        assert found.ceiling <= min(found.rms, *left)
 
 
 @pytest.mark.parametrize("name", [None, *PLACES])

@@ -4,11 +4,21 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from beamstiff.gap.baseline import Baseline
-from beamstiff.gap.result import Candidate
-from beamstiff.report.diagnosis import headline, sized, summary
+from beamstiff.gap.result import Candidate, Diagnosis, Estimate
+from beamstiff.measure.rows import subset
+from beamstiff.report.diagnosis import (
+    causes_of,
+    headline,
+    proposed,
+    separations,
+    sized,
+    summary,
+    told,
+)
 from tests.gap.machines import POSITION, at_random, elbow, nominal
 from tests.gap.planted import diagnosed
 
@@ -62,3 +72,73 @@ def test_sizes_are_told_in_mrad() -> None:
     name, value, _, _, unit = sized(found.verdict.estimates[0])
     assert (name, unit) == ("half_width", "mrad")
     assert float(value) == pytest.approx(1e3 * found.verdict.estimates[0].value, rel=1e-3)
+
+
+def with_second(also: Candidate, *others: str) -> Diagnosis:
+    """Return the diagnosis of play with a second cause, and what else one of the two could be."""
+    return replace(diagnosed("backlash"), also=also, indistinguishable=others)
+
+
+def test_of_two_causes_both_stand_in_the_verdict_and_what_closes_is_theirs() -> None:
+    floor = Candidate("base-compliance", None, 0.83)
+    result = with_second(floor, "bearing-tilt:q1", "unknown:null")
+    text = summary(result)
+    assert headline(result) == "Causes: backlash at q3 and base-compliance"
+    assert "With both the model leaves" in text
+    assert "In place of one of the two it could be: bearing-tilt at q1." in text
+    assert "A cause that the library lacks is not ruled out either." in text
+    assert causes_of(result.verdict, result) == ("backlash and base-compliance", "q3 and -")
+    assert floor in told(result)
+    assert any("To check base-compliance" in line for line in separations(result))
+
+
+def test_wrong_rows_beside_a_cause_are_no_second_one() -> None:
+    result = with_second(Candidate("outliers", None, 0.9))
+    assert headline(result) == "Cause: backlash at q3"
+    assert "With it the model leaves" in summary(result)
+    assert "Also: outliers (90 %)." in summary(result)
+
+
+def test_what_only_the_unknown_rivals_is_said_in_a_sentence_of_its_own() -> None:
+    text = summary(replace(diagnosed("backlash"), indistinguishable=("unknown:null",)))
+    assert "A cause that the library lacks is not ruled out." in text
+    assert "cannot tell it from" not in text
+
+
+def test_of_one_posture_nothing_is_said_of_postures_left_out() -> None:
+    result = diagnosed("backlash")
+    one = at_random(elbow(), 1, seed=1, sigma_position=POSITION)
+    result = replace(result, baseline=nominal(elbow(), subset(one, np.zeros(8, dtype=int))))
+    text = summary(result)
+    assert "in one posture" in text
+    assert "left out" not in text
+    assert "cannot be said" in text
+    assert "%" not in text.partition("cannot be said")[2]
+
+
+def test_rounding_is_told_as_zero_and_a_negative_compliance_as_implausible() -> None:
+    dust = Estimate("torsion_flexibility", -2.9e-19, 1e-5, "1/(N*m^2)", (1e-7, 1e-5), positive=True)
+    assert float(sized(dust)[1]) == 0
+    assert dust.plausible
+    assert not replace(dust, value=-3e-5).plausible
+    assert replace(dust, value=-3e-5, realistic=(1e-7, 1e-4), positive=False).plausible
+
+
+def test_rows_left_out_stand_in_the_order_of_the_file() -> None:
+    text = summary(replace(diagnosed("backlash"), outliers=("a.csv:13", "a.csv:113", "a.csv:63")))
+    assert "a.csv:13, a.csv:63, a.csv:113" in text
+
+
+def test_a_likely_unknown_that_is_not_sure_is_undecided() -> None:
+    head, text = said(replace(UNKNOWN, probability=0.46), replace(PLAY, probability=0.31))
+    assert head == "Undecided"
+    assert "unknown (46 %), backlash at q2 (31 %). There is a gap with structure." in text
+
+
+def test_a_second_reflector_is_proposed_with_what_it_tells() -> None:
+    item = {"q": {}, "wrench": [], "separates": []}
+    tool, head = ({**item, "point": point, "discrimination": d} for point, d in (("n6b", 2.0), ("n1a", 30.0)))
+    result = replace(diagnosed("backlash"), next=[tool, head])
+    assert proposed(result) == (
+        "1 state that would tell most, read at a reflector on n1a as well, which would tell 15 times as much"
+    )

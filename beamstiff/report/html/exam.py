@@ -82,7 +82,9 @@ def exam_html(
 
 
 def _verdict(rows: Sequence[Row], records: Records) -> str:
-    asked = [row for row in rows if row.met is not None]
+    asked = [row for row in rows if row.met is not None and row.figure.count >= told.FEW]
+    if not asked:
+        return f"{counted(len(records), 'case')}: too few to say what is reached"
     met = sum(row.met != "missed" for row in asked)
     return f"{met} of {len(asked)} required figures reached, in {counted(len(records), 'case')}"
 
@@ -91,7 +93,8 @@ def _found(records: Records) -> str:
     singles = score.of_kind(records, "single")
     exact = score.exact(singles)
     right = 0 if exact.value is None else round(exact.value * len(singles))
-    return f"{right} of {counted(len(singles), 'effect')} would be found exactly, at all realistic sizes"
+    cases = counted(len(singles), "case")
+    return f"In {right} of {cases} the effect would be found exactly, at realistic sizes as drawn"
 
 
 def _plan(records: Records) -> Section:

@@ -81,7 +81,8 @@ def identification_html(
 
 
 def _facts(found: Identification) -> Iterator[Fact]:
-    yield Fact("Gap", f"{1e3 * found.rms:.3f} mm", "RMS in position, over the rows fitted")
+    if found.rms > 0:  # 0 where rotations alone were read
+        yield Fact("Gap", f"{1e3 * found.rms:.3f} mm", "RMS in position, over the rows fitted")
     if found.rms_held_out is not None:
         yield Fact("Held out", f"{1e3 * found.rms_held_out:.3f} mm", "on poses left out of the fit")
     if found.rms_held_out_load is not None:
