@@ -219,7 +219,9 @@ def test_shapes_between_which_the_data_do_not_choose_and_second_causes_are_all_w
     knees = [shapes["backlash:q2", f"flank within {width}"] for width in ("0.005", "0.03")]
     floor = shapes["base-compliance:null", "tilt"]
     models = [[Weighted(knees[0], 0.3, 1.0), Weighted(knees[1], 0.7, 1.0)], [Weighted(floor, 1.0, 1.0)]]
-    both = replace(result, fits=tuple(fitted(result.linear, result.linear.used, models, 1.0)))
+    found = fitted(result.linear, result.linear.used, models, 1.0)
+    found = [replace(fit, theta=np.abs(fit.theta)) for fit in found]  # what is negative is written as nothing
+    both = replace(result, fits=tuple(found))
     robot = parse_robot(robot_to_yaml(extended(both)))
     assert [(one.effect, one.shape) for one in robot.effects] == [
         ("backlash", "flank within 0.005"),
