@@ -147,7 +147,9 @@ def gap_text(measured: Measurements, predicted: Array) -> str:
     """Return a sentence on the gap between measured and predicted positions; empty where none is measured."""
     import numpy as np
 
-    known = measured.measured_mask[:, :3] & (measured.kind == "displacement")
+    if measured.kind == "absolute" and measured.measured_mask.any():
+        return "Its positions (x y z) are not compared: `beamstiff diagnose` and `calibrate` take them."
+    known = measured.measured_mask[:, :3]
     rows = known.any(axis=1)
     if not rows.any():
         return ""

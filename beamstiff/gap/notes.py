@@ -35,7 +35,8 @@ def notes(screened: Screened, white: Whitened, verdict: str, scale: float) -> It
     yield from doubts(rows, baseline.nominal)
     yield from chosen_for(baseline.nominal)
     if white.freedom < FEW_VALUES:
-        yield f"only {white.freedom} values beyond those fitted: no confident verdict can come of them"
+        plural = "s"[: white.freedom != 1]
+        yield f"only {white.freedom} value{plural} beyond those fitted: no confident verdict can come of them"
     elif poses < FEW_POSES:
         yield f"only {poses} posture{'s' * (poses > 1)}: what holds there need not hold in others"
     if not baseline.claimed:

@@ -156,7 +156,11 @@ def _cut(line: str, separator: str, source: str, number: int) -> list[str]:
 
 def _ragged(row: list[str], header: list[str], separator: str, source: str, number: int) -> None:
     hint = ""
-    if separator == "," and len(row) > len(header):
+    if len(header) == 1 and ":" in header[0]:
+        hint = (
+            "; no table begins so: a header names columns (q1,fx,dx), and what else is stated stands behind #"
+        )
+    elif separator == "," and len(row) > len(header):
         hint = "; write decimal points, not commas"
     other = next(
         (mark for mark in SEPARATORS if mark != separator and len(row) == 1 and mark in row[0]), None

@@ -17,7 +17,7 @@ from beamstiff.gap.exam.rates import Figure
 from beamstiff.gap.exam.record import Record
 from beamstiff.gap.exam.table import Row, banded, by_design, controls, effect_figures, groups, headline
 from beamstiff.report.figures import BLUE, GREY, ORANGE, new_figure, plain
-from beamstiff.report.tables import table
+from beamstiff.report.tables import counted, table
 
 Records = Sequence[Record]
 
@@ -314,7 +314,7 @@ def _cells(cases: Records) -> list[str]:
 
 def _cases(records: Records) -> str:
     broken = sum(record.error is not None for record in records)
-    return f"{len(records)} cases" + (f", {broken} of them broke off" if broken else "")
+    return counted(len(records), "case") + (f", {broken} of them broke off" if broken else "")
 
 
 def _rate(figure: Figure) -> float:

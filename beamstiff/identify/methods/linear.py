@@ -44,7 +44,7 @@ def run(method: str, search: Search, begin: Array, effort: Effort) -> str:  # no
         moved = slopes @ (target - compliance)
         gain = -float(moved @ (residuals + 0.5 * moved))
         if gain <= CLOSE * cost or np.abs(target / compliance - 1).max() <= CLOSE:
-            return f"converged in {step} steps"
+            return f"converged in {step} step{'s'[: step > 1]}"
         share = 1.0
         while True:
             if search.evaluations >= last:

@@ -23,6 +23,7 @@ from beamstiff.report.html.parts import (
     plain_layout,
     shared,
 )
+from beamstiff.report.tables import counted
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.se3 import Array
@@ -163,7 +164,9 @@ def rows_table(
         [line_of(rows, at), str(rows.pose[at]), *(f"{v:.4g}" if np.isfinite(v) else "" for v in line)]
         for at, line in zip(chosen.tolist(), body.tolist(), strict=True)
     ]
-    return Table(f"All numbers of {len(cells)} rows", ("row", "pose", *columns), cells, left=1, open=False)
+    return Table(
+        f"All numbers of {counted(len(cells), 'row')}", ("row", "pose", *columns), cells, left=1, open=False
+    )
 
 
 def joint_columns(robot: Robot, names: Sequence[str]) -> tuple[list[str], list[float]]:
