@@ -227,7 +227,9 @@ def proposed(result: Diagnosis) -> str:
     tcp = told.pop(result.baseline.nominal.tcp)
     for node, there in told.items():
         times = f"{there / tcp:.0f} times as much" if there < 1e3 * tcp else "what the TCP does not"
-        states += f", read at a reflector on {node} as well, which would tell {times}"
+        near = [joint.name for joint in result.baseline.nominal.joints if node in joint.nodes]
+        place = f"{node} ({', '.join(near)})" if near else node
+        states += f", read at a reflector on {place} as well, which would tell {times}"
     return states
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from beamstiff import BeamstiffError
 from beamstiff.gap.baseline import Baseline, fit_baseline
+from beamstiff.gap.diagnose import diagnose
 from beamstiff.gap.evidence import evidence
 from beamstiff.gap.heldout import Weighted
 from beamstiff.gap.library import state_library
@@ -16,10 +17,11 @@ from beamstiff.gap.proposals import NEAR, STEPS, inside
 from beamstiff.gap.search import search
 from beamstiff.gap.whitened import whiten
 from beamstiff.measure.reader import parse_measurements
+from beamstiff.measure.rows import concatenate
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.se3 import Array
-from tests.gap.machines import POSITION, kr240, rows_of
-from tests.gap.planted import Plan, base_compliance, campaign, diagnosed, hardening, plan
+from tests.gap.machines import POSITION, ROTATION, kr240, rows_of
+from tests.gap.planted import Plan, base_compliance, bearing_tilt, campaign, diagnosed, hardening, plan
 
 
 def rivals_at(there: Baseline) -> list[tuple[str, float, list[Weighted]]]:
@@ -157,6 +159,46 @@ def test_what_no_reading_at_the_tool_tells_is_read_where_it_shows() -> None:
     at_tool, at_head = proposed.score.reshape(-1, 2).sum(axis=0)
     assert at_head > WORTH * at_tool
     assert at_head > 100
+
+
+def pedestal(what: Plan, at: Array) -> Array:
+    """Return how a point (3,) of the pedestal moves, (N, 3), that tilts as `base_compliance` has it."""
+    pivot = np.array([0.0, 0.0, -0.2])
+    moment = what.wrench[:, 3:] + np.cross(what.arm.tip - pivot, what.wrench[:, :3])
+    return np.cross(2e-7 * moment * [1.2, 0.9, 0.1], at - pivot)
+
+
+def first_bearing(what: Plan) -> Array:
+    return bearing_tilt(what, joint=0, compliance=3e-7)
+
+
+HEAD = np.array([0.0, 0.0, 0.675])
+
+
+@pytest.mark.parametrize(("cause", "tilts"), [("base-compliance:null", True), ("bearing-tilt:q1", False)])
+def test_what_the_second_reflector_reads_tells_pedestal_and_first_bearing_apart(
+    cause: str, tilts: bool
+) -> None:
+    effect = base_compliance if tilts else first_bearing
+    first = campaign(plan(8), effect)
+    there = fit_baseline(kr240(), first)
+    white = whiten(there)
+    found = search(white, state_library(there, white).hypotheses, scales_of(there), pairs=False)
+    keys = ("base-compliance:null", "bearing-tilt:q1")
+    proposed = programme(there, there.used, [(key, 0.5, found.shapes[key]) for key in keys], 1.0, 0)
+    assert proposed is not None
+    rows = proposed.rows
+    states = Plan(rows.q, rows.wrench, rows.pose, rows.step, rows.time)
+    on_tool = (rows.point == kr240().tcp)[:, None]
+    moved = np.where(on_tool, (states.elastic + effect(states))[:, :3], tilts * pedestal(states, HEAD))
+    noise = POSITION * np.random.default_rng(5).standard_normal(moved.shape)
+    read = np.full((len(rows), 6), np.nan)
+    read[:, :3] = moved + noise
+    sigma = np.tile(np.repeat([POSITION, ROTATION], 3), (len(rows), 1))
+    told = diagnose(kr240(), concatenate([first, replace(rows, displacement=read, sigma=sigma)]))
+    assert told.verdict.key == cause
+    (other,) = {*keys} - {cause}
+    assert sum(one.probability for one in told.candidates if one.key == other) < 0.01
 
 
 def test_a_second_reflector_is_not_asked_for_where_little_is_left_to_tell(

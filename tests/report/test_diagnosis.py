@@ -140,5 +140,6 @@ def test_a_second_reflector_is_proposed_with_what_it_tells() -> None:
     tool, head = ({**item, "point": point, "discrimination": d} for point, d in (("n6b", 2.0), ("n1a", 30.0)))
     result = replace(diagnosed("backlash"), next=[tool, head])
     assert proposed(result) == (
-        "1 state that would tell most, read at a reflector on n1a as well, which would tell 15 times as much"
+        "1 state that would tell most, read at a reflector on n1a (J1) as well, which would tell 15 times "
+        "as much"
     )
