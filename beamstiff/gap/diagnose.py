@@ -84,8 +84,8 @@ def diagnose(
     Raises
     ------
     BeamstiffError
-        When the rows cannot be predicted, hold no position or nothing that an effect could show in (no load,
-        nothing but zeros, all against their load), or `without` names no effect.
+        When the rows cannot be predicted, hold no position or nothing that an effect could show in
+        (nothing but zeros, all against their load), or `without` names no effect.
     """
     with threadpool_limits(limits=1, user_api="blas"):  # small matrices are slower on several threads
         return _diagnose(robot, measurements, without, seed)

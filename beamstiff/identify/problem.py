@@ -15,7 +15,6 @@ from beamstiff.identify.disturbance import Disturbance, disturbed_covariance, in
 from beamstiff.measure.arrays import Integers, equal_rows
 from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements
-from beamstiff.measure.usable import require_usable
 from beamstiff.model.ports import Parametrisation, PortModel, reduce_to_ports
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
@@ -198,8 +197,8 @@ def state_problem(
     Raises
     ------
     BeamstiffError
-        When the rows are absolute positions, carry no load, read nothing but 0, all move against their load,
-        state noise for some values only, or are fewer than the parameters; when the robot has effects.
+        When the rows are absolute positions, carry no load, state noise for some values only, or are fewer
+        than the parameters; when the robot has effects.
     """
     measurements = data if isinstance(data, Measurements) else concatenate(data)
     source = measurements.source
@@ -216,7 +215,6 @@ def state_problem(
         )
     if not measurements.wrench.any():
         raise BeamstiffError(f"{source}: all loads are zero; without load no stiffness can be identified")
-    require_usable(measurements)
     used = measurements.measured_mask.copy()
     used[:, 3:] &= components != "position"
     used[:, :3] &= components != "rotation"

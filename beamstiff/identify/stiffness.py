@@ -27,6 +27,7 @@ from beamstiff.identify.statement import Plan, Statement, state_identification
 from beamstiff.identify.validation import held_out, position_rms
 from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements
+from beamstiff.measure.usable import require_usable
 from beamstiff.robot.description import Robot
 from beamstiff.robot.stiffness import parameter_unit
 from beamstiff.se3 import Array
@@ -127,10 +128,9 @@ def identify(
         components=components,
         errors=errors,
     )
-    check_units(
-        measurements if isinstance(measurements, Measurements) else concatenate(measurements),
-        float(statement.problem.model.lever.max(initial=1.0)),
-    )
+    table = measurements if isinstance(measurements, Measurements) else concatenate(measurements)
+    require_usable(table)
+    check_units(table, float(statement.problem.model.lever.max(initial=1.0)))
     first = None
     if statement.plan.held - set(statement.plan.silent):
         loose = _loose(statement, bounds, priors)

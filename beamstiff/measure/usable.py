@@ -22,15 +22,10 @@ def require_usable(table: Measurements) -> None:
     Raises
     ------
     UnusableError
-        When no row is loaded, all displacements are 0, or the tool moved against its load in all rows.
+        When all displacements are 0, or the tool moved against its load in all rows.
     """
     if table.kind != "displacement":
         return
-    if not table.wrench.any():
-        raise UnusableError(
-            f"{table.source}: all loads are zero: displacements without load show nothing that gives way "
-            "(columns fx fy fz)"
-        )
     if not np.nan_to_num(table.displacement).any():
         raise UnusableError(
             f"{table.source}: all displacements are 0: found no reading (dx dy dz are loaded minus unloaded)"

@@ -107,7 +107,8 @@ def summary(result: Diagnosis) -> str:
     if head == TOO_FEW:
         return f"{first}\n{head}: nothing beyond noise shows in them, but hardly anything could."
     if verdict.effect == "none":
-        return f"{first}\n{head} ({percent})."
+        far = " All the same they scatter far more than is stated." if _factor(result) > OFF else ""
+        return f"{first}\n{head} ({percent}).{far}"
     if verdict.effect == "unknown":
         text = (
             f"{first}\nUnknown ({percent}): there is a gap with structure, and no effect of the library "
@@ -185,10 +186,16 @@ def tested(result: Diagnosis) -> str:
     return "in one posture" if one_posture(result) else "on postures left out"
 
 
+def _factor(result: Diagnosis) -> float:
+    """Return the noise that is counted with over the one that the table states, 1 where it states none."""
+    factor = result.features.get("noise_position", 1.0) * result.features.get("scale", 1.0)
+    return factor if result.baseline.claimed else 1.0
+
+
 def _scaled(result: Diagnosis) -> str:
     """Return what the noise that is counted with is to the one that the table states."""
-    factor = result.features.get("noise_position", 1.0) * result.features.get("scale", 1.0)
-    if not result.baseline.claimed or 1.0 / OFF < factor < OFF:
+    factor = _factor(result)
+    if 1.0 / OFF < factor < OFF:
         return ""
     return f", taken {factor:.2g} times as large as stated,"
 

@@ -10,8 +10,8 @@ from rich.table import Table
 
 from beamstiff.gap.exam.names import NONE, UNKNOWN
 from beamstiff.gap.exam.record import Record
-from beamstiff.gap.exam.table import table_dict
-from beamstiff.report.exam import exam_figure, exam_tables, plan_tables, reliability_figure
+from beamstiff.gap.exam.table import ALARMS, headline, table_dict
+from beamstiff.report.exam import exam_figure, exam_tables, mark, plan_tables, reliability_figure
 from beamstiff.report.figures import save_figure
 from tests.gap.exam.answered import answered
 
@@ -42,7 +42,10 @@ def test_the_tables_show_figures_beside_what_is_asked_the_worst_class_first(reco
     text = shown(list(exam_tables(records)))
     assert "Diagnosis examined: 9 cases, 1 of them broke off" in text
     row = next(line for line in text.splitlines() if line.startswith("false alarms"))
-    assert row.split()[5:] == ["50.0", "%", "9.5", "to", "90.5", "2", "<=", "0.05", "<=", "0.02", "MISSED"]
+    asked = ["50.0", "%", "9.5", "to", "90.5", "2", "<=", "0.05", "<=", "0.02"]
+    assert row.split()[5:] == [*asked, "too", "few", "cases"]
+    (alarms,) = (one for one in headline(records * 20) if one.name == ALARMS)
+    assert mark(alarms) == "MISSED"
     assert "The diagnosis broke off: 1" in text
     assert "ValueError: broke" in text
     worst = text.split("the worst first")[1]

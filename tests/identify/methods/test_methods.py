@@ -148,7 +148,7 @@ def test_the_linear_method_is_nonnegative_least_squares() -> None:
 def test_one_linear_step_is_exact_where_statics_gives_the_forces() -> None:
     objective, best = kr240_objective(factor=100.0)
     found = minimise(objective, "linear")
-    assert found.message == "converged in 1 steps"
+    assert found.message == "converged in 1 step"
     assert np.exp(-found.theta) == pytest.approx(best, rel=1e-9)
 
 

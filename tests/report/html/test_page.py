@@ -208,7 +208,7 @@ def test_the_exam_of_a_plan_begins_with_what_could_be_found(
     outline = Outline(page)
     assert outline.ids.index("plan") < outline.ids.index("asked")
     text = "".join(outline.text)
-    assert "2 of 4 effects would be found exactly" in text
+    assert "In 2 of 4 cases the effect would be found exactly" in text
     held = json.loads(outline.scripts["figures"])["figures"]["plan-covered"]
     hardest = held["traces"][1]
     assert hardest["x"] == sorted(hardest["x"])
