@@ -28,7 +28,7 @@ from beamstiff.measure.writer import measurements_to_csv
 from beamstiff.se3 import Array
 
 PROGRAMME = 6  # load cycles that are proposed, each in another posture
-UNLOADED = 12  # postures, where a cycle is one reading
+READINGS = 12  # postures, where a cycle is one reading
 WORTH = 2.0  # times what the TCP tells: less is not worth a second reflector
 DECIDES = 2.0  # of discrimination, all states together: less hardly moves the odds
 
@@ -88,7 +88,7 @@ def programme(
         return None
     whole = np.bincount(cycle, weights=score)
     chosen: list[int] = []
-    most = PROGRAMME if len(rows) > len(whole) else UNLOADED
+    most = PROGRAMME if len(rows) > len(whole) else READINGS
     for k in np.argsort(-whole, kind="stable").tolist():
         if posture[cycle == k][0] not in [posture[cycle == other][0] for other in chosen]:
             chosen.append(k)

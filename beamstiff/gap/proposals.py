@@ -17,20 +17,9 @@ from beamstiff.se3 import Array
 POSES, MANY = 24, 400  # postures to choose from, of so many drawn
 NEAR = 0.15  # of the machine's size: as far from where the tool was seen it is likely to be seen as well
 AXES = 3  # along which each posture is loaded
-STEPS: tuple[float, ...] = (
-    0.5,
-    1.0,
-    0.5,
-    -0.5,
-    -1.0,
-)  # of the largest load: a cycle shows history and reversal
-ABSOLUTE: tuple[float, ...] = (
-    0.0,
-    0.5,
-    1.0,
-    -0.5,
-    -1.0,
-)  # positions hold what the unloaded robot is off by as well
+# shares of the largest load: a cycle shows history and reversal, and positions need the unloaded reading too
+STEPS: tuple[float, ...] = (0.5, 1.0, 0.5, -0.5, -1.0)
+ABSOLUTE: tuple[float, ...] = (0.0, 0.5, 1.0, -0.5, -1.0)
 UNLOADED: tuple[float, ...] = (0.0,)
 LOAD = 500.0  # N, where no force was applied so far
 APART = 1e-3  # m: nodes nearer than this are one place for a reflector
@@ -40,13 +29,13 @@ def load_cycles(baseline: Baseline, seed: int) -> tuple[Measurements, NDArray[np
     """Return states at postures within the limits, nothing measured, the cycle and the posture of each.
 
     A cycle is loaded along one axis of the base frame. Where the table has absolute positions and no loads,
-    it is one unloaded reading at a posture that was not measured yet.
+    it is one unloaded reading, at a posture that was not measured yet where there is one.
     """
     rows, robot = baseline.rows, baseline.nominal
     loads = (np.abs(rows.wrench).max(axis=1) > 0).any()
     known, new = _postures(baseline, np.random.default_rng(seed))
     if baseline.absolute and not loads:
-        q, axes, shares = new, 1, UNLOADED
+        q, axes, shares = new if len(new) else known, 1, UNLOADED
     else:
         q, axes = np.concatenate([known[: POSES // 2], new]), AXES
         shares = ABSOLUTE if baseline.absolute else STEPS

@@ -11,7 +11,7 @@ from beamstiff.gap.diagnose import diagnose
 from beamstiff.gap.evidence import evidence
 from beamstiff.gap.heldout import Weighted
 from beamstiff.gap.library import state_library
-from beamstiff.gap.next import PROGRAMME, UNLOADED, WORTH, Programme, as_plain, programme, programme_csv
+from beamstiff.gap.next import PROGRAMME, READINGS, WORTH, Programme, as_plain, programme, programme_csv
 from beamstiff.gap.noise import scales_of
 from beamstiff.gap.proposals import NEAR, STEPS, inside
 from beamstiff.gap.search import search
@@ -217,7 +217,7 @@ def test_positions_without_loads_are_proposed_where_none_was_measured() -> None:
     new = proposed.rows
     assert (new.kind, new.wrench.any(), new.measured_mask.any()) == ("absolute", False, False)
     assert not {tuple(one) for one in new.q} & {tuple(one) for one in q}
-    assert 1 < len(np.unique(new.q, axis=0)) <= UNLOADED
+    assert 1 < len(np.unique(new.q, axis=0)) <= READINGS
 
 
 def test_one_explanation_alone_leaves_nothing_to_split() -> None:
