@@ -18,6 +18,7 @@ from beamstiff.gap.search import search
 from beamstiff.gap.whitened import whiten
 from beamstiff.measure.reader import parse_measurements
 from beamstiff.measure.rows import concatenate
+from beamstiff.measure.table import Measurements
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.se3 import Array
 from tests.gap.machines import POSITION, ROTATION, kr240, rows_of
@@ -140,14 +141,22 @@ def test_expected_discrimination_falls_with_the_noise(split: tuple[Baseline, Pro
     assert there is not None
 
 
-def test_what_no_reading_at_the_tool_tells_is_read_where_it_shows() -> None:
-    """A pedestal and a first bearing that tilt move the tool alike; the head of the pedestal they do not."""
-    there = fit_baseline(kr240(), campaign(plan(8), base_compliance))
+LEANING = ("base-compliance:null", "bearing-tilt:q1")
+
+
+def between_pedestal_and_bearing(rows: Measurements) -> Programme:
+    """Return what would tell the pedestal from the first bearing, either as likely as the other."""
+    there = fit_baseline(kr240(), rows)
     white = whiten(there)
     found = search(white, state_library(there, white).hypotheses, scales_of(there), pairs=False)
-    keys = ("base-compliance:null", "bearing-tilt:q1")
-    proposed = programme(there, there.used, [(key, 0.5, found.shapes[key]) for key in keys], 1.0, 0)
+    proposed = programme(there, there.used, [(key, 0.5, found.shapes[key]) for key in LEANING], 1.0, 0)
     assert proposed is not None
+    return proposed
+
+
+def test_what_no_reading_at_the_tool_tells_is_read_where_it_shows() -> None:
+    """A pedestal and a first bearing that tilt move the tool alike; the head of the pedestal they do not."""
+    proposed = between_pedestal_and_bearing(campaign(plan(8), base_compliance))
     rows = proposed.rows
     (head,) = set(rows.point.tolist()) - {kr240().tcp}
     kinematics = compile_kinematics(kr240())
@@ -176,13 +185,7 @@ HEAD = np.array([0.0, 0.0, 0.675])
 def test_with_the_same_readings_at_the_tool_the_second_reflector_decides(cause: str, moves: bool) -> None:
     """The machine leans about a point below the floor: by its pedestal, or by a bearing off its centre."""
     first = campaign(plan(8), leaning)
-    there = fit_baseline(kr240(), first)
-    white = whiten(there)
-    found = search(white, state_library(there, white).hypotheses, scales_of(there), pairs=False)
-    keys = ("base-compliance:null", "bearing-tilt:q1")
-    proposed = programme(there, there.used, [(key, 0.5, found.shapes[key]) for key in keys], 1.0, 0)
-    assert proposed is not None
-    rows = proposed.rows
+    rows = between_pedestal_and_bearing(first).rows
     states = Plan(rows.q, rows.wrench, rows.pose, rows.step, rows.time)
     on_tool = (rows.point == kr240().tcp)[:, None]
     moved = np.where(on_tool, states.elastic + leaning(states), moves * leaning(states, HEAD))[:, :3]
@@ -191,7 +194,7 @@ def test_with_the_same_readings_at_the_tool_the_second_reflector_decides(cause: 
     sigma = np.tile(np.repeat([POSITION, ROTATION], 3), (len(rows), 1))
     told = diagnose(kr240(), concatenate([first, replace(rows, displacement=read, sigma=sigma)]))
     assert told.verdict.key == cause
-    (other,) = {*keys} - {cause}
+    (other,) = {*LEANING} - {cause}
     assert sum(one.probability for one in told.candidates if one.key == other) < 0.01
 
 
