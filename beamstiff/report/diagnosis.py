@@ -160,15 +160,19 @@ def headline(result: Diagnosis) -> str:
         if verdict.probability < LIKELY:
             return UNDECIDED
         return "A gap that nothing in the library explains"
-    also = second(result)
+    plural = "" if second(result) is None else "s"
     if verdict.probability >= LIKELY:
-        return f"Cause: {named(verdict)}" if also is None else f"Causes: {named(verdict)} and {named(also)}"
+        return f"Cause{plural}: {causes(result)}"
     nothing = max((one.probability for one in result.candidates if one.effect == "none"), default=0.0)
     if nothing > verdict.probability:
         return f"{UNDECIDED}; likeliest cause: {named(verdict)}"
-    if also is not None:
-        return f"Likeliest causes: {named(verdict)} and {named(also)}"
-    return f"Likeliest cause: {named(verdict)}"
+    return f"Likeliest cause{plural}: {causes(result)}"
+
+
+def causes(result: Diagnosis) -> str:
+    """Return the verdict, and the second cause that it closes with, in words."""
+    also = second(result)
+    return named(result.verdict) + ("" if also is None else f" and {named(also)}")
 
 
 def second(result: Diagnosis) -> Candidate | None:

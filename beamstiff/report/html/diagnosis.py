@@ -10,6 +10,7 @@ import numpy as np
 from beamstiff.gap.heldout import shift
 from beamstiff.gap.result import Candidate, Diagnosis, Estimate
 from beamstiff.report.diagnosis import (
+    causes,
     causes_of,
     headline,
     named,
@@ -61,7 +62,7 @@ def diagnosis_html(result: Diagnosis, provenance: Provenance) -> str:
         baseline.used,
         _with_cause(result),
     )
-    rows = row_figures(compared, ("fitted model", f"with {_causes(result)}"))
+    rows = row_figures(compared, ("fitted model", f"with {causes(result)}"))
     return render(
         Page(
             title="Diagnosis",
@@ -76,11 +77,6 @@ def diagnosis_html(result: Diagnosis, provenance: Provenance) -> str:
             shared=rows.shared,
         )
     )
-
-
-def _causes(result: Diagnosis) -> str:
-    also = second(result)
-    return named(result.verdict) + ("" if also is None else f" and {named(also)}")
 
 
 def _with_cause(result: Diagnosis) -> Array | None:
@@ -239,7 +235,7 @@ def _how_far(result: Diagnosis) -> Section:
     if one_posture(result):
         return Section("how-far", "How far the gap closes", ["No posture is left to try that on."])
     if result.verdict.shrink is not None:
-        left[f"with {_causes(result)}"] = result.verdict.shrink.after
+        left[f"with {causes(result)}"] = result.verdict.shrink.after
     left |= {"any law of any place": result.ceiling, "noise alone": result.noise}
     traces, layout = bars(
         list(left),
