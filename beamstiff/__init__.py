@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import importlib
-import sys
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from beamstiff._version import __version__
 from beamstiff.errors import BeamstiffError
 
 if TYPE_CHECKING:
+    from beamstiff.calibration.calibrate import calibrate
     from beamstiff.fem.condensation import tcp_compliance, tcp_stiffness
     from beamstiff.fem.structure import compile_structure
-    from beamstiff.identify.geometry.calibration import calibrate
-    from beamstiff.identify.stiffness import identify
+    from beamstiff.identification.identify import identify
     from beamstiff.maps.run import map_workspace
     from beamstiff.measure.reader import read_measurements
     from beamstiff.measure.writer import write_measurements
@@ -41,9 +39,9 @@ if TYPE_CHECKING:
 
 # Imported when first used: together they take a second, `beamstiff --help` needs none of them.
 _HOME = {
-    "calibrate": "identify.geometry.calibration",
+    "calibrate": "calibration.calibrate",
     "compile_structure": "fem.structure",
-    "identify": "identify.stiffness",
+    "identify": "identification.identify",
     "load_robot": "robot.reader",
     "map_workspace": "maps.run",
     "plot": "report.shown",
@@ -106,35 +104,12 @@ __all__ = [
 ]
 
 
-class _Verb(ModuleType):
-    """A folder that is also the function of its name: `identify(...)` and `identify.result` both work."""
-
-    def __call__(self, *arguments: Any, **options: Any) -> Any:
-        """Call the function."""
-        name = self.__name__.removeprefix("beamstiff.")
-        return getattr(importlib.import_module(f"beamstiff.{_HOME[name]}"), name)(*arguments, **options)
-
-
-class _Package(ModuleType):
-    """Takes note when a folder with the name of a function is imported, by whomever."""
-
-    def __setattr__(self, name: str, value: object) -> None:
-        if name in _HOME and isinstance(value, ModuleType):
-            value.__class__ = _Verb
-        super().__setattr__(name, value)
-
-
 def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module 'beamstiff' has no attribute {name!r}")
-    home = importlib.import_module(f"beamstiff.{_HOME[name]}")
-    if name not in globals():  # a folder of this name is there by now
-        globals()[name] = getattr(home, name)
-    return globals()[name]
+    found = globals()[name] = getattr(importlib.import_module(f"beamstiff.{_HOME[name]}"), name)
+    return found
 
 
 def __dir__() -> list[str]:
     return sorted(__all__)
-
-
-sys.modules[__name__].__class__ = _Package

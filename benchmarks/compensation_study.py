@@ -24,16 +24,16 @@ from rich.console import Console
 from rich.table import Table
 
 from beamstiff import Robot, load_robot
-from beamstiff.compensate.correct import Correction, correct_path, errors_of
-from beamstiff.compensate.formats import apt, krl, rapid
-from beamstiff.compensate.machine import Machine
-from beamstiff.compensate.path import ToolPath
-from beamstiff.compensate.process.cantilever import Cantilever, Method
-from beamstiff.compensate.process.corotational import straight, under_load
-from beamstiff.compensate.process.load import Constant, Process, Together
-from beamstiff.compensate.rewrite import Compensated, compensate_program
-from beamstiff.identify.models import Options, fit_models
-from beamstiff.identify.split import split_rows
+from beamstiff.compensation.correct import Correction, correct_path, errors_of
+from beamstiff.compensation.formats import apt, krl, rapid
+from beamstiff.compensation.machine import Machine
+from beamstiff.compensation.path import ToolPath
+from beamstiff.compensation.process.cantilever import Cantilever, Method
+from beamstiff.compensation.process.corotational import straight, under_load
+from beamstiff.compensation.process.load import Constant, Process, Together
+from beamstiff.compensation.rewrite import Compensated, compensate_program
+from beamstiff.identification.models.side_by_side import Options, fit_models
+from beamstiff.identification.models.split import split_rows
 from beamstiff.measure.orientation import KUKA
 from beamstiff.model.protocol import Model
 from beamstiff.robot.reader import parse_robot

@@ -20,12 +20,12 @@ from rich.table import Table
 
 from beamstiff import Robot, load_robot
 from beamstiff.errors import BeamstiffError
-from beamstiff.identify.bootstrap import Bootstrap, bootstrap
-from beamstiff.identify.input_errors import InputErrors
-from beamstiff.identify.refit import refit
-from beamstiff.identify.simulation import as_they_were
-from beamstiff.identify.statement import Statement, state_identification
-from beamstiff.identify.stiffness import ROUNDS, Estimates, estimate
+from beamstiff.identification.bootstrap import Bootstrap, bootstrap
+from beamstiff.identification.identify import ROUNDS, Estimates, estimate
+from beamstiff.identification.input_errors import InputErrors
+from beamstiff.identification.refit import refit
+from beamstiff.identification.simulation import as_they_were
+from beamstiff.identification.statement import Statement, state_identification
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.ports import reduce_to_ports

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import networkx as nx
 import numpy as np
 
-from beamstiff.identify.degeneracy import Degeneracy
+from beamstiff.identification.degeneracy import Degeneracy
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import Beam, Joint, Material, Node, Rigid, Strut

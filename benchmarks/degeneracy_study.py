@@ -13,14 +13,14 @@ from rich.console import Console
 from rich.table import Table
 
 from beamstiff import Robot, identify, load_robot
-from beamstiff.identify.degeneracy import Degeneracy, find_degeneracy
-from beamstiff.identify.minimise import Effort
-from beamstiff.identify.problem import Components, state_problem
-from beamstiff.identify.result import Identification
-from beamstiff.identify.separate import expected_spread
+from beamstiff.identification.degeneracy import Degeneracy, find_degeneracy
+from beamstiff.identification.minimise import Effort
+from beamstiff.identification.problem import Components, state_problem
+from beamstiff.identification.result import Identification
+from beamstiff.identification.separate import expected_spread
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.linear import predict_displacements
-from beamstiff.plan.candidates import candidate_poses
+from beamstiff.planning.candidates import candidate_poses
 from beamstiff.report.tables import table
 from beamstiff.robot.kinematics import compile_kinematics
 from beamstiff.se3 import Array

@@ -18,16 +18,16 @@ from rich.table import Table
 
 from beamstiff import Robot, compile_structure, load_robot, posture
 from beamstiff.fem.geometric import complementary_stiffness
-from beamstiff.plan.candidates import Noise, candidate_poses, candidate_tests, force_loads, information
-from beamstiff.plan.designs import choose_tests
-from beamstiff.plan.dexterity import (
+from beamstiff.planning.candidates import Noise, candidate_poses, candidate_tests, force_loads, information
+from beamstiff.planning.designs import choose_tests
+from beamstiff.planning.dexterity import (
     characteristic_length,
     dexterity_map,
 )
-from beamstiff.plan.enough import how_many
-from beamstiff.plan.influence import influence_map
-from beamstiff.plan.poses import joint_grid
-from beamstiff.plan.zones import find_zones
+from beamstiff.planning.enough import how_many
+from beamstiff.planning.influence import influence_map
+from beamstiff.planning.poses import joint_grid
+from beamstiff.planning.zones import find_zones
 from beamstiff.robot.inverse import inverse_geometry
 from beamstiff.robot.kinematics import compile_kinematics, twist_jacobian
 from beamstiff.se3 import Array

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamstiff import Robot, load_robot
-from beamstiff.identify.fuzzy import fit_fuzzy
-from beamstiff.identify.fuzzy_correction import fit_fuzzy_correction
-from beamstiff.identify.fuzzy_tree import fit_fuzzy_tree
-from beamstiff.identify.stiffness import identify
+from beamstiff.identification.identify import identify
+from beamstiff.identification.models.fuzzy import fit_fuzzy
+from beamstiff.identification.models.fuzzy_correction import fit_fuzzy_correction
+from beamstiff.identification.models.fuzzy_tree import fit_fuzzy_tree
 from beamstiff.measure.table import WRENCH, Measurements, make_measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.model.protocol import Model, StructuralModel

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from beamstiff import Robot, load_robot
-from beamstiff.identify.geometry.corrected import corrected
+from beamstiff.calibration.corrected import corrected
 from beamstiff.measure import Measurements, make_measurements
 from beamstiff.robot.inverse import inverse_geometry
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture

@@ -9,9 +9,9 @@ from functools import cache
 import numpy as np
 
 from beamstiff import Robot, calibrate, load_robot
-from beamstiff.identify.geometry.corrected import corrected
-from beamstiff.identify.geometry.elastic import elastic_displacement
-from beamstiff.identify.geometry.validation import errors_on
+from beamstiff.calibration.corrected import corrected
+from beamstiff.calibration.elastic import elastic_displacement
+from beamstiff.calibration.validation import errors_on
 from beamstiff.measure import Measurements, make_measurements
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.robot.parts import Mass, Node, Rigid

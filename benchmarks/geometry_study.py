@@ -17,13 +17,13 @@ from rich.console import Console
 from rich.table import Table
 
 from beamstiff import calibrate
-from beamstiff.identify.geometry.error_jacobian import Geometry, state_geometry
-from beamstiff.identify.geometry.observability import Observability, observability
-from beamstiff.identify.geometry.parameters import choose_parameters, known_parameters
-from beamstiff.identify.geometry.recursion import recursion
-from beamstiff.identify.geometry.sensitivity import sensitivity_indices
-from beamstiff.identify.geometry.statement import state_calibration
-from beamstiff.identify.geometry.validation import errors_on, gap_of
+from beamstiff.calibration.error_jacobian import Geometry, state_geometry
+from beamstiff.calibration.observability import Observability, observability
+from beamstiff.calibration.parameters import choose_parameters, known_parameters
+from beamstiff.calibration.recursion import recursion
+from beamstiff.calibration.sensitivity import sensitivity_indices
+from beamstiff.calibration.statement import state_calibration
+from beamstiff.calibration.validation import errors_on, gap_of
 from beamstiff.report.figures import save_figure
 from beamstiff.report.geometry import recursion_figure, sensitivity_figure
 from beamstiff.report.tables import table

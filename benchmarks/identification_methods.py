@@ -31,10 +31,10 @@ from rich.console import Console
 from rich.table import Table
 
 from beamstiff import Robot, load_robot
-from beamstiff.identify.minimise import GLOBAL, METHODS, POLISHED, Effort, Minimum, minimise
-from beamstiff.identify.objective import Objective
-from beamstiff.identify.parameters import state_parameters
-from beamstiff.identify.problem import state_problem
+from beamstiff.identification.minimise import GLOBAL, METHODS, POLISHED, Effort, Minimum, minimise
+from beamstiff.identification.objective import Objective
+from beamstiff.identification.parameters import state_parameters
+from beamstiff.identification.problem import state_problem
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.se3 import Array

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamstiff import Robot, load_robot
-from beamstiff.identify.models import Models, Options, fit_models
-from beamstiff.identify.split import split_rows
+from beamstiff.identification.models.side_by_side import Models, Options, fit_models
+from beamstiff.identification.models.split import split_rows
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.robot.inverse import inverse_geometry

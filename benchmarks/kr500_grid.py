@@ -23,17 +23,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from beamstiff import Robot, load_robot
-from beamstiff.gap.exam.campaign import Campaign, Truth
-from beamstiff.gap.exam.laws import Situation, Stiffness
-from beamstiff.gap.exam.machine import TURN, machine_of
-from beamstiff.gap.exam.reality import Reality
-from beamstiff.gap.exam.simulate import readings
-from beamstiff.gap.exam.truths import imposed
-from beamstiff.identify.fuzzy import fit_fuzzy
-from beamstiff.identify.fuzzy_correction import fit_fuzzy_correction
-from beamstiff.identify.gaussian_process import fit_gaussian_process
-from beamstiff.identify.grid import fit_grid
-from beamstiff.identify.stiffness import identify
+from beamstiff.exam.campaign import Campaign, Truth
+from beamstiff.exam.forms import imposed
+from beamstiff.exam.laws import Situation, Stiffness
+from beamstiff.exam.machine import TURN, machine_of
+from beamstiff.exam.reality import Reality
+from beamstiff.exam.simulate import readings
+from beamstiff.identification.identify import identify
+from beamstiff.identification.models.fuzzy import fit_fuzzy
+from beamstiff.identification.models.fuzzy_correction import fit_fuzzy_correction
+from beamstiff.identification.models.gaussian_process import fit_gaussian_process
+from beamstiff.identification.models.grid import fit_grid
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.grid import Cubes
 from beamstiff.model.grid_sampling import point_in_each, sample, sampling_points

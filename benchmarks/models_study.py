@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.table import Table
 
 from beamstiff import load_robot, read_measurements
-from beamstiff.identify.models import Models
+from beamstiff.identification.models.side_by_side import Models
 from beamstiff.model.fuzzy_compliance import rules_from_table
 from beamstiff.report.check_points import check_points_figure
 from beamstiff.report.figures import save_figure

@@ -19,22 +19,22 @@ from rich.console import Console
 from rich.table import Table
 
 from beamstiff import Robot, calibrate, load_robot
+from beamstiff.calibration.corrected import corrected
 from beamstiff.cli.compensate import _facts as compensation_facts
-from beamstiff.compensate.formats import path_csv
-from beamstiff.compensate.formats.program import Program
-from beamstiff.compensate.machine import Machine
-from beamstiff.compensate.rewrite import compensate_program
+from beamstiff.compensation.formats import path_csv
+from beamstiff.compensation.formats.program import Program
+from beamstiff.compensation.machine import Machine
+from beamstiff.compensation.rewrite import compensate_program
+from beamstiff.diagnosis.diagnose import diagnose
+from beamstiff.diagnosis.residual.baseline import at_rows
+from beamstiff.diagnosis.result import Diagnosis, columns_at
+from beamstiff.exam.names import EFFECTS
+from beamstiff.exam.record import Answer, Label, Record
+from beamstiff.exam.table import table_dict
 from beamstiff.files import write_whole
-from beamstiff.gap.baseline import at_rows
-from beamstiff.gap.diagnose import diagnose
-from beamstiff.gap.exam.names import EFFECTS
-from beamstiff.gap.exam.record import Answer, Label, Record
-from beamstiff.gap.exam.table import table_dict
-from beamstiff.gap.result import Diagnosis, columns_at
-from beamstiff.identify.geometry.corrected import corrected
-from beamstiff.identify.models import fit_models
-from beamstiff.identify.split import split_rows
-from beamstiff.identify.stiffness import identify
+from beamstiff.identification.identify import identify
+from beamstiff.identification.models.side_by_side import fit_models
+from beamstiff.identification.models.split import split_rows
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.report.compare import models_facts

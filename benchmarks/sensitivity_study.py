@@ -17,11 +17,11 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from beamstiff.identify.input_errors import InputErrors
-from beamstiff.identify.number_of_tests import NumberOfTests, number_of_tests
-from beamstiff.identify.refit import refit
-from beamstiff.identify.sensitivity import Sensitivity, sensitivity
-from beamstiff.identify.statement import Statement, state_identification
+from beamstiff.identification.input_errors import InputErrors
+from beamstiff.identification.number_of_tests import NumberOfTests, number_of_tests
+from beamstiff.identification.refit import refit
+from beamstiff.identification.sensitivity import Sensitivity, sensitivity
+from beamstiff.identification.statement import Statement, state_identification
 from beamstiff.measure.table import Measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.report.uncertainty import SOURCES

@@ -23,6 +23,9 @@ from pathlib import Path
 import numpy as np
 
 from beamstiff import Robot, compile_structure, load_robot, posture
+from beamstiff.expression_graph import compiled
+from beamstiff.expression_graph.expression import Op
+from beamstiff.expression_graph.graph import Program
 from beamstiff.fem.condensation import CHUNK, condense_by_matrices, tcp_compliance
 from beamstiff.fem.condensation_program import condensation_program
 from beamstiff.fem.geometry import place
@@ -33,9 +36,6 @@ from beamstiff.robot.kinematics import Posture
 from beamstiff.robot.parts import STIFFNESS_KINDS
 from beamstiff.robot.sections import Section, section_properties
 from beamstiff.se3 import Array
-from beamstiff.tape import compiled
-from beamstiff.tape.expression import Op
-from beamstiff.tape.program import Program
 from benchmarks.batched_compliance import closing_poses, machine
 from benchmarks.growth import all_finite, growth, median
 from benchmarks.large_frame import lattices

@@ -22,16 +22,16 @@ from beamstiff import (
     read_measurements,
     tcp_compliance,
 )
-from beamstiff.compensate.formats import read_program
-from beamstiff.compensate.machine import Machine
-from beamstiff.compensate.process.reader import read_process
-from beamstiff.compensate.rewrite import compensate_program
-from beamstiff.gap.diagnose import diagnose
-from beamstiff.identify.fuzzy import fit_fuzzy
-from beamstiff.identify.geometry.sensitivity import sensitivity_indices
-from beamstiff.plan.at_random import random_designs
-from beamstiff.plan.candidates import Noise, candidate_poses, candidate_tests, force_loads, identifiable
-from beamstiff.plan.enough import how_many
+from beamstiff.calibration.sensitivity import sensitivity_indices
+from beamstiff.compensation.formats import read_program
+from beamstiff.compensation.machine import Machine
+from beamstiff.compensation.process.reader import read_process
+from beamstiff.compensation.rewrite import compensate_program
+from beamstiff.diagnosis.diagnose import diagnose
+from beamstiff.identification.models.fuzzy import fit_fuzzy
+from beamstiff.planning.at_random import random_designs
+from beamstiff.planning.candidates import Noise, candidate_poses, candidate_tests, force_loads, identifiable
+from beamstiff.planning.enough import how_many
 from beamstiff.report.compensation import compensation_figure
 from beamstiff.report.diagnosis import diagnosis_figure
 from beamstiff.report.exam import exam_figure

@@ -31,10 +31,10 @@ from beamstiff import (
     read_measurements,
     tcp_compliance,
 )
-from beamstiff.gap.diagnose import diagnose
-from beamstiff.gap.effects import EFFECTS
-from beamstiff.gap.result import Candidate, Diagnosis
-from beamstiff.identify.result import Identification
+from beamstiff.diagnosis.diagnose import diagnose
+from beamstiff.diagnosis.effects import EFFECTS
+from beamstiff.diagnosis.result import Candidate, Diagnosis
+from beamstiff.identification.result import Identification
 from beamstiff.measure import Measurements
 from beamstiff.report.diagnosis import named, separations, summary
 from beamstiff.report.figures import BLUE, GREY, ORANGE, new_figure, plain, save_figure

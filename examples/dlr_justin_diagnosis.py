@@ -24,8 +24,8 @@ from rich.console import Console
 from rich.table import Table
 
 from beamstiff import Robot, load_robot
-from beamstiff.gap.diagnose import diagnose
-from beamstiff.gap.result import Diagnosis
+from beamstiff.diagnosis.diagnose import diagnose
+from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.report.diagnosis import named
 from beamstiff.report.figures import BLUE, GREEN, GREY, ORANGE, new_figure, plain, save_figure
 from beamstiff.report.tables import table

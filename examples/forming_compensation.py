@@ -23,13 +23,13 @@ import numpy as np
 from rich.console import Console
 
 from beamstiff import load_robot
-from beamstiff.compensate.correct import errors_of
-from beamstiff.compensate.formats import read_program
-from beamstiff.compensate.machine import Machine
-from beamstiff.compensate.process.cantilever import Cantilever
-from beamstiff.compensate.process.load import Process, Together
-from beamstiff.compensate.process.reader import read_process
-from beamstiff.compensate.rewrite import compensate_program
+from beamstiff.compensation.correct import errors_of
+from beamstiff.compensation.formats import read_program
+from beamstiff.compensation.machine import Machine
+from beamstiff.compensation.process.cantilever import Cantilever
+from beamstiff.compensation.process.load import Process, Together
+from beamstiff.compensation.process.reader import read_process
+from beamstiff.compensation.rewrite import compensate_program
 from beamstiff.files import write_whole
 from beamstiff.report.compensation import compensation_figure, size_of
 from beamstiff.report.figures import save_figure

@@ -23,8 +23,8 @@ import numpy as np
 from rich.console import Console
 
 from beamstiff import Robot, calibrate, load_robot
-from beamstiff.identify.geometry import Calibration
-from beamstiff.identify.geometry.validation import gap_of, in_base_frame
+from beamstiff.calibration import Calibration
+from beamstiff.calibration.validation import gap_of, in_base_frame
 from beamstiff.measure import Measurements, make_measurements
 from beamstiff.measure.rows import concatenate, subset
 from beamstiff.report.tables import table

@@ -28,13 +28,13 @@ from beamstiff import (
     read_measurements,
     tcp_compliance,
 )
-from beamstiff.identify.degeneracy import find_degeneracy
-from beamstiff.identify.minimise import Effort, minimise
-from beamstiff.identify.objective import Objective
-from beamstiff.identify.parameters import state_parameters
-from beamstiff.identify.problem import state_problem
-from beamstiff.identify.reduce import reduce_model
-from beamstiff.identify.separate import with_separations
+from beamstiff.identification.degeneracy import find_degeneracy
+from beamstiff.identification.minimise import Effort, minimise
+from beamstiff.identification.objective import Objective
+from beamstiff.identification.parameters import state_parameters
+from beamstiff.identification.problem import state_problem
+from beamstiff.identification.reduce import reduce_model
+from beamstiff.identification.separate import with_separations
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.linear import predict_displacements

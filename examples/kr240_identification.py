@@ -23,19 +23,19 @@ from rich.console import Console
 from beamstiff import Robot, compile_structure, identify, load_robot, posture, tcp_compliance
 from beamstiff.fem.geometric import loaded_compliance
 from beamstiff.fem.response import nodal_loads
-from beamstiff.identify.result import Identification
+from beamstiff.identification.result import Identification
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements, make_measurements
-from beamstiff.plan.dexterity import (
+from beamstiff.planning.dexterity import (
     DexterityMap,
     WorkspaceMap,
     characteristic_length,
     dexterity_map,
     workspace_map,
 )
-from beamstiff.plan.influence import Influence, choose_wrist, influence_map
-from beamstiff.plan.poses import Grid, joint_grid
-from beamstiff.plan.singular import SingularLine, singular_lines
+from beamstiff.planning.influence import Influence, choose_wrist, influence_map
+from beamstiff.planning.poses import Grid, joint_grid
+from beamstiff.planning.singular import SingularLine, singular_lines
 from beamstiff.report.figures import BLUE, GREEN, ORANGE, new_figure, plain, save_figure
 from beamstiff.report.tables import table
 from beamstiff.robot.kinematics import twist_jacobian

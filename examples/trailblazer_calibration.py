@@ -36,7 +36,7 @@ from beamstiff import (
     Variable,
     calibrate,
 )
-from beamstiff.identify.geometry.validation import gap_of
+from beamstiff.calibration.validation import gap_of
 from beamstiff.measure import Measurements, make_measurements
 from beamstiff.measure.rows import concatenate
 from beamstiff.report.tables import table

@@ -15,7 +15,7 @@ from beamstiff import Joint, Node, Robot, load_robot
 from beamstiff.files import write_whole
 from beamstiff.measure.table import make_measurements
 from beamstiff.model.linear import predict_displacements
-from beamstiff.plan.candidates import candidate_poses, force_loads
+from beamstiff.planning.candidates import candidate_poses, force_loads
 from beamstiff.robot.kinematics import compile_kinematics
 
 FILE = Path(__file__).resolve().parent / "data" / "tutorial_campaign.csv"

@@ -33,10 +33,10 @@ from rich.console import Console
 from rich.table import Table
 
 from beamstiff import load_robot
-from beamstiff.gap.baseline import fit_baseline
-from beamstiff.gap.diagnose import diagnose
-from beamstiff.gap.effects import EFFECTS
-from beamstiff.gap.result import Diagnosis
+from beamstiff.diagnosis.diagnose import diagnose
+from beamstiff.diagnosis.effects import EFFECTS
+from beamstiff.diagnosis.residual.baseline import fit_baseline
+from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.measure.rows import subset
 from beamstiff.report.diagnosis import named
 from beamstiff.report.figures import BLUE, ORANGE, new_figure, plain, save_figure

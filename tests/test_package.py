@@ -35,12 +35,12 @@ def test_importing_the_package_brings_no_heavy_library() -> None:
     "first",
     [
         "from beamstiff import identify",
-        "import beamstiff; identify = beamstiff.identify",
-        "import beamstiff.identify.result; from beamstiff import identify",
-        "from beamstiff.identify.stiffness import identify as fit; from beamstiff import identify",
-        "import beamstiff.identify as identify",
+        "import beamstiff; identify = beamstiff.identification",
+        "import beamstiff.identification.result; from beamstiff import identify",
+        "from beamstiff.identification.identify import identify as fit; from beamstiff import identify",
+        "import beamstiff.identify",
     ],
 )
 def test_identify_is_a_function_and_a_folder_whatever_comes_first(first: str) -> None:
-    script = f"{first}\nimport beamstiff.identify.result as r\nprint(callable(identify), r.__name__)"
-    assert in_a_fresh_process(script) == "True beamstiff.identify.result\n"
+    script = f"{first}\nimport beamstiff.identification.result as r\nprint(callable(identify), r.__name__)"
+    assert in_a_fresh_process(script) == "True beamstiff.identification.result\n"

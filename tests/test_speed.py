@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from beamstiff import compile_structure, load_robot, posture
-from beamstiff.tape import compiled
+from beamstiff.expression_graph import compiled
 from benchmarks import growth, large_frame, speed
 from benchmarks.batched_compliance import closing_poses
 

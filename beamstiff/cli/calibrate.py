@@ -15,9 +15,9 @@ from beamstiff.errors import BeamstiffError, suggest
 from beamstiff.units import quantity
 
 if TYPE_CHECKING:
-    from beamstiff.identify.geometry.parameters import Parameter
-    from beamstiff.identify.geometry.result import Calibration
-    from beamstiff.identify.geometry.statement import Statement
+    from beamstiff.calibration.parameters import Parameter
+    from beamstiff.calibration.result import Calibration
+    from beamstiff.calibration.statement import Statement
 
 
 def calibrate(
@@ -132,11 +132,11 @@ def calibrate(
       beamstiff calibrate robot.yaml poses.csv --fix base --prior frames=0.5mm --test fresh.csv
       beamstiff calibrate robot.yaml loaded.csv unloaded.csv --compliances J2.torsional,J3.torsional
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
+    from beamstiff.calibration import calibrate as fit
+    from beamstiff.calibration.statement import state_calibration
+    from beamstiff.calibration.validation import errors_on, in_base_frame
     from beamstiff.cli.data import doubted, read_tables
     from beamstiff.files import write_whole
-    from beamstiff.identify.geometry import calibrate as fit
-    from beamstiff.identify.geometry.statement import state_calibration
-    from beamstiff.identify.geometry.validation import errors_on, in_base_frame
     from beamstiff.measure import read_measurements
     from beamstiff.measure.rows import concatenate
     from beamstiff.measure.writer import measurements_to_csv
@@ -252,9 +252,9 @@ def _names(item: Parameter) -> tuple[str, ...]:
 
 def draw(statement: Statement, name: str, sensitivity: str | None, recursion: str | None) -> None:
     """Draw sensitivity indices, and the way of the recursion."""
-    from beamstiff.identify.geometry.parameters import SPARE
-    from beamstiff.identify.geometry.recursion import recursion as recur
-    from beamstiff.identify.geometry.sensitivity import sensitivity_indices
+    from beamstiff.calibration.parameters import SPARE
+    from beamstiff.calibration.recursion import recursion as recur
+    from beamstiff.calibration.sensitivity import sensitivity_indices
     from beamstiff.report.figures import save_figure
     from beamstiff.report.geometry import recursion_figure, sensitivity_figure
 

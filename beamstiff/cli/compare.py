@@ -99,8 +99,8 @@ def compare(
       beamstiff compare kr500 data.csv --models parametric,grid --cube 300
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
     from beamstiff.cli.data import doubted, read_tables
-    from beamstiff.identify.models import FITS, Options, fit_models
-    from beamstiff.identify.split import split_rows
+    from beamstiff.identification.models.side_by_side import FITS, Options, fit_models
+    from beamstiff.identification.models.split import split_rows
     from beamstiff.measure.rows import concatenate
     from beamstiff.report.compare import loads_table, models_facts, models_table, models_text
     from beamstiff.robot.reader import load_robot
@@ -124,7 +124,7 @@ def compare(
     tables, notes = read_tables(data, whole)
     description, measured = whole, concatenate(tables)
     if whole.effects:
-        from beamstiff.gap.apply import without_effects
+        from beamstiff.diagnosis.apply import without_effects
 
         with working("taking the robot's effects off the readings", quiet):
             description, measured = without_effects(whole, measured)

@@ -16,10 +16,10 @@ from beamstiff.errors import BeamstiffError, listed
 from beamstiff.files import write_whole
 
 if TYPE_CHECKING:
-    from beamstiff.compensate.formats import Program
-    from beamstiff.compensate.machine import Machine
-    from beamstiff.compensate.process.load import Process
-    from beamstiff.compensate.rewrite import Compensated
+    from beamstiff.compensation.formats import Program
+    from beamstiff.compensation.machine import Machine
+    from beamstiff.compensation.process.load import Process
+    from beamstiff.compensation.rewrite import Compensated
     from beamstiff.robot.description import Robot
     from beamstiff.se3 import Array
 
@@ -146,10 +146,10 @@ def compensate(
       1500,-200,900,0,90,0,-350
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
     from beamstiff.cli.variables import parse_variables
-    from beamstiff.compensate.formats import read_program
-    from beamstiff.compensate.machine import Machine
-    from beamstiff.compensate.path import Frames
-    from beamstiff.compensate.rewrite import compensate_program
+    from beamstiff.compensation.formats import read_program
+    from beamstiff.compensation.machine import Machine
+    from beamstiff.compensation.path import Frames
+    from beamstiff.compensation.rewrite import compensate_program
     from beamstiff.report.compensation import (
         compensation_figure,
         compensation_table,
@@ -214,7 +214,7 @@ def compensate(
 
 def _check_format(path: str, out: str) -> None:
     """Refuse an output whose ending is that of another language than the path is written in."""
-    from beamstiff.compensate.formats import ENDINGS
+    from beamstiff.compensation.formats import ENDINGS
 
     read, write = (Path(name).suffix.lower() for name in (path, out))
     if read in ENDINGS and write in ENDINGS and ENDINGS[read] is not ENDINGS[write]:
@@ -226,8 +226,8 @@ def _check_format(path: str, out: str) -> None:
 
 def _load(wrench: Sequence[str] | None, process: str | None) -> Process | None:
     from beamstiff.cli.variables import parse_wrench
-    from beamstiff.compensate.process.load import Constant, Together
-    from beamstiff.compensate.process.reader import read_process
+    from beamstiff.compensation.process.load import Constant, Together
+    from beamstiff.compensation.process.reader import read_process
 
     parts: list[Process] = []
     if wrench:

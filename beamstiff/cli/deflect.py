@@ -96,7 +96,7 @@ def deflect(
     with doubted(notes), working(f"deflecting {len(loads)} rows", quiet):
         predicted = predict_displacements(description, loads, preload)
         if description.effects:
-            from beamstiff.gap.apply import effects_displacement
+            from beamstiff.diagnosis.apply import effects_displacement
 
             predicted = predicted + effects_displacement(description, replace(loads, kind="displacement"))
         gap = gap_text(loads, predicted)

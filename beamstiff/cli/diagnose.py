@@ -92,9 +92,9 @@ def diagnose(
       beamstiff diagnose robot.yaml data.csv --next next.csv --region z=0.3m:2m
       beamstiff diagnose robot.yaml data.csv next.csv
     """  # noqa: D301
+    from beamstiff.diagnosis.diagnose import diagnose as run
+    from beamstiff.diagnosis.next_measurement.test_plan import programme_csv
     from beamstiff.files import write_whole
-    from beamstiff.gap.diagnose import diagnose as run
-    from beamstiff.gap.next import programme_csv
     from beamstiff.measure import concatenate
     from beamstiff.report.diagnosis import LIKELY, diagnosis_tables, draw_diagnosis
     from beamstiff.robot.reader import load_robot
@@ -131,7 +131,7 @@ def diagnose(
     elif next_to is not None:  # a diagnosis was made all the same
         say(f"note: {next_to} was not written: this diagnosis proposes no states to measure", quiet)
     if apply is not None:
-        from beamstiff.gap.apply import extended
+        from beamstiff.diagnosis.apply import extended
         from beamstiff.robot.writer import robot_to_yaml
 
         larger = extended(result)

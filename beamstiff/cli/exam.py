@@ -15,10 +15,10 @@ from beamstiff.cli.output import check_outputs, note_effects, people, say, sourc
 from beamstiff.errors import BeamstiffError, listed, suggest
 
 if TYPE_CHECKING:
-    from beamstiff.gap.exam.blind import Control, Diagnose, Examiner
-    from beamstiff.gap.exam.cases import Exam
-    from beamstiff.gap.exam.record import Kind, Record
-    from beamstiff.gap.exam.run import Void
+    from beamstiff.exam.blind import Control, Diagnose, Examiner
+    from beamstiff.exam.cases import Exam
+    from beamstiff.exam.record import Kind, Record
+    from beamstiff.exam.run import Void
     from beamstiff.robot.description import Robot
 
 
@@ -101,9 +101,9 @@ def exam(
       beamstiff exam --cases 60 --classes null,backlash,hysteresis
       beamstiff exam --cases 2160 --scheduler tcp://10.0.0.5:8786 --out results.jsonl
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
-    from beamstiff.gap.exam.blind import Examiner
-    from beamstiff.gap.exam.labelled import examine_folder
-    from beamstiff.gap.exam.table import by_design, table_dict
+    from beamstiff.exam.blind import Examiner
+    from beamstiff.exam.labelled import examine_folder
+    from beamstiff.exam.table import by_design, table_dict
     from beamstiff.report.exam import exam_tables, plan_tables, reliability_figure
 
     inputs: list[str | Path] = [] if robot is None else [robot_file(robot)]
@@ -153,7 +153,7 @@ def _simulated(
     out: str | None,
     quiet: bool,
 ) -> list[Record]:
-    from beamstiff.gap.exam.run import run_exam
+    from beamstiff.exam.run import run_exam
 
     with _bar(cases, quiet) as progress:
         records = run_exam(
@@ -176,8 +176,8 @@ def _simulated(
 
 def _exam(robot: str | None, plan: str | None, seed: int, classes: Sequence[str] | None, quiet: bool) -> Exam:
     """Return the exam that was asked for."""
-    from beamstiff.gap.exam.cases import PLAN_SHARES, SHARES, Exam
-    from beamstiff.gap.exam.names import EFFECTS
+    from beamstiff.exam.cases import PLAN_SHARES, SHARES, Exam
+    from beamstiff.exam.names import EFFECTS
     from beamstiff.measure.reader import read_measurements
     from beamstiff.robot.reader import load_robot
 
@@ -206,7 +206,7 @@ def _exam(robot: str | None, plan: str | None, seed: int, classes: Sequence[str]
 
 
 def _possible(robot: Robot, effects: tuple[str, ...], quiet: bool) -> tuple[str, ...]:
-    from beamstiff.gap.exam.cases import possible_effects
+    from beamstiff.exam.cases import possible_effects
 
     possible = possible_effects(robot, effects)
     missing = [effect for effect in effects if effect not in possible]
@@ -232,8 +232,8 @@ def parse_classes(texts: Sequence[str]) -> tuple[dict[Kind, int], tuple[str, ...
     >>> parse_classes(["null,backlash", "hysteresis"])
     ({'null': 1, 'single': 2}, ('backlash', 'hysteresis'))
     """
-    from beamstiff.gap.exam.names import EFFECTS
-    from beamstiff.gap.exam.record import KINDS
+    from beamstiff.exam.names import EFFECTS
+    from beamstiff.exam.record import KINDS
 
     names = list(dict.fromkeys(name.strip() for text in texts for name in text.split(",")))
     unknown = [name for name in names if name not in (*KINDS, *EFFECTS)]
@@ -263,13 +263,13 @@ def _folder(reports: str | None) -> Path | None:
 
 def _diagnose() -> Diagnose:
     """Return the diagnosis; loaded only here, because it takes its time."""
-    diagnose: Diagnose = import_module("beamstiff.gap.diagnose").diagnose
+    diagnose: Diagnose = import_module("beamstiff.diagnosis.diagnose").diagnose
     return diagnose
 
 
 def _controls() -> dict[str, Control]:
     """Return the plain methods that the diagnosis is compared with."""
-    return {"plain regression, best BIC": import_module("beamstiff.gap.exam.plain").plain_bic}
+    return {"plain regression, best BIC": import_module("beamstiff.diagnosis.plain_regression").plain_bic}
 
 
 @contextmanager

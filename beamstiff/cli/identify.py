@@ -46,12 +46,12 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.files import write_whole
 
 if TYPE_CHECKING:
-    from beamstiff.identify.bootstrap import Bootstrap
-    from beamstiff.identify.minimise import Effort, Progress
-    from beamstiff.identify.problem import Components
-    from beamstiff.identify.reduce import Reduced
-    from beamstiff.identify.result import Identification
-    from beamstiff.identify.statement import Statement
+    from beamstiff.identification.bootstrap import Bootstrap
+    from beamstiff.identification.minimise import Effort, Progress
+    from beamstiff.identification.problem import Components
+    from beamstiff.identification.reduce import Reduced
+    from beamstiff.identification.result import Identification
+    from beamstiff.identification.statement import Statement
     from beamstiff.robot.description import Robot
 
 USES = ("both", "position", "rotation")
@@ -191,13 +191,14 @@ def identify(
       beamstiff identify robot.yaml data.csv --method crs2 --searches 8 --processes 4
       beamstiff identify robot.yaml data.csv --loss huber --bootstrap 1000 --reduce small.yaml
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
-    from beamstiff.identify.minimise import GLOBAL, METHODS, Effort
-    from beamstiff.identify.objective import LOSSES
-    from beamstiff.identify.separate import with_separations
-    from beamstiff.identify.statement import state_identification
-    from beamstiff.identify.stiffness import identify as fit
+    from beamstiff.identification.identify import identify as fit
+    from beamstiff.identification.minimise import GLOBAL, METHODS, Effort
+    from beamstiff.identification.objective import LOSSES
+    from beamstiff.identification.separate import with_separations
+    from beamstiff.identification.statement import state_identification
     from beamstiff.measure.rows import concatenate
     from beamstiff.measure.usable import counted_once
+    from beamstiff.parallel import check_places
     from beamstiff.report.identification import (
         combinations_text,
         identification_table,
@@ -205,7 +206,6 @@ def identify(
     )
     from beamstiff.robot.reader import load_robot
     from beamstiff.robot.stiffness import check_stiffness
-    from beamstiff.spread import check_places
 
     chosen("--method", method, list(METHODS))
     chosen("--loss", loss, list(LOSSES))
@@ -225,8 +225,8 @@ def identify(
     names = parse_names(parameters)
     by_itself: list[str] = []
     if names is None and not description.identify:
-        from beamstiff.gap.baseline import fitted_names
-        from beamstiff.gap.notes import chosen_for
+        from beamstiff.diagnosis.notes import chosen_for
+        from beamstiff.diagnosis.residual.baseline import fitted_names
 
         names, by_itself = list(fitted_names(description)) or None, list(chosen_for(description))
     what: dict[str, Any] = {
@@ -252,7 +252,7 @@ def identify(
     tables, notes = read_tables(data, description)
     whole, measured = description, counted_once(concatenate(tables))
     if whole.effects:
-        from beamstiff.gap.apply import without_effects
+        from beamstiff.diagnosis.apply import without_effects
 
         with doubted(notes), working("taking the robot's effects off the readings", quiet):
             description, measured = without_effects(whole, measured)
@@ -334,7 +334,7 @@ def _bar(most: int, quiet: bool) -> Iterator[Progress | None]:
 
 def _draw(statement: Statement, found: Identification, repetitions: int, effort: Effort) -> Bootstrap:
     """Return the bootstrap about what was found."""
-    from beamstiff.identify.bootstrap import bootstrap
+    from beamstiff.identification.bootstrap import bootstrap
 
     statement = statement.holding(found.stiffness).weighed(found.stiffness)
     return bootstrap(
@@ -348,9 +348,9 @@ def _draw(statement: Statement, found: Identification, repetitions: int, effort:
 
 
 def _reduce(robot: Robot, measured: Any, found: Identification, use: str) -> Reduced:
-    from beamstiff.identify.degeneracy import find_degeneracy
-    from beamstiff.identify.problem import state_problem
-    from beamstiff.identify.reduce import reduce_model
+    from beamstiff.identification.degeneracy import find_degeneracy
+    from beamstiff.identification.problem import state_problem
+    from beamstiff.identification.reduce import reduce_model
 
     names = [item.name for item in found.parameters]
     problem = state_problem(robot, measured, names, cast("Components", use))

@@ -9,7 +9,7 @@ from beamstiff.errors import BeamstiffError, suggest
 from beamstiff.units import number, quantity
 
 if TYPE_CHECKING:
-    from beamstiff.identify.input_errors import InputErrors
+    from beamstiff.identification.input_errors import InputErrors
     from beamstiff.robot.description import Robot
 
 Pair = TypeVar("Pair")
@@ -113,7 +113,7 @@ def parse_errors(texts: Sequence[str] | None) -> InputErrors | None:
     BeamstiffError
         When a part is not ``name=value``, or a name or unit is unknown.
     """
-    from beamstiff.identify.input_errors import InputErrors
+    from beamstiff.identification.input_errors import InputErrors
 
     if not texts:
         return None

@@ -12,11 +12,11 @@ from beamstiff.errors import BeamstiffError
 
 if TYPE_CHECKING:
     from beamstiff.measure.table import Measurements
-    from beamstiff.plan.at_random import AtRandom
-    from beamstiff.plan.campaign import Campaign
-    from beamstiff.plan.candidates import Noise
-    from beamstiff.plan.designs import Criterion
-    from beamstiff.plan.enough import Enough
+    from beamstiff.planning.at_random import AtRandom
+    from beamstiff.planning.campaign import Campaign
+    from beamstiff.planning.candidates import Noise
+    from beamstiff.planning.designs import Criterion
+    from beamstiff.planning.enough import Enough
     from beamstiff.robot.description import Robot
     from beamstiff.se3 import Array
 
@@ -106,10 +106,10 @@ def plan(
     Then fill in the columns of displacements and identify:
       beamstiff identify ir663 tests.csv
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
-    from beamstiff.plan.at_random import random_designs
-    from beamstiff.plan.campaign import by_pose, campaign_of, write_plan
-    from beamstiff.plan.candidates import candidate_poses, candidate_tests, identifiable
-    from beamstiff.plan.designs import choose_tests
+    from beamstiff.planning.at_random import random_designs
+    from beamstiff.planning.campaign import by_pose, campaign_of, write_plan
+    from beamstiff.planning.candidates import candidate_poses, candidate_tests, identifiable
+    from beamstiff.planning.designs import choose_tests
     from beamstiff.report.campaign import campaign_table, campaign_text
     from beamstiff.robot.kinematics import compile_kinematics
     from beamstiff.robot.reader import load_robot
@@ -158,7 +158,7 @@ def _check_range(option: str, value: int, least: int, most: int) -> None:
 
 
 def _criterion(text: str) -> Criterion:
-    from beamstiff.plan.designs import CRITERIA
+    from beamstiff.planning.designs import CRITERIA
 
     for known in CRITERIA:
         if text.upper() == known:
@@ -176,7 +176,7 @@ def _size(option: str, text: str, kind: str) -> float:
 
 
 def _noise(position: str, rotation: str | None) -> Noise:
-    from beamstiff.plan.candidates import Noise
+    from beamstiff.planning.candidates import Noise
 
     sizes = []
     for option, text, kind in (
@@ -195,7 +195,7 @@ def _loads(force: str, moment: str, directions: str, own: list[str] | None) -> A
     import numpy as np
 
     from beamstiff.cli.variables import parse_wrench
-    from beamstiff.plan.candidates import force_loads
+    from beamstiff.planning.candidates import force_loads
 
     if own:
         return np.array([parse_wrench([text], "--load") for text in own])
@@ -217,7 +217,7 @@ def _loads(force: str, moment: str, directions: str, own: list[str] | None) -> A
 
 
 def _enough(tells: Array, names: tuple[str, ...], count: int, criterion: Criterion) -> Enough:
-    from beamstiff.plan.enough import how_many
+    from beamstiff.planning.enough import how_many
 
     sizes = {min(max(len(names), round(count * share)), len(tells)) for share in GROWING}
     return how_many(tells, names, sorted(sizes), criterion)

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError, suggest
+from beamstiff.expression_graph.graph import MANY
 from beamstiff.fem.assembly import assemble, node_map, scatter, sparse_stiffness, stiffness_between
 from beamstiff.fem.condensation_program import CondensationProgram, condensation_program
 from beamstiff.fem.constraints import (
@@ -41,7 +42,6 @@ from beamstiff.fem.unknowns import joint_unknowns
 from beamstiff.robot.frames import same_geometry
 from beamstiff.robot.kinematics import ClosedPosture, Posture
 from beamstiff.se3 import Array
-from beamstiff.tape.program import MANY
 
 STIFFEST = 1e-10  # a scaled compliance below this is rounding
 ROUNDING = 1e-11  # of the stiffness that meets at a port

@@ -22,6 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError
+from beamstiff.expression_graph.expression import Expression, Recorder
+from beamstiff.expression_graph.graph import Program, compile_program
 from beamstiff.fem.assembly import assemble
 from beamstiff.fem.constraints import has_constraints
 from beamstiff.fem.elimination import eliminate, elimination_order
@@ -32,8 +34,6 @@ from beamstiff.robot.closure import declared_start
 from beamstiff.robot.frames import all_values
 from beamstiff.robot.kinematics import posture_at
 from beamstiff.se3 import Array
-from beamstiff.tape.expression import Expression, Recorder
-from beamstiff.tape.program import Program, compile_program
 
 LARGEST = 100_000  # products of an elimination that is worth writing down
 MOST_UNKNOWNS = 500

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import Any
 
+from beamstiff.expression_graph.expression import Expression
 from beamstiff.fem.recorded import Symmetric
-from beamstiff.tape.expression import Expression
 
 Value = Expression | float
 

@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from beamstiff.expression_graph.expression import Expression, square_root
 from beamstiff.fem.beam import beam_axes, beam_stiffness
 from beamstiff.fem.geometry import SHORTEST
 from beamstiff.fem.structure import Structure
 from beamstiff.fem.unknowns import turning_nodes
 from beamstiff.robot.forward import chain_to, place
-from beamstiff.tape.expression import Expression, square_root
 
 # m: nodes of a joint that lie nearer than this are one point
 TOGETHER = 1e-11

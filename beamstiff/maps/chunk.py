@@ -147,7 +147,7 @@ def _fill(
                 values[name][there[fine]] = found
                 faults.append((Reason.RIGID, _at(fine, rigid, poses), MEANING[Reason.RIGID]))
     if job.needs("jacobian"):
-        from beamstiff.plan.dexterity import normalised_jacobian  # loads an optimiser
+        from beamstiff.planning.dexterity import normalised_jacobian  # loads an optimiser
 
         assert job.length is not None
         kinematics, length = job.structure.kinematics, job.length

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from beamstiff._version import __version__
 from beamstiff.errors import BeamstiffError
+from beamstiff.expression_graph.compiled import kernel
 from beamstiff.fem.structure import Structure, compile_structure
 from beamstiff.fem.unknowns import turning_nodes
 from beamstiff.maps.grid import Box, Grid, boxes, make_grid
@@ -22,7 +23,6 @@ from beamstiff.maps.reach import Reach, postures_of_configuration
 from beamstiff.robot.description import Robot
 from beamstiff.robot.stiffness import check_stiffness
 from beamstiff.se3 import Array
-from beamstiff.tape.compiled import kernel
 
 MANY = 16384  # poses a chunk: some tenths of a second, which is what a kill costs
 MANY_SEARCHED = 1024  # where joint values have to be found first
@@ -157,7 +157,7 @@ def state_job(
         along = along / np.linalg.norm(along)
     if any("jacobian" in QUANTITIES[name].needs for name in names):
         if length is None:
-            from beamstiff.plan.dexterity import characteristic_length  # loads an optimiser
+            from beamstiff.planning.dexterity import characteristic_length  # loads an optimiser
 
             length = characteristic_length(kinematics).length
         elif not (np.isfinite(length) and length > 0):

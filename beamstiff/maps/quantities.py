@@ -163,7 +163,7 @@ def from_compliance(name: str, compliance: Array, displacement: Array, direction
 
 def from_jacobian(name: str, jacobian: Array) -> Array:
     """Return a quantity at P poses from normalised Jacobians (P, 6, A)."""
-    from beamstiff.plan.dexterity import inverse_condition  # loads an optimiser
+    from beamstiff.planning.dexterity import inverse_condition  # loads an optimiser
 
     if name == "manipulability":
         result: Array = np.linalg.svd(jacobian, compute_uv=False).prod(axis=1)

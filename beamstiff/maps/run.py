@@ -20,8 +20,8 @@ from beamstiff.maps.job import Job, state_job
 from beamstiff.maps.parts import Parts
 from beamstiff.maps.reasons import Reason
 from beamstiff.maps.summary import reason_counts
+from beamstiff.parallel import check_places, spread
 from beamstiff.robot.description import Robot
-from beamstiff.spread import check_places, spread
 
 if TYPE_CHECKING:
     import xarray

@@ -8,10 +8,10 @@ import numpy as np
 from rich.table import Table
 
 from beamstiff.errors import listed
-from beamstiff.plan.at_random import AtRandom
-from beamstiff.plan.campaign import Campaign
-from beamstiff.plan.candidates import Noise
-from beamstiff.plan.enough import Enough
+from beamstiff.planning.at_random import AtRandom
+from beamstiff.planning.campaign import Campaign
+from beamstiff.planning.candidates import Noise
+from beamstiff.planning.enough import Enough
 from beamstiff.report.tables import counted, number, table
 from beamstiff.robot.description import Robot
 from beamstiff.robot.stiffness import parameter_unit

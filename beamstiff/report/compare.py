@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.identify.models import Judged, Models
-from beamstiff.identify.split import KINDS
+from beamstiff.identification.models.side_by_side import Judged, Models
+from beamstiff.identification.models.split import KINDS
 from beamstiff.report.figures import new_figure, plain
 from beamstiff.report.tables import table
 from beamstiff.se3 import Array

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from rich.table import Table
 
-from beamstiff.compensate.rewrite import Compensated
+from beamstiff.compensation.rewrite import Compensated
 from beamstiff.report.figures import BLUE, GREEN, GREY, ORANGE, new_figure, plain
 from beamstiff.report.tables import add_rows, counted, number, table
 from beamstiff.se3 import Array, vector_from_rotation

@@ -11,10 +11,10 @@ from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from beamstiff.gap.effects import EFFECTS
-from beamstiff.gap.notes import FEW_VALUES, OFF
-from beamstiff.gap.result import Candidate, Diagnosis, Estimate
-from beamstiff.gap.search import UNKNOWN
+from beamstiff.diagnosis.effects import EFFECTS
+from beamstiff.diagnosis.inference.search import UNKNOWN
+from beamstiff.diagnosis.notes import FEW_VALUES, OFF
+from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.report.tables import add_rows, counted, small, table
 
 if TYPE_CHECKING:

@@ -10,12 +10,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 from rich.table import Table
 
-from beamstiff.gap.exam import score
-from beamstiff.gap.exam.calibration import calibration_error, reliability
-from beamstiff.gap.exam.names import EFFECTS, FAILED, NONE, UNKNOWN
-from beamstiff.gap.exam.rates import Figure
-from beamstiff.gap.exam.record import Record
-from beamstiff.gap.exam.table import Row, banded, by_design, controls, effect_figures, groups, headline
+from beamstiff.exam import score
+from beamstiff.exam.names import EFFECTS, FAILED, NONE, UNKNOWN
+from beamstiff.exam.rates import Figure
+from beamstiff.exam.record import Record
+from beamstiff.exam.reliability import calibration_error, reliability
+from beamstiff.exam.table import Row, banded, by_design, controls, effect_figures, groups, headline
 from beamstiff.report.figures import BLUE, GREY, ORANGE, new_figure, plain
 from beamstiff.report.tables import counted, table
 
@@ -52,7 +52,7 @@ def plan_tables(records: Records) -> Iterator[Table]:
         f"What this plan could find: {_cases(records)}, sizes all over the realistic range",
         "effect",
         "cases",
-        "gap/noise",
+        "diagnosis/noise",
         "gap seen",
         "exact",
         "set holds it",
@@ -123,7 +123,7 @@ def effects_table(records: Records) -> Table:
 def bands_table(records: Records) -> Table:
     """Return a row for each band of gap over noise, single effects."""
     names = ("seen", "exact", "family", "place", "set holds it", "unknown", "set size", "shrink differs")
-    result = table("By gap over noise, single effects", "gap/noise", "cases", *names)
+    result = table("By gap over noise, single effects", "diagnosis/noise", "cases", *names)
     for band, cases in banded(records):
         result.add_row(band, str(len(cases)), *_cells(cases))
     return result

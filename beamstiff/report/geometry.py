@@ -9,11 +9,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich.table import Table
 
+from beamstiff.calibration.parameters import SPARE
+from beamstiff.calibration.recursion import Recursion
+from beamstiff.calibration.result import Calibration, Errors, Found
+from beamstiff.calibration.sensitivity import SensitivityIndices
 from beamstiff.errors import listed
-from beamstiff.identify.geometry.parameters import SPARE
-from beamstiff.identify.geometry.recursion import Recursion
-from beamstiff.identify.geometry.result import Calibration, Errors, Found
-from beamstiff.identify.geometry.sensitivity import SensitivityIndices
 from beamstiff.report.figures import BLUE, GREEN, GREY, ORANGE, new_figure, plain
 from beamstiff.report.tables import counted, number, table
 from beamstiff.se3 import Array

@@ -9,7 +9,7 @@ import numpy as np
 from rich.table import Table
 
 from beamstiff.errors import listed
-from beamstiff.identify.result import Combination, Identification, Parameter
+from beamstiff.identification.result import Combination, Identification, Parameter
 from beamstiff.measure.table import Measurements
 from beamstiff.report.tables import number, table
 from beamstiff.robot.description import Robot

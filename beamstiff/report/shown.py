@@ -11,12 +11,12 @@ import numpy as np
 from matplotlib.figure import Figure
 from rich.console import Console, RenderableType
 
-from beamstiff.compensate.rewrite import Compensated
+from beamstiff.calibration.result import Calibration
+from beamstiff.compensation.rewrite import Compensated
+from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.errors import BeamstiffError, listed, suggest
-from beamstiff.gap.result import Diagnosis
-from beamstiff.identify.geometry.result import Calibration
-from beamstiff.identify.models import Models
-from beamstiff.identify.result import Identification
+from beamstiff.identification.models.side_by_side import Models
+from beamstiff.identification.result import Identification
 from beamstiff.measure.table import Measurements
 from beamstiff.report.compare import models_figure, models_table
 from beamstiff.report.compensation import compensation_figure, compensation_table, compensation_text

@@ -6,10 +6,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from beamstiff.identify.compare import Comparison
-from beamstiff.identify.number_of_tests import NumberOfTests
-from beamstiff.identify.sensitivity import Sensitivity
-from beamstiff.identify.validation import HeldOut, Repeatability
+from beamstiff.identification.compare import Comparison
+from beamstiff.identification.number_of_tests import NumberOfTests
+from beamstiff.identification.sensitivity import Sensitivity
+from beamstiff.identification.validation import HeldOut, Repeatability
 from beamstiff.measure.table import Measurements
 from beamstiff.report.figures import BLUE, ORANGE, new_figure, plain
 from beamstiff.report.tables import add_rows, counted, number, table

@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from beamstiff.expression_graph.expression import Expression, Recorder
+from beamstiff.expression_graph.graph import Program, compile_program
 from beamstiff.robot.branch import Assembly
 from beamstiff.robot.loops import LoopSystem, loop_equations
 from beamstiff.robot.newton import LARGEST_SHIFT, LARGEST_STEP, Mask
 from beamstiff.se3 import Array
-from beamstiff.tape.expression import Expression, Recorder
-from beamstiff.tape.program import Program, compile_program
 
 STEPS = 4
 CLOSED = 1e-14  # machine sizes: a step more would change nothing

@@ -15,11 +15,11 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from beamstiff.expression_graph.expression import Recorder
+from beamstiff.expression_graph.graph import Program, compile_program
 from beamstiff.robot.forward import Body, Screw, chain_to, place, twists_at
 from beamstiff.robot.frames import Kinematics, all_values
 from beamstiff.se3 import Array, skew, vector_from_rotation
-from beamstiff.tape.expression import Recorder
-from beamstiff.tape.program import Program, compile_program
 
 ROWS = {"position": 3, "plane": 2, "pose": 6}
 

@@ -221,7 +221,7 @@ class Mass(Described):
 class AddedEffect(Described):
     """An effect beyond beams and springs that the machine is known to have, such as backlash of a joint.
 
-    Which effects there are, in which shapes and with which parameters, `gap.effects` says and checks.
+    Which effects there are, in which shapes and with which parameters, `diagnosis.effects` says and checks.
 
     Attributes
     ----------

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from beamstiff import load_robot, read_measurements, save_robot, write_measurements
-from beamstiff.identify.geometry.corrected import corrected
+from beamstiff.calibration.corrected import corrected
 from beamstiff.measure import Measurements, make_measurements
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, posture

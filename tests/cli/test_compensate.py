@@ -120,7 +120,7 @@ def test_the_real_robot_may_be_another(cell: Path, run: Callable[..., Any]) -> N
 
 
 def test_frames_say_what_the_numbers_count_from(cell: Path, run: Callable[..., Any]) -> None:
-    import beamstiff.compensate.formats.krl as krl
+    import beamstiff.compensation.formats.krl as krl
 
     here = krl.read(PROGRAM, "cell.src").path.poses[:, :3, 3]
     moved = PROGRAM.replace("X 1500.000", "X 1000.000").replace("X 1500", "X 1000")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from beamstiff import load_robot, read_measurements
-from beamstiff.gap.effects import EFFECTS
+from beamstiff.diagnosis.effects import EFFECTS
 
 Run = Callable[..., Any]
 

@@ -9,8 +9,8 @@ import pytest
 
 from beamstiff.cli.exam import parse_classes
 from beamstiff.errors import BeamstiffError
-from beamstiff.gap.exam.names import EFFECTS
-from tests.gap.exam.standins import always_none
+from beamstiff.exam.names import EFFECTS
+from tests.exam.standins import always_none
 
 Run = Callable[..., Any]
 

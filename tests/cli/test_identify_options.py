@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from beamstiff import load_robot
-from beamstiff.identify.minimise import Search
+from beamstiff.identification.minimise import Search
 
 Run = Callable[..., Any]
 BOTH = ("--parameters", "J1.torsional,J1.radial")
@@ -178,7 +178,7 @@ def test_ctrl_c_after_the_fit_leaves_the_fit(run: Run, monkeypatch: pytest.Monke
     def stopped(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("beamstiff.identify.separate.with_separations", stopped)
+    monkeypatch.setattr("beamstiff.identification.separate.with_separations", stopped)
     result = run("identify", "crane.yaml", "crane.csv", "--json", "-")
     assert result.exit_code == 130
     assert value(json.loads(result.stdout)) == pytest.approx(1e6)

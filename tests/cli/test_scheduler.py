@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from tests.gap.exam.standins import always_none
+from tests.exam.standins import always_none
 
 Run = Callable[..., Any]
 NOBODY = "tcp://127.0.0.1:9"

@@ -11,6 +11,7 @@ from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
 from beamstiff.errors import BeamstiffError
+from beamstiff.expression_graph.graph import MANY
 from beamstiff.fem.condensation import (
     CHUNK,
     ROUNDING,
@@ -32,10 +33,9 @@ from beamstiff.robot.library import robot_names
 from beamstiff.robot.parts import Beam, Frame, Joint, Mass, Material, Node, Rigid, Strut, Variable
 from beamstiff.robot.reader import load_robot
 from beamstiff.robot.sections import Section
-from beamstiff.tape.program import MANY
+from tests.expression_graph.test_program import WAYS
 from tests.fem.builders import FREE, RIGID, at_rest, stiffness
 from tests.fem.random_frames import machine_frame
-from tests.tape.test_program import WAYS
 
 AGREED = 1e-9
 

@@ -19,7 +19,7 @@ from beamstiff import (
 )
 from beamstiff.errors import BeamstiffError
 from beamstiff.maps.reasons import Reason
-from beamstiff.plan.dexterity import inverse_condition, normalised_jacobian
+from beamstiff.planning.dexterity import inverse_condition, normalised_jacobian
 from beamstiff.robot.kinematics import posture_at
 from beamstiff.se3 import Array
 from tests.maps.robots import (

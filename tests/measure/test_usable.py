@@ -11,7 +11,7 @@ from beamstiff import BeamstiffError
 from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements
 from beamstiff.measure.usable import copies_between, counted_once, require_usable
-from tests.gap.machines import at_random, elbow, nominal
+from tests.diagnosis.machines import at_random, elbow, nominal
 
 ARM = elbow()
 

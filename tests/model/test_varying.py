@@ -10,7 +10,7 @@ from beamstiff.measure import make_measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.model.ports import reduce_to_ports
 from beamstiff.model.varying import displaced, displaced_with_slopes, ports_at
-from beamstiff.plan.candidates import candidate_poses
+from beamstiff.planning.candidates import candidate_poses
 from beamstiff.robot.kinematics import compile_kinematics
 
 # in series, and where the forces at the springs depend on their stiffness

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from beamstiff import BeamstiffError, load_robot, read_measurements
-from beamstiff.identify.models import Models, fit_models
-from beamstiff.identify.split import split_rows
+from beamstiff.identification.models.side_by_side import Models, fit_models
+from beamstiff.identification.models.split import split_rows
 from beamstiff.measure import make_measurements
 from beamstiff.model.fuzzy import FuzzySystem
 from beamstiff.model.fuzzy_compliance import FuzzyCompliance, rules_from_table

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from beamstiff.compensate.formats import krl
-from beamstiff.compensate.machine import Machine
-from beamstiff.compensate.process.load import Constant
-from beamstiff.compensate.rewrite import Compensated, compensate_program
+from beamstiff.compensation.formats import krl
+from beamstiff.compensation.machine import Machine
+from beamstiff.compensation.process.load import Constant
+from beamstiff.compensation.rewrite import Compensated, compensate_program
 from beamstiff.report.compensation import (
     compensation_figure,
     compensation_table,

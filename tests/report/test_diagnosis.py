@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from beamstiff.gap.baseline import Baseline
-from beamstiff.gap.result import Candidate, Diagnosis, Estimate
+from beamstiff.diagnosis.residual.baseline import Baseline
+from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.measure.rows import subset
 from beamstiff.report.diagnosis import (
     causes_of,
@@ -19,8 +19,8 @@ from beamstiff.report.diagnosis import (
     summary,
     told,
 )
-from tests.gap.machines import POSITION, at_random, elbow, nominal
-from tests.gap.planted import diagnosed
+from tests.diagnosis.machines import POSITION, at_random, elbow, nominal
+from tests.diagnosis.planted import diagnosed
 
 
 def baseline(rows: int) -> Baseline:

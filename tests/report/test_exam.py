@@ -8,12 +8,12 @@ import pytest
 from rich.console import Console
 from rich.table import Table
 
-from beamstiff.gap.exam.names import NONE, UNKNOWN
-from beamstiff.gap.exam.record import Record
-from beamstiff.gap.exam.table import ALARMS, headline, table_dict
+from beamstiff.exam.names import NONE, UNKNOWN
+from beamstiff.exam.record import Record
+from beamstiff.exam.table import ALARMS, headline, table_dict
 from beamstiff.report.exam import exam_figure, exam_tables, mark, plan_tables, reliability_figure
 from beamstiff.report.figures import save_figure
-from tests.gap.exam.answered import answered
+from tests.exam.answered import answered
 
 
 @pytest.fixture

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from beamstiff.identify.geometry.parameters import Parameter
-from beamstiff.identify.geometry.recursion import Recursion
-from beamstiff.identify.geometry.sensitivity import SensitivityIndices
+from beamstiff.calibration.parameters import Parameter
+from beamstiff.calibration.recursion import Recursion
+from beamstiff.calibration.sensitivity import SensitivityIndices
 from beamstiff.report.geometry import combination_text, recursion_figure, sensitivity_figure
 
 UNITS = {"a": "m", "b": "m", "q": "rad"}

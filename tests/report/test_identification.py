@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 
 from beamstiff import Robot, identify, load_robot
-from beamstiff.identify.result import Combination, Identification, Parameter
+from beamstiff.identification.result import Combination, Identification, Parameter
 from beamstiff.measure import Measurements, make_measurements
 from beamstiff.report.identification import (
     combinations_text,

@@ -12,9 +12,9 @@ from rich.console import Console
 
 import beamstiff
 from beamstiff import BeamstiffError, Robot, calibrate, identify, load_robot, read_measurements
-from beamstiff.gap.diagnose import diagnose
-from beamstiff.identify.geometry.corrected import corrected
-from beamstiff.identify.result import Identification
+from beamstiff.calibration.corrected import corrected
+from beamstiff.diagnosis.diagnose import diagnose
+from beamstiff.identification.result import Identification
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.kinematics import compile_kinematics, posture
 

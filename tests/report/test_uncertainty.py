@@ -8,10 +8,10 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from beamstiff.identify.compare import Comparison, Score
-from beamstiff.identify.number_of_tests import NumberOfTests
-from beamstiff.identify.sensitivity import Sensitivity
-from beamstiff.identify.validation import HeldOut, Repeatability
+from beamstiff.identification.compare import Comparison, Score
+from beamstiff.identification.number_of_tests import NumberOfTests
+from beamstiff.identification.sensitivity import Sensitivity
+from beamstiff.identification.validation import HeldOut, Repeatability
 from beamstiff.measure.table import make_measurements
 from beamstiff.report.uncertainty import (
     comparison_table,

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from beamstiff.calibration.result import Calibration, Errors, Found
+from beamstiff.calibration.validation import in_base_frame
 from beamstiff.errors import listed
-from beamstiff.identify.geometry.result import Calibration, Errors, Found
-from beamstiff.identify.geometry.validation import in_base_frame
 from beamstiff.measure.table import Measurements
 from beamstiff.report.geometry import (
     PER_SI,

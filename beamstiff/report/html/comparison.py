@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from beamstiff.identify.models import Judged, Models
-from beamstiff.identify.split import KINDS
+from beamstiff.identification.models.side_by_side import Judged, Models
+from beamstiff.identification.models.split import KINDS
 from beamstiff.model.protocol import StructuralModel
 from beamstiff.report.compare import loads_table, models_table, models_text, widest_plane
 from beamstiff.report.html.bars import intervals

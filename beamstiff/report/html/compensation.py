@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from beamstiff.compensate.rewrite import Compensated
+from beamstiff.compensation.rewrite import Compensated
 from beamstiff.report.compensation import compensation_text, size_of, uncorrected_table
 from beamstiff.report.html.curves import along
 from beamstiff.report.html.from_rich import of_rich

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from beamstiff.gap.heldout import shift
-from beamstiff.gap.result import Candidate, Diagnosis, Estimate
+from beamstiff.diagnosis.held_out.prediction import shift
+from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.report.diagnosis import (
     causes,
     causes_of,

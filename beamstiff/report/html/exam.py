@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from beamstiff.gap.exam import score
-from beamstiff.gap.exam.calibration import calibration_error, reliability
-from beamstiff.gap.exam.names import EFFECTS, FAILED, NONE, UNKNOWN
-from beamstiff.gap.exam.rates import Figure as Rate
-from beamstiff.gap.exam.record import Record
-from beamstiff.gap.exam.table import Row, by_design, controls, effect_figures, headline
+from beamstiff.exam import score
+from beamstiff.exam.names import EFFECTS, FAILED, NONE, UNKNOWN
+from beamstiff.exam.rates import Figure as Rate
+from beamstiff.exam.record import Record
+from beamstiff.exam.reliability import calibration_error, reliability
+from beamstiff.exam.table import Row, by_design, controls, effect_figures, headline
 from beamstiff.report import exam as told
 from beamstiff.report.html.bars import named_rows
 from beamstiff.report.html.from_rich import of_rich

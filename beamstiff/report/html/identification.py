@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from beamstiff.identify.result import Identification
+from beamstiff.identification.result import Identification
 from beamstiff.measure.table import Measurements
 from beamstiff.report.html.bars import intervals
 from beamstiff.report.html.matrix import correlation_figure

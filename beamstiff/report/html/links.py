@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from beamstiff.gap.effects.laws import component_of
+from beamstiff.diagnosis.effects.torque_laws import component_of
 from beamstiff.report.html.parts import numbers
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, posture

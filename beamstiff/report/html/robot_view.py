@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from beamstiff.diagnosis.effects.torque_laws import component_of
 from beamstiff.errors import BeamstiffError
 from beamstiff.fem.condensation import tcp_compliance
 from beamstiff.fem.response import Response, nodal_loads, respond
 from beamstiff.fem.structure import compile_structure
-from beamstiff.gap.effects.laws import component_of
 from beamstiff.report.html.arrows import force_and_moment
 from beamstiff.report.html.links import Lines, joint_lines, link_lines
 from beamstiff.report.html.parts import Figure, Table, axis, css, label, numbers, plain_layout

@@ -18,21 +18,21 @@ import numpy as np
 import pytest
 
 from beamstiff import calibrate, load_robot, read_measurements
-from beamstiff.compensate.formats import read_program
-from beamstiff.compensate.machine import Machine
-from beamstiff.compensate.process.load import Constant
-from beamstiff.compensate.rewrite import Compensated, compensate_program
-from beamstiff.gap.diagnose import diagnose
-from beamstiff.gap.exam.names import EFFECTS, NONE, UNKNOWN
-from beamstiff.gap.exam.record import Record
-from beamstiff.gap.exam.table import table_dict
-from beamstiff.gap.result import Diagnosis
-from beamstiff.identify.geometry.corrected import corrected
-from beamstiff.identify.geometry.result import Calibration
-from beamstiff.identify.models import Models, fit_models
-from beamstiff.identify.result import Identification
-from beamstiff.identify.split import split_rows
-from beamstiff.identify.stiffness import identify
+from beamstiff.calibration.corrected import corrected
+from beamstiff.calibration.result import Calibration
+from beamstiff.compensation.formats import read_program
+from beamstiff.compensation.machine import Machine
+from beamstiff.compensation.process.load import Constant
+from beamstiff.compensation.rewrite import Compensated, compensate_program
+from beamstiff.diagnosis.diagnose import diagnose
+from beamstiff.diagnosis.result import Diagnosis
+from beamstiff.exam.names import EFFECTS, NONE, UNKNOWN
+from beamstiff.exam.record import Record
+from beamstiff.exam.table import table_dict
+from beamstiff.identification.identify import identify
+from beamstiff.identification.models.side_by_side import Models, fit_models
+from beamstiff.identification.models.split import split_rows
+from beamstiff.identification.result import Identification
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.linear import predict_displacements
@@ -47,7 +47,7 @@ from beamstiff.report.html.identification import identification_html
 from beamstiff.report.html.provenance import Provenance, provenance
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, posture
-from tests.gap.exam.answered import answered
+from tests.exam.answered import answered
 
 KINDS = ("diagnosis", "identification", "calibration", "compensation", "comparison", "deflection", "exam")
 ROBOT_NAME = "<script>alert(1)</script>"

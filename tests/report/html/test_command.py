@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from beamstiff.cli.main import app
 from tests.cli.conftest import CRANE, CRANE_DATA
-from tests.gap.exam.standins import always_none
+from tests.exam.standins import always_none
 from tests.report.html.test_page import Outline
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from beamstiff.gap.result import Diagnosis
-from beamstiff.identify.result import Identification
+from beamstiff.diagnosis.result import Diagnosis
+from beamstiff.identification.result import Identification
 from beamstiff.measure import Measurements
 from beamstiff.report.diagnosis import summary
 from beamstiff.report.html.diagnosis import diagnosis_html

@@ -12,10 +12,10 @@ import numpy as np
 import plotly.graph_objects as go
 import pytest
 
-from beamstiff.gap.exam.record import Record
-from beamstiff.gap.exam.table import table_dict
-from beamstiff.gap.result import Diagnosis
-from beamstiff.identify.result import Identification
+from beamstiff.diagnosis.result import Diagnosis
+from beamstiff.exam.record import Record
+from beamstiff.exam.table import table_dict
+from beamstiff.identification.result import Identification
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.report.diagnosis import summary

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from beamstiff.gap.result import Diagnosis
+from beamstiff.diagnosis.result import Diagnosis
 from tests.report.html.test_page import Outline
 
 

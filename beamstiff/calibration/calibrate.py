@@ -1,0 +1,210 @@
+"""Geometric calibration, with compliances in the same estimate where they are asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy import stats
+
+from beamstiff.calibration.corrected import corrected, nominal_value
+from beamstiff.calibration.elastic import gives_way, is_rigid, state_elastic
+from beamstiff.calibration.estimate import Estimate, covariance_of, estimate
+from beamstiff.calibration.observability import NOTICED
+from beamstiff.calibration.problem import Problem
+from beamstiff.calibration.registration import rigid_gap
+from beamstiff.calibration.result import Calibration, Found, errors_of
+from beamstiff.calibration.statement import Statement, state_calibration
+from beamstiff.calibration.validation import held_out
+from beamstiff.errors import listed
+from beamstiff.measure.table import Measurements
+from beamstiff.robot.description import Robot
+from beamstiff.se3 import Array, transform, vector_from_rotation
+
+ROUNDS = 5  # of calibrating and putting right what gives way
+SETTLED = 1e-2  # of the noise: change of the elastic displacement below which the rounds end
+CHANCE = 0.05  # of so large a residual, below which the stated noise is not believed
+
+
+def calibrate(
+    robot: Robot,
+    measurements: Measurements | Sequence[Measurements],
+    parameters: Sequence[str] | None = None,
+    *,
+    fixed: Sequence[str] = (),
+    last: Sequence[str] = (),
+    compliances: Sequence[str] = (),
+    priors: Mapping[str, float] | None = None,
+    method: str = "levenberg-marquardt",
+    noticed: float = NOTICED,
+    folds: int = 5,
+    stations: bool = False,
+) -> Calibration:
+    """Calibrate the geometry of a robot from measured absolute positions, or poses.
+
+    Weighted least squares over the parameters that the poses can tell apart; the others stay as they are.
+    Gravity, payload and loads act as the robot's stiffness says; the stiffness values called `compliances`
+    are estimated along with the geometry.
+
+    Parameters
+    ----------
+    robot : Robot
+    measurements : Measurements, or several
+        Absolute rows: joint readings, position of a reflector (`point`), or pose; loaded or not.
+    parameters : sequence of str, optional
+        What to seek: parameters (``"f3.d"``, ``"q2"`` the zero of an encoder, ``"n7.x"`` the place of a
+        reflector), groups (``"base"``, ``"target"``, ``"offsets"``, ``"frames"``) or frames; default all.
+    fixed : sequence of str
+        Likewise: what stays. Readings in the robot's own base frame call for ``"base"``.
+    last : sequence of str
+        Likewise: what is held first where it cannot be told from others.
+    compliances : sequence of str
+        Stiffness values to estimate along, such as ``"J2.torsional"``, as compliances.
+    priors : mapping of str to float, optional
+        Standard deviations about the robot's values, by parameter, SI.
+    method : "levenberg-marquardt" or "gauss-newton"
+    noticed : float
+        Signal over noise of a realistic deviation (1 mm, 1 mrad) from which a parameter is sought.
+    folds : int
+        Of the poses, for the errors held out; 0 for none.
+    stations : bool
+        Every table was measured with the robot, or the tracker, in another place: each has a base of its own,
+        ``base1``, ``base2`` and so on.
+
+    Returns
+    -------
+    Calibration
+
+    Raises
+    ------
+    BeamstiffError
+        When the rows hold no absolute readings or too few, a pose cannot close its loops, a parameter is
+        unknown or would open a loop, a compliance is not loaded.
+
+    Examples
+    --------
+    >>> from beamstiff.calibration.corrected import corrected, nominal_value
+    >>> from beamstiff.measure import make_measurements
+    >>> from beamstiff.robot.kinematics import compile_kinematics, posture
+    >>> from beamstiff.robot.reader import load_robot
+    >>> robot = load_robot("kr500").with_parameters({f"J{k}.torsional": np.inf for k in range(1, 7)})
+    >>> q = np.random.default_rng(0).uniform(-1, 1, (40, 6))
+    >>> truth = compile_kinematics(corrected(robot, {"q2": 1e-3, "f3.d": 5e-4}, q))
+    >>> seen = posture(truth, q).node_positions[:, truth.node_index["n6b"]]
+    >>> rows = make_measurements([f"q{k}" for k in range(1, 7)], q, tcp="n6b", position=seen)
+    >>> found = calibrate(robot, rows, ["q2", "q3", "f3.d", "f4.d"])
+    >>> print(f"{1e3 * found['q2'].value:.6f} mrad, {1e3 * found['f3.d'].change:.6f} mm")
+    1.000000 mrad, 0.500000 mm
+    """
+    statement = state_calibration(
+        robot,
+        measurements,
+        parameters,
+        fixed=fixed,
+        last=last,
+        compliances=compliances,
+        priors=priors,
+        noticed=noticed,
+        stations=stations,
+    )
+    problem, found = _settled(statement, method)
+    return _told(statement, problem, found, method, folds)
+
+
+def _settled(statement: Statement, method: str) -> tuple[Problem, Estimate]:
+    """Return the estimate, what gives way evaluated for the robot found."""
+    problem, begin = statement.problem, statement.begin
+    found = estimate(problem, begin, statement.identified, method)
+    if not (problem.elastic.names or gives_way(statement.robot)):
+        return problem, found
+    for _ in range(ROUNDS):
+        robot = calibrated(statement.robot, problem, found.theta)
+        before = problem.elastic.displacement(problem.split(found.theta)[1])
+        elastic = state_elastic(robot, problem.rows, problem.elastic.names)
+        if problem.elastic.names:  # sizes are scales of the search: they stay
+            elastic = replace(elastic, size=problem.elastic.size)
+        problem = replace(problem, elastic=elastic)
+        moved = np.abs(elastic.displacement(problem.split(found.theta)[1]) - before) / problem.sigma
+        again = estimate(problem, found.theta, statement.identified, method)
+        found = replace(again, costs=np.concatenate([found.costs, again.costs[1:]]))
+        if moved[problem.used].max(initial=0.0) < SETTLED:
+            break
+    return problem, found
+
+
+def calibrated(robot: Robot, problem: Problem, theta: Array) -> Robot:
+    """Return the robot with parameters theta (t,): geometry and compliances, what fell to zero as rigid."""
+    changes: dict[str, float] = {}
+    stiffness: dict[str, float] = {}
+    for item, value in zip(problem.parameters, theta.tolist(), strict=True):
+        if item.group == "compliance":
+            stiffness[item.name] = np.inf if is_rigid(item, value) else 1.0 / value
+        elif item.group != "base":
+            changes[item.name] = value
+    result = corrected(robot, changes, problem.geometry.poses[:1]).with_parameters(stiffness)
+    fitted = tuple(name for name in result.identify if stiffness.get(name) != np.inf)
+    return result.model_copy(update={"identify": fitted})
+
+
+def _told(statement: Statement, problem: Problem, found: Estimate, method: str, folds: int) -> Calibration:
+    theta, seen = found.theta, statement.observability
+    gap, placed = problem.gap(theta), problem.placed(theta)
+    residual = problem.residuals(theta)
+    freedom = residual.size - len(statement.identified)
+    chi2 = float(residual @ residual)
+    factor = float(np.sqrt(chi2 / freedom)) if freedom > 0 else 1.0
+    covariance = covariance_of(problem, theta, statement.identified)
+    widened = not problem.claimed or stats.chi2.sf(chi2, max(freedom, 1)) < CHANCE
+    if widened:
+        covariance = covariance * factor**2
+    std = np.sqrt(np.diag(covariance))
+    sought = set(statement.identified)
+    parameters = []
+    for item, value, start, spread in zip(problem.parameters, theta, problem.expected, std, strict=True):
+        nominal = nominal_value(statement.robot, item)
+        found_value = 0.0 if is_rigid(item, value) else nominal + float(value - start)
+        parameters.append(Found(item, nominal, found_value, float(spread) if item.name in sought else None))
+    rotation, position = problem.geometry.bases(problem.split(theta)[0])
+    held = held_out(statement, problem, found, method, folds)
+    laid_over = rigid_gap(statement.problem)
+    return Calibration(
+        robot=calibrated(statement.robot, problem, theta),
+        bases=transform(rotation, position),
+        target=problem.geometry.target(problem.split(theta)[0]),
+        parameters=tuple(parameters),
+        covariance=covariance,
+        observability=seen,
+        before=errors_of(laid_over, problem.used),
+        after=errors_of(gap, problem.used),
+        held_out=None if held is None else errors_of(held, problem.used),
+        predicted=np.concatenate([placed.position, vector_from_rotation(placed.rotation)], axis=1),
+        residual=np.where(problem.used, gap, np.nan),
+        nominal_residual=np.where(problem.used, laid_over, np.nan),
+        held_out_residual=None if held is None else np.where(problem.used, held, np.nan),
+        pose=problem.geometry.pose.astype(np.int64),
+        noise=factor,
+        claimed=problem.claimed,
+        method=method,
+        message="converged" if found.converged else "stopped before it converged",
+        costs=found.costs,
+        notes=(*statement.notes, *_notes(problem, found, factor, widened)),
+    )
+
+
+def _notes(problem: Problem, found: Estimate, factor: float, widened: bool) -> tuple[str, ...]:
+    notes = []
+    if not found.converged:
+        notes.append("the estimate stopped before it converged")
+    if problem.claimed and widened:
+        notes.append(
+            f"the fit leaves {factor:.2g} times what the stated noise would: the model lacks something; the "
+            "standard deviations are widened by this factor, and do not cover what a wrong model does"
+        )
+    if rigid := [
+        item.name
+        for item, value in zip(problem.parameters, found.theta, strict=True)
+        if item.group == "compliance" and value <= 1e-3 * item.size
+    ]:
+        notes.append(f"{listed(rigid)}: no compliance shows, as good as rigid")
+    return tuple(notes)

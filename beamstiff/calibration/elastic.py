@@ -1,0 +1,163 @@
+"""What gives way under gravity, payload and load, where absolute positions are measured.
+
+Compliances are sought in the linear model of the springs (`model.ports`), exact in series; what the stiffness
+of the loaded machine (K_C) and a changed geometry make of it is put right from round to round.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from beamstiff.calibration.parameters import COMPLIANCE, Parameter
+from beamstiff.errors import BeamstiffError, listed
+from beamstiff.fem.geometric import loaded_displacement
+from beamstiff.fem.structure import compile_structure
+from beamstiff.measure.table import Measurements
+from beamstiff.model.ports import PortModel, reduce_to_ports
+from beamstiff.robot.description import Robot
+from beamstiff.robot.fields import RIGID
+from beamstiff.robot.kinematics import Posture, posture
+from beamstiff.robot.stiffness import parameter_unit, stiffness_parameters
+from beamstiff.se3 import Array
+
+REALISTIC = 1e-3  # m, rad: displacement by which the size of a compliance is told
+UNFELT = 1e-9  # of the most compliant one's slope
+LEAST = 1e-9  # of that size: as good as rigid
+
+
+@dataclass(frozen=True, eq=False)
+class Elastic:
+    """Elastic displacements as functions of m compliances; N rows.
+
+    Attributes
+    ----------
+    names : tuple of str (m)
+    model : PortModel or None
+        None where no compliance is sought.
+    held : (N, 6) array, m and rad
+        What the linear model leaves out; all of it where none is sought.
+    size : (m,) array
+        Compliance that would move a point by about 1 mm or 1 mrad.
+    """
+
+    names: tuple[str, ...]
+    model: PortModel | None
+    held: Array
+    size: Array
+
+    def displacement(self, compliance: Array) -> Array:
+        """Return ``[d, r]`` of the rows' points, (N, 6), base frame, for compliances (m,)."""
+        if self.model is None:
+            return self.held
+        return self.held + self.model.predict(self.stiffness(compliance))
+
+    def columns(self, compliance: Array) -> Array:
+        """Return its derivatives (N, 6, m)."""
+        if self.model is None:
+            return np.zeros((*self.held.shape, 0))
+        return self.model.derivatives(self.stiffness(compliance), by="compliance")[1]
+
+    def stiffness(self, compliance: Array) -> Array:
+        """Return stiffness values (m,) of compliances (m,), those as good as rigid finite."""
+        result: Array = 1.0 / np.maximum(compliance, LEAST * self.size)
+        return result
+
+
+def elastic_displacement(robot: Robot, rows: Measurements) -> Array:
+    """Return how far gravity, payload and the row's load move its point, (N, 6), m and rad, base frame.
+
+    Of the stiffness of the loaded machine; the rotation is the TCP's.
+
+    Raises
+    ------
+    BeamstiffError
+        When the structure is a mechanism, or buckles.
+    """
+    if not gives_way(robot):
+        return np.zeros((len(rows), 6))
+    structure = compile_structure(robot)
+    index, each = structure.kinematics.node_index, np.arange(len(rows))
+    poses, number = np.unique(rows.q, axis=0, return_inverse=True)
+    where, pose = posture(structure.kinematics, poses), number.reshape(-1)
+    of_row = Posture(where.values[pose], where.transforms[pose], where.node_positions[pose])
+    wrenches = np.zeros((len(rows), len(robot.nodes), 6))
+    wrenches[each, [index[name] for name in rows.load_point.tolist()]] = rows.wrench
+    try:
+        moved = loaded_displacement(structure, of_row, wrenches, gravity=True)
+    except BeamstiffError as error:
+        raise BeamstiffError(f"{rows.source}: {error} (poses are the rows here, the first is 0)") from None
+    result = moved[each, [index[name] for name in rows.point.tolist()]]
+    result[:, 3:] = moved[:, index[robot.tcp], 3:]
+    return result
+
+
+def gives_way(robot: Robot) -> bool:
+    """Tell whether anything of the robot gives way at all."""
+    return bool(robot.beams) or any(0.0 < value < RIGID for value in stiffness_parameters(robot).values())
+
+
+def state_elastic(robot: Robot, rows: Measurements, names: Sequence[str]) -> Elastic:
+    """Return what gives way, with the compliances called `names` open.
+
+    Something has to load each of them (`felt_names`).
+
+    Raises
+    ------
+    BeamstiffError
+        When there is no such stiffness.
+    """
+    if not names:
+        return Elastic((), None, elastic_displacement(robot, rows), np.zeros(0))
+    model = reduce_to_ports(robot, rows, names, gravity=True)
+    present = np.array([robot.parameter(name) for name in names])
+    finite = np.isfinite(present) & (present > 0)
+    stiffness = np.where(finite, present, model.start)
+    slopes = np.abs(model.derivatives(stiffness, by="compliance")[1]).max(axis=(0, 1))
+    size = REALISTIC / slopes
+    stiffness = np.where(finite, present, 1.0 / (LEAST * size))
+    stated = robot.with_parameters(dict(zip(names, stiffness.tolist(), strict=True)))
+    held = elastic_displacement(stated, rows) - model.predict(stiffness)
+    return Elastic(tuple(names), model, held, size)
+
+
+def felt_names(robot: Robot, rows: Measurements, names: Sequence[str]) -> list[str]:
+    """Return the stiffness values that gravity or a row's load acts on.
+
+    Raises
+    ------
+    BeamstiffError
+        When nothing loads any of them.
+    """
+    model = reduce_to_ports(robot, rows, names, gravity=True)
+    slopes = np.abs(model.derivatives(model.start, by="compliance")[1]).max(axis=(0, 1))
+    felt = [name for name, slope in zip(names, slopes, strict=True) if slope > UNFELT * slopes.max()]
+    if not felt:
+        raise BeamstiffError(
+            f"{rows.source}: nothing loads {listed(names)}: neither gravity on what they carry (`masses`, "
+            "`density`) nor any row's wrench"
+        )
+    return felt
+
+
+def is_rigid(parameter: Parameter, value: float) -> bool:
+    """Tell whether a compliance fell to its floor."""
+    return parameter.group == "compliance" and value <= 2 * LEAST * parameter.size
+
+
+def compliances_of(robot: Robot, elastic: Elastic) -> Array:
+    """Return the robot's compliances (m,), rigid ones as 0."""
+    values = np.array([robot.parameter(name) for name in elastic.names], dtype=np.float64)
+    result: Array = 1.0 / values if values.size else values
+    return result
+
+
+def compliance_parameters(robot: Robot, elastic: Elastic) -> tuple[Parameter, ...]:
+    """Return the compliances as parameters."""
+    units = {"N/m": "m/N", "N*m/rad": "rad/(N*m)", "Pa": "1/Pa"}
+    return tuple(
+        Parameter(name, "compliance", units[parameter_unit(robot, name)], float(size), COMPLIANCE)
+        for name, size in zip(elastic.names, elastic.size, strict=True)
+    )

@@ -1,0 +1,124 @@
+"""What the poses can tell apart: the minimal identifiable set, and the rest as linear combinations of it.
+
+Columns are weighed by the noise and scaled by realistic deviations, so that a column's length, and a singular
+value, is a ratio of signal to noise: below one, the readings say less of a direction than the tolerances of
+manufacture do. Parameters are taken one after another by QR with column pivoting, the more telling ranks
+first; what a parameter would add to those already taken decides (Khalil and Dombre 2002, chapter 11).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import lstsq, qr
+
+from beamstiff.calibration.parameters import Parameter
+from beamstiff.se3 import Array
+
+NOTICED = 1.0  # signal over noise of a realistic deviation, below which a parameter is held
+EXACT = 1e-9  # of the longest unit column: what is left below is rounding
+MENTIONED = 1e-3  # of a column, from which another's part in it is named
+
+
+@dataclass(frozen=True, eq=False)
+class Observability:
+    """What can be identified; t parameters.
+
+    Attributes
+    ----------
+    names : tuple of str (t)
+    identified : tuple of str
+        The minimal set, in the order of `names`.
+    order : tuple of str
+        All parameters in the order in which they were taken, the dependent ones last.
+    adds : (t,) array
+        In that order, what each adds to those before it: signal over noise of a realistic deviation.
+    singular_values : (t,) array
+        Of the weighed and scaled Jacobian.
+    exact_rank : int
+        Number of parameters that could be told apart without noise.
+    dependent : mapping of str to mapping of str to float
+        By parameter that is held: an error of it looks like these many of the identified ones, SI units.
+    silent : tuple of str
+        Parameters that move no measured point by themselves.
+    condition : float
+        Ratio of the largest and the smallest singular value over the identified ones.
+    """
+
+    names: tuple[str, ...]
+    identified: tuple[str, ...]
+    order: tuple[str, ...]
+    adds: Array
+    singular_values: Array
+    exact_rank: int
+    dependent: Mapping[str, Mapping[str, float]]
+    silent: tuple[str, ...]
+    condition: float
+
+
+def observability(
+    jacobian: Array, parameters: tuple[Parameter, ...], noticed: float = NOTICED
+) -> Observability:
+    """Return which parameters the rows of a Jacobian tell apart.
+
+    Parameters
+    ----------
+    jacobian : (n, t) array
+        Weighed by the noise, per SI unit of the parameters.
+    parameters : tuple of Parameter (t)
+        Their sizes scale the columns, their ranks say which are kept.
+    noticed : float
+        Signal over noise of a realistic deviation from which a parameter is identified; 0 for all that could
+        be told apart without noise.
+    """
+    size = np.array([item.size for item in parameters])
+    scaled = jacobian * size
+    length = np.linalg.norm(scaled, axis=0)
+    felt = length > EXACT * length.max(initial=0.0)
+    own = np.linalg.svd(scaled[:, felt] / length[felt], compute_uv=False)
+    left = scaled.copy()
+    taken: list[int] = []
+    rest: list[int] = []
+    adds = np.zeros(len(parameters))
+    for rank in sorted({item.rank for item in parameters}):
+        group = np.array([at for at, item in enumerate(parameters) if item.rank == rank])
+        _, upper, pivots = qr(left[:, group], mode="economic", pivoting=True)
+        # fewer rows than columns: the columns behind add nothing
+        gains = np.zeros(group.size)
+        diagonal = np.abs(np.diagonal(upper))
+        gains[: diagonal.size] = diagonal
+        ordered = group[pivots]
+        adds[ordered] = gains
+        kept = felt[ordered] & (gains > noticed) & (gains > EXACT * length[ordered])
+        taken += ordered[kept].tolist()
+        rest += ordered[~kept].tolist()
+        if taken:  # from the columns themselves, twice: what is left is right to rounding
+            base = np.linalg.qr(scaled[:, taken])[0]
+            left = scaled - base @ (base.T @ scaled)
+            left -= base @ (base.T @ left)
+    names = [item.name for item in parameters]
+    silent = [names[at] for at in rest if not felt[at]]
+    dependent: dict[str, dict[str, float]] = {}
+    if taken:
+        factors = lstsq(scaled[:, taken], scaled[:, rest])[0] if rest else np.zeros((len(taken), 0))
+        for column, at in enumerate(rest):
+            if names[at] not in silent:
+                dependent[names[at]] = {
+                    names[one]: float(factors[row, column] * size[one] / size[at])
+                    for row, one in sorted(enumerate(taken), key=lambda pair: pair[1])
+                    if abs(factors[row, column]) * length[one] > MENTIONED * length[at]
+                }
+    values = np.linalg.svd(scaled[:, taken], compute_uv=False) if taken else np.ones(1)
+    return Observability(
+        names=tuple(names),
+        identified=tuple(names[at] for at in sorted(taken)),
+        order=tuple(names[at] for at in (*taken, *rest)),
+        adds=adds[[*taken, *rest]],
+        singular_values=np.linalg.svd(scaled, compute_uv=False),
+        exact_rank=int((own > EXACT * own.max(initial=0.0)).sum()),
+        dependent=dependent,
+        silent=tuple(silent),
+        condition=float(values.max() / values.min()),
+    )

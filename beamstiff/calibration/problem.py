@@ -1,0 +1,186 @@
+"""The calibration problem: residuals of absolute readings, weighed by their noise, and their derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from beamstiff.calibration.elastic import Elastic
+from beamstiff.calibration.error_jacobian import Geometry, Indices, Placed
+from beamstiff.calibration.parameters import Parameter
+from beamstiff.errors import BeamstiffError, suggest
+from beamstiff.measure.rows import subset
+from beamstiff.measure.table import Measurements
+from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
+
+POSITION_NOISE, ROTATION_NOISE = 3e-5, 5e-5  # m, rad: where a table says none, to begin with
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Absolute readings to be explained by t parameters: geometry first, compliances behind it; N rows.
+
+    Attributes
+    ----------
+    geometry : Geometry
+    elastic : Elastic
+    parameters : tuple of Parameter (t)
+    used : (N, 6) bool array
+        Which components were measured; n in all.
+    sigma : (N, 6) array, m and rad
+        Their standard deviations.
+    claimed : bool
+        Whether the table states them.
+    expected : (t,) array
+        What is known of the parameters beforehand.
+    prior : (t,) array
+        With which standard deviation; inf nothing.
+    """
+
+    geometry: Geometry
+    elastic: Elastic
+    parameters: tuple[Parameter, ...]
+    used: NDArray[np.bool_]
+    sigma: Array
+    claimed: bool
+    expected: Array
+    prior: Array
+
+    @property
+    def rows(self) -> Measurements:
+        """The measured rows."""
+        return self.geometry.rows
+
+    @property
+    def count(self) -> int:
+        """Number n of measured components."""
+        return int(self.used.sum())
+
+    @property
+    def size(self) -> Array:
+        """Realistic deviations (t,): what columns of different units are scaled by."""
+        return np.array([item.size for item in self.parameters])
+
+    def split(self, theta: Array) -> tuple[Array, Array]:
+        """Return geometry and compliances."""
+        count = len(self.geometry.parameters)
+        return theta[:count], theta[count:]
+
+    def placed(self, theta: Array) -> Placed:
+        """Return where the points are."""
+        geometry, compliance = self.split(theta)
+        return self.geometry.placed(geometry, self.elastic.displacement(compliance))
+
+    def gap(self, theta: Array) -> Array:
+        """Return measured less predicted, (N, 6), m and rad, measuring frame; 0 where not measured."""
+        return self.gap_from(self.placed(theta))
+
+    def gap_from(self, placed: Placed) -> Array:
+        """Return measured less predicted, (N, 6), where the points are predicted; 0 where not measured."""
+        result = np.zeros(self.used.shape)
+        position, rotation = self.used[:, :3], self.used[:, 3:].all(axis=1)
+        result[:, :3] = np.where(position, self.rows.position - placed.position, 0.0)
+        if rotation.any():
+            seen = rotation_from_vector(self.rows.rotation[rotation])
+            result[rotation, 3:] = vector_from_rotation(seen @ placed.rotation[rotation].swapaxes(-1, -2))
+        return result
+
+    def residuals(self, theta: Array) -> Array:
+        """Return weighed residuals (n + p,), with one behind them for each prior."""
+        return self._weighed(self.gap(theta), theta)
+
+    def _weighed(self, gap: Array, theta: Array) -> Array:
+        known = np.isfinite(self.prior)
+        return np.concatenate(
+            [(gap / self.sigma)[self.used], ((self.expected - theta)[known] / self.prior[known])]
+        )
+
+    def linearised(self, theta: Array, deformed: bool = True) -> tuple[Array, Array]:
+        """Return weighed residuals (n + p,) and their fall for a unit of each parameter, (n + p, t).
+
+        What gives way carries the points a little off, so that parameters which look alike on the undeformed
+        machine no longer do to rounding; without `deformed` they do.
+        """
+        geometry, compliance = self.split(theta)
+        moved = self.elastic.displacement(compliance) if deformed else None
+        placed, jacobian = self.geometry.jacobian(geometry, moved)
+        if compliance.size:
+            turn = self.geometry.turn(geometry)
+            columns = self.elastic.columns(compliance)
+            moved = np.concatenate([turn @ columns[:, :3], turn @ columns[:, 3:]], axis=1)
+            jacobian = np.concatenate([jacobian, moved], axis=2)
+        weighed = (jacobian / self.sigma[:, :, None])[self.used]
+        known = np.flatnonzero(np.isfinite(self.prior))
+        priors = np.zeros((known.size, len(self.parameters)))
+        priors[np.arange(known.size), known] = 1.0 / self.prior[known]
+        return self._weighed(self.gap_from(placed), theta), np.concatenate([weighed, priors])
+
+    def some(self, chosen: ArrayLike) -> Problem:
+        """Return the problem of some rows: a mask, or indices."""
+        at: Indices = np.arange(len(self.rows))[np.asarray(chosen)]
+        rows = subset(self.rows, at)
+        poses, pose = np.unique(rows.q, axis=0, return_inverse=True)
+        elastic = replace(
+            self.elastic,
+            held=self.elastic.held[at],
+            model=None if self.elastic.model is None else self.elastic.model.rows(at),
+        )
+        return replace(
+            self,
+            geometry=replace(self.geometry, rows=rows, poses=poses, pose=pose.reshape(-1)),
+            elastic=elastic,
+            used=self.used[at],
+            sigma=self.sigma[at],
+        )
+
+
+def state_problem(
+    geometry: Geometry,
+    elastic: Elastic,
+    parameters: Sequence[Parameter],
+    start: Array,
+    priors: Mapping[str, float] | None = None,
+) -> Problem:
+    """Return the calibration problem.
+
+    Parameters
+    ----------
+    geometry : Geometry
+    elastic : Elastic
+    parameters : sequence of Parameter
+        Geometry first, compliances behind it.
+    start : (t,) array
+        What the robot says.
+    priors : mapping of str to float, optional
+        Standard deviations about what the robot says, by parameter, SI.
+
+    Raises
+    ------
+    BeamstiffError
+        When a prior is of no parameter, or no positive number.
+    """
+    rows = geometry.rows
+    used = rows.measured_mask
+    names = [item.name for item in parameters]
+    prior = np.full(len(names), np.inf)
+    for name, std in (priors or {}).items():
+        if name not in names:
+            raise BeamstiffError(f"prior: {name!r} is not among the parameters{suggest(name, names)}")
+        if not (np.isfinite(std) and std > 0):
+            raise BeamstiffError(f"prior: {name}: found {std}, expected a positive standard deviation")
+        prior[names.index(name)] = std
+    stated = np.isfinite(rows.sigma) & used
+    usual = np.repeat([POSITION_NOISE, ROTATION_NOISE], 3)
+    return Problem(
+        geometry=geometry,
+        elastic=elastic,
+        parameters=tuple(parameters),
+        used=used,
+        sigma=np.where(stated, rows.sigma, usual),
+        claimed=bool(stated[used].all()),
+        expected=start,
+        prior=prior,
+    )

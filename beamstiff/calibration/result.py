@@ -1,0 +1,202 @@
+"""What a geometric calibration found."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamstiff.calibration.observability import Observability
+from beamstiff.calibration.parameters import Parameter
+from beamstiff.errors import BeamstiffError, suggest
+from beamstiff.measure.arrays import Integers
+from beamstiff.robot.description import Robot
+from beamstiff.se3 import Array
+from beamstiff.shown import Shown
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Sizes of residuals: norms over the rows, m in position and rad in orientation; None not measured."""
+
+    position_mean: float | None
+    position_rms: float | None
+    position_max: float | None
+    orientation_mean: float | None
+    orientation_rms: float | None
+    orientation_max: float | None
+
+    def to_dict(self) -> dict[str, float | None]:
+        """Return plain data, mm and deg."""
+        result: dict[str, float | None] = {}
+        for kind in ("mean", "rms", "max"):
+            for part, unit, factor in (("position", "mm", 1e3), ("orientation", "deg", 180 / np.pi)):
+                value = getattr(self, f"{part}_{kind}")
+                result[f"{part}_{kind}_{unit}"] = None if value is None else factor * value
+        return result
+
+
+def errors_of(gap: Array, used: NDArray[np.bool_]) -> Errors:
+    """Return the sizes of residuals (N, 6) where they were measured (N, 6)."""
+    found: list[float | None] = []
+    for part in (slice(0, 3), slice(3, 6)):
+        rows = used[:, part].any(axis=1)
+        size = np.linalg.norm(np.where(used, gap, 0.0)[rows, part], axis=1)
+        if size.size:
+            found += [float(size.mean()), float(np.sqrt((size**2).mean())), float(size.max())]
+        else:
+            found += [None, None, None]
+    return Errors(*found)
+
+
+@dataclass(frozen=True)
+class Found:
+    """A parameter as found.
+
+    Attributes
+    ----------
+    parameter : Parameter
+    nominal : float
+        Of the robot, SI: 0 for an encoder's zero.
+    value : float
+    std : float or None
+        Standard deviation; None where it was held.
+    """
+
+    parameter: Parameter
+    nominal: float
+    value: float
+    std: float | None
+
+    @property
+    def name(self) -> str:
+        """Name of the parameter."""
+        return self.parameter.name
+
+    @property
+    def change(self) -> float:
+        """Deviation from the robot as it was described, SI."""
+        return self.value - self.nominal
+
+    @property
+    def identified(self) -> bool:
+        """Whether it was sought; if not, it stayed."""
+        return self.std is not None
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration(Shown):
+    """A calibrated robot, how sure its parameters are, and what is left; N rows, t parameters.
+
+    Attributes
+    ----------
+    robot : Robot
+        With the geometry, and the compliances, found. Writes itself with `save_robot`.
+    bases : (S, 4, 4) array
+        Where the robot's base stands in the measuring frame; in several, if each table has its own.
+    target : (3, 3) array
+        How the measured target is turned against the frame of the TCP.
+    parameters : tuple of Found (t)
+    covariance : (t, t) array
+        SI units; 0 for parameters that were held.
+    observability : Observability
+        At the start.
+    before, after : Errors
+        Over the rows: of the robot as described, laid over the readings as a rigid body, and as calibrated.
+    held_out : Errors or None
+        On poses while they were left out.
+    predicted : (N, 6) array
+        Positions and rotation vectors in the measuring frame.
+    residual : (N, 6) array, m and rad
+        Measured less predicted, ``[d, r]``, in the measuring frame; NaN where not measured.
+    nominal_residual : (N, 6) array, m and rad
+        The same of the robot as described, laid over the readings as a rigid body (`before`).
+    held_out_residual : (N, 6) array or None
+    pose : (N,) array of int
+        Rows of one pose have one number.
+    noise : float
+        Factor by which the residual exceeds the noise as stated (or the usual one where none is).
+    claimed : bool
+        Whether the table states its noise.
+    method, message : str
+    costs : (iterations + 1,) array
+    notes : tuple of str
+    """
+
+    robot: Robot
+    bases: Array
+    target: Array
+    parameters: tuple[Found, ...]
+    covariance: Array
+    observability: Observability
+    before: Errors
+    after: Errors
+    held_out: Errors | None
+    predicted: Array
+    residual: Array
+    nominal_residual: Array
+    held_out_residual: Array | None
+    pose: Integers
+    noise: float
+    claimed: bool
+    method: str
+    message: str
+    costs: Array
+    notes: tuple[str, ...] = ()
+
+    def __getitem__(self, name: str) -> Found:
+        known = {item.name: item for item in self.parameters}
+        if name not in known:
+            raise BeamstiffError(f"{name!r} was not among the parameters{suggest(name, known)}")
+        return known[name]
+
+    @property
+    def base(self) -> Array:
+        """Where the robot's base stands in the (first) measuring frame, (4, 4)."""
+        return np.asarray(self.bases[0])
+
+    @property
+    def values(self) -> Mapping[str, float]:
+        """What was found, by name, SI."""
+        return {item.name: item.value for item in self.parameters}
+
+    @property
+    def compliances(self) -> tuple[Found, ...]:
+        """The compliances among the parameters."""
+        return tuple(item for item in self.parameters if item.parameter.group == "compliance")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON: SI, errors in mm and deg; covariance in the order of `identified`."""
+        sought = [at for at, item in enumerate(self.parameters) if item.identified]
+        return {
+            "parameters": {
+                item.name: {
+                    "nominal": item.nominal,
+                    "value": item.value,
+                    "change": item.change,
+                    "std": item.std,
+                    "unit": item.parameter.unit,
+                    "identified": item.identified,
+                }
+                for item in self.parameters
+            },
+            "identified": list(self.observability.identified),
+            "covariance": self.covariance[np.ix_(sought, sought)].tolist(),
+            "dependent": {name: dict(like) for name, like in self.observability.dependent.items()},
+            "silent": list(self.observability.silent),
+            "condition": self.observability.condition,
+            "base": self.base.tolist(),
+            "bases": self.bases.tolist(),
+            "target": self.target.tolist(),
+            "nominal": self.before.to_dict(),
+            "calibrated": self.after.to_dict(),
+            "held_out": None if self.held_out is None else self.held_out.to_dict(),
+            "rms_mm": self.after.to_dict()["position_rms_mm"],
+            "rms_held_out_mm": None if self.held_out is None else self.held_out.to_dict()["position_rms_mm"],
+            "noise_factor": self.noise,
+            "method": self.method,
+            "iterations": len(self.costs) - 1,
+        }

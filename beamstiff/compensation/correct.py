@@ -1,0 +1,335 @@
+"""Fake poses: commands ``P' = P - dP`` with which the tool of the real robot comes to rest at its targets.
+
+At the solution the tool is where it should be, and so the process load is that at the target: the correction
+needs no equilibrium. What happens without it, or with a command that is not quite right, does: there the load
+follows the tool and the tool the load.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamstiff.compensation.follow import follow, shortfall, six_freedoms, solve
+from beamstiff.compensation.machine import Machine
+from beamstiff.compensation.path import ToolPath, difference
+from beamstiff.compensation.process.load import NoLoad, Process
+from beamstiff.errors import BeamstiffError
+from beamstiff.measure.arrays import Integers
+from beamstiff.robot.kinematics import pose_of, posture, twist_jacobian
+from beamstiff.se3 import Array, rotation_from_vector
+
+CLOSE, ENOUGH = 1e-8, 4e-7  # m and rad: what remains of the error; at most, beside a singular posture
+ROUNDS = 40
+SETTLED = 1e-10  # m and rad
+LONGEST_STEP = 3.0  # of the error that it is to take away
+FREE = 1e-6  # of the largest velocity: a direction in which the tool moves
+
+
+@dataclass(frozen=True, eq=False)
+class Correction:
+    """A path, where the tool would go without and with correction, and the commands; N targets.
+
+    Attributes
+    ----------
+    path : ToolPath
+        In the base frame, as programmed.
+    targets : (N, 4, 4) array
+        Where the real tool is meant to be; with `taught` where it is without load, else as programmed.
+    before, after : (N, 6) array
+        Error of the tool ``[p - p_t, rotation vector of R R_t^T]``, base frame, m and rad. NaN where the
+        robot cannot follow.
+    commands : (N, 4, 4) array
+        Poses of the tool to send the controller to, base frame; the target's own where it is not corrected.
+    q : (N, A) array
+        Joint values of the controller at these.
+    wrench : (N, 6) array
+        Process load at the targets, on the tool's tip.
+    turned : (N,) bool array
+        Whether the orientation is corrected too.
+    reasons : dict of int to str
+        Targets that are not corrected.
+    switched : (S,) int array
+        Targets before which the joints have to jump.
+    rounds : int
+        Of the iteration.
+    """
+
+    path: ToolPath
+    targets: Array
+    before: Array
+    after: Array
+    commands: Array
+    q: Array
+    wrench: Array
+    turned: NDArray[np.bool_]
+    reasons: dict[int, str]
+    switched: Integers
+    rounds: int
+
+    @property
+    def corrected(self) -> NDArray[np.bool_]:
+        """(N,) bool array: which targets have a command of their own."""
+        mask = np.ones(len(self.path), dtype=np.bool_)
+        mask[list(self.reasons)] = False
+        return mask
+
+    def without(self, rows: list[int], reason: str) -> Correction:
+        """Return the correction with some targets left as they are, for a reason."""
+        commands = self.commands.copy()
+        commands[rows] = self.path.poses[rows]
+        reasons = dict(sorted((self.reasons | dict.fromkeys(rows, reason)).items()))
+        return replace(self, commands=commands, reasons=reasons)
+
+
+def correct_path(
+    machine: Machine,
+    path: ToolPath,
+    load: Process | None = None,
+    *,
+    start: Array | None = None,
+    taught: bool = False,
+    positions_only: bool = False,
+) -> Correction:
+    """Return the commands that bring the real tool to its targets under load.
+
+    Parameters
+    ----------
+    machine : Machine
+    path : ToolPath
+        In the base frame (`Frames.to_base`).
+    load : Process, optional
+        Default: none.
+    start : (A,) array, optional
+        A posture near the first target, to choose the branch.
+    taught : bool
+        The targets were taught on the unloaded robot: it reaches them as they are, only what the load does is
+        corrected.
+    positions_only : bool
+        Leave the orientations of the commands as they are. So it is for robots of fewer than six joints.
+
+    Raises
+    ------
+    BeamstiffError
+        When the orientations are not known but needed, the robot buckles, the load is not defined somewhere.
+    """
+    load = load or NoLoad()
+    whole = six_freedoms(machine.kinematics)
+    if whole and not path.stated:
+        raise BeamstiffError(
+            f"{path.source}: found no orientations, expected columns a, b, c (or qw to qz, or i, j, k): the "
+            f"postures of {machine.controller.name!r} follow from them"
+        )
+    if not whole and not np.allclose(machine.frames.tool, np.eye(4)):
+        raise BeamstiffError(
+            f"robot {machine.controller.name!r} has fewer than six joints: its tool has to be its TCP, found "
+            "another"
+        )
+    turned = path.turns & (whole and not positions_only)
+    first = follow(machine.kinematics, machine.frames.node_poses(path.poses), start)
+    rows = np.flatnonzero(first.reached)
+    if not whole and rows.size:  # then orientations are what they are
+        path = _as_they_are(machine, path, first.q, rows)
+    reasons = dict(first.reasons)
+    count = len(path)
+    before, after, wrench = np.full((count, 6), np.nan), np.full((count, 6), np.nan), np.zeros((count, 6))
+    commands, q, targets, rounds = path.poses.copy(), first.q.copy(), path.poses.copy(), 0
+    if rows.size:
+        some = path.at(rows)
+        if taught:
+            still = np.zeros((len(rows), 6))
+            targets[rows] = _settled(machine, first.q[rows], _constant(still), some.poses)
+        meant, load_at = targets[rows], _load_at(load, some, targets[rows])
+        before[rows] = difference(_settled(machine, first.q[rows], load_at, meant), meant)
+        wrench[rows] = load_at(meant)
+        found = _commands(machine, meant, some.poses, wrench[rows], first.q[rows], turned[rows])
+        commands[rows], q[rows], rounds = found.poses, found.q, found.rounds
+        for row, reason in found.reasons.items():
+            reasons[int(rows[row])] = reason
+        after[rows] = difference(_settled(machine, q[rows], load_at, meant), meant)
+    return Correction(
+        path=path,
+        targets=targets,
+        before=before,
+        after=after,
+        commands=commands,
+        q=q,
+        wrench=wrench,
+        turned=turned,
+        reasons=dict(sorted(reasons.items())),
+        switched=first.switched,
+        rounds=rounds,
+    )
+
+
+def errors_of(
+    machine: Machine, correction: Correction, commands: Array, load: Process | None = None
+) -> Array:
+    """Return the error (N, 6) of the real tool for commands (N, 4, 4), such as those read back from a file.
+
+    Where the robot cannot follow: NaN.
+    """
+    load = load or NoLoad()
+    found = solve(machine.kinematics, machine.frames.node_poses(commands), correction.q, restarts=0)
+    rows = np.flatnonzero(found.reached & ~np.isnan(correction.before[:, 0]))
+    errors = np.full((len(commands), 6), np.nan)
+    if rows.size:
+        meant = correction.targets[rows]
+        load_at = _load_at(load, correction.path.at(rows), meant)
+        errors[rows] = difference(_settled(machine, found.q[rows], load_at, meant), meant)
+    return errors
+
+
+def _as_they_are(machine: Machine, path: ToolPath, q: Array, rows: NDArray[np.intp]) -> ToolPath:
+    """Return the path with the orientations that the controller's robot has at its targets."""
+    poses = path.poses.copy()
+    at = pose_of(machine.kinematics, posture(machine.kinematics, q[rows]), machine.controller.tcp)
+    poses[rows, :3, :3] = at[:, :3, :3]
+    return path.moved_to(poses)
+
+
+@dataclass(frozen=True, eq=False)
+class _Commands:
+    poses: Array
+    q: Array
+    reasons: dict[int, str]
+    rounds: int
+
+
+def _commands(
+    machine: Machine, targets: Array, start: Array, wrench: Array, q: Array, turned: NDArray[np.bool_]
+) -> _Commands:
+    """Iterate ``P' = P - dP`` for all targets at once, until the real tool is at them.
+
+    Beside a singular posture a little of the command turns the joints, and so the error, far: there the steps
+    need Broyden's method, of which the first is ``-dP``. The best command of all rounds is kept.
+    """
+    commands, first, q = start.copy(), q, q.copy()
+    best, best_q, least = start.copy(), q.copy(), np.full(len(targets), np.inf)
+    reasons: dict[int, str] = {}
+    left = np.arange(len(targets))
+    error, step = np.zeros((len(targets), 6)), np.zeros((len(targets), 6))
+    inverse = np.tile(np.eye(6), (len(targets), 1, 1))
+    for count in range(1, ROUNDS + 1):
+        reached = machine.displaced(
+            machine.undeformed(q[left]), machine.moved(q[left], wrench[left], targets[left])
+        )
+        old = error[left]
+        error[left] = difference(reached, targets[left])
+        error[~turned, 3:] = 0.0
+        error[left, :3] = _possible(machine, q[left], error[left, :3])
+        if count > 1:
+            inverse[left] = _secant(inverse[left], step[left], error[left] - old)
+        size = np.abs(error[left]).max(axis=1, initial=0.0)
+        better = left[size < least[left]]
+        best[better], best_q[better] = commands[better], q[better]
+        least[left] = np.minimum(size, least[left])
+        left = left[size > CLOSE]
+        if not left.size:
+            break
+        step[left] = _steps(inverse[left], error[left])
+        commands[left, :3, 3] += step[left, :3]
+        commands[left, :3, :3] = rotation_from_vector(step[left, 3:]) @ commands[left, :3, :3]
+        found = solve(machine.kinematics, machine.frames.node_poses(commands[left]), q[left], restarts=0)
+        q[left] = found.q
+        for at in np.flatnonzero(~found.reached).tolist():
+            row = int(left[at])
+            if least[row] > ENOUGH:  # else it was good enough already
+                reasons[row] = f"its correction is {shortfall(machine.kinematics, found, at)}"
+        left = left[found.reached]
+        if not left.size:
+            break
+    for row in left[least[left] > ENOUGH].tolist():
+        reasons[row] = f"no command found: {1e3 * least[row]:.3g} mm (or mrad) remain"
+    for row in reasons:
+        best[row], best_q[row] = start[row], first[row]
+    return _Commands(best, best_q, reasons, count)
+
+
+def _steps(inverse: Array, error: Array) -> Array:
+    """Return the steps (K, 6) that take errors (K, 6) away; less where they would be far longer."""
+    step: Array = -np.einsum("nij,nj->ni", inverse, error)
+    most = LONGEST_STEP * np.abs(error).max(axis=1, keepdims=True)
+    result: Array = step * np.minimum(1.0, most / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-300))
+    return result
+
+
+def _secant(inverse: Array, step: Array, change: Array) -> Array:
+    """Return approximate inverse derivatives (K, 6, 6) that explain a change (K, 6) by its step (K, 6)."""
+    back = np.einsum("nij,nj->ni", inverse, change)
+    row = np.einsum("ni,nij->nj", step, inverse)
+    size = np.einsum("ni,ni->n", step, back)
+    usable = np.abs(size) > 1e-30
+    scale = np.where(usable, 1.0 / np.where(usable, size, 1.0), 0.0)
+    result: Array = inverse + scale[:, None, None] * (step - back)[:, :, None] * row[:, None, :]
+    return result
+
+
+def _possible(machine: Machine, q: Array, errors: Array) -> Array:
+    """Return the part of errors (N, 3) along which the tool moves: in its plane for a planar robot."""
+    if six_freedoms(machine.kinematics):
+        return errors
+    kinematics = machine.kinematics
+    jacobian = twist_jacobian(kinematics, posture(kinematics, q), machine.controller.tcp)[:, :3]
+    left, size, _ = np.linalg.svd(jacobian, full_matrices=False)
+    moving = size > FREE * size[:, :1]
+    result: Array = np.einsum("nij,nj,nkj,nk->ni", left, moving, left, errors)
+    return result
+
+
+def _constant(wrench: Array) -> Callable[[Array], Array]:
+    return lambda _: wrench
+
+
+def _load_at(load: Process, path: ToolPath, targets: Array) -> Callable[[Array], Array]:
+    """Return the load (N, 6) of poses (N, 4, 4) of the real tool.
+
+    What a process knows of places is in the coordinates of the program: a tool at its target is where the
+    program says, though the robot that was taught it stands elsewhere by its own errors.
+    """
+    if np.array_equal(path.poses, targets):
+        return lambda poses: load.wrench(poses, path)
+
+    def shifted(poses: Array) -> Array:
+        seen = poses.copy()
+        seen[:, :3, 3] += path.poses[:, :3, 3] - targets[:, :3, 3]
+        turn = targets[:, :3, :3].swapaxes(1, 2) @ path.poses[:, :3, :3]
+        seen[:, :3, :3] = poses[:, :3, :3] @ turn
+        return load.wrench(seen, path)
+
+    return shifted
+
+
+def _settled(machine: Machine, q: Array, load: Callable[[Array], Array], near: Array) -> Array:
+    """Return the poses (N, 4, 4) at which load and displacement agree, for joint values (N, A).
+
+    Broyden's method on ``x = moved(q, load(x))``, all targets at once; its first step is the fixed point's.
+
+    Parameters
+    ----------
+    load : function of (N, 4, 4) to (N, 6)
+    near : (N, 4, 4) array
+        Where to begin.
+    """
+    undeformed = machine.undeformed(q)
+    x = machine.moved(q, load(near), near)
+    inverse = np.broadcast_to(-np.eye(6), (len(q), 6, 6)).copy()
+    gap: Array | None = None
+    step = np.zeros_like(x)
+    for _ in range(ROUNDS):
+        at = machine.displaced(undeformed, x)
+        new_gap = machine.moved(q, load(at), at) - x
+        if np.abs(new_gap).max() < SETTLED:
+            return at
+        if gap is not None:
+            inverse = _secant(inverse, step, new_gap - gap)
+        step = -np.einsum("nij,nj->ni", inverse, new_gap)
+        x, gap = x + step, new_gap
+    worst = int(np.argmax(np.abs(new_gap).max(axis=1)))
+    raise BeamstiffError(
+        f"no equilibrium of process load and robot, worst at target {worst + 1} within reach: the load "
+        "grows faster than the robot resists"
+    )

@@ -1,0 +1,41 @@
+"""Files of tool paths: one module a format, each reads a text into a `Program`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from beamstiff.compensation.editing import read_bytes
+from beamstiff.compensation.formats import apt, krl, path_csv, rapid
+from beamstiff.compensation.formats.program import Program
+from beamstiff.errors import BeamstiffError, shown
+
+ENDINGS = {
+    **dict.fromkeys((".csv", ".txt", ".tsv"), path_csv.read),
+    **dict.fromkeys((".src", ".dat", ".sub"), krl.read),
+    **dict.fromkeys((".mod", ".modx", ".prg", ".sys", ".sysx"), rapid.read),
+    **dict.fromkeys((".apt", ".cls", ".cl", ".ncl", ".aptsource", ".cldata"), apt.read),
+}
+
+__all__ = ["ENDINGS", "Program", "read_program"]
+
+
+def read_program(path: str | Path) -> Program:
+    """Return the targets of a file, by its ending.
+
+    Parameters
+    ----------
+    path : str or pathlib.Path
+        ``.csv``; ``.src``, ``.dat`` (KUKA KRL); ``.mod``, ``.prg`` (ABB RAPID); ``.apt``, ``.cls`` (APT).
+
+    Raises
+    ------
+    BeamstiffError
+        When the ending is unknown, the file cannot be read, holds no target, or a target is broken: its line,
+        what was found and what would be right.
+    """
+    ending = Path(path).suffix.lower()
+    if ending not in ENDINGS:
+        raise BeamstiffError(
+            f"{path}: found the ending {shown(ending)}, expected one of {', '.join(ENDINGS)}"
+        )
+    return ENDINGS[ending](read_bytes(path), str(path))

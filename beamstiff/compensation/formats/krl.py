@@ -1,0 +1,216 @@
+"""KUKA KRL (``.src``, ``.dat``): literals ``{X 1,Y 2,Z 3,A 0,B 90,C 0,...}`` of POS, E6POS and FRAME.
+
+X Y Z are mm in $BASE, A B C degrees about the turned axes z, y, x (intrinsic Z-Y-X). Targets are literals in
+declarations, assignments and motions (PTP, LIN, CIRC, SPL, SLIN, ...). Not targets, and left as they are:
+$BASE, $TOOL, BASE_DATA[..] and the like, and variables that these are set to; FRAME variables that no motion
+of the file goes to, since they may be bases and tools (move one, and all its targets move); axis values
+{A1 ..}; relative motions (LIN_REL ...); structures within structures. S, T and the external axes E1 to E6 of
+a target stay. A motion to {X ..,Y ..,Z ..} alone keeps the orientation of the target before it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+from beamstiff.compensation.editing import NUMBER, Slot
+from beamstiff.compensation.formats.masking import lines, masked
+from beamstiff.compensation.formats.program import Place, Program, make_program, refuse
+from beamstiff.errors import BeamstiffError, shown
+from beamstiff.measure.orientation import KUKA
+from beamstiff.units import unit_factor
+
+POSITION, ROTATION = ("X", "Y", "Z"), ("A", "B", "C")
+MILLIMETRE, DEGREE = 1e-3, unit_factor("deg", "angle")[0]
+AXES = ("A1", "A2", "A3", "A4", "A5", "A6")
+LEFT = (
+    "frames, tools and loads",
+    "relative motions",
+    "axis values",
+    "external axes, which are not followed,",
+    "components set one by one",
+    "frames combined by ':'",
+    "literals that are neither moved to nor given a name",
+)
+DECIMALS = {"position": 3, "orientation": 4}
+_MOTION = re.compile(r"\b(S?PTP|S?LIN|S?CIRC|SPL)(_REL)?\b", re.IGNORECASE)
+_NAME = re.compile(r"([A-Za-z$_][\w$.]*(?:\[[^\]]*\])?)\s*=\s*\Z")
+_FRAMES = re.compile(
+    r"\$.*|(?:BASE|TOOL|MACHINE|MACH|LOAD)_?(?:DATA|DEF|NAME|FRAME)?(?:\[.*)?", re.IGNORECASE
+)
+_COMPONENT = re.compile(r"\s*(?P<key>[A-Za-z_]\w*(?:\[\s*\d*\s*\])?)(?:\s+(?P<value>\S.*?))?\s*", re.DOTALL)
+_NUMBER = re.compile(NUMBER)
+_PART = re.compile(r"^\s*[A-Za-z_]\w*(?:\[[^\]]*\])?\.[XYZABC]\s*=", re.IGNORECASE)
+_EXTERNAL = re.compile(r"\bE[1-6]\s+[-+.0]*[1-9]", re.IGNORECASE)
+_SET = re.compile(r"\$(BASE|TOOL)\s*=", re.IGNORECASE)
+_GIVEN = re.compile(r"(?:\$(?:BASE|TOOL)|(?:BASE|TOOL)_DATA\s*\[[^\]]*\])\s*=(?P<from>.*)", re.IGNORECASE)
+_FRAME = re.compile(
+    r"\s*(?:DECL\s+)?(?:GLOBAL\s+)?(?:CONST\s+)?FRAME\s+(?P<names>[A-Za-z_].*)", re.IGNORECASE
+)
+_LITERAL = re.compile(r"\{[^{}]*\}?")
+_WORD = re.compile(r"[A-Za-z_]\w*")
+_BASES = re.compile(r"\bTOOL_NO\s+(\d+)\s*,\s*BASE_NO\s+(\d+)", re.IGNORECASE)
+
+
+def read(text: str, source: str) -> Program:
+    """Return the targets of a KRL text; `text` as of `editing.read_bytes`.
+
+    Raises
+    ------
+    BeamstiffError
+        When a target is broken or there is none.
+
+    Examples
+    --------
+    >>> read("DECL E6POS XP1={X 1.5,Y 0,Z 900,A 0,B 90,C 0,S 2,T 35}", "cell.dat").path.poses[0, :3, 3]
+    array([0.0015, 0. , 0.9 ])
+    """
+    places: list[Place] = []
+    notes: list[str] = []
+    left: dict[str, list[int]] = {what: [] for what in LEFT}
+    frames: dict[str, int] = {}
+    code = masked(text, ";")
+    apart = _frame_names(code)
+    for number, at, line in lines(code):
+        for match in _SET.finditer(line):
+            frames.setdefault(f"sets ${match[1].upper()}", number)
+        if _PART.search(line):
+            left["components set one by one"].append(number)
+        if "{" not in line or line.lstrip().startswith("&"):
+            continue
+        for start, end in _groups(line, source, number):
+            inner = line[start + 1 : end]
+            motion, name = _before(line[:start])
+            keys = _keys(inner)
+            if name is not None and (_FRAMES.fullmatch(name) or name.partition("[")[0].upper() in apart):
+                if not name.startswith("$"):  # those are told apart
+                    left["frames, tools and loads"].append(number)
+            elif "{" in inner or not keys:
+                continue
+            elif motion is not None and motion.endswith("_REL"):
+                left["relative motions"].append(number)
+            elif keys[0] in AXES:
+                left["axis values"].append(number)
+            elif not set(POSITION + ROTATION) & set(keys):
+                continue
+            elif line[:start].rstrip().endswith(":") or line[end + 1 :].lstrip().startswith(":"):
+                left["frames combined by ':'"].append(number)
+            elif label := name or motion:
+                if _EXTERNAL.search(inner):
+                    left["external axes, which are not followed,"].append(number)
+                at_place = at + start + 1
+                places.append(_target(inner, at_place, label, number, source, text, places, name is None))
+            else:
+                left["literals that are neither moved to nor given a name"].append(number)
+    notes += [f"{what} are left as they are: {_lines(found)}" for what, found in left.items() if found]
+    said = [f"line {number} {what}" for what, number in frames.items()]
+    used = sorted({(int(tool), int(base)) for tool, base in _BASES.findall(code)})
+    known = "; ".join(f"tool {tool}, base {base}" for tool, base in used)
+    if len(used) > 1:
+        notes.append(f"its points use several frames ({known}): take those of one at a time with --only")
+    elif used:
+        said.append(f"its points use {known}")
+    if not places:
+        raise BeamstiffError(
+            f"{source}: found no target, expected literals such as {{X 1,Y 2,Z 3,A 0,B 90,C 0}}; the points "
+            "of a .src may stand in its .dat"
+        )
+    return make_program(text, source, places, KUKA, read, notes, said)
+
+
+def _frame_names(code: str) -> set[str]:
+    """Return variables that are bases or tools: what these are set to, frames that no motion goes to."""
+    given, declared, moved_to = set(), set(), set()
+    for _, _, line in lines(code):
+        bare = _LITERAL.sub("", line)
+        if match := _GIVEN.search(bare):
+            given.update(_WORD.findall(match["from"].upper()))
+        if match := _FRAME.match(bare):
+            declared.update(_WORD.findall(match["names"].upper()))
+        elif match := _MOTION.search(bare):
+            moved_to.update(_WORD.findall(bare[match.end() :].upper()))
+    return given | (declared - moved_to)
+
+
+def _groups(line: str, source: str, number: int) -> Iterator[tuple[int, int]]:
+    """Yield the places of outermost braces."""
+    depth, start = 0, 0
+    for at, letter in enumerate(line):
+        if letter == "{":
+            start = at if depth == 0 else start
+            depth += 1
+        elif letter == "}":
+            depth -= 1
+            if depth < 0:
+                refuse(source, number, "", "found '}' without '{' before it")
+            if depth == 0:
+                yield start, at
+    if depth:
+        refuse(
+            source, number, "", f"found {shown(line[start:].strip())}, expected a closing '}}' in this line"
+        )
+
+
+def _before(text: str) -> tuple[str | None, str | None]:
+    """Return the motion and the name that a literal belongs to, from what stands before it in its line."""
+    match = _NAME.search(text)
+    if match is not None:
+        return None, match[1]
+    motions = list(_MOTION.finditer(text))
+    return (motions[-1][0].upper() if motions else None), None
+
+
+def _keys(inner: str) -> list[str]:
+    _, parts = _parts(inner)
+    return [match["key"].upper() for _, match in parts if match is not None]
+
+
+def _parts(inner: str) -> tuple[int, list[tuple[int, re.Match[str] | None]]]:
+    """Return where the components begin (after ``E6POS:``), and each with its place."""
+    prefix = re.match(r"\s*[A-Za-z_]\w*\s*:", inner)
+    begin = at = prefix.end() if prefix else 0
+    parts = []
+    for piece in inner[begin:].split(","):
+        parts.append((at, _COMPONENT.fullmatch(piece)))
+        at += len(piece) + 1
+    return begin, parts
+
+
+def _target(
+    inner: str, at: int, name: str, line: int, source: str, text: str, before: list[Place], motion: bool
+) -> Place:
+    slots: dict[str, Slot] = {}
+    _, parts = _parts(inner)
+    for offset, match in parts:
+        if match is None or match["value"] is None:
+            end = inner.find(",", offset)
+            piece = inner[offset : end if end >= 0 else len(inner)].strip()
+            hint = "; decimals follow a point, not a comma" if _NUMBER.fullmatch(piece) else ""
+            refuse(source, line, name, f"found {shown(piece)}, expected a component such as X 12.5{hint}")
+        key, value = match["key"].upper(), match["value"]
+        if key not in POSITION + ROTATION:
+            continue
+        if not _NUMBER.fullmatch(value):
+            refuse(source, line, name, f"{key}: found {shown(value)}, expected a number")
+        if key in slots:
+            refuse(source, line, name, f"{key}: found twice, expected once")
+        kind = "position" if key in POSITION else "orientation"
+        start = at + offset + match.start("value")
+        unit = MILLIMETRE if kind == "position" else DEGREE
+        slots[key] = Slot(start, start + len(value), text[start : start + len(value)], unit, DECIMALS[kind])
+    missing = [key for key in POSITION + ROTATION if key not in slots]
+    inherited: tuple[float, ...] = ()
+    if missing == list(ROTATION) and motion and before:
+        last = before[-1]
+        inherited = last.inherited or tuple(slot.value for slot in last.orientation)
+    elif missing:
+        why = ": what is left out follows the target before, which is corrected" if motion else ""
+        refuse(source, line, name, f"found no {', '.join(missing)}, expected all of X, Y, Z, A, B, C{why}")
+    rotation = () if missing else tuple(slots[key] for key in ROTATION)
+    return Place(name, line, tuple(slots[key] for key in POSITION), rotation, inherited)
+
+
+def _lines(numbers: list[int]) -> str:
+    some = ", ".join(map(str, numbers[:6]))
+    more = f" and {len(numbers) - 6} more" if len(numbers) > 6 else ""
+    return f"line{'s' if len(numbers) > 1 else ''} {some}{more}"

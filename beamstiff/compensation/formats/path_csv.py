@@ -1,0 +1,295 @@
+"""Path tables (CSV): columns x y z and an orientation, units in the header, SI otherwise.
+
+Orientation, one of: ``a b c``, a rotation vector unless ``# orientation: KUKA ABC`` (or ``Euler ZYX``,
+``fixed XYZ``, ...) before the header says otherwise; ``qw qx qy qz``; ``i j k``, the tool axis from tip to
+holder. Loads ``fx fy fz mx my mz`` act on the tool at its tip, in the base frame of the robot. ``name`` names
+a target. Other columns of numbers are kept for the process (depth of cut, feed, ...).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from beamstiff.compensation.editing import NUMBER, Slot, proper
+from beamstiff.compensation.formats.masking import lines
+from beamstiff.compensation.formats.program import Place, Program, make_program, refuse
+from beamstiff.compensation.path import ToolPath
+from beamstiff.errors import BeamstiffError, listed, shown, suggest
+from beamstiff.measure.orientation import (
+    Orientation,
+    Quaternion,
+    RotationVector,
+    ToolAxis,
+    named_orientation,
+)
+from beamstiff.measure.table import WRENCH
+from beamstiff.se3 import Array
+from beamstiff.units import UNITS, unit_factor
+
+POSITION, ANGLES, QUATERNION, AXIS = (
+    ("x", "y", "z"),
+    ("a", "b", "c"),
+    ("qw", "qx", "qy", "qz"),
+    ("i", "j", "k"),
+)
+SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab"}
+NEEDED = {"length": 1e-6, "angle": np.radians(1e-4), "number": 1e-7}  # what decimals must show, SI
+_KIND = {
+    **dict.fromkeys(POSITION, "length"),
+    **dict.fromkeys(ANGLES, "angle"),
+    **dict.fromkeys((*QUATERNION, *AXIS), "number"),
+    **dict.fromkeys(WRENCH[:3], "force"),
+    **dict.fromkeys(WRENCH[3:], "moment"),
+}
+LOADS = ("force", "moment")
+_CELL = re.compile(r"(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?")
+_NUMBER = re.compile(NUMBER)
+_QUOTED = re.compile(r'"[^"]*"')
+
+
+@dataclass(frozen=True)
+class _Column:
+    name: str
+    kind: str | None  # None: whatever the cells hold
+    unit: float
+    offset: float = 0.0  # of temperatures
+    load: bool = False
+
+
+def read(text: str, source: str) -> Program:
+    r"""Return the targets of a path table; `text` as of `editing.read_bytes`.
+
+    Raises
+    ------
+    BeamstiffError
+        When the header or a row is broken, or there is no row.
+
+    Examples
+    --------
+    >>> read("x [mm],y [mm],z [mm],a,b,c\n1,2,3,0,0,0\n", "path.csv").path.poses[0, :3, 3]
+    array([0.001, 0.002, 0.003])
+    """
+    declared: tuple[str, int] | None = None
+    header: list[_Column] | None = None
+    separator, header_line = ",", 0
+    rows: list[tuple[int, list[tuple[int, str]]]] = []
+    for number, at, line in lines(text):
+        bare = line.removeprefix("\xef\xbb\xbf") if number == 1 else line
+        at += len(line) - len(bare)
+        if not bare.strip(' ,;\t"'):
+            continue
+        if bare.lstrip(' "').startswith("#"):
+            key, colon, value = bare.lstrip(' "#').partition(":")
+            if colon and key.strip().lower() == "orientation" and header is None:
+                declared = value.strip(' \t",;'), number
+            continue
+        if header is None:
+            masked = _QUOTED.sub("", bare)
+            separator = next((mark for mark in SEPARATORS if mark in masked), ",")
+            header_line = number
+            header = _header(_cells(bare, at, separator), source, number)
+            continue
+        cells = _cells(bare, at, separator)
+        if len(cells) != len(header):
+            comma = (
+                "; write decimal points, not commas" if separator == "," and len(cells) > len(header) else ""
+            )
+            refuse(
+                source,
+                number,
+                "",
+                f"found {len(cells)} cells, expected {len(header)} as in the header{comma}",
+            )
+        rows.append((number, cells))
+    if header is None or not rows:
+        raise BeamstiffError(
+            f"{source}: found no row, expected a header with x, y, z and a row for each target"
+        )
+    orientation, names = _orientation([column.name for column in header], declared, source, header_line)
+    program = _program(text, source, header, rows, orientation, names)
+    notes = list(_no_loads(header, source))
+    turned = not (program.path.poses[:, :3, :3] == np.eye(3)).all()
+    if names == ANGLES and declared is None and turned:
+        notes.append(
+            f"{source}: a, b, c are read as rotation vectors; angles of a controller are declared before the "
+            "header: # orientation: KUKA ABC"
+        )
+    return replace(program, notes=(*program.notes, *notes))
+
+
+def write(path: ToolPath, made_by: str) -> str:
+    """Return a path as a table of its own: mm, rotation vectors in deg, N, N m, other columns in SI."""
+    from beamstiff.se3 import vector_from_rotation
+
+    header = ["name", *(f"{axis} [mm]" for axis in POSITION)]
+    vectors = np.degrees(vector_from_rotation(path.poses[:, :3, :3]))
+    columns = [[f"{1e3 * value:.6f}" for value in path.poses[:, axis, 3]] for axis in range(3)]
+    if path.stated:
+        header += [f"{name} [deg]" for name in ANGLES]
+        columns += [[f"{value:.7f}" for value in vectors[:, axis]] for axis in range(3)]
+    if path.wrench is not None:
+        header += [*(f"{name} [N]" for name in WRENCH[:3]), *(f"{name} [N*m]" for name in WRENCH[3:])]
+        columns += [[f"{value:.6g}" for value in path.wrench[:, axis]] for axis in range(6)]
+    for name, values in path.columns.items():
+        header.append(name)
+        columns.append([f"{value:.9g}" for value in values])
+    names = [_quoted(name) for name in path.names]
+    body = [",".join(row) for row in zip(names, *columns, strict=True)]
+    return "\n".join([f"# {made_by}", "# orientation: rotation vector", ",".join(header), *body, ""])
+
+
+def _quoted(name: str) -> str:
+    plain = name.replace('"', "'")
+    return f'"{plain}"' if re.search(r'[,;\t#"]', name) else name
+
+
+def _cells(line: str, at: int, separator: str) -> list[tuple[int, str]]:
+    """Return place and text of every cell, without blanks and quotes around it."""
+    hidden = _QUOTED.sub(lambda found: "\0" * len(found[0]), line)
+    cells, start = [], 0
+    for piece in hidden.split(separator):
+        cell = line[start : start + len(piece)]
+        bare = cell.strip().strip('"').strip()
+        cells.append((at + start + (cell.find(bare) if bare else 0), bare))
+        start += len(piece) + 1
+    return cells
+
+
+def _header(cells: Sequence[tuple[int, str]], source: str, line: int) -> list[_Column]:
+    columns: list[_Column] = []
+    for number, cell in enumerate((proper(cell) for _, cell in cells), start=1):
+        match = _CELL.fullmatch(cell)
+        if match is None or not match["name"] or _NUMBER.fullmatch(cell):
+            refuse(
+                source, line, f"column {number}", f"found {shown(cell)}, expected a name and its unit: x [mm]"
+            )
+        name = match["name"]
+        known = name.lower() if name.lower() in (*_KIND, "name") else name
+        if any(column.name == known for column in columns):
+            refuse(source, line, known, "found twice, expected once")
+        columns.append(_column(known, match["unit"], source, line))
+    names = [column.name for column in columns]
+    for axis in POSITION:
+        if axis not in names:
+            hint = suggest(axis, names)
+            refuse(
+                source, line, axis, f"this column is missing{hint}, found {listed(names)}, expected x, y, z"
+            )
+    return columns
+
+
+def _no_loads(header: Sequence[_Column], source: str) -> Iterator[str]:
+    others = [column.name for column in header if column.kind is None and column.load]
+    if others:
+        yield (
+            f"{source}: {listed(others)}: kept for the process, no load on the tool; loads are called "
+            f"{' '.join(WRENCH)}"
+        )
+
+
+def _column(name: str, unit: str | None, source: str, line: int) -> _Column:
+    if name == "name":
+        return _Column(name, "name", 1.0)
+    kinds = [_KIND[name]] if name in _KIND else list(UNITS)
+    if unit is None or unit.strip() in ("", "-", "1"):
+        return _Column(name, _KIND.get(name), 1.0)
+    problem = ""
+    for kind in kinds:
+        try:
+            factor, offset = unit_factor(unit, kind)
+            return _Column(name, _KIND.get(name), factor, offset, load=kind in LOADS)
+        except BeamstiffError as error:
+            problem = problem or str(error)
+    if name in _KIND:
+        refuse(source, line, name, problem)
+    refuse(source, line, name, f"unknown unit {shown(unit)}")
+
+
+def _orientation(
+    names: Sequence[str], declared: tuple[str, int] | None, source: str, line: int
+) -> tuple[Orientation, tuple[str, ...]]:
+    """Return the convention of a table and its columns; none where it holds positions only."""
+    angles: Orientation = RotationVector()
+    if declared is not None:
+        try:
+            angles = named_orientation(declared[0])
+        except BeamstiffError as error:
+            refuse(source, declared[1], "orientation", str(error))
+    kinds = ((ANGLES, angles), (QUATERNION, Quaternion()), (AXIS, ToolAxis()))
+    present = [(columns, kind) for columns, kind in kinds if set(columns) & set(names)]
+    if len(present) > 1:
+        refuse(source, line, present[1][0][0], f"found beside {present[0][0][0]}, expected one orientation")
+    if not present:
+        return angles, ()
+    columns, kind = present[0]
+    if missing := [name for name in columns if name not in names]:
+        refuse(source, line, missing[0], f"this column is missing, expected all of {' '.join(columns)}")
+    return kind, columns
+
+
+def _program(
+    text: str,
+    source: str,
+    header: Sequence[_Column],
+    rows: Sequence[tuple[int, list[tuple[int, str]]]],
+    orientation: Orientation,
+    turning: tuple[str, ...],
+) -> Program:
+    at = {column.name: number for number, column in enumerate(header)}
+    places: list[Place] = []
+    for line, cells in rows:
+        slots: dict[str, Slot] = {}
+        for name in (*POSITION, *turning):
+            column, (start, cell) = header[at[name]], cells[at[name]]
+            if not _NUMBER.fullmatch(cell):
+                hint = "; decimals follow a point" if re.fullmatch(r"[+-]?\d+,\d+", cell) else ""
+                refuse(source, line, name, f"found {shown(proper(cell))}, expected a number{hint}")
+            decimals = max(0, round(-np.log10(NEEDED[_KIND[name]] / column.unit) + 0.49))
+            slots[name] = Slot(start, start + len(cell), cell, column.unit, decimals)
+        label = proper(cells[at["name"]][1]) if "name" in at else ""
+        rest = () if turning else (0.0,) * orientation.count
+        places.append(
+            Place(
+                label or f"row {len(places) + 1}",
+                line,
+                tuple(slots[name] for name in POSITION),
+                tuple(slots[name] for name in turning),
+                rest,
+            )
+        )
+    wrench, columns = None, {}
+    if any(name in at for name in WRENCH):
+        wrench = np.zeros((len(rows), 6))
+        for number, name in enumerate(WRENCH):
+            if name in at:
+                wrench[:, number] = _numbers(header[at[name]], at[name], rows, source, strict=True)
+    for column in header:
+        if column.kind is None:
+            values = _numbers(column, at[column.name], rows, source, strict=False)
+            if values is not None:
+                columns[column.name] = values
+    if not turning:
+        orientation = RotationVector()
+        places = [Place(p.name, p.line, p.position, (), (0.0, 0.0, 0.0)) for p in places]
+    return make_program(
+        text, source, places, orientation, read, stated=bool(turning), wrench=wrench, columns=columns
+    )
+
+
+def _numbers(
+    column: _Column, at: int, rows: Sequence[tuple[int, list[tuple[int, str]]]], source: str, *, strict: bool
+) -> Array | None:
+    """Return a column in SI; None where a cell is no number, unless that is an error (`strict`)."""
+    values = np.zeros(len(rows))
+    for row, (line, cells) in enumerate(rows):
+        cell = cells[at][1]
+        if not _NUMBER.fullmatch(cell) or not np.isfinite(float(cell)):
+            if strict:
+                refuse(source, line, column.name, f"found {shown(proper(cell))}, expected a number")
+            return None
+        values[row] = float(cell) * column.unit + column.offset
+    return values

@@ -1,0 +1,185 @@
+"""A file of targets that can be written again with other numbers, and nothing else changed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
+from typing import NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamstiff.compensation.editing import ENCODING, Slot, replaced
+from beamstiff.compensation.path import ToolPath
+from beamstiff.errors import BeamstiffError, listed, suggest
+from beamstiff.measure.orientation import Orientation, RowError
+from beamstiff.se3 import Array, transform
+
+MOST = 1e3  # m
+MOST_TURNED = 1e3  # rad: beyond, angles lose the decimals that count
+
+
+@dataclass(frozen=True)
+class Place:
+    """A target in a text: its name, line, three numbers of position and those of its orientation, if any.
+
+    Without numbers of its own, the target has the `inherited` ones (SI), which are not written.
+    """
+
+    name: str
+    line: int
+    position: tuple[Slot, ...]
+    orientation: tuple[Slot, ...] = ()
+    inherited: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Program:
+    """A file as it was read.
+
+    Attributes
+    ----------
+    text : str
+        Every byte a character (`editing`).
+    path : ToolPath
+        In the frame of the path.
+    places : tuple of Place
+        One each target.
+    orientation : Orientation
+        How the file writes orientations.
+    read : function of text and name to Program
+        Of the file's format.
+    notes : tuple of str
+        What is worth knowing, such as motions that are left as they are.
+    frames : tuple of str
+        What the file says of its frames, which only whoever calls knows the place of.
+    chosen : tuple of int
+        Which of the file's targets these are, where it has others (`only`).
+    """
+
+    text: str
+    path: ToolPath
+    places: tuple[Place, ...]
+    orientation: Orientation
+    read: Callable[[str, str], Program]
+    notes: tuple[str, ...] = ()
+    frames: tuple[str, ...] = ()
+    chosen: tuple[int, ...] = ()
+
+    def with_poses(self, poses: Array, which: NDArray[np.bool_] | None = None) -> bytes:
+        """Return the file with the numbers of targets replaced.
+
+        Parameters
+        ----------
+        poses : (N, 4, 4) array
+            In the frame of the path.
+        which : (N,) bool array, optional
+            The targets to change; default all.
+        """
+        chosen = np.flatnonzero(np.ones(len(self.path), dtype=np.bool_) if which is None else which).tolist()
+        changes = []
+        turned = [row for row in chosen if self.places[row].orientation]
+        like = np.array([[slot.value for slot in self.places[row].orientation] for row in turned])
+        if turned:
+            numbers = self.orientation.numbers(poses[turned, :3, :3], like)
+            # a rotation that did not change keeps its numbers, however they were rounded
+            same = np.abs(poses[turned, :3, :3] - self.path.poses[turned, :3, :3]).max(axis=(1, 2)) < 1e-12
+            numbers = np.where(same[:, None], like, numbers)
+            for row, values in zip(turned, numbers.tolist(), strict=True):
+                changes += list(zip(self.places[row].orientation, values, strict=True))
+        for row in chosen:
+            changes += list(zip(self.places[row].position, poses[row, :3, 3].tolist(), strict=True))
+        return replaced(self.text, changes).encode(ENCODING)
+
+    def read_again(self, content: bytes) -> Program:
+        """Return the same targets of another version of the file, such as `with_poses` makes."""
+        program = self.read(content.decode(ENCODING), self.path.source)
+        return program.cut(self.chosen) if self.chosen else program
+
+    def only(self, patterns: Sequence[str]) -> Program:
+        """Return the program with those targets alone whose names match one of the patterns (``XP*``).
+
+        Raises
+        ------
+        BeamstiffError
+            When a pattern matches none.
+        """
+        names = self.path.names
+        for pattern in patterns:
+            if not any(fnmatchcase(name.upper(), pattern.upper()) for name in names):
+                raise BeamstiffError(
+                    f"{self.path.source}: found no target {pattern!r}{suggest(pattern, names)}, it has "
+                    f"{listed(dict.fromkeys(names), 6)}"
+                )
+        rows = [
+            row
+            for row, name in enumerate(names)
+            if any(fnmatchcase(name.upper(), pattern.upper()) for pattern in patterns)
+        ]
+        return self.cut(rows)
+
+    def cut(self, rows: Sequence[int]) -> Program:
+        """Return the program with some of its targets alone."""
+        path = self.path.at(np.array(rows, dtype=np.intp))
+        chosen = tuple(self.chosen[row] if self.chosen else row for row in rows)
+        return replace(self, path=path, places=tuple(self.places[row] for row in rows), chosen=chosen)
+
+
+def refuse(source: str, line: int, name: str, message: str) -> NoReturn:
+    """Raise an error at a line of a file, and at a target or column of it where one has a name."""
+    raise BeamstiffError(f"{source}:{line}: {name}: {message}" if name else f"{source}:{line}: {message}")
+
+
+def make_program(
+    text: str,
+    source: str,
+    places: Sequence[Place],
+    orientation: Orientation,
+    read: Callable[[str, str], Program],
+    notes: Sequence[str] = (),
+    frames: Sequence[str] = (),
+    *,
+    stated: bool = True,
+    wrench: Array | None = None,
+    columns: Mapping[str, Array] | None = None,
+) -> Program:
+    """Return a program from the targets found in a text.
+
+    Raises
+    ------
+    BeamstiffError
+        When there is no target, a number is out of range, or numbers are no orientation.
+    """
+    positions = np.array([[slot.value for slot in place.position] for place in places])
+    numbers = np.zeros((len(places), orientation.count))
+    for row, place in enumerate(places):
+        numbers[row] = [slot.value for slot in place.orientation] or place.inherited
+        if not (np.isfinite(numbers[row]).all() and np.isfinite(positions[row]).all()):
+            refuse(source, place.line, place.name, "found a number that is not finite")
+        if np.abs(numbers[row]).max() > MOST_TURNED:
+            refuse(source, place.line, place.name, "found an angle of more than 100 turns; check the unit")
+        if np.abs(positions[row]).max() > MOST:
+            refuse(
+                source,
+                place.line,
+                place.name,
+                f"found a position {np.abs(positions[row]).max():.3g} m away, expected one that a robot "
+                "reaches; check the unit",
+            )
+    try:
+        rotations = orientation.rotations(numbers)
+    except RowError as error:
+        place = places[error.row]
+        raise BeamstiffError(f"{source}:{place.line}: {place.name}: {error}") from None
+    path = ToolPath(
+        source=source,
+        names=tuple(place.name for place in places),
+        lines=np.array([place.line for place in places], dtype=np.int64),
+        poses=transform(rotations, positions),
+        turns=np.array([bool(place.orientation) for place in places]),
+        stated=stated,
+        wrench=wrench,
+        columns=columns or {},
+    )
+    return Program(text, path, tuple(places), orientation, read, tuple(notes), tuple(frames))

@@ -1,0 +1,186 @@
+"""Where the tool of the real robot is when its controller has been sent to a pose.
+
+The controller turns poses into joint values with the robot that it knows. At these, the real robot has its
+own geometry, sags under its weight, gives way to the load and has its effects.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from beamstiff.compensation.path import Frames
+from beamstiff.diagnosis.apply import effects_displacement, predict_with_effects
+from beamstiff.diagnosis.effects import EFFECTS
+from beamstiff.errors import BeamstiffError, listed
+from beamstiff.measure.table import Measurements, make_measurements
+from beamstiff.measure.wrench import transport_wrench
+from beamstiff.model.protocol import Model
+from beamstiff.robot.description import Robot
+from beamstiff.robot.frames import Kinematics
+from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
+from beamstiff.robot.parts import AddedEffect
+from beamstiff.se3 import Array, rotation_from_vector
+
+VISIBLE = 1e-6  # m
+PROPORTIONAL = 0.02  # share by which what goes with the load may be off it: the loaded machine is stiffer
+
+
+@dataclass(frozen=True, eq=False)
+class Machine:
+    """A controller and the robot that it moves.
+
+    Attributes
+    ----------
+    controller : Robot
+        Whose geometry the controller takes for true; its stiffness and masses do not matter.
+    actual : Robot or None
+        The real one, calibrated, with masses, stiffness and `effects`; None: as the controller's.
+    elasticity : Model or None
+        What gives way to the process load in place of the real robot's beams and joints; its weight and its
+        effects still count. Components that the model leaves open (NaN: never measured) are the real robot's.
+    frames : Frames
+        Whose tool the poses are of.
+
+    Raises
+    ------
+    BeamstiffError
+        When the two robots do not have the same actuated variables.
+    """
+
+    controller: Robot
+    actual: Robot | None = None
+    elasticity: Model | None = None
+    frames: Frames = field(default_factory=Frames)
+
+    def __post_init__(self) -> None:
+        names = [[variable.name for variable in robot.actuated] for robot in (self.controller, self.real)]
+        if names[0] != names[1]:
+            raise BeamstiffError(
+                f"robot {self.real.name!r}: found the actuated variables {listed(names[1])}, expected those "
+                f"of {self.controller.name!r}: {listed(names[0])}"
+            )
+
+    @cached_property
+    def real(self) -> Robot:
+        """The robot that moves; without those of its effects that are of measuring and move nothing."""
+        robot = self.actual or self.controller
+        moving = tuple(one for one in robot.effects if not _of_measuring(one))
+        return robot if moving == robot.effects else robot.model_copy(update={"effects": moving})
+
+    @property
+    def set_aside(self) -> tuple[AddedEffect, ...]:
+        """Effects of the robot that are of measuring: a frame askew, a cell that misreads, a drift."""
+        return tuple(one for one in (self.actual or self.controller).effects if _of_measuring(one))
+
+    @cached_property
+    def kinematics(self) -> Kinematics:
+        """The controller's."""
+        return compile_kinematics(self.controller)
+
+    @cached_property
+    def _real_kinematics(self) -> Kinematics:
+        return compile_kinematics(self.real)
+
+    def undeformed(self, q: Array) -> Array:
+        """Return the poses of the real tool without weight, load and effects, (N, 4, 4), base frame."""
+        kinematics = self._real_kinematics
+        at = pose_of(kinematics, posture(kinematics, q), self.real.tcp)
+        poses: Array = at @ self.frames.tool
+        return poses
+
+    def moved(self, q: Array, wrench: Array, tip: Array) -> Array:
+        """Return how weight, load and effects move the `tcp` node, (N, 6) ``[d, r]``, base frame.
+
+        Parameters
+        ----------
+        q : (N, A) array
+        wrench : (N, 6) array
+            On the tool at its tip, base frame.
+        tip : (N, 4, 4) array
+            Where the tool is, for the lever arm of the load.
+        """
+        node = tip @ np.linalg.inv(self.frames.tool)
+        at_node = transport_wrench(wrench, tip[:, :3, 3], node[:, :3, 3])
+        rows = self._rows(q, at_node)
+        if self.elasticity is None:
+            return predict_with_effects(self.real, rows)
+        bare = self.real.model_copy(update={"effects": ()})
+        weight = predict_with_effects(bare, self._rows(q, 0.0 * at_node))
+        given = self.elasticity.predict(q, at_node)
+        if np.isnan(given).any():
+            given = np.where(np.isnan(given), predict_with_effects(bare, rows) - weight, given)
+        result: Array = weight + given + effects_displacement(self.real, rows)
+        return result
+
+    def unproven(self, q: Array) -> dict[str, dict[str, float]]:
+        """Return how far effects of the real robot move the unloaded tool, unproven by displacements, m.
+
+        What an effect does to the unloaded robot too, drops out of displacements (loaded less unloaded). They
+        show it all the same where it goes with the load: then it follows from what the load does. So counts
+        what does not double where the weight does.
+
+        Parameters
+        ----------
+        q : (N, A) array
+
+        Returns
+        -------
+        dict of str to dict of str to float
+            At most in these postures, by effect and parameter; nothing where all is proven.
+        """
+        if not len(q):  # no target within reach
+            return {}
+        heavy = self.real.model_copy(update={"gravity": tuple(2.0 * g for g in self.real.gravity)})
+        rows = self._rows(q, np.zeros((len(q), 6)))
+        found: dict[str, dict[str, float]] = {}
+        for key in dict.fromkeys(map(_key, self.real.effects)):
+            own = [one for one in self.real.effects if _key(one) == key]
+            for name in dict.fromkeys(name for one in own for name in one.parameters):
+                alone = tuple(
+                    one.model_copy(update={"parameters": {name: one.parameters[name]}})
+                    for one in own
+                    if name in one.parameters
+                )
+                once, twice = (
+                    effects_displacement(robot.model_copy(update={"effects": alone}), rows)[:, :3]
+                    for robot in (self.real, heavy)
+                )
+                whole, off = (np.linalg.norm(part, axis=1) for part in (once, 2.0 * once - twice))
+                size = float(np.minimum(whole, off).max(initial=0.0))
+                if size > PROPORTIONAL * whole.max(initial=0.0) and size > VISIBLE:
+                    found.setdefault(key, {})[name] = size
+        return found
+
+    def displaced(self, undeformed: Array, moved: Array) -> Array:
+        """Return the poses (N, 4, 4) of the tool whose `tcp` node has moved by ``[d, r]`` (N, 6)."""
+        node = undeformed @ np.linalg.inv(self.frames.tool)
+        node[:, :3, 3] += moved[:, :3]
+        node[:, :3, :3] = rotation_from_vector(moved[:, 3:]) @ node[:, :3, :3]
+        poses: Array = node @ self.frames.tool
+        return poses
+
+    def _rows(self, q: Array, wrench: Array) -> Measurements:
+        names = [variable.name for variable in self.real.actuated]
+        count = len(q)
+        kinematics = self._real_kinematics
+        nominal = pose_of(kinematics, posture(kinematics, q), self.real.tcp)
+        return make_measurements(
+            names,
+            q,
+            tcp=self.real.tcp,
+            wrench=wrench,
+            position=nominal[:, :3, 3],
+            pose=np.arange(count),
+            source="path",
+        )
+
+
+def _key(effect: AddedEffect) -> str:
+    return f"{effect.effect}:{effect.component or 'null'}"
+
+
+def _of_measuring(effect: AddedEffect) -> bool:
+    return effect.effect in EFFECTS and EFFECTS[effect.effect].family == "measurement"

@@ -1,0 +1,266 @@
+"""Effects as part of a robot: added from a diagnosis, checked by name, and what they displace.
+
+A robot's `effects` are plain data. Here they meet the library: an effect's columns, evaluated for the robot
+without effects and with the scales that are written beside it, times its parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from beamstiff.diagnosis.effects import EFFECTS, Scales, Shape
+from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR, Baseline, fit_baseline, predict
+from beamstiff.errors import BeamstiffError, listed, shown, suggest
+from beamstiff.identification.problem import whitening
+from beamstiff.measure.table import Measurements
+from beamstiff.robot.description import Robot
+from beamstiff.robot.parts import AddedEffect
+from beamstiff.se3 import Array
+from beamstiff.units import in_unit
+
+if TYPE_CHECKING:
+    from beamstiff.diagnosis.result import Diagnosis
+
+POSITIVE = (
+    *("torque", "force", "moment", "compliance", "counts", "rows", "cycles", "lasts"),
+    *("seats_radius", "seats_force"),
+)  # scales that divide
+# beyond which no machine is: SI typed for mm, a missing exponent
+LARGEST = {"rad": 1.0, "m": 1.0, "rad/(N*m)": 0.1, "m/N": 0.01}
+
+
+def predict_with_effects(robot: Robot, rows: Measurements) -> Array:
+    """Return what a robot with its effects says of rows, (N, 6), m and rad, base frame.
+
+    Displacements ``[d, r]``, or deviations of absolute poses from the nominal geometry; with gravity, payload
+    and the stiffness of the loaded machine.
+
+    Raises
+    ------
+    BeamstiffError
+        See `effects_displacement`.
+    """
+    return predict(robot, rows)
+
+
+def effects_displacement(robot: Robot, rows: Measurements) -> Array:
+    """Return what the effects of a robot add to the displacement, or absolute pose, of every row, (N, 6).
+
+    Raises
+    ------
+    BeamstiffError
+        When an effect, its component, shape, a parameter or a scale is unknown or missing; the message names
+        it.
+    """
+    total = np.zeros((len(rows), 6))
+    if not robot.effects:
+        return total
+    bare = fit_baseline(robot.model_copy(update={"effects": ()}), rows, keep=())
+    entries = [(one.effect, one.component, one.shape) for one in robot.effects]
+    for at, effect in enumerate(robot.effects):
+        try:
+            if entries[at] in entries[:at]:
+                raise BeamstiffError(f"shape {effect.shape!r}: stands there before, once is enough")
+            alone = [entry[:2] for entry in entries].count(entries[at][:2]) == 1
+            total += _displacement(effect, bare, alone)
+        except BeamstiffError as error:
+            raise BeamstiffError(f"robot {robot.name!r}: effects[{at}] ({effect.effect}): {error}") from None
+    return total
+
+
+def without_effects(robot: Robot, rows: Measurements) -> tuple[Robot, Measurements]:
+    """Return a robot without its effects, and the displacements without what these add, to fit the rest.
+
+    Effects that depend on the stiffness (in closed loops, or of the load) count with the robot's present one.
+
+    Raises
+    ------
+    BeamstiffError
+        See `effects_displacement`; and for absolute positions.
+    """
+    if not robot.effects:
+        return robot, rows
+    if rows.kind == "absolute":
+        raise BeamstiffError(f"{rows.source}: found absolute positions, expected displacements (dx dy dz)")
+    left = rows.displacement - effects_displacement(robot, rows)
+    return robot.model_copy(update={"effects": ()}), replace(rows, displacement=left)
+
+
+def extended(diagnosis: Diagnosis) -> Robot:
+    """Return the robot with what a diagnosis found: its stiffness, and the effects of the verdict.
+
+    The stiffness is that of the fit with the effects: ``1/k`` of the baseline and what the effects' fit adds
+    to it. The parameters are averaged over the shapes of a candidate, each by its weight, so that every shape
+    makes an entry. Without an effect (`none`, `unknown`, `outliers`) only the stiffness changes.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+
+    Returns
+    -------
+    Robot
+        Predicts what `Diagnosis.predict_shift` does, but for terms of second order in what was added and
+        for what was of the measured postures alone and for compliances that the noise made negative, which
+        are 0.
+    """
+    fit = diagnosis.linear if diagnosis.fits else diagnosis.baseline
+    found: dict[tuple[str, str | None, str], tuple[Shape, Array]] = {}
+    for one in diagnosis.fits:
+        start = 0
+        for weighted in one.shapes:
+            hypothesis = weighted.hypothesis
+            sizes = hypothesis.sizes
+            values = one.weight * one.theta[start : start + sizes.size] * sizes
+            start += sizes.size
+            key = (hypothesis.effect, hypothesis.component, hypothesis.shape.name)
+            before = found[key][1] if key in found else 0.0
+            found[key] = (hypothesis.shape, before + values)
+    entries = [key[:2] for key in found]
+    for key, (shape, values) in found.items():
+        if entries.count(key[:2]) == 1:  # what the noise made negative, of what gives way with its load
+            cannot = np.array([item.positive for item in shape.parameters])
+            found[key] = shape, np.where(cannot, np.maximum(values, 0.0), values)
+    added = tuple(
+        AddedEffect(
+            effect=effect,
+            component=component,
+            shape=name,
+            parameters={
+                item.name: _written(value, item.unit)
+                for item, value in zip(shape.parameters, values.tolist(), strict=True)
+                if not item.passing
+            },
+            scales=_against(shape, EFFECTS[effect].scales(fit, component)),
+        )
+        for (effect, component, name), (shape, values) in found.items()
+    )
+    robot = fit.robot.with_parameters(_stiffness(diagnosis)) if diagnosis.fits and fit.fitted else fit.robot
+    return robot.model_copy(update={"effects": (*robot.effects, *added)})
+
+
+def _displacement(effect: AddedEffect, bare: Baseline, alone: bool) -> Array:
+    """Return what one entry adds, (N, 6); `alone` is the only one of its effect at its component."""
+    _known("effect", effect.effect, EFFECTS)
+    law = EFFECTS[effect.effect]
+    view = replace(bare, stated=effect.scales)
+    other = replace(view, rows=replace(view.rows, kind="displacement" if view.absolute else "absolute"))
+    here, elsewhere = law.components(view), law.components(other)
+    if effect.component not in here and effect.component not in elsewhere:
+        _unknown_component(effect, [*here, *elsewhere])
+    shows = effect.component in here
+    if shows:
+        scales = law.scales(view, effect.component)
+        _check_scales(effect, scales)
+    shapes = {shape.name: shape for shape in law.shapes(view, effect.component)} if shows else {}
+    if effect.shape not in shapes:  # such rows do not show it: a payload, or a target's place, in differences
+        others = {shape.name: shape for shape in law.shapes(other, effect.component)}
+        _known("shape", effect.shape, dict.fromkeys([*shapes, *others]))
+        _values(effect, others[effect.shape], alone)
+        return np.zeros((len(view.rows), 6))
+    shape = shapes[effect.shape]
+    values = _values(effect, shape, alone)
+    if missing := [name for name in _against(shape, scales) if name not in effect.scales]:
+        raise BeamstiffError(
+            f"scales: {listed(missing)} missing: what the parameters are counted against, SI, as "
+            "`beamstiff diagnose --apply` writes it"
+        )
+    result: Array = shape.columns @ values
+    return result
+
+
+def _values(effect: AddedEffect, shape: Shape, alone: bool) -> Array:
+    """Return the parameters of an entry in the order of its shape's, SI; those not named are 0."""
+    parameters = [item.name for item in shape.parameters]
+    values = np.zeros(len(parameters))
+    for name, value in effect.parameters.items():
+        _known("parameter", name, parameters)
+        at = parameters.index(name)
+        item = shape.parameters[at]
+        try:
+            values[at] = in_unit(value, item.unit)
+        except BeamstiffError as error:
+            raise BeamstiffError(f"parameters.{name}: {error}") from None
+        if item.positive and alone and values[at] < 0:  # of several shapes only the sum is meant
+            raise BeamstiffError(
+                f"parameters.{name}: found {shown(value)}, expected nothing negative: what gives way does so "
+                "with its load"
+            )
+        if abs(values[at]) > LARGEST.get(item.unit, np.inf):
+            raise BeamstiffError(
+                f"parameters.{name}: found {shown(value)}, expected at most {LARGEST[item.unit]:g} "
+                f"{item.unit}"
+            )
+    return values
+
+
+def _against(shape: Shape, scales: Scales) -> Scales:
+    return {name: value for name, value in scales.items() if shape.against is None or name in shape.against}
+
+
+def _check_scales(effect: AddedEffect, expected: Scales) -> None:
+    for name, value in effect.scales.items():
+        _known("scale", name, expected)
+        if isinstance(value, tuple) != isinstance(expected[name], tuple):
+            kind = "a list" if isinstance(expected[name], tuple) else "a number"
+            raise BeamstiffError(f"scales.{name}: found {shown(value)}, expected {kind}")
+        if name in POSITIVE and np.min(value) <= 0:
+            raise BeamstiffError(f"scales.{name}: found {shown(value)}, expected a positive number")
+    if len({len(value) for value in effect.scales.values() if isinstance(value, tuple)}) > 1:
+        raise BeamstiffError("scales: found lists of different lengths, expected equally long ones")
+
+
+def _known(what: str, name: str, known: Collection[str]) -> None:
+    if name not in known:
+        names = [repr(one) if "," in one else one for one in known]
+        hint = suggest(name, known) or (f"; known: {listed(names, 20)}" if known else "; there is none here")
+        raise BeamstiffError(f"unknown {what} {name!r}{hint}")
+
+
+def _unknown_component(effect: AddedEffect, components: Collection[str | None]) -> None:
+    names = list(dict.fromkeys(name for name in components if name is not None))
+    if effect.component is not None and names:
+        _known("component", effect.component, names)
+    if names:
+        raise BeamstiffError(f"component: is missing, expected one of {listed(names)}")
+    found = "component" if effect.component is None else f"component {effect.component!r}"
+    whole = "it is of the machine as a whole" if None in components else "this robot has no place for it"
+    raise BeamstiffError(f"{found}: {whole}")
+
+
+def _written(value: float, unit: str) -> float | str:
+    """Return a parameter with its unit where that can be read beside a number."""
+    return f"{value!r} {unit}" if unit[0].isalpha() and unit != "SI" else value
+
+
+def _stiffness(diagnosis: Diagnosis) -> dict[str, float]:
+    """Return the fitted stiffness as it is beside the effects; no compliance falls to nothing."""
+    fit = diagnosis.linear
+    compliance = np.array([1.0 / fit.robot.parameter(name) for name in fit.fitted])
+    change = sum(one.weight * one.compliance for one in diagnosis.fits)
+    least = (1.0 / KNOWN_FACTOR - 1.0) * compliance
+    if (change < least).any():
+        change = _bounded(diagnosis, least)
+    return dict(zip(fit.fitted, (1.0 / (compliance + change)).tolist(), strict=True))
+
+
+def _bounded(diagnosis: Diagnosis, least: Array) -> Array:
+    """Return the changes of the compliances (t,), none below `least`, that fit best beside the effects."""
+    fit = diagnosis.linear
+    outlying = np.isin([fit.rows.place(row) for row in range(len(fit.rows))], list(diagnosis.outliers))
+    used = fit.used & ~outlying[:, None]
+    gap = fit.gap.copy()
+    for one in diagnosis.fits:
+        sizes = np.concatenate([each.hypothesis.sizes for each in one.shapes])
+        columns = np.concatenate([each.hypothesis.shape.columns for each in one.shapes], axis=-1)
+        gap -= one.weight * (columns @ (one.theta * sizes))
+    white = whitening(fit.sigma, used, fit.sharing)
+    tangent = white @ fit.tangent[used] * -least
+    solved = lsq_linear(tangent, white @ gap[used], (-1.0, np.inf))
+    result: Array = -least * solved.x
+    return result

@@ -1,0 +1,103 @@
+"""Where the gap is: by direction, load, history, time, place and posture; and the places that could make it.
+
+Every place gets what it could do at most (`free_laws`), and its share of the gap (`attribution`).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamstiff.diagnosis.effects.load_error import rising
+from beamstiff.diagnosis.residual.baseline import Baseline, nominal_pose
+from beamstiff.se3 import Array
+
+WORST = 5  # poses
+SAME = 1e-9  # of the largest: what levels differ by from rounding
+
+
+def where(baseline: Baseline, used: NDArray[np.bool_], components: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return where the gap is, as plain data.
+
+    Parameters
+    ----------
+    baseline : Baseline
+    used : (N, 6) bool array
+        Values that count.
+    components : list of dict
+        Shares of the places (`attribution.shares`).
+
+    Returns
+    -------
+    dict
+        ``components`` (share of the explainable gap by place, with a 90 % interval), ``directions``,
+        ``loads``, ``history`` and ``time`` (RMS of the position gap in mm), ``joints`` (by thirds of every
+        variable), ``regions`` (by thirds of where it was read along the base frame's axes), ``poses`` (the
+        worst).
+    """
+    gap = 1e3 * np.where(used[:, :3], baseline.gap[:, :3], np.nan)
+    size = np.sqrt(np.nansum(gap**2, axis=1))
+    seen: NDArray[np.bool_] = np.any(used[:, :3], axis=1)
+    result: dict[str, Any] = {"components": components}
+    result["directions"] = {axis: _rms(gap[:, k]) for k, axis in enumerate("xyz") if used[:, k].any()}
+    load = np.linalg.norm(baseline.rows.wrench[:, :3], axis=1)
+    result["loads"] = _by_level(load, size, seen, "N")
+    branch = rising(baseline)
+    if (branch > 0).any() and (branch < 0).any():
+        result["history"] = {
+            name: _rms(size[seen & (branch == sign)]) for name, sign in (("loading", 1), ("unloading", -1))
+        }
+    if np.isfinite(baseline.rows.time).all() and np.ptp(baseline.rows.time) > 0:
+        result["time"] = _by_level(baseline.rows.time, size, seen, "s")
+    result["joints"] = {
+        name: _by_level(baseline.rows.q[:, k], size, seen, "")
+        for k, name in enumerate(baseline.rows.variables)
+        if np.ptp(baseline.rows.q[:, k]) > 0
+    }
+    position, _ = nominal_pose(baseline.nominal, baseline.rows)
+    result["regions"] = {
+        axis: _by_level(position[:, k], size, seen, "m")
+        for k, axis in enumerate("xyz")
+        if np.ptp(position[:, k]) > SAME * float(np.abs(position).max())
+    }
+    result["poses"] = _worst(baseline, size, seen)
+    return result
+
+
+def _rms(values: Array) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.sqrt((known**2).mean())) if known.size else 0.0
+
+
+def _by_level(value: Array, size: Array, seen: NDArray[np.bool_], unit: str) -> dict[str, float]:
+    """Return the RMS by thirds of a quantity, under what they span."""
+    least, whole = float(value.min()), float(np.ptp(value))
+    if whole <= SAME * float(np.abs(value).max()):
+        whole = 0.0
+    value = least + np.round((value - least) / (whole or 1.0), 6) * whole  # rounding must not split a level
+    levels = np.unique(value[seen])
+    parts = np.array_split(levels, min(3, levels.size))
+    rms = [_rms(size[seen & (value >= part[0]) & (value <= part[-1])]) for part in parts]
+    labels: list[str] = []
+    for digits in range(4, 18):  # as many as tell the parts from one another
+        ends = [dict.fromkeys(f"{end:.{digits}g}" for end in (part[0], part[-1])) for part in parts]
+        labels = [f"{' to '.join(own)} {unit}".strip() for own in ends]
+        if len(set(labels)) == len(parts):
+            break
+    return dict(zip(labels, rms, strict=True))
+
+
+def _worst(baseline: Baseline, size: Array, seen: NDArray[np.bool_]) -> list[dict[str, Any]]:
+    rows = baseline.rows
+    poses = np.unique(rows.pose[seen])
+    rms = np.array([_rms(size[seen & (rows.pose == pose)]) for pose in poses])
+    return [
+        {
+            "pose": int(poses[at]),
+            "q": dict(zip(rows.variables, rows.q[np.argmax(rows.pose == poses[at])].tolist(), strict=True)),
+            "rms_mm": float(rms[at]),
+        }
+        for at in np.argsort(-rms)[:WORST]
+    ]

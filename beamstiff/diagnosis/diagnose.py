@@ -1,0 +1,305 @@
+"""The diagnosis: where the gap is, which effect causes it, how far it shrinks, how sure that is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from beamstiff.diagnosis.decision.attribution import attribute, ceiling, shares
+from beamstiff.diagnosis.decision.verdict import SECOND, Judged, judge
+from beamstiff.diagnosis.decision.where import where
+from beamstiff.diagnosis.held_out.explained import explanations
+from beamstiff.diagnosis.held_out.prediction import Fitted, Shrink, Weighted, fitted, folds, held_out, shift
+from beamstiff.diagnosis.inference.component_subspaces import FreeLaw, free_laws
+from beamstiff.diagnosis.inference.evidence import Scales, detection
+from beamstiff.diagnosis.inference.library import Library, seen_by, state_library
+from beamstiff.diagnosis.inference.linearised import TURNS, beside_the_cause
+from beamstiff.diagnosis.inference.noise_scale import scale_after, scales_of
+from beamstiff.diagnosis.inference.pair_evidence import Pair
+from beamstiff.diagnosis.inference.search import NONE, OUTLIERS, UNKNOWN, Search, search, weighed_together
+from beamstiff.diagnosis.next_measurement.test_plan import as_plain, programme
+from beamstiff.diagnosis.notes import notes
+from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline
+from beamstiff.diagnosis.residual.screening import Screened, screen, unlikely
+from beamstiff.diagnosis.residual.whitened import Whitened, whiten
+from beamstiff.diagnosis.result import Candidate, Diagnosis, estimates_of
+from beamstiff.errors import BeamstiffError
+from beamstiff.measure.table import Measurements
+from beamstiff.measure.usable import counted_once, require_usable
+from beamstiff.robot.description import Robot
+
+NULLS = 200  # simulated campaigns without an effect
+REPORTED = 8  # candidates whose held-out gap is computed
+RIVALS = 3  # candidates that the next measurements are to tell apart
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """Rows about one linearisation, and what every cause is worth of them.
+
+    Attributes
+    ----------
+    screened : Screened
+    linear : Baseline
+        The one about whose stiffness effects are linear.
+    white : Whitened
+    library : Library
+    laws : sequence of FreeLaw
+    found : Search
+    scales : Scales
+    """
+
+    screened: Screened
+    linear: Baseline
+    white: Whitened
+    library: Library
+    laws: Sequence[FreeLaw]
+    found: Search
+    scales: Scales
+
+
+def diagnose(
+    robot: Robot, measurements: Measurements, *, without: Sequence[str] = (), seed: int = 0
+) -> Diagnosis:
+    """Diagnose the gap between a model and measurements.
+
+    Parameters
+    ----------
+    robot : Robot
+        Its `identify` parameters are fitted first.
+    measurements : Measurements
+        Displacements or absolute positions.
+    without : sequence of str
+        Effects, or ``effect:component``, that are no candidates.
+    seed : int
+
+    Returns
+    -------
+    Diagnosis
+
+    Raises
+    ------
+    BeamstiffError
+        When the rows cannot be predicted, hold no position or nothing that an effect could show in
+        (nothing but zeros, all against their load), or `without` names no effect.
+    """
+    with threadpool_limits(limits=1, user_api="blas"):  # small matrices are slower on several threads
+        return _diagnose(robot, measurements, without, seed)
+
+
+def _diagnose(robot: Robot, measurements: Measurements, without: Sequence[str], seed: int) -> Diagnosis:
+    require_usable(measurements)
+    baseline = fit_baseline(robot, counted_once(measurements))
+    if not baseline.used[:, :3].any():
+        raise BeamstiffError(
+            f"{measurements.source}: no row has a measured position: the gap is one of positions "
+            "(dx dy dz or x y z)"
+        )
+    library = state_library(baseline, whiten(baseline), without)
+    screened = screen(baseline, library)
+    white = whiten(screened.baseline, screened.used)
+    library = seen_by(library, white)
+    if not library.hypotheses:
+        raise BeamstiffError("no effect is left that these rows could show: measure more, or leave out fewer")
+    scales = scales_of(screened.baseline)
+    chance = _chance(white, library, scales, seed)
+    weighed = _weigh(screened, white, library, scales, without)
+    return _diagnosis(weighed, chance, "outliers" not in without, seed)
+
+
+def _weigh(
+    screened: Screened, white: Whitened, library: Library, scales: Scales, without: Sequence[str]
+) -> Weighed:
+    """Return what every cause is worth, about the stiffness that the likeliest leaves."""
+    linear = screened.baseline
+    for turn in range(1 + TURNS):
+        laws = free_laws(linear, library, white)
+        found = search(white, library.hypotheses, scales, laws)
+        moved = beside_the_cause(linear, white, found, scales) if turn < TURNS else None
+        if moved is None:
+            break
+        linear, white = moved, whiten(moved, screened.used)
+        library = state_library(linear, white, without)
+    found = weighed_together(white, library.hypotheses, scales, laws, found)
+    return Weighed(screened, linear, white, library, laws, found, scales)
+
+
+def _chance(white: Whitened, library: Library, scales: Scales, seed: int) -> tuple[float, float]:
+    """Return the log odds of any effect, and the share of simulated campaigns without one that reach them."""
+    fixed = [one for one in library.hypotheses if not one.shape.tuned] or library.hypotheses
+    nulls = np.random.default_rng(seed).standard_normal((white.gap.size, NULLS))
+    odds = detection(white, fixed, scales, np.concatenate([white.gap[:, None], nulls], axis=1))
+    return float(odds[0]), float((1 + (odds[1:] >= odds[0]).sum()) / (1 + NULLS))
+
+
+def _diagnosis(weighed: Weighed, chance: tuple[float, float], may_be_outliers: bool, seed: int) -> Diagnosis:
+    screened, linear, white, found = weighed.screened, weighed.linear, weighed.white, weighed.found
+    used, outlying = screened.used, screened.outliers
+    best, pair = found.named[0], found.pairs[0] if found.pairs else None
+    # what one cause leaves is no noise if two close it
+    scale = scale_after(white, pair.shapes if pair is not None else [found.shapes[best]], weighed.scales)
+    both = None
+    if pair is not None and pair.log_weight - found.log_weight[best] > SECOND:
+        both = held_out(linear, used, pair.shapes, scale, seed)
+    shrinks = {
+        key: held_out(linear, used, [found.shapes[key]], scale, seed) for key in found.named[:REPORTED]
+    }
+    wrong = _still_wrong(screened, linear, found.shapes[best], scale)
+    odd_rows = (wrong, screened.strength, screened.isolated)
+    by_load = None
+    if pair is not None and both is not None and _each_posture_its_own(pair):
+        single = held_out(linear, used, [found.shapes[best]], scale, seed, by_load=True)
+        by_load = single, held_out(linear, used, pair.shapes, scale, seed, by_load=True)
+    judged = judge(found, white.freedom, chance[1], odd_rows, shrinks[best], both, may_be_outliers, by_load)
+    models = _models(judged, found)
+    if judged.verdict != UNKNOWN:
+        scale = scale_after(white, models, weighed.scales)
+    fits = tuple(fitted(linear, used, models, scale)) if models else ()
+    candidates = _candidates(linear, used, found, judged, shrinks, scale)
+    by_key = {one.key: one for one in candidates}
+    also = _also(judged, by_key, fits)
+    if len(models) == 2:
+        by_key[judged.verdict] = replace(_in_fit(by_key[judged.verdict], fits[0]), shrink=both)
+    verdict = by_key[judged.verdict]
+    causes = explanations(linear, by_key.values(), verdict, fits if len(models) == 2 else ())
+    squares = np.where(used[:, :3], (scale * linear.sigma[:, :3]) ** 2, 0.0).sum()
+    attributed = attribute(white, weighed.laws, scale)
+    left = [size for one in by_key.values() if one.shrink for size in (one.shrink.before, one.shrink.after)]
+    fold, _ = folds(linear, used, np.random.default_rng(seed))
+    rivals = [(key, judged.probabilities[key], found.shapes[key]) for key in _rivals(judged, found)]
+    return Diagnosis(
+        baseline=screened.baseline,
+        linear=linear,
+        rms=shrinks[best].before,
+        # no cause can be expected to leave less than all laws together, and none is better than the best
+        ceiling=min(ceiling(attributed, white, fold, linear.sigma, scale), *left),
+        noise=float(np.sqrt(squares / max(used[:, :3].any(axis=1).sum(), 1))),
+        candidates=tuple(by_key.values()),
+        verdict=verdict,
+        also=also,
+        indistinguishable=judged.indistinguishable,
+        untestable=weighed.library.untestable,
+        outliers=tuple(linear.rows.place(row) for row in outlying.tolist()),
+        notes=(*notes(screened, white, verdict.effect, scale), *_unclear(judged), *_nameless(judged, found)),
+        fits=fits,
+        where=where(screened.baseline, used, shares(attributed, white, scale, causes, seed)),
+        next=as_plain(programme(linear, used, rivals, scale, seed)),
+        features=_features(weighed, chance, both, shrinks[best], scale),
+    )
+
+
+def _still_wrong(screened: Screened, baseline: Baseline, shapes: Sequence[Weighted], scale: float) -> int:
+    """Return how many of the rows that were left out the likeliest cause does not explain either."""
+    if not screened.outliers.size:
+        return 0
+    fits = fitted(baseline, screened.used, [shapes], scale)
+    moved = shift(baseline, fits, [[one.hypothesis.shape.columns for one in fit.shapes] for fit in fits])
+    off = np.where(baseline.used, (baseline.gap - moved) / (scale * baseline.sigma), 0.0)[screened.outliers]
+    return int(unlikely((off**2).sum(axis=1), baseline.used[screened.outliers].sum(axis=1), len(moved)).sum())
+
+
+def _each_posture_its_own(pair: Pair) -> bool:
+    """Return whether a pair has parameters of some postures alone, which tell nothing of new ones."""
+    shapes = [one.hypothesis.shape for shapes in pair.shapes for one in shapes]
+    return any(quantity.passing for shape in shapes for quantity in shape.parameters)
+
+
+def _models(judged: Judged, found: Search) -> list[list[Weighted]]:
+    """Return the shapes of the causes that are named: of two, each beside the other."""
+    if judged.also not in (None, OUTLIERS):
+        return list(found.pairs[0].shapes)
+    return [found.shapes[judged.verdict]] if judged.verdict in found.shapes else []
+
+
+def _also(judged: Judged, by_key: Mapping[str, Candidate], fits: Sequence[Fitted]) -> Candidate | None:
+    """Return the second cause, as it is beside the first."""
+    if judged.also is None:
+        return None
+    if judged.also == OUTLIERS:
+        return Candidate("outliers", None, judged.also_probability)
+    return replace(_in_fit(by_key[judged.also], fits[0]), probability=judged.also_probability)
+
+
+def _in_fit(cause: Candidate, fit: Fitted) -> Candidate:
+    """Return one of two causes as it is beside the other."""
+    at = [one.hypothesis.key for one in fit.shapes].index(cause.key)
+    return replace(cause, estimates=estimates_of(fit, at), shape=fit.shapes[at].hypothesis.shape.name)
+
+
+def _features(
+    weighed: Weighed, chance: tuple[float, float], both: Shrink | None, first: Shrink, scale: float
+) -> dict[str, float]:
+    """Return what the verdict rests on, as numbers."""
+    found, screened = weighed.found, weighed.screened
+    best, pair = found.named[0], found.pairs[0] if found.pairs else None
+    weight = found.log_weight[best]
+    return {
+        "log_odds": chance[0],
+        "chance": chance[1],
+        "none": found.log_weight[NONE] - weight,
+        "unknown": found.log_weight[UNKNOWN] - weight,
+        "left": found.left[best],
+        "free": max(found.free.values(), default=-np.inf) - weight,
+        "shrink": first.shrink,
+        "scale": scale,
+        "outliers": float(screened.outliers.size),
+        "outlier_strength": screened.strength,
+        "noise_position": float(screened.noise[0]),
+        "noise_rotation": float(screened.noise[1]),
+        "pair": pair.log_weight - weight if pair else -np.inf,
+        "pair_left": pair.left if pair else np.nan,
+        "pair_after": both.after if both else np.nan,
+        "single_after": first.after,
+    }
+
+
+def _unclear(judged: Judged) -> Iterator[str]:
+    if judged.unclear:
+        are = "are two causes" if judged.verdict == UNKNOWN else "is a second cause"
+        yield f"there {are}, and it is not clear which: {', '.join(judged.unclear)}"
+
+
+def _nameless(judged: Judged, found: Search) -> Iterator[str]:
+    """Yield what a place seems to do where that explains more than any effect, and has no name."""
+    best = max(found.nameless, key=found.nameless.__getitem__, default=None)
+    if judged.verdict != UNKNOWN or best is None:
+        return
+    if found.nameless[best] > max(found.log_weight[found.named[0]], found.log_weight[UNKNOWN]):
+        yield f"what explains most is no effect of the library: {best[0]} {best[1]}"
+
+
+def _rivals(judged: Judged, found: Search) -> list[str]:
+    """Return the effects that are to be told apart: the likeliest few."""
+    named = sorted(found.named, key=lambda key: judged.probabilities.get(key, 0.0), reverse=True)
+    return named[:RIVALS]
+
+
+def _candidates(
+    baseline: Baseline,
+    used: NDArray[np.bool_],
+    found: Search,
+    judged: Judged,
+    shrinks: dict[str, Shrink],
+    scale: float,
+) -> tuple[Candidate, ...]:
+    order = sorted(judged.probabilities, key=lambda key: (judged.probabilities[key], key), reverse=True)
+    result = []
+    for key in order:
+        effect, _, component = key.partition(":")
+        shapes = found.shapes.get(key, [])
+        fits = fitted(baseline, used, [shapes], scale) if key in shrinks else []
+        result.append(
+            Candidate(
+                effect=effect,
+                component=None if component == "null" else component,
+                probability=judged.probabilities[key],
+                shape=shapes[0].hypothesis.shape.name if shapes else "",
+                estimates=estimates_of(fits[0]) if fits else (),
+                shrink=shrinks.get(key),
+            )
+        )
+    return tuple(result)

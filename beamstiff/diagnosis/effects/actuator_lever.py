@@ -1,0 +1,138 @@
+"""`actuator-lever`: stiffness about the axis follows a lever arm, and so the joint's angle.
+
+A linear drive (ball screw, cylinder, tie rod) between points at distances a and b from the axis acts at the
+lever ``h = a b sin(phi) / L``, ``L^2 = a^2 + b^2 - 2 a b cos(phi)``; its stiffness k_s gives
+``k = k_s h^2`` about the axis, so the compliance follows 1/h^2 (seed 003, eqs 45 to 47).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+
+from beamstiff.diagnosis.effects.drive_stiffness import FINE, PHASES, Following, angle_scales, scaled_torque
+from beamstiff.diagnosis.effects.effect import Effect, Quantity, Shape
+from beamstiff.diagnosis.effects.torque_laws import axis_at, drive_compliance, drives, unit_of
+from beamstiff.diagnosis.residual.baseline import Baseline
+
+RATIOS = (0.15, 0.3, 0.5, 0.7, 0.85)  # of the two arms
+FINE_RATIOS = (0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9)
+GEARS = (1.0, 0.6, 0.3)  # turn of the crank over the joint's
+NEARER_DEAD = 0.25
+TWICE = 0.5  # of a wave, that which comes twice
+VARIES = 0.3  # RMS of the compliance over its mean, usual for a drive of this kind
+
+NEAR_DEAD = 0.35  # of its largest lever, below which nobody lets a screw work
+GENTLE = 0.5  # of it, above which most stay
+
+ROUND = np.deg2rad(270.0)  # range of a joint that no rod can serve: its dead points are half a turn apart
+
+Crank = tuple[float, float, float, float]  # ratio, phase, gear, mean square lever
+
+
+def _components(baseline: Baseline) -> list[str | None]:
+    """Return the drives whose range a rod, or a linkage, can serve; all of them where there is none."""
+    limits = {variable.name: variable.limits for variable in baseline.nominal.variables}
+    found = drives(baseline)
+
+    def served(name: str | None) -> bool:
+        axis = axis_at(baseline, str(name))
+        own = limits.get(axis.joint.variable or "")
+        return own is None or not axis.turns or own[1] - own[0] <= ROUND
+
+    if baseline.stated is not None:  # whoever wrote it into the robot knows better
+        return found
+    return [name for name in found if served(name)] or found
+
+
+def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
+    axis = axis_at(baseline, str(component))
+    if axis.joint.variable is None or not axis.turns:
+        return []
+    follow = Following(baseline, axis.joint.variable)
+    compliance = drive_compliance(axis)
+    unit = f"{unit_of(axis)}/(N*m)"
+    cranks = _possible(follow, RATIOS, PHASES, GEARS[:1], NEAR_DEAD)
+    family = _possible(follow, FINE_RATIOS, FINE, GEARS, NEARER_DEAD)
+    if not family:
+        return []
+
+    def laws(q: np.ndarray, some: list[Crank]) -> np.ndarray:
+        # beyond the angles that were measured a lever may come near its dead point, where no screw works
+        columns = [
+            square / np.maximum(_lever(gear * q + phase, ratio), NEARER_DEAD * _largest(ratio)) ** 2
+            for ratio, phase, gear, square in some
+        ]
+        return np.stack(columns, -1) if columns else np.zeros((len(q), 0))
+
+    gain = Quantity("mean_compliance", unit, compliance)
+    factors = follow.varying(lambda q: laws(q, cranks)).T
+    columns = [scaled_torque(baseline, axis, factor) for factor in factors]
+
+    def any_of(name: str, some: list[Crank]) -> Shape:
+        whole = [scaled_torque(baseline, axis, mode) for mode in follow.family(lambda q: laws(q, some)).T]
+        names = (Quantity(f"compliance_mode_{k + 1}", unit, VARIES * compliance) for k in range(len(whole)))
+        return Shape(name, np.stack(whole, -1), tuple(names), spread=3.0, weight=0.5)
+
+    gentle = _possible(follow, FINE_RATIOS, FINE, GEARS, GENTLE)
+    result = [
+        Shape(
+            f"crank {ratio:g}, {np.degrees(phase):.0f} deg",
+            column[..., None],
+            (gain,),
+            spread=3.0,
+            weight=1.0 / len(cranks),
+        )
+        for (ratio, phase, _, _), column in zip(cranks, columns, strict=True)
+    ]
+    turn = follow.varying(lambda q: np.stack([np.cos(q), np.sin(q), np.cos(2 * q), np.sin(2 * q)], -1)).T
+    waves = np.stack([scaled_torque(baseline, axis, factor) for factor in turn], -1)
+    parts = tuple(
+        Quantity(f"compliance_{wave}{often}", unit, size * VARIES * compliance)
+        for often, size in (("", 1.0), ("_twice", TWICE))
+        for wave in ("cosine", "sine")
+    )
+    return [
+        *result,
+        Shape("once a turn", waves[..., :2], parts[:2], spread=3.0),
+        Shape("once and twice a turn", waves, parts, spread=3.0, weight=0.5),
+        any_of("any crank", family),
+        *([any_of("any gentle crank", gentle)] if gentle else []),
+    ]
+
+
+def _possible(
+    follow: Following, ratios: Sequence[float], phases: np.ndarray, gears: Sequence[float], least: float
+) -> list[Crank]:
+    """Return the cranks that stay away from their dead points."""
+    return [
+        (ratio, phase, gear, float(follow.share @ lever**2))
+        for gear in gears
+        for ratio in ratios
+        for phase in phases.tolist()
+        if (lever := _lever(gear * follow.fitted + phase, ratio)).min() > least * _largest(ratio)
+    ]
+
+
+@lru_cache
+def _largest(ratio: float) -> float:
+    return float(_lever(np.linspace(0, np.pi, 181), ratio).max())
+
+
+def _lever(angle: np.ndarray, ratio: float) -> np.ndarray:
+    return np.asarray(ratio * np.abs(np.sin(angle)) / np.sqrt(1 + ratio**2 - 2 * ratio * np.cos(angle)))
+
+
+EFFECT = Effect(
+    name="actuator-lever",
+    family="drive",
+    meaning="The drive's stiffness about the axis follows its lever arm (ball screw, tie rod).",
+    components=_components,
+    shapes=_shapes,
+    separation="the same torque at four angles of this joint; the drive's geometry from its drawing",
+    look_alikes=("gravity-compensator", "tool-compliance"),
+    sources="stiffness x1.2 to 3 over the stroke, engineering estimate",
+    scales=angle_scales,
+)

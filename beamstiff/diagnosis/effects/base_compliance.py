@@ -1,0 +1,95 @@
+"""`base-compliance`: the pedestal or the floor under the machine gives way."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from beamstiff.diagnosis.effects.effect import Effect, Quantity, Scales, Shape
+from beamstiff.diagnosis.effects.torque_laws import by_compliance, by_contacts, load_scales, softness
+from beamstiff.diagnosis.residual.baseline import Baseline
+
+ROTATION = 5e-8  # rad/(N m)
+TRANSLATION = 5e-9  # m/N
+COUPLING = 1e-8  # 1/N: a centre of rotation some decimetres below
+
+
+def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: ARG001
+    place = baseline.places.base
+
+    def column(*pairs: tuple[int, int]) -> np.ndarray:
+        return by_compliance(baseline, place, list(pairs))
+
+    soft = float(np.sqrt(softness(baseline)))  # a small robot may stand on the floor of a large one
+    rotation, translation, coupling = soft * ROTATION, soft * TRANSLATION, soft * COUPLING
+    tilt = Quantity("tilting_compliance", "rad/(N*m)", rotation, positive=True)
+    rotations = tuple(
+        Quantity(f"rotational_compliance_{axis}", "rad/(N*m)", rotation, positive=True) for axis in "xyz"
+    )
+    skews = tuple(
+        Quantity(f"rotational_compliance_{pair}", "rad/(N*m)", 0.3 * rotation) for pair in ("xy", "xz", "yz")
+    )
+    slides = tuple(
+        Quantity(f"translational_compliance_{axis}", "m/N", translation, positive=True) for axis in "xyz"
+    )
+    slants = tuple(
+        Quantity(f"translational_compliance_{pair}", "m/N", 0.3 * translation) for pair in ("xy", "xz", "yz")
+    )
+    couplings = tuple(Quantity(f"coupling_{pair}", "1/N", coupling) for pair in ("x_ry", "y_rx"))
+    others = tuple(
+        Quantity(f"coupling_{'xyz'[a]}_r{'xyz'[b]}", "1/N", 0.5 * coupling)
+        for a in range(3)
+        for b in range(3)
+        if (a, b) not in ((0, 1), (1, 0))
+    )
+    turning = [column((3, 3)), column((4, 4)), column((5, 5))]
+    sliding = [column((0, 0)), column((1, 1)), column((2, 2))]
+    coupled = [column((0, 4)), column((1, 3))]
+    skewed = [column((3, 4)), column((3, 5)), column((4, 5))]
+    slanted = [column((0, 1)), column((0, 2)), column((1, 2))]
+    rest = [column((a, 3 + b)) for a in range(3) for b in range(3) if (a, b) not in ((0, 1), (1, 0))]
+    contacts, stiffening = by_contacts(
+        baseline, place, load_scales(baseline, baseline.fit.places.base), rotation, translation
+    )
+    found = [
+        Shape("tilt", column((3, 3), (4, 4))[..., None], (tilt,)),
+        Shape("rotation", np.stack(turning, -1), rotations),
+        Shape("soil", np.stack([*turning, *sliding, *coupled], -1), (*rotations, *slides, *couplings)),
+        Shape(
+            "all",
+            np.stack([*turning, *sliding, *coupled, *skewed, *slanted, *rest], -1),
+            (*rotations, *slides, *couplings, *skews, *slants, *others),
+        ),
+        Shape(
+            "rotation that stiffens",
+            np.stack([*turning, *contacts[:3]], -1),
+            (*rotations, *stiffening[:3]),
+            weight=0.5,
+        ),
+        Shape(
+            "all, stiffening",
+            np.stack([*turning, *sliding, *coupled, *skewed, *slanted, *rest, *contacts], -1),
+            (*rotations, *slides, *couplings, *skews, *slants, *others, *stiffening),
+            weight=0.5,
+        ),
+    ]
+    return [replace(one, against=None if "stiffen" in one.name else ()) for one in found]
+
+
+def _scales(baseline: Baseline, component: str | None) -> Scales:  # noqa: ARG001
+    return {**load_scales(baseline, baseline.fit.places.base)}
+
+
+EFFECT = Effect(
+    name="base-compliance",
+    family="structure",
+    meaning="The pedestal or the floor under the machine gives way.",
+    components=lambda baseline: [None],  # noqa: ARG005
+    shapes=_shapes,
+    separation="the same load with the first joint turned by 90 degrees; a reflector on the pedestal",
+    look_alikes=("bearing-tilt",),
+    sources="1e-8 to 2e-7 rad/(N m), engineering estimate",
+    scales=_scales,
+    place="base",
+)

@@ -1,0 +1,234 @@
+"""`bearing-tilt`: the joint gives way radially or in tilting, across its axis."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from beamstiff.diagnosis.effects.effect import Effect, Quantity, Scales, Shape, stated_scale
+from beamstiff.diagnosis.effects.torque_laws import (
+    CONTACT,
+    any_symmetric,
+    by_compliance,
+    component_of,
+    joint_of,
+    loaded_less_unloaded,
+    most_of,
+    softness,
+)
+from beamstiff.diagnosis.residual.baseline import Baseline, own_direction
+from beamstiff.diagnosis.residual.internal_wrench import DIGITS, Place
+from beamstiff.fem.beam import beam_axes
+from beamstiff.robot.fields import FREE, RIGID
+from beamstiff.robot.kinematics import compile_kinematics, posture
+from beamstiff.robot.parts import Joint
+from beamstiff.se3 import Array, rotate_screw
+
+TILT = 2e-7  # rad/(N m), of a heavy robot's
+OF_DRIVE = 0.5  # the same over the compliance of the joint's own drive
+RADIAL, AXIAL = 0.015, 0.01  # m^2, over the tilting compliance
+SPREAD, REALISTIC = 30.0, 10.0  # from a wrist's to a press's; and of most
+PRELOADS = {"": 0.0, ", with preload": 0.5}  # of the usual moment, up to which contacts give evenly
+KNEES = (0.1, 0.2, 0.35, 0.6)  # of the usual moment, at which a preload may be lost: bearings give more then
+RAYS = (0, 45, 90, 135)  # deg about the joint's axis, about which rolling contacts give
+OFF = 0.05  # m along the axis, from the joint's frame to where its bearing tilts about
+
+
+def _components(baseline: Baseline) -> list[str | None]:
+    robot = baseline.nominal
+    return [component_of(robot, joint) for joint in robot.joints if joint.name in baseline.places.joints]
+
+
+def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
+    place = baseline.places.joints[joint_of(baseline, str(component)).name]
+    size = _usual_tilt(baseline, str(component))
+    tilting = Quantity("tilting_compliance", "rad/(N*m)", size, positive=True)
+    both_ways = Quantity("radial_compliance", "m/N", RADIAL * size, positive=True)
+    lengthwise = Quantity("axial_compliance", "m/N", AXIAL * size, positive=True)
+    tilt = by_compliance(baseline, place, [(4, 4), (5, 5)])
+    radial = by_compliance(baseline, place, [(1, 1), (2, 2)])
+    axial = by_compliance(baseline, place, [(0, 0)])
+    by_axis = [by_compliance(baseline, place, [pair]) for pair in ((4, 4), (5, 5), (4, 5))]
+    skew = Quantity("tilting_compliance_yz", "rad/(N*m)", 0.5 * size)
+    two = (
+        Quantity("tilting_compliance_y", "rad/(N*m)", size, positive=True),
+        Quantity("tilting_compliance_z", "rad/(N*m)", size, positive=True),
+    )
+    radials = [by_compliance(baseline, place, [pair]) for pair in ((1, 1), (2, 2))]
+    # about a point that is off along the axis, forces across it tilt too
+    across, along = (by_compliance(baseline, place, [pair]) for pair in ((1, 5), (2, 4)))
+    off = Quantity("tilting_by_force", "rad/N", OFF * size)
+    offs = tuple(Quantity(f"tilting_by_force_{axis}", "rad/N", OFF * size) for axis in "yz")
+    sides = tuple(
+        Quantity(f"radial_compliance_{axis}", "m/N", both_ways.size, positive=True) for axis in "yz"
+    )
+    usual = usual_moment(baseline, str(component))
+    stiffening = _stiffening(baseline, place, usual)
+    contact = Quantity("tilt_at_usual_moment", "rad", size * usual, positive=True)
+    contacts = [replace(contact, name=f"{contact.name}_at_{degrees}_deg") for degrees in RAYS]
+    every, quantities = [*by_axis, radial, axial], (*two, skew, both_ways, lengthwise)
+    found = [
+        Shape("tilt", tilt[..., None], (tilting,)),
+        Shape("tilt and radial", np.stack([tilt, radial], -1), (tilting, both_ways)),
+        Shape("tilt by axis", np.stack(by_axis, -1), (*two, skew)),
+        Shape("tilt that stiffens", np.stack([tilt, stiffening], -1), (tilting, contact)),
+        Shape("all", np.stack(every, -1), quantities),
+        Shape("all, stiffening", np.stack([*every, stiffening], -1), (*quantities, contact), weight=0.5),
+        *(
+            Shape(
+                f"all, stiffening by axis{how}",
+                np.stack([*every, *_by_axis(baseline, place, usual, _contact(preload))], -1),
+                (*quantities, *contacts),
+                weight=0.5,
+            )
+            for how, preload in PRELOADS.items()
+        ),
+        *(
+            Shape(
+                f"all, softening by axis as its preload is lost at {knee:g}",
+                np.stack([*every, *_by_axis(baseline, place, usual, _unloaded(knee))], -1),
+                (*quantities, *contacts),
+                weight=0.5 / len(KNEES),
+            )
+            for knee in KNEES
+        ),
+        Shape("tilt off its centre", np.stack([tilt, radial, across - along], -1), (tilting, both_ways, off)),
+        Shape(
+            "all, off its centre",
+            np.stack([*by_axis, *radials, axial, across, along], -1),
+            (*two, skew, *sides, lengthwise, *offs),
+            weight=0.5,
+        ),
+    ]
+    joint = joint_of(baseline, str(component))
+    turning = own_direction(baseline.nominal, joint.name) == "torsional"
+    found.append(_any(baseline, place, size, turning, "any"))
+    if joint.variable is not None and turning:
+        seat = _seat(baseline, joint)
+        by_seat = [by_compliance(baseline, seat, [pair]) for pair in ((4, 4), (5, 5), (4, 5))]
+        found.append(Shape("tilt by axis of its seat", np.stack(by_seat, -1), (*two, skew), weight=0.5))
+        found.append(_any(baseline, seat, size, turning, "any, by axis of its seat"))
+    counted = ("stiffen", "soften")  # against the usual moment
+    return [
+        replace(
+            one,
+            spread=SPREAD,
+            realistic=REALISTIC,
+            against=None if any(how in one.name for how in counted) else (),
+        )
+        for one in found
+    ]
+
+
+def _seat(baseline: Baseline, joint: Joint) -> Place:
+    """Return a joint's place in axes that do not turn with it, but stay with the part that carries it."""
+    place, robot = baseline.places.joints[joint.name], baseline.nominal
+    frames = {node.name: node.frame for node in robot.nodes}
+    carrier = next((name for name in joint.nodes if frames[name] != joint.frame), joint.nodes[0])
+    kinematics = compile_kinematics(robot)
+    poses, number = np.unique(baseline.rows.q, axis=0, return_inverse=True)
+    at = kinematics.node_frame[[node.name for node in robot.nodes].index(carrier)]
+    part = posture(kinematics, poses).transforms[number.reshape(-1), at, :3, :3]
+    axis = (part.swapaxes(-1, -2) @ place.turn[:, :, :1])[..., 0]
+    across = np.eye(3)[np.argmin(np.round(np.abs(axis[0]), DIGITS))]
+    turn = part @ beam_axes(axis, across)
+    change = rotate_screw(turn.swapaxes(-1, -2) @ place.turn)  # components there from those here
+    return Place(
+        load=(change @ place.load[..., None])[..., 0],
+        dead=(change @ place.dead[..., None])[..., 0],
+        shift=place.shift @ change.swapaxes(-1, -2),
+        turn=turn,
+    )
+
+
+def _any(baseline: Baseline, place: Place, size: float, turning: bool, name: str) -> Shape:
+    """Return any symmetric compliance in the five directions that are not the drive's: rollers at a slant."""
+    own = np.array([AXIAL * size, RADIAL * size, RADIAL * size, size, size, size])
+    sizes = 0.3 * np.sqrt(np.outer(own, own))
+    sizes[:3, 3:] = sizes[3:, :3] = OFF * size
+    np.fill_diagonal(sizes, own)
+    driven = 3 if turning else 0
+    sizes[driven], sizes[:, driven] = 0.0, 0.0
+    return any_symmetric(baseline, place, sizes, name)
+
+
+def _usual_tilt(baseline: Baseline, component: str) -> float:
+    """Return a middling tilting compliance, rad/(N m): as soft as the joint's drive, or as the machine."""
+    own = joint_of(baseline, component).stiffness.torsional
+    return OF_DRIVE / own if FREE < own < RIGID else softness(baseline) * TILT
+
+
+def usual_moment(baseline: Baseline, component: str) -> float:
+    """Return the largest moment across the joint's axis from the loads of the rows that were fitted, N m."""
+    load = most_of(baseline.fit.places.joints[joint_of(baseline, component).name])[:, 4:]
+    return stated_scale(baseline, "moment") or float(np.linalg.norm(load, axis=1).max(initial=0.0)) or 1.0
+
+
+def _stiffening(baseline: Baseline, place: Place, usual: float) -> Array:
+    """Return the displacement (N, 6) of a tilt by the power 2/3 of the moment, as of rolling contacts."""
+
+    def law(wrench: Array) -> Array:
+        moment = wrench[:, 4:] / usual
+        size = np.maximum(np.linalg.norm(moment, axis=1, keepdims=True), 1e-9)
+        return np.concatenate([np.zeros((len(moment), 4)), moment * size ** (CONTACT - 1.0)], axis=1)
+
+    result: Array = np.einsum(
+        "nab,nb->na", place.shift, loaded_less_unloaded(baseline, place.load, place.dead, law)
+    )
+    return result
+
+
+def _by_axis(baseline: Baseline, place: Place, usual: float, law: Callable[[Array], Array]) -> list[Array]:
+    """Return the displacements (N, 6) of tilts by a law of the moment over the usual one.
+
+    Each is about an axis across the joint's own.
+    """
+    found = []
+    for angle in np.deg2rad(RAYS):
+        about = np.array([0.0, 0.0, 0.0, 0.0, np.cos(angle), np.sin(angle)])
+
+        def tilt(wrench: Array, about: Array = about) -> Array:
+            return law(wrench @ about / usual)
+
+        found.append(
+            (place.shift @ about) * loaded_less_unloaded(baseline, place.load, place.dead, tilt)[:, None]
+        )
+    return found
+
+
+def _contact(preload: float) -> Callable[[Array], Array]:
+    """Return the law of contacts: in proportion up to about the preload, beyond by the power 2/3."""
+
+    def law(moment: Array) -> Array:
+        size = np.maximum(moment**2 + preload**2, 1e-18) / (1.0 + preload**2)
+        return np.asarray(moment * size ** (0.5 * (CONTACT - 1.0)))
+
+    return law
+
+
+def _unloaded(knee: float) -> Callable[[Array], Array]:
+    """Return the law of what gives besides where a preload is lost: one row of rollers carries alone."""
+
+    def law(moment: Array) -> Array:
+        return np.asarray(np.sign(moment) * np.maximum(np.abs(moment) - knee, 0.0) / (1.0 - knee))
+
+    return law
+
+
+def _scales(baseline: Baseline, component: str | None) -> Scales:
+    return {"moment": usual_moment(baseline, str(component))}
+
+
+EFFECT = Effect(
+    name="bearing-tilt",
+    family="structure",
+    meaning="The bearing gives way radially or in tilting, across the joint's axis.",
+    components=_components,
+    shapes=_shapes,
+    separation="a reflector on either side of the joint",
+    look_alikes=("link-bending", "base-compliance"),
+    sources="of a heavy robot 1e-7 to 5e-7 rad/(N m), as much as its drives; engineering estimate",
+    scales=_scales,
+)

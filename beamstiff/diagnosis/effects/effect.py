@@ -1,0 +1,127 @@
+"""What an effect is: its meaning, where it can sit, and its shapes, first order in their parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from beamstiff.diagnosis.residual.baseline import Baseline
+from beamstiff.se3 import Array
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A parameter of a shape: name, unit, and its realistic size.
+
+    Attributes
+    ----------
+    name, unit : str
+    size : float
+        A middling realistic magnitude, in `unit`.
+    positive : bool
+        Whether it cannot be negative: nothing gives way against its load.
+    passing : bool
+        Whether it is of the postures at hand alone: it says nothing of others, and is not told.
+    """
+
+    name: str
+    unit: str
+    size: float
+    positive: bool = False
+    passing: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A way in which an effect shows: displacement of every row, linear in its parameters.
+
+    Attributes
+    ----------
+    name : str
+    columns : (N, 6, c) array, m and rad per unit
+        What each parameter adds to the prediction.
+    parameters : tuple of Quantity (c)
+    spread : float
+        Magnitudes lie between the sizes divided and multiplied by this.
+    weight : float
+        Prior weight among the shapes of its effect.
+    realistic : float or None
+        The same of those that are realistic, where there are machines unlike the usual; None is `spread`.
+    against : tuple of str, optional
+        The scales of the effect that its columns count against; by default all of them.
+    tuned : bool
+        Whether its columns were chosen by the gap itself: campaigns without an effect, that were simulated,
+        cannot be compared under it.
+    """
+
+    name: str
+    columns: Array
+    parameters: tuple[Quantity, ...]
+    spread: float = 10.0
+    weight: float = 1.0
+    realistic: float | None = None
+    against: tuple[str, ...] | None = None
+    tuned: bool = False
+
+
+Scales = dict[str, float | tuple[float, ...]]
+
+
+def stated_scale(baseline: Baseline, name: str) -> float | None:
+    """Return a scale that is written beside an effect of the robot; None in a diagnosis."""
+    value = None if baseline.stated is None else baseline.stated.get(name)
+    return value if isinstance(value, float) else None
+
+
+def no_scales(baseline: Baseline, component: str | None) -> Scales:  # noqa: ARG001
+    """Return nothing: the shapes do not depend on the rows that were fitted."""
+    return {}
+
+
+def itself(component: str) -> tuple[str, ...]:
+    """Return the one place that a component is."""
+    return (component,)
+
+
+@dataclass(frozen=True)
+class Effect:
+    """Something that a model can lack.
+
+    Attributes
+    ----------
+    name, family : str
+    meaning : str
+        One sentence.
+    components : callable
+        Components that a baseline's robot has: names, or None for the machine as a whole.
+    shapes : callable
+        Shapes at a component, under the baseline's rows.
+    separation : str
+        The measurement that tells it from its look-alikes, in words.
+    look_alikes : tuple of str
+    scales : callable
+        What its shapes take from the rows that were fitted, SI, by name: written beside an effect that is
+        added to a robot, and found in `Baseline.stated` where such a robot is used.
+    sources : str
+        Where the realistic sizes come from.
+    place : str
+        Where it sits when it has no component: ``base``, ``tool``, or outside the machine.
+    places_of : callable
+        The places that a component is: a joint pair is two, a frame's parameter is the frame.
+    """
+
+    name: str
+    family: str
+    meaning: str
+    components: Callable[[Baseline], list[str | None]]
+    shapes: Callable[[Baseline, str | None], list[Shape]]
+    separation: str
+    look_alikes: tuple[str, ...] = field(default=())
+    sources: str = "engineering estimate"
+    scales: Callable[[Baseline, str | None], Scales] = no_scales
+    place: str = ""
+    places_of: Callable[[str], tuple[str, ...]] = itself
+
+    def places(self, component: str | None) -> tuple[str, ...]:
+        """Return the places that a component is, or where the effect sits when it has none."""
+        return (self.place,) if component is None else self.places_of(component)

@@ -1,0 +1,165 @@
+"""`frame-misalignment`: the measuring frame is turned, shifted or scaled against the base frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamstiff.diagnosis.effects.data_selected import best_of, left_by
+from beamstiff.diagnosis.effects.effect import Effect, Quantity, Scales, Shape, stated_scale
+from beamstiff.diagnosis.effects.external import anew, campaign, clock
+from beamstiff.diagnosis.effects.misread import SCALE, misread
+from beamstiff.diagnosis.residual.baseline import Baseline, nominal_pose
+from beamstiff.se3 import Array
+
+TURN = 0.02  # rad, of displacements
+PLACED_TURN, PLACED_SHIFT = 5e-4, 5e-4  # rad, m, of absolute positions
+PLACED_SCALE = 1e-4
+SKEWED = ((0, 1), (0, 2), (1, 2))
+MOMENTS, LEAST = 40, 0.15  # moments at most at which the frame may have moved; share of rows before and after
+MOVED = "then moved"
+
+
+def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: ARG001
+    found = _of_positions(baseline) if baseline.absolute else _of_displacements(baseline)
+    return [replace(one, against=None if one.name.endswith(MOVED) else ()) for one in found]
+
+
+def _of_displacements(baseline: Baseline) -> list[Shape]:
+    turn, turns = _turned(baseline)
+    growth = Quantity("scale", "1", SCALE)
+    stretched = _stretched(baseline.predicted[:, :3])
+    scale = stretched[..., :3].sum(axis=-1, keepdims=True)
+    return [
+        Shape("turned", turn, turns),
+        *misread(baseline, turn, turns),
+        Shape("turned and scaled", np.concatenate([turn, scale], -1), (*turns, growth), weight=0.5),
+        Shape(
+            "turned, scaled by axis and skewed",
+            np.concatenate([turn, stretched], -1),
+            (*turns, *_stretches(SCALE)),
+            weight=0.5,
+        ),
+        *_moved(baseline, "turned", turn, turns),
+        *anew("turned, another way in every posture", baseline, turn, turns),  # set up again for each
+    ]
+
+
+def _of_positions(baseline: Baseline) -> list[Shape]:
+    placed, entries = _turned(baseline)
+    turn, turns = placed[..., :3], entries[:3]
+    stretched = _stretched(nominal_pose(baseline.nominal, baseline.rows)[0])
+    growth = Quantity("scale", "1", PLACED_SCALE)
+    return [
+        Shape("turned", turn, turns),
+        Shape("turned and shifted", placed, entries),
+        Shape("scaled", stretched[..., :3].sum(axis=-1, keepdims=True), (growth,), weight=0.3),
+        Shape(
+            "turned, shifted, scaled by axis and skewed",
+            np.concatenate([placed, stretched], -1),
+            (*entries, *_stretches(PLACED_SCALE)),
+            weight=0.3,
+        ),
+        *_moved(baseline, "turned and shifted", placed, entries),
+    ]
+
+
+def _turned(baseline: Baseline) -> tuple[Array, tuple[Quantity, ...]]:
+    """Return what another frame reads (N, 6, c): turned by c = 3 angles; of positions shifted too, c = 6."""
+    axes = np.broadcast_to(np.eye(3), (len(baseline.rows), 3, 3))
+    size = PLACED_TURN if baseline.absolute else TURN
+    turns = tuple(Quantity(f"rotation_{axis}", "rad", size) for axis in "xyz")
+    if not baseline.absolute:
+        seen = baseline.predicted
+        parts = [np.cross(axes, seen[:, some, None], axis=1) for some in (slice(3), slice(3, 6))]
+        return np.concatenate(parts, 1), turns
+    position = nominal_pose(baseline.nominal, baseline.rows)[0]
+    turn = np.concatenate([np.cross(axes, position[:, :, None], axis=1), axes], 1)
+    shift = np.concatenate([axes, np.zeros_like(axes)], 1)
+    shifts = tuple(Quantity(f"shift_{axis}", "m", PLACED_SHIFT) for axis in "xyz")
+    return np.concatenate([turn, shift], -1), (*turns, *shifts)
+
+
+def _stretched(length: Array) -> Array:
+    """Return how scales by axis and axes that are not square to each other change lengths (N, 3), (N, 6, 6).
+
+    So reads a machine that measures along its own axes.
+    """
+    result = np.zeros((len(length), 6, 6))
+    result[:, [0, 1, 2], [0, 1, 2]] = length
+    for at, (i, j) in enumerate(SKEWED, 3):
+        result[:, i, at], result[:, j, at] = length[:, j], length[:, i]
+    return result
+
+
+def _stretches(size: float) -> tuple[Quantity, ...]:
+    scales = tuple(Quantity(f"scale_{axis}", "1", size) for axis in "xyz")
+    return (*scales, *(Quantity(f"skew_{'xyz'[i]}{'xyz'[j]}", "rad", size) for i, j in SKEWED))
+
+
+def _moved(
+    baseline: Baseline, name: str, columns: Array, quantities: tuple[Quantity, ...]
+) -> Iterator[Shape]:
+    """Yield the shape of a frame (N, 6, c) that was moved: of all its columns those after the moment too."""
+    at = _moment(baseline)
+    if at is not None:
+        after = np.where(_later_than(at, baseline)[:, None, None], columns, 0.0)
+        later = tuple(replace(one, name=f"{one.name}_later") for one in quantities)
+        both = np.concatenate([columns, after], -1)
+        # the choice of the moment is paid for
+        yield Shape(f"{name}, {MOVED}", both, (*quantities, *later), weight=1.0 / MOMENTS, tuned=True)
+
+
+def _later_than(at: float, baseline: Baseline) -> NDArray[np.bool_]:
+    """Return which rows were read after a moment, (N,).
+
+    Other rows than those of the campaign are, where times do not say otherwise: it is the frame of today.
+    """
+    rows, fitted = baseline.rows, campaign(baseline)
+    own = baseline.stated is None and baseline.fit_rows is None
+    told = np.isfinite(rows.time).all() if fitted.duration > 0 else len(rows) == fitted.rows
+    return clock(baseline) > at if own or told else np.ones(len(rows), dtype=np.bool_)
+
+
+def _moment(baseline: Baseline) -> float | None:
+    """Return by the clock when the frame was moved: as stated, or between which postures explains most.
+
+    NaN where a robot does not state it.
+    """
+    if baseline.stated is not None:
+        at = stated_scale(baseline, "moved_at")
+        return np.nan if at is None else at
+    fit = baseline.fit
+    columns, time = _turned(fit)[0], clock(fit)
+    order = np.argsort(time, kind="stable")
+    changed = np.flatnonzero(np.diff(fit.rows.pose[order]) != 0)
+    early, late = np.quantile(time, [LEAST, 1.0 - LEAST])
+    between = 0.5 * (time[order][changed] + time[order][changed + 1])
+    between = between[(between > early) & (between < late)]
+    if not between.size:
+        return None
+    some = between[np.unique(np.linspace(0, between.size - 1, MOMENTS).round().astype(np.intp))]
+    left = left_by(fit, columns)
+    return best_of(some.tolist(), left, lambda at: np.where((time > at)[:, None, None], columns, 0.0))
+
+
+def _scales(baseline: Baseline, component: str | None) -> Scales:  # noqa: ARG001
+    at = _moment(baseline)
+    return {} if at is None else {"moved_at": at, **asdict(campaign(baseline))}
+
+
+EFFECT = Effect(
+    name="frame-misalignment",
+    family="measurement",
+    meaning="The measuring frame is turned, shifted or scaled against the base frame.",
+    components=lambda baseline: [None],  # noqa: ARG005
+    shapes=_shapes,
+    separation="unloaded moves along the base axes",
+    look_alikes=("load-error", "geometry-error"),
+    sources="0.2 to 3 deg, engineering estimate",
+    place="readings",
+    scales=_scales,
+)

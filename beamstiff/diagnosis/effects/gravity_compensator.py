@@ -1,0 +1,144 @@
+"""`gravity-compensator`: a spring balancer across the axis adds torque and stiffness that follow the angle.
+
+A spring k_s of free length l_0 between points at a (base side) and r (link) from the axis stores
+``U = k_s (L - l_0)^2 / 2``, ``L^2 = a^2 + r^2 + 2 a r cos(q - q_0)``; its torque is U', its stiffness U''
+(Klimchik et al., arXiv 1311.6674). Balancers are preloaded, a gas cushion or a wound spring, so that one
+may pull much and stiffen little: torque and stiffness have sizes of their own.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from beamstiff.diagnosis.effects.drive_stiffness import PHASES, Following, angle_scales, scaled_torque
+from beamstiff.diagnosis.effects.effect import Effect, Quantity, Scales, Shape, stated_scale
+from beamstiff.diagnosis.effects.torque_laws import Axis, axis_at, drive_compliance, drives
+from beamstiff.diagnosis.residual.baseline import Baseline
+from beamstiff.robot.fields import RIGID
+
+RATIOS, MIDDLE = (0.15, 0.4, 0.7), 0.4
+FREE_LENGTHS = (0.0, 0.4, 0.8)
+TORQUE, STIFFNESS = 0, 1  # places of a spring's two
+WIND_UP = 1e-3  # rad, of the drive by the balancer's torque: about what the arm's weight does
+SPREAD, PRELOADED = 4.0, 8.0  # of stiffness; where torque shows as well
+
+LEVEL = 0.5  # cosine to the vertical of the axes that weight turns
+FAR = 1.0 / 3.0  # of the longest arm from such an axis to the tool: nobody balances a wrist
+
+
+def _components(baseline: Baseline) -> list[str | None]:
+    """Return the level axes that have much to carry; every drive where nothing says which way is down."""
+    down = np.array(baseline.nominal.gravity)
+    found = drives(baseline)
+    if not down.any():
+        return found
+    arms: dict[str | None, float] = {}
+    for name in found:
+        axis = axis_at(baseline, str(name))
+        if not axis.turns:
+            continue
+        place = baseline.places.joints[axis.joint.name]
+        upright = np.abs(place.turn[:, :, 0] @ down) / np.linalg.norm(down)
+        if float(np.median(upright)) < LEVEL:
+            arms[name] = float(np.median(np.linalg.norm(place.shift[:, :3, 3], axis=1)))
+    return [name for name, arm in arms.items() if arm >= FAR * max(arms.values())]
+
+
+def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
+    axis = axis_at(baseline, str(component))
+    if axis.joint.variable is None or not axis.turns or axis.stiffness == RIGID:
+        return []
+    follow = Following(baseline, axis.joint.variable)
+    compliance = _compliance(baseline, axis)
+    family = [(ratio, free, phase) for ratio in RATIOS for free in FREE_LENGTHS for phase in PHASES]
+    # without a free length a spring half a turn on is the same with the other sign
+    springs = [
+        (MIDDLE, free, phase) for free in FREE_LENGTHS[::2] for phase in PHASES if free or phase < np.pi
+    ]
+
+    def laws(q: np.ndarray, chosen: list[tuple[float, float, float]], of: int = STIFFNESS) -> np.ndarray:
+        return np.stack([_spring(q - phase, ratio, free)[of] for ratio, free, phase in chosen], -1)
+
+    def softer(stiffness: np.ndarray) -> np.ndarray:
+        return np.stack([scaled_torque(baseline, axis, -one * compliance**2) for one in stiffness], -1)
+
+    def wound(torque: np.ndarray) -> np.ndarray:
+        """Return what torques (k, N) wind up, (N, 6, k): absolute positions alone show it."""
+        moved = -np.einsum("na,kn->nak", axis.shift, torque * compliance)
+        return moved if baseline.absolute else np.zeros_like(moved)
+
+    spread = PRELOADED if baseline.absolute else SPREAD
+    stiff, turn = 0.1 / compliance, WIND_UP / compliance
+    seen = baseline.absolute or baseline.stated is not None
+    names = (("largest_torque", "N*m", turn),) if seen else ()
+    one = tuple(Quantity(*each) for each in (*names, ("largest_stiffness", "N*m/rad", stiff)))
+    result = []
+    for chosen, factor in zip(springs, follow.varying(lambda q: laws(q, springs)).T, strict=True):
+        columns = softer(factor[None])
+        if seen:
+            columns = np.concatenate([wound(_largest_torque(follow.angle, *chosen)[None]), columns], -1)
+        ratio, free, phase = chosen
+        name = f"spring {ratio:g}, free {free:g}, {np.degrees(phase):.0f} deg"
+        result.append(Shape(name, columns, one, spread=spread, weight=1.0 / len(springs)))
+    modes = follow.family(lambda q: laws(q, family)).T
+    whole = softer(modes)
+    every = tuple(Quantity(f"stiffness_mode_{k + 1}", "N*m/rad", 0.5 * stiff) for k in range(len(modes)))
+    if not seen:
+        return [*result, Shape("any spring", whole, every, spread=spread)]
+    courses = (laws(follow.angle, family, TORQUE) @ follow.mixture(laws(follow.fitted, family, TORQUE))).T
+    whole = np.concatenate([wound(courses), whole], -1)
+    every = (*(Quantity(f"torque_mode_{k + 1}", "N*m", turn) for k in range(len(courses))), *every)
+    about = follow.angle - follow.share @ follow.fitted
+    coil = np.concatenate([wound(np.stack([np.ones_like(about), about])), whole], -1)
+    more = (Quantity("torque", "N*m", turn), Quantity("torque_by_angle", "N*m/rad", turn))
+    return [
+        *result,
+        Shape("any spring", whole, every, spread=spread),
+        Shape("any spring, and a wound one", coil, (*more, *every), spread=spread),
+    ]
+
+
+def _largest_torque(angle: np.ndarray, ratio: float, free: float, phase: float) -> np.ndarray:
+    """Return the torque of a balancer whose largest torque is 1."""
+    around = np.linspace(0, 2 * np.pi, 181)
+    largest: float = np.abs(_spring(around, ratio, free)[TORQUE]).max()
+    return _spring(angle - phase, ratio, free)[TORQUE] / largest
+
+
+def _compliance(baseline: Baseline, axis: Axis) -> float:
+    """Return the drive's compliance that the balancer's stiffness is counted against."""
+    return stated_scale(baseline, "compliance") or drive_compliance(axis)
+
+
+def _scales(baseline: Baseline, component: str | None) -> Scales:
+    compliance = _compliance(baseline, axis_at(baseline, str(component)))
+    return {**angle_scales(baseline, component), "compliance": compliance}
+
+
+def _spring(angle: np.ndarray, ratio: float, free: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return torque and stiffness of a balancer whose largest stiffness is 1."""
+
+    def energy_slopes(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        length = np.sqrt(1 + ratio**2 + 2 * ratio * np.cos(at))
+        first = -ratio * np.sin(at) / length
+        second = (-ratio * np.cos(at) - first**2) / length
+        left = length - free * (1 - ratio)
+        return left * first, first**2 + left * second
+
+    around = np.linspace(0, 2 * np.pi, 181)
+    largest = np.abs(energy_slopes(around)[1]).max()
+    torque, stiffness = energy_slopes(angle)
+    return torque / largest, stiffness / largest
+
+
+EFFECT = Effect(
+    name="gravity-compensator",
+    family="drive",
+    meaning="A spring balancer across the axis adds a torque and a stiffness that follow the joint's angle.",
+    components=_components,
+    shapes=_shapes,
+    separation="the same loads with the spring disconnected",
+    look_alikes=("actuator-lever",),
+    sources="several to 30 % of the drive's stiffness (arXiv 1311.6674, 1311.6810)",
+    scales=_scales,
+)

@@ -1,0 +1,257 @@
+"""`hysteresis`: friction in the drive: the answer depends on the load history.
+
+Stop operators (Prandtl and Ishlinskii; Iwan, J. Appl. Mech. 33 (1966) 893): friction r holds the drive until
+the torque has moved on by r, so that a part ``S_r`` of the torque, between -r and r, does not wind it up.
+Teeth and screws rub the more the more they carry: r is then ``r_0 + mu |torque|``. What is held may creep and
+be let go with the time, ``S' = -S / tau``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamstiff.diagnosis.effects.effect import Effect, Quantity, Scales, Shape, stated_scale
+from beamstiff.diagnosis.effects.torque_laws import (
+    Axis,
+    axis_at,
+    drive_compliance,
+    drives,
+    torque_scale,
+    unit_of,
+)
+from beamstiff.diagnosis.residual.baseline import Baseline
+from beamstiff.measure.rows import history_order
+from beamstiff.se3 import Array
+
+# how a history begins: its name, shares of the friction that may be left from the way to the pose, and
+# whether the dead weight acts after that
+BEGINNINGS = (
+    ("", (0.0,), False),
+    (", wound up by the weight", (0.0,), True),
+    (", left from the move", (1.0, -1.0), False),
+    (", left from the move, then wound up by the weight", (1.0, 0.5, -0.5, -1.0), True),
+)
+LET_GO = ", let go with the time"
+FEW = 2  # ways to begin, beyond which distributed friction could be anything that remembers
+LIMITS = (0.04, 0.1, 0.2, 0.4, 0.8)  # friction over the largest torque
+STEADY = tuple((one, 0.0) for one in LIMITS)
+# the same where it grows: without torque, and by which share of the torque
+GROWING = ((0.0, 0.05), (0.05, 0.1, 0.2, 0.4, 0.8))
+
+
+def held_torque(
+    torque: Array,
+    start: Array,
+    fresh: NDArray[np.bool_],
+    order: NDArray[np.intp],
+    limit: float,
+    *,
+    grows: float = 0.0,
+    wound: bool = False,
+    arrived: float = 0.0,
+    whole: bool = False,
+    kept: Array | None = None,
+) -> Array:
+    """Return S_r (N,): the torque that friction holds, stepping through the rows in their order.
+
+    Parameters
+    ----------
+    torque : (N,) array
+    start : (N,) array
+        Torque of the unloaded machine, from which a pose begins.
+    fresh : (N,) bool array
+        Whether a row is the first of its history.
+    order : (N,) int array
+    limit : float
+        Friction r, that without torque if it grows.
+    grows : float
+        By which share of the torque it grows.
+    wound : bool
+        Whether the dead weight winds the drive up against its friction when a history begins.
+    arrived : float
+        Share of the friction, -1 to 1, that is left from the way to the pose.
+    whole : bool
+        Whether what is held when a history begins counts too, as where positions are absolute; displacements
+        are counted from there.
+    kept : (N,) array, optional
+        Share of what is held that is still held when a row is read, since the row before; all by default.
+
+    Examples
+    --------
+    >>> cycle = np.array([1.0, 2.0, 1.0, 0.0])
+    >>> held_torque(cycle, np.zeros(4), np.array([True, False, False, False]), np.arange(4), 0.5)
+    array([ 0.5,  0.5, -0.5, -0.5])
+    """
+    result = [0.0] * len(torque)
+    # plain numbers are faster in a loop
+    loads, unloaded, new = torque.tolist(), start.tolist(), fresh.tolist()
+    still = [1.0] * len(torque) if kept is None else kept.tolist()
+    held = before = first = 0.0
+    for row in order.tolist():
+        if new[row]:
+            before = unloaded[row]
+            most = limit + grows * abs(before)
+            held = arrived * (limit if wound else most)
+            if wound:
+                held = max(-most, min(most, held + before))
+            first = 0.0 if whole else held
+        most = limit + grows * abs(loads[row])
+        held = max(-most, min(most, still[row] * held + loads[row] - before))
+        before = loads[row]
+        result[row] = held - first
+    return np.array(result)
+
+
+def held_shares(
+    baseline: Baseline,
+    axis: Axis,
+    ways: Sequence[float],
+    wound: bool,
+    limits: Sequence[tuple[float, float]] = STEADY,
+    kept: Array | None = None,
+) -> Array:
+    """Return what friction holds, over the largest torque, (N, limits, ways); see `BEGINNINGS`.
+
+    The limits are friction without torque over the largest, and by which share of the torque it grows;
+    `kept` is what is still held from row to row, (N,).
+    Nothing where no torque acts: friction that never slips is the zero of an encoder.
+    """
+    if not (np.abs(axis.load) + np.abs(axis.dead)).any():
+        return np.zeros((len(baseline.rows), len(limits), len(ways)))
+    order, fresh = history(baseline)
+
+    def held(limit: float, grows: float, way: float) -> Array:
+        torque, least = axis.load + axis.dead, limit * axis.typical
+        begun: dict[str, Any] = {"wound": wound, "arrived": way, "whole": baseline.absolute}
+        return held_torque(torque, axis.dead, fresh, order, least, grows=grows, kept=kept, **begun)
+
+    every = [np.stack([held(*limit, way) for way in ways], -1) for limit in limits]
+    result: Array = np.stack(every, 1) / axis.typical
+    return result
+
+
+def history(
+    baseline: Baseline, some: NDArray[np.bool_] | None = None
+) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+    """Return the order in which the rows were loaded, and which of them (N,) begin a history.
+
+    Parameters
+    ----------
+    baseline : Baseline
+    some : (N,) bool array, optional
+        Rows that have a history of their own; else all.
+    """
+    rows = baseline.rows
+    order = history_order(rows)
+    if some is not None:
+        order = order[some[order]]
+    fresh = np.zeros(len(rows), dtype=np.bool_)
+    groups = rows.run if rows.continuous else rows.pose
+    seen: set[int] = set()
+    for row in order.tolist():
+        fresh[row] = int(groups[row]) not in seen
+        seen.add(int(groups[row]))
+    return order, fresh
+
+
+def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
+    axis = axis_at(baseline, str(component))
+    give, growing = drive_compliance(axis) * axis.typical, tuple(product(*GROWING))
+    kept = _kept(baseline)
+    result = []
+    for begin, ways, wound in BEGINNINGS:
+        size = give if len(ways) == 1 else 0.7 * give
+        lags = [Quantity(_name(way), unit_of(axis), size, positive=True) for way in ways]
+
+        def every(limits: Sequence[tuple[float, float]], of: Array | None = None) -> Array:
+            held = held_shares(baseline, axis, ways, wound, limits, of)  # noqa: B023
+            result: Array = -axis.shift[:, :, None, None] * held[:, None]
+            return result.reshape(*result.shape[:2], -1)
+
+        def named(limits: Sequence[tuple[float, float]], then: str = "") -> tuple[Quantity, ...]:
+            return tuple(
+                replace(one, name=f"{one.name}_{_limit(limit)}{then}", size=0.5 * one.size)
+                for limit in limits
+                for one in lags  # noqa: B023
+            )
+
+        steady = every(STEADY)
+        for at, limit in enumerate(LIMITS):
+            one = steady[:, :, at * len(ways) : (at + 1) * len(ways)]
+            result.append(Shape(f"friction {limit:g}{begin}", one, tuple(lags), spread=4.0))
+        if len(ways) > FEW:
+            continue
+        kinds = {"distributed friction": (STEADY, steady, 1.0)}
+        kinds["friction that grows with the torque"] = (growing, every(growing), 0.5)
+        for kind, (limits, columns, weight) in kinds.items():
+            result.append(Shape(f"{kind}{begin}", columns, named(limits), spread=4.0, weight=weight))
+            if kept is not None and len(ways) == 1:
+                both = np.concatenate([columns, every(limits, kept)], -1)
+                quantities = (*named(limits), *named(limits, "_let_go"))
+                name = f"{kind}{begin}{LET_GO}"
+                result.append(Shape(name, both, quantities, spread=4.0, weight=0.5 * weight))
+    return [one if one.name.endswith(LET_GO) else replace(one, against=("torque",)) for one in result]
+
+
+def _limit(limit: tuple[float, float]) -> str:
+    least, by = limit
+    return f"{least:g}_and_{by:g}" if by else f"{least:g}"
+
+
+def _kept(baseline: Baseline) -> Array | None:
+    """Return the share (N,) of what friction held a row before that it still holds; None if nobody can know.
+
+    Rows without times, of a machine that is known to let go, let go of nothing.
+    """
+    lasts = _lasts(baseline)
+    if lasts is None:
+        return None
+    result = np.ones(len(baseline.rows))
+    if np.isfinite(baseline.rows.time).all():
+        order, fresh = history(baseline)
+        waited = np.maximum(np.diff(baseline.rows.time[order]), 0.0)
+        result[order[1:]] = np.exp(-waited / lasts)
+        result[fresh] = 1.0
+    return result
+
+
+def _lasts(baseline: Baseline) -> float | None:
+    """Return the time by which friction lets go, s: as stated, or as long as a history usually takes."""
+    if baseline.stated is not None:
+        return stated_scale(baseline, "lasts") or 1.0
+    fit = baseline.fit.rows
+    if not np.isfinite(fit.time).all():
+        return None
+    groups = fit.run if fit.continuous else fit.pose
+    taken = np.array([np.ptp(fit.time[groups == one]) for one in np.unique(groups)])
+    return float(np.median(taken[taken > 0])) if (taken > 0).any() else None
+
+
+def _scales(baseline: Baseline, component: str | None) -> Scales:
+    lasts = _lasts(baseline)
+    return torque_scale(baseline, component) | ({} if lasts is None else {"lasts": lasts})
+
+
+def _name(way: float) -> str:
+    if way == 0.0:
+        return "held_windup"
+    return f"held_windup_from_{'above' if way > 0.0 else 'below'}" + ("" if abs(way) == 1.0 else "_half")
+
+
+EFFECT = Effect(
+    name="hysteresis",
+    family="drive",
+    meaning="Friction in the drive makes the answer depend on the load history.",
+    components=drives,
+    shapes=_shapes,
+    separation="a closed load cycle with a return to zero load",
+    look_alikes=("load-error", "backlash"),
+    sources="below 1 to 3 arcmin (Harmonic Drive CHA)",
+    scales=_scales,
+)

@@ -1,0 +1,162 @@
+"""`link-bending`: a link bends, stretches and twists that the model holds rigid, or stiffer than it is.
+
+Flexibility at the end of a cantilever whose flexibility ``1/EI`` varies along it (Gere & Timoshenko,
+Mechanics of Materials, the
+unit-load method): under end force F and moment M, at s from the root, the section carries
+``M + (L - s) F``, and the end turns by the integral of its flexibility times that.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from beamstiff.diagnosis.effects.effect import Effect, Quantity, Shape
+from beamstiff.diagnosis.effects.torque_laws import any_symmetric, softness
+from beamstiff.diagnosis.residual.baseline import Baseline
+from beamstiff.diagnosis.residual.internal_wrench import Place
+from beamstiff.se3 import Array
+
+EI = 1e7  # N m^2, a middling link
+TWIST = 1.3  # EI / GJ of a closed steel section, nearly
+STRETCH = 5e-10  # 1/N
+SEAM = 1e-7  # rad/(N m), of a weak section
+SECTIONS = (0.0, 0.5, 1.0)  # of the length, where a link may be weak
+COUPLED = 0.5  # of the mean of two compliances, what couples them round a corner
+SPREAD, REALISTIC = 30.0, 10.0  # from castings of a small arm to those of a press; and of most
+PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+GAUSS, WEIGHTS = np.polynomial.legendre.leggauss(6)
+
+
+def _components(baseline: Baseline) -> list[str | None]:
+    return list(baseline.places.links)
+
+
+def flexibility(length: float, bending: Array, plane: str) -> Array:
+    """Return the flexibility (6, 6) at the end for unit ``1/EI`` times a weight along the link.
+
+    Parameters
+    ----------
+    length : float, m
+    bending : (6,) array
+        Weight at the Gauss points of the link.
+    plane : "xy", "xz" or "twist"
+    """
+    s = 0.5 * length * (GAUSS + 1)
+    w = 0.5 * length * WEIGHTS * bending
+    arm = length - s
+    result = np.zeros((6, 6))
+    if plane == "twist":
+        result[3, 3] = w.sum()
+        return result
+    u, r, sign = (1, 5, 1.0) if plane == "xy" else (2, 4, -1.0)
+    result[u, u], result[r, r] = w @ arm**2, w.sum()
+    result[u, r] = result[r, u] = sign * (w @ arm)
+    return result
+
+
+def _column(baseline: Baseline, place: Place, matrix: Array) -> Array:
+    passed = place.load + place.dead if baseline.absolute else place.load
+    result: Array = np.einsum("nab,bc,nc->na", place.shift, matrix, passed)
+    return result
+
+
+def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
+    place = baseline.places.links[str(component)]
+    length, even = place.length, np.ones(GAUSS.size)
+    along = 0.5 * (GAUSS + 1)
+    root, tip = 3 * (1 - along) ** 2, 3 * along**2
+
+    def both(weight: Array) -> Array:
+        return flexibility(length, weight, "xy") + flexibility(length, weight, "xz")
+
+    twist = flexibility(length, even, "twist")
+    stretch = np.zeros((6, 6))
+    stretch[0, 0] = length
+    soft = softness(baseline)
+    bend = Quantity("bending_flexibility", "1/(N*m^2)", soft / EI, positive=True)
+    turn = Quantity("torsion_flexibility", "1/(N*m^2)", soft * TWIST / EI, positive=True)
+    column = {
+        "uniform": _column(baseline, place, both(even) + TWIST * twist),
+        "root": _column(baseline, place, both(root)),
+        "tip": _column(baseline, place, both(tip)),
+        "twist": _column(baseline, place, twist),
+        "xy": _column(baseline, place, flexibility(length, even, "xy")),
+        "xz": _column(baseline, place, flexibility(length, even, "xz")),
+        "skew": _column(baseline, place, _skew(length)),
+        "stretch": _column(baseline, place, stretch),
+    }
+    half = Quantity("bending_flexibility_root", "1/(N*m^2)", 0.7 * soft / EI, positive=True)
+    other = Quantity("bending_flexibility_tip", "1/(N*m^2)", 0.7 * soft / EI, positive=True)
+    sheer = Quantity("stretch_flexibility", "1/N", soft * STRETCH, positive=True)
+    y, z = (Quantity(f"bending_flexibility_{axis}", "1/(N*m^2)", soft / EI, positive=True) for axis in "yz")
+    yz = Quantity("bending_flexibility_yz", "1/(N*m^2)", 0.3 * soft / EI)
+    names = [
+        ("uniform", ("uniform",), (bend,)),
+        ("tapered", ("root", "tip", "twist"), (half, other, turn)),
+        ("by plane", ("xy", "xz", "skew", "twist", "stretch"), (y, z, yz, turn, sheer)),
+    ]
+    found = [
+        Shape(name, np.stack([column[key] for key in keys], -1), parameters)
+        for name, keys, parameters in names
+    ]
+    weak = [
+        [_column(baseline, place, _section(length * (1.0 - at), *pair)) for pair in PAIRS] for at in SECTIONS
+    ]
+    seams = tuple(
+        Quantity(
+            f"section_compliance_{'xyz'[a]}{'xyz'[b]}",
+            "rad/(N*m)",
+            soft * SEAM * (1.0 if a == b else 0.3),
+            positive=a == b,
+        )
+        for a, b in PAIRS
+    )
+    found.append(Shape("weak at its root", np.stack(weak[0], -1), seams, weight=0.5))
+    several = tuple(replace(one, name=f"{one.name}_at_{at:g}") for at in SECTIONS for one in seams)
+    every = np.stack([column for columns in weak for column in columns], -1)
+    found.append(Shape("weak at several sections", every, several, weight=0.5))
+    found.append(any_symmetric(baseline, place, _sizes(length, soft), "any, as round a corner"))
+    return [replace(one, spread=SPREAD, realistic=REALISTIC) for one in found]
+
+
+def _section(arm: float, a: int, b: int) -> Array:
+    """Return the flexibility (6, 6) at the end of a section, an arm before it, that turns about two axes."""
+    moment = np.zeros((3, 6))  # at the section, of a wrench at the end
+    moment[:, 3:] = np.eye(3)
+    moment[1, 2], moment[2, 1] = -arm, arm
+    turn = np.zeros((3, 3))
+    turn[a, b] = turn[b, a] = 1.0
+    result: Array = moment.T @ turn @ moment
+    return result
+
+
+def _sizes(length: float, soft: float) -> Array:
+    """Return realistic sizes (6, 6) of the compliance at the end of a link."""
+    slide, turn = soft * length**3 / (3 * EI), soft * length / EI
+    own = np.array([slide, slide, slide, turn, turn, turn])
+    sizes: Array = COUPLED * np.sqrt(np.outer(own, own))
+    np.fill_diagonal(sizes, own)
+    return sizes
+
+
+def _skew(length: float) -> Array:
+    """Return the flexibility that couples both planes: principal axes turned against the local ones."""
+    result = np.zeros((6, 6))
+    result[1, 2] = length**3 / 3
+    result[1, 4], result[2, 5] = -(length**2) / 2, length**2 / 2
+    result[4, 5] = -length
+    return result + result.T
+
+
+EFFECT = Effect(
+    name="link-bending",
+    family="structure",
+    meaning="The link bends, stretches and twists more than the model says.",
+    components=_components,
+    shapes=_shapes,
+    separation="two reflectors on the link, at its ends",
+    look_alikes=("bearing-tilt",),
+    sources="of a heavy robot EI 3e6 to 3e7 N m^2, engineering estimate",
+)

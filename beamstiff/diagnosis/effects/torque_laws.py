@@ -1,0 +1,238 @@
+"""What the effects share: the torque about a joint's axis, slips that follow a law of it, axes of places."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from beamstiff.diagnosis.effects.effect import Quantity, Scales, Shape, stated_scale
+from beamstiff.diagnosis.residual.baseline import SILENT, Baseline, own_direction
+from beamstiff.diagnosis.residual.internal_wrench import Place
+from beamstiff.robot.description import Robot
+from beamstiff.robot.fields import FREE, RIGID
+from beamstiff.robot.parts import Joint
+from beamstiff.se3 import Array
+
+DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
+PAIRS = tuple((i, j) for i in range(6) for j in range(i, 6))  # of directions, of a symmetric compliance
+HEAVY = 8e6  # N m/rad, the stiffest drive of a robot of 2.7 m reach (seed 001, Table 2: 6.6e6 and more)
+
+CONTACT, SEAM = 2.0 / 3.0, 3.0  # powers of the load by which places give that stiffen, and that soften
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A joint's own direction under the rows.
+
+    Attributes
+    ----------
+    joint : Joint
+    load, dead : (N,) arrays, N m or N
+        Torque (force) about it from the row's load and from the dead weight.
+    shift : (N, 6) array
+        Displacement of the row's point per slip about it.
+    stiffness : float
+        As the robot was given; inf is rigid.
+    turns : bool
+        About the axis; else along it.
+    typical : float
+        Largest torque of the rows that were fitted, from loads and dead weight, or 1 where there is none.
+    """
+
+    joint: Joint
+    load: Array
+    dead: Array
+    shift: Array
+    stiffness: float
+    turns: bool
+    typical: float
+
+
+def component_of(robot: Robot, joint: Joint) -> str:
+    """Return the name by which a joint is a component: its variable, if no other has it, else its own."""
+    alone = [other.variable for other in robot.joints].count(joint.variable) == 1
+    return joint.variable if joint.variable is not None and alone else joint.name
+
+
+def joint_of(baseline: Baseline, component: str) -> Joint:
+    """Return the joint of a component."""
+    robot = baseline.nominal
+    return next(joint for joint in robot.joints if component_of(robot, joint) == component)
+
+
+def axis_at(baseline: Baseline, component: str) -> Axis:
+    """Return a joint's own direction."""
+    joint = joint_of(baseline, component)
+    kind = own_direction(baseline.nominal, joint.name)
+    at = 3 if kind == "torsional" else 0
+    place = baseline.places.joints[joint.name]
+    largest = stated_scale(baseline, "torque")
+    if largest is None:
+        largest = _largest(baseline.fit.places.joints[joint.name], at)
+    carries = _largest(place, at) > 0
+    return Axis(
+        joint=joint,
+        load=place.load[:, at] * carries,
+        dead=place.dead[:, at] * carries,
+        shift=place.shift[:, :, at],
+        stiffness=float(getattr(joint.stiffness, kind)),
+        turns=kind == "torsional",
+        typical=largest or 1.0,
+    )
+
+
+def _largest(place: Place, at: int) -> float:
+    """Return the largest entry of a place's wrenches; 0 where it is nothing but the rounding of others."""
+    every = most_of(place)
+    largest = float(np.abs(every[:, at]).max(initial=0.0))
+    return largest if largest > SILENT * float(np.linalg.norm(every, axis=1).max(initial=0.0)) else 0.0
+
+
+def most_of(place: Place) -> Array:
+    """Return all wrenches (2 N, 6) that a place passes, loaded and unloaded: laws act on both."""
+    return np.concatenate([place.load + place.dead, place.dead])
+
+
+def torque_scale(baseline: Baseline, component: str | None) -> Scales:
+    """Return the scale of the effects that count torques against the largest one."""
+    return {"torque": axis_at(baseline, str(component)).typical}
+
+
+def drives(baseline: Baseline) -> list[str | None]:
+    """Return the components whose own direction has a finite stiffness: drives, springs."""
+    found: list[str | None] = []
+    for joint in baseline.nominal.joints:
+        value = getattr(joint.stiffness, own_direction(baseline.nominal, joint.name))
+        if joint.name in baseline.places.joints and FREE < value < RIGID:
+            found.append(component_of(baseline.nominal, joint))
+    return found
+
+
+def by_law(baseline: Baseline, axis: Axis, law: Callable[[Array], Array]) -> Array:
+    """Return the displacement (N, 6) of a slip that follows a law of the torque.
+
+    Displacements are loaded less unloaded, and the dead weight acts in both.
+    """
+    result: Array = axis.shift * loaded_less_unloaded(baseline, axis.load, axis.dead, law)[:, None]
+    return result
+
+
+def loaded_less_unloaded(
+    baseline: Baseline, load: Array, dead: Array, law: Callable[[Array], Array]
+) -> Array:
+    """Return the slip (N, ...) of a law; in displacements loaded less unloaded."""
+    slip = law(load + dead)
+    return slip if baseline.absolute else slip - law(dead)
+
+
+def by_compliance(baseline: Baseline, place: Place, pairs: list[tuple[int, int]]) -> Array:
+    """Return the displacement (N, 6) of unit symmetric compliances of a place: pairs of directions, 0..5."""
+    passed = place.load + place.dead if baseline.absolute else place.load
+    slip = np.zeros_like(passed)
+    for a, b in pairs:
+        slip[:, a] += passed[:, b]
+        if a != b:
+            slip[:, b] += passed[:, a]
+    result: Array = np.einsum("nab,nb->na", place.shift, slip)
+    return result
+
+
+def any_compliance(baseline: Baseline, place: Place) -> Array:
+    """Return the displacements (N, 6, 21) of all unit symmetric compliances of a place."""
+    return np.stack([by_compliance(baseline, place, [pair]) for pair in PAIRS], -1)
+
+
+def any_symmetric(baseline: Baseline, place: Place, sizes: Array, name: str) -> Shape:
+    """Return the shape of any symmetric compliance of a place, of realistic sizes (6, 6); 0 is held."""
+    pairs = [pair for pair in PAIRS if sizes[pair] > 0]
+    columns = np.stack([by_compliance(baseline, place, [pair]) for pair in pairs], -1)
+    units = ("m/N", "rad/N", "rad/(N*m)")
+    quantities = tuple(
+        Quantity(
+            f"compliance_{DIRECTIONS[i]}_{DIRECTIONS[j]}",
+            units[(i > 2) + (j > 2)],
+            float(sizes[i, j]),
+            positive=i == j,
+        )
+        for i, j in pairs
+    )
+    return Shape(name, columns, quantities, weight=0.5)
+
+
+def by_side(baseline: Baseline, place: Place, at: int) -> Array:
+    """Return the displacement (N, 6) of a place that gives to either side of a direction, 0..5, as to one.
+
+    Beside a compliance it makes one side softer than the other: a seam that opens, a foot that lifts.
+    """
+    slip = loaded_less_unloaded(baseline, place.load[:, at], place.dead[:, at], np.abs)
+    result: Array = place.shift[:, :, at] * slip[:, None]
+    return result
+
+
+def load_scales(baseline: Baseline, fitted: Place) -> dict[str, float]:
+    """Return the largest force and moment of the rows that were fitted, N and N m, weight included."""
+    sizes = [np.linalg.norm(most_of(fitted)[:, part], axis=1) for part in (slice(3), slice(3, 6))]
+    return {
+        name: stated_scale(baseline, name) or float(size.max(initial=0.0)) or 1.0
+        for name, size in zip(("force", "moment"), sizes, strict=True)
+    }
+
+
+def by_contacts(
+    baseline: Baseline,
+    place: Place,
+    scales: Mapping[str, float],
+    rotation: float,
+    translation: float,
+    power: float = CONTACT,
+) -> tuple[list[Array], tuple[Quantity, ...]]:
+    """Return how a place that stiffens or softens displaces the rows, (N, 6) each: rotations, translations.
+
+    Its slip goes by the power 2/3 of the load, as that of contacts does, or by the third power, as where a
+    preload is used up and a seam opens (`SEAM`); the parameters are what it comes to under the largest load
+    (`load_scales`), usually that of the compliances given.
+    """
+    how = "at_contacts" if power == CONTACT else "of_seams"
+
+    def slip(at: int) -> Array:
+        def law(load: Array) -> Array:
+            share = load / scales["force" if at < 3 else "moment"]
+            return np.asarray(np.sign(share) * np.abs(share) ** power)
+
+        return loaded_less_unloaded(baseline, place.load[:, at], place.dead[:, at], law)
+
+    columns = [place.shift[:, :, at] * slip(at)[:, None] for at in (3, 4, 5, 0, 1, 2)]
+    turn, shift = rotation * scales["moment"], translation * scales["force"]
+    return columns, (
+        *(Quantity(f"rotation_{how}_{axis}", "rad", turn, positive=True) for axis in "xyz"),
+        *(Quantity(f"translation_{how}_{axis}", "m", shift, positive=True) for axis in "xyz"),
+    )
+
+
+def drive_compliance(axis: Axis) -> float:
+    """Return the compliance of a drive as the robot was given; of rigid ones a middling value."""
+    usual = 3e-7 if axis.turns else 3e-9
+    return 1.0 / axis.stiffness if FREE < axis.stiffness < RIGID else usual
+
+
+def softness(baseline: Baseline) -> float:
+    """Return how soft a machine is over a heavy robot, by its stiffest turning drive; 1 where there is none.
+
+    Realistic sizes of compliances are those of a heavy robot times this: what is usual of a small arm would
+    not be believed of a large one.
+    """
+    robot = baseline.nominal
+    own = [
+        joint.stiffness.torsional
+        for joint in robot.joints
+        if joint.variable is not None and own_direction(robot, joint.name) == "torsional"
+    ]
+    finite = [value for value in own if FREE < value < RIGID]
+    return HEAVY / max(finite) if finite else 1.0
+
+
+def unit_of(axis: Axis) -> str:
+    """Return the unit of a slip: rad, or m."""
+    return "rad" if axis.turns else "m"

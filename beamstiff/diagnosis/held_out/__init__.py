@@ -1,0 +1,1 @@
+"""What the causes explain of held-out postures."""

@@ -1,0 +1,1 @@
+"""How well every hypothesis explains the residual: evidence, component subspaces, pairs, linearisation."""

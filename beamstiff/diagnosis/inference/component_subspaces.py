@@ -1,0 +1,268 @@
+"""What every place could do at most: laws of their own, whatever their form.
+
+A structure's place may follow any symmetric 6x6 compliance, give way more to one side than to the other and
+more or less the more it is loaded. A drive's slip may be any curve of its torque, and may follow its angle,
+its history and the time. `where` looks for the gap among these laws; a cause with a name has to explain it
+better than they do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import numpy as np
+
+from beamstiff.diagnosis.effects import EFFECTS
+from beamstiff.diagnosis.effects.drive_stiffness import Following
+from beamstiff.diagnosis.effects.external import POSTURES, by_posture, clock
+from beamstiff.diagnosis.effects.hysteresis import BEGINNINGS, FEW, held_shares
+from beamstiff.diagnosis.effects.torque_laws import (
+    Axis,
+    any_compliance,
+    axis_at,
+    by_law,
+    component_of,
+    drives,
+)
+from beamstiff.diagnosis.inference.external_friction import lagging, slipping
+from beamstiff.diagnosis.inference.library import Library
+from beamstiff.diagnosis.inference.tool_ground_spring import held_tool, stopped, tethered
+from beamstiff.diagnosis.residual.baseline import SILENT, Baseline
+from beamstiff.diagnosis.residual.internal_wrench import Place
+from beamstiff.diagnosis.residual.whitened import Whitened
+from beamstiff.se3 import Array
+
+KNEES = (0.02, 0.1, 0.25, 0.5)  # of the largest torque: where the free torque curve can bend
+STEEP = 4.0  # how fast a place goes from one side to the other, over its usual load
+TURN = 0.4  # rad or m over which a drive's stiffness may change with its angle
+FADES = (1.0, 3.0, 10.0)  # usual times from state to state, over which a drive may remember its torque
+MODES = 16  # of a place's law
+DIGITS = 12  # of shares of the largest torque: what is less is rounding
+ABSORBED = 1e-6  # share of a column that the fit leaves, below which it leaves nothing
+TETHERED = "is held by something that acts as a spring to the floor, a hose or a cable"
+STOPPED = "comes up against something that stands still"
+PLAY = "has play"
+ONE_SIDED = "stays softer to one side, whatever its torque"
+CHANGING = "changes its stiffness with the time"
+CREEPING = "creeps"
+SOFTENING = "softens the more it carries"
+GIVING = (0.03, 0.05, 0.08, 0.12, 0.2, 0.3, 0.45)  # of the largest torque, beyond which it may
+UNSTEADY = "gives way otherwise in every posture"
+ASTRAY = "stands off otherwise in every posture"
+OF_POSTURES = (UNSTEADY, ASTRAY)
+SLIPPING = "slips against friction, so that what it does depends on the load history"
+STICKING = "stick or drag behind what moves, as gauges do"
+READINGS = "readings"
+INSIDE = ("structure", "drive")  # families of effects whose places have laws of their own here
+
+
+@dataclass(frozen=True, eq=False)
+class FreeLaw:
+    """Everything that a place could do.
+
+    Attributes
+    ----------
+    place : str
+        A joint's component, a link, ``base`` or ``tool``; outside the machine a frame, ``load`` and the like.
+    modes : (n, m) array
+        Its main modes, whitened, less what the fit absorbs; all together have mean square 1.
+    inside : bool
+        Whether it is a place of the machine that gives way.
+    nameless : dict of str to (n, k) array
+        Main modes of what no effect of the library is, by what the place would do: play of the structure,
+        friction at base and tool, a tether or a stop; of a drive what softens, stays softer to one side,
+        changes with the time or from posture to posture, or creeps; of readings that they stick. Few enough
+        each to be seen where all that the place could do is too much.
+    """
+
+    place: str
+    modes: Array
+    inside: bool = True
+    nameless: Mapping[str, Array] = field(default_factory=dict)
+
+
+def free_laws(baseline: Baseline, library: Library, white: Whitened) -> list[FreeLaw]:
+    """Return the free laws of the structure's places, of the drives, and of all that is outside the machine.
+
+    Of what is outside, all shapes of the library together count as free.
+    """
+    places = baseline.places
+    there = [(component_of(baseline.nominal, joint), joint.name) for joint in baseline.nominal.joints]
+    structure = [(name, places.joints[joint]) for name, joint in there if joint in places.joints]
+    structure += [(name, link) for name, link in places.links.items() if name not in places.standing]
+    structure += [("base", places.base), ("tool", places.flange)]
+    found = []
+    for name, at in structure:
+        compliance, bent, play = _of_structure(baseline, at)
+        nameless = {PLAY: _modes(white, (play,))}
+        if at is places.base or at is places.flange:
+            nameless[SLIPPING] = _modes(white, (slipping(baseline, at),))
+        if at is places.flange:
+            held = held_tool(baseline)
+            nameless[TETHERED] = _modes(white, tethered(baseline, held, white))
+            nameless[STOPPED] = _modes(white, (stopped(held),))
+        found.append(FreeLaw(name, _modes(white, (compliance, bent)), nameless=nameless))
+    for drive in map(str, drives(baseline)):
+        named, others = _of_drive(baseline, drive)
+        nameless = {does: _modes(white, (law,)) for does, law in others.items()}
+        softer = white.turn(_softening(baseline, drive))
+        if _softens(white, softer):
+            nameless[SOFTENING] = _main(white, [softer])
+        each = _by_posture(baseline, drive)
+        nameless |= {does: _main(white, [white.turn(law)], POSTURES) for does, law in each.items()}
+        found.append(FreeLaw(drive, _modes(white, (*named, *others.values())), nameless=nameless))
+    outside: dict[str, list[Array]] = {READINGS: []}
+    for one in library.hypotheses:
+        if EFFECTS[one.effect].family not in INSIDE:
+            lasting = [not item.passing for item in one.shape.parameters]
+            for place in one.places:
+                outside.setdefault(place, []).append(one.columns[:, lasting])
+    for place, columns in outside.items():
+        stuck = {STICKING: _modes(white, (lagging(baseline),))} if place == READINGS else {}
+        found.append(FreeLaw(place, _main(white, columns), inside=False, nameless=stuck))
+    found = [
+        replace(law, nameless={does: m for does, m in law.nameless.items() if m.shape[1]}) for law in found
+    ]
+    return [law for law in found if law.modes.shape[1] or law.nameless]
+
+
+def modes_of(laws: Sequence[FreeLaw], places: Collection[str], values: int) -> Array:
+    """Return the modes (n, m) of some places, n whitened values, together of mean square 1; none is m = 0."""
+    own = [law.modes for law in laws if law.place in places and law.modes.shape[1]]
+    result: Array = np.concatenate([np.zeros((values, 0)), *own], axis=1) / np.sqrt(max(len(own), 1))
+    return result
+
+
+def _modes(white: Whitened, groups: Iterable[Array]) -> Array:
+    """Return the main modes of kinds of freedom (N, 6, c), each with as much variance as the others."""
+    return _main(white, [white.turn(group) for group in groups])
+
+
+def _main(white: Whitened, groups: Sequence[Array], most: int = MODES) -> Array:
+    """Return the main modes of groups of whitened columns (n, c); (n, 0) where the fit leaves none."""
+    parts = []
+    for whole in groups:
+        columns = white.leave(whole)
+        size, before = np.linalg.norm(columns, axis=0), np.linalg.norm(whole, axis=0)
+        # a column that is small beside the others of its kind moves nothing but by rounding
+        kept = size > np.maximum(ABSORBED * before, SILENT * before.max(initial=0.0))
+        if kept.any():
+            parts.append(columns[:, kept] / size[kept] / np.sqrt(kept.sum()))
+    if not parts:
+        return np.zeros((white.gap.size, 0))
+    whole = np.concatenate(parts, axis=1)
+    # by the eigenvectors of the small side: LAPACK's quick singular values fail now and then on such columns
+    _, vectors = np.linalg.eigh(whole.T @ whole)
+    main = whole @ vectors[:, ::-1][:, : min(most, len(whole))]
+    result: Array = main * np.sqrt(len(main)) / np.linalg.norm(main)
+    return result
+
+
+def _of_structure(baseline: Baseline, place: Place) -> tuple[Array, Array, Array]:
+    """Return what any compliance (N, 6, 21), any bent law (N, 6, 18) and play (N, 6, 6) could do."""
+    compliance = any_compliance(baseline, place)
+    usual = np.sqrt((place.load**2).mean(axis=0) + (place.dead**2).mean(axis=0))
+    usual = np.where(usual > 0, usual, 1.0)
+
+    def bent(law: Callable[[Array], Array]) -> Array:
+        slip = law((place.load + place.dead) / usual)
+        if not baseline.absolute:
+            slip = slip - law(place.dead / usual)
+        result: Array = place.shift * slip[:, None, :]
+        return result
+
+    one_sided, grown, sudden = bent(np.abs), bent(lambda q: q * np.abs(q)), bent(lambda q: np.tanh(STEEP * q))
+    return compliance, np.concatenate([one_sided, grown, sudden], -1), sudden
+
+
+def _of_drive(baseline: Baseline, name: str) -> tuple[list[Array], dict[str, Array]]:
+    """Return the laws (N, 6, c) that a drive could follow: those with a name, and those without."""
+    axis = axis_at(baseline, name)
+    torque = (axis.load + axis.dead if baseline.absolute else axis.load) / axis.typical
+
+    def along(slip: Array) -> Array:
+        result: Array = axis.shift[:, :, None] * slip[:, None, :]
+        return result
+
+    bends = [
+        by_law(baseline, axis, lambda t, at=knee * axis.typical, side=side: np.clip(side * t / at, 0.0, 1.0))  # type: ignore[misc]
+        for knee in KNEES
+        for side in (1.0, -1.0)
+    ]
+    named = [np.stack(bends, -1)]
+    if axis.joint.variable is not None:
+        follow = Following(baseline, axis.joint.variable)
+        near = np.exp(-0.5 * ((follow.angle[:, None] - follow.fitted) / TURN) ** 2)
+        named += [along(torque[:, None] * near), along((torque * np.abs(torque))[:, None] * near)]
+    begun = [(ways, wound) for _, ways, wound in BEGINNINGS if len(ways) <= FEW]
+    held = [held_shares(baseline, axis, ways, wound) for ways, wound in begun]
+    friction = np.concatenate([one.reshape(len(one), -1) for one in held], axis=1)
+    if baseline.absolute:  # held alike everywhere it is an encoder's zero
+        friction = np.round(friction - friction.mean(axis=0), DIGITS)
+    named.append(along(friction))
+    time = clock(baseline)
+    one_sided = [by_law(baseline, axis, law) for law in (np.abs, np.square)]
+    changing = along(torque[:, None] * np.stack([time, time**2], -1))
+    fading = along(_remembered(baseline, axis, time))
+    return named, {ONE_SIDED: np.stack(one_sided, -1), CHANGING: changing, CREEPING: fading}
+
+
+def _softening(baseline: Baseline, name: str) -> Array:
+    """Return what a drive gives way more beyond each torque at which it may begin to, (N, 6, m)."""
+    axis = axis_at(baseline, name)
+
+    def beyond(torque: Array, at: float) -> Array:
+        return np.sign(torque) * np.maximum(np.abs(torque) - at * axis.typical, 0.0)
+
+    return np.stack([by_law(baseline, axis, partial(beyond, at=at)) for at in GIVING], -1)
+
+
+def _softens(white: Whitened, columns: Array) -> bool:
+    """Return whether the gap shows a drive that softens: one that hardens has the same laws backwards."""
+    left = white.leave(columns)
+    size = np.linalg.norm(left, axis=0)
+    kept = size > ABSORBED * np.linalg.norm(columns, axis=0)
+    if not kept.any():
+        return False
+    factor = np.linalg.lstsq(left[:, kept] / size[kept], white.leave(white.gap[:, None])[:, 0], rcond=1e-3)[0]
+    return bool((1.0 - np.array(GIVING)[kept]) @ (factor / size[kept]) > 0)
+
+
+def _by_posture(baseline: Baseline, name: str) -> dict[str, Array]:
+    """Return what a drive could do that is another in every posture, (N, 6, postures); see `by_posture`."""
+    axis, there = axis_at(baseline, name), by_posture(baseline)
+    torque = (axis.load + axis.dead if baseline.absolute else axis.load) / axis.typical
+    if not there.shape[1]:
+        return {}
+    gains = axis.shift[:, :, None] * (torque[:, None] * there)[:, None, :]
+    if not baseline.absolute:
+        return {UNSTEADY: gains}
+    return {UNSTEADY: gains, ASTRAY: axis.shift[:, :, None] * there[:, None, :]}
+
+
+def _remembered(baseline: Baseline, axis: Axis, time: Array) -> Array:
+    """Return the torques over the largest, of load and of weight, as memories of them fade, (N, m).
+
+    Since the first state of a pose, at which the weight's torque is another than before, too; what the weight
+    does shows only where most poses were read more than once.
+    """
+    rows = baseline.rows
+    torque = np.stack([axis.load, axis.dead], -1) / axis.typical
+    if np.median(np.unique(rows.pose, return_counts=True)[1]) < 2:
+        torque = torque[:, :1]
+    rates = np.tile(np.reciprocal(FADES), (torque.shape[1], 1)).T
+    result = np.zeros((len(rows), *rates.shape))
+    poses = [np.flatnonzero(rows.pose == pose) for pose in np.unique(rows.pose)]
+    poses = [at[np.argsort(time[at], kind="stable")] for at in poses]
+    steps = np.concatenate([np.diff(time[at]) for at in poses])
+    usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
+    for at in poses:
+        held = np.zeros_like(rates)
+        passed = np.diff(time[at], prepend=time[at[0]] - usual) / usual
+        for row, lasted in zip(at, passed, strict=True):
+            keep = np.exp(-lasted * rates)
+            held = keep * held + (1.0 - keep) * torque[row]
+            result[row] = held
+    return result.reshape(len(rows), -1)

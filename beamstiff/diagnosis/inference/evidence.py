@@ -1,0 +1,326 @@
+"""How well each hypothesis predicts the gap: its evidence, size and complexity paid for.
+
+For a shape with columns A (whitened, in realistic sizes) and parameters drawn from ``N(0, u^2)``, noise
+scale s and a share of the unknown K, the gap y is Gaussian, ``y ~ N(T b, s^2 (1 + r^2 K) + u^2 A A^T)``, b
+free: in the axes of `whitened` all sums are weighted ones, and with the eigenvalues g of ``A^T M A`` the
+density is closed in s and u. Parameters that cannot be negative come from the upper half of the normal, which
+weighs the density by twice the probability that they are not. It is averaged over s, u and r (Bayesian model
+averaging; MacKay, Neural Comp. 4 (1992) 415).
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import log_ndtr
+
+from beamstiff.diagnosis.inference.library import Hypothesis
+from beamstiff.diagnosis.residual.whitened import Whitened
+from beamstiff.se3 import Array
+
+SHARES = np.array([0.0, 0.03, 0.06, 0.12, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0])  # r, of the noise
+COARSE = np.array([0.0, 0.06, 0.25, 1.0, 4.0])  # the same where many second causes are weighed
+MAGNITUDES = np.linspace(-1.0, 1.0, 9)  # log u over log spread
+EXACT = 0.3  # prior that a shape is exactly right
+SWEEPS = 8  # of the search for a bound
+AMISS, FACTOR = 0.12, 2.0  # what it is off by otherwise, of its own size; within this factor
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Prior of the noise scale s against the stated sigma: values and their log weights, (S,)."""
+
+    value: Array
+    log_weight: Array
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Log evidence of everything.
+
+    Attributes
+    ----------
+    hypotheses : (H,) array
+    exact : (H,) array
+        With each shape taken as exactly right.
+    magnitude : (H,) array
+        Size u that fits best, in realistic sizes.
+    left : (H,) array
+        Share of the gap's size that a shape leaves to the unknown, whatever was expected of it.
+    none, unknown : float
+    """
+
+    hypotheses: Array
+    exact: Array
+    magnitude: Array
+    left: Array
+    none: float
+    unknown: float
+
+
+@dataclass(frozen=True, eq=False)
+class Stack:
+    """Hypotheses with one number of columns, side by side.
+
+    Attributes
+    ----------
+    index : (h,) int array
+        Their places among all.
+    count : int
+        Columns of each, c.
+    columns : (n, h c) array
+    positive : (h, c) bool array
+        Parameters that cannot be negative.
+    grams : dict of float to (h, c, c) array
+        ``A^T W A`` by the share of the unknown that the weights W belong to, kept: the same hypotheses are
+        weighed again and again, beside other causes.
+    """
+
+    index: NDArray[np.intp]
+    count: int
+    columns: Array
+    positive: NDArray[np.bool_]
+    grams: dict[float, Array] = field(default_factory=dict)
+
+    def gram(self, share: float, weight: Array) -> Array:
+        """Return ``A^T W A`` (h, c, c) for the weights (n,) of a share of the unknown."""
+        if share not in self.grams:
+            each = self.columns.reshape(len(weight), self.index.size, self.count).transpose(1, 0, 2)
+            self.grams[share] = each.transpose(0, 2, 1) @ (weight[:, None] * each)
+        return self.grams[share]
+
+
+def stacks_of(hypotheses: Sequence[Hypothesis]) -> list[Stack]:
+    """Return hypotheses side by side."""
+    by_count: dict[int, list[int]] = defaultdict(list)
+    for at, one in enumerate(hypotheses):
+        by_count[one.columns.shape[1]].append(at)
+    return [
+        Stack(
+            np.array(places),
+            count,
+            np.concatenate([hypotheses[at].columns for at in places], axis=1),
+            np.array(
+                [[one.positive for one in hypotheses[at].shape.parameters] for at in places], dtype=bool
+            ),
+        )
+        for count, places in by_count.items()
+    ]
+
+
+def evidence(
+    white: Whitened,
+    hypotheses: Sequence[Hypothesis],
+    scales: Scales,
+    shares: Array = SHARES,
+    stacks: Sequence[Stack] | None = None,
+) -> Evidence:
+    """Return the log evidence of no effect, the unknown, and each hypothesis.
+
+    Parameters
+    ----------
+    white : Whitened
+    hypotheses : sequence of Hypothesis
+    scales : Scales
+    shares : (R,) array
+        Of the unknown, in sigma.
+    stacks : sequence of Stack, optional
+        The hypotheses side by side, where they are weighed several times in the same axes.
+    """
+    stacks = stacks_of(hypotheses) if stacks is None else stacks
+    spread = np.array([one.shape.spread for one in hypotheses])
+    logs = np.stack(
+        [_given_share(white, stacks, spread, scales, share, white.gap[:, None])[..., 0] for share in shares]
+    )  # (R, 1 + H, U)
+    flat = logs[:, 0, 0]
+    span = np.log(spread)
+    amplitude = np.empty(len(hypotheses))
+    for stack in stacks:
+        left_of = (white.leave(stack.columns) ** 2).sum(axis=0).reshape(-1, stack.count).sum(axis=1)
+        amplitude[stack.index] = np.sqrt(left_of / max(white.freedom, 1))
+    size = np.maximum(amplitude, 1e-9)[:, None] * np.exp(span[:, None] * MAGNITUDES)  # (H, U), in sigma
+    weights = _share_weights(size, shares)  # (R, H, U)
+    joint = logs[:, 1:] + np.log(np.maximum(weights, 1e-300))
+    averaged = logsumexp(joint, axis=(0, 2)) - np.log(MAGNITUDES.size)
+    unknown = logsumexp(flat[1:]) - np.log(len(shares) - 1)
+    of_size = np.exp(joint - logsumexp(joint, axis=(0, 2))[:, None])  # (R, H, U)
+    freely = np.exp(logs[:, 1:] - logsumexp(logs[:, 1:], axis=(0, 2))[:, None])
+    whole = np.sqrt((white.leave(white.gap[:, None]) ** 2).sum() / max(white.freedom, 1))
+    left = (freely.sum(axis=2) * shares[:, None]).sum(axis=0) / (whole or 1.0)
+    best = MAGNITUDES[np.argmax(of_size.sum(axis=0), axis=1)]
+    return Evidence(
+        hypotheses=averaged,
+        exact=logsumexp(logs[0, 1:], axis=1) - np.log(MAGNITUDES.size),
+        magnitude=np.exp(span * best),
+        left=left,
+        none=float(flat[0]),
+        unknown=float(unknown),
+    )
+
+
+def detection(white: Whitened, hypotheses: Sequence[Hypothesis], scales: Scales, gaps: Array) -> Array:
+    """Return the log odds of any effect against none for gaps (n, d), (d,), each shape taken as exact."""
+    spread = np.array([one.shape.spread for one in hypotheses])
+    logs = _given_share(white, stacks_of(hypotheses), spread, scales, 0.0, gaps)
+    prior = np.log([one.prior for one in hypotheses])
+    some = logsumexp(logs[1:], axis=1) - np.log(MAGNITUDES.size)  # (H, d)
+    result: Array = logsumexp(some + prior[:, None], axis=0) - logs[0, 0]
+    return result
+
+
+def _share_weights(size: Array, shares: Array) -> Array:
+    """Return the prior of the shares of the unknown beside an effect of some size, (R, ...)."""
+    off = np.exp(-0.5 * (np.log(shares[1:, None, None] / (AMISS * size)) / np.log(FACTOR)) ** 2)
+    total = off.sum(axis=0)
+    inside = total > 1e-6
+    off = np.where(inside, (1 - EXACT) * off / np.where(inside, total, 1.0), 0.0)
+    faint = ~inside & (AMISS * size > shares[-1])
+    off[-1] = np.where(faint, 1 - EXACT, off[-1])
+    return np.concatenate([1.0 - off.sum(axis=0)[None], off])
+
+
+def _given_share(
+    white: Whitened, stacks: Sequence[Stack], spread: Array, scales: Scales, share: float, gaps: Array
+) -> Array:
+    """Return log densities (1 + H, U, d) of gaps (n, d); the first is that of no effect, for any u."""
+    weight = 1.0 / (1.0 + share**2 * white.unknown)
+    n, t = white.tangent.shape
+    # what is loose is fitted too, with a variance of its own: free columns have none to pay for
+    own = np.concatenate([white.tangent, share * white.loose], axis=1)
+    fitted = own.T @ (weight[:, None] * own)
+    fitted[np.arange(t, len(fitted)), np.arange(t, len(fitted))] += 1.0
+    chol = np.linalg.cholesky(fitted)
+    half = np.asarray(np.linalg.solve(chol, own.T * weight), dtype=np.float64)  # (t + m, n)
+    determinant = -0.5 * (-np.log(weight).sum() + 2 * np.log(np.diag(chol)).sum())
+    log_s = np.log(scales.value)
+    share_s = np.exp(scales.log_weight - logsumexp(scales.log_weight))
+    middle = float(np.exp(share_s @ log_s))
+    seen = half @ gaps
+    total = (weight[:, None] * gaps**2).sum(axis=0) - (seen**2).sum(axis=0)  # (d,)
+    constant = determinant - (n - t) * log_s + scales.log_weight  # (S,)
+
+    def averaged(left: Array, loss: Array) -> Array:
+        """Average over s: what is left (..., S, d), complexity (..., S, 1 or d)."""
+        inner = constant[:, None] - loss - 0.5 * left / scales.value[:, None] ** 2
+        return np.asarray(logsumexp(inner, axis=-2))
+
+    result = np.empty((1 + spread.size, MAGNITUDES.size, gaps.shape[1]))
+    nothing = averaged(np.broadcast_to(total, (log_s.size, total.size)), np.zeros((log_s.size, 1)))
+    result[0] = nothing
+    apart = weight[:, None] * gaps - half.T @ seen  # (n, d)
+    for stack in stacks:
+        eigenvalues, projected, vectors = _projected(stack, stack.gram(share, weight), half, apart)
+        sizes = spread[stack.index, None] ** MAGNITUDES  # (h, U)
+        upper = np.zeros((*sizes.shape, gaps.shape[1]))
+        signed = np.flatnonzero(stack.positive.any(axis=1))
+        if signed.size:
+            parts = (stack.positive[signed], eigenvalues[signed], projected[signed], vectors[signed])
+            upper[signed] = _log_upper(*parts, sizes[signed] / middle, middle)
+        for k in range(MAGNITUDES.size):
+            ratio = (sizes[:, k, None] / scales.value) ** 2  # (h, S)
+            grown = ratio[:, :, None] * eigenvalues[:, None]  # (h, S, c)
+            loss = 0.5 * np.log1p(grown).sum(axis=2)[..., None]
+            factor = ratio[:, :, None] / (1 + grown)
+            explained = factor @ projected**2  # (h, S, d)
+            result[1 + stack.index, k] = averaged(total - explained, loss - upper[:, k, None])
+    return result
+
+
+def _projected(stack: Stack, gram: Array, half: Array, apart: Array) -> tuple[Array, Array, Array]:
+    """Return eigenvalues of A^T M A (h, c), A^T M y along the vectors (h, c, d), and these (h, c, c)."""
+    shape = (stack.index.size, stack.count)
+    left = (half @ stack.columns).reshape(len(half), *shape).transpose(1, 0, 2)  # (h, t, c)
+    toward = (stack.columns.T @ apart).reshape(*shape, -1)
+    own = gram - left.transpose(0, 2, 1) @ left
+    if stack.count == 1:
+        return np.maximum(own[:, 0], 0.0), toward, np.ones_like(own)
+    values, vectors = np.linalg.eigh(own)
+    return np.maximum(values, 0.0), vectors.transpose(0, 2, 1) @ toward, vectors
+
+
+def _log_upper(
+    positive: NDArray[np.bool_],
+    eigenvalues: Array,
+    projected: Array,
+    vectors: Array,
+    sizes: Array,
+    scale: float,
+) -> Array:
+    """Return by how much the density grows (h, U, d), log, as some parameters (h, c) cannot be negative.
+
+    Twice the probability that each is not, given the gap and a noise scale, and given that those before it
+    are not: what is known to be positive is taken for normal again, with its new mean and variance (Mendell
+    and Elston, Biometrics 30 (1974) 41); and at most the probability that a sum of them is not (`_farthest`),
+    for far out that is far too much. Of several gaps, which are compared with each other only, as if the
+    parameters were independent. `eigenvalues` (h, c), `projected` (h, c, d) as of `_projected`; `sizes`
+    (h, U) over the noise scale.
+    """
+    ratio = sizes[:, :, None] ** 2
+    factor = ratio / (1.0 + ratio * eigenvalues[:, None])  # (h, U, c), variance along the vectors, / scale^2
+    mean = vectors[:, None] @ (factor[..., None] * projected[:, None]) / scale  # (h, U, c, d)
+    alone = projected.shape[2] > 1
+    if alone:
+        variance = (vectors[:, None] ** 2 @ factor[..., None])[..., 0]
+    else:
+        covariance = (vectors[:, None] * factor[:, :, None]) @ vectors[:, None].swapaxes(-1, -2)
+    result = np.zeros((*sizes.shape, projected.shape[2]))
+    if not alone:
+        pull = -(vectors @ projected)[:, None, :, 0] / scale  # -V^-1 m
+        bound = _farthest(mean[..., 0], covariance, pull, positive)[..., None]
+    for k in np.flatnonzero(positive.any(axis=0)).tolist():
+        own = variance[..., k] if alone else covariance[..., k, k]
+        spread = np.sqrt(np.maximum(own, 1e-300))[..., None]
+        above = mean[:, :, k] / spread
+        part = log_ndtr(above)
+        result += np.where(positive[:, None, None, k], np.log(2.0) + part, 0.0)
+        if alone:
+            continue
+        hazard = np.exp(-0.5 * above**2 - 0.5 * np.log(2.0 * np.pi) - part)  # (h, U, 1)
+        hazard = np.where(positive[:, None, None, k], hazard, 0.0)
+        toward = covariance[..., k] / spread  # (h, U, c)
+        mean = mean + (toward * hazard)[..., None]
+        lost = np.clip(hazard * (hazard + above), 0.0, 1.0)[..., None]
+        covariance = covariance - lost * toward[..., None] * toward[..., None, :]
+    if alone:
+        return result
+    bounded: Array = np.minimum(result, np.log(2.0) * positive.sum(axis=1)[:, None, None] + bound)
+    return bounded
+
+
+def _farthest(mean: Array, covariance: Array, pull: Array, positive: NDArray[np.bool_]) -> Array:
+    """Return a bound of the log probability that no positive parameter is negative, (h, U).
+
+    It is at most that of any sum of them with weights a >= 0 being positive, least where a is the pull of the
+    bounds on the likeliest point within them: ``V a + m >= 0``, found by Gauss and Seidel's method from the
+    `pull` (h, 1, c) that would bring all to nothing.
+    """
+    weight = np.where(positive[:, None], np.maximum(pull, 0.0), 0.0) + np.zeros_like(mean)
+    places = np.flatnonzero(positive.any(axis=0)).tolist()
+    for _ in range(SWEEPS):
+        for k in places:
+            own = np.maximum(covariance[..., k, k], 1e-300)
+            others = (covariance[..., k, :] * weight).sum(axis=-1) - own * weight[..., k]
+            weight[..., k] = np.where(
+                positive[:, None, k], np.maximum(-(mean[..., k] + others) / own, 0.0), 0.0
+            )
+    middle = (weight * mean).sum(axis=-1)
+    spread = np.sqrt(np.maximum(((covariance @ weight[..., None])[..., 0] * weight).sum(axis=-1), 1e-300))
+    result: Array = np.where(middle < 0, log_ndtr(middle / spread), 0.0)
+    return result
+
+
+def log_weights(hypotheses: Sequence[Hypothesis], found: Evidence) -> Array:
+    """Return the log of prior times evidence of each hypothesis, (H,)."""
+    result: Array = np.log([one.prior for one in hypotheses]) + found.hypotheses
+    return result
+
+
+def logsumexp(values: Array, axis: int | tuple[int, ...] | None = None) -> Array:
+    """Return the log of a sum of exponentials: `scipy.special` has it for more kinds of input, slower."""
+    most = values.max(axis=axis, keepdims=True)
+    result: Array = np.log(np.exp(values - most).sum(axis=axis)) + np.squeeze(most, axis=axis)
+    return result

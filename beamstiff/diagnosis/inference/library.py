@@ -1,0 +1,203 @@
+"""Every effect at every component of a robot in all its shapes, as columns; and what the data cannot show."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from beamstiff.diagnosis.effects import EFFECTS, Shape
+from beamstiff.diagnosis.effects.torque_laws import drives
+from beamstiff.diagnosis.residual.baseline import Baseline
+from beamstiff.diagnosis.residual.whitened import Whitened
+from beamstiff.errors import BeamstiffError, listed, suggest
+from beamstiff.se3 import Array
+
+ABSORBED = 0.02  # share of a signature's size that the fitted parameters leave
+OF_DRIVES = ("actuator-lever", "backlash", "gravity-compensator", "hardening", "hysteresis")
+FAINT = 0.1  # sigma a value, at the largest realistic size
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """One shape of an effect at a component.
+
+    Attributes
+    ----------
+    effect : str
+    component : str or None
+    shape : Shape
+    prior : float
+        Its share of all effects' prior probability.
+    columns : (n, c) array
+        Whitened, in realistic sizes.
+    places : tuple of str
+        Where the machine gives way if this is true; none for what is outside it.
+    """
+
+    effect: str
+    component: str | None
+    shape: Shape
+    prior: float
+    columns: Array
+    places: tuple[str, ...] = ()
+
+    @property
+    def key(self) -> str:
+        """``effect:component``."""
+        return key_of(self.effect, self.component)
+
+    @property
+    def sizes(self) -> Array:
+        """Realistic sizes of the parameters, (c,)."""
+        return np.array([quantity.size for quantity in self.shape.parameters])
+
+
+@dataclass(frozen=True)
+class Untestable:
+    """A candidate that the data cannot show, and why."""
+
+    effect: str
+    component: str | None
+    why: str
+
+
+@dataclass(frozen=True)
+class Library:
+    """All hypotheses, and the candidates among them that the data cannot show."""
+
+    hypotheses: tuple[Hypothesis, ...]
+    untestable: tuple[Untestable, ...]
+
+
+def key_of(effect: str, component: str | None) -> str:
+    """Return ``effect:component``, a missing component written ``null``."""
+    return f"{effect}:{'null' if component is None else component}"
+
+
+def state_library(baseline: Baseline, white: Whitened, without: Sequence[str] = ()) -> Library:
+    """Return what the data could be explained by.
+
+    Parameters
+    ----------
+    baseline : Baseline
+    white : Whitened
+    without : sequence of str
+        Effects, or ``effect:component``, to leave out.
+
+    Raises
+    ------
+    BeamstiffError
+        When `without` names no effect, or a component that it cannot have on this robot.
+    """
+    _check(baseline, without)
+    hypotheses: list[Hypothesis] = []
+    untestable = []
+    known = [effect for effect in EFFECTS.values() if effect.name not in without]
+    standing: tuple[str, ...] = ()
+    if not {"base-compliance", key_of("base-compliance", None)} & set(without):
+        standing = baseline.places.standing
+    others = {*without, *(key_of("link-bending", name) for name in standing)}
+    for effect in known:
+        components = [c for c in effect.components(baseline) if key_of(effect.name, c) not in others]
+        if not components:
+            untestable.append(Untestable(effect.name, None, _nowhere(effect.name, baseline)))
+        for component in components:
+            shapes = effect.shapes(baseline, component)
+            if not shapes and effect.name != "outliers":  # found by their rows, not by a shape
+                untestable.append(Untestable(effect.name, component, "nothing of it is left to vary here"))
+            total = sum(shape.weight for shape in shapes)
+            hypotheses += [
+                Hypothesis(
+                    effect=effect.name,
+                    component=component,
+                    shape=shape,
+                    prior=shape.weight / total / len(components) / len(known),
+                    columns=np.zeros((white.gap.size, len(shape.parameters))),
+                    places=effect.places(component),
+                )
+                for shape in shapes
+            ]
+    if "link-bending" not in without:
+        held = "rigid parts of a loop hold it: its forces are not determined"
+        stands = "it stands on the ground: what it gives is base-compliance here"
+        untestable += [Untestable("link-bending", name, held) for name in baseline.places.held]
+        untestable += [Untestable("link-bending", name, stands) for name in standing]
+    return seen_by(Library(tuple(hypotheses), tuple(untestable)), white)
+
+
+def by_candidate(hypotheses: Sequence[Hypothesis]) -> dict[str, list[int]]:
+    """Return where the shapes of each candidate stand among hypotheses, in their order."""
+    result: dict[str, list[int]] = {}
+    for at, one in enumerate(hypotheses):
+        result.setdefault(one.key, []).append(at)
+    return result
+
+
+def seen_by(library: Library, white: Whitened) -> Library:
+    """Return a library whitened anew, and what these data cannot show of it."""
+    hypotheses = whitened(library.hypotheses, white)
+    by_key = by_candidate(hypotheses)
+    shapes = [[hypotheses[at] for at in places] for places in by_key.values()]
+    hidden = [
+        Untestable(some[0].effect, some[0].component, why) for some in shapes if (why := _hidden(some, white))
+    ]
+    never = [one for one in library.untestable if key_of(one.effect, one.component) not in by_key]
+    return Library(hypotheses, (*never, *hidden))
+
+
+def _check(baseline: Baseline, without: Sequence[str]) -> None:
+    for name in without:
+        effect, _, component = name.partition(":")
+        if effect not in EFFECTS:
+            hint = suggest(effect, EFFECTS) or f"; known: {listed(EFFECTS, len(EFFECTS))}"
+            raise BeamstiffError(f"without: unknown effect {effect!r}{hint}")
+        known = [key_of(effect, one).partition(":")[2] for one in EFFECTS[effect].components(baseline)]
+        if component and component not in known:
+            hint = suggest(component, known) or f"; it can be at {listed(known) or 'none'}"
+            raise BeamstiffError(f"without: {effect} has no component {component!r} on this robot{hint}")
+
+
+def whitened(hypotheses: Sequence[Hypothesis], white: Whitened) -> tuple[Hypothesis, ...]:
+    """Return hypotheses with their columns whitened."""
+    if not hypotheses:
+        return ()
+    every = white.turn(np.concatenate([one.shape.columns * one.sizes for one in hypotheses], axis=-1))
+    ends = np.cumsum([one.sizes.size for one in hypotheses])
+    parts = np.split(every, ends[:-1], axis=1)
+    return tuple(replace(one, columns=part) for one, part in zip(hypotheses, parts, strict=True))
+
+
+def _hidden(hypotheses: Sequence[Hypothesis], white: Whitened) -> str:
+    """Return why none of the shapes of a candidate would show; empty when one would."""
+    if not hypotheses:
+        return ""
+    size = np.array([np.sqrt((one.columns**2).sum()) for one in hypotheses])
+    left = np.array([np.sqrt((white.leave(one.columns) ** 2).sum()) for one in hypotheses])
+    most = left * np.array([one.shape.spread for one in hypotheses]) / np.sqrt(max(white.freedom, 1))
+    if not size.any():
+        return "these loads and postures do not excite it"
+    if (left < ABSORBED * size).all():
+        return "the fitted stiffness absorbs it"
+    if (most < FAINT).all():
+        return f"too small: at the largest realistic size it moves a reading by {most.max():.2g} sigma"
+    return ""
+
+
+def _nowhere(effect: str, baseline: Baseline) -> str:
+    if effect == "payload-error":
+        return "displacements do not depend on it: look at absolute positions"
+    if effect == "thermal-drift":
+        if np.isfinite(baseline.rows.time).any() or np.isfinite(baseline.rows.temperature).any():
+            return "time and temperature are the same in all rows that have them"
+        return "the rows say neither when nor how warm: add a column t [s] or temperature [degC]"
+    if effect == "joint-compliance":
+        return "the model holds no joint rigid about its axis"
+    if effect == "joint-coupling":
+        return "fewer than two joints have springs about their axes"
+    if effect in OF_DRIVES and not drives(baseline):
+        return "the model holds every joint rigid about its axis"
+    if not np.abs(baseline.rows.wrench).any():
+        return "no row carries a load"
+    return "this robot has no component for it"

@@ -1,0 +1,1 @@
+"""What to measure next: the states that distinguish the likeliest causes."""

@@ -1,0 +1,112 @@
+"""States that could be measured next: load cycles at postures, and where else a reflector could sit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamstiff.diagnosis.residual.baseline import Baseline
+from beamstiff.measure.table import Measurements, make_measurements
+from beamstiff.planning.candidates import candidate_poses
+from beamstiff.planning.poses import closed_posture, random_poses, rounded_postures
+from beamstiff.robot.kinematics import compile_kinematics
+from beamstiff.se3 import Array
+
+POSES, MANY = 24, 400  # postures to choose from, of so many drawn
+NEAR = 0.15  # of the machine's size: as far from where the tool was seen it is likely to be seen as well
+AXES = 3  # along which each posture is loaded
+# shares of the largest load: a cycle shows history and reversal, and positions need the unloaded reading too
+STEPS: tuple[float, ...] = (0.5, 1.0, 0.5, -0.5, -1.0)
+ABSOLUTE: tuple[float, ...] = (0.0, 0.5, 1.0, -0.5, -1.0)
+UNLOADED: tuple[float, ...] = (0.0,)
+LOAD = 500.0  # N, where no force was applied so far
+APART = 1e-3  # m: nodes nearer than this are one place for a reflector
+
+
+def load_cycles(baseline: Baseline, seed: int) -> tuple[Measurements, NDArray[np.intp], NDArray[np.intp]]:
+    """Return states at postures within the limits, nothing measured, the cycle and the posture of each.
+
+    A cycle is loaded along one axis of the base frame. Where the table has absolute positions and no loads,
+    it is one unloaded reading, at a posture that was not measured yet where there is one.
+    """
+    rows, robot = baseline.rows, baseline.nominal
+    loads = (np.abs(rows.wrench).max(axis=1) > 0).any()
+    known, new = _postures(baseline, np.random.default_rng(seed))
+    if baseline.absolute and not loads:
+        q, axes, shares = new if len(new) else known, 1, UNLOADED
+    else:
+        q, axes = np.concatenate([known[: POSES // 2], new]), AXES
+        shares = ABSOLUTE if baseline.absolute else STEPS
+    largest = float(np.linalg.norm(rows.wrench[:, :3], axis=1).max(initial=0.0)) or LOAD
+    largest = float(f"{largest:.3g}")
+    steps, cycles = len(shares), len(q) * axes
+    direction = np.tile(np.repeat(np.eye(6)[:axes], steps, axis=0), (len(q), 1))
+    cycle = np.repeat(np.arange(cycles), steps)
+    proposed = empty_rows(
+        rows,
+        robot.tcp,
+        np.repeat(q, axes * steps, axis=0),
+        direction * (largest * np.tile(shares, cycles))[:, None] + 0.0,  # no -0
+        pose=cycle,
+        step=np.tile(np.arange(steps), cycles),
+        time=60.0 * np.arange(cycles * steps),
+    )
+    return proposed, cycle, cycle // axes
+
+
+def empty_rows(like: Measurements, tcp: str, q: Array, wrench: Array, **columns: object) -> Measurements:
+    """Return states (R, A) under wrenches (R, 6) at the TCP, of the kind of a table, nothing measured."""
+    kind = "position" if like.kind == "absolute" else "displacement"
+    nothing = np.full((len(q), 3 if kind == "position" else 6), np.nan)
+    more = {kind: nothing, **columns}
+    return make_measurements(list(like.variables), q, tcp=tcp, wrench=wrench, source="<next>", **more)  # type: ignore[arg-type]
+
+
+def reflector_nodes(baseline: Baseline) -> tuple[str, ...]:
+    """Return the nodes where a second reflector could sit: not at the TCP, and of those at one place one."""
+    robot, q = baseline.nominal, np.unique(baseline.rows.q, axis=0)
+    kinematics = compile_kinematics(robot)
+    at = closed_posture(kinematics, q)[0].node_positions
+    found = [robot.tcp]
+    for node in robot.nodes:
+        off = (
+            at[:, [kinematics.node_index[name] for name in found]] - at[:, [kinematics.node_index[node.name]]]
+        )
+        if np.abs(off).max(axis=(0, 2)).min() >= APART:
+            found.append(node.name)
+    return tuple(found[1:])
+
+
+def inside(region: Sequence[tuple[float, float]], positions: Array) -> NDArray[np.bool_]:
+    """Return which positions (n, 3) lie in a region, (n,)."""
+    low, high = np.asarray(region, dtype=np.float64).T
+    return np.asarray(((positions >= low) & (positions <= high)).all(axis=1))
+
+
+def _postures(baseline: Baseline, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Return postures (n, A) that were measured, and others where the tool can be measured, as it seems.
+
+    The others lie in the region that the rows state; otherwise near where the tool was seen: nothing else
+    tells of the floor, the pedestal and what the tracker sees.
+    """
+    rows = baseline.rows
+    kinematics = compile_kinematics(baseline.nominal)
+    tcp = kinematics.node_index[baseline.nominal.tcp]
+    known = np.unique(rows.q, axis=0)
+    seen = closed_posture(kinematics, known)[0].node_positions[:, tcp]
+    if rows.region is not None:
+        known = known[inside(rows.region, seen)]
+        others = candidate_poses(kinematics, POSES, int(rng.integers(1 << 31)), rows.region)
+    else:
+        others = random_poses(kinematics, MANY, rng)
+    others = rounded_postures(baseline.nominal, others, rows.units)
+    where, closed = closed_posture(kinematics, others)
+    others, at = others[closed], where.node_positions[:, tcp]
+    if rows.region is not None:
+        others = others[inside(rows.region, at)]
+    else:
+        far = np.linalg.norm(at[:, None] - seen[None], axis=2).min(axis=1)
+        others = others[far <= NEAR * kinematics.size]
+    return known[rng.permutation(len(known))], others[:POSES]

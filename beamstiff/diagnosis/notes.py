@@ -1,0 +1,110 @@
+"""What limits the conclusions, in one sentence each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from beamstiff.diagnosis.residual.baseline import fitted_names
+from beamstiff.diagnosis.residual.repeats import repeats
+from beamstiff.diagnosis.residual.screening import Screened
+from beamstiff.diagnosis.residual.whitened import Whitened
+from beamstiff.errors import listed
+from beamstiff.measure.doubts import doubts
+from beamstiff.robot.description import Robot
+
+OFF = 1.5  # a claimed noise is wrong by more than this factor
+FEW_POSES = 5
+FEW_VALUES = 30
+SURE = 0.001  # probability of what repeats show by chance
+
+
+def notes(screened: Screened, white: Whitened, verdict: str, scale: float) -> Iterator[str]:
+    """Yield what a reader of the verdict should know of the data: mistakes of the table first.
+
+    Parameters
+    ----------
+    verdict : str
+        Name of the effect, ``none`` or ``unknown``.
+    scale : float
+        Of the noise that the verdict leaves, against the sigma counted with.
+    """
+    baseline, rows = screened.baseline, screened.baseline.rows
+    poses = np.unique(rows.pose).size
+    yield from doubts(rows, baseline.nominal)
+    yield from chosen_for(baseline.nominal)
+    if white.freedom < FEW_VALUES:
+        plural = "s"[: white.freedom != 1]
+        yield f"only {white.freedom} value{plural} beyond those fitted: no confident verdict can come of them"
+    elif poses < FEW_POSES:
+        yield f"only {poses} posture{'s' * (poses > 1)}: what holds there need not hold in others"
+    if not baseline.claimed:
+        yield "the table states no noise: it was estimated along with everything that could be"
+    else:
+        for name, factor in zip(("position", "rotation"), screened.noise.tolist(), strict=True):
+            if factor > OFF or factor < 1.0 / OFF:
+                yield f"the noise of the {name}s looks {factor:.2g} times what the table claims"
+    if screened.silent:
+        yield (
+            "the rows scatter by less than a third of the noise that the table claims, as simulated ones do: "
+            "what is smaller than the claim is not looked at"
+        )
+    yield from _of_repeats(screened)
+    if verdict == "unknown":
+        yield (
+            "what no effect explains may stand in the table as well: joint columns in another order, loads "
+            "or readings in another frame, another tool"
+        )
+    if verdict == "none" and baseline.claimed and scale > OFF:
+        yield (
+            f"the fit leaves {scale:.2g} times the noise counted with: either that noise is not what it is "
+            "said to be, or something acts that these rows cannot show"
+        )
+    if not (np.abs(rows.wrench).max(axis=1) > 0).any():
+        places = (*baseline.places.joints.values(), *baseline.places.links.values())
+        weighs = baseline.absolute and any(place.dead.any() for place in places)
+        what = "only what gives way under the dead weight" if weighs else "nothing that gives way under load"
+        yield f"no row carries a load: {what} can show"
+    else:
+        force = rows.wrench[:, :3]
+        values = np.linalg.svd(force / max(float(np.linalg.norm(force)), 1e-300), compute_uv=False)
+        if (values > 0.05).sum() < 3:
+            yield "the forces do not span all directions: nothing is promised in those that were not loaded"
+        loads = force if force.any() else rows.wrench[:, 3:]
+        sizes = np.linalg.norm(loads, axis=1)
+        if np.ptp(sizes[sizes > 0]) < 0.05 * sizes.max():
+            yield "one load level only: laws that are not linear in the load can hardly show"
+    if count := len(screened.outliers):
+        yield f"{count} row{'s' * (count > 1)} that nothing explains left out"
+
+
+def chosen_for(robot: Robot) -> Iterator[str]:
+    """Yield what is fitted of a robot that does not name it."""
+    if robot.identify:
+        return
+    if names := fitted_names(robot):
+        yield (
+            f"robot {robot.name!r} names nothing under `identify:`, fitted is what its joints have about or "
+            f"along their axes: {listed(names, 12)}"
+        )
+    else:
+        yield (
+            f"robot {robot.name!r}: nothing is fitted, no joint gives way about or along its axis; with "
+            "values to start from (of a URDF: beamstiff convert IN --joint-stiffness '1e6 N*m/rad') its "
+            "drives are fitted before anything else is blamed"
+        )
+
+
+def _of_repeats(screened: Screened) -> Iterator[str]:
+    found = repeats(screened.baseline)
+    if not found.freedom.any():
+        yield "no state was measured twice: the noise cannot be told from what the model lacks by itself"
+        return
+    for kind, (name, factor, unit) in enumerate((("position", 1e3, "mm"), ("rotation", 1e3, "mrad"))):
+        # against the claim, which the baseline's sigma no longer is
+        ratio = found.noise[kind] * screened.noise[kind]
+        if screened.baseline.claimed and found.likely[kind] < SURE and not 1 / OFF < ratio < OFF:
+            yield f"repeats scatter {ratio:.2g} times as much as the {name} noise that the table claims"
+        if found.steady[kind] < SURE:
+            yield f"repeated {name}s drift by {3600 * factor * found.drift[kind]:.2g} {unit} an hour"

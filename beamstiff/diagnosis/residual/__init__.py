@@ -1,0 +1,1 @@
+"""The residual of the fitted model: in units of its noise, its repeats, its gross errors."""

@@ -1,0 +1,332 @@
+"""The model as it is, fitted to the data: what it leaves, and what it could absorb.
+
+The forward model holds everything that is known: closed loops, beams, payload, gravity, and the stiffness of
+the loaded machine (K_C). Its stiffness values (`identify:`) are fitted first; the diagnosis looks at what
+remains, and only at what these values cannot absorb.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamstiff.diagnosis.residual.internal_wrench import Places, find_places
+from beamstiff.fem.geometric import loaded_displacement
+from beamstiff.fem.structure import compile_structure
+from beamstiff.identification.minimise import minimise
+from beamstiff.identification.objective import Objective
+from beamstiff.identification.parameters import state_parameters
+from beamstiff.identification.problem import Problem, whitening
+from beamstiff.measure.arrays import Integers
+from beamstiff.measure.table import Measurements
+from beamstiff.model.linear import predict_displacements
+from beamstiff.model.ports import PortModel, reduce_to_ports
+from beamstiff.robot.description import Robot
+from beamstiff.robot.fields import RIGID
+from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
+from beamstiff.robot.stiffness import stiffness_parameters
+from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
+
+ROUNDS = 3  # of fitting and correcting for the loaded machine
+SILENT = 1e-9  # share of its like, below which a quantity is nothing but rounding
+POSITION_NOISE, ROTATION_NOISE = 3e-5, 5e-5  # m, rad: where a table says none, to begin with
+KNOWN_FACTOR = 1e4  # a fitted stiffness stays near its start unless the data say otherwise, by this factor
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """The fitted model, its residual and its tangent; N rows, t fitted values.
+
+    Attributes
+    ----------
+    robot : Robot
+        With the fitted stiffness.
+    nominal : Robot
+        As it was given.
+    rows : Measurements
+    fitted : tuple of str (t)
+    measured : (N, 6) array, m and rad
+        Displacement, or for absolute rows the deviation from the nominal pose, ``[d, r]``, base frame.
+    used : (N, 6) bool array
+    sigma : (N, 6) array
+        Standard deviations by which the components count.
+    claimed : bool
+        Whether the table states them.
+    sharing : (N,) int array
+        Rows with one unloaded reading; -1 none.
+    predicted : (N, 6) array
+    tangent : (N, 6, t) array
+        Derivatives by the compliances.
+    response : (N, 6, 6) array
+        Displacement of the row's point per unit wrench at its load point, linear.
+    places : Places
+    fit_rows : Baseline or None
+        The baseline that was fitted, where this one is its prediction for other rows.
+    stated : mapping of str to float or tuple of float, or None
+        Scales of an effect that the robot has, in place of those of the rows that were fitted.
+    """
+
+    robot: Robot
+    nominal: Robot
+    rows: Measurements
+    fitted: tuple[str, ...]
+    measured: Array
+    used: NDArray[np.bool_]
+    sigma: Array
+    claimed: bool
+    sharing: Integers
+    predicted: Array
+    tangent: Array
+    response: Array
+    places: Places
+    fit_rows: Baseline | None = None
+    stated: Mapping[str, float | tuple[float, ...]] | None = None
+
+    @property
+    def fit(self) -> Baseline:
+        """The baseline that was fitted: effects are scaled by its rows."""
+        return self.fit_rows or self
+
+    @property
+    def absolute(self) -> bool:
+        """Whether the rows are absolute positions."""
+        return self.rows.kind == "absolute"
+
+    @cached_property
+    def joint_values(self) -> dict[str, Array]:
+        """Every variable in every row, (N,) each: actuated ones as read, others with the loops closed."""
+        kinematics = compile_kinematics(self.nominal)
+        poses, number = np.unique(self.rows.q, axis=0, return_inverse=True)
+        values = posture(kinematics, poses).values[number.reshape(-1)]
+        return dict(zip(kinematics.coupling.names, values.T, strict=True))
+
+    @property
+    def gap(self) -> Array:
+        """Measured less predicted, (N, 6); 0 where not measured."""
+        return np.where(self.used, self.measured - self.predicted, 0.0)
+
+
+def fitted_names(robot: Robot) -> tuple[str, ...]:
+    """Return what is fitted: the robot's `identify`, or its joints' finite stiffness, own directions."""
+    if robot.identify:
+        return robot.identify
+    values = stiffness_parameters(robot)
+    names = [f"{joint.name}.{own_direction(robot, joint.name)}" for joint in robot.joints]
+    return tuple(name for name in names if 0.0 < values[name] < RIGID)
+
+
+def own_direction(robot: Robot, joint: str) -> str:
+    """Return the direction of the stiffness about, or along, the axis that a joint moves on."""
+    own = next(item for item in robot.joints if item.name == joint)
+    variable = next((item for item in robot.variables if item.name == own.variable), None)
+    return "axial" if variable is not None and variable.kind == "length" else "torsional"
+
+
+def fit_baseline(
+    robot: Robot, rows: Measurements, sigma: Array | None = None, keep: Sequence[str] | None = None
+) -> Baseline:
+    """Fit the model to the data.
+
+    Parameters
+    ----------
+    robot : Robot
+    rows : Measurements
+        Displacements or absolute poses.
+    sigma : (N, 6) array, optional
+        Standard deviations instead of those stated.
+    keep : sequence of str, optional
+        Parameters to fit instead of `fitted_names`.
+
+    Raises
+    ------
+    BeamstiffError
+        When the rows cannot be predicted: loops that do not close, a mechanism.
+    """
+    names = fitted_names(robot) if keep is None else tuple(keep)
+    measured, used = deviation(robot, rows), rows.measured_mask
+    claimed = bool((np.isfinite(rows.sigma) & used).any())
+    spread = _sigma(rows) if sigma is None else sigma
+    sharing = rows.sharing
+    fitted = robot
+    predicted = predict(fitted, rows)
+    if names:
+        model = reduce_to_ports(robot, rows, names, gravity=rows.kind == "absolute")
+        theta, stiffness = None, model.start
+        for _ in range(ROUNDS):
+            bent = predicted - model.predict(_values(fitted, names, model.start))
+            problem = Problem(
+                model=model,
+                measured=np.where(used, measured - bent, 0.0),
+                used=used,
+                sigma=spread,
+                sigma_known=claimed,
+                sharing=sharing,
+                pose=rows.pose,
+                load=rows.pose,
+                whitening=whitening(spread, used, sharing),
+                source=rows.source,
+            )
+            near = {
+                name: (value, KNOWN_FACTOR) for name, value in zip(names, model.start.tolist(), strict=True)
+            }
+            stated = state_parameters(names, model.start, priors=near)
+            found = minimise(Objective(problem, stated), begin=theta)
+            before, theta = stiffness, found.theta
+            stiffness = stated.stiffness(theta)
+            fitted = robot.with_parameters(dict(zip(names, stiffness.tolist(), strict=True)))
+            predicted = predict(fitted, rows)
+            if np.abs(np.log(stiffness / before)).max() < 1e-3:
+                break
+        tangent = _by_compliance(model, stiffness)
+    else:
+        tangent = np.zeros((len(rows), 6, 0))
+    return Baseline(
+        robot=fitted,
+        nominal=robot,
+        rows=rows,
+        fitted=names,
+        measured=np.where(used, measured, 0.0),
+        used=used,
+        sigma=spread,
+        claimed=claimed,
+        sharing=sharing,
+        predicted=predicted,
+        tangent=tangent,
+        response=tool_response(fitted, rows),
+        places=find_places(fitted, rows),
+    )
+
+
+def at_rows(fit: Baseline, rows: Measurements) -> Baseline:
+    """Return the fitted baseline's view of other rows, measured or not."""
+    predicted = predict(fit.robot, rows)
+    if fit.fitted:
+        model = reduce_to_ports(fit.robot, rows, fit.fitted, gravity=rows.kind == "absolute")
+        stiffness = _values(fit.robot, fit.fitted, model.start)
+        tangent = _by_compliance(model, stiffness)
+    else:
+        tangent = np.zeros((len(rows), 6, 0))
+    used = rows.measured_mask
+    return Baseline(
+        robot=fit.robot,
+        nominal=fit.nominal,
+        rows=rows,
+        fitted=fit.fitted,
+        measured=np.where(used, deviation(fit.nominal, rows), 0.0),
+        used=used,
+        sigma=_sigma(rows),
+        claimed=fit.claimed,
+        sharing=rows.sharing,
+        predicted=predicted,
+        tangent=tangent,
+        response=tool_response(fit.robot, rows),
+        places=find_places(fit.robot, rows),
+        fit_rows=fit.fit,
+    )
+
+
+def _by_compliance(model: PortModel, stiffness: Array) -> Array:
+    """Return the derivative of the displacements by compliances, (N, 6, t); 0 where it is but rounding."""
+    tangent: Array = -model.derivatives(stiffness)[1] * stiffness**2
+    size = np.linalg.norm(tangent, axis=(0, 1)) / stiffness
+    return np.where(size > SILENT * size.max(initial=0.0), tangent, 0.0)
+
+
+def around(fit: Baseline, stiffness: Array) -> Baseline:
+    """Return what is fitted, made linear about another stiffness (t,); what counts of its rows stays.
+
+    Displacements are linear in the compliances, so that a fit is the same from anywhere; what an effect does
+    depends on the stiffness of the rest.
+    """
+    robot = fit.nominal.with_parameters(dict(zip(fit.fitted, stiffness.tolist(), strict=True)))
+    there = at_rows(replace(fit, robot=robot), fit.rows)
+    return replace(there, used=fit.used, sigma=fit.sigma, sharing=fit.sharing, fit_rows=None)
+
+
+def tool_response(robot: Robot, rows: Measurements) -> Array:
+    """Return the displacement of the rows' points per unit wrench at their load points, (N, 6, 6), linear."""
+    if not any(0.0 < value < RIGID for value in stiffness_parameters(robot).values()):
+        return np.zeros((len(rows), 6, 6))
+    columns = []
+    for at in range(6):
+        wrench = np.zeros_like(rows.wrench)
+        wrench[:, at] = 1.0
+        columns.append(predict_displacements(robot, replace(rows, wrench=wrench)))
+    return np.stack(columns, axis=-1)
+
+
+def tcp_response(baseline: Baseline) -> Array:
+    """Return the displacement of the rows' points per unit wrench at the TCP, (N, 6, 6), linear."""
+    rows, tcp = baseline.rows, baseline.robot.tcp
+    if (rows.load_point == tcp).all():
+        return baseline.response
+    return tool_response(baseline.robot, replace(rows, load_point=np.full(len(rows), tcp)))
+
+
+def predict(robot: Robot, rows: Measurements) -> Array:
+    """Return what a model says of the rows, (N, 6).
+
+    Displacements are loaded less unloaded, deviations of absolute poses hold the dead weight as well; both
+    with the stiffness of the loaded machine, and with the effects that the robot has.
+    """
+    predicted = _of_structure(robot, rows)
+    if not robot.effects:
+        return predicted
+    from beamstiff.diagnosis.apply import effects_displacement  # which rests on baselines without effects
+
+    return predicted + effects_displacement(robot, rows)
+
+
+def _of_structure(robot: Robot, rows: Measurements) -> Array:
+    if not any(0.0 < value < RIGID for value in stiffness_parameters(robot).values()):
+        return np.zeros((len(rows), 6))
+    loaded = predict_displacements(robot, rows, preload=True)
+    if rows.kind == "displacement":
+        return loaded
+    structure = compile_structure(robot)
+    poses, number = np.unique(rows.q, axis=0, return_inverse=True)
+    where, pose = posture(structure.kinematics, poses), number.reshape(-1)
+    nothing = np.zeros((len(poses), len(robot.nodes), 6))
+    dead = loaded_displacement(structure, where, nothing, gravity=True)
+    seen = [structure.kinematics.node_index[name] for name in rows.point.tolist()]
+    both: Array = loaded + dead[pose, seen]
+    return both
+
+
+def deviation(robot: Robot, rows: Measurements) -> Array:
+    """Return displacements, or absolute poses less the nominal geometry's, (N, 6); NaN unknown."""
+    if rows.kind == "displacement":
+        return rows.displacement
+    positions, rotations = nominal_pose(robot, rows)
+    result = np.full((len(rows), 6), np.nan)
+    result[:, :3] = rows.position - positions
+    known = ~np.isnan(rows.rotation).any(axis=1)
+    if known.any():
+        turned = rotation_from_vector(rows.rotation[known]) @ rotations[known].swapaxes(-1, -2)
+        result[known, 3:] = vector_from_rotation(turned)
+    return result
+
+
+def nominal_pose(robot: Robot, rows: Measurements) -> tuple[Array, Array]:
+    """Return where the undeformed robot has the rows' points (N, 3), and the TCP's rotation (N, 3, 3)."""
+    kinematics = compile_kinematics(robot)
+    poses, number = np.unique(rows.q, axis=0, return_inverse=True)
+    where, pose = posture(kinematics, poses), number.reshape(-1)
+    seen = [kinematics.node_index[name] for name in rows.point.tolist()]
+    return where.node_positions[pose, seen], pose_of(kinematics, where, robot.tcp)[pose, :3, :3]
+
+
+def _values(robot: Robot, names: Sequence[str], start: Array) -> Array:
+    known = stiffness_parameters(robot)
+    values = np.array([known[name] for name in names])
+    return np.where(np.isfinite(values) & (values > 0), values, start)
+
+
+def _sigma(rows: Measurements) -> Array:
+    usual = np.repeat([POSITION_NOISE, ROTATION_NOISE], 3)
+    result: Array = np.where(np.isfinite(rows.sigma) & (rows.sigma > 0), rows.sigma, usual)
+    return result

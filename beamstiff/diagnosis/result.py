@@ -1,0 +1,258 @@
+"""What a diagnosis found, as plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from beamstiff.diagnosis.effects import EFFECTS
+from beamstiff.diagnosis.held_out.prediction import Fitted, Shrink, shift
+from beamstiff.diagnosis.inference.library import Untestable, key_of
+from beamstiff.diagnosis.residual.baseline import Baseline, at_rows, nominal_pose
+from beamstiff.errors import BeamstiffError
+from beamstiff.measure.table import Measurements
+from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
+from beamstiff.shown import Shown
+
+FORMAT = "beamstiff-diagnosis/1"
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter of an effect: value, standard deviation, unit; realistic sizes it is compared with.
+
+    `positive` is whether it cannot be negative, as what gives way with its load.
+    """
+
+    name: str
+    value: float
+    std: float
+    unit: str
+    realistic: tuple[float, float]
+    positive: bool = False
+
+    @property
+    def plausible(self) -> bool:
+        """Whether within two standard deviations it is not larger than realistic, nor negative wrongly."""
+        if self.positive and self.value < -2 * self.std:
+            return False
+        return abs(self.value) - 2 * self.std <= self.realistic[1]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An explanation of the gap, with its probability.
+
+    Attributes
+    ----------
+    effect : str
+        Name of the effect, ``none`` or ``unknown``.
+    component : str or None
+    probability : float
+    shape : str
+        The likeliest of its shapes; empty where it has none.
+    estimates : tuple of Estimate
+    shrink : Shrink or None
+    """
+
+    effect: str
+    component: str | None
+    probability: float
+    shape: str = ""
+    estimates: tuple[Estimate, ...] = ()
+    shrink: Shrink | None = None
+
+    @property
+    def key(self) -> str:
+        """``effect:component``."""
+        return key_of(self.effect, self.component)
+
+
+@dataclass(frozen=True)
+class Diagnosis(Shown):
+    """A diagnosis; see the format ``beamstiff-diagnosis/1`` for what its JSON holds.
+
+    Attributes
+    ----------
+    baseline : Baseline
+        The model fitted without effects.
+    linear : Baseline
+        The one about whose stiffness effects are linear: `fits` change this.
+    rms, noise : float, m
+        Position gap on held-out postures, and what noise alone would leave.
+    candidates : tuple of Candidate
+        The likeliest first; `none` and `unknown` among them.
+    verdict : Candidate
+    also : Candidate or None
+        A second cause beside the verdict.
+    indistinguishable : tuple of str
+    untestable : tuple of Untestable
+    outliers : tuple of str
+        Rows that nothing explains, as ``file:line``.
+    notes : tuple of str
+        What limits the conclusions, a sentence each.
+    where : mapping
+    next : sequence of mapping
+    fits : tuple of Fitted
+        Of the verdict, and of the second cause with it.
+    ceiling : float, m
+        What all that could give way, in any way at all, would leave on held-out postures: no cause can be
+        expected to leave less.
+    features : mapping of str to float
+        What the verdict rests on.
+    """
+
+    baseline: Baseline
+    linear: Baseline
+    rms: float
+    noise: float
+    candidates: tuple[Candidate, ...]
+    verdict: Candidate
+    also: Candidate | None
+    indistinguishable: tuple[str, ...]
+    untestable: tuple[Untestable, ...]
+    outliers: tuple[str, ...]
+    notes: tuple[str, ...]
+    fits: tuple[Fitted, ...]
+    ceiling: float
+    where: Mapping[str, Any] = field(default_factory=dict)
+    next: Sequence[Mapping[str, Any]] = ()
+    features: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def explainable(self) -> float:
+        """Share of the gap's square that is more than noise."""
+        return max(0.0, 1.0 - (self.noise / self.rms) ** 2) if self.rms > 0 else 0.0
+
+    def predict_shift(self, rows: Measurements) -> tuple[Array, Array]:
+        """Return what the fitted baseline, and it with the verdict's effects, say of rows, (N, 6) each.
+
+        Displacements ``[d, r]``, or absolute positions and rotation vectors, as the rows are; base frame.
+        """
+        there = at_rows(self.baseline, rows)
+        before = after = there.predicted
+        if self.fits:
+            near = at_rows(self.linear, rows)
+            columns = [[columns_at(near, one.hypothesis) for one in fit.shapes] for fit in self.fits]
+            after = near.predicted + shift(near, self.fits, columns)
+        return as_measured(there, before), as_measured(there, after)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the report as plain data, format ``beamstiff-diagnosis/1``."""
+        also = self.also
+        return {
+            "format": FORMAT,
+            "gap": {
+                "rms_mm": 1e3 * self.rms,
+                "noise_mm": 1e3 * self.noise,
+                "ceiling_mm": 1e3 * self.ceiling,
+                "explainable": self.explainable,
+            },
+            "where": dict(self.where),
+            "which": [self._candidate(one) for one in self.candidates],
+            "verdict": {
+                "effect": self.verdict.effect,
+                "component": self.verdict.component,
+                "probability": self.verdict.probability,
+                "indistinguishable": list(self.indistinguishable),
+                **(
+                    {}
+                    if also is None
+                    else {
+                        "also": {
+                            "effect": also.effect,
+                            "component": also.component,
+                            "probability": also.probability,
+                        }
+                    }
+                ),
+            },
+            "next": [dict(item) for item in self.next],
+            "untestable": [
+                {"effect": one.effect, "component": one.component, "why": one.why} for one in self.untestable
+            ],
+            "outliers": list(self.outliers),
+            "notes": list(self.notes),
+            "features": {name: _plain(value) for name, value in self.features.items()},
+        }
+
+    def _candidate(self, one: Candidate) -> dict[str, Any]:
+        result: dict[str, Any] = {
+            "effect": one.effect,
+            "component": one.component,
+            "probability": one.probability,
+            "parameters": {
+                item.name: {
+                    "value": item.value,
+                    "std": item.std,
+                    "unit": item.unit,
+                    "realistic": list(item.realistic),
+                    "plausible": item.plausible,
+                }
+                for item in one.estimates
+            },
+            "shape": one.shape,
+        }
+        if one.shrink is None:
+            return result | {
+                "rms_after_mm": 1e3 * self.rms,
+                "shrink": 0.0,
+                "shrink_interval": [0.0, 0.0],
+            }
+        return result | {
+            "rms_after_mm": 1e3 * one.shrink.after,
+            "shrink": one.shrink.shrink,
+            "shrink_interval": list(one.shrink.interval),
+        }
+
+
+def as_measured(baseline: Baseline, deviation: Array) -> Array:
+    """Return deviations (N, 6) as the rows measure: for absolute ones, position and rotation vector."""
+    if not baseline.absolute:
+        return deviation
+    positions, rotations = nominal_pose(baseline.nominal, baseline.rows)
+    turned = vector_from_rotation(rotation_from_vector(deviation[:, 3:]) @ rotations)
+    return np.concatenate([positions + deviation[:, :3], turned], axis=1)
+
+
+def columns_at(baseline: Baseline, hypothesis: Any) -> Array:
+    """Return a hypothesis' columns (N, 6, c) at a baseline's rows.
+
+    Raises
+    ------
+    BeamstiffError
+        When its shape does not exist there, as that of a closed loop which a changed geometry opens.
+    """
+    name = hypothesis.shape.name
+    shapes = EFFECTS[hypothesis.effect].shapes(baseline, hypothesis.component)
+    found = next((shape.columns for shape in shapes if shape.name == name), None)
+    if found is None:
+        raise BeamstiffError(f"{hypothesis.key}: its shape {name!r} does not exist in these rows")
+    return found
+
+
+def estimates_of(fit: Fitted, which: int = 0) -> tuple[Estimate, ...]:
+    """Return the parameters of one of the shapes of a fit, but those of the postures at hand alone."""
+    start = sum(one.hypothesis.columns.shape[1] for one in fit.shapes[:which])
+    shape = fit.shapes[which].hypothesis.shape
+    factor = shape.realistic or shape.spread
+    std = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))[fit.compliance.size :]
+    return tuple(
+        Estimate(
+            name=item.name,
+            value=float(fit.theta[start + k] * item.size),
+            std=float(std[start + k] * item.size),
+            unit=item.unit,
+            realistic=(item.size / factor, item.size * factor),
+            positive=item.positive,
+        )
+        for k, item in enumerate(shape.parameters)
+        if not item.passing
+    )
+
+
+def _plain(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,82 @@
+"""Rods across a joint: from a point before it to a point behind it, at one height on the axis."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+
+from beamstiff.exam.campaign import Array
+from beamstiff.exam.effect import in_the_middle
+from beamstiff.exam.laws import Law
+from beamstiff.exam.machine import Machine, Rod
+from beamstiff.exam.pedestal import free_name
+from beamstiff.robot.parts import Node
+
+
+@dataclass(frozen=True)
+class Across:
+    """Where a rod's ends sit about a joint's axis in the middle of its range.
+
+    Attributes
+    ----------
+    variable : str
+    behind, before : float, m
+        Distances of the ends on the moved side and on the other from the axis.
+    angle : float, rad
+        From the arm before to the arm behind, about the axis.
+    """
+
+    variable: str
+    behind: float
+    before: float
+    angle: float
+
+
+def axis_in_the_middle(machine: Machine, joint: str) -> tuple[Array, Array]:
+    """Return a joint's axis (3,) and a point on it (3,), base frame, in the middle of the range."""
+    placed, hinge = in_the_middle(machine.robot), machine.hinge(joint)
+    axis = placed.rotations[hinge.frame][0] @ hinge.axes[:, 0]
+    return axis, placed.node(machine.node(hinge.nodes[1]))[0]
+
+
+def across(machine: Machine, joint: str, place: Across) -> tuple[tuple[str, Node], tuple[str, Node]]:
+    """Return the nodes that each of a rod's ends hangs on, and the ends as new nodes: before, behind."""
+    placed, hinge = in_the_middle(machine.robot), machine.hinge(joint)
+    axis, point = axis_in_the_middle(machine, joint)
+    up = np.array([0.0, 0.0, 1.0]) if abs(axis[2]) < 0.7 else np.array([1.0, 0.0, 0.0])
+    u = up - (up @ axis) * axis
+    u = u / np.linalg.norm(u)
+    v = np.cross(axis, u)
+    before = point - place.before * u
+    behind = point + place.behind * (-np.cos(place.angle) * u - np.sin(place.angle) * v)
+
+    def node(host: str, at: Array, wanted: str) -> Node:
+        frame = machine.node(host).frame
+        local = placed.rotations[frame][0].T @ (at - placed.origins[frame][0])
+        return Node(name=free_name(machine, wanted), frame=frame, at=tuple(map(float, local)))  # type: ignore[arg-type]
+
+    first, second = hinge.nodes
+    return (first, node(first, before, "rod_before")), (second, node(second, behind, "rod_behind"))
+
+
+def with_rod(
+    machine: Machine,
+    ends: tuple[tuple[str, Node], tuple[str, Node]],
+    stiffness: float,
+    law: Law | None,
+) -> Machine:
+    """Return the machine with a rod between two new nodes, each rigidly on its host."""
+    (a, before), (b, behind) = ends
+    name = free_name(machine, "rod")
+    return dataclasses.replace(
+        machine,
+        nodes=(*machine.nodes, before, behind),
+        rigids=(
+            *machine.rigids,
+            (f"{a} {before.name}", (a, before.name)),
+            (f"{b} {behind.name}", (b, behind.name)),
+        ),
+        rods=(*machine.rods, Rod(name, (before.name, behind.name), stiffness, law)),
+    )

@@ -1,0 +1,229 @@
+"""One case examined blind: sealed, diagnosed from rows alone, reported, and only then opened."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from beamstiff.exam.baseline import linear_fit, true_rows, whitened_gap
+from beamstiff.exam.campaign import Truth
+from beamstiff.exam.cases import Case, Exam, draw_case
+from beamstiff.exam.names import is_named, normal
+from beamstiff.exam.record import Answer, Record, answer_of, failed, sha256
+from beamstiff.exam.simulate import simulate
+from beamstiff.files import write_whole
+from beamstiff.measure.table import Measurements, make_measurements
+from beamstiff.robot.description import Robot
+from beamstiff.se3 import Array
+
+
+class Diagnosis(Protocol):
+    """What a diagnosing function returns."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the report, as in the format ``beamstiff-diagnosis/1``."""
+        ...
+
+    def predict_shift(self, measurements: Measurements) -> tuple[Array, Array]:
+        """Return what the fitted baseline, and it with the verdict's effects, say of new rows, (N, 6)."""
+        ...
+
+
+class Diagnose(Protocol):
+    """A diagnosing function: it is given the model and the rows, and what its library has to do without."""
+
+    def __call__(
+        self, robot: Robot, measurements: Measurements, *, without: Sequence[str] = (), seed: int = 0
+    ) -> Diagnosis:
+        """Return the diagnosis."""
+        ...
+
+
+Control = Callable[[Robot, Measurements, Sequence[str]], str | Mapping[str, Any]]
+"""A plain method: model, rows and what is withheld in, ``effect:component``, ``none`` or a report out."""
+
+
+Baseline = Callable[[Case, Sequence[Sequence[Truth]]], list[Array]]
+"""Residuals (N, 6), m and rad, that the fitted model leaves of the noise-free rows of each set of truths."""
+
+
+def linear_baseline(case: Case, sets: Sequence[Sequence[Truth]]) -> list[Array]:
+    """Return residuals of the linear fit of the compliances that the robot lists to identify."""
+    fit = linear_fit(case.robot, case.machine, case.campaign)
+    return [fit.residual(truths) for truths in sets]
+
+
+@dataclass(frozen=True)
+class Examiner:
+    """Who is examined, and how.
+
+    Attributes
+    ----------
+    diagnose : Diagnose
+    baseline : Baseline
+        Fits the model without effects to noise-free rows; the residual it leaves is the gap.
+    controls : mapping of str to Control
+        Plain methods to compare with, by their name.
+    reports : path, optional
+        Folder for every report, as ``case-000012.json``.
+    """
+
+    diagnose: Diagnose
+    baseline: Baseline = linear_baseline
+    controls: Mapping[str, Control] = field(default_factory=dict)
+    reports: Path | None = None
+
+
+def examine(exam: Exam, case: int, examiner: Examiner, given: Case | None = None) -> Record:
+    """Return the record of a case: drawn, sealed, measured, diagnosed, reported, opened, compared.
+
+    Parameters
+    ----------
+    exam : Exam
+    case : int
+    examiner : Examiner
+    given : Case, optional
+        The case, where it has been drawn already.
+
+    Raises
+    ------
+    BeamstiffError
+        When the simulator cannot make the case, or the report cannot be written.
+    """
+    record, report = examined(exam, given or draw_case(exam, case), examiner)
+    keep_report(examiner, case, report)
+    return record
+
+
+def keep_report(examiner: Examiner, case: int, report: dict[str, Any]) -> None:
+    """Write a report into the examiner's folder, if there is one."""
+    if examiner.reports is not None:
+        write_whole(examiner.reports / f"case-{case:06d}.json", json.dumps(report, indent=1) + "\n")
+
+
+def examined(exam: Exam, drawn: Case, examiner: Examiner) -> tuple[Record, dict[str, Any]]:
+    """Return the record of a case that was drawn, and the report of its diagnosis; nothing is written."""
+    case, seal = drawn.label.case, drawn.label.digest()
+    rows = simulate(drawn.machine, drawn.truths, drawn.campaign, np.random.default_rng([exam.seed, case, 1]))
+    said = diagnosed(drawn.robot, rows, drawn.label.withheld, examiner)
+    answer, error, shifts = said.answer, said.error, None
+    if said.diagnosis is not None and is_named(answer.verdict):
+        try:
+            shifts = said.diagnosis.predict_shift(unmeasured(drawn))
+        except Exception as failure:  # whatever it is: the case counts as failed, the exam goes on
+            answer, error = failed(), _line(failure)
+    report_seal = sha256({"report": said.report, "promise": None if shifts is None else _plain(shifts)})
+    controls = {
+        name: asked(method, drawn.robot, rows, drawn.label.withheld)
+        for name, method in examiner.controls.items()
+    }
+    # from here on the label is open
+    gap, gaps = _gaps(drawn, examiner.baseline)
+    record = Record(
+        label=drawn.label,
+        answer=answer,
+        gap=gap,
+        gaps=gaps,
+        shrink=None if shifts is None else true_shrink(drawn, *shifts),
+        controls=controls,
+        label_sha256=seal,
+        report_sha256=report_seal,
+        seconds=said.seconds,
+        error=error,
+    )
+    return record, said.report
+
+
+def true_shrink(case: Case, before: Array, after: Array) -> float | None:
+    """Return the share of the gap on new rows that the verdict's effects close, clipped to [0, 1].
+
+    ``1 - (after/before)^2`` of the root mean square position errors against the noise-free truth. None where
+    the truth holds outliers, which new rows do not have, and where the new rows show no gap at all.
+    """
+    if any(truth.effect == "outliers" for truth in case.truths):
+        return None
+    truth = true_rows(case.machine, case.truths, case.fresh)[:, :3]
+    left = [float(np.square(predicted[:, :3] - truth).sum(axis=1).mean()) for predicted in (before, after)]
+    if left[0] < NO_GAP**2:
+        return None
+    return float(np.clip(1.0 - left[1] / left[0], 0.0, 1.0))
+
+
+NO_GAP = 1e-6  # m; below this new rows have nothing to close
+
+
+def unmeasured(case: Case) -> Measurements:
+    """Return the new rows as a plan: poses and loads, nothing measured."""
+    fresh = case.fresh
+    nothing = np.full((len(fresh), 6), np.nan)
+    absolute = fresh.kind == "absolute"
+    return make_measurements(
+        [variable.name for variable in case.robot.actuated],
+        fresh.q,
+        tcp=case.robot.tcp,
+        wrench=fresh.wrench,
+        displacement=None if absolute else nothing,
+        position=nothing[:, :3] if absolute else None,
+        point=fresh.point,
+        load_point=fresh.load_point,
+        pose=fresh.pose,
+        step=fresh.step,
+        time=fresh.time,
+        temperature=fresh.temperature,
+        source="<exam>",
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Said:
+    """What a diagnosing function said of some rows: nothing but an error where it broke off."""
+
+    answer: Answer
+    diagnosis: Diagnosis | None
+    report: dict[str, Any]
+    seconds: float
+    error: str | None
+
+
+def diagnosed(robot: Robot, rows: Measurements, withheld: Sequence[str], examiner: Examiner) -> Said:
+    """Return what the examined diagnosis says of the rows; where it breaks off, why."""
+    start = time.perf_counter()
+    try:
+        diagnosis = examiner.diagnose(robot, rows, without=withheld, seed=0)
+        report = diagnosis.to_dict()
+        answer = answer_of(report)
+    except Exception as error:  # whatever it is: the case counts as failed, the exam goes on
+        return Said(failed(), None, {}, time.perf_counter() - start, _line(error))
+    return Said(answer, diagnosis, report, time.perf_counter() - start, None)
+
+
+def asked(method: Control, robot: Robot, rows: Measurements, withheld: Sequence[str]) -> str:
+    """Return what a plain control says of the rows."""
+    try:
+        said = method(robot, rows, withheld)
+        return normal(said) if isinstance(said, str) else answer_of(said).verdict
+    except Exception:  # a control that breaks off is wrong
+        return normal("failed")
+
+
+def _gaps(case: Case, baseline: Baseline) -> tuple[float, tuple[float, ...]]:
+    if not case.truths:
+        return 0.0, ()
+    sets = [case.truths, *((truth,) for truth in case.truths)] if len(case.truths) > 1 else [case.truths]
+    residuals = baseline(case, sets)
+    gap, *single = (whitened_gap(case.campaign, residual) for residual in residuals)
+    return gap, tuple(single) or (gap,)
+
+
+def _plain(shifts: tuple[Array, Array]) -> list[list[list[float | None]]]:
+    return [[[round(v, 12) if v == v else None for v in row] for row in s.tolist()] for s in shifts]
+
+
+def _line(error: Exception) -> str:
+    return " ".join(f"{type(error).__name__}: {error}".split())[:300]

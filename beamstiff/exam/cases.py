@@ -1,0 +1,252 @@
+"""Cases drawn at random, each from its own seed: a machine, what is wrong with it, how it is measured."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from beamstiff.errors import BeamstiffError
+from beamstiff.exam.campaign import Campaign, Truth
+from beamstiff.exam.designs import (
+    Claim,
+    Data,
+    Design,
+    Wish,
+    draw_campaign,
+    draw_fresh,
+    largest_force,
+    planned,
+)
+from beamstiff.exam.forms import OUTSIDE, author_of, draw_truth, resized
+from beamstiff.exam.names import EFFECTS
+from beamstiff.exam.record import KINDS, Kind, Label, sha256
+from beamstiff.exam.robots import ROBOTS, WEIGHTS, exam_robot, with_payload, with_stiff_drive
+from beamstiff.exam.simulate import draw_stiffness
+from beamstiff.exam.sizes import DIGITS, sized
+from beamstiff.measure.table import Measurements
+from beamstiff.measure.writer import measurements_to_csv
+from beamstiff.robot.description import Robot
+from beamstiff.robot.writer import robot_to_yaml
+
+# cases of each kind in every hundred: 1720 hold 516 nulls and 40 of each of the 18 effects, lean ones too
+SHARES: Mapping[Kind, int] = {"null": 30, "single": 42, "pair": 9, "outside": 9, "removed": 10}
+PLAN_SHARES: Mapping[Kind, int] = {"null": 25, "single": 75}
+
+# how often absolute positions are measured: displacement hardly shows geometry and payload
+ABSOLUTE = {"geometry-error": 0.9, "payload-error": 0.9, "tool-offset": 0.4, "none": 0.25}
+ABSOLUTE_ELSE = 0.12
+CLAIMED: Mapping[Claim, float] = {"true": 0.6, "half": 0.15, "twice": 0.1, "absent": 0.15}
+STIFF_DRIVE = 0.08  # of the models hold one drive rigid, those with a joint compliance to find always
+TRIES = 60
+GRAVITY = 9.81
+
+
+@dataclass(frozen=True, eq=False)
+class Exam:
+    """What an exam draws its cases from; the same exam draws the same cases.
+
+    Attributes
+    ----------
+    seed : int
+    shares : mapping of kind to int
+        How many of every block of cases (their sum) are of each kind.
+    effects : tuple of str
+        That are asked, in turn.
+    robots : tuple of str
+        Names to draw from.
+    lean : float
+        Share of lean campaigns.
+    robot : Robot, optional
+        One robot instead of those by name.
+    plan : Measurements, optional
+        One campaign instead of drawn ones, of that robot.
+    noise : (float, float), m and rad
+        Of the plan, where its table does not say.
+    """
+
+    seed: int
+    shares: Mapping[Kind, int] = field(default_factory=lambda: dict(SHARES))
+    effects: tuple[str, ...] = EFFECTS
+    robots: tuple[str, ...] = ROBOTS
+    lean: float = 0.2
+    robot: Robot | None = None
+    plan: Measurements | None = None
+    noise: tuple[float, float] = (3e-5, 5e-5)
+
+    def settings(self) -> dict[str, Any]:
+        """Return what the cases depend on, as plain data; files by their SHA-256."""
+        return {
+            "seed": self.seed,
+            "shares": {kind: self.shares[kind] for kind in KINDS if self.shares.get(kind)},
+            "effects": list(self.effects),
+            "robots": list(self.robots) if self.robot is None else [self.robot.name],
+            "lean": self.lean,
+            "robot": None if self.robot is None else sha256(robot_to_yaml(self.robot)),
+            "plan": None
+            if self.plan is None or self.robot is None
+            else sha256(measurements_to_csv(self.plan, self.robot)),
+            "noise": list(self.noise),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A drawn case.
+
+    Attributes
+    ----------
+    label : Label
+    robot : Robot
+        The model that is diagnosed: its stiffness is nominal.
+    machine : Robot
+        The machine without its effects: its stiffness is true.
+    truths : tuple of Truth
+    campaign, fresh : Campaign
+        What is measured, and the new poses and loads that promises are tested on.
+    """
+
+    label: Label
+    robot: Robot
+    machine: Robot
+    truths: tuple[Truth, ...]
+    campaign: Campaign
+    fresh: Campaign
+
+
+def kind_of(exam: Exam, case: int) -> tuple[Kind, int]:
+    """Return the kind of a case, and how many cases of that kind come before it.
+
+    Blocks of cases hold the kinds exactly in their shares, in an order drawn for the block.
+    """
+    kinds = [kind for kind in KINDS for _ in range(exam.shares.get(kind, 0))]
+    if not kinds:
+        raise BeamstiffError("exam: found no kind of case with a share, expected at least one")
+    block, at = divmod(case, len(kinds))
+    order = np.random.default_rng([exam.seed, block, len(kinds), 2]).permutation(len(kinds))
+    shuffled = [kinds[k] for k in order]
+    kind = shuffled[at]
+    return kind, block * exam.shares[kind] + shuffled[:at].count(kind)
+
+
+def possible_effects(robot: Robot, effects: tuple[str, ...] = EFFECTS) -> tuple[str, ...]:
+    """Return those of the effects that a robot can have at all."""
+    found = []
+    for effect in effects:
+        try:
+            draw_truth(np.random.default_rng(0), robot, effect, 0.5)
+        except BeamstiffError:
+            continue
+        found.append(effect)
+    return tuple(found)
+
+
+def draw_case(exam: Exam, case: int) -> Case:
+    """Return a case, from the generator of ``[seed, case]`` alone.
+
+    Raises
+    ------
+    BeamstiffError
+        When no robot of the exam can have the effect.
+    """
+    rng = np.random.default_rng([exam.seed, case])
+    kind, before = kind_of(exam, case)
+    asked = tuple(effect.name for effect in OUTSIDE) if kind == "outside" else exam.effects
+    effect = "none" if kind == "null" else asked[before % len(asked)]
+    why = ""
+    for _ in range(TRIES):
+        robot_name = str(rng.choice(exam.robots, p=_weights(exam.robots)))
+        robot = exam.robot or exam_robot(robot_name, rng)
+        if exam.robot is None and (effect == "joint-compliance" or rng.random() < STIFF_DRIVE):
+            robot = with_stiff_drive(robot, rng)
+        try:
+            truths = _draw_truths(rng, robot, kind, effect, exam.effects)
+        except BeamstiffError as error:
+            why = str(error)
+            continue
+        return _drawn(exam, rng, robot, Drawn(case, kind, truths))
+    raise BeamstiffError(f"exam: case {case}: no robot can have {effect!r}: {why}")
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """What is wrong in a case, of any size yet."""
+
+    case: int
+    kind: Kind
+    truths: tuple[Truth, ...]
+
+
+def _draw_truths(
+    rng: np.random.Generator, robot: Robot, kind: Kind, effect: str, effects: tuple[str, ...]
+) -> tuple[Truth, ...]:
+    if kind == "null":
+        return ()
+    first = draw_truth(rng, robot, effect, 0.5)
+    if kind != "pair":
+        return (first,)
+    for _ in range(TRIES):
+        other = str(rng.choice(effects))
+        if other == effect:
+            continue
+        try:
+            second = draw_truth(rng, robot, other, 0.5)
+        except BeamstiffError:
+            continue
+        if second.component != first.component:
+            return first, second
+    raise BeamstiffError(f"robot {robot.name!r} has no second effect at another place beside {first.label}")
+
+
+def _drawn(exam: Exam, rng: np.random.Generator, robot: Robot, drawn: Drawn) -> Case:
+    wish = _draw_wish(exam, rng, drawn)
+    if exam.plan is not None:
+        campaign = planned(rng, exam.plan, exam.noise)
+    else:
+        if wish.data == "absolute" or rng.random() < 0.5:
+            mass = rng.uniform(0.2, 0.7) * largest_force(robot, rng) / GRAVITY
+            robot = with_payload(robot, float(mass), tuple(rng.uniform(-0.1, 0.1, 3).tolist()))
+        campaign = draw_campaign(rng, robot, wish)
+    machine = robot.with_parameters(draw_stiffness(rng, robot))
+    fresh = draw_fresh(rng, robot, campaign)
+    if exam.plan is not None:  # what the plan could find of all that there may be
+        sizes = tuple(round(float(rng.random()), DIGITS) for _ in drawn.truths)
+        pairs = zip(drawn.truths, sizes, strict=True)
+        truths = tuple(resized(truth, robot, size, int(rng.integers(2**31))) for truth, size in pairs)
+    else:
+        found = sized(rng, robot, machine, campaign, drawn.truths, drawn.kind)
+        truths, sizes = tuple(one.truth for one in found), tuple(one.size for one in found)
+    label = Label(
+        case=drawn.case,
+        kind=drawn.kind,
+        truths=tuple(truth.label for truth in truths),
+        sizes=sizes,
+        withheld=(truths[0].effect,) if drawn.kind == "removed" else (),
+        robot=robot.name,
+        design="plan" if exam.plan is not None else wish.design,
+        data=campaign.kind,
+        claimed=wish.claimed if exam.plan is None else "true",
+        readings=6 if campaign.rotations else 3,
+        forms=tuple(truth.form for truth in truths),
+        hand=max(map(author_of, truths), default=1),
+    )
+    return Case(label, robot, machine, truths, campaign, fresh)
+
+
+def _draw_wish(exam: Exam, rng: np.random.Generator, drawn: Drawn) -> Wish:
+    effects = [truth.effect for truth in drawn.truths] or ["none"]
+    absolute = max(ABSOLUTE.get(effect, ABSOLUTE_ELSE) for effect in effects)
+    data: Data = "absolute" if rng.random() < absolute else "displacement"
+    design: Design = "lean" if rng.random() < exam.lean else "rich"
+    readings: Literal[3, 6] = 6 if rng.random() < 0.5 else 3
+    claims = list(CLAIMED)
+    claimed = claims[int(rng.choice(len(claims), p=list(CLAIMED.values())))]
+    return Wish(design, data, readings, claimed)
+
+
+def _weights(robots: tuple[str, ...]) -> list[float]:
+    known = dict(zip(ROBOTS, WEIGHTS, strict=True))
+    weights = np.array([known.get(name, 1.0) for name in robots])
+    return list(weights / weights.sum())

@@ -1,0 +1,220 @@
+"""Measurement campaigns drawn at random: poses, loads, their order in time, noise and its claim."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamstiff.exam.campaign import Campaign
+from beamstiff.fem.condensation import tcp_compliance
+from beamstiff.fem.structure import compile_structure
+from beamstiff.measure.table import Measurements
+from beamstiff.planning.poses import random_poses
+from beamstiff.robot.description import Robot
+from beamstiff.robot.kinematics import compile_kinematics, posture
+from beamstiff.se3 import Array
+
+Design = Literal["rich", "lean"]
+Data = Literal["displacement", "absolute"]
+Claim = Literal["true", "half", "twice", "absent"]
+
+CLAIMS: dict[Claim, float] = {"true": 1.0, "half": 0.5, "twice": 2.0}
+DEFLECTION = 1.3e-3  # m; loads are chosen so that the tool gives way by about this in the middle of the poses
+LARGEST_FORCE = 6000.0  # N
+MOST_ROWS = 250
+LEAN_POSES = 10
+
+# loads of one direction in the order of time, as parts of the largest
+STEPS = (1 / 3, 2 / 3, 1.0)
+CYCLE = (1 / 3, 2 / 3, 1.0, 2 / 3, 1 / 3, 0.0)
+BOTH_SIGNS = (0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5, 0.0)
+FINE = (0.1, 0.25, 0.5, 1.0, -0.1, -0.25, -0.5, -1.0)
+PATTERNS = (STEPS, CYCLE, BOTH_SIGNS, FINE)
+PATTERN_WEIGHTS = (0.15, 0.25, 0.4, 0.2)
+WEIGHT_AND_LOADS = (0.0, 0.5, 1.0)  # of absolute positions: the payload by itself, then loads
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What sort of campaign is to be drawn."""
+
+    design: Design
+    data: Data
+    readings: Literal[3, 6]
+    claimed: Claim
+
+
+def draw_campaign(rng: np.random.Generator, robot: Robot, wish: Wish) -> Campaign:
+    """Return a campaign of the wished sort.
+
+    Rich: 12 to 24 poses with two or three load directions of three to eight states, repeats of the last state
+    of a pose, now and then a second reflector; absolute positions: 24 to 40 poses with the payload alone and
+    two loads. Lean: ten poses, one load each, nothing repeated. Noise 0.02 to 0.05 mm and 2e-5 to 1e-4 rad.
+    """
+    force = largest_force(robot, rng) * rng.uniform(0.6, 1.4)
+    pattern: tuple[float, ...]
+    if wish.design == "lean":
+        poses, directions, pattern, repeats = LEAN_POSES, 1, (rng.uniform(0.6, 1.0),), 1
+    elif wish.data == "absolute":
+        poses, directions, pattern = int(rng.integers(24, 41)), 1, WEIGHT_AND_LOADS
+        repeats = int(rng.integers(2, 4))
+    else:
+        directions = int(rng.integers(2, 4))
+        pattern = PATTERNS[int(rng.choice(len(PATTERNS), p=PATTERN_WEIGHTS))]
+        poses = min(int(rng.integers(12, 25)), max(12, MOST_ROWS // (directions * len(pattern))))
+        repeats = int(rng.integers(2, 4))
+    loads = draw_loads(rng, poses, directions, force, cone=wish.design == "lean" and rng.random() < 0.4)
+    campaign = _campaign(rng, robot, reachable(rng, robot, poses), loads, pattern, repeats)
+    sigma = rng.uniform(2e-5, 5e-5), float(np.exp(rng.uniform(np.log(2e-5), np.log(1e-4))))
+    claim = CLAIMS.get(wish.claimed)
+    campaign = replace(
+        campaign,
+        kind=wish.data,
+        sigma_position=sigma[0],
+        sigma_rotation=sigma[1],
+        claimed_position=None if claim is None else claim * sigma[0],
+        claimed_rotation=None if claim is None or wish.readings == 3 else claim * sigma[1],
+        shared_unloaded=wish.data == "displacement" and rng.random() < 0.3,
+        rotations=wish.readings == 6,
+    )
+    if wish == replace(wish, design="rich", data="displacement") and rng.random() < 0.15:
+        return _second_reflector(rng, robot, campaign)
+    return campaign
+
+
+def draw_fresh(rng: np.random.Generator, robot: Robot, like: Campaign) -> Campaign:
+    """Return new poses with loads in new directions, without noise, measured as `like` was."""
+    force = float(np.linalg.norm(like.wrench[:, :3], axis=1).max(initial=0.0)) or largest_force(robot, rng)
+    absolute = like.kind == "absolute"
+    poses = 20 if absolute else 10
+    pattern = WEIGHT_AND_LOADS if absolute else BOTH_SIGNS
+    loads = draw_loads(rng, poses, 1, force, cone=False)
+    fresh = _campaign(rng, robot, reachable(rng, robot, poses), loads, pattern, 1)
+    return replace(fresh, kind=like.kind, rotations=like.rotations)
+
+
+def planned(rng: np.random.Generator, plan: Measurements, sigma: tuple[float, float]) -> Campaign:
+    """Return the campaign that a user's table of tests lays out; its measured values are not looked at.
+
+    Parameters
+    ----------
+    plan : Measurements
+    sigma : (float, float), m and rad
+        Noise where the table does not say.
+    """
+    rows = len(plan)
+    position = plan.sigma_position or sigma[0]
+    rotation = plan.sigma_rotation or sigma[1]
+    rotations = plan.sigma_rotation is not None or bool(plan.measured_mask[:, 3:].any())
+    time = np.where(np.isnan(plan.time), 60.0 * np.arange(rows), plan.time)
+    _, group = np.unique(plan.pose, return_inverse=True)
+    earlier = np.tril(group[:, None] == group[None, :], -1).sum(axis=1)  # rows of the pose before this one
+    return Campaign(
+        q=plan.q,
+        wrench=plan.wrench,
+        pose=plan.pose,
+        step=np.where(np.isnan(plan.step), earlier, plan.step).astype(np.int64),
+        time=time,
+        temperature=np.where(np.isnan(plan.temperature), _warming(rng, time), plan.temperature),
+        point=plan.point,
+        load_point=plan.load_point,
+        kind=plan.kind,
+        sigma_position=position,
+        sigma_rotation=rotation,
+        claimed_position=position,
+        claimed_rotation=rotation if rotations else None,
+        shared_unloaded=plan.shared_unloaded,
+        rotations=rotations,
+    )
+
+
+def reachable(rng: np.random.Generator, robot: Robot, count: int) -> Array:
+    """Return poses within the limits whose loops close, (count, A), the tool above the floor where it can be.
+
+    The floor is the height of the base frame.
+    """
+    kinematics = compile_kinematics(robot)
+    drawn = random_poses(kinematics, 4 * count, rng)
+    height = posture(kinematics, drawn).node_positions[:, kinematics.node_index[robot.tcp], 2]
+    return drawn[np.argsort(height < 0.0, kind="stable")[:count]]
+
+
+def largest_force(robot: Robot, rng: np.random.Generator) -> float:
+    """Return a force, N, that moves the tool by `DEFLECTION` in the middle of the machine's poses."""
+    structure = compile_structure(robot)
+    at = posture(structure.kinematics, random_poses(structure.kinematics, 24, rng))
+    softness = np.linalg.norm(tcp_compliance(structure, at)[:, :3, :3], axis=(1, 2)) / np.sqrt(3.0)
+    return min(LARGEST_FORCE, DEFLECTION / float(np.median(softness)))
+
+
+def draw_loads(rng: np.random.Generator, poses: int, directions: int, force: float, cone: bool) -> Array:
+    """Return the largest wrenches, (poses, directions, 6): forces all around, half of them off centre.
+
+    With `cone` they lie within 20 deg of straight down, as weights on a rope pull.
+    """
+    towards = rng.normal(size=(poses, directions, 3))
+    towards /= np.linalg.norm(towards, axis=-1, keepdims=True)
+    if cone:
+        towards = np.array([0.0, 0.0, -1.0]) + np.sin(np.deg2rad(20.0)) * towards
+        towards /= np.linalg.norm(towards, axis=-1, keepdims=True)
+    forces = force * towards
+    arm = rng.uniform(-0.2, 0.2, size=(poses, directions, 3)) * (rng.random((1, directions, 1)) < 0.5)
+    return np.concatenate([forces, np.cross(arm, forces)], axis=-1)
+
+
+def _campaign(
+    rng: np.random.Generator,
+    robot: Robot,
+    q: Array,
+    loads: Array,
+    pattern: tuple[float, ...],
+    repeats: int,
+) -> Campaign:
+    """Return every direction's states pose after pose; the last state of a pose is read `repeats` times."""
+    poses, directions = loads.shape[:2]
+    states = loads[:, :, None, :] * np.array(pattern)[:, None]
+    states = states.reshape(poses, directions * len(pattern), 6)
+    states = np.concatenate([states, np.repeat(states[:, -1:], repeats - 1, axis=1)], axis=1)
+    steps = states.shape[1]
+    rows = poses * steps
+    pauses = np.full((poses, steps), rng.uniform(20.0, 90.0))
+    pauses[:, 0] += rng.uniform(60.0, 300.0)  # the machine moves, the load is taken off
+    time = np.cumsum(pauses.reshape(-1)) - pauses[0, 0]
+    tcp: NDArray[np.str_] = np.full(rows, robot.tcp)
+    return Campaign(
+        q=np.repeat(q, steps, axis=0),
+        wrench=states.reshape(rows, 6),
+        pose=np.repeat(np.arange(poses), steps),
+        step=np.tile(np.arange(steps), poses),
+        time=time,
+        temperature=_warming(rng, time),
+        point=tcp,
+        load_point=tcp.copy(),
+    )
+
+
+def _warming(rng: np.random.Generator, time: Array) -> Array:
+    """Return the temperature of a machine that warms up to a new level, read to 0.05 K."""
+    rise, lag = rng.uniform(0.0, 8.0), rng.uniform(0.2, 1.0) * max(float(np.ptp(time)), 1.0)
+    exact = rng.uniform(18.0, 24.0) + rise * -np.expm1(-(time - time.min()) / lag)
+    read: Array = np.round((exact + rng.normal(scale=0.05, size=time.shape)) / 0.05) * 0.05
+    return read
+
+
+def _second_reflector(rng: np.random.Generator, robot: Robot, campaign: Campaign) -> Campaign:
+    """Return the campaign with every state seen at a second node too, one that moves."""
+    held = {node.name for node in robot.nodes if node.frame == "base"} | {*robot.fixed, robot.tcp}
+    nodes = [node.name for node in robot.nodes if node.name not in held]
+    if not nodes:
+        return campaign
+    seen = np.repeat(np.arange(len(campaign)), 2)
+    point = campaign.point[seen].astype(object)
+    point[1::2] = nodes[int(rng.integers(len(nodes)))]
+    rows = {
+        name: getattr(campaign, name)[seen]
+        for name in ("q", "wrench", "pose", "step", "time", "temperature", "load_point")
+    }
+    return replace(campaign, **rows, point=point.astype(np.str_))

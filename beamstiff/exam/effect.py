@@ -1,0 +1,153 @@
+"""What an effect of the simulated machines is, and how its places and sizes are drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from beamstiff.exam.campaign import Array, Truth
+from beamstiff.exam.machine import drives_of, joints_of, own_stiffness
+from beamstiff.exam.placing import Placed, place, skeleton_of
+from beamstiff.exam.reality import Reality
+from beamstiff.robot.description import Robot
+
+WIDE = np.deg2rad(60.0)  # stroke to either side where a variable has no limits
+LONG = 0.4  # m, likewise of a prismatic one
+LARGE = 6.6e6  # N m/rad, axis 2 of a robot with 2.7 m reach (KUKA KR240-2)
+SMALL = 6.0
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is to be drawn: the parameters of a form at a component, of a size in [0, 1]."""
+
+    rng: np.random.Generator
+    robot: Robot
+    component: str | None
+    form: str
+    size: float
+
+
+@dataclass(frozen=True)
+class Effect:
+    """An effect that a simulated machine can have.
+
+    Attributes
+    ----------
+    name : str
+    forms : tuple of str
+        Constitutive forms.
+    places : callable
+        Components that the effect can sit at on a robot; none where it cannot.
+    draw : callable
+        Parameters, none of which is a joint's own stiffness: that is the machine's.
+    impose : callable
+        A reality with the effect.
+    authors : tuple of tuple of str
+        The forms by who wrote them, the first hand's first; empty where all are the first hand's.
+    """
+
+    name: str
+    forms: tuple[str, ...]
+    places: Callable[[Robot], Sequence[str | None]]
+    draw: Callable[[Asked], dict[str, float]]
+    impose: Callable[[Truth, Reality], Reality]
+    authors: tuple[tuple[str, ...], ...] = ()
+
+    def draw_form(self, rng: np.random.Generator) -> str:
+        """Return a form: of every hand as often."""
+        authors = [some for some in self.authors if some] or [self.forms]
+        some = authors[int(rng.integers(len(authors)))]
+        return some[int(rng.integers(len(some)))]
+
+    def author_of(self, form: str) -> int:
+        """Return who wrote a form: 1 for the first hand."""
+        return next((k for k, some in enumerate(self.authors, start=1) if form in some), 1)
+
+
+def joined(first: Effect, *later: Effect | None) -> Effect:
+    """Return an effect with the forms of several authors (None: that one wrote none)."""
+    found = [first, *(effect for effect in later if effect is not None)]
+
+    def of(form: str) -> Effect:
+        return next(effect for effect in found if form in effect.forms)
+
+    return Effect(
+        first.name,
+        tuple(form for effect in found for form in effect.forms),
+        first.places,
+        lambda asked: of(asked.form).draw(asked),
+        lambda truth, reality: of(truth.form).impose(truth, reality),
+        tuple(() if effect is None else effect.forms for effect in (first, *later)),
+    )
+
+
+def between(size: float, low: float, high: float) -> float:
+    """Return the value at `size` in [0, 1] of the way from low to high, evenly by ratio."""
+    return float(low * (high / low) ** size)
+
+
+def sign(rng: np.random.Generator) -> float:
+    """Return 1 or -1."""
+    return float(rng.choice([-1.0, 1.0]))
+
+
+def direction(rng: np.random.Generator) -> Array:
+    """Return a unit vector (3,), evenly distributed."""
+    v = rng.standard_normal(3)
+    unit: Array = v / np.linalg.norm(v)
+    return unit
+
+
+def nowhere(robot: Robot) -> list[str | None]:  # noqa: ARG001
+    """Return the one place of effects that have no component."""
+    return [None]
+
+
+def drives(robot: Robot) -> list[str | None]:
+    """Return the joints whose own direction is a spring."""
+    return list(drives_of(robot))
+
+
+def turning_drives(robot: Robot) -> list[str | None]:
+    """Return the revolute drives that are actuated variables."""
+    turning = {v.name for v in robot.actuated if v.type == "revolute"}
+    return [name for name in drives_of(robot) if name in turning]
+
+
+def stiffness_of(robot: Robot, component: str | None) -> float:
+    """Return the stiffness of a component's (first) joint in its own direction, SI."""
+    return own_stiffness(robot, *joints_of(robot, str(component))[0])
+
+
+def turns(robot: Robot, component: str | None) -> bool:
+    """Return whether a component's own direction is a rotation."""
+    return joints_of(robot, str(component))[0][1] == 3
+
+
+def stroke(robot: Robot, variable: str | None) -> tuple[float, float]:
+    """Return the middle and half the width of a variable's range, rad or m."""
+    found = next((v for v in robot.variables if v.name == variable), None)
+    if found is None:
+        return 0.0, float(WIDE)
+    if found.limits is None:
+        return found.guess, LONG if found.type == "prismatic" else float(WIDE)
+    low, high = found.limits
+    return 0.5 * (low + high), 0.5 * (high - low)
+
+
+def slender(robot: Robot) -> float:
+    """Return by how much a robot's structure is softer than a large one's, from 1 for those to `SMALL`.
+
+    Structure grows with the drives, less than they do: by the square root of the main axis' stiffness.
+    """
+    turning = [stiffness_of(robot, name) for name in drives_of(robot) if turns(robot, name)]
+    return float(np.clip(np.sqrt(LARGE / max(turning)), 1.0, SMALL)) if turning else 1.0
+
+
+def in_the_middle(robot: Robot, **moved: float) -> Placed:
+    """Return the robot in the middle of its range, one pose, with some variables moved from there."""
+    q = np.array([[stroke(robot, v.name)[0] + moved.get(v.name, 0.0) for v in robot.actuated]])
+    return place(skeleton_of(robot), q)

@@ -1,0 +1,294 @@
+"""Equilibrium of the deformed machine: Newton's method on displacements, rotations and holding forces.
+
+Unknowns are the displacement and spin of every body and one multiplier a rigid direction. Rotations are
+updated on the rotation group. The tangent is complete but for terms of second order in the relative rotation
+of a spring, so that corrections shrink by orders of magnitude a step.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamstiff.errors import BeamstiffError
+from beamstiff.exam.campaign import Array, Integers
+from beamstiff.exam.laws import Law, Memory, Situation
+from beamstiff.exam.layout import Layout, Topology
+from beamstiff.exam.machine import Weight
+from beamstiff.exam.rotations import cross_matrix, turn
+from beamstiff.exam.strain import State, Strain, geometric, strain_of
+
+STILL = 1e-11  # m or rad: largest correction of the last step
+MOST = 60
+RAMP = (0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
+HOLD_SCALE = 1e7  # N/m: makes rows of rigid directions as large as those of springs
+SLACK = 1e-10  # against redundant rigid directions, of the scaled system
+
+Weighted = tuple[tuple[int, Weight], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Load:
+    """What acts on the machine besides its weight; P states.
+
+    Attributes
+    ----------
+    body : (P,) int array
+    arm : (P, 3) array, m
+        Point of action from the body's reference point, before the body turns.
+    wrench : (P, 6) array, N and N m
+        Keeps its direction.
+    """
+
+    body: Integers
+    arm: Array
+    wrench: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """What the rows of the strains are: rigid, governed by a law, or linear.
+
+    A law's strain is a sum of rows, each with its weight: one row but for drives that mesh.
+    """
+
+    rigid: NDArray[np.bool_]
+    laws: tuple[tuple[Weighted, Law], ...]
+    rods: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """Equilibrium states, the laws' memories after, and the largest unbalanced force of each, (P,), N."""
+
+    state: State
+    memory: tuple[Memory, ...]
+    unbalanced: Array
+
+
+def rows_of(topology: Topology) -> Rows:
+    """Return what the rows of a machine's strains are."""
+    machine = topology.machine
+    members = 6 * len(topology.members)
+    rigid = np.zeros(members + len(machine.rods), dtype=np.bool_)
+    laws: list[tuple[Weighted, Law]] = []
+    for at, hinge in enumerate(machine.hinges):
+        laws += [(((6 * at + direction, 1.0),), law) for direction, law in hinge.laws.items()]
+        if hinge.stiffness.ndim == 1:
+            rigid[6 * at : 6 * at + 6] = np.isinf(hinge.stiffness)
+    rods = np.zeros(len(machine.rods))
+    for at, rod in enumerate(machine.rods):
+        if rod.law is not None:
+            laws.append((((members + at, 1.0),), rod.law))
+        else:
+            rigid[members + at] = np.isinf(rod.stiffness)
+            rods[at] = 0.0 if np.isinf(rod.stiffness) else rod.stiffness
+    rigid[[row for ((row, _),), _ in laws]] = False
+    at_of = {hinge.name: at for at, hinge in enumerate(machine.hinges)}
+    for mesh in machine.meshes:
+        places = [6 * at_of[name] + direction for name, direction in (mesh.first, mesh.second)]
+        laws.append((tuple(zip(places, mesh.weights, strict=True)), mesh.law))
+    return Rows(rigid, tuple(laws), rods)
+
+
+def at_rest(topology: Topology, rows: Rows, poses: int) -> State:
+    """Return the machine before it deforms."""
+    turned = np.tile(np.eye(3), (poses, topology.bodies, 1, 1))
+    return State(np.zeros((poses, topology.bodies, 3)), turned, np.zeros((poses, int(rows.rigid.sum()))))
+
+
+def some(thing: Any, rows: Any) -> Any:
+    """Return some of the states of a dataclass of arrays."""
+    return type(thing)(*(getattr(thing, f.name)[rows] for f in fields(thing)))
+
+
+def equilibrium(
+    topology: Topology,
+    layout: Layout,
+    load: Load,
+    situation: Situation,
+    start: State,
+    memory: tuple[Memory, ...],
+    *,
+    once: bool = False,
+) -> Solved:
+    """Return the equilibrium under weight and load, from a start that may be another load's equilibrium.
+
+    With `once` Newton's method takes one step only: what a small change of a machine without memory does, to
+    first order; what is unbalanced then is not looked at (NaN).
+
+    Raises
+    ------
+    BeamstiffError
+        When a state does not come to rest: the machine buckles or is a mechanism.
+    """
+    rows = rows_of(topology)
+    state, still = _settle(topology, rows, layout, load, situation, start, memory, 1 if once else MOST)
+    if once:
+        return Solved(state, memory, np.full(len(still), np.nan))
+    lost = np.flatnonzero(~still)
+    if len(lost):  # from rest, with weight and load growing
+        part, held = layout.at(lost), tuple(tuple(old[lost] for old in one) for one in memory)
+        found, standing = at_rest(topology, rows, len(lost)), ~still[lost]
+        for share in RAMP:
+            light = dataclasses.replace(part, load=share * part.load, load_moment=share * part.load_moment)
+            push = Load(load.body[lost], load.arm[lost], share * load.wrench[lost])
+            found, standing = _settle(topology, rows, light, push, situation.at(lost), found, held)
+        if not standing.all():
+            raise BeamstiffError(
+                f"{topology.machine.robot.name}: {int((~standing).sum())} of {len(still)} states of the true "
+                "machine do not come to rest: it buckles or is a mechanism"
+            )
+        for old, new in zip((state.moved, state.turned, state.hold), fields(found), strict=True):
+            old[lost] = getattr(found, new.name)
+    strain = strain_of(topology, layout, state)
+    force, _, after = _answer(rows, layout, strain, situation, memory)
+    unbalanced = np.abs(_unbalanced(topology, rows, layout, load, state, strain, force)).max(axis=1)
+    return Solved(state, after, unbalanced)
+
+
+def _settle(
+    topology: Topology,
+    rows: Rows,
+    layout: Layout,
+    load: Load,
+    situation: Situation,
+    start: State,
+    memory: tuple[Memory, ...],
+    most: int = MOST,
+) -> tuple[State, NDArray[np.bool_]]:
+    """Return where Newton's method ends, and which states have come to rest there."""
+    poses = len(start.moved)
+    moved, turned, hold = start.moved.copy(), start.turned.copy(), start.hold.copy()
+    active = np.arange(poses)
+    last, pace = np.full(poses, np.inf), np.ones(poses)
+    for iteration in range(most):
+        state = State(moved[active], turned[active], hold[active])
+        here, push = layout.at(active), some(load, active)
+        strain = strain_of(topology, here, state)
+        kept = tuple(tuple(part[active] for part in old) for old in memory)
+        force, tangent, _ = _answer(rows, here, strain, situation.at(active), kept)
+        step_body, step_hold = _step(topology, rows, here, push, state, strain, force, tangent)
+        size = np.abs(step_body).max(axis=(1, 2))
+        if not np.isfinite(size).all() or size.max() > 1e3:
+            break
+        # where a law's corners make the steps swing to and fro, shorter ones settle
+        swings = (size > 0.7 * last[active]) & (iteration > 6)
+        pace[active] = np.where(
+            swings, np.maximum(0.5 * pace[active], 0.1), np.minimum(2 * pace[active], 1.0)
+        )
+        part = pace[active][:, None, None] * np.minimum(1.0, 0.3 / np.maximum(size, 1e-300))[:, None, None]
+        step_body = part * step_body
+        moved[active] += step_body[..., :3]
+        turned[active] = turn(step_body[..., 3:]) @ turned[active]
+        hold[active] += part[:, :, 0] * step_hold
+        last[active] = size
+        active = active[size > STILL]
+        if not len(active):
+            break
+    still = np.ones(poses, dtype=np.bool_)
+    still[active] = False
+    return State(moved, turned, hold), still
+
+
+def _answer(
+    rows: Rows, layout: Layout, strain: Strain, situation: Situation, memory: tuple[Memory, ...]
+) -> tuple[Array, Array, tuple[Memory, ...]]:
+    """Return forces (P, M), tangent (P, M, M) and the laws' memories for given strains."""
+    poses, count = strain.rows.shape
+    members = count - len(rows.rods)
+    tangent = np.zeros((poses, count, count))
+    tangent[:, :members, :members] = layout.stiffness
+    at = np.arange(members, count)
+    tangent[:, at, at] = rows.rods
+    force = (tangent @ strain.rows[..., None])[..., 0]
+    after = []
+    for (weights, law), old in zip(rows.laws, memory, strict=True):
+        weighted = [(row, weight(situation) if callable(weight) else weight) for row, weight in weights]
+        total = sum((weight * strain.rows[:, row] for row, weight in weighted), np.zeros(poses))
+        extra, slope, new = law.respond(total, situation, old)
+        for row, weight in weighted:
+            force[:, row] += weight * extra
+            for other, its in weighted:
+                tangent[:, row, other] += weight * its * slope
+        after.append(new)
+    return force, tangent, tuple(after)
+
+
+def _unbalanced(
+    topology: Topology, rows: Rows, layout: Layout, load: Load, state: State, strain: Strain, force: Array
+) -> Array:
+    """Return what is missing to equilibrium on every body but the ground, (P, 6 (B - 1))."""
+    held = force.copy()
+    held[:, rows.rigid] = state.hold
+    resisting = (np.swapaxes(strain.rates, -1, -2) @ held[..., None])[..., 0]
+    acting = np.zeros((len(force), topology.bodies, 6))
+    arms = _turned(state, topology.loads, layout.load_arm)
+    for at, body in enumerate(topology.loads):
+        acting[:, body, :3] += layout.load[:, at]
+        acting[:, body, 3:] += np.cross(arms[:, at], layout.load[:, at]) + layout.load_moment[:, at]
+    poses = np.arange(len(force))
+    arm = (state.turned[poses, load.body] @ load.arm[..., None])[..., 0]
+    acting[poses, load.body] += load.wrench
+    acting[poses, load.body, 3:] += np.cross(arm, load.wrench[:, :3])
+    missing: Array = acting.reshape(len(force), -1) - resisting
+    return missing[:, 6:]
+
+
+def _turned(state: State, bodies: Integers, arms: Array) -> Array:
+    turned: Array = (state.turned[:, bodies] @ arms[..., None])[..., 0]
+    return turned
+
+
+def _step(
+    topology: Topology,
+    rows: Rows,
+    layout: Layout,
+    load: Load,
+    state: State,
+    strain: Strain,
+    force: Array,
+    tangent: Array,
+) -> tuple[Array, Array]:
+    """Return Newton's corrections of the bodies (P, B, 6) and of the holding forces (P, C)."""
+    poses, n = len(force), 6 * (topology.bodies - 1)
+    held = force.copy()
+    held[:, rows.rigid] = state.hold
+    K = np.swapaxes(strain.rates, -1, -2) @ (tangent @ strain.rates)
+    K += geometric(topology, layout, state, strain, held)
+    blocks = K.reshape(poses, topology.bodies, 6, topology.bodies, 6)
+    arms = _turned(state, topology.loads, layout.load_arm)
+    for at, body in enumerate(topology.loads):
+        blocks[:, body, 3:, body, 3:] -= cross_matrix(layout.load[:, at]) @ cross_matrix(arms[:, at])
+    every = np.arange(poses)
+    arm = (state.turned[every, load.body] @ load.arm[..., None])[..., 0]
+    blocks[every, load.body, 3:, load.body, 3:] -= cross_matrix(load.wrench[:, :3]) @ cross_matrix(arm)
+    for body in np.flatnonzero(topology.locked):
+        blocks[:, body, 3:, body, 3:] += HOLD_SCALE * np.eye(3)
+
+    rates = HOLD_SCALE * strain.rates[:, rows.rigid, 6:]
+    count = rates.shape[1]
+    system = np.zeros((poses, n + count, n + count))
+    system[:, :n, :n] = K[:, 6:, 6:]
+    system[:, n:, :n] = rates
+    system[:, :n, n:] = np.swapaxes(rates, -1, -2)
+    holding = np.arange(n, n + count)
+    system[:, holding, holding] = -SLACK * HOLD_SCALE
+    right = np.concatenate(
+        [
+            _unbalanced(topology, rows, layout, load, state, strain, force),
+            -HOLD_SCALE * strain.rows[:, rows.rigid],
+        ],
+        axis=1,
+    )
+    try:
+        solution = np.linalg.solve(system, right[..., None])[..., 0]
+    except np.linalg.LinAlgError:
+        raise BeamstiffError(f"{topology.machine.robot.name}: the true machine is a mechanism") from None
+    moves = np.zeros((poses, topology.bodies, 6))
+    moves[:, 1:] = solution[:, :n].reshape(poses, -1, 6)
+    return moves, HOLD_SCALE * solution[:, n:]

@@ -1,0 +1,98 @@
+"""Effects as the simulated machines have them, in the forms of several authors, a folder each.
+
+The authors of `author2` and `author3` have not read the diagnosis. Who writes the diagnosis must not read
+their forms: what its shapes miss can only show on forms that they do not know.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from beamstiff.errors import BeamstiffError, suggest
+from beamstiff.exam.campaign import Truth
+from beamstiff.exam.effect import Asked, Effect, joined
+from beamstiff.exam.forms import author1, author2, author3
+from beamstiff.exam.reality import Reality
+from beamstiff.robot.description import Robot
+
+AUTHORS = (author1, author2, author3)
+_LATER = tuple({effect.name: effect for effect in author.EFFECTS} for author in AUTHORS[1:])
+INSIDE: tuple[Effect, ...] = tuple(
+    joined(effect, *(forms.get(effect.name) for forms in _LATER)) for effect in author1.EFFECTS
+)
+OUTSIDE: tuple[Effect, ...] = tuple(effect for author in AUTHORS for effect in author.OUTSIDE)
+EFFECTS = {effect.name: effect for effect in (*INSIDE, *OUTSIDE)}
+
+
+def components(robot: Robot, effect: str) -> list[str | None]:
+    """Return the components that an effect can sit at on a robot; empty where it cannot."""
+    return list(_known(effect).places(robot))
+
+
+def draw_truth(
+    rng: np.random.Generator,
+    robot: Robot,
+    effect: str,
+    size: float | None = None,
+    component: str | None = None,
+    form: str | None = None,
+) -> Truth:
+    """Return an effect drawn at random: its component, form and parameters.
+
+    Parameters
+    ----------
+    rng : Generator
+    robot : Robot
+        As the model has it.
+    effect : str
+    size : float or None
+        From 0, hardly to be seen, to 1, the largest realistic one; drawn evenly by default.
+    component, form : str or None
+        Given instead of drawn.
+
+    Raises
+    ------
+    BeamstiffError
+        When the effect is unknown, or cannot sit on this robot or at this component.
+    """
+    known = _known(effect)
+    possible = list(known.places(robot))
+    if not possible or (component is not None and component not in possible):
+        where = f"at {component!r}" if component else "anywhere"
+        raise BeamstiffError(f"robot {robot.name!r} cannot have the effect {effect!r} {where}")
+    place = possible[int(rng.integers(len(possible)))] if component is None else component
+    kind = known.draw_form(rng) if form is None else form
+    if kind not in known.forms:
+        raise BeamstiffError(f"effect {effect!r}: found the form {kind!r}, expected one of {known.forms}")
+    measure = float(rng.uniform()) if size is None else size
+    return Truth(effect, place, kind, known.draw(Asked(rng, robot, place, kind, measure)))
+
+
+def resized(truth: Truth, robot: Robot, size: float, seed: int) -> Truth:
+    """Return an effect of another size at the same component and of the same form.
+
+    What else it has is drawn anew from the seed: with the same seed only the size differs.
+    """
+    asked = Asked(np.random.default_rng(seed), robot, truth.component, truth.form, size)
+    return replace(truth, parameters=_known(truth.effect).draw(asked))
+
+
+def author_of(truth: Truth) -> int:
+    """Return who wrote the form of an effect: 1 for who writes the diagnosis; 2 and 3 have not read it."""
+    for number, author in enumerate(AUTHORS, start=1):
+        if any(effect.name == truth.effect for effect in author.OUTSIDE):
+            return number
+    return _known(truth.effect).author_of(truth.form)
+
+
+def imposed(truth: Truth, reality: Reality) -> Reality:
+    """Return a reality with one more effect."""
+    return _known(truth.effect).impose(truth, reality)
+
+
+def _known(effect: str) -> Effect:
+    if effect not in EFFECTS:
+        raise BeamstiffError(f"unknown effect {effect!r}{suggest(effect, EFFECTS)}")
+    return EFFECTS[effect]

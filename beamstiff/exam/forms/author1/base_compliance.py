@@ -1,0 +1,76 @@
+"""A pedestal or floor that gives way under the machine."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from beamstiff.exam.campaign import Array, Truth
+from beamstiff.exam.effect import Asked, Effect, between, nowhere, slender
+from beamstiff.exam.pedestal import on_pedestal
+from beamstiff.exam.reality import Reality
+from beamstiff.exam.rotations import cross_matrix
+
+TILT = (8e-9, 2.5e-7)  # rad/(N m)
+
+
+def draw(asked: Asked) -> dict[str, float]:
+    """Return the compliance about x, rad/(N m), and the shape of the base."""
+    found = {"tilt": between(asked.size, *TILT) * slender(asked.robot)}
+    if asked.form == "block":
+        return found | {
+            "about_y": float(asked.rng.uniform(0.4, 1.2)),
+            "about_z": float(asked.rng.uniform(0.1, 0.6)),
+            "shift": float(asked.rng.uniform(0.1, 0.5)),  # m: of the translations, as a lever
+            "x": float(asked.rng.uniform(-0.2, 0.2)),
+            "y": float(asked.rng.uniform(-0.2, 0.2)),
+            "z": float(asked.rng.uniform(-0.6, 0.0)),
+        }
+    return (
+        found
+        | {f"bolt{i}": float(asked.rng.uniform(0.3, 1.0)) for i in range(4)}
+        | {
+            "span": float(asked.rng.uniform(0.5, 0.9)),
+            "across": float(asked.rng.uniform(0.3, 0.8)),
+        }
+    )
+
+
+def impose(truth: Truth, reality: Reality) -> Reality:
+    """Return the reality with a soft base."""
+    p = truth.parameters
+    K = _block(p) if truth.form == "block" else _bolts(p)
+    return reality.with_machine(on_pedestal(reality.machine, K))
+
+
+def _block(p: object) -> Array:
+    """Springs at an elastic centre beside the machine's foot."""
+    v: dict[str, float] = dict(p)  # type: ignore[call-overload]
+    about = v["tilt"] * np.array([1.0, v["about_y"], v["about_z"]])
+    along = v["tilt"] * v["shift"] ** 2 * np.array([1.0, 0.8, 0.5])
+    k = np.concatenate([1.0 / along, 1.0 / about])
+    return _at(np.array([v["x"], v["y"], v["z"]]), np.diag(k))
+
+
+def _bolts(p: object) -> Array:
+    """Four bolted feet, none as stiff as the other."""
+    v: dict[str, float] = dict(p)  # type: ignore[call-overload]
+    half = 0.5 * v["span"]
+    corners = half * np.array([[1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [-1.0, -1.0, 0.0], [1.0, -1.0, 0.0]])
+    shares = np.array([v[f"bolt{i}"] for i in range(4)])
+    k = 1.0 / (v["tilt"] * np.sum(shares * corners[:, 1] ** 2))
+    feet = [
+        _at(corner, np.diag(k * share * np.array([v["across"], v["across"], 1.0, 0.0, 0.0, 0.0])))
+        for corner, share in zip(corners, shares, strict=True)
+    ]
+    return np.asarray(np.sum(feet, axis=0))
+
+
+def _at(centre: Array, k: Array) -> Array:
+    """Return the stiffness at the foot of springs at `centre` from it."""
+    X = np.eye(6)
+    X[:3, 3:] = -cross_matrix(centre)
+    moved: Array = X.T @ k @ X
+    return moved
+
+
+EFFECT = Effect("base-compliance", ("block", "bolts"), nowhere, draw, impose)

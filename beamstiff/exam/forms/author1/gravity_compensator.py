@@ -1,0 +1,112 @@
+"""A spring balancer across an axis."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from beamstiff.exam.across import Across, across, axis_in_the_middle, with_rod
+from beamstiff.exam.campaign import Array, Truth
+from beamstiff.exam.effect import (
+    Asked,
+    Effect,
+    between,
+    in_the_middle,
+    sign,
+    stiffness_of,
+    stroke,
+    turning_drives,
+)
+from beamstiff.exam.laws import Situation, Stiffness
+from beamstiff.exam.machine import joints_of, machine_of
+from beamstiff.exam.reality import Reality
+from beamstiff.robot.description import Robot
+
+SHARE = (0.03, 0.7)  # of the drive's stiffness that it adds where its lever is longest
+PULL = (1e3, 3e4)  # N in the middle of the range
+LEVEL = 0.5  # cosine to the vertical of the axes that weight turns
+
+
+def places(robot: Robot) -> list[str | None]:
+    """Return the level axes among the first three that are driven."""
+    g = np.array(robot.gravity)
+    if not g.any():
+        return []
+    machine = machine_of(robot)
+    main = [variable.name for variable in robot.actuated][:3]
+    found: list[str | None] = []
+    for name in turning_drives(robot):
+        axis, _ = axis_in_the_middle(machine, joints_of(robot, str(name))[0][0])
+        if name in main and abs(axis @ g) < LEVEL * np.linalg.norm(g):
+            found.append(name)
+    return found
+
+
+def draw(asked: Asked) -> dict[str, float]:
+    """Return the spring: its pull N at mid-range, its stiffness over the drive's, and where it sits.
+
+    The stiffness is that against small strains, in which the rod's seals or the coils' ends stick; over the
+    stroke the pull grows far less.
+    """
+    middle, _ = stroke(asked.robot, asked.component)
+    crank, frame = float(asked.rng.uniform(0.2, 0.4)), float(asked.rng.uniform(0.8, 1.4))
+    pull = between(asked.size, *PULL) * float(asked.rng.uniform(0.6, 1.5))
+    return {
+        "share": between(asked.size, *SHARE),
+        "pull": pull,
+        "growth": pull * float(asked.rng.uniform(1.0, 3.0)),  # N/m over the stroke
+        "crank": crank,
+        "frame": frame,
+        "angle": sign(asked.rng) * float(asked.rng.uniform(np.deg2rad(40.0), np.deg2rad(140.0))),
+        "middle": middle,
+        "way": _way(asked.robot, str(asked.component)),
+    }
+
+
+def _way(robot: Robot, variable: str) -> float:
+    """Return whether the joint turns with or against its axis when the variable grows."""
+    machine = machine_of(robot)
+    hinge = machine.hinge(joints_of(robot, variable)[0][0])
+
+    here, there = in_the_middle(robot), in_the_middle(robot, **{variable: 1e-3})
+    a, b = (machine.node(n).frame for n in hinge.nodes)
+    relative = [p.rotations[a][0].T @ p.rotations[b][0] for p in (here, there)]
+    turned = relative[1] @ relative[0].T
+    spin = here.rotations[a][0] @ np.array(
+        [turned[2, 1] - turned[1, 2], turned[0, 2] - turned[2, 0], turned[1, 0] - turned[0, 1]]
+    )
+    return float(np.sign(spin @ (here.rotations[hinge.frame][0] @ hinge.axes[:, 0])))
+
+
+def impose(truth: Truth, reality: Reality) -> Reality:
+    """Return the reality with the balancer."""
+    p, variable, machine = truth.parameters, str(truth.component), reality.machine
+    strong = p["share"] * stiffness_of(machine.robot, variable) / p["crank"] ** 2  # N/m
+
+    def length(angle: Array | float) -> Array:
+        square = p["crank"] ** 2 + p["frame"] ** 2 - 2.0 * p["crank"] * p["frame"] * np.cos(angle)
+        return np.asarray(np.sqrt(square))
+
+    def longer(situation: Situation) -> Array:
+        turned = p["way"] * (situation.values[variable] - p["middle"])
+        return length(p["angle"] + turned) - length(p["angle"])
+
+    def pull(situation: Situation) -> Array:
+        if truth.form == "gas":  # polytropic, squeezed where the rod is drawn out
+            column = 1.3 * p["pull"] / p["growth"]
+            squeezed = 1.0 - np.minimum(longer(situation) / column, 0.7)
+            return np.asarray(p["pull"] * squeezed**-1.3)
+        return p["pull"] + p["growth"] * longer(situation)
+
+    def stiffness(situation: Situation) -> Array:
+        if truth.form == "gas":
+            return strong * pull(situation) / p["pull"]
+        return np.full(len(situation.time), strong)
+
+    for name, _ in joints_of(machine.robot, variable):
+        place = Across(variable, p["crank"], p["frame"], p["angle"])
+        ends = across(machine, name, place)
+        machine = with_rod(machine, ends, strong, Stiffness(stiffness, pull))
+    return reality.with_machine(machine)
+
+
+EFFECT = Effect("gravity-compensator", ("coil", "gas"), places, draw, impose)

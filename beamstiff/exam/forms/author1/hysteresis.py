@@ -1,0 +1,107 @@
+"""Friction in a drive: the answer depends on the load history."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from beamstiff.exam.campaign import Array, Truth
+from beamstiff.exam.effect import Asked, Effect, between, drives, turns
+from beamstiff.exam.laws import Law, Memory, Situation
+from beamstiff.exam.machine import joints_of, own_stiffness
+from beamstiff.exam.reality import Reality
+
+LOST = (3e-5, 5e-4)  # rad: friction torque over stiffness; m / 10 for slides
+SLIDERS = 10
+
+
+def draw(asked: Asked) -> dict[str, float]:
+    """Return the friction torque over the stiffness, rad, and how much of the stiffness at first slides."""
+    found = {
+        "friction": between(asked.size, *LOST) * (1.0 if turns(asked.robot, asked.component) else 0.1),
+        "sliding": float(asked.rng.uniform(0.35, 0.7)),
+    }
+    if asked.form == "bouc-wen":
+        found["arrived"] = float(asked.rng.uniform(-0.9, 0.9))  # friction left over from the move to the pose
+    return found
+
+
+def impose(truth: Truth, reality: Reality) -> Reality:
+    """Return the reality with friction in the drive."""
+    p, machine = truth.parameters, reality.machine
+    law: Law
+    for name, own in joints_of(machine.robot, str(truth.component)):
+        k = own_stiffness(machine.robot, name, own)
+        if truth.form == "iwan":
+            law = Iwan(k, k * p["friction"], p["sliding"])
+        else:
+            law = BoucWen(k, k * p["friction"], p["sliding"], p["arrived"])
+        machine = machine.with_law(name, own, law)
+    return reality.with_machine(machine)
+
+
+@dataclass(frozen=True)
+class Iwan:
+    """Sliders beside a spring, each with a spring of its own, that slip at evenly spaced strains."""
+
+    stiffness: float
+    friction: float
+    sliding: float
+    remembers = True
+    changes = False
+
+    def start(self, situation: Situation) -> Memory:
+        """Return strain and sliders at rest."""
+        poses = len(situation.time)
+        return np.zeros(poses), np.zeros((poses, SLIDERS))
+
+    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:  # noqa: ARG002
+        """Return force, tangent and the sliders after."""
+        before, held = memory
+        k = self.stiffness * self.sliding / (1.0 - self.sliding) / SLIDERS
+        even = (np.arange(SLIDERS) + 0.5) / SLIDERS
+        most = 2.0 * even * self.friction / (SLIDERS * k)  # together they hold the friction torque
+        tried = held + (strain - before)[:, None]
+        now = np.clip(tried, -most, most)
+        sticking = np.abs(tried) <= most
+        force = self.stiffness * strain + k * now.sum(axis=1)
+        return force, self.stiffness + k * sticking.sum(axis=1), (strain, now)
+
+
+@dataclass(frozen=True)
+class BoucWen:
+    """Bouc and Wen's friction with exponent 1, integrated in closed form along each step.
+
+    ``dz = (1 - (1 + sign(de z))/2 |z|) de / e_slip``: linear while unloading, exponential while loading.
+    """
+
+    stiffness: float
+    friction: float
+    sliding: float
+    arrived: float
+    remembers = True
+    changes = False
+
+    def start(self, situation: Situation) -> Memory:
+        """Return strain and friction (as a share of the most) after the move to the pose."""
+        poses = len(situation.time)
+        return np.zeros(poses), np.full(poses, self.arrived)
+
+    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:  # noqa: ARG002
+        """Return force, tangent and the friction after."""
+        before, held = memory
+        slip = self.friction * (1.0 - self.sliding) / (self.stiffness * self.sliding)
+        way = np.where(strain >= before, 1.0, -1.0)
+        go, y = np.abs(strain - before) / slip, way * held
+        back = np.minimum(y, 0.0)
+        left = np.maximum(go + back, 0.0)  # of the way, after what was held has been given back
+        loading = 1.0 - (1.0 - np.maximum(y, 0.0)) * np.exp(-left)
+        unloading = go < -back
+        now = way * np.where(unloading, y + go, loading)
+        slope = np.where(unloading, 1.0, 1.0 - loading)
+        force = self.stiffness * strain + self.friction * now
+        return force, self.stiffness + self.friction / slip * slope, (strain, now)
+
+
+EFFECT = Effect("hysteresis", ("iwan", "bouc-wen"), drives, draw, impose)

@@ -1,0 +1,144 @@
+"""Effects outside the table that sit in a drive."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from beamstiff.exam.campaign import Array, Truth
+from beamstiff.exam.effect import Asked, Effect, between, drives, stiffness_of, turns
+from beamstiff.exam.laws import Law, Memory, Situation, Stiffness
+from beamstiff.exam.machine import joints_of
+from beamstiff.exam.reality import Reality
+
+
+def _with(truth: Truth, reality: Reality, law: Law) -> Reality:
+    machine = reality.machine
+    for name, own in joints_of(machine.robot, str(truth.component)):
+        machine = machine.with_law(name, own, law)
+    return reality.with_machine(machine)
+
+
+def _draw_ripple(asked: Asked) -> dict[str, float]:
+    per_metre = 1.0 if turns(asked.robot, asked.component) else 6.0
+    return {
+        "depth": between(asked.size, 0.08, 0.75),
+        "waves": per_metre * float(asked.rng.uniform(5.0, 12.0)),  # a rad or m, over 2 pi of the sine
+        "phase": float(asked.rng.uniform(0.0, 2 * np.pi)),
+    }
+
+
+def _ripple(truth: Truth, reality: Reality) -> Reality:
+    p, variable = truth.parameters, truth.component
+    k = stiffness_of(reality.machine.robot, variable)
+
+    def stiffness(situation: Situation) -> Array:
+        q = situation.values.get(str(variable), np.zeros(len(situation.time)))
+        wave = np.sin(p["waves"] * q + p["phase"])
+        wave = wave if truth.form == "sine" else np.tanh(3.0 * wave)
+        return np.asarray(k * np.exp(p["depth"] * wave))
+
+    return _with(truth, reality, Stiffness(stiffness))
+
+
+def _draw_warm_up(asked: Asked) -> dict[str, float]:
+    return {
+        "softer": between(asked.size, 0.1, 3.0),  # compliance gained, over that when cold
+        "lag": float(asked.rng.uniform(600.0, 3000.0)),
+    }
+
+
+def _warm_up(truth: Truth, reality: Reality) -> Reality:
+    p, k = truth.parameters, stiffness_of(reality.machine.robot, truth.component)
+
+    def stiffness(situation: Situation) -> Array:
+        time = situation.time
+        warm = 1.0 - np.exp(-time / p["lag"]) if truth.form == "lagged" else time / (time + p["lag"])
+        return np.asarray(k / (1.0 + p["softer"] * warm))
+
+    return _with(truth, reality, Stiffness(stiffness, changes=True))
+
+
+def _draw_transmission(asked: Asked) -> dict[str, float]:
+    teeth = float(asked.rng.uniform(300.0, 1500.0)) * (1.0 if turns(asked.robot, asked.component) else 10.0)
+    return {
+        "teeth": teeth,
+        "depth": between(asked.size, 0.1, 0.9),  # of the tangent
+        "phase": float(asked.rng.uniform(0.0, 2 * np.pi)),
+    }
+
+
+@dataclass(frozen=True)
+class Toothed:
+    """A gear whose error of transmission runs on as it winds up: torque waves over the strain."""
+
+    stiffness: float
+    teeth: float
+    depth: float
+    phase: float
+    variable: str
+    remembers = False
+    changes = False
+
+    def start(self, situation: Situation) -> Memory:  # noqa: ARG002
+        """Return no memory."""
+        return ()
+
+    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:
+        """Return force, tangent and no memory."""
+        q = situation.values.get(self.variable, np.zeros(len(strain)))
+        before = self.teeth * q + self.phase
+        wave = self.depth / self.teeth * (np.sin(before + self.teeth * strain) - np.sin(before))
+        slope = self.depth * np.cos(before + self.teeth * strain)
+        return self.stiffness * (strain + wave), self.stiffness * (1.0 + slope), memory
+
+
+def _transmission(truth: Truth, reality: Reality) -> Reality:
+    p, k = truth.parameters, stiffness_of(reality.machine.robot, truth.component)
+    law = Toothed(k, p["teeth"], p["depth"], p["phase"], str(truth.component))
+    return _with(truth, reality, law)
+
+
+def _draw_creep(asked: Asked) -> dict[str, float]:
+    return {
+        "creep": between(asked.size, 0.08, 1.5),  # slow compliance over the prompt one
+        "time": float(asked.rng.uniform(60.0, 400.0)),
+    }
+
+
+@dataclass(frozen=True)
+class Creeping:
+    """A spring in series with a spring and damper side by side (Kelvin and Voigt)."""
+
+    stiffness: float
+    creep: float
+    time: float
+    remembers = True
+    changes = False
+
+    def start(self, situation: Situation) -> Memory:
+        """Return the crept strain at rest."""
+        return (np.zeros(len(situation.time)),)
+
+    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:
+        """Return force, tangent and the crept strain after the state has lasted."""
+        crept = memory[0]
+        fade = np.exp(-situation.lasted / self.time)
+        # crept' = fade crept + (1 - fade) creep F / k,  F = k (strain - crept')
+        share = (1.0 - fade) * self.creep
+        force = self.stiffness * (strain - fade * crept) / (1.0 + share)
+        return force, self.stiffness / (1.0 + share), (fade * crept + share * force / self.stiffness,)
+
+
+def _creep(truth: Truth, reality: Reality) -> Reality:
+    p, k = truth.parameters, stiffness_of(reality.machine.robot, truth.component)
+    return _with(truth, reality, Creeping(k, p["creep"], p["time"]))
+
+
+EFFECTS = (
+    Effect("stiffness-ripple", ("sine", "steep"), drives, _draw_ripple, _ripple),
+    Effect("warm-up", ("lagged", "slow"), drives, _draw_warm_up, _warm_up),
+    Effect("transmission-error", ("toothed",), drives, _draw_transmission, _transmission),
+    Effect("creep", ("kelvin-voigt",), drives, _draw_creep, _creep),
+)

@@ -1,0 +1,110 @@
+"""Further forms of friction in a drive."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from beamstiff.exam.campaign import Array, Truth
+from beamstiff.exam.effect import Asked, Effect, drives
+from beamstiff.exam.forms.author1 import hysteresis
+from beamstiff.exam.forms.author2.springs import at_joints
+from beamstiff.exam.laws import Memory, Situation
+from beamstiff.exam.reality import Reality
+
+SLIDERS = 5
+
+
+def _draw(asked: Asked) -> dict[str, float]:
+    found = hysteresis.draw(asked)
+    found["arrived"] = float(asked.rng.uniform(-0.9, 0.9))  # friction left over from the move to the pose
+    if asked.form == "maxwell-slip":
+        found["ratio"] = float(asked.rng.uniform(1.8, 3.5))  # of a slider's yield strain to the one before
+        found["fall"] = float(asked.rng.uniform(0.3, 1.2))  # power by which later ones are softer
+    return found
+
+
+def _impose(truth: Truth, reality: Reality) -> Reality:
+    p = truth.parameters
+    if truth.form == "dahl":
+        return at_joints(truth, reality, lambda k: Dahl(k, k * p["friction"], p["sliding"], p["arrived"]))
+    return at_joints(
+        truth,
+        reality,
+        lambda k: MaxwellSlip(k, k * p["friction"], p["sliding"], p["ratio"], p["fall"], p["arrived"]),
+    )
+
+
+@dataclass(frozen=True)
+class Dahl:
+    """Dahl's friction with exponent 2, integrated in closed form along each step.
+
+    ``dz/de = (1 - z sign(de))^2 / e_slip``, beside a spring (P. R. Dahl, A solid friction model, 1968).
+    """
+
+    stiffness: float
+    friction: float
+    sliding: float
+    arrived: float
+    remembers = True
+    changes = False
+
+    def start(self, situation: Situation) -> Memory:
+        """Return strain and friction (as a share of the most) after the move to the pose."""
+        poses = len(situation.time)
+        return np.zeros(poses), np.full(poses, self.arrived)
+
+    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:  # noqa: ARG002
+        """Return force, tangent and the friction after."""
+        before, held = memory
+        slip = self.friction * (1.0 - self.sliding) / (self.stiffness * self.sliding)
+        way = np.where(strain >= before, 1.0, -1.0)
+        short = 1.0 - way * held  # of sliding freely
+        short = short / (1.0 + short * np.abs(strain - before) / slip)
+        now = way * (1.0 - short)
+        force = self.stiffness * strain + self.friction * now
+        return force, self.stiffness + self.friction / slip * short**2, (strain, now)
+
+
+@dataclass(frozen=True)
+class MaxwellSlip:
+    """A few sliders beside a spring, each behind a spring of its own, whose yield strains grow by a ratio.
+
+    The generalised Maxwell slip's elements without its sliding dynamics (Al-Bender, Lampaert and Swevers,
+    2005). Later ones are softer; together they hold the friction torque.
+    """
+
+    stiffness: float
+    friction: float
+    sliding: float
+    ratio: float
+    fall: float
+    arrived: float
+    remembers = True
+    changes = False
+
+    def start(self, situation: Situation) -> Memory:
+        """Return strain and the sliders' forces after the move to the pose."""
+        poses = len(situation.time)
+        return np.zeros(poses), np.tile(self.arrived * self._sliders()[1], (poses, 1))
+
+    def _sliders(self) -> tuple[Array, Array]:
+        """Return the stiffness and the largest force of every slider."""
+        yields = self.ratio ** np.arange(SLIDERS)
+        k = yields**-self.fall
+        k = k * self.stiffness * self.sliding / ((1.0 - self.sliding) * k.sum())
+        most = k * yields
+        return k, most * self.friction / most.sum()
+
+    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:  # noqa: ARG002
+        """Return force, tangent and the sliders after."""
+        before, held = memory
+        k, most = self._sliders()
+        tried = held + k * (strain - before)[:, None]
+        now = np.clip(tried, -most, most)
+        sticking = np.abs(tried) <= most
+        return self.stiffness * strain + now.sum(axis=1), self.stiffness + sticking @ k, (strain, now)
+
+
+EFFECTS = (Effect("hysteresis", ("dahl", "maxwell-slip"), drives, _draw, _impose),)

@@ -1,0 +1,132 @@
+"""Further forms of wrong geometry and payload."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from beamstiff.exam.campaign import Array, Truth
+from beamstiff.exam.effect import Asked, Effect, between, direction, nowhere, sign, stroke
+from beamstiff.exam.forms.author1 import geometry_error, payload_error
+from beamstiff.exam.machine import Hinge, Hose, axes_from
+from beamstiff.exam.pedestal import free_name
+from beamstiff.exam.placing import skeleton_of
+from beamstiff.exam.reality import Reality
+from beamstiff.robot.description import Robot
+from beamstiff.robot.parts import FRAME_PARAMETERS, Mass, Node
+
+SMALL = 0.08  # of the named error's size: others that come with it
+HEIGHT = 1.5  # m: the size of a hose is what hangs from there
+GRAVITY = 9.81
+FURTHEST = 0.12  # m that a loose part slides under its weight
+
+
+def _drive_of(robot: Robot, component: str) -> str | None:
+    """Return the actuated variable that a component is, or that turns its frame."""
+    driven = [variable.name for variable in robot.actuated]
+    if component in driven:
+        return component
+    frame = component.rsplit(".", 1)[0]
+    for name, _, parameters in skeleton_of(robot).frames:
+        if name == frame:
+            found = [c for e in parameters.values() for c in e.coefficients if c in driven]
+            return found[0] if found else None
+    return None
+
+
+def _draw_geometry(asked: Asked) -> dict[str, float]:
+    component = str(asked.component)
+    plain = geometry_error.draw(dataclasses.replace(asked, form="single"))
+    angle, length = (SMALL * between(asked.size, *r) for r in (geometry_error.ANGLE, geometry_error.LENGTH))
+    if "." not in component:  # an encoder: its zero is off, and so is its track or its gear
+        size = abs(plain["error"])
+        if asked.form == "eccentric":
+            return plain | {
+                "runout": size * float(asked.rng.uniform(0.3, 0.8)),
+                "phase": float(asked.rng.uniform(0.0, 2.0 * np.pi)),
+            }
+        return plain | {"scale": size * sign(asked.rng) * float(asked.rng.uniform(0.1, 0.4))}
+    if asked.robot.loops:  # a rigid loop would not close with other errors
+        return plain
+    if asked.form == "eccentric":
+        return plain | {"runout": angle, "phase": float(asked.rng.uniform(0.0, 2.0 * np.pi))}
+    own = component.rsplit(".", 1)[1]
+    for parameter in ("d", "r", "alpha", "beta"):
+        if parameter != own:
+            kind = FRAME_PARAMETERS[parameter]
+            plain[parameter] = sign(asked.rng) * (angle if kind == "angle" else length)
+    return plain
+
+
+def _geometry(truth: Truth, reality: Reality) -> Reality:
+    component, p = str(truth.component), truth.parameters
+    geometry = dict(reality.geometry)
+    geometry[component] = geometry.get(component, 0.0) + p["error"]
+    for parameter in ("d", "r", "alpha", "beta"):
+        if parameter in p:
+            name = f"{component.rsplit('.', 1)[0]}.{parameter}"
+            geometry[name] = geometry.get(name, 0.0) + p[parameter]
+    reality = dataclasses.replace(reality, geometry=geometry)
+    robot = reality.machine.robot
+    drive = _drive_of(robot, component)
+    if drive is None or not {"runout", "scale"} & set(p):
+        return reality
+    at = [variable.name for variable in robot.actuated].index(drive)
+    middle, _ = stroke(robot, drive)
+
+    def encoder(q: Array) -> Array:
+        moved = q.copy()
+        moved[:, at] += p.get("runout", 0.0) * np.sin(q[:, at] + p.get("phase", 0.0))
+        moved[:, at] += p.get("scale", 0.0) * (q[:, at] - middle)
+        return moved
+
+    return dataclasses.replace(reality, encoders=(*reality.encoders, encoder))
+
+
+def _draw_payload(asked: Asked) -> dict[str, float]:
+    if asked.form == "hose":
+        return {
+            "per_metre": between(asked.size, *payload_error.MASS) / HEIGHT,
+            "low": float(asked.rng.uniform(-0.3, 0.3)),
+        }
+    axis = dict(zip("xyz", map(float, direction(asked.rng)), strict=True))
+    return axis | {
+        "mass": between(asked.size, *payload_error.MASS),
+        "slides": FURTHEST * float(asked.rng.uniform(0.3, 1.0)),
+        "away": float(asked.rng.uniform(0.0, 0.1)),
+    }
+
+
+def _payload(truth: Truth, reality: Reality) -> Reality:
+    """Return the reality with a hose that hangs at the tool, or a part of the payload that sits loose."""
+    p, machine = truth.parameters, reality.machine
+    if truth.form == "hose":
+        hose = Hose(machine.tcp, p["per_metre"], p["low"])
+        return reality.with_machine(dataclasses.replace(machine, hoses=(*machine.hoses, hose)))
+    tcp = machine.node(machine.tcp)
+    axis = np.array([p[n] for n in "xyz"])
+    at = tuple(map(float, np.array(tcp.at) + p["away"] * axis))
+    nodes = [
+        Node(name=free_name(machine, name), frame=tcp.frame, at=at)  # type: ignore[arg-type]
+        for name in ("seat", "loose")
+    ]
+    seat, loose = (node.name for node in nodes)
+    held = np.full(6, np.inf)
+    held[0] = p["mass"] * GRAVITY / p["slides"]
+    hinge = Hinge(loose, (seat, loose), tcp.frame, axes_from(axis), held)
+    return reality.with_machine(
+        dataclasses.replace(
+            machine,
+            nodes=(*machine.nodes, *nodes),
+            rigids=(*machine.rigids, (f"to {seat}", (tcp.name, seat))),
+            hinges=(*machine.hinges, hinge),
+            masses=(*machine.masses, Mass(node=loose, mass=p["mass"])),
+        )
+    )
+
+
+EFFECTS = (
+    Effect("geometry-error", ("eccentric", "crooked"), geometry_error.places, _draw_geometry, _geometry),
+    Effect("payload-error", ("hose", "loose"), nowhere, _draw_payload, _payload),
+)

@@ -1,0 +1,154 @@
+"""Further forms of levers and balancers: a four-bar linkage, a long screw, nested coils, a disc."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from beamstiff.exam.across import Across, across, with_rod
+from beamstiff.exam.campaign import Array, Truth
+from beamstiff.exam.effect import Asked, Effect, between, sign, stiffness_of, stroke
+from beamstiff.exam.forms.author1 import actuator_lever, gravity_compensator
+from beamstiff.exam.forms.author2.springs import at_joints
+from beamstiff.exam.laws import Situation, Stiffness
+from beamstiff.exam.machine import joints_of
+from beamstiff.exam.reality import Reality
+
+REACH = np.deg2rad([12.0, 45.0])  # half the turn that a four-bar linkage serves; gears beyond it
+MARGIN = np.deg2rad(4.0)
+TRIED = 300
+FLAT = 0.2  # sine of the least angle between coupler and crank or lever
+DEAD = 0.6  # of the shortest length between a screw's ends: what the nut and bearings take
+BLUNT = 0.02  # m over which a second coil engages
+
+
+def _linkage(turn: Array, p: dict[str, float]) -> tuple[Array, Array]:
+    """Return the crank's turn over the lever's (length 1), and how far the linkage is from flat or open."""
+    end = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+    apart = end - np.array([p["base"], 0.0])
+    distance = np.linalg.norm(apart, axis=-1)
+    cosine = (p["crank"] ** 2 + distance**2 - p["coupler"] ** 2) / (2.0 * p["crank"] * distance)
+    angle = np.arctan2(apart[..., 1], apart[..., 0]) + np.arccos(np.clip(cosine, -1.0, 1.0))
+    pin = np.array([p["base"], 0.0]) + p["crank"] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    along = (end - pin) / p["coupler"]
+    arms = [along[..., 1] * np.cos(a) - along[..., 0] * np.sin(a) for a in (turn, angle)]
+    clear = np.where(np.abs(cosine) < 1.0, np.minimum(np.abs(arms[0]), np.abs(arms[1])), 0.0)
+    ratio = np.abs(arms[0]) / (p["crank"] * np.maximum(np.abs(arms[1]), 1e-3))
+    return ratio, clear
+
+
+def _draw_lever(asked: Asked) -> dict[str, float]:
+    if asked.form == "screw":
+        # give of the free shaft over that of nut and bearings, in the middle of the range
+        return actuator_lever.draw(asked) | {"shaft": float(asked.rng.uniform(0.5, 2.0))}
+    middle, half = stroke(asked.robot, asked.component)
+    swing = between(asked.size, *actuator_lever.SWING)
+    even = np.linspace(-1.0, 1.0, 31)
+    best, found = np.inf, dict[str, float]()
+    for crank, base, stretch, start, share in asked.rng.uniform(
+        [0.6, 1.5, 0.8, 0.3, 0.0], [1.2, 3.0, 1.3, 2.8, 1.0], (TRIED, 5)
+    ):
+        reach = min(half, REACH[0] + share * (REACH[1] - REACH[0]))
+        tried = {"crank": crank, "base": base, "coupler": base * stretch, "start": start, "reach": reach}
+        ratio, clear = _linkage(start + (reach + MARGIN) * even, tried)
+        miss = abs(float(np.log((ratio.max() / ratio.min()) ** 2 / swing)))
+        miss += 100.0 * max(0.0, FLAT - float(clear.min()))
+        if miss < best:
+            best, found = miss, {name: float(value) for name, value in tried.items()}
+    return found | {"gear": found["reach"] / half, "way": sign(asked.rng), "middle": middle}
+
+
+def _lever(truth: Truth, reality: Reality) -> Reality:
+    p, variable = dict(truth.parameters), str(truth.component)
+
+    def linkage(situation: Situation) -> Array:
+        turn = p["way"] * p["gear"] * (situation.values[variable] - p["middle"])
+        turn = np.clip(turn, -p["reach"] - MARGIN, p["reach"] + MARGIN)
+        ratio, _ = _linkage(p["start"] + turn, p)
+        return np.asarray((ratio / _linkage(np.array(p["start"]), p)[0]) ** 2)
+
+    def triangle(angle: Array) -> tuple[Array, Array]:
+        a, b = p["crank"], p["frame"]
+        length = np.sqrt(a**2 + b**2 - 2.0 * a * b * np.cos(angle))
+        return a * b * np.sin(angle) / length, length - DEAD * (b - a)
+
+    def screw(situation: Situation) -> Array:
+        clear = 0.5 * actuator_lever.CLEAR
+        angle = p["start"] + p["way"] * p["gear"] * (situation.values[variable] - p["middle"])
+        (arm, shaft), (arm0, shaft0) = (
+            triangle(np.clip(angle, clear, np.pi - clear)),
+            triangle(np.array(p["start"])),
+        )
+        return np.asarray((arm / arm0) ** 2 * (1.0 + p["shaft"]) / (1.0 + p["shaft"] * shaft / shaft0))
+
+    share = linkage if truth.form == "four-bar" else screw
+    return at_joints(truth, reality, lambda k: Stiffness(lambda situation: k * share(situation)))
+
+
+def _draw_balancer(asked: Asked) -> dict[str, float]:
+    found = gravity_compensator.draw(asked)
+    if asked.form == "nested":
+        return found | {
+            "engages": float(asked.rng.uniform(-0.1, 0.1)),  # m of stretch from mid-range
+            "second": float(asked.rng.uniform(0.5, 1.5)),  # of the first coil's rate
+        }
+    return found | {
+        "side": sign(asked.rng),
+        "eccentric": float(asked.rng.uniform(0.2, 0.6)),
+        "phase": float(asked.rng.uniform(0.0, 2.0 * np.pi)),
+    }
+
+
+def _balancer(truth: Truth, reality: Reality) -> Reality:
+    p, variable, machine = truth.parameters, str(truth.component), reality.machine
+    strong = p["share"] * stiffness_of(machine.robot, variable) / p["crank"] ** 2  # N/m
+
+    def turned(situation: Situation) -> Array:
+        return np.asarray(p["way"] * (situation.values[variable] - p["middle"]))
+
+    def longer(situation: Situation) -> Array:
+        def length(angle: Array) -> Array:
+            square = p["crank"] ** 2 + p["frame"] ** 2 - 2.0 * p["crank"] * p["frame"] * np.cos(angle)
+            return np.asarray(np.sqrt(square))
+
+        return length(p["angle"] + turned(situation)) - length(np.array(p["angle"]))
+
+    if truth.form == "nested":
+
+        def pull(situation: Situation) -> Array:
+            z = longer(situation) - p["engages"]
+            second = 0.5 * p["second"] * (z + np.hypot(z, BLUNT))
+            return np.asarray(p["pull"] + p["growth"] * (longer(situation) + second))
+
+        def rate(situation: Situation) -> Array:
+            z = longer(situation) - p["engages"]
+            return np.asarray(strong * (1.0 + 0.5 * p["second"] * (1.0 + z / np.hypot(z, BLUNT))))
+
+        for name, _ in joints_of(machine.robot, variable):
+            place = Across(variable, p["crank"], p["frame"], p["angle"])
+            machine = with_rod(machine, across(machine, name, place), strong, Stiffness(rate, pull))
+        return reality.with_machine(machine)
+
+    # a strap over a disc that turns with the joint about a point beside its middle
+    def arm(situation: Situation) -> Array:
+        return np.asarray(p["crank"] * (1.0 + p["eccentric"] * np.cos(turned(situation) - p["phase"])))
+
+    def strap(situation: Situation) -> Array:
+        angle = turned(situation)
+        wound = angle + p["eccentric"] * (np.sin(angle - p["phase"]) + np.sin(p["phase"]))
+        return np.asarray(np.maximum(p["pull"] + p["growth"] * p["side"] * p["crank"] * wound, 0.0))
+
+    def torque(situation: Situation) -> Array:
+        return p["side"] * strap(situation) * arm(situation)
+
+    def stiffness(situation: Situation, drive: float) -> Array:
+        slope = -p["crank"] * p["eccentric"] * np.sin(turned(situation) - p["phase"])
+        own = strong * arm(situation) ** 2 + p["side"] * strap(situation) * slope
+        return drive + own
+
+    return at_joints(truth, reality, lambda k: Stiffness(lambda situation: stiffness(situation, k), torque))
+
+
+EFFECTS = (
+    Effect("actuator-lever", ("four-bar", "screw"), actuator_lever.places, _draw_lever, _lever),
+    Effect("gravity-compensator", ("nested", "disc"), gravity_compensator.places, _draw_balancer, _balancer),
+)

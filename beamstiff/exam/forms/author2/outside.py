@@ -1,0 +1,77 @@
+"""Further effects outside the table: drives softer one way or under load, and a tether to the ground."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from beamstiff.exam.campaign import Array, Truth
+from beamstiff.exam.effect import Asked, Effect, between, direction, drives, nowhere, sign, turns
+from beamstiff.exam.forms.author2.springs import at_joints, slackening
+from beamstiff.exam.laws import Curve
+from beamstiff.exam.machine import Hinge, axes_from
+from beamstiff.exam.pedestal import free_name
+from beamstiff.exam.reality import Reality
+from beamstiff.robot.parts import Node
+
+
+def _draw_uneven(asked: Asked) -> dict[str, float]:
+    return {
+        "uneven": sign(asked.rng) * between(asked.size, 0.05, 0.8),  # of the stiffness, more one way
+        "blunt": 2e-5 * (1.0 if turns(asked.robot, asked.component) else 0.1),
+    }
+
+
+def _uneven(truth: Truth, reality: Reality) -> Reality:
+    p = truth.parameters
+
+    def curve(e: Array, k: float) -> tuple[Array, Array]:
+        root = np.hypot(e, p["blunt"])
+        return k * (e + p["uneven"] * (root - p["blunt"])), k * (1.0 + p["uneven"] * e / root)
+
+    return at_joints(truth, reality, lambda k: Curve(lambda e: curve(e, k)))
+
+
+def _draw_softening(asked: Asked) -> dict[str, float]:
+    scale = 1.0 if turns(asked.robot, asked.component) else 0.1
+    return {
+        "loose": between(asked.size, 0.9, 0.2),
+        "from": scale * between(float(asked.rng.uniform()), 5e-5, 5e-4),
+    }
+
+
+def _softening(truth: Truth, reality: Reality) -> Reality:
+    p = truth.parameters
+    return at_joints(truth, reality, lambda k: Curve(lambda e: slackening(e, k, p["loose"], p["from"])))
+
+
+def _draw_tether(asked: Asked) -> dict[str, float]:
+    found = dict(zip("xyz", map(float, direction(asked.rng)), strict=True))
+    return found | {"stiffness": between(asked.size, 2e4, 4e6)}  # N/m
+
+
+def _tether(truth: Truth, reality: Reality) -> Reality:
+    """Something elastic that ties the tool to the ground one way, a taut cable or a steady."""
+    p, machine = truth.parameters, reality.machine
+    tcp = machine.node(machine.tcp)
+    # a node of the base could not follow the poses, so the ground's end hangs on the tool's frame
+    name = free_name(machine, "tether")
+    end = Node(name=name, frame=tcp.frame, at=tcp.at)
+    k = np.array([p["stiffness"], 0.0, 0.0, 0.0, 0.0, 0.0])
+    hinge = Hinge(name, (name, tcp.name), "base", axes_from(np.array([p[n] for n in "xyz"])), k)
+    return reality.with_machine(
+        dataclasses.replace(
+            machine,
+            nodes=(*machine.nodes, end),
+            hinges=(*machine.hinges, hinge),
+            fixed=(*machine.fixed, name),
+        )
+    )
+
+
+EFFECTS = (
+    Effect("uneven-drive", ("two-way",), drives, _draw_uneven, _uneven),
+    Effect("softening-drive", ("slackening",), drives, _draw_softening, _softening),
+    Effect("tether", ("straight",), nowhere, _draw_tether, _tether),
+)

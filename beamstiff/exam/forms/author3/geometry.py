@@ -1,0 +1,152 @@
+"""Third forms of wrong geometry and payload: oval wheels, many tolerances, things that roll or flow."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from beamstiff.exam.campaign import Array, Truth
+from beamstiff.exam.effect import Asked, Effect, between, direction, nowhere, sign
+from beamstiff.exam.forms.author1 import geometry_error, payload_error
+from beamstiff.exam.laws import WindUp
+from beamstiff.exam.machine import Hinge, axes_from
+from beamstiff.exam.pedestal import free_name
+from beamstiff.exam.placing import skeleton_of
+from beamstiff.exam.reality import Reality
+from beamstiff.robot.description import Robot
+from beamstiff.robot.parts import FRAME_PARAMETERS, Mass, Node
+
+SMALL = 0.08  # of the named error's size: an oval wheel at a frame's drive
+TOLERANCE = 0.03  # of the named error's size, one standard deviation: all other errors
+GRAVITY = 9.81
+FIRM = 1e-4  # of what it gives at first, that a loose thing gives at its bounds
+
+
+def _drive_of(robot: Robot, component: str) -> str | None:
+    """Return the actuated variable that a component is, or that turns its frame."""
+    driven = [variable.name for variable in robot.actuated]
+    if "." not in component:
+        return component if component in driven else None
+    frame = component.rsplit(".", 1)[0]
+    parameters = next(p for name, _, p in skeleton_of(robot).frames if name == frame)
+    found = [name for expression in parameters.values() for name in expression.coefficients]
+    return next((name for name in found if name in driven), None)
+
+
+def _size(component: str, size: float) -> float:
+    angle = "." not in component or FRAME_PARAMETERS[component.rsplit(".", 1)[1]] == "angle"
+    return between(size, *(geometry_error.ANGLE if angle else geometry_error.LENGTH))
+
+
+def _draw_geometry(asked: Asked) -> dict[str, float]:
+    component, robot = str(asked.component), asked.robot
+    found = {"error": geometry_error.draw(dataclasses.replace(asked, form="single"))["error"]}
+    if asked.form == "oval":
+        encoder = "." not in component
+        share = float(asked.rng.uniform(0.3, 0.7)) if encoder else SMALL
+        return found | {
+            "oval": share * between(asked.size, *geometry_error.ANGLE),
+            "phase": float(asked.rng.uniform(0.0, 2.0 * np.pi)),
+        }
+    others = [name for name in map(str, geometry_error.places(robot)) if name != component]
+    if robot.loops:  # rigid loops would not close with lengths that do not fit
+        others = [name for name in others if "." not in name]
+    return found | {
+        name: TOLERANCE * _size(name, asked.size) * float(asked.rng.standard_normal()) for name in others
+    }
+
+
+def _geometry(truth: Truth, reality: Reality) -> Reality:
+    """Return the reality with wrong kinematics.
+
+    ``oval``: besides the error of its zero an encoder's track or its coupling is oval, or its shaft is bent
+    in its universal joint, so that the angle errs twice a turn. Textbooks of angle measurement; a frame's
+    error comes with a little of it at the frame's drive.
+
+    ``tolerances``: one error stands out, and all others are there as well, far smaller, as manufacture and an
+    earlier calibration leave them. What calibrations of real robots find.
+    """
+    component, p = str(truth.component), truth.parameters
+    errors = {component: p["error"]}
+    errors |= {name: p[name] for name in p if name not in ("error", "oval", "phase")}
+    geometry = {name: reality.geometry.get(name, 0.0) + error for name, error in errors.items()}
+    reality = dataclasses.replace(reality, geometry={**reality.geometry, **geometry})
+    robot = reality.machine.robot
+    drive = _drive_of(robot, component)
+    if drive is None or "oval" not in p:
+        return reality
+    variable = next(v for v in robot.actuated if v.name == drive)
+    if variable.kind != "angle":
+        return reality
+    at = [v.name for v in robot.actuated].index(drive)
+
+    def encoder(q: Array) -> Array:
+        moved = q.copy()
+        moved[:, at] += p["oval"] * np.sin(2.0 * q[:, at] + p["phase"])
+        return moved
+
+    return dataclasses.replace(reality, encoders=(*reality.encoders, encoder))
+
+
+def _draw_payload(asked: Asked) -> dict[str, float]:
+    found = dict(zip("xyz", map(float, direction(asked.rng)), strict=True))
+    found |= {
+        "mass": between(asked.size, *payload_error.MASS),
+        "along": sign(asked.rng) * float(asked.rng.uniform(0.0, 0.1)),
+        "half": float(asked.rng.uniform(0.03, 0.12)),  # m to either side
+    }
+    # the share of the weight, along its way, with which it has gone most of the way
+    return found | {
+        "tilt": float(asked.rng.uniform(*((0.03, 0.12) if asked.form == "rolling" else (0.3, 0.8))))
+    }
+
+
+def _payload(truth: Truth, reality: Reality) -> Reality:
+    """Return the reality with something at the tool that the model lacks, and that moves within bounds.
+
+    ``rolling``: a part that lies loose in a groove and goes to its lower end as soon as that is tilted.
+    ``liquid``: paint, glue or coolant in an open-topped vessel, whose middle runs to the low side the further
+    the more it is tilted, up to the wall. Engineering estimates both.
+    """
+    p, machine = truth.parameters, reality.machine
+    tcp = machine.node(machine.tcp)
+    axis = np.array([p[n] for n in "xyz"])
+    at = tuple(map(float, np.array(tcp.at) + p["along"] * axis))
+    seat, loose = (
+        Node(name=free_name(machine, name), frame=tcp.frame, at=at)  # type: ignore[arg-type]
+        for name in ("box", "loose")
+    )
+    turning = p["tilt"] * p["mass"] * GRAVITY
+
+    def bounded(force: Array) -> tuple[Array, Array]:
+        x = force / turning
+        root = np.hypot(1.0, x)
+        firm = FIRM * p["half"] / turning
+        return p["half"] * x / root + firm * force, p["half"] / (turning * root**3) + firm
+
+    law = WindUp(bounded, turning / (FIRM * p["half"]))
+    ways = (0,) if truth.form == "rolling" else (1, 2)
+    hinge = Hinge(
+        loose.name,
+        (seat.name, loose.name),
+        tcp.frame,
+        axes_from(axis),
+        np.full(6, np.inf),
+        dict.fromkeys(ways, law),
+    )
+    return reality.with_machine(
+        dataclasses.replace(
+            machine,
+            nodes=(*machine.nodes, seat, loose),
+            rigids=(*machine.rigids, (f"to {seat.name}", (tcp.name, seat.name))),
+            hinges=(*machine.hinges, hinge),
+            masses=(*machine.masses, Mass(node=loose.name, mass=p["mass"])),
+        )
+    )
+
+
+EFFECTS: tuple[Effect, ...] = (
+    Effect("geometry-error", ("oval", "tolerances"), geometry_error.places, _draw_geometry, _geometry),
+    Effect("payload-error", ("rolling", "liquid"), nowhere, _draw_payload, _payload),
+)

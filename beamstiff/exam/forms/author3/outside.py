@@ -1,0 +1,153 @@
+"""Third effects outside the table: a flange that slips, a gauge that sticks, a stand that the load moves."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+
+from beamstiff.exam.campaign import Array, Campaign, Truth
+from beamstiff.exam.effect import Asked, Effect, between, nowhere, slender
+from beamstiff.exam.laws import Memory, Situation
+from beamstiff.exam.machine import Hinge
+from beamstiff.exam.pedestal import behind_flange, free_name
+from beamstiff.exam.placing import Placed
+from beamstiff.exam.reality import Reality
+from beamstiff.exam.rotations import turn, turned_by
+from beamstiff.robot.parts import Node
+
+STUCK = 4.0  # of the stiffness once it slips: that before
+
+
+@dataclass(frozen=True)
+class Slipping:
+    """A spring with a grip beside it that gives way over a short way, and turns round over the same."""
+
+    stiffness: float
+    grip: float
+    arrived: float
+    remembers = True
+    changes = False
+
+    def start(self, situation: Situation) -> Memory:
+        """Return strain and the grip's force, as a share of the most, after the move to the pose."""
+        poses = len(situation.time)
+        return np.zeros(poses), np.full(poses, self.arrived)
+
+    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:  # noqa: ARG002
+        """Return force, tangent and the grip after."""
+        before, held = memory
+        slip = self.grip / (STUCK * self.stiffness)
+        way = np.where(strain >= before, 1.0, -1.0)
+        short = (way - held) * np.exp(-np.abs(strain - before) / slip)
+        now = way - short
+        slope = self.stiffness * (1.0 + STUCK * np.abs(short))
+        return self.stiffness * strain + self.grip * now, slope, (strain, now)
+
+
+def _draw_slipping(asked: Asked) -> dict[str, float]:
+    return {
+        "give": between(asked.size, 2e-8, 3e-7) * slender(asked.robot),  # m/N once it slips
+        "grip": between(float(asked.rng.uniform()), 150.0, 900.0) / slender(asked.robot),  # N
+        "behind": float(asked.rng.uniform(0.02, 0.15)),
+        "arrived": float(asked.rng.uniform(-0.8, 0.8)),
+    }
+
+
+def _slipping(truth: Truth, reality: Reality) -> Reality:
+    """Return the reality with a tool that slips sideways on its flange.
+
+    Beyond the grip of its bolts it slides in their clearance, against their bending, and stays there when the
+    load is taken off: friction, but in no joint. Textbooks of bolted joints (VDI 2230); slips of up to some
+    tenths of a millimetre are an engineering estimate.
+    """
+    machine, flange = behind_flange(reality.machine)
+    p, tcp = truth.parameters, machine.node(machine.tcp)
+    at = (tcp.at[0], tcp.at[1], tcp.at[2] - p["behind"])
+    names = []
+    for _ in range(2):
+        names.append(free_name(machine, "slip"))
+        machine = dataclasses.replace(
+            machine, nodes=(*machine.nodes, Node(name=names[-1], frame=tcp.frame, at=at))
+        )
+    across = Slipping(1.0 / p["give"], p["grip"], p["arrived"])
+    laws = {0: across, 1: across}
+    hinge = Hinge(names[0], (names[0], names[1]), tcp.frame, np.eye(3), np.full(6, np.inf), laws)
+    ties = ((f"to {names[0]}", (flange, names[0])), (f"from {names[1]}", (names[1], tcp.name)))
+    return reality.with_machine(
+        dataclasses.replace(machine, rigids=(*machine.rigids, *ties), hinges=(*machine.hinges, hinge))
+    )
+
+
+def _draw_sticking(asked: Asked) -> dict[str, float]:
+    half = between(asked.size, 1e-5, 3e-4)  # m
+    return {name: half * float(asked.rng.uniform(0.5, 1.0)) for name in "xyz"}
+
+
+def _sticking(truth: Truth, reality: Reality) -> Reality:
+    """Return the reality read by gauges along the base axes that follow only once they are pushed.
+
+    Dial gauges and draw-wire sensors have a reversal error: what they read stays until the point has gone a
+    way, and lags behind it by that from then on (ISO 463 for dial gauges, a few micrometres; data sheets of
+    draw-wire sensors, up to some tenths of a millimetre).
+    """
+    half = np.array([truth.parameters[name] for name in "xyz"])
+
+    def read(campaign: Campaign, placed: Placed, values: Array) -> Array:  # noqa: ARG001
+        values = values.copy()
+        shown: dict[tuple[int, str], Array] = {}
+        for row in np.lexsort((np.arange(len(values)), campaign.step, campaign.pose)):
+            key = (int(campaign.pose[row]), str(campaign.point[row]))
+            # the gauges are set down anew in every pose; absolute ones on the first value
+            last = shown.get(key, np.zeros(3) if campaign.kind == "displacement" else values[row, :3])
+            shown[key] = np.clip(last, values[row, :3] - half, values[row, :3] + half)
+            values[row, :3] = shown[key]
+        return values
+
+    return reality.with_reading(read)
+
+
+def _draw_stand(asked: Asked) -> dict[str, float]:
+    rng = asked.rng
+    angle, away = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(2.0, 5.0)
+    soft = between(asked.size, 3e-9, 4e-7) * slender(asked.robot)  # m/N
+    found = {f"soft_{name}": soft * float(rng.uniform(0.5, 1.0)) for name in "xyz"}
+    return found | {
+        "u": float(away * np.cos(angle)),
+        "v": float(away * np.sin(angle)),
+        "tall": float(rng.uniform(1.0, 2.0)),  # m of the stand
+    }
+
+
+def _stand(truth: Truth, reality: Reality) -> Reality:
+    """Return the reality read from a stand that the load's reaction moves.
+
+    The frame, winch or jack that loads the tool stands on the same plate as the tracker's stand, and its
+    reaction, the load turned about, shifts and tilts that. Known from tests of structures, where gauges are
+    never to stand on the reaction floor; sizes are an engineering estimate.
+    """
+    p = truth.parameters
+    soft = np.array([p[f"soft_{name}"] for name in "xyz"])
+    foot = np.array([p["u"], p["v"], 0.0])
+
+    def read(campaign: Campaign, placed: Placed, values: Array) -> Array:
+        head = -soft * campaign.wrench[:, :3]  # where the stand's head goes
+        tilted = np.cross([0.0, 0.0, 1.0], head) / p["tall"]
+        values = values.copy()
+        tracker = foot + np.array([0.0, 0.0, p["tall"]])
+        for name in np.unique(campaign.point):
+            rows = campaign.point == name
+            seen = placed.node(reality.machine.node(str(name)))[rows] - tracker
+            values[rows, :3] -= head[rows] + np.cross(tilted[rows], seen)
+        values[:, 3:] = turned_by(turn(-tilted) @ turn(values[:, 3:]))
+        return values
+
+    return reality.with_reading(read)
+
+
+EFFECTS: tuple[Effect, ...] = (
+    Effect("slipping-flange", ("clearance",), nowhere, _draw_slipping, _slipping),
+    Effect("sticking-gauge", ("reversal",), nowhere, _draw_sticking, _sticking),
+    Effect("moving-stand", ("reaction",), nowhere, _draw_stand, _stand),
+)

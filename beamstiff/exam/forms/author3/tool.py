@@ -1,0 +1,164 @@
+"""Third forms at the tool: a changer on three balls, a remote centre, and loads hung on in other places."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from beamstiff.exam.campaign import Array, Campaign, Truth
+from beamstiff.exam.effect import Asked, Effect, between, direction, nowhere, slender
+from beamstiff.exam.forms.author1 import tool_compliance, tool_offset
+from beamstiff.exam.laws import Curve
+from beamstiff.exam.machine import Hinge, Machine
+from beamstiff.exam.pedestal import behind_flange, free_name
+from beamstiff.exam.placing import Placed
+from beamstiff.exam.reality import Reality
+from beamstiff.robot.parts import Node
+
+LIFTED = 0.1  # of the contacts' stiffness, that the clamp has by itself
+MINDLIN = 0.8  # stiffness of a ball's contact across over that along its normal
+FIRM = 20.0  # of a remote centre: stiffness along its axis over that across
+
+
+def _draw_soft(asked: Asked) -> dict[str, float]:
+    rng = asked.rng
+    found = {"tilt": between(asked.size, *tool_compliance.TURN)}
+    if asked.form == "balls":
+        return (
+            found
+            | {f"ball{i}": float(rng.uniform(0.7, 1.0)) for i in range(3)}
+            | {
+                "behind": float(rng.uniform(0.02, 0.12)),
+                "radius": float(rng.uniform(0.03, 0.07)),
+                "first": float(rng.uniform(0.0, 2.0 * math.pi)),
+                # N on each ball; a small robot's changer is smaller
+                "clamped": between(float(rng.uniform()), 1e3, 6e3) / slender(asked.robot),
+            }
+        )
+    return found | {
+        "ahead": float(rng.uniform(0.0, 0.06)),
+        "reach": float(rng.uniform(0.05, 0.12)),  # m, root of what it gives across over what it tilts
+        "other": float(rng.uniform(0.7, 1.0)),
+        "about": float(rng.uniform(0.3, 1.0)),
+    }
+
+
+def hertzian(pressed: Array, k: float, clamped: float) -> tuple[Array, Array]:
+    """Return the force over its clamping that a ball takes, and its slope, from the approach (P,).
+
+    The approach grows with the load's power 2/3; k is the stiffness under the clamping force. Where the ball
+    lifts the clamp alone is left.
+    """
+    scale = 1.5 * clamped / k
+    root = np.sqrt(np.maximum(1.0 + pressed / scale, 0.0))
+    force = LIFTED * k * pressed + (1.0 - LIFTED) * clamped * (root**3 - 1.0)
+    return force, k * (LIFTED + (1.0 - LIFTED) * root)
+
+
+def _soft(truth: Truth, reality: Reality) -> Reality:
+    """Return the reality with a soft tool.
+
+    ``balls``: a tool changer or kinematic coupling seats on three balls under a clamp, whose contacts stiffen
+    as they are pressed and soften as they are lifted (A. H. Slocum, Precision machine design, 1992); the
+    clamping forces are an engineering estimate.
+
+    ``remote-centre``: a compliant device for assembly, whose elastic centre lies at or ahead of the tip, so
+    that a force there moves the tool without tilting it (D. E. Whitney, 1982).
+    """
+    p, (machine, flange) = dict(truth.parameters), behind_flange(reality.machine)
+    if truth.form == "remote-centre":
+        about = p["tilt"] * np.array([1.0, p["other"], p["about"]])
+        across = 1.0 / (about[:2] * p["reach"] ** 2)
+        k = np.concatenate([across, [FIRM * across[0]], 1.0 / about])
+        return reality.with_machine(_held(machine, flange, np.array([0.0, 0.0, p["ahead"]]), k))
+    angles = p["first"] + 2.0 * math.pi / 3.0 * np.arange(3)
+    shares = np.array([p[f"ball{i}"] for i in range(3)])
+    seats = p["radius"] * np.stack([np.cos(angles), np.sin(angles), np.zeros(3)], axis=-1)
+    upright = shares / (p["tilt"] * float(shares @ seats[:, 1] ** 2))
+    for seat, k in zip(seats, upright, strict=True):
+
+        def ball(e: Array, k: float = float(k)) -> tuple[Array, Array]:
+            force, slope = hertzian(-e, k, p["clamped"])  # pressed where the tool comes nearer
+            return -force, slope
+
+        springs = np.array([MINDLIN * k, MINDLIN * k, k, 0.0, 0.0, 0.0])
+        machine = _held(machine, flange, seat - np.array([0.0, 0.0, p["behind"]]), springs, Curve(ball))
+    return reality.with_machine(machine)
+
+
+def _held(machine: Machine, flange: str, at: Array, k: Array, along: Curve | None = None) -> Machine:
+    """Return the machine with springs between flange and tool at a place seen from the TCP, in its frame."""
+    tcp = machine.node(machine.tcp)
+    names: list[str] = []
+    for _ in range(2):
+        names.append(free_name(machine, "held"))
+        place = tuple(map(float, np.array(tcp.at) + at))
+        node = Node(name=names[-1], frame=tcp.frame, at=place)  # type: ignore[arg-type]
+        machine = dataclasses.replace(machine, nodes=(*machine.nodes, node))
+    ties = ((f"to {names[0]}", (flange, names[0])), (f"from {names[1]}", (names[1], tcp.name)))
+    laws = {} if along is None else {2: along}
+    hinge = Hinge(names[0], (names[0], names[1]), tcp.frame, np.eye(3), k, laws)
+    return dataclasses.replace(machine, rigids=(*machine.rigids, *ties), hinges=(*machine.hinges, hinge))
+
+
+def _draw_offset(asked: Asked) -> dict[str, float]:
+    found = {"away": between(asked.size, *tool_offset.AWAY)}
+    if asked.form == "eyes":
+        return found | {
+            "turned": float(asked.rng.uniform(0.0, 2.0 * math.pi)),
+            "tip": float(asked.rng.uniform(0.5, 1.5)),  # distance of the eye ahead over that of the others
+        }
+    found |= dict(zip("xyz", map(float, direction(asked.rng)), strict=True))
+    return found | {
+        "scatter": float(asked.rng.uniform(0.2, 0.5)),
+        "seed": float(asked.rng.integers(2**31)),
+    }
+
+
+def eyes(p: dict[str, float]) -> Array:
+    """Return the places of the eye bolts of a loading adapter, (5, 3), m from the TCP in its frame."""
+    angles = p["turned"] + 0.5 * math.pi * np.arange(4)
+    around = np.stack([np.cos(angles), np.sin(angles), np.zeros(4)], axis=-1)
+    return np.asarray(p["away"] * np.concatenate([around, [[0.0, 0.0, p["tip"]]]]))
+
+
+def _offset(truth: Truth, reality: Reality) -> Reality:
+    """Return the reality with a load that acts beside the TCP.
+
+    ``eyes``: an adapter has an eye bolt on each of its sides, and the load is hooked into the one that faces
+    it. Common practice with dead weights and pulleys.
+
+    ``rehung``: the sling is laid on anew in each pose, about a place beside the TCP but never quite the same.
+    Common practice; the scatter is an engineering estimate.
+    """
+    p, machine = dict(truth.parameters), reality.machine
+
+    def beside(campaign: Campaign, placed: Placed, wrench: Array) -> Array:
+        force, axes = wrench[:, :3], placed.rotations[machine.node(machine.tcp).frame]
+        if truth.form == "eyes":
+            places = eyes(p)
+            own = np.einsum("nji,nj->ni", axes, force)
+            facing = np.argmax(own @ (places / np.linalg.norm(places, axis=1, keepdims=True)).T, axis=1)
+            local = places[facing]
+        else:
+            middle, poses = np.array([p[n] for n in "xyz"]), np.unique(campaign.pose)
+            apart = np.array([_scatter(int(p["seed"]), int(pose)) for pose in poses])
+            local = p["away"] * (middle + p["scatter"] * apart[np.searchsorted(poses, campaign.pose)])
+        arm = (axes @ local[..., None])[..., 0]
+        moment = np.where((campaign.load_point == machine.tcp)[:, None], np.cross(arm, force), 0.0)
+        return np.concatenate([force, wrench[:, 3:] + moment], axis=1)
+
+    return reality.with_load(beside)
+
+
+def _scatter(seed: int, pose: int) -> Array:
+    """Return three normal numbers of a pose, whichever other poses are measured."""
+    return np.random.default_rng([seed, pose]).standard_normal(3)
+
+
+EFFECTS: tuple[Effect, ...] = (
+    Effect("tool-compliance", ("balls", "remote-centre"), nowhere, _draw_soft, _soft),
+    Effect("tool-offset", ("eyes", "rehung"), nowhere, _draw_offset, _offset),
+)

@@ -1,0 +1,257 @@
+"""The machine laid out at its poses: bodies with their arms, members with their axes and rest lengths."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from beamstiff.errors import BeamstiffError
+from beamstiff.exam.campaign import Array, Integers
+from beamstiff.exam.machine import Bar, Hinge, Machine, Profile, bodies_of
+from beamstiff.exam.placing import Placed
+
+SHIFTED = 0.1  # m, of two nodes of a joint: the most that errors of the geometry may move them apart
+
+
+@dataclass(frozen=True, eq=False)
+class Topology:
+    """What does not depend on the pose.
+
+    Attributes
+    ----------
+    machine : Machine
+    body : (N,) int array
+        Body of every node; 0 is the ground.
+    index : mapping of str to int
+        Of the nodes.
+    bodies : int
+        Number of bodies, the ground included.
+    members : (E, 2) int array
+        Bodies of hinges, then bars.
+    rods : (S, 2) int array
+    locked : (B,) bool array
+        Bodies that only rods hold: they do not turn.
+    loads : (L,) int array
+        Bodies that carry masses and the weight of bars.
+    """
+
+    machine: Machine
+    body: Integers
+    index: dict[str, int]
+    bodies: int
+    members: Integers
+    rods: Integers
+    locked: Array
+    loads: Integers
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """The machine before it deforms, P poses, base frame, SI.
+
+    Attributes
+    ----------
+    arms : (P, N, 3) array
+        Nodes from the reference point of their body.
+    nodes : (P, N, 3) array
+    axes : (P, E, 3, 3) array
+        Axes of hinges and bars as columns.
+    rest : (P, E, 3) array
+        From the first end of a member to the second.
+    first, second : (P, E, 3) array
+        Arms of the ends.
+    stiffness : (P, 6 E, 6 E) array
+        Of hinges and bars; rows of rigid directions are zero.
+    bending : (P, E, 6, 6) array
+        Matrix H of bars: bending shortens them by ``e.H.e/2``; zero for hinges.
+    rod, rod_first, rod_second : (P, S, 3) array
+    load_arm, load : (P, L, 3) array
+        Weights.
+    load_moment : (P, L, 3) array
+    """
+
+    arms: Array
+    nodes: Array
+    axes: Array
+    rest: Array
+    first: Array
+    second: Array
+    stiffness: Array
+    bending: Array
+    rod: Array
+    rod_first: Array
+    rod_second: Array
+    load_arm: Array
+    load: Array
+    load_moment: Array
+
+    def at(self, poses: Any) -> Layout:
+        """Return the layout at some of the poses, in any order."""
+        return Layout(*(getattr(self, f.name)[poses] for f in fields(self)))
+
+
+def topology_of(machine: Machine) -> Topology:
+    """Return the bodies and members of a machine."""
+    body_of = bodies_of(machine)
+    index = {node.name: at for at, node in enumerate(machine.nodes)}
+
+    def pairs(parts: Sequence[Any]) -> Integers:
+        found = [[body_of[name] for name in part.nodes] for part in parts]
+        return np.array(found, dtype=np.int64).reshape(-1, 2)
+
+    members = np.concatenate([pairs(machine.hinges), pairs(machine.bars)])
+    locked = np.ones(max(body_of.values()) + 1, dtype=np.bool_)
+    locked[members.ravel()] = False
+    joined = {name for _, nodes in machine.rigids for name in nodes}
+    locked[[body_of[name] for name in joined]] = False
+    carrying = [mass.node for mass in machine.masses] + [hose.node for hose in machine.hoses]
+    carrying += [n for bar in machine.bars for n in bar.nodes]
+    return Topology(
+        machine=machine,
+        body=np.array([body_of[node.name] for node in machine.nodes], dtype=np.int64),
+        index=index,
+        bodies=len(locked),
+        members=members,
+        rods=pairs(machine.rods),
+        locked=locked.astype(np.float64),
+        loads=np.array([body_of[name] for name in carrying], dtype=np.int64),
+    )
+
+
+def lay_out(topology: Topology, placed: Placed) -> Layout:
+    """Return the layout of a machine at the poses where it is placed."""
+    machine, index = topology.machine, topology.index
+    poses = len(next(iter(placed.origins.values())))
+    nodes = np.stack([placed.node(node) for node in machine.nodes], axis=1)
+    _rejoin(machine, index, nodes)
+    first_of_body = {int(body): at for at, body in reversed(list(enumerate(topology.body)))}
+    arms = nodes - nodes[:, [first_of_body[int(body)] for body in topology.body]]
+
+    hinges, bars = machine.hinges, machine.bars
+    ends = np.array([[index[n] for n in part.nodes] for part in _parts(machine)], dtype=np.int64)
+    ends = ends.reshape(-1, 2)
+    axes = np.zeros((poses, len(ends), 3, 3))
+    rest = np.zeros((poses, len(ends), 3))
+    stiffness = np.zeros((poses, 6 * len(ends), 6 * len(ends)))
+    bending = np.zeros((poses, len(ends), 6, 6))
+    for at, hinge in enumerate(hinges):
+        axes[:, at] = placed.rotations[hinge.frame] @ hinge.axes
+        k = hinge.stiffness if hinge.stiffness.ndim == 2 else np.diag(_finite(hinge.stiffness))
+        lawless = np.array([float(direction not in hinge.laws) for direction in range(6)])
+        stiffness[:, 6 * at : 6 * at + 6, 6 * at : 6 * at + 6] = k * lawless[:, None] * lawless
+    at_of = {hinge.name: at for at, hinge in enumerate(hinges)}
+    for cross in machine.crosses:
+        rows = [6 * at_of[name] + direction for name, direction in (cross.first, cross.second)]
+        stiffness[:, np.array(rows)[:, None], rows] += cross.added
+    for at, bar in enumerate(bars, start=len(hinges)):
+        a, b = ends[at]
+        rest[:, at] = nodes[:, b] - nodes[:, a]
+        length = np.linalg.norm(rest[:, at], axis=1)
+        up = None if bar.up is None else placed.rotations[machine.node(bar.nodes[0]).frame] @ bar.up
+        axes[:, at] = _bar_axes(rest[:, at] / length[:, None], up)
+        stiffness[:, 6 * at : 6 * at + 6, 6 * at : 6 * at + 6] = tip_stiffness(bar.profile, length)
+        bending[:, at] = _shortening(length)
+    rod_ends = np.array([[index[n] for n in rod.nodes] for rod in machine.rods], dtype=np.int64).reshape(
+        -1, 2
+    )
+    load_arm, load, moment = _weights(machine, index, placed, nodes, arms)
+    return Layout(
+        arms=arms,
+        nodes=nodes,
+        axes=axes,
+        rest=rest,
+        first=arms[:, ends[:, 0]],
+        second=arms[:, ends[:, 1]],
+        stiffness=stiffness,
+        bending=bending,
+        rod=nodes[:, rod_ends[:, 1]] - nodes[:, rod_ends[:, 0]],
+        rod_first=arms[:, rod_ends[:, 0]],
+        rod_second=arms[:, rod_ends[:, 1]],
+        load_arm=load_arm,
+        load=load,
+        load_moment=moment,
+    )
+
+
+def tip_stiffness(profile: Profile, length: Array) -> Array:
+    """Return the stiffness (P, 6, 6) of beams' second ends with the first ones held.
+
+    The inverse of the flexibility ``L sum of X^T c X`` over the stations, X the section forces under a unit
+    wrench at the tip.
+    """
+    X = np.zeros((len(length), len(profile.stations), 6, 6))
+    X[..., range(6), range(6)] = 1.0
+    lever = length[:, None] * (1.0 - profile.stations)
+    X[..., 4, 2], X[..., 5, 1] = -lever, lever
+    flexibility = np.einsum("pgki,gk,pgkj->pij", X, profile.compliance, X) * length[:, None, None]
+    k: Array = np.linalg.inv(flexibility)
+    return 0.5 * (k + np.swapaxes(k, -1, -2))
+
+
+def _parts(machine: Machine) -> list[Hinge | Bar]:
+    return [*machine.hinges, *machine.bars]
+
+
+def _finite(stiffness: Array) -> Array:
+    return np.where(np.isfinite(stiffness), stiffness, 0.0)
+
+
+def _rejoin(machine: Machine, index: dict[str, int], nodes: Array) -> None:
+    """Put the nodes of a joint together again where an error of the geometry has moved one of them."""
+    for hinge in machine.hinges:
+        a, b = (index[name] for name in hinge.nodes)
+        apart = float(np.abs(nodes[:, a] - nodes[:, b]).max())
+        if apart > SHIFTED:
+            raise BeamstiffError(f"joint {hinge.name!r}: its nodes are {apart:.3g} m apart")
+        own = machine.node(hinge.nodes[0]).frame == hinge.frame
+        kept, moved = (a, b) if own else (b, a)
+        nodes[:, moved] = nodes[:, kept]
+
+
+def _bar_axes(x: Array, up: Array | None) -> Array:
+    if up is None:
+        up = np.eye(3)[np.argmin(np.abs(x), axis=1)]
+    z = np.cross(x, up)
+    z = z / np.linalg.norm(z, axis=1, keepdims=True)
+    return np.stack([x, np.cross(z, x), z], axis=-1)
+
+
+def _shortening(length: Array) -> Array:
+    """Return H, of the shortening ``int(v'^2 + w'^2)/2 = e.H.e/2`` of a cubic clamped at one end."""
+    H = np.zeros((len(length), 6, 6))
+    for v, r, sign in ((1, 5, -1.0), (2, 4, 1.0)):
+        H[:, v, v] = 1.2 / length
+        H[:, v, r] = H[:, r, v] = 0.1 * sign
+        H[:, r, r] = 2.0 * length / 15.0
+    return H
+
+
+def _weights(
+    machine: Machine, index: dict[str, int], placed: Placed, nodes: Array, arms: Array
+) -> tuple[Array, Array, Array]:
+    """Return arms, forces and moments of masses and hoses, then of either end of every bar."""
+    g = np.array(machine.robot.gravity)
+    found: list[tuple[Array, Array, Array]] = []
+    for mass in machine.masses:
+        arm = arms[:, index[mass.node]] + placed.rotations[machine.node(mass.node).frame] @ np.array(mass.at)
+        force = np.broadcast_to(mass.mass * g, arm.shape)
+        found.append((arm, force, np.zeros_like(arm)))
+    for hose in machine.hoses:
+        height = -nodes[:, index[hose.node]] @ g / (float(np.linalg.norm(g)) or 1.0)
+        kilograms = hose.per_metre * np.maximum(height - hose.low, 0.0)
+        force = kilograms[:, None] * g
+        found.append((arms[:, index[hose.node]], force, np.zeros_like(force)))
+    for bar in machine.bars:
+        a, b = (index[name] for name in bar.nodes)
+        along = nodes[:, b] - nodes[:, a]
+        weight = bar.weight * np.linalg.norm(along, axis=1, keepdims=True) * g
+        couple = np.cross(along, weight) / 12.0
+        found += [(arms[:, a], 0.5 * weight, couple), (arms[:, b], 0.5 * weight, -couple)]
+    if not found:
+        none = np.zeros((len(nodes), 0, 3))
+        return none, none, none
+    arm, force, moment = (np.stack(parts, axis=1) for parts in zip(*found, strict=True))
+    return arm, force, moment

@@ -1,0 +1,333 @@
+"""The simulated machine: rigid bodies, held together by springs, beams and rods.
+
+Made from a robot's description and then changed by effects: what is rigid in the model may bend here, and a
+linear spring of the model may follow any law.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from beamstiff.errors import BeamstiffError
+from beamstiff.exam.campaign import Array
+from beamstiff.exam.laws import Law, Situation
+from beamstiff.robot.description import Robot
+from beamstiff.robot.parts import JOINT_DIRECTIONS, Mass, Node
+from beamstiff.robot.sections import section_properties
+
+TURN = 3  # direction about the joint's axis
+ALONG = 0
+GAUSS = np.polynomial.legendre.leggauss(6)
+Weight = float | Callable[[Situation], Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Hinge:
+    """Springs in six directions between two nodes at one place.
+
+    Attributes
+    ----------
+    name : str
+    nodes : tuple of str
+    frame : str
+        Frame that `axes` are given in.
+    axes : (3, 3) array
+        Its axes as columns, the joint's own first.
+    stiffness : (6,) or (6, 6) array
+        In the joint's axes; infinity is rigid, 0 free. A full matrix has no rigid directions.
+    laws : mapping of int to Law
+        Directions that follow a law in place of their stiffness.
+    """
+
+    name: str
+    nodes: tuple[str, str]
+    frame: str
+    axes: Array
+    stiffness: Array
+    laws: Mapping[int, Law] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """A beam's compliance along its length.
+
+    Attributes
+    ----------
+    stations : (G,) array
+        Places along the beam, from 0 to 1.
+    compliance : (G, 6) array
+        Of a piece of unit length there against stretch, shear (2), twist and bending (2), times the share of
+        the length that the station stands for.
+    """
+
+    stations: Array
+    compliance: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Bar:
+    """A beam between two nodes.
+
+    Attributes
+    ----------
+    name : str
+    nodes : tuple of str
+    profile : Profile
+    up : (3,) array or None
+        Direction in the frame of the first node; local y lies in the plane of the axis and it.
+    weight : float, kg/m
+    """
+
+    name: str
+    nodes: tuple[str, str]
+    profile: Profile
+    up: Array | None
+    weight: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Rod:
+    """A spring along the line between two nodes; its rest length follows the drives.
+
+    Attributes
+    ----------
+    name : str
+    nodes : tuple of str
+    stiffness : float, N/m
+        Infinity is rigid.
+    law : Law or None
+        In place of the stiffness.
+    """
+
+    name: str
+    nodes: tuple[str, str]
+    stiffness: float
+    law: Law | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Cross:
+    """Stiffness that links two directions of hinges.
+
+    Attributes
+    ----------
+    first, second : tuple of (str, int)
+        Hinge and direction.
+    added : (2, 2) array
+        Added to the stiffness of the two.
+    """
+
+    first: tuple[str, int]
+    second: tuple[str, int]
+    added: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """A spring between two directions of hinges, as gears or a belt make one; it may follow any law.
+
+    Attributes
+    ----------
+    first, second : tuple of (str, int)
+        Hinge and direction.
+    weights : (float or callable, float or callable)
+        The spring's strain is the sum of the two strains, each times its weight: a number, or (P,) numbers
+        from the situation where a lever arm changes with the pose.
+    law : Law
+    """
+
+    first: tuple[str, int]
+    second: tuple[str, int]
+    weights: tuple[Weight, Weight]
+    law: Law
+
+
+@dataclass(frozen=True, eq=False)
+class Hose:
+    """A hose that a node lifts off the ground: the higher the node, the more of it hangs there.
+
+    Attributes
+    ----------
+    node : str
+    per_metre : float, kg/m
+    low : float, m
+        Height of the node, against gravity from the base frame's origin, at which nothing hangs.
+    """
+
+    node: str
+    per_metre: float
+    low: float
+
+
+@dataclass(frozen=True, eq=False)
+class Machine:
+    """A machine as its parts; see the classes of the parts."""
+
+    robot: Robot
+    nodes: tuple[Node, ...]
+    rigids: tuple[tuple[str, tuple[str, str]], ...]
+    hinges: tuple[Hinge, ...]
+    bars: tuple[Bar, ...]
+    rods: tuple[Rod, ...]
+    crosses: tuple[Cross, ...]
+    masses: tuple[Mass, ...]
+    fixed: tuple[str, ...]
+    tcp: str
+    meshes: tuple[Mesh, ...] = ()
+    hoses: tuple[Hose, ...] = ()
+
+    def node(self, name: str) -> Node:
+        """Return a node by name."""
+        return next(node for node in self.nodes if node.name == name)
+
+    def hinge(self, name: str) -> Hinge:
+        """Return a hinge by name."""
+        return next(hinge for hinge in self.hinges if hinge.name == name)
+
+    def with_hinge(self, hinge: Hinge) -> Machine:
+        """Return the machine with the hinge of that name replaced."""
+        hinges = tuple(hinge if h.name == hinge.name else h for h in self.hinges)
+        return dataclasses.replace(self, hinges=hinges)
+
+    def with_law(self, name: str, direction: int, law: Law) -> Machine:
+        """Return the machine with a law in one direction of a hinge."""
+        hinge = self.hinge(name)
+        return self.with_hinge(dataclasses.replace(hinge, laws={**hinge.laws, direction: law}))
+
+    @property
+    def ties(self) -> list[tuple[str, str]]:
+        """Nodes that something holds to one another."""
+        found = [nodes for _, nodes in self.rigids] + [hinge.nodes for hinge in self.hinges]
+        return found + [bar.nodes for bar in self.bars] + [rod.nodes for rod in self.rods]
+
+    @property
+    def laws(self) -> tuple[Law, ...]:
+        """All laws of the machine."""
+        of_rods = tuple(rod.law for rod in self.rods if rod.law is not None)
+        of_meshes = tuple(mesh.law for mesh in self.meshes)
+        return tuple(law for hinge in self.hinges for law in hinge.laws.values()) + of_rods + of_meshes
+
+
+def machine_of(robot: Robot) -> Machine:
+    """Return the machine that is just as the robot's description says."""
+    nodes = {node.name: node for node in robot.nodes}
+    hinges = [
+        Hinge(
+            joint.name,
+            joint.nodes,
+            joint.frame,
+            axes_from(np.array(joint.axis, dtype=np.float64)),
+            np.array([getattr(joint.stiffness, kind) for kind in JOINT_DIRECTIONS], dtype=np.float64),
+        )
+        for joint in robot.joints
+    ]
+    bars = []
+    for beam in robot.beams:
+        material, section = robot.materials[beam.material], section_properties(robot.sections[beam.section])
+        rigidity = [
+            material.E * section.A,
+            material.G * (math.inf if section.Ay is None else section.Ay),
+            material.G * (math.inf if section.Az is None else section.Az),
+            material.G * section.J,
+            material.E * section.Iy,
+            material.E * section.Iz,
+        ]
+        profile = tapered(np.array(rigidity), lambda x: np.ones_like(x))
+        up = None if beam.up is None else np.array(beam.up, dtype=np.float64)
+        bars.append(Bar(beam.name, beam.nodes, profile, up, material.density * section.A))
+    return Machine(
+        robot=robot,
+        nodes=tuple(nodes.values()),
+        rigids=tuple((rigid.name, rigid.nodes) for rigid in robot.rigids),
+        hinges=tuple(hinges),
+        bars=tuple(bars),
+        rods=tuple(Rod(strut.name, strut.nodes, strut.stiffness) for strut in robot.struts),
+        crosses=(),
+        masses=robot.masses,
+        fixed=robot.fixed,
+        tcp=robot.tcp,
+    )
+
+
+def tapered(rigidity: Array, size: object, bending: float = 4.0) -> Profile:
+    """Return the profile of a beam whose cross-section changes its size along the length.
+
+    Parameters
+    ----------
+    rigidity : (6,) array
+        EA, G Ay, G Az (infinite: stiff in shear), GJ, E Iy, E Iz where `size` is 1.
+    size : callable
+        Linear size of the cross-section at stations (G,) from 0 to 1.
+    bending : float
+        Power of the size that bending and twist grow with; stretch and shear grow with half of it.
+    """
+    stations = 0.5 * (GAUSS[0] + 1.0)
+    scale = np.asarray(size(stations))[:, None]  # type: ignore[operator]
+    powers = np.array([0.5, 0.5, 0.5, 1.0, 1.0, 1.0]) * bending
+    with np.errstate(divide="ignore"):
+        return Profile(stations, 0.5 * GAUSS[1][:, None] / (rigidity * scale**powers))
+
+
+def axes_from(axis: Array) -> Array:
+    """Return right-handed axes as columns, the first along `axis`."""
+    x = axis / np.linalg.norm(axis)
+    y = np.cross(x, np.eye(3)[np.argmin(np.abs(x))])
+    y = y / np.linalg.norm(y)
+    return np.stack([x, y, np.cross(x, y)], axis=-1)
+
+
+def bodies_of(machine: Machine) -> dict[str, int]:
+    """Return the body of every node: nodes that rigids join are one body, those that are fixed are body 0."""
+    names = [node.name for node in machine.nodes]
+    above = {name: name for name in names}
+
+    def root(name: str) -> str:
+        while above[name] != name:
+            name = above[name]
+        return name
+
+    for a, b in [nodes for _, nodes in machine.rigids] + [(machine.fixed[0], f) for f in machine.fixed[1:]]:
+        above[root(a)] = root(b)
+    ground = root(machine.fixed[0])
+    number = {ground: 0}
+    for name in names:
+        number.setdefault(root(name), len(number))
+    return {name: number[root(name)] for name in names}
+
+
+def joints_of(robot: Robot, component: str) -> tuple[tuple[str, int], ...]:
+    """Return the joints (name, own direction) that a component stands for: a variable's, or one by name.
+
+    Raises
+    ------
+    BeamstiffError
+        When no joint has that variable or name.
+    """
+    kinds = {variable.name: variable.type for variable in robot.variables}
+    chosen = [j for j in robot.joints if j.variable == component] or [
+        j for j in robot.joints if j.name == component
+    ]
+    if not chosen:
+        raise BeamstiffError(f"robot {robot.name!r} has no joint {component!r}")
+    return tuple((j.name, ALONG if kinds.get(j.variable or "") == "prismatic" else TURN) for j in chosen)
+
+
+def own_stiffness(robot: Robot, joint: str, direction: int) -> float:
+    """Return the stiffness of a joint in one direction, SI."""
+    found = next(j for j in robot.joints if j.name == joint)
+    return float(getattr(found.stiffness, JOINT_DIRECTIONS[direction]))
+
+
+def drives_of(robot: Robot) -> list[str]:
+    """Return the components whose own direction is an elastic drive: neither rigid nor free."""
+    names: Iterable[str] = dict.fromkeys(j.variable or j.name for j in robot.joints)
+    return [
+        name
+        for name in names
+        if all(0.0 < own_stiffness(robot, *joint) < math.inf for joint in joints_of(robot, name))
+    ]

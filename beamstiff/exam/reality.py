@@ -1,0 +1,61 @@
+"""What really happens in a campaign: the machine, its geometry, the loads on it and the readings of it."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from beamstiff.exam.campaign import Array, Campaign
+from beamstiff.exam.machine import Machine
+from beamstiff.exam.placing import Placed
+
+# wrenches as they act, (N, 6), from the campaign, the machine placed at its rows, and the wrenches as read
+LoadChange = Callable[[Campaign, Placed, Array], Array]
+# values as read, (N, 6), from the campaign, the machine placed at its rows, and the values as they are
+ReadingChange = Callable[[Campaign, Placed, Array], Array]
+# where the drives are, (P, A), from what their encoders read
+EncoderChange = Callable[[Array], Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Reality:
+    """A machine and a campaign on it as they really are.
+
+    Attributes
+    ----------
+    machine : Machine
+    geometry : mapping of str to float, rad or m
+        Errors of frame parameters (``f3.d``) and offsets of encoders (``q2``).
+    loads : tuple of LoadChange
+    readings : tuple of ReadingChange
+    encoders : tuple of EncoderChange
+        Errors of encoders that change with the angle.
+    lever : (3,) tuple, m
+        From the load's node to the true point of action, in the frame of the node.
+    target : (3,) tuple, m
+        From the measured node to the true reflector, in the frame of the node, where displacements are read.
+    marked : (3,) tuple, m
+        The same where absolute positions are read.
+    """
+
+    machine: Machine
+    geometry: Mapping[str, float] = field(default_factory=dict)
+    loads: tuple[LoadChange, ...] = ()
+    readings: tuple[ReadingChange, ...] = ()
+    encoders: tuple[EncoderChange, ...] = ()
+    lever: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    target: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    marked: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def with_machine(self, machine: Machine) -> Reality:
+        """Return the same with another machine."""
+        return dataclasses.replace(self, machine=machine)
+
+    def with_load(self, change: LoadChange) -> Reality:
+        """Return the same with one more change of the loads."""
+        return dataclasses.replace(self, loads=(*self.loads, change))
+
+    def with_reading(self, change: ReadingChange) -> Reality:
+        """Return the same with one more change of the readings."""
+        return dataclasses.replace(self, readings=(*self.readings, change))

@@ -1,0 +1,209 @@
+"""One examined case: the sealed label, the verdict given blind, and what is compared."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from typing import Any, Literal
+
+from beamstiff.exam.names import FAILED, NONE, UNKNOWN, is_named, key_of, normal
+
+Kind = Literal["null", "single", "pair", "outside", "removed"]
+KINDS: tuple[Kind, ...] = ("null", "single", "pair", "outside", "removed")
+
+
+@dataclass(frozen=True)
+class Label:
+    """What is true in a case; the diagnosis never sees it.
+
+    Attributes
+    ----------
+    case : int
+    kind : "null", "single", "pair", "outside" or "removed"
+        ``outside``: the effect is in nobody's library; ``removed``: its class is withheld from the library.
+    truths : tuple of str
+        ``effect:component`` of every effect at work; empty for a null.
+    sizes : tuple of float
+        Of each truth, in the simulator's own parametrisation, from 0 (smallest) to 1 (largest realistic).
+    withheld : tuple of str
+        Effects that the library has to do without.
+    robot, design, data, claimed : str
+        What was drawn: the robot's name; ``rich``, ``lean`` or ``plan``; ``displacement`` or ``absolute``;
+        the claim of the noise: ``true``, ``half``, ``twice`` or ``absent``.
+    readings : int
+        3 or 6 components.
+    forms : tuple of str
+        Constitutive form of each truth.
+    hand : int
+        Who wrote the forms, the last of them: 1 is who writes the diagnosis and has not read the others'.
+    """
+
+    case: int
+    kind: Kind
+    truths: tuple[str, ...]
+    sizes: tuple[float, ...]
+    withheld: tuple[str, ...]
+    robot: str
+    design: str
+    data: str
+    claimed: str
+    readings: int
+    forms: tuple[str, ...] = ()
+    hand: int = 1
+
+    def digest(self) -> str:
+        """Return the SHA-256 of the label, which seals it."""
+        return sha256(asdict(self))
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a diagnosis said, taken from its JSON.
+
+    Attributes
+    ----------
+    verdict : str
+        ``effect:component``; ``none:null``, ``unknown:null``, or ``failed:null`` where it broke off.
+    probability : float
+        Of the verdict.
+    also : tuple of str
+        Further effects named.
+    indistinguishable : tuple of str
+        What these data cannot tell from the verdict.
+    probabilities : mapping of str to float
+        Of all candidates, those below 1e-6 left out.
+    promised : float or None
+        The shrink said of the verdict; None where no effect is named.
+    """
+
+    verdict: str
+    probability: float
+    also: tuple[str, ...] = ()
+    indistinguishable: tuple[str, ...] = ()
+    probabilities: Mapping[str, float] | None = None
+    promised: float | None = None
+
+
+@dataclass(frozen=True)
+class Record:
+    """A case, answered and opened.
+
+    Attributes
+    ----------
+    label : Label
+    answer : Answer
+    gap : float
+        Gap over noise: RMS over the measured values of the noise-free residual that the fitted baseline
+        leaves, each divided by the true standard deviation of its noise; NaN where the baseline failed.
+    gaps : tuple of float
+        The same of each truth by itself.
+    shrink : float or None
+        Share of the gap on new poses and new loads, noise-free, that the verdict's effect closes, as
+        ``1 - (after/before)^2`` of the position errors, clipped to [0, 1]; None where no effect is named.
+    controls : mapping of str to str
+        What the plain controls name, ``effect:component``.
+    label_sha256, report_sha256 : str
+        Seals of the label, before the diagnosis, and of its report, before the label was opened.
+    seconds : float
+        Time that the diagnosis took.
+    error : str or None
+        Why it broke off.
+    """
+
+    label: Label
+    answer: Answer
+    gap: float
+    gaps: tuple[float, ...]
+    shrink: float | None
+    controls: Mapping[str, str]
+    label_sha256: str
+    report_sha256: str
+    seconds: float
+    error: str | None = None
+
+    @property
+    def truth(self) -> str:
+        """The right verdict: the effect of a single, ``none`` of a null, ``unknown`` where it has no name."""
+        if self.label.kind == "null":
+            return key_of(NONE, None)
+        if self.label.kind in ("outside", "removed"):
+            return key_of(UNKNOWN, None)
+        return self.label.truths[0]
+
+    @property
+    def verdict_set(self) -> frozenset[str]:
+        """The verdict and what it says that these data cannot tell from it."""
+        return frozenset((self.answer.verdict, *self.answer.indistinguishable))
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        """All effects that the verdict names: none for ``none``, ``unknown`` and a diagnosis that failed."""
+        return tuple(key for key in (self.answer.verdict, *self.answer.also) if is_named(key))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for one line of JSON; a gap that is no number is null."""
+        data = asdict(self)
+        data["gap"] = _number(self.gap)
+        data["gaps"] = [_number(gap) for gap in self.gaps]
+        return data
+
+
+def answer_of(report: Mapping[str, Any]) -> Answer:
+    """Return what a diagnosis says, from its JSON (format ``beamstiff-diagnosis/1``).
+
+    Examples
+    --------
+    >>> answer_of({"which": [], "verdict": {"effect": "none", "component": None, "probability": 0.9}})
+    Answer(verdict='none:null', probability=0.9, also=(), indistinguishable=(), probabilities={},
+           promised=None)
+    """
+    verdict = report["verdict"]
+    key = key_of(verdict["effect"], verdict["component"])
+    also = verdict.get("also") or ()
+    candidates = {key_of(c["effect"], c["component"]): c for c in report["which"]}
+    promised = candidates[key]["shrink"] if is_named(key) and key in candidates else None
+    return Answer(
+        verdict=key,
+        probability=float(verdict["probability"]),
+        also=tuple(
+            key_of(second["effect"], second["component"])
+            for second in ([also] if isinstance(also, Mapping) else also)
+        ),
+        indistinguishable=tuple(normal(text) for text in verdict.get("indistinguishable") or ()),
+        probabilities={k: float(c["probability"]) for k, c in candidates.items() if c["probability"] > 1e-6},
+        promised=None if promised is None else float(promised),
+    )
+
+
+def failed() -> Answer:
+    """Return the answer of a diagnosis that broke off; it counts as wrong wherever it is asked."""
+    return Answer(verdict=key_of(FAILED, None), probability=0.0, probabilities={})
+
+
+def record_from(data: Mapping[str, Any]) -> Record:
+    """Return the record that `Record.to_dict` made plain data of."""
+    values = {**data}
+    values["label"] = _made(Label, data["label"])
+    values["answer"] = _made(Answer, data["answer"])
+    values["gap"] = float("nan") if data["gap"] is None else data["gap"]
+    values["gaps"] = tuple(float("nan") if gap is None else gap for gap in data["gaps"])
+    return Record(**values)
+
+
+def sha256(value: Any) -> str:
+    """Return the SHA-256 of plain data, written as JSON with sorted keys and no blanks."""
+    text = json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode("utf-8")).hexdigest()
+
+
+def _made(kind: type[Any], data: Mapping[str, Any]) -> Any:
+    names = {field.name for field in fields(kind)}
+    return kind(
+        **{k: tuple(v) if isinstance(v, list) else v for k, v in data.items() if k in names},
+    )
+
+
+def _number(value: float) -> float | None:
+    return value if value == value and abs(value) != float("inf") else None

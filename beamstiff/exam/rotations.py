@@ -1,0 +1,72 @@
+"""Finite rotations of the simulated bodies, batched over any leading axes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from beamstiff.exam.campaign import Array
+
+
+def cross_matrix(v: Array) -> Array:
+    """Return the matrices (..., 3, 3) that take the cross product with vectors (..., 3) from the left."""
+    zero = np.zeros_like(v[..., 0])
+    x, y, z = v[..., 0], v[..., 1], v[..., 2]
+    rows = [zero, -z, y, z, zero, -x, -y, x, zero]
+    return np.stack(rows, axis=-1).reshape(*v.shape[:-1], 3, 3)
+
+
+def turn(vector: Array) -> Array:
+    """Return the rotation matrices (..., 3, 3) of rotation vectors (..., 3), by unit quaternions.
+
+    Examples
+    --------
+    >>> turn(np.array([0.0, 0.0, np.pi / 2])).round(12) @ [1.0, 0.0, 0.0]
+    array([0., 1., 0.])
+    """
+    half = 0.5 * np.linalg.norm(vector, axis=-1, keepdims=True)
+    w = np.cos(half)[..., None]
+    v = 0.5 * np.sinc(half / np.pi) * vector
+    s = cross_matrix(v)
+    result: Array = np.eye(3) + 2.0 * w * s + 2.0 * s @ s
+    return result
+
+
+def turned_by(rotation: Array) -> Array:
+    """Return the rotation vectors (..., 3) of rotation matrices (..., 3, 3), angle below pi.
+
+    Examples
+    --------
+    >>> turned_by(turn(np.array([0.1, -0.2, 0.3])))
+    array([ 0.1, -0.2,  0.3])
+    """
+    odd = 0.5 * np.stack(
+        [
+            rotation[..., 2, 1] - rotation[..., 1, 2],
+            rotation[..., 0, 2] - rotation[..., 2, 0],
+            rotation[..., 1, 0] - rotation[..., 0, 1],
+        ],
+        axis=-1,
+    )
+    sine = np.linalg.norm(odd, axis=-1)
+    angle = np.arctan2(sine, 0.5 * (np.trace(rotation, axis1=-2, axis2=-1) - 1.0))
+    factor = np.where(sine > 1e-8, angle / np.where(sine > 1e-8, sine, 1.0), 1.0)
+    near = angle > 3.1
+    result: Array = factor[..., None] * odd
+    if near.any():  # the odd part fades near half a turn; the even one tells the axis
+        even = 0.5 * (rotation[near] + np.swapaxes(rotation[near], -1, -2))
+        axis = np.linalg.eigh(even)[1][..., -1]
+        sign = np.where(np.einsum("ki,ki->k", axis, odd[near]) < 0.0, -1.0, 1.0)
+        result[near] = (sign * angle[near])[:, None] * axis
+    return result
+
+
+def vector_rate(vector: Array) -> Array:
+    """Return the matrices that turn the spin of a rotation into the rate of its rotation vector.
+
+    ``I - [v]/2 + (1/12 + |v|^2/720) [v]^2``: exact to the fourth order, for the small relative rotations of
+    springs.
+    """
+    s = cross_matrix(vector)
+    square = np.sum(vector**2, axis=-1)[..., None, None]
+    result: Array = np.eye(3) - 0.5 * s + (1.0 / 12.0 + square / 720.0) * (s @ s)
+    return result

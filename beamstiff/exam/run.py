@@ -1,0 +1,213 @@
+"""Runs an exam: over processes or machines, results line by line in a file, taken up after a break."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from beamstiff.errors import BeamstiffError
+from beamstiff.exam.blind import Examiner, examined, keep_report
+from beamstiff.exam.cases import Case, Exam, draw_case
+from beamstiff.exam.record import Record, record_from
+from beamstiff.files import read_text
+from beamstiff.parallel import spread
+
+FORMAT = "beamstiff-exam/1"
+
+
+@dataclass(frozen=True)
+class Void:
+    """A case that the simulator could not make; it counts nowhere.
+
+    Attributes
+    ----------
+    case : int
+    why : str
+    """
+
+    case: int
+    why: str
+
+
+def run_exam(
+    exam: Exam,
+    count: int,
+    examiner: Examiner,
+    *,
+    processes: int = 1,
+    scheduler: str | None = None,
+    results: Path | None = None,
+    progress: Callable[[Record | Void], None] = lambda _: None,
+) -> list[Record]:
+    """Return the records of cases 0 to `count` - 1, in their order.
+
+    With `results`, a file of JSON lines: first the exam's settings, then for every case its seal (SHA-256
+    of the label) before it is given out, and its record once it is opened. Cases whose record is there
+    already are not examined again; a line that an interruption cut short is taken off.
+
+    Parameters
+    ----------
+    exam : Exam
+    count : int
+    examiner : Examiner
+        With several processes or a scheduler it is pickled: its functions are those of modules.
+    processes : int
+    scheduler : str, optional
+        Of dask, ``tcp://host:port``; see `beamstiff.parallel`. All files are written here.
+    results : path, optional
+    progress : function of Record or Void
+        Called after every case, those of the file included.
+
+    Raises
+    ------
+    BeamstiffError
+        When `results` is another exam's or cannot be written, or a number is not positive, or a process or
+        the scheduler fails.
+    """
+    if count < 1 or processes < 1:
+        raise BeamstiffError(
+            f"exam: found {count} cases and {processes} processes, expected 1 or more of each"
+        )
+    done = {} if results is None else _resume(results, exam)
+    found: dict[int, Record | Void] = {case: item for case, item in done.items() if case < count}
+    for item in found.values():
+        progress(item)
+    with _writer(results) as write:
+        if results is not None and not results.stat().st_size:
+            write({"format": FORMAT, "exam": exam.settings()})
+        missing = (case for case in range(count) if case not in found)
+        for item in _examined(exam, missing, examiner, processes, scheduler, write):
+            if isinstance(item, Void):
+                write({"void": item.case, "why": item.why})
+                found[item.case] = item
+            else:
+                write({"record": item.to_dict()})
+                found[item.label.case] = item
+            progress(item)
+    return [item for _, item in sorted(found.items()) if isinstance(item, Record)]
+
+
+def read_results(path: Path) -> tuple[dict[str, Any], list[Record]]:
+    """Return the settings and the records of a file of results, by case.
+
+    Raises
+    ------
+    BeamstiffError
+        When it is no such file.
+    """
+    settings, items = _read(path)
+    return settings, [item for _, item in sorted(items.items()) if isinstance(item, Record)]
+
+
+Write = Callable[[dict[str, Any]], None]
+Answered = tuple[Record, dict[str, Any] | None]
+
+
+def _examined(
+    exam: Exam,
+    cases: Iterable[int | Case],
+    examiner: Examiner,
+    processes: int,
+    scheduler: str | None,
+    write: Write,
+) -> Iterator[Record | Void]:
+    def sealed(done: Case | Void | Answered) -> list[Case]:
+        """Write a case's seal before anybody is given the case."""
+        if not isinstance(done, Case):
+            return []
+        write({"sealed": done.label.case, "label_sha256": done.label.digest()})
+        return [done]
+
+    step = partial(_step, exam, examiner)
+    for _, done in spread(step, cases, processes=processes, scheduler=scheduler, then=sealed):
+        if isinstance(done, Void):
+            yield done
+        elif not isinstance(done, Case):
+            record, report = done
+            if report is not None:
+                keep_report(examiner, record.label.case, report)
+            yield record
+
+
+def _step(exam: Exam, examiner: Examiner, task: int | Case) -> Case | Void | Answered:
+    """Return the case of a number, or what the examiner answered to a case."""
+    number = task if isinstance(task, int) else task.label.case
+    try:
+        if isinstance(task, int):
+            return draw_case(exam, task)
+        record, report = examined(exam, task, examiner)
+    except BeamstiffError as error:
+        return Void(number, str(error))
+    return record, None if examiner.reports is None else report
+
+
+@contextmanager
+def _writer(results: Path | None) -> Iterator[Write]:
+    """Give a function that appends a line to the file and sees it onto the disk; nothing without a file."""
+    if results is None:
+        yield lambda _: None
+        return
+    try:
+        file = results.open("ab")
+    except OSError as error:
+        raise BeamstiffError(f"{results}: cannot be written: {error.strerror or error}") from None
+    with file:
+
+        def write(line: dict[str, Any]) -> None:
+            file.write(json.dumps(line, allow_nan=False).encode("utf-8") + b"\n")
+            file.flush()
+            os.fsync(file.fileno())
+
+        yield write
+
+
+def _resume(results: Path, exam: Exam) -> dict[int, Record | Void]:
+    """Return what a file of results holds already, after a line that is not whole was cut off its end."""
+    if not results.exists() or not results.stat().st_size:
+        return {}
+    try:
+        data = results.read_bytes()
+        if not data.endswith(b"\n"):
+            with results.open("r+b") as file:
+                file.truncate(data.rfind(b"\n") + 1)
+    except OSError as error:
+        raise BeamstiffError(f"{results}: cannot be read: {error.strerror or error}") from None
+    if b"\n" not in data:
+        return {}
+    settings, items = _read(results)
+    mine = exam.settings()
+    if settings != mine:
+        other = next(name for name in mine if settings.get(name) != mine[name])
+        raise BeamstiffError(
+            f"{results}: holds the results of another exam ({other}: {str(settings.get(other))[:60]} there, "
+            f"{str(mine[other])[:60]} asked), expected a new file, or the same settings"
+        )
+    return items
+
+
+def _read(path: Path) -> tuple[dict[str, Any], dict[int, Record | Void]]:
+    settings: dict[str, Any] = {}
+    items: dict[int, Record | Void] = {}
+    for number, text in enumerate(read_text(path).splitlines(), start=1):
+        try:
+            line = json.loads(text)
+            if number == 1:
+                if line["format"] != FORMAT:
+                    raise KeyError
+                settings = line["exam"]
+            elif "record" in line:
+                record = record_from(line["record"])
+                items[record.label.case] = record
+            elif "void" in line:
+                items[line["void"]] = Void(line["void"], line["why"])
+        except (ValueError, KeyError, TypeError):
+            raise BeamstiffError(
+                f"{path}:{number}: found {text[:40]!r}, expected a line of the results of an exam ({FORMAT})"
+            ) from None
+    return settings, items

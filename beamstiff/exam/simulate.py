@@ -1,0 +1,272 @@
+"""Measurements of a machine with an effect that its model lacks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from beamstiff.errors import BeamstiffError
+from beamstiff.exam.campaign import Array, Campaign, Integers, Truth
+from beamstiff.exam.equilibrium import Load, at_rest, equilibrium, rows_of, some
+from beamstiff.exam.forms import imposed
+from beamstiff.exam.laws import Memory, Situation
+from beamstiff.exam.layout import Layout, Topology, lay_out, topology_of
+from beamstiff.exam.machine import drives_of, joints_of, machine_of
+from beamstiff.exam.placing import Placed, place, skeleton_of
+from beamstiff.exam.reality import Reality
+from beamstiff.exam.rotations import turned_by
+from beamstiff.exam.strain import State
+from beamstiff.measure.table import Measurements, make_measurements
+from beamstiff.robot.description import Robot
+from beamstiff.robot.parts import JOINT_DIRECTIONS
+
+SPREAD = 0.25
+PAUSE = 30.0  # s from one state to the next where the campaign gives no time
+ROOM = 20.0  # degC where it gives no temperature
+
+
+def simulate(
+    robot: Robot, truths: Sequence[Truth], campaign: Campaign, rng: np.random.Generator
+) -> Measurements:
+    """Return what a campaign would read on a machine that has the given effects.
+
+    Parameters
+    ----------
+    robot : Robot
+        The machine without the effects, with its true stiffness.
+    truths : sequence of Truth
+        Effects, imposed in this order.
+    campaign : Campaign
+    rng : Generator
+        For the noise of the readings.
+
+    Raises
+    ------
+    BeamstiffError
+        When an effect does not fit the robot, a loop does not close or a state does not come to rest.
+    """
+    reality = Reality(machine_of(robot))
+    for truth in truths:
+        reality = imposed(truth, reality)
+    values = readings(reality, campaign) + _noise(campaign, rng)
+    if not campaign.rotations:
+        values[:, 3:] = np.nan
+    displacement = campaign.kind == "displacement"
+    return make_measurements(
+        [variable.name for variable in robot.actuated],
+        campaign.q,
+        tcp=robot.tcp,
+        wrench=campaign.wrench,
+        displacement=values if displacement else None,
+        position=None if displacement else values[:, :3],
+        rotation=None if displacement else values[:, 3:],
+        sigma_position=campaign.claimed_position,
+        sigma_rotation=campaign.claimed_rotation if campaign.rotations else None,
+        point=campaign.point,
+        load_point=campaign.load_point,
+        pose=campaign.pose,
+        step=campaign.step,
+        time=campaign.time,
+        temperature=campaign.temperature,
+        shared_unloaded=campaign.shared_unloaded and displacement,
+        source="<exam>",
+    )
+
+
+def draw_stiffness(rng: np.random.Generator, robot: Robot) -> dict[str, float]:
+    """Return the true stiffness of what would be identified: a quarter around the nominal one, lognormal.
+
+    By parameter name, for `Robot.with_parameters`; of all elastic drives where the robot names no parameters.
+    """
+    names = robot.identify or tuple(
+        f"{joint}.{JOINT_DIRECTIONS[own]}"
+        for name in drives_of(robot)
+        for joint, own in joints_of(robot, name)
+    )
+    return {name: robot.parameter(name) * float(np.exp(SPREAD * rng.standard_normal())) for name in names}
+
+
+def readings(reality: Reality, campaign: Campaign) -> Array:
+    """Return the six values of every row without noise, (N, 6)."""
+    return read(reality, campaign, solve(reality, campaign))
+
+
+def read(reality: Reality, campaign: Campaign, solved: Solution) -> Array:
+    """Return the six values (N, 6) that the rows read on a machine in these equilibria."""
+    machine, nodes = reality.machine, solved.topology.index
+    point = np.array([nodes[name] for name in campaign.point])
+    frames = [machine.node(str(name)).frame for name in campaign.point]
+    axes = np.stack([solved.placed.rotations[frame][row] for row, frame in enumerate(frames)])
+    away = np.array(reality.target if campaign.kind == "displacement" else reality.marked)
+    away = np.where((campaign.point == machine.tcp)[:, None], axes @ away, 0.0)  # the tool's own reflector
+    arm = solved.layout.arms[np.arange(len(point)), point] + away
+    body = solved.topology.body[point]
+    every = np.arange(len(point))
+    loaded, unloaded = (_moved(state, every, body, arm) for state in (solved.loaded, solved.unloaded))
+    if campaign.kind == "displacement":
+        turned = solved.loaded.turned[every, body] @ np.swapaxes(solved.unloaded.turned[every, body], -1, -2)
+        values = np.concatenate([loaded - unloaded, turned_by(turned)], axis=1)
+    else:
+        tcp = machine.node(machine.tcp)
+        turned = solved.loaded.turned[every, solved.topology.body[nodes[machine.tcp]]]
+        place_of_point = solved.layout.nodes[every, point] + away
+        rotation = turned_by(turned @ solved.placed.rotations[tcp.frame])
+        values = np.concatenate([place_of_point + loaded, rotation], axis=1)
+    for change in reality.readings:
+        values = change(campaign, solved.placed, values)
+    return values
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """The machine in every row of a campaign: placed, laid out, loaded and unloaded; N rows each."""
+
+    topology: Topology
+    placed: Placed
+    layout: Layout
+    loaded: State
+    unloaded: State
+    unbalanced: Array
+
+
+def solve(
+    reality: Reality, campaign: Campaign, near: Solution | None = None, *, once: bool = False
+) -> Solution:
+    """Return the equilibrium of the machine in every row of a campaign.
+
+    Parameters
+    ----------
+    reality : Reality
+    campaign : Campaign
+    near : Solution, optional
+        Of a machine of the same parts and geometry in the same campaign, to start from.
+    once : bool
+        One step from there: the change to first order.
+    """
+    topology = topology_of(reality.machine)
+    q, row, row_of = np.unique(campaign.q, axis=0, return_index=True, return_inverse=True)
+    row_of = row_of.reshape(-1)
+    if near is None:
+        errors = {name: error for name, error in reality.geometry.items() if "." in name}
+        for change in reality.encoders:
+            q = change(q)
+        placed = place(skeleton_of(reality.machine.robot, errors), q, reality.geometry)
+    else:
+        placed = near.placed.at(row)
+    layout = lay_out(topology, placed).at(row_of)
+    placed = placed.at(row_of)
+    load = _load(reality, topology, campaign, placed, layout)
+    first, state_of, state_pose, turn_of = _states(campaign)
+    laws = [law for _, law in rows_of(topology).laws]
+    situation = _situation(campaign, placed, first, turn_of)
+
+    own = any(law.changes for law in laws) and not campaign.shared_unloaded
+    poses, first_state = np.unique(state_pose, return_index=True)
+    rest_of = np.arange(len(first)) if own else np.searchsorted(poses, state_pose)
+    rest_states = np.arange(len(first)) if own else first_state
+    rest_rows = first[rest_states]
+    rest_situation = situation.at(rest_states)
+    nothing = some(load, rest_rows)
+    nothing = Load(nothing.body, nothing.arm, np.zeros_like(nothing.wrench))
+    memory: tuple[Memory, ...] = tuple(law.start(rest_situation) for law in laws)
+    start = (
+        at_rest(topology, rows_of(topology), len(rest_rows))
+        if near is None
+        else some(near.unloaded, rest_rows)
+    )
+    rest = equilibrium(topology, layout.at(rest_rows), nothing, rest_situation, start, memory, once=once)
+
+    state = some(rest.state, rest_of)
+    unbalanced = rest.unbalanced[rest_of]
+    after = tuple(tuple(part[rest_of] for part in old) for old in rest.memory)
+    begin = state if near is None else some(near.loaded, first)
+    loaded = State(*(np.copy(part) for part in (begin.moved, begin.turned, begin.hold)))
+    remembers = any(law.remembers for law in laws)
+    here = np.arange(len(first))
+    for turn in range(int(turn_of.max()) + 1) if remembers else (-1,):
+        now = here if turn < 0 else here[turn_of == turn]
+        # the state before in the same pose; before the first one the unloaded machine
+        before = (
+            now
+            if turn <= 0
+            else here[turn_of == turn - 1][np.searchsorted(state_pose[turn_of == turn - 1], state_pose[now])]
+        )
+        memory = tuple(tuple(part[before] for part in old) for old in after)
+        found = equilibrium(
+            topology,
+            layout.at(first[now]),
+            some(load, first[now]),
+            situation.at(now),
+            some(loaded, before),
+            memory,
+            once=once,
+        )
+        for name in ("moved", "turned", "hold"):
+            getattr(loaded, name)[now] = getattr(found.state, name)
+        for old, new in zip(after, found.memory, strict=True):
+            for part, fresh in zip(old, new, strict=True):
+                part[now] = fresh
+        unbalanced[now] = np.maximum(unbalanced[now], found.unbalanced)
+    return Solution(
+        topology, placed, layout, some(loaded, state_of), some(state, state_of), unbalanced[state_of]
+    )
+
+
+def _moved(state: State, rows: Integers, body: Integers, arm: Array) -> Array:
+    shift = ((state.turned[rows, body] - np.eye(3)) @ arm[..., None])[..., 0]
+    moved: Array = state.moved[rows, body] + shift
+    return moved
+
+
+def _load(reality: Reality, topology: Topology, campaign: Campaign, placed: Placed, layout: Layout) -> Load:
+    wrench = np.array(campaign.wrench, dtype=np.float64)
+    for change in reality.loads:
+        wrench = change(campaign, placed, wrench)
+    unknown = sorted(set(campaign.load_point.tolist() + campaign.point.tolist()) - set(topology.index))
+    if unknown:
+        raise BeamstiffError(f"campaign: found the node {unknown[0]!r}, which the robot does not have")
+    node = np.array([topology.index[name] for name in campaign.load_point])
+    frames = [reality.machine.node(str(name)).frame for name in campaign.load_point]
+    axes = np.stack([placed.rotations[frame][row] for row, frame in enumerate(frames)])
+    lever = np.where(
+        (campaign.load_point == reality.machine.tcp)[:, None], axes @ np.array(reality.lever), 0.0
+    )
+    arm = layout.arms[np.arange(len(node)), node] + lever
+    return Load(topology.body[node], arm, wrench)
+
+
+def _states(campaign: Campaign) -> tuple[Integers, Integers, Integers, Integers]:
+    """Return each state's first row, each row's state, each state's pose and its turn within the pose.
+
+    States are in the order of pose, then step.
+    """
+    keys = np.stack([campaign.pose, campaign.step], axis=1)
+    states, first, state_of = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    pose = states[:, 0]
+    turn = np.arange(len(pose)) - np.searchsorted(pose, pose)
+    return first, state_of.reshape(-1), pose, turn
+
+
+def _situation(campaign: Campaign, placed: Placed, first: Integers, turn: Integers) -> Situation:
+    time = np.where(np.isnan(campaign.time[first]), PAUSE * np.arange(len(first)), campaign.time[first])
+    time = time - time.min()
+    heat = np.where(np.isnan(campaign.temperature[first]), ROOM, campaign.temperature[first])
+    lasted = np.diff(time, prepend=time[:1])
+    lasted = np.where((turn == 0) | (lasted < 0.0), PAUSE, lasted)
+    return Situation({name: value[first] for name, value in placed.values.items()}, time, heat, lasted)
+
+
+def _noise(campaign: Campaign, rng: np.random.Generator) -> Array:
+    """Return the noise of the values (N, 6); shared unloaded readings make it equal in part."""
+    sigma = np.repeat([campaign.sigma_position, campaign.sigma_rotation], 3)
+    noise: Array = rng.standard_normal((len(campaign), 6)) * sigma
+    if campaign.shared_unloaded and campaign.kind == "displacement":
+        keys = np.array(
+            [f"{pose} {point}" for pose, point in zip(campaign.pose, campaign.point, strict=True)]
+        )
+        _, group = np.unique(keys, return_inverse=True)
+        tare = rng.standard_normal((int(group.max()) + 1, 6)) * sigma
+        noise = (noise - tare[group]) / np.sqrt(2.0)
+    return noise

@@ -1,0 +1,165 @@
+"""How large effects are: drawn by the gap that they are to leave, within what is realistic.
+
+An effect's size runs from 0 to 1 over its realistic range. What gap it leaves depends on the machine, the
+campaign and the noise, so that sizes drawn evenly would leave most effects either invisible or glaring. The
+gap over noise is drawn instead, and the size found that leaves about it; where no realistic size does, the
+nearest one stands.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from beamstiff.errors import BeamstiffError
+from beamstiff.exam.baseline import Fit, linear_fit, whitened_gap
+from beamstiff.exam.campaign import Array, Campaign, Truth
+from beamstiff.exam.forms import draw_truth, resized
+from beamstiff.exam.record import Kind
+from beamstiff.robot.description import Robot
+
+GAPS = (0.3, 6.0)  # over noise, evenly by ratio
+FAINT = (0.05, 0.3)  # that may rightly be called nothing
+FAINT_SHARE = 0.1
+CLEARER = {"pair": (1.2, 6.0), "outside": (0.7, 6.0), "removed": (0.8, 6.0)}  # figures count from 1
+CLOSE = 0.15  # of the gap's logarithm: a drawn gap need not be met better
+MOST = 5  # sizes tried
+DRAWS = 4  # of an effect, until one leaves
+ENOUGH = 0.6  # of the wanted gap
+SOME = 6  # poses that stand for a campaign's, more where they have few rows
+ROWS = 60
+USUAL = 4.0  # growth of the gap's logarithm from size 0 to 1
+DIGITS = 3  # of a size: more could differ between machines, and the seal with them
+
+
+def draw_gap(rng: np.random.Generator, kind: Kind) -> float:
+    """Return the gap over noise that an effect is to leave."""
+    faint = float(rng.random()) < FAINT_SHARE
+    low, high = CLEARER.get(kind, FAINT if faint else GAPS)
+    return float(low * (high / low) ** rng.random())
+
+
+@dataclass(frozen=True)
+class Sized:
+    """An effect of a size in [0, 1], and the gap over noise that it leaves on some of the poses."""
+
+    truth: Truth
+    size: float
+    gap: float
+
+
+def sized(
+    rng: np.random.Generator,
+    robot: Robot,
+    machine: Robot,
+    campaign: Campaign,
+    truths: Sequence[Truth],
+    kind: Kind,
+) -> tuple[Sized, ...]:
+    """Return the effects in sizes that leave about the gaps that are drawn for them.
+
+    Where an effect as it was drawn leaves far less at any size (a wrist's short link), another of its forms
+    or another component is drawn, a few times.
+
+    Parameters
+    ----------
+    rng : Generator
+    robot, machine : Robot
+        The model, and the machine without effects.
+    campaign : Campaign
+    truths : sequence of Truth
+        As drawn, of any size.
+    kind : str
+        Of the case.
+    """
+    if not truths:
+        return ()
+    a_pose = len(campaign) / len(np.unique(campaign.pose))
+    part = some_poses(campaign, max(SOME, math.ceil(ROWS / a_pose)))
+    fit = linear_fit(robot, machine, part)
+    found: list[Sized] = []
+    for at, first in enumerate(truths):
+        wanted, truth, best = draw_gap(rng, kind), first, None
+        others = {other.component for other in (*[one.truth for one in found], *truths[at + 1 :])}
+        for _ in range(DRAWS):
+            if truth.component not in others:
+                one = _sized(part, fit, robot, truth, int(rng.integers(2**31)), wanted)
+                best = one if best is None or _miss(one.gap, wanted) < _miss(best.gap, wanted) else best
+                if best.gap > ENOUGH * wanted:
+                    break
+            truth = draw_truth(rng, robot, first.effect, 0.5)
+        assert best is not None
+        found.append(best)
+    return tuple(found)
+
+
+def _miss(gap: float, wanted: float) -> float:
+    return float(abs(np.log(max(gap, 1e-12) / wanted)))
+
+
+def _sized(part: Campaign, fit: Fit, robot: Robot, truth: Truth, seed: int, wanted: float) -> Sized:
+    def gap_of(size: float) -> float:
+        try:
+            return whitened_gap(part, fit.residual((resized(truth, robot, size, seed),)))
+        except BeamstiffError:  # so large that the machine gives way under it
+            return float("inf")
+
+    size, gap = size_for(gap_of, wanted)
+    return Sized(resized(truth, robot, size, seed), size, gap)
+
+
+def some_poses(campaign: Campaign, most: int) -> Campaign:
+    """Return the campaign's rows at some of its poses, evenly over it, its first and last among them."""
+    poses = np.unique(campaign.pose)
+    if len(poses) <= most:
+        return campaign
+    chosen = poses[np.linspace(0, len(poses) - 1, most).round().astype(int)]
+    rows = np.isin(campaign.pose, chosen)
+    names = ("q", "wrench", "pose", "step", "time", "temperature", "point", "load_point")
+    parts: dict[str, Array] = {name: getattr(campaign, name)[rows] for name in names}
+    return replace(campaign, **parts)  # type: ignore[arg-type]
+
+
+def size_for(gap_of: Callable[[float], float], wanted: float) -> tuple[float, float]:
+    """Return the size in [0, 1] whose gap is nearest by ratio to the wanted one, and its gap.
+
+    The gap's logarithm mostly grows about evenly with the size: false position between the sizes that
+    bracket it, `USUAL` growth beyond them. Where the largest size leaves less than the middle one (a drive
+    that sticks altogether) sizes between are tried.
+
+    Examples
+    --------
+    >>> size, gap = size_for(lambda s: 0.1 * 100.0**s, 1.0)
+    >>> round(size, 1), 0.85 < gap < 1.17
+    (0.5, True)
+    """
+    tried: dict[float, float] = {}
+    below, above = (0.0, -np.inf), (1.0, np.inf)
+    size = 0.5
+    for _ in range(MOST):
+        size = round(size, DIGITS)
+        if size in tried:
+            break
+        tried[size] = gap_of(size)
+        miss = float(np.log(max(tried[size], 1e-12) / wanted))
+        if abs(miss) < CLOSE:
+            break
+        if miss < 0.0 and size == 1.0 and tried[size] < max(tried.values()):
+            below, above, size = (0.5, -np.inf), (1.0, np.inf), 0.75
+            continue
+        if miss < 0.0:
+            below = (size, miss)
+        else:
+            above = (size, miss)
+        if np.isfinite(below[1]) and np.isfinite(above[1]):
+            share = below[1] / (below[1] - above[1])
+            size = below[0] + float(np.clip(share, 0.1, 0.9)) * (above[0] - below[0])
+        elif np.isfinite(miss):
+            size = float(np.clip(size - miss / USUAL, below[0], above[0]))
+        else:
+            size = 0.5 * (below[0] + size)
+    best = min(tried, key=lambda s: (_miss(tried[s], wanted), s))
+    return best, tried[best]

@@ -1,0 +1,284 @@
+"""Bootstrap over poses: intervals that ask the scatter of the poses themselves, not the stated noise.
+
+Poses are drawn with replacement and the model is fitted again, many times (Efron and Tibshirani, "An
+introduction to the bootstrap", 1993, chapters 6 and 13). Whatever the rows of a pose have in common (a shared
+unloaded reading, a joint reading, an error of the model there) stays together. A pose drawn twice counts
+twice: its whitened residuals do, since poses are independent of one another. Before they are drawn, residuals
+are freed of the leverage of their pose.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from scipy import stats
+from scipy.sparse.linalg import splu
+
+from beamstiff.errors import BeamstiffError
+from beamstiff.identification.information import LEVEL
+from beamstiff.identification.objective import Objective
+from beamstiff.identification.parameters import SPAN
+from beamstiff.identification.refit import refit
+from beamstiff.identification.statement import Statement
+from beamstiff.measure.arrays import Integers
+from beamstiff.parallel import spread
+from beamstiff.se3 import Array
+
+LEAST_FREE = 1e-2  # share of a pose's noise that its residual shows, at least: below, it is not scaled up
+FEWEST = 4  # poses: of fewer there are next to no different draws
+LOST = 1e-7  # information, of what all rows tell of each parameter, below which nothing is known
+AT_BOUND = 1e-6  # of the logarithm
+BLOCK = 25  # draws in a task: some ten milliseconds at least, beside one that it costs to give it away
+
+
+@dataclass(frozen=True)
+class Bootstrap:
+    """Values refitted to poses drawn with replacement.
+
+    Attributes
+    ----------
+    names : tuple of str (m)
+    stiffness : (R, m) array, N/m, N m/rad or Pa
+        Of every draw; infinite where it ended at the upper bound, as good as rigid.
+    relations : tuple of str (s)
+        Of the sums that are known though their members are not.
+    sums : (R, s) array
+        Their values, of every draw.
+    intervals : mapping of str to (low, high)
+        95 % percentile interval of every parameter that is identifiable by itself, and of every relation.
+        Next to a spring as good as rigid, whose compliance ends at zero, it holds the truth less often than
+        that (Andrews, "Inconsistency of the bootstrap when a parameter is on the boundary of the parameter
+        space", Econometrica 68, 2000); the intervals of `identify` do not.
+    poses : int
+        How many there are.
+    undetermined : int
+        Draws that left a parameter open, and are not counted.
+    """
+
+    names: tuple[str, ...]
+    stiffness: Array
+    relations: tuple[str, ...]
+    sums: Array
+    intervals: Mapping[str, tuple[float, float]]
+    poses: int
+    undetermined: int
+
+    @property
+    def spread(self) -> Array:
+        """Standard deviation of the compliances over their mean, (m,)."""
+        compliance = 1.0 / self.stiffness
+        result: Array = compliance.std(axis=0, ddof=1) / compliance.mean(axis=0)
+        return result
+
+
+def bootstrap(
+    statement: Statement,
+    theta: Array,
+    repetitions: int = 1000,
+    seed: int = 0,
+    progress: Callable[[int], None] | None = None,
+    *,
+    processes: int = 1,
+    scheduler: str | None = None,
+) -> Bootstrap:
+    """Fit a stated identification again to poses drawn with replacement.
+
+    Parameters
+    ----------
+    statement : Statement
+    theta : (t,) array
+        Its optimum.
+    repetitions : int
+    seed : int
+    progress : callable, optional
+        Called with the number of draws that are fitted, after every 25 of them.
+    processes : int
+    scheduler : str, optional
+        Of dask, ``tcp://host:port``; see `beamstiff.parallel`. The draws, and what is found, are the same.
+
+    Raises
+    ------
+    BeamstiffError
+        When there are fewer than four poses, most draws leave a parameter open, or a process or the scheduler
+        fails.
+
+    Examples
+    --------
+    >>> from beamstiff import identify, load_robot
+    >>> from beamstiff.identification.statement import state_identification
+    >>> from beamstiff.measure import make_measurements
+    >>> from beamstiff.model.linear import predict_displacements
+    >>> robot, random = load_robot("kr240-2"), np.random.default_rng(0)
+    >>> q, wrench = random.uniform(-1, 1, (12, 6)), random.normal(size=(12, 6)) * 800
+    >>> names = [variable.name for variable in robot.actuated]
+    >>> noise = {"tcp": robot.tcp, "sigma_position": 3e-5}
+    >>> still = make_measurements(names, q, wrench=wrench, **noise)
+    >>> seen = predict_displacements(robot, still)[:, :3] + 3e-5 * random.normal(size=(12, 3))
+    >>> table = make_measurements(names, q, wrench=wrench, displacement=seen, **noise)
+    >>> statement = state_identification(robot, table, robot.identify[:5])  # 6 passes through the TCP
+    >>> theta = statement.theta(identify(robot, table, robot.identify[:5]).stiffness)
+    >>> drawn = bootstrap(statement, theta, 50)
+    >>> low, high = drawn.intervals["J2.torsional"]
+    >>> low < robot.parameter("J2.torsional") < high
+    True
+    """
+    objective = statement.objective
+    group, poses = blocks_of(objective, statement.problem.pose)
+    if poses < FEWEST:
+        raise BeamstiffError(
+            f"{statement.problem.source}: found {poses} poses, expected {FEWEST} or more to draw from"
+        )
+    if repetitions < 2:
+        raise BeamstiffError(f"bootstrap: found {repetitions} repetitions, expected two or more")
+    slopes = objective.jacobian(theta)[1]
+    if objective.loss == "linear":
+        objective = without_leverage(objective, theta, group)
+    refits = partial(_refits, objective, slopes, theta, group)
+    blocks, fitted = dict[int, list[Array]](), 0
+    drawn = _draws(poses, repetitions, seed)
+    for at, (count, thetas) in spread(refits, drawn, processes=processes, scheduler=scheduler):
+        blocks[at], fitted = thetas, fitted + count
+        if progress is not None:
+            progress(fitted)
+    found = [one for at in sorted(blocks) for one in blocks[at]]
+    if 2 * len(found) < repetitions:
+        raise BeamstiffError(
+            f"{statement.problem.source}: {repetitions - len(found)} of {repetitions} draws of {poses} poses "
+            "leave a parameter open; measure more poses"
+        )
+    names, relations = statement.parameters.names, statement.plan.sums
+    stiffness = values_of(statement, np.array(found))
+    sums = sums_of(statement, np.array(found))
+    ends = percentiles(poses)
+    intervals = {
+        name: _interval(stiffness[:, at], ends) for at, name in enumerate(names) if alone(statement, name)
+    }
+    intervals |= {sum_.text(): _interval(sums[:, at], ends) for at, sum_ in enumerate(relations)}
+    return Bootstrap(
+        names,
+        stiffness,
+        tuple(sum_.text() for sum_ in relations),
+        sums,
+        intervals,
+        poses,
+        repetitions - len(found),
+    )
+
+
+def _draws(poses: int, repetitions: int, seed: int) -> Iterator[Integers]:
+    """Yield how often each pose is drawn, (B, g), some draws at a time."""
+    random = np.random.default_rng(seed)
+    for first in range(0, repetitions, BLOCK):
+        count = min(BLOCK, repetitions - first)
+        yield random.multinomial(poses, np.full(poses, 1.0 / poses), size=count)
+
+
+def _refits(
+    objective: Objective, slopes: Array, theta: Array, group: Integers, draws: Integers
+) -> tuple[int, list[Array]]:
+    """Return the number of draws, and the optima of those that leave no parameter open."""
+    often = draws[:, group].astype(np.float64)
+    return len(draws), [refit(objective, theta, counts) for counts in often if determines(slopes, counts)]
+
+
+def without_leverage(objective: Objective, theta: Array, group: Integers) -> Objective:
+    """Return an objective whose residuals scatter as the noise does, not as residuals do.
+
+    A pose pulls the fit towards itself, and its residual is the less for it: ``cov e_g = 1 - H_gg``, H the
+    hat matrix. ``(1 - H_gg)^-1/2 e_g`` has the noise's covariance (Bell and McCaffrey, "Bias reduction in
+    standard errors for linear regression with multi-stage samples", Survey Methodology 28, 2002). The optimum
+    stays.
+
+    Parameters
+    ----------
+    objective : Objective
+    theta : (t,) array
+        Its optimum.
+    group : (n,) int array
+        Pose of each whitened residual.
+    """
+    problem = objective.problem
+    n = problem.count
+    residuals, slopes = objective.jacobian(theta)
+    size = np.linalg.norm(slopes, axis=0)
+    basis, singular, _ = np.linalg.svd(slopes / np.where(size > 0, size, 1.0), full_matrices=False)
+    basis = basis[:, singular > LOST * singular.max(initial=0.0)]
+    freed = residuals[:n].copy()
+    order = np.argsort(group, kind="stable")
+    for at in np.split(order, np.cumsum(np.bincount(group))[:-1]):
+        value, vectors = np.linalg.eigh(basis[at] @ basis[at].T)
+        root = 1.0 / np.sqrt(np.maximum(1.0 - value, LEAST_FREE))
+        freed[at] = vectors @ (root * (vectors.T @ freed[at]))
+    step = freed - residuals[:n]
+    step -= basis[:n] @ (basis[:n].T @ step)
+    measured = problem.measured.copy()
+    measured[problem.used] += splu(problem.whitening.tocsc()).solve(step)
+    return replace(objective, problem=replace(problem, measured=measured))
+
+
+def blocks_of(objective: Objective, groups: Integers) -> tuple[Integers, int]:
+    """Return the group, 0..g-1, of each whitened residual (n,), and their number g."""
+    number = np.unique(groups, return_inverse=True)[1].reshape(-1)
+    rows = np.nonzero(objective.problem.used)[0]
+    kept, group = np.unique(number[rows], return_inverse=True)
+    return group.reshape(-1).astype(np.int64), len(kept)
+
+
+def determines(slopes: Array, counts: Array) -> bool:
+    """Return whether rows that count so often (n,) tell all that the sensitivities (n + m, t) of all tell."""
+    often = np.concatenate([counts, np.ones(len(slopes) - len(counts))])
+    every = slopes.T @ slopes
+    size = np.sqrt(np.diagonal(every))
+    size = np.where(size > 0, size, 1.0)
+    both = np.outer(size, size)
+    whole = np.linalg.eigvalsh(every / both)
+    some = np.linalg.eigvalsh((slopes.T * often) @ slopes / both)
+    return int((some > LOST).sum()) >= int((whole > LOST).sum())
+
+
+def values_of(statement: Statement, thetas: Array) -> Array:
+    """Return the stiffness (R, m) at optima (R, t); infinite at the upper bound that nobody set."""
+    parameters = statement.parameters
+    stiffness = parameters.stiffness(thetas)
+    farthest = np.log(parameters.start * SPAN)[parameters.first]
+    top = thetas >= farthest - AT_BOUND
+    rigid = np.concatenate([top, np.zeros((len(thetas), 1), dtype=np.bool_)], axis=1)[:, parameters.tied]
+    result: Array = np.where(rigid, np.inf, stiffness)
+    return result
+
+
+def sums_of(statement: Statement, thetas: Array) -> Array:
+    """Return the values (R, s) of the sums that are known, at optima (R, t)."""
+    names, sums = statement.parameters.names, statement.plan.sums
+    rows = [dict(zip(names, row, strict=True)) for row in statement.parameters.stiffness(thetas).tolist()]
+    return np.array([[sum_.value(row) for sum_ in sums] for row in rows]).reshape(len(rows), len(sums))
+
+
+def alone(statement: Statement, name: str) -> bool:
+    """Return whether a parameter can be identified by itself."""
+    return name not in statement.plan.grouped and name not in statement.plan.held
+
+
+def percentiles(poses: int) -> tuple[float, float]:
+    """Return the percentiles, 0 to 1, that bound a 95 % interval.
+
+    Draws of n poses scatter less than campaigns of n poses do, by ``sqrt((n - 1) / n)``, and not as Student's
+    t: the percentiles are moved out by both (Hesterberg, "What teachers should know about the bootstrap", The
+    American Statistician 69, 2015).
+
+    Examples
+    --------
+    >>> [round(end, 3) for end in percentiles(10)], [round(end, 3) for end in percentiles(100_000)]
+    ([0.009, 0.991], [0.025, 0.975])
+    """
+    reach = np.sqrt(poses / (poses - 1)) * stats.t.ppf(0.5 * (1 + LEVEL), poses - 1)
+    tail = float(stats.norm.cdf(-reach))
+    return tail, 1.0 - tail
+
+
+def _interval(values: Array, ends: tuple[float, float]) -> tuple[float, float]:
+    low, high = np.quantile(values, ends, method="inverted_cdf")
+    return float(low), float(high)

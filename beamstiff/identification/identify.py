@@ -1,0 +1,335 @@
+"""`identify`: stiffness values from measured displacements, how sure they are, and what cannot be known."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from beamstiff.errors import listed
+from beamstiff.identification.cautions import cautions, check_units
+from beamstiff.identification.degeneracy import Mixed
+from beamstiff.identification.ill_determined import find_ill_determined
+from beamstiff.identification.information import (
+    Uncertainty,
+    spread_over,
+    uncertainty,
+)
+from beamstiff.identification.input_errors import InputErrors
+from beamstiff.identification.minimise import Effort, Minimum, Progress, minimise
+from beamstiff.identification.objective import Loss
+from beamstiff.identification.parameters import Parameters, state_parameters
+from beamstiff.identification.problem import Components
+from beamstiff.identification.relations import INVERSE_UNITS, Joined, Sum
+from beamstiff.identification.result import Combination, Identification, Parameter
+from beamstiff.identification.statement import Plan, Statement, state_identification
+from beamstiff.identification.validation import held_out, position_rms
+from beamstiff.measure.rows import concatenate
+from beamstiff.measure.table import Measurements
+from beamstiff.measure.usable import require_usable
+from beamstiff.robot.description import Robot
+from beamstiff.robot.stiffness import parameter_unit
+from beamstiff.se3 import Array
+
+ROUNDS = 2  # of fitting again with the errors of the inputs as they are at the values found
+
+
+def identify(
+    robot: Robot,
+    measurements: Measurements | Sequence[Measurements],
+    parameters: Sequence[str] | None = None,
+    method: str = "trust-region",
+    *,
+    fixed: Sequence[str] = (),
+    ties: Sequence[Sequence[str]] = (),
+    bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
+    priors: Mapping[str, tuple[float, float]] | None = None,
+    loss: Loss = "linear",
+    components: Components = "both",
+    errors: InputErrors | None = None,
+    folds: int = 5,
+    effort: Effort | None = None,
+    progress: Progress | None = None,
+) -> Identification:
+    """Identify stiffness values from measured displacements.
+
+    Parameters
+    ----------
+    robot : Robot
+        Its present stiffness values are the start; all that is not among the parameters stays as it is.
+    measurements : Measurements, or several
+        Displacements, loaded minus unloaded.
+    parameters : sequence of str, optional
+        Stiffness values to identify: a joint's ``"J12.torsional"``, a strut ``"screw2"``, a beam's modulus
+        ``"arm.E"``; default ``robot.identify``.
+    method : str
+        One of `minimise.METHODS`: "trust-region" (default), "levenberg-marquardt", "linear" (in compliances),
+        "slsqp", "mma", "lbfgs", "bobyqa"; and the global "isres", "crs2", "esch", "mlsl", "genetic".
+    fixed : sequence of str
+        Parameters that stay as they are in the robot.
+    ties : sequence of sequences of str
+        Parameters that keep the ratio of their starts.
+    bounds : mapping of str to (low, high), optional
+        SI; None for no bound.
+    priors : mapping of str to (value, factor), optional
+        Known beforehand: value, and the factor by which one standard deviation is off.
+    loss : "linear", "soft_l1", "huber" or "cauchy"
+        How residuals count: squared, or less where they are beyond two standard deviations.
+    components : "position", "rotation" or "both"
+        Which readings count; each by its noise.
+    errors : InputErrors, optional
+        Of the loads and of the joint values in the table: they add to the noise of the readings.
+    folds : int
+        Folds of the held-out errors; 0 for none.
+    effort : Effort, optional
+        Limits, seed and population of the method.
+    progress : callable, optional
+        Called with the number of evaluations and the least cost.
+
+    Returns
+    -------
+    Identification
+
+    Raises
+    ------
+    BeamstiffError
+        When the data cannot carry the identification; the message says what is missing.
+
+    Examples
+    --------
+    >>> from beamstiff import load_robot, tcp_compliance
+    >>> from beamstiff.measure import make_measurements
+    >>> robot = load_robot("kr240-2")
+    >>> names = [variable.name for variable in robot.actuated]
+    >>> poses = np.random.default_rng(0).uniform(-1, 1, (8, 6))
+    >>> loads = np.tile([300.0, 400.0, -500.0, 0, 0, 0], (8, 1))
+    >>> from beamstiff.model.linear import predict_displacements
+    >>> table = make_measurements(names, poses, tcp=robot.tcp, wrench=loads, sigma_position=3e-5)
+    >>> seen = predict_displacements(robot, table)
+    >>> seen[:, 3:] = np.nan
+    >>> table = make_measurements(
+    ...     names, poses, tcp=robot.tcp, wrench=loads, displacement=seen, sigma_position=3e-5
+    ... )
+    >>> start = robot.with_parameters({"J2.torsional": 2 * robot.parameter("J2.torsional")})
+    >>> found = identify(start, table)
+    >>> round(found["J2.torsional"].value / robot.parameter("J2.torsional"), 6)
+    1.0
+    """
+    statement = state_identification(
+        robot,
+        measurements,
+        parameters,
+        fixed=fixed,
+        ties=ties,
+        bounds=bounds,
+        priors=priors,
+        loss=loss,
+        components=components,
+        errors=errors,
+    )
+    table = measurements if isinstance(measurements, Measurements) else concatenate(measurements)
+    require_usable(table)
+    check_units(table, float(statement.problem.model.lever.max(initial=1.0)))
+    first = None
+    if statement.plan.held - set(statement.plan.silent):
+        loose = _loose(statement, bounds, priors)
+        first = minimise(loose.objective, effort=effort, progress=progress)
+        stiffness = loose.parameters.stiffness(first.theta)
+        statement = statement.holding(stiffness)
+        first = replace(first, theta=np.log(stiffness)[statement.parameters.first])
+    if first is not None and first.interrupted:
+        return conclude(statement, first, method, folds)
+    begin = None if first is None else first.theta
+    found = minimise(statement.objective, method, begin, effort, progress)
+    spent = found.evaluations + (0 if first is None else first.evaluations)
+    rounds = ROUNDS if statement.response is not None else 0
+    for _ in range(rounds):  # the errors of the inputs weigh as they do at the values found
+        if found.interrupted:
+            break
+        statement = statement.weighed(statement.parameters.stiffness(found.theta))
+        found = minimise(statement.objective, begin=found.theta, effort=effort)
+        spent += found.evaluations
+    return conclude(statement, replace(found, evaluations=spent), method, folds)
+
+
+def _loose(
+    statement: Statement,
+    bounds: Mapping[str, tuple[float | None, float | None]] | None,
+    priors: Mapping[str, tuple[float, float]] | None,
+) -> Statement:
+    """Return the statement with nothing held that is felt.
+
+    Where the others of a group can make up for one of them, they must stay positive: a start that is too soft
+    for that would spoil the fit. Its optimum says where to hold it.
+    """
+    stated, plan = statement.parameters, statement.plan
+    loose = state_parameters(stated.names, stated.start, plan.ties, bounds, priors, plan.silent)
+    return replace(statement, parameters=loose)
+
+
+def conclude(statement: Statement, found: Minimum, method: str, folds: int = 5) -> Identification:
+    """Return what a minimum says.
+
+    Parameters
+    ----------
+    statement : Statement
+    found : Minimum
+    method : str
+        By which it was found.
+    folds : int
+        Of the held-out errors; 0 for none.
+    """
+    problem, objective = statement.problem, statement.objective
+    stiffness = statement.parameters.stiffness(found.theta)
+    told, rms = estimate(statement, found.theta), position_rms(problem, stiffness)
+    by_pose = by_load = None
+    if not found.interrupted:
+        by_pose = held_out(objective, problem.pose, folds, found.theta)
+        by_load = held_out(objective, problem.load, folds, found.theta)
+    names = problem.model.parameters
+    fitted = {
+        name: value
+        for name, value in zip(names, stiffness.tolist(), strict=True)
+        if name not in statement.plan.silent  # stays in the robot as it was: rigid, say
+    }
+    return Identification(
+        parameters=told.parameters,
+        degenerate=told.combinations,
+        ill_determined=find_ill_determined(statement.robot, names, stiffness, told.covariance),
+        covariance=told.covariance,
+        stiffness=stiffness,
+        robot=statement.robot.with_parameters(fitted),
+        rms=rms,
+        rms_held_out=None if by_pose is None else by_pose.rms,
+        rms_held_out_load=None if by_load is None else by_load.rms,
+        chi_square=told.chi_square,
+        method=method,
+        evaluations=found.evaluations,
+        message=found.message,
+        interrupted=found.interrupted,
+        predicted=problem.model.predict(stiffness),
+        held_out=by_pose,
+        held_out_load=by_load,
+        notes=(
+            *problem.notes,
+            *statement.plan.silent.values(),
+            *cautions(problem, statement.parameters, found.theta, rms),
+        ),
+    )
+
+
+@dataclass(frozen=True)
+class Estimates:
+    """Values with their uncertainty.
+
+    Attributes
+    ----------
+    parameters : tuple of Parameter (m)
+    combinations : tuple of Combination
+    covariance : (m, m) array
+        Of the logarithms; infinite variance of what is not identifiable by itself.
+    chi_square : float
+    """
+
+    parameters: tuple[Parameter, ...]
+    combinations: tuple[Combination, ...]
+    covariance: Array
+    chi_square: float
+
+
+def estimate(statement: Statement, theta: Array) -> Estimates:
+    """Return the values at an optimum theta (t,) with their uncertainty, and the sums that are known."""
+    robot, stated, plan = statement.robot, statement.parameters, statement.plan
+    stiffness = stated.stiffness(theta)
+    spread = uncertainty(statement.objective, theta)
+    combinations = tuple(
+        combination
+        for group in plan.groups
+        for combination in _combinations(robot, group, stated, stiffness, spread)
+    )
+    covariance = spread_over(spread.covariance, stated.tied)
+    lost = [at for at, name in enumerate(stated.names) if name in plan.grouped or name in plan.held]
+    covariance[lost, lost] = np.inf
+    parameters = tuple(
+        _parameter(name, parameter_unit(robot, name), value, variance, moved, spread, plan, combinations)
+        for name, value, variance, moved in zip(
+            stated.names, stiffness.tolist(), np.diagonal(covariance).tolist(), stated.sums, strict=True
+        )
+    )
+    return Estimates(parameters, combinations, covariance, spread.chi_square)
+
+
+def _combinations(
+    robot: Robot, group: Joined | Mixed, stated: Parameters, stiffness: Array, spread: Uncertainty
+) -> list[Combination]:
+    """Return the sums of a group that are known, with the standard deviations of their values."""
+    values = dict(zip(stated.names, stiffness.tolist(), strict=True))
+    unit = parameter_unit(robot, group.members[0])
+    if isinstance(group, Mixed) and not group.sums:
+        return [Combination(group.members, "", None, None, "mixed", unit)]
+    result = []
+    for sum_ in [group] if isinstance(group, Joined) else group.sums:
+        slopes = sum_.value_slopes(values)
+        by_log = np.array([slopes.get(name, 0.0) * values[name] for name in stated.names])
+        by_theta = by_log @ stated.sums
+        felt = by_theta != 0
+        covariance = spread.covariance[np.ix_(felt, felt)]
+        std = float(np.sqrt(by_theta[felt] @ covariance @ by_theta[felt]))
+        kind = sum_.kind if isinstance(sum_, Joined) else "sum"
+        value, known = sum_.value(values), bool(np.isfinite(std))
+        interval = None
+        if known and kind == "parallel":
+            interval = spread.stiffness_interval(value, by_theta / value, std / value)
+        elif known:
+            low, high = spread.compliance_interval(value, by_theta, std)
+            signed = isinstance(sum_, Sum) and min(sum_.coefficients) < 0
+            interval = (low if signed else max(low, 0.0), high)
+        result.append(
+            Combination(
+                sum_.members,
+                sum_.text(),
+                value if known else None,
+                std if known else None,
+                kind,
+                unit if kind == "parallel" else INVERSE_UNITS[unit],
+                interval=interval,
+            )
+        )
+    return result
+
+
+def _parameter(
+    name: str,
+    unit: str,
+    value: float,
+    variance: float,
+    direction: Array,
+    spread: Uncertainty,
+    plan: Plan,
+    combinations: Sequence[Combination],
+) -> Parameter:
+    if name in plan.silent:
+        return Parameter(
+            name, unit, None, None, False, lower_bound=0.0, reason=plan.silent[name], silent=True
+        )
+    if name in plan.grouped:
+        group = next(group.members for group in plan.groups if name in group.members)
+        others = listed([other for other in group if other != name])
+        # in a sum of compliances each is at most the sum (coefficient 1 only: else the unit may differ)
+        bounds = [
+            1.0 / item.interval[1]
+            for item in combinations
+            if item.kind == "series" and f"1/{name}" in item.relation.split(" + ")
+            if item.interval is not None
+        ]
+        reason = f"acts only together with {others}"
+        return Parameter(name, unit, None, None, False, lower_bound=max(bounds, default=0.0), reason=reason)
+    relative = float(np.sqrt(variance))
+    if not np.isfinite(relative):
+        return Parameter(name, unit, None, None, False, lower_bound=0.0, reason="these data do not tell it")
+    low, high = spread.stiffness_interval(value, direction, relative)
+    if np.isinf(high):
+        reason = "these data do not bound it from above: rigid would fit nearly as well"
+        return Parameter(name, unit, None, None, False, (low, high), low, reason)
+    return Parameter(name, unit, value, value * relative, True, (low, high))

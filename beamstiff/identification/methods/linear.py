@@ -1,0 +1,86 @@
+"""Linear least squares in the compliances with positivity (seed 000, eqs 18 to 26).
+
+With rigid links a displacement is linear in the compliances c = 1/k, and one step is exact. Where beams or
+closed loops carry load past the springs it is nearly so: the steps are repeated, each from the last, shorter
+where a whole one goes too far.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from beamstiff.errors import BeamstiffError
+from beamstiff.identification.minimise import Effort, Search
+from beamstiff.se3 import Array
+
+STEPS = 200
+CLOSE = (
+    1e-14  # share of the cost that a step is expected to gain, or change of a compliance: below, it is done
+)
+SHORTEST = 1e-4  # share of a step
+
+
+def run(method: str, search: Search, begin: Array, effort: Effort) -> str:  # noqa: ARG001
+    """Minimise in the compliances ``exp(-theta)``, by Gauss-Newton steps within the bounds."""
+    objective = search.objective
+    if objective.loss != "linear":
+        raise BeamstiffError("linear: knows no robust loss; use trust-region")
+    lower, upper = objective.parameters.lower, objective.parameters.upper
+
+    def evaluate(compliance: Array) -> tuple[float, Array, Array]:
+        theta = np.clip(-np.log(compliance), lower, upper)
+        residuals, by_log = objective.jacobian(theta)
+        cost = objective.cost_of(residuals)
+        search.note(theta, cost)
+        return cost, residuals, -by_log / compliance  # d/dc = -(1/c) d/dlog k
+
+    last = search.evaluations + effort.evaluations
+    low, high = np.exp(-upper), np.exp(-lower)
+    compliance = np.exp(-np.clip(begin, lower, upper))
+    cost, residuals, slopes = evaluate(compliance)
+    for step in range(STEPS):
+        target = nonnegative_step(compliance, residuals, slopes, low, high)
+        moved = slopes @ (target - compliance)
+        gain = -float(moved @ (residuals + 0.5 * moved))
+        if gain <= CLOSE * cost or np.abs(target / compliance - 1).max() <= CLOSE:
+            return f"converged in {step} step{'s'[: step > 1]}"
+        share = 1.0
+        while True:
+            if search.evaluations >= last:
+                return "stopped: the evaluations allowed are used up"
+            there = np.clip(compliance + share * (target - compliance), low, high)
+            new, *rest = evaluate(there)
+            if new < cost:
+                break
+            share /= 2
+            if share < SHORTEST:
+                return f"converged in {step} steps as far as rounding lets it"
+        compliance, cost, (residuals, slopes) = there, new, rest
+    return f"stopped after {STEPS} steps"
+
+
+def nonnegative_step(compliance: Array, residuals: Array, slopes: Array, low: Array, high: Array) -> Array:
+    """Return the compliances (t,) within bounds that minimise ``|r + A (x - c)|``.
+
+    Parameters
+    ----------
+    compliance : (t,) array
+        c, where r (n,) are the residuals and A (n, t) the slopes.
+    low, high : (t,) arrays
+        Bounds: a compliance is positive.
+
+    Examples
+    --------
+    >>> one = np.ones(2)
+    >>> nonnegative_step(one, np.array([3.0, -2.0]), np.eye(2), 0.0 * one, 9.0 * one)
+    array([0., 3.])
+    """
+    size = np.linalg.norm(slopes, axis=0)
+    size = np.where(size > 0, size, 1.0)
+    target = slopes @ compliance - residuals
+    found = lsq_linear(
+        slopes / size, target, bounds=(low * size, high * size), method="bvls", tol=1e-15, max_iter=1000
+    )
+    result: Array = np.clip(found.x / size, low, high)
+    return result

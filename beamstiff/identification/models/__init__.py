@@ -1,0 +1,1 @@
+"""Models whose stiffness varies with the configuration: fuzzy, grid, Gaussian process; compared."""

@@ -1,0 +1,184 @@
+"""Gridded stiffness from measured displacements: each cube for itself, or shrunk towards what all share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from beamstiff.errors import BeamstiffError, listed
+from beamstiff.identification.identify import identify
+from beamstiff.identification.models.configuration import Varying, begin_with, fit_varying
+from beamstiff.measure.rows import subset
+from beamstiff.measure.table import Measurements
+from beamstiff.model.grid import Cubes, GriddedStiffness, tcp_positions
+from beamstiff.robot.description import Robot
+from beamstiff.se3 import Array, skew
+
+MOST_CUBES = 1000  # fitted together: their matrix is dense
+LOOSEST = 1e-3  # rad: prior of a cube's rotation, against points that hardly tell it
+
+
+@dataclass(frozen=True, eq=False)
+class GridFit:
+    """Fitted gridded stiffness.
+
+    Attributes
+    ----------
+    model : GriddedStiffness
+    varying : Varying or None
+        What the hierarchical fit says; None where each cube was fitted for itself.
+    notes : tuple of str
+        Cube by cube, which springs only act together there, and which its rows do not feel.
+    """
+
+    model: GriddedStiffness
+    varying: Varying | None
+    notes: tuple[str, ...] = ()
+
+
+def cubes_about(robot: Robot, table: Measurements, size: float) -> Cubes:
+    """Return cubes of a size, m, centred about the TCP positions of a table, enough to hold all.
+
+    Raises
+    ------
+    BeamstiffError
+        When they would be more than `MOST_CUBES`.
+    """
+    at = tcp_positions(robot, table.q)
+    low, high = at.min(axis=0), at.max(axis=0)
+    counts = np.maximum(np.ceil((high - low) / size - 1e-6), 1)
+    if counts.prod() > MOST_CUBES:
+        raise BeamstiffError(
+            f"{table.source}: found {counts.prod():.3g} cubes of {1e3 * size:.4g} mm about the TCP, "
+            f"expected {MOST_CUBES} at most: make them larger"
+        )
+    nx, ny, nz = counts.astype(int).tolist()
+    return Cubes(0.5 * (low + high) - 0.5 * size * counts, size, (nx, ny, nz))
+
+
+def fit_grid(
+    robot: Robot,
+    table: Measurements,
+    cubes: Cubes,
+    parameters: Sequence[str] | None = None,
+    shrink: bool = True,
+    interpolate: bool = False,
+) -> GridFit:
+    """Fit springs that change from cube to cube to measured displacements.
+
+    Parameters
+    ----------
+    robot : Robot
+    table : Measurements
+        Displacements, loaded minus unloaded; rows on the face of cubes count for all that meet there.
+    cubes : Cubes
+    parameters : sequence of str, optional
+        Springs that may vary; default ``robot.identify``.
+    shrink : bool
+        Shrink cubes towards what all share, as far as the readings ask for it: a cube without data then has
+        the common value, and is flagged. Else each cube is identified by its own rows alone, as in seed 001:
+        springs that only act together there keep their ratio.
+    interpolate : bool
+        Between the centres of neighbouring cubes.
+
+    Raises
+    ------
+    BeamstiffError
+        When rows lie beyond the grid; without shrinking, when a cube holds too few rows.
+    """
+    at = tcp_positions(robot, table.q)
+    inside = cubes.inside(at)
+    if (lost := ~inside.any(axis=1)).any():
+        row = int(np.argmax(lost))
+        where = ", ".join(f"{value:.3f}" for value in at[row])
+        raise BeamstiffError(
+            f"{table.place(row)}: the TCP at {where} m lies beyond the grid; make it larger, "
+            "or leave the row out"
+        )
+    rows = inside.sum(axis=0).astype(np.int64)
+    if not shrink:
+        return _each_for_itself(robot, table, cubes, parameters, inside, interpolate)
+    start = begin_with(robot, table, parameters)
+    varying = fit_varying(start.problem, cubes.weights(at, interpolate), start.compliance)
+    compliance = start.compliance * np.exp(varying.change)
+    model = GriddedStiffness(start.robot, start.parameters, cubes, compliance, rows, interpolate)
+    return GridFit(model, varying)
+
+
+def _each_for_itself(
+    robot: Robot,
+    table: Measurements,
+    cubes: Cubes,
+    parameters: Sequence[str] | None,
+    inside: np.ndarray[tuple[int, ...], np.dtype[np.bool_]],
+    interpolate: bool,
+) -> GridFit:
+    names = tuple(parameters) if parameters is not None else robot.identify
+    compliance, notes = np.ones((cubes.count, len(names))), []
+    for cube in range(cubes.count):
+        name = cubes.name(cube)
+        if not inside[:, cube].any():
+            raise BeamstiffError(
+                f"{table.source}: cube {name} holds no row; measure there, make the cubes larger, or shrink "
+                "them towards the common value"
+            )
+        try:
+            found = identify(robot, subset(table, inside[:, cube]), names, folds=0)
+        except BeamstiffError as error:
+            raise BeamstiffError(f"cube {name}: {error}") from None
+        compliance[cube] = 1.0 / found.stiffness
+        silent = [item.name for item in found.parameters if item.silent]
+        notes += [f"cube {name}: its rows do not feel {listed(silent)}"] if silent else []
+        notes += [
+            f"cube {name}: only {one.relation or listed(one.parameters)} is known" for one in found.degenerate
+        ]
+    rows = inside.sum(axis=0).astype(np.int64)
+    return GridFit(GriddedStiffness(robot, names, cubes, compliance, rows, interpolate), None, tuple(notes))
+
+
+def with_offsets(model: GriddedStiffness, table: Measurements) -> GriddedStiffness:
+    """Return the gridded model with a rigid offset of the kinematics in every cube, from absolute positions.
+
+    The small rigid motion of each cube that carries the nominal TCP positions to the measured ones, in place
+    of kinematic parameters a cube (seed 001, eq. 12): within a cube of some decimetres they do little else.
+
+    Parameters
+    ----------
+    model : GriddedStiffness
+    table : Measurements
+        Absolute positions of the unloaded TCP.
+
+    Raises
+    ------
+    BeamstiffError
+        When the table holds displacements, or a cube fewer than three positions.
+    """
+    if table.kind != "absolute":
+        raise BeamstiffError(
+            f"{table.source}: holds displacements, expected absolute positions x y z of the TCP"
+        )
+    at = tcp_positions(model.robot, table.q)
+    gap, inside = table.position - at, model.cubes.inside(at)
+    known = np.isfinite(gap).all(axis=1)
+    offset = np.zeros((model.cubes.count, 6))
+    for cube, centre in enumerate(model.cubes.centres):
+        own = inside[:, cube] & known
+        if own.sum() < 3:
+            raise BeamstiffError(
+                f"{table.source}: cube {model.cubes.name(cube)} holds {int(own.sum())} measured positions, "
+                "expected three or more for its offset"
+            )
+        offset[cube] = _rigid_motion(at[own] - centre, gap[own])
+    return replace(model, offset=offset)
+
+
+def _rigid_motion(lever: Array, gap: Array) -> Array:
+    """Return the small motion ``[t, r]`` with ``gap = t + r x lever``, by least squares."""
+    each = np.tile(np.eye(3), (len(lever), 1, 1))
+    rows = np.concatenate([each, -skew(lever)], axis=2).reshape(-1, 6)
+    prior = np.hstack([np.zeros((3, 3)), np.eye(3) * (1e-5 / LOOSEST)])
+    right = np.concatenate([gap.reshape(-1), np.zeros(3)])
+    found: Array = np.linalg.lstsq(np.concatenate([rows, prior]), right)[0]
+    return found

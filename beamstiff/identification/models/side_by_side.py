@@ -1,0 +1,304 @@
+"""Every model of elasticity, fitted to the same rows and judged by rows that none saw (seed 003, 3.3)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamstiff.errors import BeamstiffError, listed, suggest
+from beamstiff.identification.identify import identify
+from beamstiff.identification.models.fuzzy import fit_fuzzy
+from beamstiff.identification.models.fuzzy_correction import fit_fuzzy_correction
+from beamstiff.identification.models.fuzzy_tree import fit_fuzzy_tree
+from beamstiff.identification.models.gaussian_process import fit_gaussian_process
+from beamstiff.identification.models.grid import cubes_about, fit_grid
+from beamstiff.identification.models.split import Split, position_errors
+from beamstiff.measure.rows import subset
+from beamstiff.measure.table import Measurements
+from beamstiff.model.grid import tcp_positions
+from beamstiff.model.protocol import Model, RigidModel, StructuralModel
+from beamstiff.robot.description import Robot
+from beamstiff.se3 import Array
+from beamstiff.shown import Shown
+
+CUBES_ALONG = 3  # the longest side of the workspace, where no size of cubes is given
+
+
+@dataclass(frozen=True)
+class Options:
+    """How models are fitted.
+
+    Attributes
+    ----------
+    parameters : tuple of str or None
+        Springs that are fitted, and may vary; default ``robot.identify``.
+    cube : float or None, m
+        Side of the cubes; default a third of the longest side of where the TCP was.
+    seed : int
+    """
+
+    parameters: tuple[str, ...] | None = None
+    cube: float | None = None
+    seed: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A fitted model, ready to predict.
+
+    Attributes
+    ----------
+    model : Model
+    about : str
+        What came out, in a few words.
+    outside : callable or None
+        Which postures (N, A) lie outside what was trained.
+    """
+
+    model: Model
+    about: str = ""
+    outside: Callable[[Array], NDArray[np.bool_]] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """How a model does, N rows.
+
+    Attributes
+    ----------
+    name : str
+    about : str
+        What came out, in a few words; or why there is no such model.
+    model : Model or None
+        None where these rows cannot carry it.
+    predicted : (N, 6) array
+        NaN where the model has no answer.
+    error : (N,) array, m
+        Norm of the position error; NaN where it has no answer.
+    outside : (N,) bool array
+        Rows outside what the model was trained on.
+    seconds : float
+        That the fit took.
+    """
+
+    name: str
+    about: str
+    model: Model | None
+    predicted: Array
+    error: Array
+    outside: NDArray[np.bool_]
+    seconds: float
+
+    def rms(self, rows: NDArray[np.bool_]) -> float | None:
+        """Return the root mean square of the error over some rows, m; None without an answer for any."""
+        own = self.error[rows & np.isfinite(self.error)]
+        return float(np.sqrt((own**2).mean())) if own.size else None
+
+    def largest(self, rows: NDArray[np.bool_]) -> float | None:
+        """Return the largest error over some rows, m."""
+        own = self.error[rows & np.isfinite(self.error)]
+        return float(own.max()) if own.size else None
+
+
+@dataclass(frozen=True, eq=False)
+class Models(Shown):
+    """Models side by side.
+
+    Attributes
+    ----------
+    judged : tuple of Judged
+    table : Measurements
+    split : Split
+    position : (N, 3) array, m
+        Nominal TCP of every row.
+    """
+
+    judged: tuple[Judged, ...]
+    table: Measurements
+    split: Split
+    position: Array
+
+    def __getitem__(self, name: str) -> Judged:
+        """Return a model by name.
+
+        Raises
+        ------
+        BeamstiffError
+            When there is no such model.
+        """
+        by_name = {one.name: one for one in self.judged}
+        if name not in by_name:
+            raise BeamstiffError(f"there is no model {name!r}{suggest(name, by_name)}")
+        return by_name[name]
+
+    @property
+    def noise(self) -> float | None:
+        """Expected root mean square of the noise's norm, m; None where the table does not state it."""
+        seen = self.table.measured_mask[:, :3]
+        sigma = np.where(seen, self.table.sigma[:, :3], 0.0)
+        if np.isnan(sigma).any() or not seen.any():
+            return None
+        return float(np.sqrt((sigma**2).sum() / seen.any(axis=1).sum()))
+
+
+def _rigid(robot: Robot, table: Measurements, options: Options) -> Fitted:  # noqa: ARG001
+    return Fitted(RigidModel(), "does not give way")
+
+
+def _nominal(robot: Robot, table: Measurements, options: Options) -> Fitted:  # noqa: ARG001
+    return Fitted(StructuralModel(robot), "stiffness as the robot's file says")
+
+
+def _parametric(robot: Robot, table: Measurements, options: Options) -> Fitted:
+    found = identify(robot, table, options.parameters, folds=0)
+    unknown = [item.name for item in found.parameters if not item.identifiable]
+    count = len(found.parameters)
+    said = f"{count - len(unknown)} of {count} stiffness values known"
+    if unknown:
+        said += f"; the rows fitted do not tell {listed(unknown, 6)}"
+    return Fitted(StructuralModel(found.robot), said)
+
+
+def _gray(robot: Robot, table: Measurements, options: Options) -> Fitted:
+    fit = fit_fuzzy_correction(robot, table, options.parameters)
+    premises = fit.model.system.premises
+    sets = _sets(premises.inputs, fit.sets[-1][0])
+    about = f"{_counted(premises.count, 'rule')} for {_counted(len(fit.model.parameters), 'spring')} ({sets})"
+    return Fitted(fit.model.extrapolating(), about, fit.model.outside)
+
+
+def _fuzzy(robot: Robot, table: Measurements, options: Options) -> Fitted:
+    fit = fit_fuzzy(robot, table, seed=options.seed)
+    premises = fit.model.system.premises
+    about = f"{_counted(premises.count, 'rule')} ({_sets(premises.inputs, fit.steps[-1].sets)})"
+    return Fitted(fit.model.extrapolating(), about, fit.model.outside)
+
+
+def _tree(robot: Robot, table: Measurements, options: Options) -> Fitted:
+    fit = fit_fuzzy_tree(robot, table, seed=options.seed)
+    leaves = fit.model.system.premises.count
+    about = "1 leaf: no split" if leaves == 1 else f"{leaves} leaves"
+    return Fitted(fit.model.extrapolating(), about, fit.model.outside)
+
+
+def _grid(robot: Robot, table: Measurements, options: Options) -> Fitted:
+    at = tcp_positions(robot, table.q)
+    size = options.cube or max(float(np.ptp(at, axis=0).max()) / CUBES_ALONG, 1e-3)
+    cubes = cubes_about(robot, table, size)
+    fit = fit_grid(robot, table, cubes, options.parameters, interpolate=True)
+    empty = int((fit.model.rows == 0).sum())
+    counts = " x ".join(str(count) for count in cubes.counts)
+    about = f"{counts} cubes of {1e3 * size:.0f} mm" + (f", {empty} of them empty" if empty else "")
+    return Fitted(fit.model.extrapolating(), about, fit.model.outside)
+
+
+def _process(robot: Robot, table: Measurements, options: Options) -> Fitted:
+    fit = fit_gaussian_process(robot, table, options.parameters, options.seed)
+    covariance = fit.model.covariance
+    varied = np.sqrt(covariance.own_spread**2 + covariance.spread**2).max()
+    return Fitted(fit.model, f"springs vary by a factor of up to {np.exp(varied):.2f}")
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"
+
+
+def _sets(inputs: Sequence[str], sets: Sequence[int]) -> str:
+    used = [f"{count} sets of {name}" for name, count in zip(inputs, sets, strict=True) if count > 1]
+    return listed(used) if used else "no input"
+
+
+GIVEN = ("rigid", "nominal")  # what needs no fit
+FITS: Mapping[str, Callable[[Robot, Measurements, Options], Fitted]] = {
+    "rigid": _rigid,
+    "nominal": _nominal,
+    "parametric": _parametric,
+    "fuzzy": _fuzzy,
+    "fuzzy tree": _tree,
+    "grid": _grid,
+    "gray box": _gray,
+    "gaussian process": _process,
+}
+
+
+def fit_models(
+    robot: Robot,
+    table: Measurements,
+    split: Split,
+    names: Sequence[str] = tuple(FITS),
+    options: Options | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Models:
+    """Fit models to the rows that a split says, and predict all rows.
+
+    Parameters
+    ----------
+    robot : Robot
+    table : Measurements
+        Displacements of the TCP under loads there, N rows.
+    split : Split
+    names : sequence of str
+        Of the models, among `FITS`.
+    options : Options, optional
+    progress : callable, optional
+        Called with the name of the model that is fitted next.
+
+    Returns
+    -------
+    Models
+        A model that these rows cannot carry is there without answers, and says why.
+
+    Raises
+    ------
+    BeamstiffError
+        When there is no such model or parameter, the rows are no displacements of the TCP, or they carry no
+        model at all.
+    """
+    for name in names:
+        if name not in FITS:
+            raise BeamstiffError(
+                f"there is no model {name!r}{suggest(name, FITS)}; known: {listed(FITS, 12)}"
+            )
+    if table.kind != "displacement":
+        raise BeamstiffError(
+            f"{table.source}: holds absolute positions; compare needs displacements dx dy dz (loaded minus "
+            "unloaded)"
+        )
+    elsewhere = (table.point != robot.tcp) | (table.load_point != robot.tcp)
+    if elsewhere.any():
+        row = int(np.argmax(elsewhere))
+        raise BeamstiffError(
+            f"{table.place(row)}: measured at {str(table.point[row])!r} under a load at "
+            f"{str(table.load_point[row])!r}, expected the TCP {robot.tcp!r} to compare models"
+        )
+    for name in (options or Options()).parameters or ():
+        robot.parameter(name)  # one that does not exist is refused here, not by every model
+    training = subset(table, split.fitted)
+    judged = []
+    for name in names:
+        if progress is not None:
+            progress(name)
+        judged.append(_judge(name, robot, training, table, options or Options()))
+    fits = [one for one in judged if one.name not in GIVEN]
+    if fits and all(one.model is None for one in fits):
+        raise BeamstiffError(fits[0].about)
+    return Models(tuple(judged), table, split, tcp_positions(robot, table.q))
+
+
+def _judge(name: str, robot: Robot, training: Measurements, table: Measurements, options: Options) -> Judged:
+    begin = time.perf_counter()
+    predicted, outside = np.full((len(table), 6), np.nan), np.zeros(len(table), dtype=np.bool_)
+    model: Model | None = None
+    try:
+        fitted = FITS[name](robot, training, options)
+        seconds = time.perf_counter() - begin
+        predicted = fitted.model.predict(table.q, table.wrench)
+        model, about = fitted.model, fitted.about
+        outside = outside if fitted.outside is None else fitted.outside(table.q)
+    except BeamstiffError as error:
+        seconds, about = time.perf_counter() - begin, str(error)
+    return Judged(name, about, model, predicted, position_errors(table, predicted), outside, seconds)

@@ -1,0 +1,265 @@
+"""The identification problem: whitened residuals of all measured components, with exact derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import sparse
+
+from beamstiff.errors import BeamstiffError, listed
+from beamstiff.identification.disturbance import Disturbance, disturbed_covariance, inverse_root
+from beamstiff.measure.arrays import Integers, equal_rows
+from beamstiff.measure.rows import concatenate
+from beamstiff.measure.table import Measurements
+from beamstiff.model.ports import Parametrisation, PortModel, reduce_to_ports
+from beamstiff.robot.description import Robot
+from beamstiff.se3 import Array
+
+Components = Literal["position", "rotation", "both"]
+
+# where no noise is stated all components count alike; how much they scatter is then read from the residual
+UNIT_NOISE = 1e-5
+LEAST_LOAD = 1e-50  # N or N m; below, squares leave the range of numbers
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Residuals ``W (measured - predicted)`` over the measured components.
+
+    Attributes
+    ----------
+    model : PortModel
+        m open stiffness values, N rows.
+    measured : (N, 6) array
+        Displacement ``[d, r]``.
+    used : (N, 6) bool array
+        Which of them count; n in all.
+    sigma : (N, 6) array
+        Standard deviation of each, m and rad.
+    sigma_known : bool
+        Whether the noise was stated; if not, it is estimated from the residual.
+    sharing : (N,) int array
+        Rows that share one unloaded reading have one number; -1 where a row has its own.
+    pose, load : (N,) int arrays
+        Rows of one pose, and of one load whatever its pose, have one number.
+    whitening : (n, n) sparse array
+        W, with ``W cov W^T = 1``.
+    source : str
+        Where the rows come from, for messages.
+    notes : tuple of str
+        What was left aside, in sentences.
+    disturbance : Disturbance or None
+        What errors of the loads and of the joint readings add to the noise.
+    """
+
+    model: PortModel
+    measured: Array
+    used: NDArray[np.bool_]
+    sigma: Array
+    sigma_known: bool
+    sharing: Integers
+    pose: Integers
+    load: Integers
+    whitening: sparse.csr_array
+    source: str
+    notes: tuple[str, ...] = ()
+    disturbance: Disturbance | None = None
+
+    @property
+    def count(self) -> int:
+        """Number n of measured components used."""
+        return int(self.used.sum())
+
+    def residuals(self, stiffness: Array) -> Array:
+        """Return the whitened residuals, (..., n), for stiffness values (..., m)."""
+        gap = (self.measured - self.model.predict(stiffness))[..., self.used]
+        result: Array = (self.whitening @ gap.T).T
+        return result
+
+    def jacobian(self, stiffness: Array, by: Parametrisation = "log") -> tuple[Array, Array]:
+        """Return whitened residuals (n,) and their derivatives (n, m).
+
+        Parameters
+        ----------
+        stiffness : (m,) array
+        by : "log", "stiffness" or "compliance"
+            What the derivatives are by: the logarithms of the stiffness values, these, or their inverses.
+        """
+        predicted, slopes = self.model.derivatives(stiffness, by)
+        residual: Array = self.whitening @ (self.measured - predicted)[self.used]
+        jacobian: Array = self.whitening @ -slopes[self.used]
+        return residual, jacobian
+
+    def rows(self, chosen: ArrayLike, apart: ArrayLike | None = None) -> Problem:
+        """Return the problem of some rows.
+
+        Parameters
+        ----------
+        chosen : (N,) bool array, or array of int
+            A mask, or indices; a row may come several times.
+        apart : array of int, optional
+            With indices: rows that share an unloaded reading share it only where these numbers are equal too
+            (for a pose that was drawn twice).
+        """
+        at = np.asarray(chosen)
+        at = np.flatnonzero(at) if at.dtype == np.bool_ else at
+        sharing = self.sharing[at]
+        if apart is not None and (sharing >= 0).any():
+            both = equal_rows(np.stack([sharing, np.asarray(apart)], axis=1).astype(np.float64))
+            sharing = np.where(sharing >= 0, both, -1)
+        used, sigma = self.used[at], self.sigma[at]
+        undisturbed = replace(
+            self,
+            model=self.model.rows(at),
+            measured=self.measured[at],
+            used=used,
+            sigma=sigma,
+            sharing=sharing,
+            pose=self.pose[at],
+            load=self.load[at],
+            whitening=whitening(sigma, used, sharing),
+            disturbance=None,
+        )
+        if self.disturbance is None:
+            return undisturbed
+        return undisturbed.disturbed(self.disturbance.rows(at))
+
+    def disturbed(self, disturbance: Disturbance) -> Problem:
+        """Return the problem with errors of its inputs added to the noise."""
+        blocks = disturbed_covariance(self.sigma, self.used, self.sharing, self.pose, disturbance)
+        return replace(self, disturbance=disturbance, whitening=inverse_root(blocks))
+
+
+def whitening(sigma: Array, used: NDArray[np.bool_], sharing: Integers) -> sparse.csr_array:
+    """Return W with ``W cov W^T = 1`` for the used components, (n, n).
+
+    For components that share an unloaded reading the covariance is ``D (1 + 1 1^T) D / 2``, D their standard
+    deviations: its inverse root takes their mean out and puts it back with its own weight.
+
+    Parameters
+    ----------
+    sigma : (N, 6) array
+    used : (N, 6) bool array
+    sharing : (N,) int array
+        Number of the shared reading, -1 for none.
+    """
+    inverse = 1.0 / sigma[used]
+    diagonal = sparse.diags_array(inverse, format="csr")
+    if not (sharing >= 0).any():
+        return diagonal
+    number = np.full(used.shape, -1)
+    number[used] = np.arange(inverse.size)
+    rows, columns, values = [], [], []
+    for group in np.unique(sharing):
+        for component in range(6):
+            at = number[sharing == group, component]
+            at = at[at >= 0]
+            n = at.size
+            block = np.eye(n)
+            if group >= 0 and n:
+                mean = np.full((n, n), 1.0 / n)
+                block = np.sqrt(2.0) * (np.eye(n) - mean) + mean / np.sqrt((1 + n) / 2)
+            elif n:
+                rows.append(at)
+                columns.append(at)
+                values.append(np.ones(n))
+                continue
+            rows.append(np.repeat(at, n))
+            columns.append(np.tile(at, n))
+            values.append(block.ravel())
+    places = (np.concatenate(rows), np.concatenate(columns))
+    turned = sparse.csr_array((np.concatenate(values), places), shape=(inverse.size, inverse.size))
+    return (turned @ diagonal).tocsr()
+
+
+def state_problem(
+    robot: Robot,
+    data: Measurements | Sequence[Measurements],
+    parameters: Sequence[str] | None = None,
+    components: Components = "both",
+) -> Problem:
+    """Return the identification problem of a robot and its measured displacements.
+
+    Parameters
+    ----------
+    robot : Robot
+    data : Measurements, or several
+        Displacements, loaded minus unloaded.
+    parameters : sequence of str, optional
+        Stiffness values to identify; default ``robot.identify``.
+    components : "position", "rotation" or "both"
+        Which measured components count; each by its noise.
+
+    Raises
+    ------
+    BeamstiffError
+        When the rows are absolute positions, carry no load, state noise for some values only, or are fewer
+        than the parameters; when the robot has effects.
+    """
+    measurements = data if isinstance(data, Measurements) else concatenate(data)
+    source = measurements.source
+    if robot.effects:
+        names = listed(effect.effect for effect in robot.effects)
+        raise BeamstiffError(
+            f"robot {robot.name!r}: its effects ({names}) are not part of this fit; take them off the "
+            "readings first: robot, rows = beamstiff.diagnosis.apply.without_effects(robot, rows)"
+        )
+    if measurements.kind != "displacement":
+        raise BeamstiffError(
+            f"{source}: holds absolute positions; identify needs displacements dx dy dz (loaded minus "
+            "unloaded); `calibrate` takes positions"
+        )
+    if not measurements.wrench.any():
+        raise BeamstiffError(f"{source}: all loads are zero; without load no stiffness can be identified")
+    used = measurements.measured_mask.copy()
+    used[:, 3:] &= components != "position"
+    used[:, :3] &= components != "rotation"
+    notes = []
+    sigma = measurements.sigma
+    stated = np.isfinite(sigma) & used
+    if components == "both" and used[:, 3:].any() and not stated[:, 3:].any():
+        used[:, 3:] = False  # metres and radians compare only by their noise
+        notes.append("the rotations are not used: the table does not say their noise (sigma_rotation)")
+    if not used.any():
+        what = "measured displacements" if components == "both" else f"measured components of {components}"
+        raise BeamstiffError(f"{source}: found no {what}")
+    if not (np.abs(measurements.wrench[used.any(axis=1)]) > LEAST_LOAD).any():
+        raise BeamstiffError(f"{source}: all measured rows are without load; no stiffness can be identified")
+    stated &= used
+    if stated.any() and (stated != used).any():
+        row = int(np.argmax((stated != used).any(axis=1)))
+        raise BeamstiffError(
+            f"{measurements.place(row)}: the noise of this row is not stated (sigma_position, "
+            "sigma_rotation), that of others is; expected it for all, or for none"
+        )
+    model = reduce_to_ports(robot, measurements, parameters)
+    if used.sum() < len(model.parameters) + (
+        not stated.any()
+    ):  # noise that is not stated is one more unknown
+        count, rows, sought = int(used.sum()), int(used.any(axis=1).sum()), model.parameters
+        noise = "" if stated.any() else " and the noise, which is not stated"
+        advice = ["measure more", *([] if stated.any() else ["state the noise (# sigma_position: 0.03 mm)"])]
+        advice += ["identify fewer"] if len(sought) > 1 else []
+        raise BeamstiffError(
+            f"{source}: {count} measured component{'s'[: count > 1]} in {rows} row{'s'[: rows > 1]} for "
+            f"{len(sought)} parameter{'s'[: len(sought) > 1]} ({listed(sought)}){noise}; "
+            f"{', or '.join(advice)}"
+        )
+    spread = np.where(used, sigma, 1.0) if stated.any() else np.full(used.shape, UNIT_NOISE)
+    return Problem(
+        model=model,
+        measured=np.where(used, measurements.displacement, 0.0),
+        used=used,
+        sigma=spread,
+        sigma_known=bool(stated.any()),
+        sharing=measurements.sharing,
+        pose=measurements.pose,
+        load=equal_rows(measurements.wrench),
+        whitening=whitening(spread, used, measurements.sharing),
+        source=source,
+        notes=tuple(notes),
+    )

@@ -1,0 +1,152 @@
+"""The reduced model: springs that only act together become one, the others of each group rigid or free."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from beamstiff.errors import BeamstiffError
+from beamstiff.identification.degeneracy import Degeneracy
+from beamstiff.identification.relations import Joined, Spring
+from beamstiff.robot.description import Robot
+from beamstiff.robot.fields import FREE, RIGID
+
+
+@dataclass(frozen=True)
+class Lumped:
+    """A group that became one spring.
+
+    Attributes
+    ----------
+    kept : str
+        The parameter that carries all, as stiff as the whole group.
+    value : float, SI
+    gone : mapping of str to float
+        The others: infinite where they are rigid now (in series), 0 where they are free (in parallel).
+    """
+
+    kept: str
+    value: float
+    gone: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Reduced:
+    """A robot without what its measurements cannot tell.
+
+    Attributes
+    ----------
+    robot : Robot
+        Lists under `identify` what is left to identify.
+    lumped : tuple of Lumped
+    held : tuple of str
+        Parameters that stay at their value, since they are never loaded or others make up for them.
+    """
+
+    robot: Robot
+    lumped: tuple[Lumped, ...]
+    held: tuple[str, ...]
+
+
+def reduce_model(
+    robot: Robot, degeneracy: Degeneracy, values: Mapping[str, float], parameters: Sequence[str] | None = None
+) -> Reduced:
+    """Return the robot with every group as one spring: on the rows at hand it does the same as before.
+
+    Parameters
+    ----------
+    robot : Robot
+    degeneracy : Degeneracy
+        From `find_degeneracy`.
+    values : mapping of str to float, SI
+        Stiffness at hand, such as the identified one, of every parameter; becomes the robot's, but for what
+        is never loaded.
+    parameters : sequence of str, optional
+        All that were to be identified; default ``robot.identify``.
+
+    Raises
+    ------
+    BeamstiffError
+        When a beam in a group would have to become rigid or free.
+
+    Notes
+    -----
+    In series the most compliant spring is kept, in parallel the stiffest: it is the most like the whole.
+    Under other loads than those of the rows the reduced robot may differ.
+
+    Examples
+    --------
+    >>> from beamstiff import load_robot
+    >>> two = Joined("series", (Spring("J99.radial"), Spring("J1010.radial")), (1.0, 1.0))
+    >>> values = {"J99.radial": 3e7, "J1010.radial": 1.5e7, "J12.torsional": 1.7e6}
+    >>> found = reduce_model(load_robot("ir663"), Degeneracy((), (two,), ()), values, list(values))
+    >>> found.lumped, found.robot.identify
+    ((Lumped(kept='J1010.radial', value=10000000.0, gone={'J99.radial': inf}),),
+     ('J1010.radial', 'J12.torsional'))
+    """
+    names = list(robot.identify if parameters is None else parameters)
+    lumped = tuple(_lump(group, values) for group in degeneracy.joined)
+    gone = {name: value for one in lumped for name, value in one.gone.items()}
+    silent = [item.name for item in degeneracy.silent]
+    held = silent + [name for group in degeneracy.mixed for name in group.held]
+    beams = {f"{beam.name}.E" for beam in robot.beams}
+    if stiff := [name for name in gone if name in beams]:
+        raise BeamstiffError(
+            f"{stiff[0]}: only acts together with others, and a beam is never rigid or free: replace it by a "
+            "rigid, or leave it out of what is identified"
+        )
+    known = {name: value for name, value in values.items() if name not in silent}
+    changed = robot.with_parameters({**known, **gone, **{one.kept: one.value for one in lumped}})
+    left = tuple(name for name in names if name not in gone and name not in held)
+    return Reduced(changed.model_copy(update={"identify": left}), lumped, tuple(held))
+
+
+def _lump(group: Joined, values: Mapping[str, float]) -> Lumped:
+    """Return a group as one of its springs."""
+    kept, gone = _leader(group, values)
+    factor = _factor(group, kept)
+    whole = group.stiffness(values)
+    return Lumped(kept, whole * factor, gone)
+
+
+def _leader(group: Joined, values: Mapping[str, float]) -> tuple[str, dict[str, float]]:
+    """Return the spring that is most like the whole, and what becomes of the others."""
+    inside = np.array(
+        [
+            ratio * part.stiffness(values) ** (1 if group.kind == "parallel" else -1)
+            for part, ratio in zip(group.parts, group.ratios, strict=True)
+        ]
+    )
+    most = int(np.argmax(inside))
+    gone: dict[str, float] = {}
+    for at, part in enumerate(group.parts):
+        if at != most:
+            gone |= _become(part, RIGID if group.kind == "series" else FREE)
+    chosen = group.parts[most]
+    if isinstance(chosen, Spring):
+        return chosen.name, gone
+    name, more = _leader(chosen, values)
+    return name, gone | more
+
+
+def _become(part: Spring | Joined, value: float) -> dict[str, float]:
+    """Return the members of a part that is rigid or free as a whole, and nothing between hangs loose."""
+    if isinstance(part, Spring):
+        return {part.name: value}
+    first, *others = part.parts
+    alike = (part.kind == "series") == (value == RIGID)
+    rest = value if alike else FREE if value == RIGID else RIGID
+    result = _become(first, value)
+    for other in others:
+        result |= _become(other, rest)
+    return result
+
+
+def _factor(group: Joined, kept: str) -> float:
+    """Return the stiffness of a member over that of the whole when it carries all: from the ratios."""
+    at = next(at for at, part in enumerate(group.parts) if kept in part.members)
+    part, ratio = group.parts[at], group.ratios[at]
+    own = ratio if group.kind == "series" else 1.0 / ratio
+    return own if isinstance(part, Spring) else own * _factor(part, kept)

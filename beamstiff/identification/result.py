@@ -1,0 +1,244 @@
+"""What an identification says: values with their uncertainty, and what could not be known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from beamstiff.errors import BeamstiffError, suggest
+from beamstiff.identification.validation import HeldOut
+from beamstiff.robot.description import Robot
+from beamstiff.se3 import Array
+from beamstiff.shown import Shown
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """An identified stiffness.
+
+    Attributes
+    ----------
+    name, unit : str
+    value, std : float or None, in `unit`
+        None where the data do not bound the stiffness from above, or tell only a combination of it.
+    identifiable : bool
+    interval : (low, high) or None
+        95 %.
+    lower_bound : float or None
+        Of a stiffness without value: with 97.5 % it is above; 0 where nothing is known.
+    reason : str
+        Why there is no value; else empty.
+    silent : bool
+        No measured row feels it.
+    separate : str
+        What measurement would make it felt, in words; empty where none was sought.
+    """
+
+    name: str
+    unit: str
+    value: float | None
+    std: float | None
+    identifiable: bool
+    interval: tuple[float, float] | None = None
+    lower_bound: float | None = None
+    reason: str = ""
+    silent: bool = False
+    separate: str = ""
+
+
+@dataclass(frozen=True)
+class Combination:
+    """Parameters that only act together, and the sum of theirs that is known.
+
+    Attributes
+    ----------
+    parameters : tuple of str
+    relation : str
+        ``"1/J12.radial + 1/J33.radial"``, or nothing where the combination is no sum.
+    value, std : float or None, SI
+        Of the relation.
+    kind : str
+        "series", "parallel", "sum" or "mixed"; "ill-determined" where only noise hides the terms.
+    unit : str
+    separate : str
+        What measurement would tell them apart, in words; empty where none was sought.
+    interval : (low, high) or None
+        95 %, of the value.
+    """
+
+    parameters: tuple[str, ...]
+    relation: str
+    value: float | None
+    std: float | None
+    kind: str
+    unit: str
+    separate: str = ""
+    interval: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Identification(Shown):
+    """Identified stiffness of a robot.
+
+    Attributes
+    ----------
+    parameters : tuple of Parameter (m)
+    degenerate : tuple of Combination
+        What no amount of such rows could tell apart.
+    ill_determined : tuple of Combination
+        Sums that are well known though these rows with their noise hardly tell their terms.
+    covariance : (m, m) array
+        Of the logarithms of the stiffness values, in the order of `parameters`; infinite variance of what is
+        not identifiable by itself.
+    stiffness : (m,) array
+        Values at the optimum, also of those that are not identifiable.
+    robot : Robot
+        With these values.
+    rms : float, m
+        Root mean square of the position residual's norm over the fitted rows.
+    rms_held_out, rms_held_out_load : float or None, m
+        The same on poses, and on loads, left out of the fit; None with fewer than three.
+    chi_square : float
+        Sum of squared whitened residuals over the degrees of freedom; near 1 when noise explains
+        the residual.
+    method : str
+    evaluations : int
+    message : str
+        Why the method stopped.
+    interrupted : bool
+        Stopped by hand: the best so far.
+    predicted : (N, 6) array, m and rad
+        Displacement of every row at the optimum.
+    notes : tuple of str
+        What was left aside, and why, in sentences.
+    held_out, held_out_load : HeldOut or None
+        Errors row by row while poses, and loads, were left out of the fit: which of them the model misses.
+    """
+
+    parameters: tuple[Parameter, ...]
+    degenerate: tuple[Combination, ...]
+    covariance: Array
+    stiffness: Array
+    robot: Robot
+    rms: float
+    rms_held_out: float | None
+    rms_held_out_load: float | None
+    chi_square: float
+    method: str
+    evaluations: int
+    message: str
+    interrupted: bool
+    predicted: Array
+    notes: tuple[str, ...] = ()
+    ill_determined: tuple[Combination, ...] = ()
+    held_out: HeldOut | None = None
+    held_out_load: HeldOut | None = None
+
+    def __getitem__(self, name: str) -> Parameter:
+        """Return a parameter by its name.
+
+        Raises
+        ------
+        BeamstiffError
+            When it was not among those identified.
+        """
+        by_name = {item.name: item for item in self.parameters}
+        if name not in by_name:
+            raise BeamstiffError(f"{name!r} was not identified{suggest(name, by_name)}")
+        return by_name[name]
+
+    @property
+    def correlation(self) -> Array:
+        """Correlation of the logarithms of the stiffness values, (m, m); NaN where there is no variance."""
+        std = np.sqrt(np.diagonal(self.covariance))
+        std = np.where(np.isfinite(std), std, np.nan)
+        result: Array = self.covariance / np.outer(std, std)
+        return result
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return values, standard deviations and 95 % intervals as a pandas DataFrame, a row a parameter."""
+        import pandas as pd
+
+        rows = {
+            item.name: {
+                "value": item.value,
+                "std": item.std,
+                "low": item.lower_bound if item.interval is None else item.interval[0],
+                "high": np.inf if item.interval is None else item.interval[1],
+                "unit": item.unit,
+                "identifiable": item.identifiable,
+            }
+            for item in self.parameters
+        }
+        return pd.DataFrame.from_dict(rows, orient="index")
+
+    def covariance_frame(self) -> pd.DataFrame:
+        """Return the covariance of the logarithms as a pandas DataFrame, labelled by parameter."""
+        import pandas as pd
+
+        names = [item.name for item in self.parameters]
+        return pd.DataFrame(self.covariance, index=names, columns=names)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result as plain data, in the contract's form (``beamstiff identify --json``)."""
+        names = [item.name for item in self.parameters]
+        return {
+            "parameters": {item.name: _parameter(item) for item in self.parameters},
+            "degenerate": [_combination(item) for item in self.degenerate],
+            "ill_determined": [_combination(item) for item in self.ill_determined],
+            "rms_mm": 1e3 * self.rms,
+            "rms_held_out_mm": _mm(self.rms_held_out),
+            "rms_held_out_load_mm": _mm(self.rms_held_out_load),
+            "chi_square": self.chi_square,
+            "correlation": {"names": names, "values": [[_plain(v) for v in row] for row in self.correlation]},
+            "method": self.method,
+            "evaluations": self.evaluations,
+            "interrupted": self.interrupted,
+            "notes": list(self.notes),
+        }
+
+
+def _parameter(item: Parameter) -> dict[str, Any]:
+    result: dict[str, Any] = {
+        "value": item.value,
+        "std": item.std,
+        "unit": item.unit,
+        "identifiable": item.identifiable,
+    }
+    if item.interval is not None:
+        result["interval"] = [_plain(limit) for limit in item.interval]
+    if item.lower_bound is not None:
+        result["lower_bound"] = item.lower_bound
+    if item.reason:
+        result["reason"] = item.reason
+    if item.separate:
+        result["separate"] = item.separate
+    return result
+
+
+def _combination(item: Combination) -> dict[str, Any]:
+    result: dict[str, Any] = {
+        "parameters": list(item.parameters),
+        "relation": item.relation,
+        "value": item.value,
+        "std": item.std,
+        "kind": item.kind,
+        "unit": item.unit,
+        "separate": item.separate,
+    }
+    if item.interval is not None:
+        result["interval"] = [_plain(limit) for limit in item.interval]
+    return result
+
+
+def _plain(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _mm(value: float | None) -> float | None:
+    return None if value is None else 1e3 * value

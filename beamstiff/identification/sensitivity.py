@@ -1,0 +1,175 @@
+"""Monte Carlo sensitivity to the errors of tracker, loads and joint readings (seed 000, section 5.2).
+
+The identified machine is measured again and again with errors drawn from each source by itself, and from all
+together; what the identification then finds scatters. Readings, loads and joint values in the table stay the
+same: it is the machine that was elsewhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from beamstiff.errors import BeamstiffError
+from beamstiff.identification.bootstrap import sums_of, values_of
+from beamstiff.identification.input_errors import InputErrors
+from beamstiff.identification.refit import refit
+from beamstiff.identification.simulation import as_they_were
+from beamstiff.identification.statement import Statement
+from beamstiff.measure.table import Measurements
+from beamstiff.se3 import Array
+
+READINGS, ALL = "readings", "all"
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """How far each source of errors moves the identified values.
+
+    Attributes
+    ----------
+    names : tuple of str (m)
+        Parameters.
+    relations : tuple of str (s)
+        Sums that are known though their members are not.
+    sources : tuple of str (S)
+        "readings" (of the tracker), then those of `InputErrors` that are not zero, then "all".
+    stiffness : (S, R, m) array
+        What was found in each repetition.
+    sums : (S, R, s) array
+    true : (m,) array
+        What there was to find.
+    """
+
+    names: tuple[str, ...]
+    relations: tuple[str, ...]
+    sources: tuple[str, ...]
+    stiffness: Array
+    sums: Array
+    true: Array
+
+    @property
+    def spread(self) -> Array:
+        """Standard deviation of the compliances over the true ones, (S, m); to first order also of k."""
+        result: Array = (self.true / self.stiffness).std(axis=1, ddof=1)
+        return result
+
+    @property
+    def bias(self) -> Array:
+        """Mean error of the compliances over the true ones, (S, m)."""
+        result: Array = (self.true / self.stiffness).mean(axis=1) - 1.0
+        return result
+
+
+def sensitivity(
+    statement: Statement,
+    measurements: Measurements,
+    theta: Array,
+    errors: InputErrors,
+    repetitions: int = 500,
+    seed: int = 0,
+    progress: Callable[[int], None] | None = None,
+) -> Sensitivity:
+    """Return how far errors of the readings, loads and joint values move what is identified.
+
+    Parameters
+    ----------
+    statement : Statement
+    measurements : Measurements
+        The table it states.
+    theta : (t,) array
+        Its optimum: the machine that is measured again.
+    errors : InputErrors
+        Of the loads and joint values. Those of the readings are the table's.
+    repetitions : int
+        For each source.
+    seed : int
+    progress : callable, optional
+        Called with the number of refits made.
+
+    Raises
+    ------
+    BeamstiffError
+        When the table is another one, states no noise, or the repetitions are fewer than two.
+
+    Examples
+    --------
+    >>> from beamstiff import identify, load_robot
+    >>> from beamstiff.identification.statement import state_identification
+    >>> from beamstiff.measure import make_measurements
+    >>> from beamstiff.model.linear import predict_displacements
+    >>> robot, random = load_robot("kr240-2"), np.random.default_rng(0)
+    >>> q, wrench = random.uniform(-1, 1, (12, 6)), random.normal(size=(12, 6)) * 800
+    >>> names = [variable.name for variable in robot.actuated]
+    >>> noise = {"tcp": robot.tcp, "sigma_position": 3e-5}
+    >>> still = make_measurements(names, q, wrench=wrench, **noise)
+    >>> seen = predict_displacements(robot, still)[:, :3] + 3e-5 * random.normal(size=(12, 3))
+    >>> table = make_measurements(names, q, wrench=wrench, displacement=seen, **noise)
+    >>> statement = state_identification(robot, table, robot.identify[:5])  # 6 passes through the TCP
+    >>> theta = statement.theta(identify(robot, table, robot.identify[:5]).stiffness)
+    >>> paper = InputErrors(load=0.1 * 9.81, angle=np.radians(0.01))
+    >>> found = sensitivity(statement, table, theta, paper, 50)
+    >>> found.sources
+    ('readings', 'load', 'angle', 'all')
+    >>> bool((found.spread[0] > found.spread[1:3]).all())  # the tracker matters most
+    True
+    """
+    problem = statement.problem
+    if len(measurements) != len(problem.measured):
+        raise BeamstiffError(
+            f"{measurements.source}: found {len(measurements)} rows, expected the {len(problem.measured)} of "
+            f"{problem.source}"
+        )
+    if not problem.sigma_known:
+        raise BeamstiffError(
+            f"{problem.source}: found no noise (sigma_position, sigma_rotation), expected it to draw from"
+        )
+    if repetitions < 2:
+        raise BeamstiffError(f"sensitivity: found {repetitions} repetitions, expected two or more")
+    true = statement.parameters.stiffness(theta)
+    kinds = [field.name for field in fields(errors) if getattr(errors, field.name) > 0]
+    drawn = {kind: InputErrors(**{kind: getattr(errors, kind)}) for kind in kinds}
+    sources = {READINGS: InputErrors(), **drawn, **({ALL: errors} if kinds else {})}
+    streams = np.random.default_rng(seed).spawn(len(sources))
+    found = []
+    done = 0
+    for (source, of_source), random in zip(sources.items(), streams, strict=True):
+        noise = problem.sigma if source in (READINGS, ALL) else np.zeros_like(problem.sigma)
+        models = (
+            as_they_were(
+                statement.robot, measurements, of_source, statement.parameters.names, repetitions, random
+            )
+            if of_source
+            else (problem.model for _ in range(repetitions))
+        )
+        thetas = []
+        for model in models:
+            seen = model.predict(true) + _noise(statement, noise, random)
+            again = statement.measuring(np.where(problem.used, seen, 0.0))
+            thetas.append(refit(again.objective, theta))
+            done += 1
+            if progress is not None:
+                progress(done)
+        found.append(np.array(thetas))
+    return Sensitivity(
+        names=statement.parameters.names,
+        relations=tuple(sum_.text() for sum_ in statement.plan.sums),
+        sources=tuple(sources),
+        stiffness=np.array([values_of(statement, thetas) for thetas in found]),
+        sums=np.array([sums_of(statement, thetas) for thetas in found]),
+        true=true,
+    )
+
+
+def _noise(statement: Statement, sigma: Array, random: np.random.Generator) -> Array:
+    """Return errors of the readings (N, 6): half of the variance of a shared unloaded reading is common."""
+    problem = statement.problem
+    own = random.standard_normal(sigma.shape)
+    if not (problem.sharing >= 0).any():
+        return sigma * own
+    group = np.unique(problem.sharing, return_inverse=True)[1].reshape(-1)
+    common = random.standard_normal((group.max() + 1, 6))[group]
+    both = np.sqrt(0.5) * (own + common)
+    return sigma * np.where(problem.sharing[:, None] >= 0, both, own)

@@ -1,0 +1,175 @@
+"""Errors on rows that were not fitted: held-out poses, held-out loads; and what repeats say of the noise."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamstiff.errors import BeamstiffError
+from beamstiff.identification.objective import Objective
+from beamstiff.identification.problem import Problem
+from beamstiff.identification.refit import refit
+from beamstiff.measure.arrays import Integers
+from beamstiff.measure.samples import pooled_sigma, repeated_states
+from beamstiff.measure.table import Measurements
+from beamstiff.se3 import Array
+
+
+def position_gap(problem: Problem, stiffness: Array) -> Array:
+    """Return the norm of the position residual of every row with a measured position, (rows,), m."""
+    gap = np.where(problem.used, problem.measured - problem.model.predict(stiffness), 0.0)[:, :3]
+    result: Array = np.linalg.norm(gap[problem.used[:, :3].any(axis=1)], axis=1)
+    return result
+
+
+def position_rms(problem: Problem, stiffness: Array) -> float:
+    """Return the root mean square over rows of the norm of the position residual, m."""
+    gap = position_gap(problem, stiffness)
+    return float(np.sqrt((gap**2).mean())) if gap.size else 0.0
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Errors on rows while they were left out of the fit.
+
+    Attributes
+    ----------
+    groups : (N,) int array
+        Rows of one group were left out together: a pose, or a load.
+    residual : (N, 6) array, m and rad
+        Measured less predicted; NaN where not measured.
+    """
+
+    groups: Integers
+    residual: Array
+
+    @property
+    def gap(self) -> Array:
+        """Norm of the position residual of every row, (N,), m; NaN where no position was measured."""
+        seen = ~np.isnan(self.residual[:, :3])
+        size = np.linalg.norm(np.where(seen, self.residual[:, :3], 0.0), axis=1)
+        result: Array = np.where(seen.any(axis=1), size, np.nan)
+        return result
+
+    @property
+    def rms(self) -> float | None:
+        """Root mean square of it over all rows, m; None where no position was measured."""
+        gap = self.gap
+        return float(np.sqrt(np.nanmean(gap**2))) if np.isfinite(gap).any() else None
+
+    def by_group(self) -> dict[int, float]:
+        """Return the root mean square of each group, m: which poses, or loads, the model misses."""
+        gap = self.gap
+        known = np.isfinite(gap)
+        return {
+            int(group): float(np.sqrt((gap[known & (self.groups == group)] ** 2).mean()))
+            for group in np.unique(self.groups[known])
+        }
+
+
+def held_out(objective: Objective, groups: Integers, folds: int, begin: Array) -> HeldOut | None:
+    """Return the errors on groups of rows left out of the fit, fold by fold.
+
+    Parameters
+    ----------
+    objective : Objective
+    groups : (N,) array of int
+        Rows of one group are left out together: poses, or loads.
+    folds : int
+        At most so many fits.
+    begin : (t,) array
+        Where to start: the optimum of all rows.
+
+    Returns
+    -------
+    HeldOut or None
+        None with fewer than three groups, or where the rest is too little to fit.
+    """
+    residual = np.full(objective.problem.used.shape, np.nan)
+    try:
+        for out, test, theta in without_folds(objective, groups, folds, begin):
+            gap = test.measured - test.model.predict(objective.parameters.stiffness(theta))
+            residual[out] = np.where(test.used, gap, np.nan)
+    except BeamstiffError:
+        return None
+    return HeldOut(groups, residual)
+
+
+def without_folds(
+    objective: Objective, groups: Integers, folds: int, begin: Array
+) -> Iterator[tuple[NDArray[np.bool_], Problem, Array]]:
+    """Fit with every fold left out in turn; yield its rows (N,), its problem, and the optimum without it.
+
+    Raises
+    ------
+    BeamstiffError
+        When there are fewer than three groups, or what is left cannot carry the fit.
+    """
+    problem, names = objective.problem, np.unique(groups)
+    if names.size < 3 or folds < 2:
+        raise BeamstiffError(
+            f"{problem.source}: found {names.size} groups of rows and {folds} folds, expected three groups "
+            "and two folds or more to hold some out"
+        )
+    for fold in range(min(folds, names.size)):
+        out: NDArray[np.bool_] = np.isin(groups, names[fold :: min(folds, names.size)])
+        training = replace(objective, problem=problem.rows(~out))
+        if training.problem.count < begin.size + 1 or not training.problem.model.force.any():
+            raise BeamstiffError(f"{problem.source}: with a fold held out, too little is left to fit")
+        yield out, problem.rows(out), refit(training, begin)
+
+
+@dataclass(frozen=True)
+class Repeatability:
+    """How well repeats of a state agree (seed 000, section 5.1).
+
+    Attributes
+    ----------
+    states : int
+        That were measured more than once.
+    sigma : (6,) array, m and rad
+        Standard deviation of a reading, pooled over the states; NaN where none was repeated.
+    freedom : (6,) int array
+        Degrees of freedom of each.
+    share : float
+        Three standard deviations of the displacement, along itself and over its size; the mean over the
+        states.
+    """
+
+    states: int
+    sigma: Array
+    freedom: Integers
+    share: float
+
+
+def repeatability(measurements: Measurements) -> Repeatability:
+    """Return how well repeats of the same state, pose and load, agree.
+
+    Hysteresis counts as scatter. Where the rows of a pose share an unloaded reading, its error does not show.
+
+    Raises
+    ------
+    BeamstiffError
+        When no displacement was measured twice.
+    """
+    group = repeated_states(measurements)
+    sigma, freedom = pooled_sigma(measurements.measured, group)
+    if measurements.kind != "displacement" or not freedom[:3].any():
+        raise BeamstiffError(
+            f"{measurements.source}: found no displacement measured more than once, expected repeats of a "
+            "pose and load"
+        )
+    shares = []
+    for state in np.flatnonzero(np.bincount(group) > 1):
+        rows = measurements.displacement[group == state, :3]
+        rows = rows[~np.isnan(rows).any(axis=1)]
+        mean = rows.mean(axis=0) if len(rows) > 1 else np.zeros(3)
+        size = float(np.linalg.norm(mean))
+        if size:
+            shares.append(3 * float((rows @ mean / size).std(ddof=1)) / size)
+    if not shares:
+        raise BeamstiffError(f"{measurements.source}: the repeated states do not move")
+    return Repeatability(len(shares), sigma, np.asarray(freedom, dtype=np.int64), float(np.mean(shares)))

@@ -1,0 +1,303 @@
+"""Tests that could be made: poses within reach, loads on the tool, and what each would tell."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from beamstiff.errors import BeamstiffError, listed
+from beamstiff.fem.condensation import tcp_compliance
+from beamstiff.fem.structure import compile_structure
+from beamstiff.measure.table import Measurements, make_measurements
+from beamstiff.model.ports import reduce_to_ports
+from beamstiff.planning.poses import closed_posture, random_poses
+from beamstiff.robot.description import Robot
+from beamstiff.robot.fields import FREE, RIGID
+from beamstiff.robot.kinematics import Kinematics, actuated_values, posture
+from beamstiff.robot.stiffness import stiffness_parameters
+from beamstiff.se3 import Array
+
+AXES = ("x", "y", "z")
+# a direction of the parameters that all candidates together show less than this, against the others, is none
+SINGULAR = 1e-12
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations of what a test reads; all independent.
+
+    Attributes
+    ----------
+    position : float, m
+        Of each component of the measured displacement.
+    rotation : float or None, rad
+        Of each component of the measured rotation; None where it is not measured.
+    force, moment : float, N and N m
+        Of each component of the wrench: they displace the tool unseen.
+    """
+
+    position: float
+    rotation: float | None = None
+    force: float = 0.0
+    moment: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse what is no standard deviation."""
+        for name, value, least in (
+            ("position", self.position, 0.0),
+            ("rotation", self.rotation, 0.0),
+            ("force", self.force, -1.0),
+            ("moment", self.moment, -1.0),
+        ):
+            if value is not None and not (np.isfinite(value) and value > least):
+                raise BeamstiffError(f"noise: found {name} = {value}, expected a positive standard deviation")
+        if self.force < 0 or self.moment < 0:
+            raise BeamstiffError(
+                "noise: found a negative standard deviation of the wrench, expected 0 or more"
+            )
+
+
+def candidate_poses(
+    kinematics: Kinematics,
+    count: int,
+    seed: int,
+    region: Sequence[tuple[float, float]] | None = None,
+) -> Array:
+    """Return random poses within the joint limits whose loops close and whose TCP is in a region, (count, A).
+
+    Parameters
+    ----------
+    kinematics : Kinematics
+    count : int
+    seed : int
+    region : three pairs, m, optional
+        Least and largest x, y and z of the TCP: what the tracker sees, above the floor.
+
+    Raises
+    ------
+    BeamstiffError
+        When hardly any pose gets there.
+    """
+    random = np.random.default_rng(seed)
+    if region is None:
+        return random_poses(kinematics, count, random)
+    low, high = np.asarray(region, dtype=np.float64).reshape(3, 2).T
+    tcp = kinematics.node_index[kinematics.robot.tcp]
+    found = np.zeros((0, len(kinematics.robot.actuated)))
+    for _ in range(50):
+        drawn = random_poses(kinematics, max(2 * count, 64), random)
+        position = closed_posture(kinematics, drawn)[0].node_positions[:, tcp]
+        found = np.concatenate([found, drawn[((position >= low) & (position <= high)).all(axis=1)]])
+        if len(found) >= count:
+            return found[:count]
+    raise BeamstiffError(
+        f"robot {kinematics.robot.name!r}: only {len(found)} of {count} random poses have their TCP in the "
+        f"region {_shown(low, high)}; make it larger, or move it to where the robot reaches"
+    )
+
+
+def _shown(low: Array, high: Array) -> str:
+    sides = zip("xyz", low.tolist(), high.tolist(), strict=True)
+    told = [f"{axis} from {a:g} to {b:g} m" for axis, a, b in sides if np.isfinite([a, b]).any()]
+    return ", ".join(told)
+
+
+def force_loads(magnitude: float, directions: Sequence[str] = ("x", "y", "z")) -> Array:
+    """Return forces along axes of the base frame as wrenches (L, 6), N: ``"-z"`` points down.
+
+    Examples
+    --------
+    >>> force_loads(900.0, ["x", "-z"]).tolist()
+    [[900.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0, 0.0, -900.0, 0.0, 0.0, 0.0]]
+    """
+    loads = np.zeros((len(directions), 6))
+    for row, direction in zip(loads, directions, strict=True):
+        axis = direction.removeprefix("-").removeprefix("+")
+        if axis not in AXES:
+            raise BeamstiffError(
+                f"direction of a load: found {direction!r}, expected x, y or z, with a sign or not"
+            )
+        row[AXES.index(axis)] = -magnitude if direction.startswith("-") else magnitude
+    return loads
+
+
+def candidate_tests(
+    robot: Robot,
+    poses: ArrayLike,
+    loads: ArrayLike,
+    largest_force: float = np.inf,
+    largest_moment: float = np.inf,
+) -> Measurements:
+    """Return every load at every pose as a table of tests not yet measured.
+
+    Parameters
+    ----------
+    robot : Robot
+    poses : (P, A) array, rad or m
+    loads : (L, 6) array, N and N m
+        Wrenches at the TCP, base frame.
+    largest_force, largest_moment : float, N and N m
+        What the machine may carry.
+
+    Returns
+    -------
+    Measurements
+        P * L rows, the load running fastest, without displacements.
+
+    Raises
+    ------
+    BeamstiffError
+        When there is no pose or load, a load is zero or too large.
+    """
+    q = actuated_values(robot, np.asarray(poses))
+    wrenches = np.asarray(loads, dtype=np.float64).reshape(-1, 6)
+    if not len(q) or not len(wrenches):
+        raise BeamstiffError(f"found {len(q)} poses and {len(wrenches)} loads, expected at least one of each")
+    if not np.isfinite(wrenches).all() or not wrenches.any(axis=1).all():
+        raise BeamstiffError("loads: found a load of zero or no number, expected forces and moments")
+    for name, part, limit in (
+        ("force", wrenches[:, :3], largest_force),
+        ("moment", wrenches[:, 3:], largest_moment),
+    ):
+        sizes = np.linalg.norm(part, axis=1)
+        if (sizes > limit * (1 + 1e-12)).any():
+            raise BeamstiffError(
+                f"loads: found a {name} of {sizes.max():.6g}, more than the {limit:.6g} allowed"
+            )
+    return make_measurements(
+        [variable.name for variable in robot.actuated],
+        np.repeat(q, len(wrenches), axis=0),
+        tcp=robot.tcp,
+        wrench=np.tile(wrenches, (len(q), 1)),
+        pose=np.repeat(np.arange(len(q)), len(wrenches)),
+        source="<plan>",
+    )
+
+
+def information(
+    robot: Robot, tests: Measurements, noise: Noise, parameters: Sequence[str] | None = None
+) -> tuple[tuple[str, ...], Array]:
+    """Return what each test tells about the logarithms of the parameters.
+
+    The Fisher information ``S^T W S`` of a row, S the sensitivity at the robot's present stiffness and W the
+    inverse covariance of what is read there, load errors included: ``sigma^2 I + C cov(w) C^T``.
+
+    Parameters
+    ----------
+    robot : Robot
+    tests : Measurements
+        N rows, as from `candidate_tests`.
+    noise : Noise
+    parameters : sequence of str, optional
+        Stiffness values to find; default ``robot.identify``.
+
+    Returns
+    -------
+    names : tuple of str (m)
+    information : (N, m, m) array
+
+    Raises
+    ------
+    BeamstiffError
+        When a parameter does not exist or is rigid or free in the robot, or the tests together leave one
+        undetermined: it is named.
+    """
+    names, found, idle = _information(robot, tests, noise, parameters)
+    problem = _undetermined(names, found.sum(axis=0), idle)
+    if problem is not None:
+        raise BeamstiffError(problem[0])
+    return names, found
+
+
+def identifiable(
+    robot: Robot, tests: Measurements, noise: Noise, parameters: Sequence[str] | None = None
+) -> tuple[tuple[str, ...], Array, dict[str, str]]:
+    """Return what `information` does, of the parameters that the tests determine, and why not of the others.
+
+    Of parameters that act only together, all but the first count as known.
+
+    Returns
+    -------
+    names : tuple of str (m)
+    information : (N, m, m) array
+    left_out : dict of str to str
+        Parameters that these tests cannot tell, each with the reason.
+
+    Raises
+    ------
+    BeamstiffError
+        When nothing is left, or a parameter does not exist or is rigid or free in the robot.
+    """
+    names, found, idle = _information(robot, tests, noise, parameters)
+    left_out: dict[str, str] = {}
+    while (problem := _undetermined(names, found.sum(axis=0), idle)) is not None:
+        message, why = problem
+        keep = [at for at, name in enumerate(names) if name not in why]
+        if not keep:
+            raise BeamstiffError(message)
+        left_out |= why
+        names, idle = tuple(names[at] for at in keep), idle[keep]
+        found = found[:, keep][:, :, keep]
+    return names, found, left_out
+
+
+def _information(
+    robot: Robot, tests: Measurements, noise: Noise, parameters: Sequence[str] | None
+) -> tuple[tuple[str, ...], Array, NDArray[np.bool_]]:
+    """Return names, information and which of the parameters no test loads."""
+    known = stiffness_parameters(robot)
+    for name in parameters if parameters is not None else robot.identify:
+        if known.get(name, 1.0) in (RIGID, FREE):
+            raise BeamstiffError(
+                f"{name} is {'rigid' if known[name] == RIGID else 'free'} in robot {robot.name!r}: a plan to "
+                "find it needs a value to expect"
+            )
+    model = reduce_to_ports(robot, tests, parameters)
+    sensitivity = model.derivatives(model.start)[1] * model.start
+    used = slice(0, 3 if noise.rotation is None else 6)
+    sigma = np.array([noise.position] * 3 + [noise.rotation or 1.0] * 3)
+    covariance = np.broadcast_to(np.diag(sigma**2), (len(sensitivity), 6, 6))
+    if noise.force or noise.moment:
+        structure = compile_structure(robot)
+        poses, pose = np.unique(tests.q, axis=0, return_inverse=True)
+        compliance = tcp_compliance(structure, posture(structure.kinematics, poses))[pose.reshape(-1)]
+        of_wrench = np.array([noise.force**2] * 3 + [noise.moment**2] * 3)
+        covariance = covariance + compliance * of_wrench @ compliance
+    root = np.linalg.cholesky(covariance[:, used, used])
+    whitened = np.linalg.solve(root, sensitivity[:, used])
+    found: Array = whitened.swapaxes(-1, -2) @ whitened
+    return model.parameters, found, np.logical_not(sensitivity.any(axis=(0, 1)))
+
+
+def _undetermined(
+    names: Sequence[str], total: Array, idle: NDArray[np.bool_]
+) -> tuple[str, dict[str, str]] | None:
+    """Return what all tests together leave undetermined: a message, and the parameters to leave out."""
+    if idle.any():
+        never = [name for name, unloaded in zip(names, idle, strict=True) if unloaded]
+        return (
+            f"{never[0]} is never loaded by these tests: its stiffness cannot be found from them",
+            dict.fromkeys(never, "is never loaded by these tests"),
+        )
+    shown = np.diagonal(total)
+    unseen = [name for name, value in zip(names, shown, strict=True) if value <= SINGULAR * shown.max()]
+    if unseen:
+        return (
+            f"{unseen[0]} moves next to nothing that these tests measure: measure rotations, load it more, "
+            "or leave it out",
+            dict.fromkeys(unseen, "moves next to nothing that these tests measure"),
+        )
+    scale = 1 / np.sqrt(shown)
+    values, vectors = np.linalg.eigh(scale[:, None] * total * scale)
+    if values[0] >= SINGULAR * values[-1]:
+        return None
+    part = np.abs(vectors[:, 0])
+    group = [name for name, share in zip(names, part, strict=True) if share > 0.05 * part.max()]
+    return (
+        f"the parameters {listed(group)} act only together in all these tests: load other directions, "
+        "measure rotations, or find fewer of them",
+        {group[-1]: f"acts only together with {listed(group[:-1])}"},
+    )

@@ -1,0 +1,305 @@
+"""Which tests to make: D-, A- and E-optimal choices among candidates, certified by how good they could be.
+
+A choice of n tests has the information M, the sum of theirs; its criterion is better the larger:
+
+* D: ``det(M)^(1/m)``, the volume of the confidence ellipsoid;
+* A: ``1 / tr(M^-1)``, the mean variance of the parameters;
+* E: the least eigenvalue of M, the worst direction.
+
+The tests are taken one by one where they help most, then exchanged while that improves (Fedorov, Theory of
+Optimal Experiments, 1972; one after the other as in Cook and Nachtsheim, Technometrics 22 (1980) 315). No
+choice of n can beat the bound that the equivalence theorem gives (Kiefer and Wolfowitz 1960; Pukelsheim,
+Optimal Design of Experiments, ch. 5 to 7): for every M, with G the gradient of the criterion such that
+tr(G M) = 1,
+
+    criterion(any choice) <= criterion(M) * (sum of the n largest tr(G M_i), each as often as allowed)
+
+It is taken at the best weighted design that Frank and Wolfe's method finds, where it is nearly sharp.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamstiff.errors import BeamstiffError, listed
+from beamstiff.planning.observability import Observability, observability
+from beamstiff.se3 import Array
+
+Criterion = Literal["D", "A", "E"]
+CRITERIA: tuple[Criterion, ...] = ("D", "A", "E")
+
+PASSES = 50  # of exchanges, at most
+STEPS = 400  # of Frank and Wolfe's method
+SMOOTH = 32.0  # E is the limit of ``tr(M^-p)^(-1/p)``; the power with which its gradient is taken
+AT_ONCE = 4_000_000  # entries of the matrices compared at a time
+# criteria by which tests are taken at first; while a direction is not seen at all, E tells nothing
+GREEDY: tuple[Criterion, ...] = ("A", "D")
+RIDGE = 1e-9  # of the mean information, so that the first tests have a criterion at all
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """Tests chosen among candidates.
+
+    Attributes
+    ----------
+    criterion : "D", "A" or "E"
+    chosen : (n,) int array
+        Candidates; one may stand there several times.
+    value : float
+        The criterion.
+    efficiency : float
+        The criterion is at least this share of what any choice of n tests could have: the certificate.
+    names : tuple of str
+    covariance : (m, m) array
+        Of the logarithms of the parameters.
+    sensitivity : (N,) array
+        ``tr(G M_i)`` of every candidate: above 1/n, more of it would help.
+    indices : Observability
+    """
+
+    criterion: Criterion
+    chosen: NDArray[np.int64]
+    value: float
+    efficiency: float
+    names: tuple[str, ...]
+    covariance: Array
+    sensitivity: Array
+    indices: Observability
+
+    @property
+    def standard_errors(self) -> dict[str, float]:
+        """The relative standard error expected of each parameter."""
+        return dict(zip(self.names, np.sqrt(np.diagonal(self.covariance)).tolist(), strict=True))
+
+    @property
+    def worst(self) -> float:
+        """The largest of them."""
+        return max(self.standard_errors.values())
+
+
+def criterion_of(information: Array, criterion: Criterion) -> Array:
+    """Return the criterion of information matrices (..., m, m), in their unit; 0 where singular; (...)."""
+    if criterion == "D":
+        sign, logarithm = np.linalg.slogdet(information)
+        result = np.where(sign > 0, np.exp(logarithm / information.shape[-1]), 0.0)
+    else:
+        values = np.maximum(np.linalg.eigvalsh(information), 0.0)
+        with np.errstate(divide="ignore"):
+            result = values[..., 0] if criterion == "E" else 1 / (1 / values).sum(axis=-1)
+    found: Array = np.asarray(result, dtype=np.float64)
+    return found
+
+
+def choose_tests(
+    information: Array,
+    count: int,
+    names: Sequence[str],
+    criterion: Criterion = "D",
+    repeats: int = 1,
+    start: Sequence[int] = (),
+) -> Design:
+    """Return the best choice of tests that greedy choice and exchange find, and how good it is at least.
+
+    Parameters
+    ----------
+    information : (N, m, m) array
+        Of each candidate, as from `candidates.information`.
+    count : int
+        Number of tests n to choose.
+    names : sequence of str (m)
+    criterion : "D", "A" or "E"
+    repeats : int
+        How often a candidate may be taken.
+    start : sequence of int
+        Tests to begin with; they may be exchanged.
+
+    Raises
+    ------
+    BeamstiffError
+        When there are too few candidates, or n tests cannot determine all parameters.
+
+    Examples
+    --------
+    >>> line = [np.outer(row, row) for row in ([1.0, 0.0], [0.9, 0.1], [0.0, 1.0])]
+    >>> design = choose_tests(np.array(line), 2, ["a", "b"])
+    >>> sorted(design.chosen.tolist()), round(design.efficiency, 6)
+    ([0, 2], 1.0)
+    """
+    _check(information, count, names, criterion, repeats)
+    # one unit for all candidates: the criterion's scale does not matter to the choice
+    scale = float(np.trace(information.mean(axis=0))) / len(names)
+    scaled = information / scale
+    ridge = RIDGE * np.diag(np.diagonal(scaled.mean(axis=0)))
+    # two ways to begin: an exchange ends in a local optimum
+    found = [
+        _exchange(_greedy(start, count, scaled, ridge, by, repeats), scaled, ridge, criterion, repeats)
+        for by in GREEDY
+    ]
+    values = criterion_of(np.array([scaled[choice].sum(axis=0) for choice in found]), criterion)
+    chosen = found[int(np.argmax(values > (1 - 1e-9) * values.max()))]  # the first of equals
+    total = scaled[chosen].sum(axis=0)
+    value = float(criterion_of(total, criterion))
+    if value <= 1e-12 * criterion_of(scaled.sum(axis=0), criterion):
+        raise BeamstiffError(
+            f"{count} of these tests cannot determine the {len(names)} parameters {listed(names)}: take more"
+        )
+    bound = upper_bound(scaled, count, criterion, repeats, total)
+    return Design(
+        criterion=criterion,
+        chosen=np.array(chosen, dtype=np.int64),
+        value=value * scale,
+        efficiency=min(1.0, value / bound),
+        names=tuple(names),
+        covariance=np.linalg.inv(total) / scale,
+        sensitivity=_sensitivity(total, scaled, criterion),
+        indices=observability(np.linalg.cholesky(total).T * np.sqrt(scale), count),
+    )
+
+
+def _check(information: Array, count: int, names: Sequence[str], criterion: str, repeats: int) -> None:
+    if information.ndim != 3 or information.shape[1:] != (len(names), len(names)):
+        raise BeamstiffError(
+            f"information: found shape {information.shape}, expected matrices of the {len(names)} parameters"
+        )
+    if not np.isfinite(information).all():
+        raise BeamstiffError("information: found entries that are no numbers")
+    if criterion not in CRITERIA:
+        raise BeamstiffError(f"criterion: found {criterion!r}, expected D, A or E")
+    if repeats < 1 or count < 1:
+        raise BeamstiffError(f"found {count} tests with {repeats} repeats, expected at least one of each")
+    if count > len(information) * repeats:
+        raise BeamstiffError(
+            f"{len(information)} candidates for {count} tests, each at most {repeats} times: make more "
+            "candidates, or allow repeats"
+        )
+
+
+def _best_addition(
+    total: Array, information: Array, allowed: NDArray[np.bool_], criterion: Criterion
+) -> tuple[int, float]:
+    """Return the allowed candidate with which the criterion is largest, and the criterion."""
+    candidates = np.flatnonzero(allowed)
+    at_once = max(1, AT_ONCE // total.size)
+    values = np.concatenate(
+        [
+            criterion_of(total + information[candidates[start : start + at_once]], criterion)
+            for start in range(0, candidates.size, at_once)
+        ]
+    )
+    best = int(np.argmax(values))
+    return int(candidates[best]), float(values[best])
+
+
+def _greedy(
+    start: Sequence[int], count: int, information: Array, ridge: Array, criterion: Criterion, repeats: int
+) -> list[int]:
+    """Return tests taken one by one, each where it helps most."""
+    chosen = list(map(int, start))
+    taken = np.bincount(np.array(chosen, dtype=np.int64), minlength=len(information))
+    total = information[chosen].sum(axis=0) + ridge
+    while len(chosen) < count:
+        best, _ = _best_addition(total, information, taken < repeats, criterion)
+        chosen.append(best)
+        taken[best] += 1
+        total = total + information[best]
+    return chosen
+
+
+def _exchange(
+    chosen: list[int], information: Array, ridge: Array, criterion: Criterion, repeats: int
+) -> list[int]:
+    """Return the choice after exchanging its tests one after the other while that improves it."""
+    chosen = list(chosen)
+    taken = np.bincount(np.array(chosen, dtype=np.int64), minlength=len(information))
+    value = float(criterion_of(information[chosen].sum(axis=0) + ridge, criterion))
+    for _ in range(PASSES):
+        improved = False
+        for place, old in enumerate(chosen):
+            taken[old] -= 1
+            rest = information[[*chosen[:place], *chosen[place + 1 :]]].sum(axis=0) + ridge
+            new, better = _best_addition(rest, information, taken < repeats, criterion)
+            if better > value * (1 + 1e-9):
+                chosen[place], value, improved = new, better, True
+            taken[chosen[place]] += 1
+        if not improved:
+            break
+    return chosen
+
+
+def _sensitivity(total: Array, information: Array, criterion: Criterion) -> Array:
+    """Return ``tr(G M_i)`` of every candidate, with G such that ``tr(G M) = 1`` (Pukelsheim, ch. 7)."""
+    values, vectors = np.linalg.eigh(total)
+    # relative to the least eigenvalue: powers of it neither over- nor underflow
+    ratio = values[0] / values
+    power = {"D": ratio, "A": ratio**2, "E": ratio ** (SMOOTH + 1)}[criterion]
+    gradient = (vectors * power) @ vectors.T
+    gradient = gradient / np.sum(gradient * total)
+    found: Array = np.einsum("nab,ab->n", information, gradient)
+    return found
+
+
+def upper_bound(information: Array, count: int, criterion: Criterion, repeats: int, start: Array) -> float:
+    """Return what no choice of tests can exceed, from weighted designs on the way to the best of them.
+
+    Parameters
+    ----------
+    information : (N, m, m) array
+    count : int
+        Sum of the weights, each between 0 and `repeats`.
+    criterion : "D", "A" or "E"
+    repeats : int
+    start : (m, m) array
+        Information of a design to start from.
+    """
+    full, left = divmod(count, repeats)
+    most = np.full(full + (left > 0), float(repeats))
+    if left:
+        most[-1] = left
+    bound, total = np.inf, start
+    for step in range(STEPS):
+        sensitivity = _sensitivity(total, information, criterion)
+        if most.size < sensitivity.size:
+            largest = np.argpartition(-sensitivity, most.size - 1)[: most.size]
+        else:
+            largest = np.arange(sensitivity.size)
+        largest = largest[np.argsort(-sensitivity[largest])]
+        gain = float(sensitivity[largest] @ most)
+        bound = min(bound, _polar(total, criterion) * gain)
+        if gain < 1 + 1e-6:
+            break
+        vertex = np.einsum("n,nab->ab", most, information[largest])
+        total = _between(total, vertex, criterion, step)
+    return bound
+
+
+def _polar(total: Array, criterion: Criterion) -> float:
+    """Return the criterion that the bound multiplies; for E that of the weights which its gradient has."""
+    if criterion != "E":
+        return float(criterion_of(total, criterion))
+    # tr(Z X) >= least eigenvalue of X for every Z >= 0 of trace 1; here Z is proportional to M^-(p+1)
+    values = np.linalg.eigvalsh(total)
+    ratio = values[0] / values
+    return float(values[0] * np.sum(ratio**SMOOTH) / np.sum(ratio ** (SMOOTH + 1)))
+
+
+def _between(total: Array, vertex: Array, criterion: Criterion, step: int) -> Array:
+    """Return the best of the designs between two."""
+    shares = np.append(np.geomspace(1e-4, 1.0, 25), 2 / (step + 3))
+    mixed = total + shares[:, None, None] * (vertex - total)
+    values = np.linalg.eigvalsh(mixed)
+    with np.errstate(divide="ignore"):
+        if criterion == "E":  # smooth, or the steps would end where two eigenvalues meet
+            least = np.maximum(values[:, :1], np.finfo(float).tiny)
+            merit = least[:, 0] * np.sum((least / np.maximum(values, least)) ** SMOOTH, axis=1) ** (
+                -1 / SMOOTH
+            )
+        else:
+            merit = criterion_of(mixed, criterion)
+    best: Array = mixed[int(np.argmax(merit))]
+    return best

@@ -1,0 +1,275 @@
+"""Dexterity: how evenly the joints move the tool, from the condition number of the normalised Jacobian.
+
+The condition number after Frobenius (seed 000, eq. 11) of J_N = diag(I/L, I) J (eq. 12) is::
+
+    kappa_F = sqrt(tr(J_N^T J_N) tr((J_N^T J_N)^-1)) / m
+
+1 at an isotropic pose, infinite at a singular one. L is the robot's characteristic length, which makes the
+smallest kappa_F over all poses as small as it can be (Angeles, Fundamentals of Robotic Mechanical Systems,
+sec. 5.8).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize
+
+from beamstiff.errors import BeamstiffError
+from beamstiff.planning.poses import Grid, check_node, closed_posture, joint_ranges, spread
+from beamstiff.robot.kinematics import Kinematics, Posture, twist_jacobian
+from beamstiff.se3 import Array
+
+SAMPLES = 4096  # random poses and lengths, of which the best start a search
+STARTS = 12
+OUT_OF_REACH = 50.0  # log kappa_F of a pose that does not close
+
+
+def normalised_jacobian(
+    kinematics: Kinematics, posture: Posture, length: float, node: str | None = None
+) -> Array:
+    """Return the Jacobian with translations in characteristic lengths (seed 000, eq. 12), (P, 6, A).
+
+    Parameters
+    ----------
+    kinematics : Kinematics
+    posture : Posture
+        P poses.
+    length : float, m
+        Prismatic variables are counted in it too, so that the entries have no unit.
+    node : str, optional
+        Default: the TCP.
+
+    Raises
+    ------
+    BeamstiffError
+        When the length is not positive, there is no such node or a loop is singular.
+    """
+    if not (np.isfinite(length) and length > 0):
+        raise BeamstiffError(f"characteristic length: found {length}, expected a positive number of metres")
+    jacobian = twist_jacobian(kinematics, posture, check_node(kinematics, node))
+    columns = np.array([length if v.kind == "length" else 1.0 for v in kinematics.robot.actuated])
+    rows = np.array([1 / length] * 3 + [1.0] * 3)
+    normalised: Array = jacobian * rows[:, None] * columns
+    return normalised
+
+
+def inverse_condition(matrix: Array) -> Array:
+    """Return 1/kappa_F of matrices (..., m, n), between 0 (singular) and 1 (isotropic); (...).
+
+    Where m and n differ, it is that of the smaller Gram matrix.
+
+    Examples
+    --------
+    >>> inverse_condition(np.diag([1.0, 1.0, 2.0])).round(4)
+    np.float64(0.8165)
+    """
+    values = np.linalg.svd(matrix, compute_uv=False)
+    largest, smallest = values[..., :1], values[..., -1:]
+    # both sums relative to their largest term: no overflow, and 0 for a singular matrix
+    ahead = np.divide(values, largest, out=np.ones_like(values), where=largest > 0.0)
+    behind = np.divide(smallest, values, out=np.ones_like(values), where=values > 0.0)
+    ratio = np.divide(smallest, largest, out=np.zeros_like(largest), where=largest > 0.0)[..., 0]
+    result: Array = values.shape[-1] * ratio / np.sqrt((ahead**2).sum(-1) * (behind**2).sum(-1))
+    return result
+
+
+@dataclass(frozen=True)
+class CharacteristicLength:
+    """The characteristic length of a robot.
+
+    Attributes
+    ----------
+    length : float, m
+    condition : float
+        The smallest condition number kappa_F that it gives.
+    q : (A,) array, rad or m
+        A pose that has it.
+    """
+
+    length: float
+    condition: float
+    q: Array
+
+
+def characteristic_length(
+    kinematics: Kinematics, node: str | None = None, within_limits: bool = False, seed: int = 0
+) -> CharacteristicLength:
+    """Return the characteristic length: it minimises kappa_F over pose and length.
+
+    Parameters
+    ----------
+    kinematics : Kinematics
+    node : str, optional
+        Default: the TCP.
+    within_limits : bool
+        Look at poses within the joint limits only; else angles are free to go all around.
+    seed : int
+        Of the random starts.
+
+    Raises
+    ------
+    BeamstiffError
+        When the robot has no actuated variable, a prismatic one has no limits, or no pose is regular.
+
+    Examples
+    --------
+    >>> from beamstiff.robot.kinematics import compile_kinematics
+    >>> from beamstiff.robot.reader import load_robot
+    >>> found = characteristic_length(compile_kinematics(load_robot("kr240-2")))
+    >>> round(found.length, 3), round(found.condition, 4)
+    (0.683, 1.2515)
+    """
+    robot, name = kinematics.robot, check_node(kinematics, node)
+    if not robot.actuated:
+        raise BeamstiffError(
+            f"robot {robot.name!r} has no actuated variable: dexterity has no meaning for it"
+        )
+    lower, upper = joint_ranges(robot)
+    free = np.array([v.kind == "angle" and not within_limits for v in robot.actuated])
+    lower, upper = np.where(free, -np.pi, lower), np.where(free, np.pi, upper)
+    bounds = np.append(lower, np.log(1e-3 * kinematics.size)), np.append(upper, np.log(10 * kinematics.size))
+    step = 1e-6 * np.eye(lower.size + 1)
+
+    def log_condition(points: Array) -> Array:
+        posture, closed = closed_posture(kinematics, points[:, :-1])
+        length = np.exp(points[closed, -1])
+        # lengths differ from pose to pose
+        jacobian = normalised_jacobian(kinematics, posture, 1.0, name)
+        prismatic = np.array([v.kind == "length" for v in robot.actuated])
+        jacobian = np.where(prismatic, length[:, None, None], 1.0) * jacobian
+        jacobian[:, :3] /= length[:, None, None]
+        with np.errstate(divide="ignore"):
+            found = -np.log(inverse_condition(jacobian))
+        return np.nan_to_num(np.minimum(spread(closed, found), OUT_OF_REACH), nan=OUT_OF_REACH)
+
+    def with_gradient(point: Array) -> tuple[float, Array]:
+        around = log_condition(np.concatenate([point[None], point + step, point - step]))
+        ahead, behind = np.split(around[1:], 2)
+        return float(around[0]), (ahead - behind) / 2e-6
+
+    random = np.random.default_rng(seed)
+    samples = random.uniform(*bounds, (SAMPLES, lower.size + 1))
+    samples[:, -1] = np.log(random.uniform(0.01, 1.0, SAMPLES) * kinematics.size)
+    values = log_condition(samples)
+    limits = [
+        (None, None) if angle else end
+        for angle, end in zip(np.append(free, False), zip(*bounds, strict=True), strict=True)
+    ]
+    searches = [
+        minimize(
+            with_gradient, samples[at], jac=True, method="L-BFGS-B", bounds=limits, options={"ftol": 1e-14}
+        )
+        for at in np.argsort(values)[:STARTS]
+    ]
+    best = min(searches, key=lambda search: float(search.fun))
+    if best.fun >= 0.5 * OUT_OF_REACH:
+        raise BeamstiffError(
+            f"robot {robot.name!r}: every pose is singular for {name!r}, no length can be found"
+        )
+    q = np.where(free, np.arctan2(np.sin(best.x[:-1]), np.cos(best.x[:-1])), best.x[:-1])
+    return CharacteristicLength(float(np.exp(best.x[-1])), float(np.exp(best.fun)), q)
+
+
+@dataclass(frozen=True, eq=False)
+class DexterityMap:
+    """Dexterity over a grid of poses.
+
+    Attributes
+    ----------
+    grid : Grid
+    length : float, m
+        Characteristic length used.
+    inverse_condition : (n, m) array
+        1/kappa_F; NaN where loops do not close.
+    position : (n, m, 3) array, m
+        Of the node, base frame.
+    determinant : (n, m) array or None
+        Of the normalised Jacobian, for robots of six actuated variables.
+    """
+
+    grid: Grid
+    length: float
+    inverse_condition: Array
+    position: Array
+    determinant: Array | None
+
+
+def dexterity_map(kinematics: Kinematics, grid: Grid, length: float, node: str | None = None) -> DexterityMap:
+    """Return the dexterity at every pose of a grid (seed 000, Figure 3).
+
+    Raises
+    ------
+    BeamstiffError
+        As `normalised_jacobian`; or when no pose of the grid closes its loops.
+    """
+    name = check_node(kinematics, node)
+    posture, closed = closed_posture(kinematics, grid.q)
+    if not closed.any():
+        raise BeamstiffError(f"robot {kinematics.robot.name!r}: no pose of the grid closes its loops")
+    jacobian = normalised_jacobian(kinematics, posture, length, name)
+    position = posture.node_positions[:, kinematics.node_index[name]]
+    square = jacobian.shape[1] == jacobian.shape[2]
+    return DexterityMap(
+        grid=grid,
+        length=length,
+        inverse_condition=spread(closed, inverse_condition(jacobian)).reshape(grid.shape),
+        position=spread(closed, position).reshape(*grid.shape, 3),
+        determinant=spread(closed, np.linalg.det(jacobian)).reshape(grid.shape) if square else None,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class WorkspaceMap:
+    """The best value that poses of a map reach in each cell of a vertical plane.
+
+    Attributes
+    ----------
+    x, z : (i + 1,), (k + 1,) arrays, m
+        Edges of the cells: distance from axis z of the base frame along the plane, and height.
+    value : (i, k) array
+        NaN where no pose of the map gets.
+    pose : (i, k) int array
+        The pose of the grid that has the value; -1 where there is none.
+    """
+
+    x: Array
+    z: Array
+    value: Array
+    pose: np.ndarray
+
+
+def workspace_map(dexterity: DexterityMap, cell: float, plane: float = 0.0) -> WorkspaceMap:
+    """Return the dexterity over the workspace: the best that poses have in each cell of a vertical plane.
+
+    Parameters
+    ----------
+    dexterity : DexterityMap
+    cell : float, m
+        Size of the square cells.
+    plane : float, rad
+        Angle of the plane about z of the base frame; positions are projected onto it.
+
+    Raises
+    ------
+    BeamstiffError
+        When the cells are not of a positive size.
+    """
+    if not (np.isfinite(cell) and cell > 0):
+        raise BeamstiffError(
+            f"cells of a workspace map: found the size {cell}, expected a positive one in metres"
+        )
+    value = dexterity.inverse_condition.reshape(-1)
+    position = dexterity.position.reshape(-1, 3)
+    used = np.flatnonzero(~np.isnan(value))
+    used = used[np.argsort(value[used], kind="stable")]  # the best comes last and stays
+    place = np.stack([position[used] @ [np.cos(plane), np.sin(plane), 0.0], position[used, 2]])
+    index = np.floor(place / cell).astype(np.int64)
+    start = index.min(axis=1)
+    i, k = index - start[:, None]
+    shape = (int(i.max()) + 1, int(k.max()) + 1)
+    best, pose = np.full(shape, np.nan), np.full(shape, -1, dtype=np.int64)
+    best[i, k], pose[i, k] = value[used], used
+    x, z = (cell * (start[at] + np.arange(shape[at] + 1)) for at in (0, 1))
+    return WorkspaceMap(x, z, best, pose)

@@ -1,0 +1,209 @@
+"""KUKA KRL: which literals are targets, and that nothing but their numbers changes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from beamstiff.compensation.formats import krl
+from beamstiff.errors import BeamstiffError
+
+from .programs import (
+    BLANKS,
+    ENDS,
+    FEWER,
+    GAPS,
+    REMARKS,
+    Pieces,
+    check_moved,
+    check_unmodified,
+    joined,
+    number_texts,
+)
+
+
+@st.composite
+def programs(draw: st.DrawFn) -> tuple[Pieces, int]:
+    """Return a KRL program and its number of targets."""
+    end, count = draw(ENDS), draw(st.integers(1, 4))
+    remarks = REMARKS.map(lambda text: f"; {text}")
+    lines = [["&ACCESS RVP"], ["DEF a( )"], [draw(remarks)]]
+    for number in range(count):
+        head = draw(
+            st.sampled_from(
+                [
+                    f"DECL E6POS XP{number}={{",
+                    f"XP{number} = {{",
+                    "LIN {",
+                    "ptp {E6POS: ",
+                    "  SPL {",
+                    "CIRC {FRAME :",
+                ]
+            )
+        )
+        line = [head]
+        keys = "XYZABC" if draw(st.booleans()) else "xyzabc"
+        for at, key in enumerate(keys):
+            line[-1] += f"{draw(BLANKS)}{key}{draw(GAPS)}"
+            line += [draw(number_texts(2000.0 if at < 3 else 170.0)), draw(BLANKS) + ("," if at < 5 else "")]
+        line[-1] += draw(st.sampled_from(["}", ",S 2,T 35}", ",S 'B010',T 2,E1 0.0}"])) + draw(remarks)
+        lines.append(line)
+        lines.append([draw(st.sampled_from(["", "WAIT SEC 0.5", "PTP {A1 0,A2 -90,A3 90}", 'x="{X 1"']))])
+    return joined(lines, end), count
+
+
+@FEWER
+@given(programs())
+def test_an_unmodified_program_is_the_same_byte_for_byte(made: tuple[Pieces, int]) -> None:
+    pieces, count = made
+    check_unmodified(krl.read(pieces.text, "a.src"), pieces, count)
+
+
+@FEWER
+@given(programs(), st.integers(0, 2**32 - 1))
+def test_only_numbers_of_targets_change_and_they_say_where_to(made: tuple[Pieces, int], seed: int) -> None:
+    pieces, _ = made
+    poses, again = check_moved(krl.read(pieces.text, "a.src"), pieces, seed)
+    # 0.0001 deg, of three angles
+    np.testing.assert_allclose(again.poses[:, :3, :3], poses[:, :3, :3], rtol=0, atol=3e-6)
+
+
+@FEWER
+@given(programs(), st.data())
+def test_targets_that_are_not_chosen_stay(made: tuple[Pieces, int], data: st.DataObject) -> None:
+    pieces, count = made
+    program = krl.read(pieces.text, "a.src")
+    which = np.array(data.draw(st.lists(st.booleans(), min_size=count, max_size=count)))
+    poses = program.path.poses.copy()
+    poses[:, :3, 3] += 1e-3
+    again = krl.read(program.with_poses(poses, which).decode("latin-1"), "a.src").path.poses
+    np.testing.assert_allclose(again[which], poses[which], atol=1e-6)
+    np.testing.assert_array_equal(again[~which], program.path.poses[~which])
+
+
+def test_values_are_millimetres_and_degrees() -> None:
+    pose = krl.read("LIN {X 1500,Y -20.25,Z 9.0E+02,A 90,B 0,C 0}", "a.src").path.poses[0]
+    np.testing.assert_allclose(pose[:3, 3], [1.5, -0.02025, 0.9], atol=1e-15)
+    np.testing.assert_allclose(pose[:3, 0], [0, 1, 0], atol=1e-15)
+
+
+def test_what_is_no_target_is_left_alone() -> None:
+    text = "\n".join(
+        [
+            "$BASE={FRAME: X 10,Y 0,Z 0,A 0,B 0,C 0}",
+            "$TOOL = {X 0,Y 0,Z 100,A 0,B 0,C 0}",
+            "BASE_DATA[1]={X 1,Y 2,Z 3,A 0,B 0,C 0}",
+            "TOOL_DATA[16]={X 1,Y 2,Z 3,A 0,B 0,C 0}",
+            "LOAD_DATA[1]={M 5,CM {X 0,Y 0,Z 1,A 0,B 0,C 0},J {X 0,Y 0,Z 0}}",
+            "DECL LDAT LP1={VEL 2.0,ACC 100,APO_DIST 100}",
+            "LIN_REL {X 10,Y 0,Z 0}",
+            "PTP {A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0}",
+            "; LIN {X 1,Y 2,Z 3,A 0,B 0,C 0}",
+            "DECL E6POS XP7={X 1,Y 2,Z 3,A 0,B 0,C 0,S 2,T 2}",
+        ]
+    )
+    program = krl.read(text, "a.dat")
+    assert program.path.names == ("XP7",)
+    assert program.path.lines.tolist() == [10]
+    said = " | ".join(program.notes)
+    assert program.frames == ("line 1 sets $BASE", "line 2 sets $TOOL")
+    assert "frames, tools and loads are left as they are: lines 3, 4, 5" in said
+    assert "relative motions are left as they are: line 7" in said
+    assert "axis values are left as they are: line 8" in said
+
+
+def test_what_is_combined_or_set_in_parts_is_told() -> None:
+    text = "\n".join(
+        [
+            "LIN {X 1,Y 2,Z 3,A 0,B 0,C 0}",
+            "LIN XP1:{X 0,Y 0,Z 10,A 0,B 0,C 0}",
+            "XP2={X 0,Y 0,Z 10,A 0,B 0,C 0}:XP1",
+            "XP1.X = XP1.X + 100",
+            "SETBASE({X 1,Y 2,Z 3,A 0,B 0,C 0})",
+        ]
+    )
+    program = krl.read(text, "a.src")
+    assert program.path.lines.tolist() == [1]
+    said = " | ".join(program.notes)
+    assert "frames combined by ':' are left as they are: lines 2, 3" in said
+    assert "components set one by one are left as they are: line 4" in said
+    assert "neither moved to nor given a name are left as they are: line 5" in said
+
+
+def test_a_position_alone_keeps_the_orientation_before_it() -> None:
+    program = krl.read("LIN {X 1,Y 2,Z 3,A 30,B 0,C 0}\nLIN {X 2,Y 2,Z 3}\n", "a.src")
+    assert program.path.turns.tolist() == [True, False]
+    np.testing.assert_array_equal(program.path.poses[1, :3, :3], program.path.poses[0, :3, :3])
+
+
+def test_frames_that_are_set_by_number_are_told() -> None:
+    text = "BAS (#INITMOV,0 )\n$BASE = BASE_DATA[2]\nLIN {X 1,Y 2,Z 3,A 0,B 0,C 0}\n"
+    assert krl.read(text, "a.src").frames == ("line 2 sets $BASE",)
+    text = "DECL E6POS XP1={X 1,Y 2,Z 3,A 0,B 0,C 0}\nDECL FDAT FP1={TOOL_NO 1,BASE_NO 0}\n"
+    assert krl.read(text, "a.dat").frames == ("its points use tool 1, base 0",)
+
+
+def test_points_of_several_tools_are_told() -> None:
+    text = (
+        "DECL E6POS XP1={X 1,Y 2,Z 3,A 0,B 0,C 0}\nDECL FDAT FP1={TOOL_NO 1,BASE_NO 0}\n"
+        "DECL FDAT FP2={TOOL_NO 2,BASE_NO 3}\n"
+    )
+    [note] = krl.read(text, "a.dat").notes
+    assert "tool 1, base 0; tool 2, base 3" in note
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("XP1={X 1,Y 2,Z 3,A 0,B 0}", r"a.dat:2: XP1: found no C, expected all of X, Y, Z, A, B, C"),
+        ("XP1={X 1,Y abc,Z 3,A 0,B 0,C 0}", r"a.dat:2: XP1: Y: found 'abc', expected a number"),
+        ("XP1={X 1,5,Y 2,Z 3,A 0,B 0,C 0}", r"a.dat:2: XP1: found '5', .*decimals follow a point"),
+        ("XP1={X 1,Y,Z 3,A 0,B 0,C 0}", r"a.dat:2: XP1: found 'Y', expected a component such as X 12.5"),
+        ("XP1={X 1,X 2,Y 2,Z 3,A 0,B 0,C 0}", r"a.dat:2: XP1: X: found twice"),
+        ("XP1={X 1,Y 2,Z 3,A 0,B 0,C 0", r"a.dat:2: found .* expected a closing '}'"),
+        ("XP1=X 1,Y 2,Z 3,A 0,B 0,C 0}{", r"a.dat:2: found '}' without '{'"),
+        ("XP1={X 1e9,Y 2,Z 3,A 0,B 0,C 0}", r"a.dat:2: XP1: found a position 1e\+06 m away"),
+        ("XP1={X 1,Y 2,Z 3,A 1e300,B 0,C 0}", r"a.dat:2: XP1: found an angle of more than 100 turns"),
+        ("XP1={X 1e999,Y 2,Z 3,A 0,B 0,C 0}", r"a.dat:2: XP1: found a number that is not finite"),
+        ("LIN {X 1,Y 2}", r"a.dat:2: LIN: found no Z, A, B, C"),
+        ("", r"a.dat: found no target"),
+    ],
+)
+def test_a_broken_line_is_named(line: str, message: str) -> None:
+    with pytest.raises(BeamstiffError, match=message):
+        krl.read(f"DEF a()\n{line}\nEND", "a.dat")
+
+
+LITERAL = "{X 1500,Y 0,Z 900,A 0,B 90,C 0}"
+
+
+@pytest.mark.parametrize(
+    ("frame", "rest"),
+    [
+        (f"MYBASE={LITERAL}", "$BASE=MYBASE"),
+        (f"DECL FRAME MYTOOL={LITERAL}", "  $tool = mytool"),
+        (f"TABLE={LITERAL}", "BASE_DATA[2] = TABLE"),
+        (f"TABLE[1]={LITERAL}", "$BASE = ROOM:TABLE[1]"),
+        (f"DECL GLOBAL FRAME ELSEWHERE={LITERAL}", "; the $BASE of another file"),
+        (f"ELSEWHERE={LITERAL}", "DECL FRAME OTHER, ELSEWHERE"),
+    ],
+)
+def test_a_variable_that_is_a_base_or_a_tool_is_no_target(frame: str, rest: str) -> None:
+    program = krl.read(f"{frame}\n{rest}\nLIN {LITERAL}\n", "a.src")
+    assert program.path.names == ("LIN",)
+    assert "frames, tools and loads are left as they are: line 1" in program.notes
+
+
+def test_a_frame_that_a_motion_goes_to_is_a_target() -> None:
+    program = krl.read(f"DECL FRAME P1={LITERAL}\nLIN P1 C_DIS\n", "a.src")
+    assert program.path.names == ("P1",)
+
+
+@pytest.mark.parametrize(
+    ("axes", "told"), [("E1 0,E2 0.0,E3 -0.0E+01", False), ("E1 0,E2 -0.5", True), ("E1 1500", True)]
+)
+def test_a_robot_that_travels_on_external_axes_is_told(axes: str, told: bool) -> None:
+    notes = krl.read(f"XP1={LITERAL[:-1]},S 2,T 35,{axes}}}\n", "a.dat").notes
+    assert ("external axes, which are not followed, are left as they are: line 1" in " ".join(notes)) == told

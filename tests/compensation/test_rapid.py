@@ -1,0 +1,156 @@
+"""ABB RAPID: robtargets wherever they stand, and that nothing but their numbers changes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from beamstiff.compensation.formats import rapid
+from beamstiff.errors import BeamstiffError
+
+from .programs import (
+    BLANKS,
+    ENDS,
+    FEWER,
+    REMARKS,
+    Pieces,
+    check_moved,
+    check_unmodified,
+    joined,
+    number_texts,
+)
+
+QUATERNIONS = (
+    ("1", "0", "0", "0"),
+    ("0.70710678", "0", "0.70710678", "0"),
+    ("-.5", "0.5", "-5.0E-01", "0.5"),
+    ("0.182574", "-0.365148", "0.547723", "0.730297"),
+)
+
+
+@st.composite
+def programs(draw: st.DrawFn) -> tuple[Pieces, int]:
+    """Return a RAPID module and its number of targets."""
+    end, count = draw(ENDS), draw(st.integers(1, 4))
+    remarks = REMARKS.map(lambda text: f" ! {text}")
+    tail = "[1,1,0,0],[9E9,9E+09,9E9,9E9,9E9,0]]"
+    lines = [["MODULE m"], [draw(remarks)]]
+    for number in range(count):
+        head, foot = draw(
+            st.sampled_from(
+                [
+                    (f"CONST robtarget p{number}:=[", ";"),
+                    (f"  LOCAL PERS  RobTarget p{number} := [", " ;"),
+                    ("MoveL [", ",v100,z5,tool0\\WObj:=w1;"),
+                    ("MoveJ\\Conc,[", ", v1000, fine, t;"),
+                ]
+            )
+        )
+        line = [head + draw(BLANKS) + "["]
+        for at in range(3):
+            line[-1] += draw(BLANKS)
+            line += [draw(number_texts(2000.0)), draw(BLANKS) + ("," if at < 2 else "]")]
+        line[-1] += draw(BLANKS) + "," + draw(st.sampled_from(["", end])) + draw(BLANKS) + "["
+        quaternion = draw(st.sampled_from(QUATERNIONS))
+        for at, text in enumerate(quaternion):
+            line += [text, draw(BLANKS) + ("," if at < 3 else "]")]
+        line[-1] += "," + draw(BLANKS) + tail + foot + draw(remarks)
+        lines.append(line)
+        lines.append([draw(st.sampled_from(["", 'TPWrite "[[1,2,3]";', "WaitTime 1;"]))])
+    return joined(lines, end), count
+
+
+@FEWER
+@given(programs())
+def test_an_unmodified_module_is_the_same_byte_for_byte(made: tuple[Pieces, int]) -> None:
+    pieces, count = made
+    check_unmodified(rapid.read(pieces.text, "a.mod"), pieces, count)
+
+
+@FEWER
+@given(programs(), st.integers(0, 2**32 - 1))
+def test_only_numbers_of_targets_change_and_they_say_where_to(made: tuple[Pieces, int], seed: int) -> None:
+    pieces, _ = made
+    poses, again = check_moved(rapid.read(pieces.text, "a.mod"), pieces, seed)
+    np.testing.assert_allclose(again.poses[:, :3, :3], poses[:, :3, :3], rtol=0, atol=1e-6)
+
+
+TARGET = "[[600,500,225.3],[1,0,0,0],[1,1,0,0],[11,12.3,9E9,9E9,9E9,9E9]]"  # of the manual
+
+
+def test_the_manuals_example() -> None:
+    program = rapid.read(f"CONST robtarget p15 := {TARGET};", "a.mod")
+    assert program.path.names == ("p15",)
+    np.testing.assert_allclose(program.path.poses[0, :3, 3], [0.6, 0.5, 0.2253], atol=1e-15)
+    np.testing.assert_array_equal(program.path.poses[0, :3, :3], np.eye(3))
+
+
+def test_arrays_and_both_targets_of_a_circle_are_found() -> None:
+    text = f"VAR robtarget q{{2}}:=[{TARGET},\n{TARGET}];\nMoveC {TARGET},\n {TARGET}, v50, z1, t;"
+    path = rapid.read(text, "a.mod").path
+    assert path.names == ("q{1}", "q{2}", "MoveC", "MoveC")
+    assert path.lines.tolist() == [1, 2, 3, 4]
+
+
+def test_targets_assigned_or_passed_on_are_found() -> None:
+    text = f"p1 := {TARGET};\nMyMove {TARGET}, v10;\nq{{2}} := {TARGET};\n"
+    text += f"p1.trans.z := 5;\nMoveL {TARGET},v1,z1,t;"
+    program = rapid.read(text, "a.mod")
+    assert program.path.names == ("p1", "robtarget", "q", "MoveL")
+    assert program.path.lines.tolist() == [1, 2, 3, 5]
+    assert program.notes == (
+        "components set one by one are left as they are: line 4",
+        "external axes are not followed, first in line 1",
+    )
+
+
+def test_external_axes_that_are_not_there_or_at_rest_are_not_told() -> None:
+    target = TARGET.replace("11,12.3", "0.0,9E+09")
+    assert rapid.read(f"p1 := {target};", "a.mod").notes == ()
+
+
+def test_what_is_no_robtarget_is_left_alone() -> None:
+    text = "\n".join(
+        [
+            "PERS tooldata t:=[TRUE,[[0,0,100],[1,0,0,0]],[5,[0,0,1],[1,0,0,0],0,0,0]];",
+            'PERS wobjdata w:=[FALSE,TRUE,"",[[1,2,3],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];',
+            "CONST jointtarget j:=[[0,0,0,0,30,0],[9E9,9E9,9E9,9E9,9E9,9E9]];",
+            "MoveAbsJ [[0,0,0,0,30,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,t;",
+            f"CONST robtarget p := {TARGET};",
+            "MoveL Offs(p,0,0,10),v100,z5,t\\WObj:=w;",
+            "MoveL p,v100,z5,t\\WObj:=w2;",
+        ]
+    )
+    program = rapid.read(text, "a.mod")
+    assert program.path.names == ("p",)
+    assert any("Offs and RelTool" in note and "line 6" in note for note in program.notes)
+    assert any("several work objects (w, w2)" in note for note in program.notes)
+
+
+def test_the_work_object_is_told() -> None:
+    program = rapid.read(f"MoveL {TARGET},v100,z5,t\\WObj:=w1;", "a.mod")
+    assert program.frames == ("its targets are in the work object w1",)
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("[[1,2],[1,0,0,0],[0,0,0,0],[0,0,0,0,0,0]]", "a.mod:2: p: found 2 numbers for the position x, y, z"),
+        ("[[1,2,3],[1,0,0],[0,0,0,0],[0,0,0,0,0,0]]", "a.mod:2: p: found 3 numbers for the quaternion"),
+        ("[[1,2,3],[1,0,0,0],[0,0,0,0]]", "a.mod:2: p: found 3 parts, expected a robtarget"),
+        ("[[1,2,3],[1,0,0,1],[0,0,0,0],[0,0,0,0,0,0]]", "a.mod:2: p: found a quaternion of length 1.41421"),
+        ("[[1,b,3],[1,0,0,0],[0,0,0,0],[0,0,0,0,0,0]]", "a.mod:2: p: found 'b', expected a number"),
+        ("[[1,2 3],[1,0,0,0],[0,0,0,0],[0,0,0,0,0,0]]", "a.mod:2: p: found '3', expected ',' or '\\]'"),
+        ("[[1,2,3],[1,0,0,0]", "a.mod:2: p: found ';', expected ',' or '\\]'"),
+    ],
+)
+def test_a_broken_target_is_named(line: str, message: str) -> None:
+    with pytest.raises(BeamstiffError, match=message):
+        rapid.read(f"MODULE m\nCONST robtarget p:={line};\nENDMODULE", "a.mod")
+
+
+def test_a_module_without_targets_is_refused() -> None:
+    with pytest.raises(BeamstiffError, match="found no target, expected robtargets"):
+        rapid.read("MODULE m\nENDMODULE", "a.mod")

@@ -1,0 +1,148 @@
+"""What holds for every effect of the library."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from beamstiff import load_robot
+from beamstiff.diagnosis.effects import EFFECTS
+from beamstiff.diagnosis.inference.evidence import Scales, evidence
+from beamstiff.diagnosis.inference.library import state_library
+from beamstiff.diagnosis.residual.baseline import Baseline
+from beamstiff.diagnosis.residual.whitened import whiten
+from tests.diagnosis.hypotheses import of_any_sign
+from tests.diagnosis.machines import POSITION, ROTATION, arm_at, at_random, kr240, nominal, rows_of
+
+NAMES = [
+    "link-bending",
+    "bearing-tilt",
+    "base-compliance",
+    "tool-compliance",
+    "actuator-lever",
+    "backlash",
+    "joint-compliance",
+    "hardening",
+    "hysteresis",
+    "joint-coupling",
+    "gravity-compensator",
+    "geometry-error",
+    "tool-offset",
+    "load-error",
+    "frame-misalignment",
+    "payload-error",
+    "thermal-drift",
+    "outliers",
+]
+BY_LOAD = {"link-bending", "bearing-tilt", "base-compliance", "tool-compliance", "backlash", "hardening"}
+
+
+def campaigns() -> dict[str, Baseline]:
+    robot = kr240()
+    some = at_random(robot, 6, seed=1, time=np.arange(6.0), step=np.zeros(6), temperature=np.arange(6.0))
+    arm = arm_at(some.q)
+    vector = Rotation.from_matrix(arm.tool).as_rotvec()
+    absolute = rows_of(robot, some.q, some.wrench, position=arm.tip, rotation=vector)
+    loop = load_robot("ir663")
+    plane = at_random(loop, 6, seed=2, reach=0.4)
+    plane = rows_of(loop, plane.q, plane.wrench * [1, 0, 1, 0, 1, 0])
+    return {
+        "serial": nominal(robot, some),
+        "absolute": nominal(robot, absolute),
+        "loop": nominal(loop, plane),
+    }
+
+
+@pytest.fixture(scope="module")
+def rows() -> dict[str, Baseline]:
+    return campaigns()
+
+
+def test_the_effects_are_those_of_the_format() -> None:
+    assert sorted(EFFECTS) == sorted(NAMES)
+
+
+@pytest.mark.parametrize("effect", NAMES)
+def test_an_effect_says_what_it_is_and_what_tells_it_from_its_look_alikes(effect: str) -> None:
+    one = EFFECTS[effect]
+    assert one.name == effect
+    assert one.meaning.endswith(".")
+    assert one.separation
+    assert one.sources
+    assert set(one.look_alikes) <= set(NAMES) - {effect}
+
+
+@pytest.mark.parametrize("campaign", ["serial", "absolute", "loop"])
+@pytest.mark.parametrize("effect", NAMES)
+def test_shapes_are_finite_columns_with_named_sizes(
+    effect: str, campaign: str, rows: dict[str, Baseline]
+) -> None:
+    there = rows[campaign]
+    for component in EFFECTS[effect].components(there):
+        shapes = EFFECTS[effect].shapes(there, component)
+        assert len({one.name for one in shapes}) == len(shapes)
+        for one in shapes:
+            assert one.columns.shape == (len(there.rows), 6, len(one.parameters))
+            assert np.isfinite(one.columns).all()
+            assert one.spread > 1
+            assert one.weight > 0
+            assert len({item.name for item in one.parameters}) == len(one.parameters)
+            assert all(item.size > 0 and item.unit for item in one.parameters)
+
+
+@pytest.mark.parametrize("effect", sorted(BY_LOAD))
+def test_what_gives_way_under_load_does_nothing_without(effect: str) -> None:
+    rows = at_random(kr240(), 3, seed=3)
+    there = nominal(kr240(), rows_of(kr240(), rows.q, 0 * rows.wrench))
+    for component in EFFECTS[effect].components(there):
+        for one in EFFECTS[effect].shapes(there, component):
+            np.testing.assert_allclose(one.columns, 0, atol=1e-12)
+
+
+def test_linear_places_do_twice_as_much_under_twice_the_load(rows: dict[str, Baseline]) -> None:
+    once = rows["serial"]
+    twice = nominal(kr240(), rows_of(kr240(), once.rows.q, 2 * once.rows.wrench))
+    for effect in ("link-bending", "bearing-tilt", "base-compliance", "tool-compliance", "joint-coupling"):
+        for component in EFFECTS[effect].components(once):
+            pairs = zip(
+                EFFECTS[effect].shapes(once, component), EFFECTS[effect].shapes(twice, component), strict=True
+            )
+            for one, other in pairs:
+                # what stiffens has columns that are not linear, and scaled by the rows
+                linear = [not re.search("contact|usual|seam", item.name) for item in one.parameters]
+                np.testing.assert_allclose(
+                    other.columns[..., linear], 2 * one.columns[..., linear], rtol=1e-9, atol=1e-9
+                )
+
+
+@pytest.mark.parametrize(
+    ("effect", "component", "shape"),
+    [
+        ("base-compliance", None, "rotation that stiffens"),
+        ("bearing-tilt", "q2", "tilt that stiffens"),
+        ("bearing-tilt", "q2", "all, softening by axis as its preload is lost at 0.2"),
+        ("tool-compliance", None, "by axis, softening as a seam that opens"),
+        ("link-bending", "link2", "tapered"),
+        ("hysteresis", "q2", "friction that grows with the torque, wound up by the weight"),
+    ],
+)
+def test_nothing_gives_way_against_its_load(effect: str, component: str | None, shape: str) -> None:
+    rows = at_random(kr240(), 60, seed=3, sigma_position=POSITION, sigma_rotation=ROTATION)
+    there = nominal(kr240(), rows)
+    law = next(one for one in EFFECTS[effect].shapes(there, component) if one.name == shape)
+    backward = -law.columns @ [3 * item.size * item.positive for item in law.parameters]
+    noise = np.random.default_rng(4).standard_normal(backward.shape) * there.sigma
+    there = replace(there, measured=there.predicted + backward + noise)
+    white = whiten(there)
+    key = (effect, component, shape)
+    own = [h for h in state_library(there, white).hypotheses if (h.effect, h.component, h.shape.name) == key]
+    found, freely = (
+        evidence(white, some, Scales(np.ones(1), np.zeros(1)))
+        for some in (own, [of_any_sign(one) for one in own])
+    )
+    assert freely.hypotheses[0] > freely.unknown + 50
+    assert found.hypotheses[0] < found.unknown

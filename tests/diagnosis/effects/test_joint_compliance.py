@@ -1,0 +1,80 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from beamstiff.diagnosis.effects import EFFECTS
+from tests.diagnosis.machines import (
+    at_random,
+    by_compliance_of,
+    close,
+    elbow,
+    kr240,
+    nominal,
+    rows_of,
+    shape_of,
+)
+
+
+def test_the_column_is_the_derivative_by_the_compliance_of_a_joint_held_rigid() -> None:
+    robot = elbow(torsional="rigid")
+    there = nominal(robot, at_random(robot, 8, seed=1))
+    found = shape_of(there, "joint-compliance", "q2", "linear").columns[..., 0]
+    close(found, by_compliance_of(robot, there.rows, "J2.torsional"), 1e-6)
+
+
+def test_joints_with_springs_of_their_own_are_no_components() -> None:
+    robot = elbow(torsional="rigid")
+    assert EFFECTS["joint-compliance"].components(nominal(robot, at_random(robot, 3, seed=1))) == ["q2"]
+    assert EFFECTS["joint-compliance"].components(nominal(kr240(), at_random(kr240(), 3, seed=1))) == []
+
+
+def test_the_weight_of_absolute_positions_winds_it_up_too() -> None:
+    robot = elbow(mass=50.0, gravity=(0.0, -9.81, 0.0), torsional="rigid")
+    rows = at_random(robot, 3, seed=2)
+    loaded = nominal(robot, rows)
+    absolute = nominal(robot, rows_of(robot, rows.q, 0 * rows.wrench, position=[[1.0, 0, 0]] * 3))
+    slip = shape_of(absolute, "joint-compliance", "q2", "linear").columns[:, 5, 0]
+    arm = 0.8 * np.cos(rows.q.sum(axis=1))
+    assert slip == pytest.approx(-50 * 9.81 * arm)
+    assert shape_of(loaded, "joint-compliance", "q2", "linear").columns[:, 5, 0] != pytest.approx(slip)
+
+
+def test_a_joint_that_stiffens_gives_way_less_by_what_it_lost() -> None:
+    robot = elbow(torsional="rigid")
+    rows = rows_of(robot, [0, 0], np.array([1000, -500, 100])[:, None] * np.eye(6)[1])
+    found = shape_of(nominal(robot, rows), "joint-compliance", "q2", "stiffening").columns[:, 5]
+    torque = 0.8 * np.array([1000, -500, 100])
+    assert found[:, 0] == pytest.approx(torque)
+    # compliance of half its loss at the largest torque, of all of it far beyond
+    assert found[:, 1] == pytest.approx(-torque * np.abs(torque) / (800 + np.abs(torque)))
+
+
+def test_a_joint_may_give_way_otherwise_at_another_angle() -> None:
+    robot = elbow(torsional="rigid")
+    there = nominal(robot, at_random(robot, 8, seed=1))
+    even = shape_of(there, "joint-compliance", "q2", "linear").columns[..., 0]
+    found = shape_of(there, "joint-compliance", "q2", "by its angle").columns @ [1.0, 0.2, -0.1, 0.05, 0.3]
+    q = there.rows.q[:, 1]
+    follows = 1 + 0.2 * np.cos(q) - 0.1 * np.sin(q) + 0.05 * np.cos(2 * q) + 0.3 * np.sin(2 * q)
+    close(found, follows[:, None] * even)
+
+
+def test_a_joint_may_be_worn_in_a_sector() -> None:
+    robot = elbow(torsional="rigid")
+    there = nominal(robot, at_random(robot, 60, seed=2))
+    even = shape_of(there, "joint-compliance", "q2", "linear").columns[..., 0]
+    shape = shape_of(there, "joint-compliance", "q2", "by sectors")
+    assert [item.name for item in shape.parameters[:2]] == ["compliance", "compliance_near_-180_deg"]
+    q = there.rows.q[:, 1]
+    bumps = [
+        np.exp(-2.0 * (np.sin((q - np.deg2rad(at)) / 2.0) / np.deg2rad(20.0)) ** 2)
+        for at in range(-180, 180, 30)
+    ]
+    for at, bump in enumerate(bumps, 1):  # cos a - 1 = -2 sin(a / 2)^2
+        close(shape.columns[..., at], bump[:, None] * even, least=1e-12)
+    # any smooth course of the angle is nearly one of these
+    worn = (1.0 + np.exp(-0.5 * ((q - 0.4) / 0.5) ** 2))[:, None] * even
+    flat = shape.columns.reshape(worn.size, -1)
+    left = worn.ravel() - flat @ np.linalg.lstsq(flat, worn.ravel())[0]
+    assert np.linalg.norm(left) < 0.02 * np.linalg.norm(worn - even)

@@ -1,0 +1,147 @@
+"""Errors of the load against the same machine under the load that really acted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from beamstiff.diagnosis.effects import EFFECTS
+from beamstiff.diagnosis.effects.load_error import rising
+from beamstiff.diagnosis.residual.baseline import Baseline
+from beamstiff.model.linear import predict_displacements
+from beamstiff.se3 import Array
+from tests.diagnosis.machines import arm_at, at_random, close, elbow, kr240, nominal, rows_of, shape_of
+
+SMALL = 1e-6
+
+
+@pytest.fixture(scope="module")
+def campaign() -> Baseline:
+    return nominal(kr240(), at_random(kr240(), 8, seed=1))
+
+
+def under(campaign: Baseline, wrench: Array) -> Array:
+    """Return what a wrench that is off by SMALL of an error does more than that written down, per error."""
+    rows = campaign.rows
+    more = replace(rows, wrench=wrench)
+    return (predict_displacements(kr240(), more) - predict_displacements(kr240(), rows)) / SMALL
+
+
+def turned(wrench: Array, vectors: Array) -> Array:
+    turn = Rotation.from_rotvec(vectors)
+    return np.concatenate([turn.apply(wrench[:, :3]), turn.apply(wrench[:, 3:])], axis=1)
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("tool", [False, True], ids=["base", "tool"])
+def test_a_load_pulled_askew(axis: int, tool: bool, campaign: Baseline) -> None:
+    rows = campaign.rows
+    axes = arm_at(rows.q).tool if tool else np.tile(np.eye(3), (8, 1, 1))
+    expected = under(campaign, turned(rows.wrench, SMALL * axes[:, :, axis]))
+    name = "direction in the tool" if tool else "direction"
+    close(shape_of(campaign, "load-error", None, name).columns[..., axis], expected, 1e-5)
+
+
+def test_a_cable_that_comes_from_another_place_than_was_written_down(campaign: Baseline) -> None:
+    rows = campaign.rows
+    size = np.linalg.norm(rows.wrench[:, :3], axis=1, keepdims=True)
+    tip, far = arm_at(rows.q).tip, 4.0
+    pulley = tip + far * rows.wrench[:, :3] / size
+    off = SMALL * np.array([0.3, -1.0, 0.5])
+    way = pulley + off - tip
+    acting = rows.wrench.copy()
+    acting[:, :3] = size * way / np.linalg.norm(way, axis=1, keepdims=True)
+    moved = under(campaign, acting)
+    columns = shape_of(campaign, "load-error", None, "pulled from elsewhere").columns
+    close(columns[..., :3] @ (off / SMALL / far), moved, 1e-4)
+    # a place that is off by as much more as the tool is farther
+    for k in range(3):
+        close(columns[..., 3 + 3 * k : 6 + 3 * k], columns[..., :3] * tip[:, None, None, k], 1e-9)
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("tool", [False, True], ids=["base", "tool"])
+def test_a_cell_with_another_gain_on_one_axis(axis: int, tool: bool, campaign: Baseline) -> None:
+    rows = campaign.rows
+    axes = arm_at(rows.q).tool if tool else np.tile(np.eye(3), (8, 1, 1))
+    cell = axes.swapaxes(1, 2)
+    gain = np.eye(3)
+    gain[axis, axis] += SMALL
+    acts = np.concatenate(
+        [(axes @ gain @ cell @ rows.wrench[:, some, None])[..., 0] for some in (slice(3), slice(3, 6))],
+        axis=1,
+    )
+    name = "gain by axis of the tool" if tool else "gain by axis"
+    close(shape_of(campaign, "load-error", None, name).columns[..., axis], under(campaign, acts), 1e-5)
+
+
+@pytest.mark.parametrize(("a", "b"), [(0, 0), (0, 2), (2, 1)])
+def test_a_cell_whose_axis_feels_another(a: int, b: int, campaign: Baseline) -> None:
+    rows = campaign.rows
+    axes = arm_at(rows.q).tool
+    gain = np.eye(3)
+    gain[a, b] += SMALL
+    acts = np.concatenate(
+        [
+            (axes @ gain @ axes.swapaxes(1, 2) @ rows.wrench[:, some, None])[..., 0]
+            for some in (slice(3), slice(3, 6))
+        ],
+        axis=1,
+    )
+    found = shape_of(campaign, "load-error", None, "cross-talk of the cell").columns[..., 3 * a + b]
+    close(found, under(campaign, acts), 1e-5)
+
+
+def test_a_cell_that_is_not_linear_reads_more_the_larger_the_load(campaign: Baseline) -> None:
+    force = np.linalg.norm(campaign.rows.wrench[:, :3], axis=1, keepdims=True)
+    acts = campaign.rows.wrench * (1 + SMALL * force / force.max())
+    close(shape_of(campaign, "load-error", None, "nonlinear").columns[..., 0], under(campaign, acts), 1e-5)
+
+
+def test_a_tare_pulls_in_every_loaded_row_alike() -> None:
+    wrench = np.concatenate([at_random(kr240(), 4, seed=2).wrench, np.zeros((1, 6))])
+    rows = rows_of(kr240(), at_random(kr240(), 5, seed=3).q, wrench)
+    there = nominal(kr240(), rows)
+    tare = np.where(np.arange(5)[:, None] < 4, np.eye(6)[2], 0.0)
+    expected = predict_displacements(kr240(), replace(rows, wrench=tare))
+    close(shape_of(there, "load-error", None, "tare").columns[..., 2], expected)
+
+
+def test_a_pulley_adds_to_a_rising_load_and_takes_from_a_falling_one() -> None:
+    share = np.array([0.5, 1.0, 0.5, -0.5, -1.0, -0.5])
+    wrench = share[:, None] * [300.0, 900, 100, 0, 0, 0]
+    rows = rows_of(elbow(), [0.3, 0.8], wrench, pose=np.zeros(6, int), step=np.arange(6))
+    there = nominal(elbow(), rows)
+    assert rising(there).tolist() == [1, 1, -1, 1, 1, -1]
+    expected = predict_displacements(elbow(), rows) * rising(there)[:, None]
+    close(shape_of(there, "load-error", None, "pulley friction").columns[..., 0], expected)
+
+
+def test_a_state_that_is_read_again_or_at_another_reflector_was_reached_the_same_way() -> None:
+    share = np.repeat([0.5, 1.0, 0.5, 0.0, -0.5], 2)
+    rows = rows_of(
+        elbow(),
+        [0.3, 0.8],
+        share[:, None] * [300.0, 900, 100, 0, 0, 0],
+        pose=np.zeros(10, int),
+        step=np.repeat(np.arange(5), 2),
+        point=["tip", "end"] * 5,
+    )
+    assert rising(nominal(elbow(), rows)).tolist() == [1, 1, 1, 1, -1, -1, -1, -1, 1, 1]
+
+
+def test_without_steps_or_with_rising_loads_only_no_pulley_is_tried() -> None:
+    wrench = np.array([[0.0, 100, 0, 0, 0, 0], [0, 200, 0, 0, 0, 0], [0, 100, 0, 0, 0, 0]])
+    for step in (None, [0, 1, 2]):
+        rows = rows_of(elbow(), [0, 0], wrench[: 3 if step is None else 2], step=step and step[:2])
+        names = {one.name for one in EFFECTS["load-error"].shapes(nominal(elbow(), rows), None)}
+        assert "pulley friction" not in names
+        assert "direction" in names
+
+
+def test_rows_without_a_load_cannot_have_it_misread() -> None:
+    rows = rows_of(elbow(), [0, 0], np.zeros((2, 6)))
+    assert EFFECTS["load-error"].components(nominal(elbow(), rows)) == []

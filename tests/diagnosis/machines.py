@@ -1,0 +1,197 @@
+"""Machines and loads whose answers the tests work out themselves, by statics and rigid-body motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from beamstiff import Robot, load_robot
+from beamstiff.diagnosis.effects import EFFECTS, Shape
+from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline, predict
+from beamstiff.measure.table import Measurements, make_measurements
+from beamstiff.model.linear import predict_displacements
+from beamstiff.robot.parts import Beam, Frame, Joint, JointStiffness, Mass, Material, Node, Rigid, Variable
+from beamstiff.robot.sections import Section
+from beamstiff.se3 import Array
+
+UPPER, FORE = 1.2, 0.8  # m, links of the elbow arm
+SHOULDER, ELBOW = 2e6, 5e5  # N m/rad
+POSITION, ROTATION = 3e-5, 5e-5  # m, rad: usual noise of the campaigns
+ONCE = "no state was measured twice: the noise cannot be told from what the model lacks by itself"
+
+
+def elbow(mass: float = 0.0, gravity: tuple[float, float, float] = (0.0, 0.0, -9.81), **second: Any) -> Robot:
+    """Return an arm of two joints about the vertical; `second` is stiffness of the second beside its own."""
+    joints = [
+        Joint(
+            name="J1",
+            nodes=["foot", "hub"],
+            frame="f1",
+            variable="q1",
+            stiffness=JointStiffness(torsional=SHOULDER),
+        ),
+        Joint(
+            name="J2",
+            nodes=["end", "pin"],
+            frame="f2",
+            variable="q2",
+            stiffness=JointStiffness(**({"torsional": ELBOW} | second)),
+        ),
+    ]
+    return Robot(
+        name="elbow",
+        gravity=gravity,
+        variables=[Variable(name=name, type="revolute", limits=(-3.0, 3.0)) for name in ("q1", "q2")],
+        frames=[Frame(name="f1", theta="q1"), Frame(name="f2", parent="f1", d=UPPER, theta="q2")],
+        nodes=[
+            Node(name="foot"),
+            Node(name="hub", frame="f1"),
+            Node(name="end", frame="f1", at=(UPPER, 0, 0)),
+            Node(name="pin", frame="f2"),
+            Node(name="tip", frame="f2", at=(FORE, 0, 0)),
+        ],
+        rigids=[Rigid(name="upper", nodes=["hub", "end"]), Rigid(name="fore", nodes=["pin", "tip"])],
+        joints=joints,
+        masses=[Mass(node="tip", mass=mass)] if mass else [],
+        fixed=["foot"],
+        tcp="tip",
+        identify=[f"{joint.name}.torsional" for joint in joints if np.isfinite(joint.stiffness.torsional)],
+    )
+
+
+def rows_of(robot: Robot, q: Any, wrench: Any, **more: Any) -> Measurements:
+    """Return rows of a robot, displacements still zero; other columns by name."""
+    wrench = np.atleast_2d(np.asarray(wrench, dtype=np.float64))
+    q = np.broadcast_to(np.atleast_2d(np.asarray(q, dtype=np.float64)), (len(wrench), len(robot.actuated)))
+    if "position" not in more:
+        more = {"displacement": np.zeros((len(q), 6))} | more
+    return make_measurements([item.name for item in robot.actuated], q, tcp=robot.tcp, wrench=wrench, **more)
+
+
+def at_random(robot: Robot, count: int, seed: int, reach: float = 1.0, **more: Any) -> Measurements:
+    """Return rows of a robot in as many postures about the middle of its limits, under random wrenches."""
+    rng = np.random.default_rng(seed)
+    limits = np.array([item.limits for item in robot.actuated])
+    half = np.minimum(0.35 * (limits[:, 1] - limits[:, 0]), reach)
+    q = limits.mean(axis=1) + half * rng.uniform(-1, 1, (count, len(limits)))
+    wrench = rng.standard_normal((count, 6)) * [800, 800, 800, 200, 200, 200]
+    return rows_of(robot, q, wrench, **more)
+
+
+def nominal(robot: Robot, rows: Measurements) -> Baseline:
+    """Return the baseline of rows that read what the robot says, so that nothing is left to fit."""
+    if rows.kind == "displacement":
+        return fit_baseline(robot, replace(rows, displacement=predict(robot, rows)))
+    return fit_baseline(robot, rows)
+
+
+def shape_of(baseline: Baseline, effect: str, component: str | None, name: str) -> Shape:
+    """Return one shape of an effect by its name."""
+    return next(one for one in EFFECTS[effect].shapes(baseline, component) if one.name == name)
+
+
+def close(found: Array, expected: Array, share: float = 1e-9, least: float = 1e-15) -> None:
+    """Ask for agreement within a share of the largest displacement, and of the largest rotation."""
+    assert found.shape == expected.shape
+    for part in (slice(0, 3), slice(3, 6)):
+        scale = np.abs(expected[:, part]).max()
+        np.testing.assert_allclose(found[:, part], expected[:, part], rtol=0, atol=share * scale + least)
+
+
+def by_compliance_of(robot: Robot, rows: Measurements, name: str) -> Array:
+    """Return the derivative (N, 6) of the prediction by the compliance of a parameter."""
+    value = robot.parameter(name)
+    compliance = 1 / value if np.isfinite(value) else 0.0
+    # of second order: what is left out is 1e-6 of the derivative, what rounds off far less
+    step = max(1e-3 * compliance, 1e-12 if not name.endswith(".E") else 0.0)
+    here, first, second = (
+        predict_displacements(robot.with_parameters({name: 1 / c if c else value}), rows)
+        for c in (compliance, compliance + step, compliance + 2 * step)
+    )
+    return (4 * first - second - 3 * here) / (2 * step)
+
+
+def bent(robot: Robot, link: str, EI: float, twist: float = 1.3, EA: float = 1e10) -> Robot:
+    """Return a robot with a beam of round section in place of a rigid; ``GJ = EI / twist``."""
+    rigid = next(item for item in robot.rigids if item.name == link)
+    E = 2e11
+    section = Section(A=EA / E, Iy=EI / E, Iz=EI / E, J=1.0)
+    beam = Beam(name=link, nodes=rigid.nodes, section="bent", material="bent")
+    update = {
+        "rigids": tuple(item for item in robot.rigids if item is not rigid),
+        "beams": (*robot.beams, beam),
+        "sections": {**robot.sections, "bent": section},
+        "materials": {**robot.materials, "bent": Material(E=E, G=EI / twist)},
+    }
+    return robot.model_copy(update=update)
+
+
+@cache
+def kr240() -> Robot:
+    return load_robot("kr240-2")
+
+
+# modified Denavit-Hartenberg parameters of the KR240-2: alpha, d (along x), offset along z
+_KR240 = (
+    (0.0, 0.0, 0.675),
+    (np.pi / 2, 0.35, 0.0),
+    (0.0, 1.25, 0.0),
+    (-np.pi / 2, -0.055, 1.1),
+    (np.pi / 2, 0.0, 0.0),
+    (-np.pi / 2, 0.0, 0.23),
+)
+
+
+@dataclass(frozen=True)
+class Arm:
+    """The KR240-2 in N postures: joint axes and points on them (N, 6, 3), tool point and axes."""
+
+    axis: Array
+    point: Array
+    tip: Array
+    tool: Array
+
+    def torque(self, wrench: Array) -> Array:
+        """Return the torques (N, 6) about the joints that wrenches (N, 6) at the tool make."""
+        return np.einsum("nja,nja->nj", self.axis, self.moment(wrench))
+
+    def moment(self, wrench: Array) -> Array:
+        """Return the moments (N, 6, 3) about the joints' points."""
+        arm = self.tip[:, None] - self.point
+        return wrench[:, None, 3:] + np.cross(arm, wrench[:, None, :3])
+
+    def turned(self, rotation: Array, joint: int) -> Array:
+        """Return the displacement (N, 6) of the tool by small rotations (N, 3) about a joint's point."""
+        return np.concatenate([np.cross(rotation, self.tip - self.point[:, joint]), rotation], axis=1)
+
+    def slipped(self, slip: Array, joint: int) -> Array:
+        """Return the displacement (N, 6) of the tool by slips (N,) about a joint's axis."""
+        return self.turned(self.axis[:, joint] * slip[:, None], joint)
+
+
+def arm_at(q: Array, off: tuple[int, str, float] | None = None) -> Arm:
+    """Return the KR240-2 in postures (N, 6): forward kinematics, one frame after another.
+
+    `off` adds to a parameter of a joint's frame: joint, name (alpha, d, theta or r), by how much.
+    """
+    count = len(q)
+    turn, at = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
+    axes, points = [], []
+    for joint, (alpha, along, offset) in enumerate(_KR240):
+        angle = q[:, joint]
+        if off is not None and off[0] == joint:
+            by = {"alpha": 0.0, "d": 0.0, "theta": 0.0, "r": 0.0, off[1]: off[2]}
+            alpha, along, offset = alpha + by["alpha"], along + by["d"], offset + by["r"]
+            angle = angle + by["theta"]
+        c, s, zero, one = np.cos(angle), np.sin(angle), np.zeros(count), np.ones(count)
+        tilt = np.array([[1, 0, 0], [0, np.cos(alpha), -np.sin(alpha)], [0, np.sin(alpha), np.cos(alpha)]])
+        about = np.moveaxis(np.array([[c, -s, zero], [s, c, zero], [zero, zero, one]]), -1, 0)
+        at = at + turn @ np.array([along, 0.0, 0.0])
+        turn = turn @ tilt @ about
+        at = at + offset * turn[:, :, 2]
+        axes.append(turn[:, :, 2])
+        points.append(at)
+    return Arm(np.stack(axes, 1), np.stack(points, 1), at, turn)

@@ -1,0 +1,251 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from beamstiff import BeamstiffError
+from beamstiff.diagnosis.diagnose import diagnose
+from beamstiff.diagnosis.held_out.prediction import Weighted
+from beamstiff.diagnosis.inference.evidence import evidence
+from beamstiff.diagnosis.inference.library import state_library
+from beamstiff.diagnosis.inference.noise_scale import scales_of
+from beamstiff.diagnosis.inference.search import search
+from beamstiff.diagnosis.next_measurement.candidates import NEAR, STEPS, inside
+from beamstiff.diagnosis.next_measurement.test_plan import (
+    PROGRAMME,
+    READINGS,
+    WORTH,
+    Programme,
+    as_plain,
+    programme,
+    programme_csv,
+)
+from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline
+from beamstiff.diagnosis.residual.whitened import whiten
+from beamstiff.measure.reader import parse_measurements
+from beamstiff.measure.rows import concatenate
+from beamstiff.measure.table import Measurements
+from beamstiff.robot.kinematics import compile_kinematics, posture
+from beamstiff.se3 import Array
+from tests.diagnosis.machines import POSITION, ROTATION, kr240, rows_of
+from tests.diagnosis.planted import Plan, base_compliance, campaign, diagnosed, hardening, plan
+
+
+def rivals_at(there: Baseline) -> list[tuple[str, float, list[Weighted]]]:
+    """Return backlash and hardening at the second joint, as likely as one another."""
+    white = whiten(there)
+    library = state_library(there, white)
+    found = search(white, library.hypotheses, scales_of(there), pairs=False)
+    return [(key, 0.5, found.shapes[key]) for key in ("hardening:q2", "backlash:q2")]
+
+
+@pytest.fixture(scope="module")
+def split() -> tuple[Baseline, Programme]:
+    """Return a baseline, and the programme that splits backlash from hardening at the second joint."""
+    there = fit_baseline(kr240(), campaign(plan(8), hardening))
+    rivals = rivals_at(there)
+    result = programme(there, there.used, rivals, 1.0, 0)
+    assert result is not None
+    return there, result
+
+
+def test_load_cycles_at_some_postures_within_the_limits_are_proposed(
+    split: tuple[Baseline, Programme],
+) -> None:
+    rows = split[1].rows
+    assert len(rows) == PROGRAMME * len(STEPS)
+    assert len(np.unique(rows.q, axis=0)) == PROGRAMME
+    limits = np.array([item.limits for item in kr240().actuated])
+    assert (rows.q >= limits[:, 0]).all()
+    assert (rows.q <= limits[:, 1]).all()
+    force = np.linalg.norm(rows.wrench[:, :3], axis=1)
+    assert force.max() == pytest.approx(1500.0)  # what the campaign had
+    assert not rows.measured_mask.any()
+    assert split[1].separates == ("hardening:q2", "backlash:q2")
+
+
+def tool_at(q: Array) -> Array:
+    kinematics = compile_kinematics(kr240())
+    return posture(kinematics, q).node_positions[:, kinematics.node_index[kr240().tcp]]
+
+
+def test_postures_are_proposed_where_the_tool_was_measured_or_in_a_region(
+    split: tuple[Baseline, Programme],
+) -> None:
+    there, near = split
+    seen, proposed = tool_at(there.rows.q), tool_at(near.rows.q)
+    far = np.linalg.norm(proposed[:, None] - seen[None], axis=2).min(axis=1)
+    assert far.max() <= NEAR * compile_kinematics(kr240()).size
+    region = ((-np.inf, np.inf), (-np.inf, 0.0), (0.8, 1.8))
+    stated = replace(there, rows=replace(there.rows, region=region))
+    rivals = [(key, 0.5, ()) for key in near.separates]
+    found = programme(stated, there.used, rivals, 1.0, 0)
+    assert found is not None
+    assert inside(region, tool_at(found.rows.q)).all()
+    assert not inside(region, proposed).all()
+    with pytest.raises(BeamstiffError, match="make it larger"):
+        programme(replace(there, rows=replace(there.rows, region=((9, 10),) * 3)), there.used, rivals, 1.0, 0)
+
+
+def test_postures_have_the_digits_of_a_pendant_in_the_units_of_the_table(
+    split: tuple[Baseline, Programme],
+) -> None:
+    in_degrees = replace(split[0].rows, units=dict.fromkeys(split[0].rows.variables, "deg"))
+    there = replace(split[0], rows=in_degrees)
+    rows = programme(there, there.used, rivals_at(there), 1.0, 0)
+    assert rows is not None
+    measured = set(map(tuple, np.unique(there.rows.q, axis=0).tolist()))
+    new = [q for q in rows.rows.q.tolist() if tuple(q) not in measured]
+    assert new
+    np.testing.assert_allclose(np.degrees(new), np.round(np.degrees(new), 1), atol=1e-12)
+    again = replace(diagnosed("backlash"), baseline=there, next=as_plain(rows))
+    header, *lines = (line for line in programme_csv(again).splitlines() if not line.startswith("#"))
+    assert header.startswith("q1 [deg],q2 [deg]")
+    assert not any("-0.0," in line for line in lines)
+
+
+def test_the_proposed_states_tell_more_than_states_at_random(split: tuple[Baseline, Programme]) -> None:
+    there, found = split
+    rivals = rivals_at(there)
+
+    def odds(what: Plan) -> float:
+        """Return how much likelier the true cause is than its rival, after these states as well."""
+        both = [campaign(plan(8), hardening, seed=1), campaign(what, hardening, seed=2)]
+        joined = Plan(
+            *(
+                np.concatenate(parts)
+                for parts in zip(
+                    *((t.q, t.wrench, t.pose + 100 * k, t.step, t.time) for k, t in enumerate(both)),
+                    strict=True,
+                )
+            )
+        )
+        rows = campaign(joined, hardening, seed=3)
+        there = fit_baseline(kr240(), rows)
+        white = whiten(there)
+        some = [one for one in state_library(there, white).hypotheses if one.key in found.separates]
+        log = evidence(white, some, scales_of(there)).hypotheses
+        by_key = {key: max(log[k] for k, one in enumerate(some) if one.key == key) for key in found.separates}
+        return by_key["hardening:q2"] - by_key["backlash:q2"]
+
+    designed = []
+    for seed in range(4):
+        proposed = programme(there, there.used, rivals, 1.0, seed)
+        assert proposed is not None
+        rows = proposed.rows
+        designed.append(odds(Plan(rows.q, rows.wrench, rows.pose, rows.step, rows.time)))
+    at_random = [odds(plan(PROGRAMME, seed=seed, steps=np.array(STEPS))) for seed in (11, 12, 13, 14)]
+    assert np.mean(designed) > np.mean(at_random)
+
+
+def test_expected_discrimination_falls_with_the_noise(split: tuple[Baseline, Programme]) -> None:
+    there, found = split
+    assert (found.score >= 0).all()
+    whole = found.score.reshape(PROGRAMME, -1).sum(axis=1)
+    assert whole.tolist() == sorted(whole, reverse=True)
+    assert len(as_plain(found)) == len(found.rows)
+    assert there is not None
+
+
+LEANING = ("base-compliance:null", "bearing-tilt:q1")
+
+
+def between_pedestal_and_bearing(rows: Measurements) -> Programme:
+    """Return what would tell the pedestal from the first bearing, either as likely as the other."""
+    there = fit_baseline(kr240(), rows)
+    white = whiten(there)
+    found = search(white, state_library(there, white).hypotheses, scales_of(there), pairs=False)
+    proposed = programme(there, there.used, [(key, 0.5, found.shapes[key]) for key in LEANING], 1.0, 0)
+    assert proposed is not None
+    return proposed
+
+
+def test_what_no_reading_at_the_tool_tells_is_read_where_it_shows() -> None:
+    """A pedestal and a first bearing that tilt move the tool alike; the head of the pedestal they do not."""
+    proposed = between_pedestal_and_bearing(campaign(plan(8), base_compliance))
+    rows = proposed.rows
+    (head,) = set(rows.point.tolist()) - {kr240().tcp}
+    kinematics = compile_kinematics(kr240())
+    at = posture(kinematics, rows.q).node_positions[:, kinematics.node_index[head]]
+    np.testing.assert_allclose(at, [[0.0, 0.0, 0.675]] * len(rows), atol=1e-9)  # where axes 1 and 2 begin
+    assert rows.point.tolist() == [kr240().tcp, head] * (PROGRAMME * len(STEPS))
+    np.testing.assert_array_equal(rows.q[::2], rows.q[1::2])
+    np.testing.assert_array_equal(rows.wrench[::2], rows.wrench[1::2])
+    at_tool, at_head = proposed.score.reshape(-1, 2).sum(axis=0)
+    assert at_head > WORTH * at_tool
+    assert at_head > 100
+
+
+def leaning(what: Plan, at: Array | None = None) -> Array:
+    """Return how the tool, or a point (3,), moves where all above a point below the floor leans, (N, 6)."""
+    pivot = np.array([0.0, 0.0, -0.2])
+    moment = what.wrench[:, 3:] + np.cross(what.arm.tip - pivot, what.wrench[:, :3])
+    turned = 2e-7 * moment * [1.0, 1.0, 0.0]
+    return np.concatenate([np.cross(turned, (what.arm.tip if at is None else at) - pivot), turned], axis=1)
+
+
+HEAD = np.array([0.0, 0.0, 0.675])
+
+
+@pytest.mark.parametrize(("cause", "moves"), [("base-compliance:null", True), ("bearing-tilt:q1", False)])
+def test_with_the_same_readings_at_the_tool_the_second_reflector_decides(cause: str, moves: bool) -> None:
+    """The machine leans about a point below the floor: by its pedestal, or by a bearing off its centre."""
+    first = campaign(plan(8), leaning)
+    rows = between_pedestal_and_bearing(first).rows
+    states = Plan(rows.q, rows.wrench, rows.pose, rows.step, rows.time)
+    on_tool = (rows.point == kr240().tcp)[:, None]
+    moved = np.where(on_tool, states.elastic + leaning(states), moves * leaning(states, HEAD))[:, :3]
+    read = np.full((len(rows), 6), np.nan)
+    read[:, :3] = moved + POSITION * np.random.default_rng(5).standard_normal(moved.shape)
+    sigma = np.tile(np.repeat([POSITION, ROTATION], 3), (len(rows), 1))
+    told = diagnose(kr240(), concatenate([first, replace(rows, displacement=read, sigma=sigma)]))
+    assert told.verdict.key == cause
+    (other,) = {*LEANING} - {cause}
+    assert sum(one.probability for one in told.candidates if one.key == other) < 0.01
+
+
+def test_a_second_reflector_is_not_asked_for_where_little_is_left_to_tell(
+    split: tuple[Baseline, Programme],
+) -> None:
+    """Where a drive rattles, the tool shows it best; and what is settled needs no reflector anywhere."""
+    assert set(split[1].rows.point.tolist()) == {kr240().tcp}
+    there = diagnosed("base_compliance")
+    assert {item["point"] for item in there.next} == {kr240().tcp}
+
+
+def test_positions_without_loads_are_proposed_where_none_was_measured() -> None:
+    robot, q = kr240(), plan(8, steps=np.ones(1)).q
+    nothing = np.zeros((len(q), 6))
+    rows = rows_of(robot, q, nothing, position=tool_at(q), sigma_position=POSITION)
+    there = fit_baseline(robot, rows)
+    white = whiten(there)
+    found = search(white, state_library(there, white).hypotheses, scales_of(there), pairs=False)
+    keys = list(found.shapes)[:2]
+    proposed = programme(there, there.used, [(key, 0.5, found.shapes[key]) for key in keys], 1.0, 0)
+    assert proposed is not None
+    new = proposed.rows
+    assert (new.kind, new.wrench.any(), new.measured_mask.any()) == ("absolute", False, False)
+    assert not {tuple(one) for one in new.q} & {tuple(one) for one in q}
+    assert 1 < len(np.unique(new.q, axis=0)) <= READINGS
+
+
+def test_one_explanation_alone_leaves_nothing_to_split() -> None:
+    there = diagnosed("backlash").baseline
+    assert programme(there, there.used, [("backlash:q3", 1.0, ())], 1.0, 0) is None
+    assert as_plain(None) == []
+
+
+def test_a_programme_is_a_table_to_fill_in() -> None:
+    found = diagnosed("backlash")
+    assert found.next
+    text = programme_csv(found)
+    assert text.startswith("# robot: kr240-2\n")
+    rows = parse_measurements(text, kr240(), require_measured=False)
+    assert len(rows) == len(found.next)
+    assert rows.wrench.tolist() == [list(item["wrench"]) for item in found.next]
+    known = found.baseline.rows
+    assert (rows.sigma_position, rows.sigma_rotation) == (known.sigma_position, known.sigma_rotation)
+    with pytest.raises(BeamstiffError, match="no states to propose"):
+        programme_csv(replace(found, next=()))

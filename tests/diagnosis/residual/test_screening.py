@@ -1,0 +1,202 @@
+"""Noise and wrong rows found beside effects, on campaigns of the KR240-2."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from beamstiff.diagnosis.inference.library import Library, state_library
+from beamstiff.diagnosis.residual import screening
+from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline
+from beamstiff.diagnosis.residual.noise_variance import Variance
+from beamstiff.diagnosis.residual.screening import Screened, _left_out, screen
+from beamstiff.diagnosis.residual.whitened import whiten
+from beamstiff.measure.rows import history_order, subset
+from beamstiff.measure.table import Measurements
+from beamstiff.se3 import Array
+from tests.diagnosis import planted
+from tests.diagnosis.machines import POSITION, ROTATION, kr240
+
+PLAN = planted.plan(14)
+ROWS = len(PLAN.q)
+
+
+def prepared(rows: Measurements) -> tuple[Baseline, Library]:
+    there = fit_baseline(kr240(), rows)
+    return there, state_library(there, whiten(there))
+
+
+def screened(rows: Measurements) -> Screened:
+    return screen(*prepared(rows))
+
+
+def wrong(rows: Measurements, which: list[int], size: float) -> Measurements:
+    """Return rows of which some are off by a size in one direction each."""
+    moved = rows.displacement.copy()
+    moved[which, np.arange(len(which)) % 3] += size
+    return replace(rows, displacement=moved)
+
+
+@pytest.mark.parametrize("effect", [None, planted.backlash, planted.base_compliance])
+def test_wrong_rows_are_found_whatever_else_there_is_and_no_others(effect: planted.Effect | None) -> None:
+    rows = planted.campaign(PLAN, *([effect] if effect else []), seed=1)
+    which = [5, 22, 47, 70]
+    found = screened(wrong(rows, which, 2e-3))
+    assert sorted(found.outliers.tolist()) == which
+    assert not found.used[which].any()
+    assert found.used.sum() == 6 * (ROWS - 4)
+
+
+def test_mishaps_are_isolated_and_what_one_posture_has_to_itself_is_not() -> None:
+    rows = planted.campaign(PLAN, planted.backlash, seed=1)
+    assert screened(wrong(rows, [5, 22, 47, 70], 2e-3)).isolated
+    assert not screened(rows).isolated
+    heavy = np.argsort(-np.linalg.norm(PLAN.wrench, axis=1), kind="stable")[:5].tolist()
+    found = screened(wrong(rows, heavy, 2e-3))
+    assert found.outliers.size >= 3
+    assert not found.isolated  # something gives way under the largest loads
+    at_one = np.flatnonzero(PLAN.pose == PLAN.pose[40])[:4].tolist()
+    found = screened(wrong(rows, at_one, 2e-3))
+    assert found.outliers.size >= 3
+    assert not found.isolated
+
+
+def test_rows_of_one_posture_that_are_off_by_the_same_are_one_mishap() -> None:
+    rows = planted.campaign(PLAN, planted.backlash, seed=1)
+    run = np.flatnonzero(PLAN.pose == PLAN.pose[40])[3:].tolist()  # its load turns there
+    moved = rows.displacement.copy()
+    moved[run, :3] += [1.5e-3, -1e-3, 1e-3]  # a reflector that was bumped
+    found = screened(replace(rows, displacement=moved))
+    assert sorted(found.outliers.tolist()) == run
+    assert found.isolated
+
+
+def test_sound_rows_are_left_alone() -> None:
+    # one table in a thousand may lose a row
+    flagged = [screened(planted.campaign(PLAN, seed=seed)).outliers.size for seed in range(4)]
+    assert flagged == [0] * 4
+
+
+@pytest.mark.parametrize("effect", [planted.backlash, planted.hysteresis, planted.actuator_lever])
+def test_rows_of_an_effect_are_no_outliers(effect: planted.Effect) -> None:
+    found = screened(planted.campaign(PLAN, effect, seed=2))
+    assert found.outliers.size == 0
+
+
+@pytest.mark.parametrize(("position", "rotation"), [(1.0, 1.0), (2.0, 2.0), (0.5, 2.0)])
+def test_the_noise_is_what_the_rows_show_whatever_the_table_claims(position: float, rotation: float) -> None:
+    rows = planted.campaign(PLAN, planted.base_compliance, seed=3)
+    claim = np.repeat([POSITION / position, ROTATION / rotation], 3)
+    found = screened(replace(rows, sigma=np.tile(claim, (ROWS, 1))))
+    # 252 values each: 4.5 % of sampling, the claim pulls a little towards itself
+    np.testing.assert_allclose(np.log(found.noise), np.log([position, rotation]), atol=0.2)
+    np.testing.assert_allclose(found.baseline.sigma, np.tile(claim * np.repeat(found.noise, 3), (ROWS, 1)))
+
+
+def test_where_nothing_is_claimed_the_noise_is_found_from_the_rows_alone() -> None:
+    rows = planted.campaign(PLAN, planted.backlash, seed=4, noise=3.0)
+    silent = replace(rows, sigma=np.full((ROWS, 6), np.nan), sigma_position=None, sigma_rotation=None)
+    found = screened(silent)
+    sigma = np.median(found.baseline.sigma, axis=0)
+    np.testing.assert_allclose(sigma[:3], 3 * POSITION, rtol=0.2)
+    np.testing.assert_allclose(sigma[3:], 3 * ROTATION, rtol=0.2)
+
+
+def test_many_wrong_rows_are_no_outliers_but_something_else() -> None:
+    rng = np.random.default_rng(5)
+    which = rng.permutation(ROWS)[: ROWS // 3].tolist()
+    found = screened(wrong(planted.campaign(PLAN, seed=5), which, 1e-3))
+    assert found.outliers.size <= 0.15 * ROWS
+
+
+def test_one_posture_is_screened_without_a_breakdown_where_the_fit_absorbs_nearly_everything() -> None:
+    found = screened(subset(planted.campaign(PLAN, seed=7), np.arange(6)))
+    assert np.isfinite(found.noise).all()
+    assert found.outliers.size == 0
+
+
+def test_too_few_rows_are_taken_as_they_are() -> None:
+    found = screened(subset(planted.campaign(PLAN, seed=8), [2]))
+    assert found.noise.tolist() == [1.0, 1.0]
+    assert found.outliers.size == 0
+
+
+def test_a_shape_that_moves_nothing_but_by_rounding_tells_nothing_of_the_noise() -> None:
+    there, library = prepared(planted.campaign(PLAN, seed=3))
+    still = replace(library.hypotheses[0].shape, name="still")
+    columns = 1e-50 * np.random.default_rng(4).standard_normal((*still.columns.shape[:2], 1))
+    nothing = replace(
+        library.hypotheses[0],
+        component="elsewhere",
+        shape=replace(still, columns=columns, parameters=still.parameters[:1]),
+    )
+    with_it = replace(library, hypotheses=(*library.hypotheses, nothing))
+    assert screen(there, with_it).noise.tolist() == screen(there, library).noise.tolist()
+
+
+@pytest.mark.parametrize("size", [0.01, 0.5])
+def test_rows_that_scatter_far_below_the_noise_claimed_are_judged_by_the_claim(size: float) -> None:
+    found = screened(planted.campaign(PLAN, seed=1, noise=size))
+    assert found.silent == (size < 0.3)
+    np.testing.assert_allclose(found.noise, 1.0 if found.silent else size, rtol=0.25)
+
+
+def test_rows_left_out_together_are_compared_with_what_the_others_predict() -> None:
+    """Against the conditional distribution of a dense Gaussian, the fitted parameters nearly free."""
+    rng = np.random.default_rng(6)
+    white = whiten(prepared(planted.campaign(PLAN, planted.backlash, seed=1))[0])
+    columns = white.leave(rng.standard_normal((white.gap.size, 4)))
+    scales = Variance(np.array([1.2, 0.9]), 0.3, 2.0)
+    some = [5, 6, 40]
+    distance, count = _left_out(white, columns, scales, some)
+    assert np.flatnonzero(count).tolist() == some
+    rotation = (white.component >= 3).astype(np.intp)
+    free = 1e4 * white.tangent / np.linalg.norm(white.tangent, axis=0)
+    covariance = np.diag(scales.noise[rotation] ** 2 + scales.unknown * white.unknown)
+    covariance += scales.library * columns @ columns.T + free @ free.T
+    axes = white.undo(np.eye(white.gap.size))  # to the values as they were measured
+    covariance, gap = axes @ covariance @ axes.T, axes @ white.gap
+    number = np.cumsum(white.used.ravel()).reshape(white.used.shape) - 1
+    out = np.concatenate([number[row][white.used[row]] for row in some])
+    rest = np.setdiff1d(np.arange(white.gap.size), out)
+    gain = np.linalg.solve(covariance[np.ix_(rest, rest)], covariance[np.ix_(rest, out)]).T
+    left = gap[out] - gain @ gap[rest]
+    apart = covariance[np.ix_(out, out)] - gain @ covariance[np.ix_(rest, out)]
+    for row, at in zip(some, np.split(np.arange(out.size), len(some)), strict=True):
+        expected = left[at] @ np.linalg.solve(apart[np.ix_(at, at)], left[at])
+        assert distance[row] == pytest.approx(expected, rel=1e-4)
+
+
+def test_what_was_left_out_beside_wrong_rows_is_taken_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = wrong(planted.campaign(PLAN, planted.backlash, seed=1), [5, 22, 47, 70], 2e-3)
+    there, library = prepared(rows)
+    each = screening._left_out
+    turns: list[int] = []
+
+    def misled(*args: Any) -> tuple[Array, NDArray[np.intp]]:
+        distance, count = each(*args)
+        if len(args) == 3 and not turns:  # in the first turn two sound rows look worse than all
+            distance = distance.copy()
+            distance[[10, 11]] = 1e6
+        turns.append(len(args))
+        return distance, count
+
+    monkeypatch.setattr(screening, "_left_out", misled)
+    found = screen(there, library)
+    assert turns[-1] == 4
+    assert sorted(found.outliers.tolist()) == [5, 22, 47, 70]
+    assert found.used[[10, 11]].all()
+
+
+def test_rows_that_are_off_alike_do_not_speak_for_one_another() -> None:
+    """A target that is knocked and set right again: all readings between are off by the same."""
+    rows = planted.campaign(PLAN, planted.backlash, seed=1)
+    struck = history_order(rows)[30:36]
+    moved = rows.displacement.copy()
+    moved[struck, :3] += [3e-4, -2e-4, 4e-4]
+    found = screened(replace(rows, displacement=moved))
+    assert sorted(found.outliers.tolist()) == sorted(struck.tolist())

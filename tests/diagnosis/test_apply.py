@@ -1,0 +1,393 @@
+"""Effects in the robot's file: what a diagnosis writes predicts as it did, and leaves nothing to find."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from beamstiff import BeamstiffError, Robot, identify
+from beamstiff.diagnosis.apply import (
+    _against,
+    effects_displacement,
+    extended,
+    predict_with_effects,
+    without_effects,
+)
+from beamstiff.diagnosis.diagnose import diagnose
+from beamstiff.diagnosis.effects import EFFECTS
+from beamstiff.diagnosis.held_out.prediction import Weighted, fitted
+from beamstiff.diagnosis.inference.library import key_of, state_library
+from beamstiff.diagnosis.residual.baseline import at_rows, fit_baseline, predict
+from beamstiff.diagnosis.residual.whitened import whiten
+from beamstiff.diagnosis.result import Diagnosis
+from beamstiff.measure.table import Measurements, make_measurements
+from beamstiff.model.linear import predict_displacements
+from beamstiff.robot.parts import AddedEffect
+from beamstiff.robot.reader import parse_robot
+from beamstiff.robot.writer import robot_to_yaml
+from beamstiff.se3 import Array
+
+# two links in a horizontal plane: gravity turns neither joint
+UPPER, FORE = 1.2, 0.8  # m
+STIFFNESS = np.array([2e6, 5e5])  # N m/rad
+ARM = """\
+beamstiff: 1
+name: arm
+variables:
+  - {name: q1, type: revolute, limits: [-3, 3]}
+  - {name: q2, type: revolute, limits: [-3, 3]}
+frames:
+  - {name: f1, theta: q1}
+  - {name: f2, parent: f1, d: 1.2, theta: q2}
+nodes:
+  - {name: foot}
+  - {name: hub, frame: f1}
+  - {name: end, frame: f1, at: [1.2, 0, 0]}
+  - {name: pin, frame: f2}
+  - {name: tip, frame: f2, at: [0.8, 0, 0]}
+rigids:
+  - {name: upper, nodes: [hub, end]}
+  - {name: fore, nodes: [pin, tip]}
+joints:
+  - {name: J1, nodes: [foot, hub], frame: f1, variable: q1, stiffness: {torsional: 2e6}}
+  - {name: J2, nodes: [end, pin], frame: f2, variable: q2, stiffness: {torsional: 5e5}}
+fixed: [foot]
+tcp: tip
+identify: [J1.torsional, J2.torsional]
+"""
+NOISE = 1e-5  # m
+SIZE = 4e-4  # rad, of the dead zone
+TILT = 1.5e-7  # rad/(N m), of the floor
+
+
+def arm() -> Robot:
+    return parse_robot(ARM)
+
+
+def levers(q: Array) -> Array:
+    """Return what slips about both axes move the tip by, (N, 3, 2), by plane geometry."""
+    elbow = UPPER * np.stack([np.cos(q[:, 0]), np.sin(q[:, 0]), 0 * q[:, 0]], -1)
+    tip = elbow + FORE * np.stack([np.cos(q.sum(1)), np.sin(q.sum(1)), 0 * q[:, 0]], -1)
+    up = np.array([0.0, 0.0, 1.0])
+    return np.stack([np.cross(up, tip), np.cross(up, tip - elbow)], -1)
+
+
+def campaign(seed: int, poses: int = 24, loads: int = 5) -> tuple[Array, Array]:
+    """Return joint values and forces of a campaign; the last force of a pose is the first, turned around."""
+    rng = np.random.default_rng(seed)
+    q = np.repeat(rng.uniform([-2.5, -2.2], [2.5, 2.2], (poses, 2)), loads, axis=0)
+    wrench = np.zeros((poses * loads, 6))
+    wrench[:, :3] = rng.uniform(-900, 900, (poses * loads, 3))
+    return q, wrench
+
+
+def read(q: Array, wrench: Array, moved: Array, seed: int, noise: float = NOISE, **more: Any) -> Measurements:
+    noisy = moved + noise * np.random.default_rng(seed).standard_normal(moved.shape)
+    return make_measurements(
+        ["q1", "q2"], q, tcp="tip", wrench=wrench, displacement=noisy, sigma_position=NOISE, **more
+    )
+
+
+def truth(q: Array, wrench: Array, effect: str) -> Array:
+    """Return displacements (N, 3) of the arm with an effect, statics by hand."""
+    lever = levers(q)
+    torque = np.einsum("nac,na->nc", lever, wrench[:, :3])
+    slip = torque / (STIFFNESS * [1.2, 0.8])  # not the model's stiffness
+    if effect == "backlash":
+        slip[:, 1] += SIZE * np.tanh(torque[:, 1] / 30.0)  # tooth flanks meet within some 30 N m
+    moved: Array = np.einsum("nac,nc->na", lever, slip)
+    if effect == "base-compliance":
+        tip = np.cross(lever[:, :, 0], [0.0, 0.0, 1.0])
+        turned = TILT * np.cross(tip, wrench[:, :3]) * [1, 1, 0]
+        moved += np.cross(turned, tip)
+    return moved
+
+
+CAUSES = [("backlash", "q2"), ("base-compliance", None)]
+
+
+@cache
+def diagnosed(effect: str) -> Diagnosis:
+    q, wrench = campaign(1)
+    return diagnose(arm(), read(q, wrench, truth(q, wrench, effect), 2))
+
+
+@pytest.mark.parametrize(("effect", "component"), CAUSES)
+def test_the_robot_written_has_the_effect_and_the_stiffness_beside_it(
+    effect: str, component: str | None
+) -> None:
+    result = diagnosed(effect)
+    assert (result.verdict.effect, result.verdict.component) == (effect, component)
+    robot = parse_robot(robot_to_yaml(extended(result)))
+    assert {(one.effect, one.component) for one in robot.effects} == {(effect, component)}
+    found = [robot.parameter(name) for name in robot.identify]
+    np.testing.assert_allclose(found, STIFFNESS * [1.2, 0.8], rtol=0.01)
+    if effect == "backlash":
+        sizes = [
+            str(value).split()
+            for one in robot.effects
+            for name, value in one.parameters.items()
+            if name.startswith("half_width")
+        ]
+        assert {unit for _, unit in sizes} == {"rad"}
+        assert sum(float(value) for value, _ in sizes) == pytest.approx(SIZE, rel=0.05)
+
+
+@pytest.mark.parametrize("effect", ["backlash", "base-compliance"])
+def test_the_robot_written_predicts_new_rows_as_the_diagnosis(effect: str) -> None:
+    result = diagnosed(effect)
+    robot = parse_robot(robot_to_yaml(extended(result)))
+    q, wrench = campaign(7, poses=9)
+    rows = read(q, 1.4 * wrench, truth(q, 1.4 * wrench, effect), 8)
+    before, after = result.predict_shift(rows)
+    assert np.abs(after - before)[:, :3].max() > 1e-4
+    # the diagnosis is linear in the compliances, the robot's stiffness under load is not: no other difference
+    stiffening = [
+        predict_displacements(one, rows, preload=True) - predict_displacements(one, rows)
+        for one in (robot, result.linear.robot)
+    ]
+    found = predict_with_effects(robot, rows) - (stiffening[0] - stiffening[1])
+    np.testing.assert_allclose(found, after, rtol=0, atol=1e-12)
+    assert np.abs(stiffening[0] - stiffening[1]).max() < 0.02 * np.abs(after - before).max()
+    # the effects' own part is the same
+    there = at_rows(result.linear, rows)
+    change = 1 / np.array([robot.parameter(name) for name in robot.identify])
+    change -= 1 / np.array([result.linear.robot.parameter(name) for name in robot.identify])
+    expected = after - there.predicted - there.tangent @ change
+    np.testing.assert_allclose(effects_displacement(robot, rows), expected, rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize("effect", ["backlash", "base-compliance"])
+def test_where_the_load_does_not_stiffen_the_machine_the_prediction_is_the_same(effect: str) -> None:
+    result = diagnosed(effect)
+    robot = parse_robot(robot_to_yaml(extended(result)))
+    q, _ = campaign(9, poses=20, loads=1)
+    lever = levers(q)
+    # a force across both levers has no arm to turn them with: with the arm stretched or folded
+    q[:, 1] = np.where(q[:, 1] > 0, 0.0, np.pi)
+    lever = levers(q)
+    wrench = np.zeros((20, 6))
+    wrench[:, :3] = lever[:, :, 0] * np.linspace(-900, 900, 20)[:, None]
+    wrench[:, 2] = 0.0
+    rows = read(q, wrench, truth(q, wrench, effect), 3)
+    np.testing.assert_allclose(
+        predict_with_effects(robot, rows), result.predict_shift(rows)[1], rtol=0, atol=1e-9
+    )
+
+
+@pytest.mark.parametrize("effect", ["backlash", "base-compliance"])
+def test_beside_the_effect_there_is_nothing_more(effect: str) -> None:
+    robot = extended(diagnosed(effect))
+    q, wrench = campaign(11)
+    again = diagnose(robot, read(q, wrench, truth(q, wrench, effect), 12))
+    assert again.verdict.effect == "none"
+    assert again.rms == pytest.approx(np.sqrt(3) * NOISE, rel=0.15)
+
+
+@pytest.mark.parametrize("effect", ["backlash", "base-compliance"])
+def test_identification_beside_the_effects_finds_the_stiffness(effect: str) -> None:
+    robot = extended(diagnosed(effect))
+    q, wrench = campaign(13)
+    rows = read(q, wrench, truth(q, wrench, effect), 14)
+    with pytest.raises(BeamstiffError, match=f"its effects .*{effect}.* take them off"):
+        identify(robot, rows)
+    found = identify(*without_effects(robot, rows), folds=0)
+    assert found.robot.effects == ()
+    np.testing.assert_allclose(found.stiffness, STIFFNESS * [1.2, 0.8], rtol=0.01)
+    assert found.rms == pytest.approx(np.sqrt(3) * NOISE, rel=0.15)
+
+
+def test_without_an_effect_only_the_stiffness_is_written() -> None:
+    q, wrench = campaign(1)
+    result = diagnose(arm(), read(q, wrench, truth(q, wrench, "none"), 2))
+    assert result.verdict.effect == "none"
+    robot = extended(result)
+    assert robot.effects == ()
+    np.testing.assert_allclose(
+        [robot.parameter(name) for name in robot.identify], STIFFNESS * [1.2, 0.8], rtol=0.01
+    )
+
+
+def test_shapes_between_which_the_data_do_not_choose_and_second_causes_are_all_written() -> None:
+    result = diagnosed("backlash")
+    known = state_library(result.linear, whiten(result.linear)).hypotheses
+    shapes = {(one.key, one.shape.name): one for one in known}
+    knees = [shapes["backlash:q2", f"flank within {width}"] for width in ("0.005", "0.03")]
+    floor = shapes["base-compliance:null", "tilt"]
+    models = [[Weighted(knees[0], 0.3, 1.0), Weighted(knees[1], 0.7, 1.0)], [Weighted(floor, 1.0, 1.0)]]
+    found = fitted(result.linear, result.linear.used, models, 1.0)
+    found = [replace(fit, theta=np.abs(fit.theta)) for fit in found]  # what is negative is written as nothing
+    both = replace(result, fits=tuple(found))
+    robot = parse_robot(robot_to_yaml(extended(both)))
+    assert [(one.effect, one.shape) for one in robot.effects] == [
+        ("backlash", "flank within 0.005"),
+        ("base-compliance", "tilt"),
+        ("backlash", "flank within 0.03"),
+    ]
+    rows = any_rows("displacement", 4)
+    after = both.predict_shift(rows)[1]
+    near, change = at_rows(both.linear, rows), sum(one.weight * one.compliance for one in both.fits)
+    expected = after - near.predicted - near.tangent @ change
+    np.testing.assert_allclose(effects_displacement(robot, rows), expected, rtol=0, atol=1e-14)
+
+
+def test_what_the_noise_made_negative_is_written_as_nothing() -> None:
+    """The arm lies flat: nothing turns the floor about x but noise."""
+    result = diagnosed("backlash")
+    known = state_library(result.linear, whiten(result.linear)).hypotheses
+    floor = next(one for one in known if (one.effect, one.shape.name) == ("base-compliance", "rotation"))
+    (fit,) = fitted(result.linear, result.linear.used, [[Weighted(floor, 1.0, 1.0)]], 1.0)
+    assert (fit.theta < 0).any()
+    (written,) = extended(replace(result, fits=(fit,))).effects
+    values = np.array([float(str(value).split()[0]) for value in written.parameters.values()])
+    np.testing.assert_allclose(values, np.maximum(fit.theta * floor.sizes, 0.0), rtol=1e-12)
+
+
+def test_no_compliance_becomes_negative() -> None:
+    result = diagnosed("backlash")
+    (first, *others) = result.fits
+    none_left = -1.5 / result.linear.robot.parameter("J1.torsional")
+    fits = (replace(first, compliance=np.array([none_left / first.weight, 0.0])), *others)
+    robot = extended(replace(result, fits=fits))
+    # the best fit beside the effects, which is inside the bounds here
+    np.testing.assert_allclose(
+        [robot.parameter(name) for name in robot.identify], STIFFNESS * [1.2, 0.8], rtol=0.01
+    )
+
+
+def any_rows(kind: str, seed: int) -> Measurements:
+    """Return rows with all that a table can hold."""
+    rng = np.random.default_rng(seed)
+    q, wrench = campaign(seed, poses=6, loads=4)
+    wrench[:, 3:] = rng.uniform(-100, 100, (24, 3))
+    common: dict[str, Any] = {
+        "wrench": wrench,
+        "step": np.tile([1, 2, 3, 4], 6),
+        "time": 100.0 * (seed + 1) + np.arange(24) * 30.0,
+        "temperature": rng.uniform(20, 30, 24),
+        "tcp": "tip",
+    }
+    if kind == "absolute":
+        return make_measurements(["q1", "q2"], q, position=rng.uniform(-1, 1, (24, 3)), **common)
+    return make_measurements(["q1", "q2"], q, displacement=1e-3 * rng.standard_normal((24, 6)), **common)
+
+
+@pytest.mark.parametrize("kind", ["displacement", "absolute"])
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_every_shape_means_the_same_without_the_rows_it_was_fitted_to(effect: str, kind: str) -> None:
+    fitted, rows = any_rows(kind, 0), any_rows(kind, 5)
+    fit = fit_baseline(arm(), fitted)
+    there = at_rows(fit, rows)
+    rng = np.random.default_rng(3)
+    law = EFFECTS[effect]
+    for component in law.components(fit):
+        shapes = law.shapes(there, component)
+        for shape in shapes[:: max(len(shapes) // 6, 1)] + shapes[-1:]:
+            values = rng.uniform(-1, 1, len(shape.parameters)) * [item.size for item in shape.parameters]
+            values[[item.passing for item in shape.parameters]] = 0.0
+            values = np.where([item.positive for item in shape.parameters], np.abs(values), values)
+            names = [item.name for item in shape.parameters]
+            added = AddedEffect(
+                effect=effect,
+                component=component,
+                shape=shape.name,
+                parameters={name: value for name, value in zip(names, values.tolist(), strict=True) if value},
+                scales=_against(shape, law.scales(fit, component)),
+            )
+            robot = fit.robot.model_copy(update={"effects": (added,)})
+            robot = parse_robot(robot_to_yaml(robot))
+            expected = shape.columns @ values
+            found = effects_displacement(robot, rows)
+            np.testing.assert_allclose(
+                found, expected, rtol=0, atol=1e-9 * np.abs(expected).max(initial=1e-12)
+            )
+            np.testing.assert_allclose(
+                predict(robot, rows),
+                there.predicted + expected,
+                rtol=0,
+                atol=1e-9 * np.abs(expected).max(),
+            )
+
+
+BACKLASH = {
+    "effect": "backlash",
+    "component": "q2",
+    "shape": "flank within 0.03",
+    "parameters": {"half_width": "0.2 mrad"},
+    "scales": {"torque": 700.0},
+}
+
+
+def test_an_effect_written_by_hand() -> None:
+    robot = arm().model_copy(update={"effects": (AddedEffect(**BACKLASH),)})
+    q, wrench = campaign(0)
+    rows = read(q, wrench, 0 * wrench[:, :3], 0)
+    lever = levers(q)
+    torque = np.einsum("na,na->n", lever[:, :, 1], wrench[:, :3])
+    by_hand = lever[:, :, 1] * (2e-4 * np.tanh(torque / (0.03 * 700.0)))[:, None]
+    np.testing.assert_allclose(effects_displacement(robot, rows)[:, :3], by_hand, rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"effect": "backlasch"}, r"effects\[0\] \(backlasch\): unknown effect .*did you mean 'backlash'"),
+        ({"component": "q3"}, "unknown component 'q3'; known: q1, q2"),
+        ({"component": None}, "component: is missing, expected one of q1, q2"),
+        ({"effect": "base-compliance"}, "component 'q2': it is of the machine as a whole"),
+        ({"effect": "joint-compliance"}, "component 'q2': this robot has no place for it"),
+        ({"shape": "flank within 0.04"}, "unknown shape .*did you mean 'flank within 0.03'"),
+        ({"parameters": {"width": 1e-4}}, "unknown parameter 'width' .*did you mean 'half_width'"),
+        (
+            {"parameters": {"half_width": "0.2 mm"}},
+            "parameters.half_width: found the unit 'mm', expected .*rad",
+        ),
+        ({"parameters": {"half_width": -1e-4}}, "half_width: found -0.0001, expected nothing negative"),
+        ({"parameters": {"half_width": 30.0}}, "half_width: found 30.0, expected at most 1 rad"),
+        ({"scales": {}}, "scales: torque missing"),
+        ({"scales": {"torque": (1.0, 2.0)}}, "scales.torque: found .*expected a number"),
+        ({"scales": {"torque": 0.0}}, "scales.torque: found 0.0, expected a positive number"),
+        ({"scales": {"torque": 1.0, "torgue": 1.0}}, "unknown scale 'torgue'"),
+    ],
+)
+def test_what_the_library_does_not_know_is_refused(change: dict[str, Any], message: str) -> None:
+    robot = arm().model_copy(update={"effects": (AddedEffect(**(BACKLASH | change)),)})
+    q, wrench = campaign(0)
+    rows = read(q, wrench, 0 * wrench[:, :3], 0)
+    with np.errstate(all="ignore"), pytest.raises(BeamstiffError, match=message):
+        predict_with_effects(robot, rows)
+
+
+def test_a_payload_does_not_show_in_differences() -> None:
+    payload = AddedEffect(effect="payload-error", shape="mass", parameters={"mass": "3 kg"})
+    robot = arm().model_copy(update={"effects": (payload,)})
+    assert not effects_displacement(robot, any_rows("displacement", 0)).any()
+
+
+def test_what_does_not_show_is_checked_all_the_same() -> None:
+    payload = AddedEffect(effect="payload-error", shape="mast", parameters={"mass": "3 kg"})
+    with pytest.raises(BeamstiffError, match=r"unknown shape 'mast' .*did you mean 'mass'"):
+        effects_displacement(arm().model_copy(update={"effects": (payload,)}), any_rows("displacement", 0))
+
+
+def test_an_effect_stands_in_the_file_once() -> None:
+    play = AddedEffect(**BACKLASH)
+    twice = arm().model_copy(update={"effects": (play, play)})
+    with pytest.raises(BeamstiffError, match=r"effects\[1\] \(backlash\): shape .* stands there before"):
+        effects_displacement(twice, any_rows("displacement", 0))
+
+
+def test_of_several_shapes_only_the_sum_cannot_be_negative() -> None:
+    one = AddedEffect(**BACKLASH)
+    other = one.model_copy(update={"shape": "flank within 0.1", "parameters": {"half_width": -5e-5}})
+    both = arm().model_copy(update={"effects": (one, other)})
+    assert effects_displacement(both, any_rows("displacement", 0)).any()
+
+
+def test_names_are_written_as_the_report_writes_them() -> None:
+    result = diagnosed("backlash")
+    assert {key_of(one.effect, one.component) for one in extended(result).effects} == {result.verdict.key}

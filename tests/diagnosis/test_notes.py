@@ -1,0 +1,124 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from beamstiff.diagnosis.inference.library import Library
+from beamstiff.diagnosis.notes import notes
+from beamstiff.diagnosis.residual.baseline import fit_baseline, predict
+from beamstiff.diagnosis.residual.screening import Screened, screen
+from beamstiff.diagnosis.residual.whitened import whiten
+from tests.diagnosis.machines import ONCE, POSITION, ROTATION, at_random, elbow, nominal, rows_of
+
+SILENCE = Library((), ())
+
+
+def said(
+    noise: tuple[float, float] = (1.0, 1.0),
+    outliers: int = 0,
+    verdict: str = "none",
+    scale: float = 1.0,
+    silent: bool = False,
+    q: Any = None,
+    wrench: Any = None,
+    **more: Any,
+) -> str:
+    """Return the notes of a sound campaign of ten postures, changed in one thing."""
+    rows = at_random(elbow(), 10, seed=1)
+    columns = {"sigma_position": POSITION, "sigma_rotation": ROTATION} | more
+    rows = rows_of(elbow(), rows.q if q is None else q, rows.wrench if wrench is None else wrench, **columns)
+    there = nominal(elbow(), rows)
+    found = replace(
+        screen(there, SILENCE),
+        noise=np.array(noise),
+        outliers=np.arange(outliers, dtype=np.intp),
+        silent=silent,
+    )
+    assert isinstance(found, Screened)
+    return "\n".join(notes(found, whiten(there), verdict, scale))
+
+
+def test_a_sound_campaign_lacks_repeats_at_most() -> None:
+    assert said() == ONCE
+    twice = at_random(elbow(), 10, seed=1)
+    told = said(q=np.repeat(twice.q, 2, axis=0), wrench=np.repeat(twice.wrench, 2, axis=0))
+    assert ONCE not in told
+    assert "repeats scatter 0 times as much as the position noise" in told  # the readings have none here
+
+
+def test_repeats_that_contradict_the_claim_or_drift_are_told() -> None:
+    rng = np.random.default_rng(2)
+    twice = at_random(elbow(), 40, seed=1)
+    rows = rows_of(
+        elbow(),
+        np.repeat(twice.q, 2, axis=0),
+        np.repeat(twice.wrench, 2, axis=0),
+        sigma_position=POSITION,
+        sigma_rotation=ROTATION,
+        time=100.0 * np.arange(80),
+    )
+    sigma = np.repeat([3 * POSITION, ROTATION], 3)
+    noise = rng.standard_normal((80, 6)) * sigma
+    noise[:, 4] += 8 * ROTATION * np.tile([0, 1], 40)  # from each reading to the next, 100 s later
+    read = replace(rows, displacement=predict(elbow(), rows) + noise)
+    found = screen(fit_baseline(elbow(), read), SILENCE)
+    told = "\n".join(
+        notes(
+            replace(found, baseline=replace(found.baseline, sigma=rows.sigma), noise=np.ones(2)),
+            whiten(found.baseline),
+            "none",
+            1.0,
+        )
+    )
+    assert "times as much as the position noise that the table claims" in told
+    assert "repeated rotations drift by 14 mrad an hour" in told
+
+
+@pytest.mark.parametrize(
+    ("changed", "note"),
+    [
+        ({"wrench": np.eye(6)[1:4] * 500}, "only 16 values beyond those fitted: no confident verdict"),
+        ({"q": np.zeros(2)}, "only 1 posture: "),
+        ({"sigma_position": None, "sigma_rotation": None}, "states no noise"),
+        ({"noise": (2.1, 1.0)}, "the noise of the positions looks 2.1 times what the table claims"),
+        ({"noise": (1.0, 0.5)}, "the noise of the rotations looks 0.5 times what the table claims"),
+        ({"wrench": np.zeros((10, 6))}, "no row carries a load"),
+        ({"wrench": np.linspace(1, 2, 10)[:, None] * np.eye(6)[1] * 500}, "do not span all directions"),
+        ({"wrench": np.tile(np.eye(6)[:3], (4, 1))[:10] * 500}, "one load level only"),
+        ({"wrench": np.linspace(1, 2, 10)[:, None] * np.eye(6)[5] * 500}, "do not span all directions"),
+        ({"wrench": np.tile(np.eye(6)[3:], (4, 1))[:10] * 500}, "one load level only"),
+        ({"silent": True}, "as simulated ones do: what is smaller than the claim is not looked at"),
+        ({"scale": 1.8}, "the fit leaves 1.8 times the noise counted with"),
+        ({"verdict": "unknown"}, "may stand in the table as well: joint columns in another order"),
+        ({"outliers": 1}, "1 row that nothing explains left out"),
+        ({"outliers": 3}, "3 rows that nothing explains left out"),
+    ],
+)
+def test_what_limits_the_conclusions_is_said_in_a_line(changed: dict[str, Any], note: str) -> None:
+    q = changed.pop("q", None)
+    if q is None and len(changed.get("wrench", range(10))) != 10:
+        q = at_random(elbow(), 3, seed=1).q
+    lines = said(q=q, **changed).splitlines()
+    assert sum(note in line for line in lines) == 1
+    assert all(len(line) < 160 for line in lines)
+
+
+def test_loads_of_the_wrong_sign_are_said_before_all_else() -> None:
+    there = nominal(elbow(), at_random(elbow(), 10, seed=1, sigma_position=POSITION, sigma_rotation=ROTATION))
+    found = screen(there, SILENCE)
+    turned = replace(found.baseline.rows, wrench=-there.rows.wrench)
+    found = replace(found, baseline=replace(found.baseline, rows=turned))
+    first, *others = notes(found, whiten(there), "none", 1.0)
+    assert (
+        "moved against its load in 8 of 8 rows (those beyond the noise), which no elastic machine does"
+        in first
+    )
+    assert others == list(notes(screen(there, SILENCE), whiten(there), "none", 1.0))
+
+
+def test_a_cause_that_was_named_says_itself_what_it_leaves() -> None:
+    assert said(verdict="backlash", scale=1.8) == ONCE
+    assert said(verdict="none", scale=1.4) == ONCE

@@ -1,0 +1,53 @@
+"""Answered cases made by hand: a truth, a verdict, and what else a test is about."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from beamstiff.exam.names import is_named, normal
+from beamstiff.exam.record import Answer, Label, Record
+
+
+def answered(truth: str = "backlash:q3", verdict: str = "none", **more: Any) -> Record:
+    """Return a case; `truth` is ``none``, or one effect or two joined by a blank.
+
+    More: case, kind, gap, gaps, also, set (declared equivalents), p (of the verdict), probabilities,
+    promised, shrink, controls, robot, design, readings, hand, withheld.
+    """
+    truths = () if truth == "none" else tuple(normal(key) for key in truth.split())
+    kind = more.get("kind", ("null", "single", "pair")[len(truths)])
+    gap = more.get("gap", 0.0 if kind == "null" else 2.0)
+    verdict, p = normal(verdict), more.get("p", 1.0)
+    label = Label(
+        case=more.get("case", 0),
+        kind=kind,
+        truths=truths,
+        sizes=(0.5,) * len(truths),
+        withheld=more.get("withheld", ()),
+        robot=more.get("robot", "kr240-2"),
+        design=more.get("design", "rich"),
+        data="displacement",
+        claimed="true",
+        readings=more.get("readings", 6),
+        hand=more.get("hand", 1),
+    )
+    answer = Answer(
+        verdict=verdict,
+        probability=p,
+        also=tuple(map(normal, more.get("also", ()))),
+        indistinguishable=tuple(map(normal, more.get("set", ()))),
+        probabilities={normal(k): v for k, v in more.get("probabilities", {verdict: p}).items()},
+        promised=more.get("promised", 0.9 if is_named(verdict) else None),
+    )
+    return Record(
+        label=label,
+        answer=answer,
+        gap=gap,
+        gaps=more.get("gaps", (gap,) * len(truths)),
+        shrink=more.get("shrink", 0.9 if is_named(verdict) else None),
+        controls={k: normal(v) for k, v in more.get("controls", {}).items()},
+        label_sha256="",
+        report_sha256="",
+        seconds=0.0,
+        error=more.get("error"),
+    )

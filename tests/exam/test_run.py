@@ -1,0 +1,247 @@
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from beamstiff.errors import BeamstiffError
+from beamstiff.exam import score
+from beamstiff.exam.blind import Examiner, examine
+from beamstiff.exam.cases import Exam, draw_case, kind_of
+from beamstiff.exam.labelled import examine_folder
+from beamstiff.exam.record import Record
+from beamstiff.exam.reliability import brier, calibration_error
+from beamstiff.exam.run import Void, read_results, run_exam
+from beamstiff.exam.table import headline
+from tests.exam.standins import Oracle, always_none, anything, broken
+
+COUNT = 24
+EXAM = Exam(
+    seed=11,
+    shares={"null": 6, "single": 12, "pair": 2, "outside": 2, "removed": 2},
+    effects=("link-bending", "tool-compliance", "hardening", "load-error", "frame-misalignment"),
+    robots=("kr240-2",),
+    lean=0.8,
+)
+
+
+@pytest.fixture(scope="module")
+def oracle() -> tuple[Oracle, list[Record]]:
+    knows = Oracle(EXAM, COUNT)
+    return knows, run_exam(EXAM, COUNT, Examiner(knows))
+
+
+@pytest.fixture(scope="module")
+def silent() -> list[Record]:
+    return run_exam(EXAM, COUNT, Examiner(always_none))
+
+
+def test_who_knows_the_labels_passes_with_full_marks(oracle: tuple[Oracle, list[Record]]) -> None:
+    knows, records = oracle
+    assert len(records) == COUNT
+    singles = score.clear_singles(records)
+    assert len(singles) >= 4
+    assert score.false_alarms(records).value == 0.0
+    for figure in (
+        score.detection(singles),
+        score.exact(singles),
+        score.right_family(singles),
+        score.coverage(singles),
+        score.set_size(singles),
+    ):
+        assert figure.value == 1.0
+    assert all(map(score.is_nameless, score.of_kind(records, "outside")))
+    assert all(map(score.is_flagged, score.of_kind(records, "removed")))
+    assert score.shrink_difference(records).value == pytest.approx(0.0, abs=1e-9)
+    assert calibration_error(records).value == 0.0
+    assert brier(records).value == 0.0
+    assert not [row.name for row in headline(records) if row.met == "missed"]
+    withheld = [record.label.withheld for record in records if record.label.kind == "removed"]
+    assert sorted(filter(None, knows.withheld)) == sorted(withheld)
+
+
+def test_who_always_says_none_raises_no_alarm_and_finds_nothing(silent: list[Record]) -> None:
+    singles = score.clear_singles(silent)
+    assert score.false_alarms(silent).value == 0.0
+    assert score.detection(singles).value == 0.0
+    assert score.exact(singles).value == 0.0
+    assert score.coverage(singles).value == 0.0
+    assert score.set_size(singles).count == 0
+    assert all(map(score.is_nameless, score.of_kind(silent, "outside")))
+    assert not any(map(score.is_flagged, score.of_kind(silent, "removed")))
+    assert all(record.shrink is None for record in silent)
+
+
+def test_who_guesses_is_right_by_chance_and_always_alarmed() -> None:
+    records = run_exam(EXAM, 12, Examiner(anything))
+    assert score.false_alarms(records).value == 1.0
+    singles = score.of_kind(records, "single")
+    assert score.detection(singles).value == 1.0
+    # one in 18 effects and 7 places is right: two of a handful would be no chance any more
+    assert sum(map(score.is_exact, singles)) <= 1
+
+
+def test_a_diagnosis_that_breaks_off_is_wrong_everywhere_and_the_exam_goes_on() -> None:
+    records = run_exam(EXAM, 12, Examiner(broken))
+    assert len(records) == 12
+    assert all(
+        record.error is not None and record.error.startswith("ZeroDivisionError") for record in records
+    )
+    assert score.false_alarms(records).value == 1.0
+    assert not any(map(score.is_nameless, score.of_kind(records, "outside")))
+    assert not any(map(score.is_flagged, score.of_kind(records, "removed")))
+    assert not any(map(score.is_detected, records))
+
+
+def test_labels_do_not_depend_on_who_is_examined(
+    oracle: tuple[Oracle, list[Record]], silent: list[Record]
+) -> None:
+    assert [r.label_sha256 for r in oracle[1]] == [r.label_sha256 for r in silent]
+    np.testing.assert_array_equal([r.gap for r in oracle[1]], [r.gap for r in silent])
+    assert len({r.label_sha256 for r in silent}) == COUNT
+
+
+def test_a_case_is_the_same_in_any_order_and_by_itself(silent: list[Record]) -> None:
+    for case in (17, 3):
+        alone = examine(EXAM, case, Examiner(always_none))
+        assert replace(alone, seconds=0.0) == replace(silent[case], seconds=0.0)
+
+
+def test_other_processes_find_the_same(silent: list[Record], tmp_path: Path) -> None:
+    records = run_exam(EXAM, 6, Examiner(always_none), processes=2, results=tmp_path / "results.jsonl")
+    assert [replace(r, seconds=0.0) for r in records] == [replace(r, seconds=0.0) for r in silent[:6]]
+    assert read_results(tmp_path / "results.jsonl")[1] == records
+
+
+def test_a_cluster_finds_the_same_and_files_are_written_here(
+    silent: list[Record], scheduler: str, tmp_path: Path
+) -> None:
+    results, reports = tmp_path / "results.jsonl", tmp_path / "reports"
+    reports.mkdir()
+    examiner = Examiner(always_none, reports=Path(reports))
+    records = run_exam(EXAM, 4, examiner, scheduler=scheduler, results=results)
+    assert [replace(r, seconds=0.0) for r in records] == [replace(r, seconds=0.0) for r in silent[:4]]
+    assert sorted(path.name for path in reports.iterdir()) == [f"case-00000{case}.json" for case in range(4)]
+    lines = [json.loads(line) for line in results.read_text().splitlines()[1:]]
+    for case in range(4):
+        mine = [
+            next(iter(line))
+            for line in lines
+            if line.get("sealed", line.get("record", {}).get("label", {}).get("case")) == case
+        ]
+        assert mine == ["sealed", "record"]
+    run_exam(EXAM, 4, examiner, scheduler="tcp://nobody:1", results=results)  # all is done: nobody is asked
+
+
+def test_labelled_campaigns_are_examined_the_same_by_several_processes(
+    shared_path: Callable[[str], Path],
+) -> None:
+    folder, examiner = shared_path("practice/labels.json").parent, Examiner(always_none)
+    alone = examine_folder(folder, examiner)
+    found = examine_folder(folder, examiner, processes=2)
+    assert [replace(r, seconds=0.0) for r in found] == [replace(r, seconds=0.0) for r in alone]
+
+
+def test_the_seal_is_on_disk_before_the_diagnosis_and_fits_the_label(tmp_path: Path) -> None:
+    results, seen = tmp_path / "results.jsonl", []
+
+    def looks(*arguments: object, **more: object) -> object:
+        seen.append(json.loads(results.read_text().splitlines()[-1]))
+        return always_none(*arguments, **more)  # type: ignore[arg-type]
+
+    records = run_exam(
+        EXAM,
+        3,
+        Examiner(looks),
+        results=results,
+    )  # type: ignore[arg-type]
+    assert [line["sealed"] for line in seen] == [0, 1, 2]
+    assert [line["label_sha256"] for line in seen] == [r.label.digest() for r in records]
+
+
+def test_the_diagnosis_sees_rows_and_nothing_of_the_label() -> None:
+    seen = []
+
+    def looks(robot: object, measurements: object, **more: object) -> object:
+        seen.append((robot, measurements, more))
+        return always_none(robot, measurements)  # type: ignore[arg-type]
+
+    singles = [case for case in range(COUNT) if kind_of(EXAM, case)[0] == "single"]
+    examine(EXAM, singles[0], Examiner(looks))  # type: ignore[arg-type]
+    case = draw_case(EXAM, singles[0])
+    robot, measurements, more = seen[0]
+    assert robot == case.robot
+    assert robot != case.machine
+    assert more == {"without": (), "seed": 0}
+    text = f"{measurements!r} {measurements.metadata} {measurements.sources}"
+    assert case.truths[0].effect not in text
+    assert str(EXAM.seed) not in text
+
+
+def test_an_exam_that_broke_off_is_taken_up_where_it_was(silent: list[Record], tmp_path: Path) -> None:
+    results = tmp_path / "results.jsonl"
+    run_exam(EXAM, 4, Examiner(always_none), results=results)
+    lines = results.read_bytes().splitlines(keepends=True)
+    results.write_bytes(b"".join(lines[:-2]) + lines[-2][:25])  # cut in the middle of a line
+    asked = []
+
+    def counted(*arguments: object, **more: object) -> object:
+        asked.append(1)
+        return always_none(*arguments, **more)  # type: ignore[arg-type]
+
+    shown: list[Record | Void] = []
+    records = run_exam(EXAM, 5, Examiner(counted), results=results, progress=shown.append)  # type: ignore[arg-type]
+    assert len(asked) == 2
+    assert len(shown) == 5
+    assert [replace(r, seconds=0.0) for r in records] == [replace(r, seconds=0.0) for r in silent[:5]]
+
+
+def test_results_of_another_exam_are_not_mixed_in(tmp_path: Path) -> None:
+    results = tmp_path / "results.jsonl"
+    run_exam(EXAM, 1, Examiner(always_none), results=results)
+    with pytest.raises(BeamstiffError, match=r"results of another exam \(seed: 11 there, 12 asked\)"):
+        run_exam(replace(EXAM, seed=12), 1, Examiner(always_none), results=results)
+
+
+def test_what_are_no_results_is_said(tmp_path: Path) -> None:
+    results = tmp_path / "results.jsonl"
+    results.write_text("pose,fx\n1,2\n")
+    with pytest.raises(BeamstiffError, match=r"results.jsonl:1: found 'pose,fx', expected a line"):
+        run_exam(EXAM, 1, Examiner(always_none), results=results)
+
+
+def test_blocks_hold_every_kind_in_its_share_and_effects_in_turn() -> None:
+    exam = Exam(seed=3)
+    kinds = [kind_of(exam, case) for case in range(300)]
+    for block in range(3):
+        some = [kind for kind, _ in kinds[100 * block : 100 * block + 100]]
+        assert {kind: some.count(kind) for kind in set(some)} == dict(exam.shares)
+    singles = [before for kind, before in kinds if kind == "single"]
+    assert singles == list(range(126))
+    assert [kind for kind, _ in kinds[:100]] != [kind for kind, _ in kinds[100:200]]
+
+
+def test_reports_are_kept_on_request(tmp_path: Path) -> None:
+    examine(EXAM, 2, Examiner(always_none, reports=tmp_path))
+    report = json.loads((tmp_path / "case-000002.json").read_text())
+    assert report["verdict"]["effect"] == "none"
+
+
+def test_a_control_is_asked_beside_the_diagnosis() -> None:
+    report = always_none(*_nothing()).to_dict()
+    controls = {"name": lambda *_: "backlash:q3", "report": lambda *_: report, "bad": _bad}
+    record = examine(EXAM, 1, Examiner(always_none, controls=controls))
+    assert record.controls == {"name": "backlash:q3", "report": "none:null", "bad": "failed:null"}
+
+
+def _nothing() -> tuple[Any, Any]:
+    return None, None
+
+
+def _bad(*_: object) -> str:
+    raise ValueError

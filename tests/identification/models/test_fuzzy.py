@@ -1,0 +1,314 @@
+"""Fuzzy compliance from displacements: exact rules, definite rules, partitions and trees."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import minimize
+
+from beamstiff import BeamstiffError, Robot, load_robot
+from beamstiff.identification.models.fuzzy import fit_fuzzy
+from beamstiff.identification.models.fuzzy_rules import fit_conclusions, rapid_prototype, state_readings
+from beamstiff.identification.models.fuzzy_tree import fit_fuzzy_tree, pairs_leave
+from beamstiff.identification.solis_wets import solis_wets
+from beamstiff.measure.table import Measurements, make_measurements
+from beamstiff.model.fuzzy import FuzzySystem, Partition
+from beamstiff.model.fuzzy_compliance import FuzzyCompliance
+from beamstiff.model.fuzzy_tree import Split, Tree
+
+LENGTH = 2.0
+SIGMA = 1e-5
+
+
+def ir663() -> Robot:
+    return load_robot("ir663")
+
+
+def rows(
+    model: Callable[[np.ndarray, np.ndarray], np.ndarray],
+    count: int = 80,
+    noise: float = 0.0,
+    loads: int = 3,
+    **more: Any,
+) -> Measurements:
+    """Return displacements that a function of q (N, 2) and wrench says, under random forces."""
+    random = np.random.default_rng(count)
+    q = random.uniform(-1, 1, (count, 2))
+    q[:4] = [[-1, -1], [-1, 1], [1, -1], [1, 1]]
+    wrench = np.zeros((count, 6))
+    wrench[:, :loads] = random.normal(size=(count, loads)) * 900
+    seen = model(q, wrench) + noise * random.standard_normal((count, 6))
+    if loads <= 3:
+        seen[:, 3:] = np.nan
+    table = {"wrench": wrench, "displacement": seen, "sigma_position": SIGMA, "sigma_rotation": SIGMA}
+    return make_measurements(["q2", "q8"], q, tcp="n7", **(table | more))
+
+
+def definite(count: int, seed: int = 1) -> np.ndarray:
+    """Return compliance matrices (R, 6, 6) of a machine's size."""
+    root = np.random.default_rng(seed).normal(size=(count, 6, 6)) / np.array(
+        [1, 1, 1, LENGTH, LENGTH, LENGTH]
+    )
+    matrix = root.swapaxes(1, 2) @ root + 0.2 * np.eye(6)
+    return 1e-6 * matrix
+
+
+def planted(partition: Partition | Tree, seed: int = 1) -> FuzzyCompliance:
+    system = FuzzySystem(partition, definite(partition.count, seed))
+    return FuzzyCompliance(("q2", "q8"), system, extrapolate=True)
+
+
+PARTITION = Partition(("q2", "q8"), (np.array([-1.0, 0.2, 1.0]), np.array([-1.0, 1.0])))
+
+
+@pytest.mark.parametrize("loads", [3, 6])
+def test_planted_conclusions_come_back(loads: int) -> None:
+    truth = planted(PARTITION)
+    table = rows(truth.predict, 120, loads=loads)
+    readings = state_readings(table, LENGTH, "n7")
+    found = readings.matrices(fit_conclusions(readings, PARTITION, PARTITION.firing(table.q)))
+    assert np.isfinite(found[0]).sum() == loads**2
+    error = (found - truth.system.conclusions)[:, :loads, :loads]
+    # neighbours draw a little (SMOOTH), as a ten-thousandth of a reading does
+    assert np.abs(error).max() < 3e-4 * np.abs(truth.system.conclusions[:, :loads, :loads]).max()
+
+
+def test_descent_ends_where_the_direct_solution_is() -> None:
+    table = rows(planted(PARTITION).predict, 60, noise=5e-5)
+    readings, firing = state_readings(table, LENGTH, "n7"), PARTITION.firing(table.q)
+    exact = fit_conclusions(readings, PARTITION, firing)
+    descent = fit_conclusions(readings, PARTITION, firing, method="gradient")
+    assert np.abs(exact - descent).max() < 1e-5 * np.abs(exact).max()
+
+
+def barely_definite(table: Measurements) -> tuple[np.ndarray, np.ndarray]:
+    """Return the best 3 x 3 conclusion of one rule, and the best whose eigenvalues are not below the least.
+
+    By scipy from Cholesky factors: another formulation.
+    """
+    force, seen = table.wrench[:, :3], table.displacement[:, :3]
+    free = np.linalg.lstsq(force, seen)[0].T
+    free = 0.5 * (free + free.T)
+    unit = 1e-6
+
+    def matrix(x: np.ndarray, least: float) -> np.ndarray:
+        root = np.zeros((3, 3))
+        root[np.tril_indices(3)] = x
+        return unit * (root @ root.T + least * np.eye(3))
+
+    def cost(x: np.ndarray, least: float) -> float:
+        gap = seen - force @ matrix(x, least)
+        return float((gap**2).sum() / SIGMA**2)
+
+    least = 1e-6
+    best = min(
+        (
+            minimize(cost, np.random.default_rng(seed).normal(size=6), (least,), options={"gtol": 1e-10})
+            for seed in range(4)
+        ),
+        key=lambda one: float(one.fun),
+    )
+    return free, matrix(best.x, least)
+
+
+def test_definite_conclusions_are_the_best_that_are() -> None:
+    """A compliance that is no compliance (an eigenvalue below zero): the closest that is one."""
+    wrong = np.zeros((6, 6))
+    wrong[:3, :3] = 1e-6 * np.array([[2.0, 1.5, 0.3], [1.5, 1.0, -0.2], [0.3, -0.2, 0.8]])
+    assert np.linalg.eigvalsh(wrong[:3, :3])[0] < 0
+    table = rows(lambda _, wrench: wrench @ wrong, 50, noise=1e-5)
+    single = Partition(("q2", "q8"), (np.array([0.0]), np.array([0.0])))
+    readings, firing = state_readings(table, LENGTH, "n7"), np.ones((50, 1))
+    found = readings.matrices(fit_conclusions(readings, single, firing, positive=True))[0, :3, :3]
+    _, best = barely_definite(table)
+    values = np.linalg.eigvalsh(found)
+    assert 0 < values[0] < 2e-3 * values[-1]
+    assert np.abs(found - best).max() < 3e-3 * np.abs(best).max()
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=25)
+def test_definite_conclusions_stay_definite_whatever_the_readings(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    table = rows(lambda q, _: 1e-3 * random.standard_normal((len(q), 6)), 30)
+    readings, firing = state_readings(table, LENGTH, "n7"), PARTITION.firing(table.q)
+    found = readings.matrices(fit_conclusions(readings, PARTITION, firing, positive=True))[:, :3, :3]
+    assert np.abs(found - found.swapaxes(1, 2)).max() == 0.0
+    assert np.linalg.eigvalsh(found)[:, 0].min() > 0
+
+
+def test_conclusions_that_are_definite_anyway_are_left_alone() -> None:
+    table = rows(planted(PARTITION).predict, 60, noise=1e-6)
+    readings, firing = state_readings(table, LENGTH, "n7"), PARTITION.firing(table.q)
+    free, held = (fit_conclusions(readings, PARTITION, firing, positive=p) for p in (False, True))
+    assert np.array_equal(free, held)
+
+
+def test_a_compliance_without_symmetry_has_all_its_terms() -> None:
+    matrix = 1e-6 * np.arange(1.0, 37.0).reshape(6, 6)
+    table = rows(lambda _, wrench: wrench @ matrix.T, 40)
+    readings = state_readings(table, LENGTH, "n7", symmetric=False)
+    single = Partition(("q2", "q8"), (np.array([0.0]), np.array([0.0])))
+    found = readings.matrices(fit_conclusions(readings, single, np.ones((40, 1))))[0]
+    assert np.abs(found[:3, :3] - matrix[:3, :3]).max() < 1e-7 * np.abs(matrix).max()
+    with pytest.raises(BeamstiffError, match=r"not symmetric cannot be fitted positive definite"):
+        fit_conclusions(readings, single, np.ones((40, 1)), positive=True)
+
+
+def test_the_rapid_prototype_is_the_mean_of_readings_weighted_by_firing() -> None:
+    random = np.random.default_rng(2)
+    compliance = 1e-6 * random.uniform(1, 2, 40)
+    table = rows(lambda _, wrench: compliance[:, None] * wrench, 40, loads=1)
+    readings = state_readings(table, LENGTH, "n7")
+    firing = PARTITION.firing(table.q)
+    found = readings.matrices(rapid_prototype(readings, firing))[:, 0, 0]
+    weight = firing * table.wrench[:, :1] ** 2  # loads differ: a reading counts by how well it tells
+    assert np.allclose(found, (weight * compliance[:, None]).sum(axis=0) / weight.sum(axis=0), rtol=1e-6)
+
+
+def test_a_rule_that_no_reading_reaches_follows_its_neighbours() -> None:
+    modal = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])
+    line = Partition(("q2", "q8"), (modal, np.array([0.0])))
+    table = rows(lambda q, wrench: (2e-6 + 1e-6 * q[:, :1]) * wrench, 60)
+    few = replace(table, q=np.where(np.arange(2) == 0, np.minimum(table.q, 0.4), table.q))
+    few = replace(
+        few, displacement=np.where(np.arange(6) < 3, (2e-6 + 1e-6 * few.q[:, :1]) * few.wrench, np.nan)
+    )
+    readings = state_readings(few, LENGTH, "n7")
+    found = readings.matrices(fit_conclusions(readings, line, line.firing(few.q)))
+    assert np.allclose(found[:, 0, 0], 2e-6 + 1e-6 * modal, rtol=1e-3)
+
+
+def test_solis_and_wets_find_the_bottom_of_a_pit_that_has_no_gradient() -> None:
+    def valley(x: np.ndarray) -> float:
+        return float(np.abs(x[0] - 0.3) + 2 * np.abs(x[1] + 0.3))
+
+    found, least = solis_wets(valley, np.zeros(2), 0.3, 4000, np.random.default_rng(0))
+    assert np.abs(found - [0.3, -0.3]).max() < 1e-2
+    assert least == valley(found)
+
+
+def test_the_partition_is_placed_where_the_compliance_bends() -> None:
+    truth = planted(PARTITION)
+    fit = fit_fuzzy(ir663(), rows(truth.predict, 150, noise=1e-5), seed=1)
+    premises = fit.model.system.premises
+    assert isinstance(premises, Partition)
+    assert premises.sets[0] >= 3
+    assert np.abs(premises.modal_values[0] - 0.2).min() < 0.03
+    assert premises.sets[1] == 2
+    q = np.random.default_rng(1).uniform(-0.9, 0.9, (200, 2))
+    push = np.tile([900.0, -500.0, 300.0, 0, 0, 0], (200, 1))
+    gap = fit.model.predict(q, push)[:, :3] - truth.predict(q, push)[:, :3]
+    assert np.sqrt((gap**2).mean()) < 1e-5
+
+
+def test_an_input_that_plays_no_part_gets_no_set() -> None:
+    line = Partition(("q2", "q8"), (np.array([-1.0, 1.0]), np.array([0.0])))
+    fit = fit_fuzzy(ir663(), rows(planted(line).predict, 100, noise=2e-5))
+    assert fit.steps[-1].sets == (2, 1)
+
+
+def test_a_constant_compliance_needs_one_rule() -> None:
+    single = Partition(("q2", "q8"), (np.array([0.0]), np.array([0.0])))
+    fit = fit_fuzzy(ir663(), rows(planted(single).predict, 60, noise=2e-5))
+    assert fit.steps[-1].rules == 1
+
+
+def test_each_set_more_made_the_test_set_better() -> None:
+    fit = fit_fuzzy(ir663(), rows(planted(PARTITION).predict, 150, noise=1e-5))
+    tests = [step.test for step in fit.steps]
+    assert tests == sorted(tests, reverse=True)
+    assert len(tests) >= 3
+    assert 0 < fit.test_rows.mean() < 0.5
+
+
+def test_the_same_seed_gives_the_same_rules() -> None:
+    table = rows(planted(PARTITION).predict, 80, noise=1e-5)
+    one, other = (fit_fuzzy(ir663(), table, seed=4).model.system for _ in range(2))
+    assert np.array_equal(one.conclusions, other.conclusions, equal_nan=True)
+
+
+def test_a_fitted_compliance_is_symmetric_and_definite_everywhere() -> None:
+    table = rows(planted(PARTITION).predict, 40, noise=3e-4)
+    model = fit_fuzzy(ir663(), table).model.extrapolating()
+    everywhere = model.compliance(np.random.default_rng(0).uniform(-2, 2, (300, 2)))[:, :3, :3]
+    assert np.array_equal(everywhere, everywhere.swapaxes(1, 2))
+    assert np.linalg.eigvalsh(everywhere)[:, 0].min() > 0
+
+
+def test_a_tree_splits_by_the_input_that_matters_where_it_matters() -> None:
+    tree = Tree(("q2", "q8"), (Split(0, 1, -0.5, 0.5),), np.array([[-1.0, 1.0]] * 2))
+    fit = fit_fuzzy_tree(ir663(), rows(planted(tree).predict, 150, noise=1e-5))
+    premises = fit.model.system.premises
+    assert isinstance(premises, Tree)
+    assert premises.splits[0].input == 1
+    assert abs(premises.splits[0].low + premises.splits[0].high) < 0.2
+    assert fit.steps[-1].test < 0.1 * fit.steps[0].test
+
+
+def test_a_tree_may_split_by_the_load() -> None:
+    """Twice as stiff beyond 900 N along x: no compliance of the joints alone can say that."""
+
+    def hardening(_: np.ndarray, wrench: np.ndarray) -> np.ndarray:
+        share = np.clip((np.abs(wrench[:, :1]) - 300) / 900, 0, 1)
+        return (2e-6 - 1e-6 * share) * wrench
+
+    table = rows(hardening, 300, noise=1e-5)
+    blind = fit_fuzzy_tree(ir663(), table, ["q2", "q8"])
+    seeing = fit_fuzzy_tree(ir663(), table, ["q2", "q8", "fx"], most_rules=10)
+    assert seeing.steps[-1].test < 0.4 * blind.steps[-1].test
+    predicted = seeing.model.predict(table.q, table.wrench)
+    assert np.isfinite(predicted[:, :3]).all()
+
+
+def test_a_tree_says_what_it_holds() -> None:
+    tree = Tree(("q2", "q8"), (Split(0, 1, -0.5, 0.5), Split(1, 0, 0.0, 1.0)), np.zeros((2, 2)))
+    assert tree.text(["soft", "stiff", "softer"]).splitlines() == [
+        "q8 below -0.5 to 0.5: soft",
+        "q8 above -0.5 to 0.5 and q2 below 0 to 1: stiff",
+        "q8 above -0.5 to 0.5 and q2 above 0 to 1: softer",
+    ]
+
+
+def test_readings_elsewhere_or_of_another_kind_are_refused() -> None:
+    table = rows(planted(PARTITION).predict, 20)
+    with pytest.raises(
+        BeamstiffError, match=r"measured at 'n10' under a load at 'n7', expected the TCP 'n7'"
+    ):
+        state_readings(replace(table, point=np.full(20, "n10")), LENGTH, "n7")
+    with pytest.raises(BeamstiffError, match=r"holds absolute positions"):
+        state_readings(make_measurements(["q2"], [[0.0]], tcp="n7", position=[[0.0, 0, 0]]), LENGTH, "n7")
+    with pytest.raises(BeamstiffError, match=r"no loaded row with a measured displacement"):
+        state_readings(replace(table, wrench=0 * table.wrench), LENGTH, "n7")
+
+
+def test_too_few_poses_for_a_test_set_are_refused() -> None:
+    with pytest.raises(BeamstiffError, match=r"found 1 poses, expected enough to hold a share of 0.3"):
+        fit_fuzzy(ir663(), replace(rows(planted(PARTITION).predict, 20), pose=np.zeros(20, dtype=np.int64)))
+
+
+def test_a_pair_of_rules_beside_others_leaves_what_least_squares_does() -> None:
+    """The ranking of splits, against numpy on the readings themselves."""
+    random = np.random.default_rng(4)
+    table = rows(planted(PARTITION).predict, 50, noise=1e-5)
+    readings = state_readings(table, LENGTH, "n7")
+    sides = random.uniform(size=(3, 2, 50))
+    others = random.normal(size=(50, len(readings.terms)))
+    i, j = readings.terms.T
+    slopes = np.zeros((50, 3, len(i)))
+    for k in range(len(i)):
+        slopes[:, i[k], k] += table.wrench[:, j[k]] * readings.scale[i[k], j[k]] / SIGMA
+        if i[k] != j[k]:
+            slopes[:, j[k], k] += table.wrench[:, i[k]] * readings.scale[i[k], j[k]] / SIGMA
+    seen = table.displacement[:, :3] / SIGMA - np.einsum("nik,nk->ni", slopes, others)
+    found = pairs_leave(readings, others, sides) + readings.squares.sum()
+    for pair, squares in zip(sides, found, strict=True):
+        columns = np.concatenate([side[:, None, None] * slopes for side in pair], axis=2).reshape(150, -1)
+        best, *_ = np.linalg.lstsq(columns, seen.reshape(-1))
+        assert np.isclose(squares, ((columns @ best - seen.reshape(-1)) ** 2).sum(), rtol=1e-6)

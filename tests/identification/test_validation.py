@@ -1,0 +1,106 @@
+"""Errors on rows left out of the fit, against leave-one-out residuals in closed form; repeatability."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from beamstiff import BeamstiffError
+from beamstiff.identification.refit import refit
+from beamstiff.identification.statement import state_identification
+from beamstiff.identification.validation import held_out, position_rms, repeatability, without_folds
+from beamstiff.measure.rows import subset
+from beamstiff.measure.table import make_measurements
+from tests.identification.campaigns import kr240, measured, rows, sensitivities, white
+
+ROBOT = kr240()
+SPREAD = np.repeat([3e-5, 5e-5], 3)
+
+
+def test_each_pose_left_out_is_missed_by_its_leave_one_out_residual() -> None:
+    """Least squares without the rows i misses them by ``(1 - H_ii)^-1 e_i`` (Cook and Weisberg 1982, 2.1)."""
+    table = rows(ROBOT, 9, 2)
+    data = measured(ROBOT, table, white(table, 1))
+    statement = state_identification(ROBOT, data)
+    found = refit(statement.objective, statement.parameters.begin)
+    a = (sensitivities(ROBOT, table) / SPREAD[:, None]).reshape(-1, 6)
+    y = (data.displacement / SPREAD).ravel()
+    hat = a @ np.linalg.solve(a.T @ a, a.T)
+    rest = y - hat @ y
+    out = held_out(statement.objective, data.pose, 9, found)
+    assert out is not None
+    for pose in range(9):
+        at = np.flatnonzero(np.repeat(data.pose == pose, 6))
+        expected = np.linalg.solve(np.eye(12) - hat[np.ix_(at, at)], rest[at]).reshape(2, 6) * SPREAD
+        np.testing.assert_allclose(out.residual[data.pose == pose], expected, rtol=1e-5, atol=1e-10)
+        rms = np.sqrt((np.linalg.norm(expected[:, :3], axis=1) ** 2).mean())
+        assert out.by_group()[pose] == pytest.approx(rms, rel=1e-5)
+    assert out.rms == pytest.approx(np.sqrt((out.gap**2).mean()))
+    assert out.rms > position_rms(statement.problem, statement.parameters.stiffness(found))
+
+
+def test_rows_of_a_load_are_left_out_together() -> None:
+    table = rows(ROBOT, 12)
+    table = replace(table, wrench=table.wrench[np.arange(12) % 3])
+    statement = state_identification(ROBOT, measured(ROBOT, table, white(table, 2)))
+    begin = refit(statement.objective, statement.parameters.begin)
+    folds = [out for out, _, _ in without_folds(statement.objective, statement.problem.load, 10, begin)]
+    assert sorted(tuple(np.flatnonzero(out)) for out in folds) == [
+        (at, at + 3, at + 6, at + 9) for at in range(3)
+    ]
+
+
+def test_what_was_not_measured_has_no_error() -> None:
+    table = rows(ROBOT, 9)
+    data = measured(ROBOT, table, white(table, 3))
+    data.displacement[2] = np.nan
+    data.displacement[4, :3] = np.nan
+    statement = state_identification(ROBOT, data)
+    out = held_out(statement.objective, statement.problem.pose, 9, statement.parameters.begin)
+    assert out is not None
+    assert np.flatnonzero(np.isnan(out.gap)).tolist() == [2, 4]
+    assert 2 not in out.by_group()
+    assert out.rms == pytest.approx(np.sqrt(np.nanmean(out.gap**2)))
+
+
+def test_too_few_groups_leave_nothing_to_hold_out() -> None:
+    table = rows(ROBOT, 3)
+    statement = state_identification(ROBOT, measured(ROBOT, table))
+    begin = statement.parameters.begin
+    assert held_out(statement.objective, np.array([0, 0, 1]), 5, begin) is None
+    assert held_out(statement.objective, statement.problem.pose, 0, begin) is None
+    with pytest.raises(BeamstiffError, match="found 2 groups of rows and 5 folds"):
+        list(without_folds(statement.objective, np.array([0, 0, 1]), 5, begin))
+    single = state_identification(ROBOT, measured(ROBOT, rows(ROBOT, 1, 3)), ["J1.torsional"])
+    assert held_out(single.objective, np.array([0, 1, 2]), 3, single.parameters.begin) is not None
+
+
+def repeats(*lengths: float, at: float = 1.0) -> np.ndarray:
+    """Return displacements (n, 3) of these lengths along a slanted line."""
+    return np.outer(lengths, np.array([2.0, 1.0, 2.0]) / 3) * at
+
+
+def test_repeatability_is_three_standard_deviations_over_the_displacement() -> None:
+    """One state scatters by 1 % of 1 mm along its displacement, the other by 2 % of 2 mm; the mean counts."""
+    d = np.concatenate([repeats(0.99, 1.0, 1.01), repeats(1.96, 2.0, 2.04), repeats(3.0)]) * 1e-3
+    state = [0, 0, 0, 1, 1, 1, 2]
+    table = make_measurements(
+        ["q1"], np.array(state)[:, None] * 0.1, tcp="n1", wrench=np.tile(np.eye(6)[2], (7, 1)), displacement=d
+    )
+    found = repeatability(table)
+    assert found.states == 2
+    assert found.share == pytest.approx(3 * (0.01 + 0.02) / 2)
+    assert found.freedom.tolist() == [4, 4, 4, 0, 0, 0]
+    pooled = np.sqrt((0.01**2 + 0.04**2) / 2) * 1e-3
+    np.testing.assert_allclose(found.sigma[:3], pooled * np.array([2, 1, 2]) / 3)
+
+
+def test_repeatability_without_repeats_is_refused() -> None:
+    table = measured(ROBOT, rows(ROBOT, 4))
+    with pytest.raises(BeamstiffError, match="no displacement measured more than once"):
+        repeatability(table)
+    still = replace(subset(table, np.array([0, 0])), displacement=np.zeros((2, 6)))
+    with pytest.raises(BeamstiffError, match="do not move"):
+        repeatability(still)
