@@ -19,7 +19,7 @@ from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
 from beamstiff.robot.parts import Mass, Node, Rigid
 from beamstiff.se3 import Array, rotation_about, rotation_from_vector, transform, vector_from_rotation
 
-DATA = Path(__file__).resolve().parents[3] / "examples" / "data"
+DATA = Path(__file__).resolve().parents[2] / "examples" / "data"
 JOINTS = tuple(f"J{k}.torsional" for k in range(1, 7))
 SIGMA, TURNED = 3e-5, 5e-5  # m, rad
 
