@@ -17,6 +17,7 @@ from beamstiff.se3 import Array
 ABSORBED = 0.02  # share of a signature's size that the fitted parameters leave
 OF_DRIVES = ("actuator-lever", "backlash", "gravity-compensator", "hardening", "hysteresis")
 FAINT = 0.1  # sigma a value, at the largest realistic size
+DECOMPOSED = ("angle-curve", "approach-direction", "target-slip")  # weighed by `decomposition` alone
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +95,7 @@ def state_library(baseline: Baseline, white: Whitened, without: Sequence[str] = 
     _check(baseline, without)
     hypotheses: list[Hypothesis] = []
     untestable = []
-    known = [effect for effect in EFFECTS.values() if effect.name not in without]
+    known = [effect for effect in EFFECTS.values() if effect.name not in (*without, *DECOMPOSED)]
     standing: tuple[str, ...] = ()
     if not {"base-compliance", key_of("base-compliance", None)} & set(without):
         standing = baseline.places.standing

@@ -1,0 +1,1 @@
+"""Several causes at once: forward selection with everything that was fitted left open."""

@@ -1,0 +1,99 @@
+"""The forms of the causes as columns of the least squares problem: few parameters each, none shaped by the gap."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from beamstiff.diagnosis.decomposition.open_model import OpenModel
+from beamstiff.diagnosis.effects import EFFECTS, Shape
+from beamstiff.diagnosis.inference.library import key_of
+from beamstiff.se3 import Array
+
+MOST_PARAMETERS = 8  # of a form: freer ones explain whatever is left, see DIAGNOSIS "very free shapes"
+SERIES = "angle-curve"  # whose forms are a series by itself, as long as the angles visited allow
+SLIP = "target-slip"
+# what a calibration beside it takes up, or finds by itself
+OF_GEOMETRY = ("geometry-error", "frame-misalignment", "tool-offset")
+
+
+@dataclass(frozen=True, eq=False)
+class Form:
+    """A form of a cause.
+
+    Attributes
+    ----------
+    effect : str
+    component : str or None
+    shape : Shape
+    columns : (n, c) array
+        In units of the noise, of realistic sizes.
+    log_prior : float
+        Of this form among those of its cause.
+    """
+
+    effect: str
+    component: str | None
+    shape: Shape
+    columns: Array
+    log_prior: float
+
+    @property
+    def key(self) -> str:
+        """``effect:component``."""
+        return key_of(self.effect, self.component)
+
+    @property
+    def sizes(self) -> Array:
+        """Realistic sizes of the parameters, (c,)."""
+        return np.array([quantity.size for quantity in self.shape.parameters])
+
+    @cached_property
+    def positive(self) -> Array:
+        """Which parameters cannot be negative, (c,)."""
+        return np.array([quantity.positive for quantity in self.shape.parameters])
+
+
+def forms_of(model: OpenModel, without: Sequence[str] = ()) -> list[Form]:
+    """Return the forms of every effect at every component that the open model does not hold already."""
+    baseline = model.baseline
+    skipped = {*without, *(OF_GEOMETRY if model.problem is not None else ()), "outliers"}
+    found: list[Form] = []
+    for effect in EFFECTS.values():
+        if effect.name in skipped:
+            continue
+        for component in effect.components(baseline):
+            if key_of(effect.name, component) in skipped:
+                continue
+            shapes = [shape for shape in effect.shapes(baseline, component) if _fits(effect.name, shape)]
+            total = sum(shape.weight for shape in shapes)
+            found += _weighed(model, effect.name, component, shapes, total)
+    return found
+
+
+def _fits(effect: str, shape: Shape) -> bool:
+    """Return whether a form is one of a few parameters that hold for other postures as well."""
+    if effect == SLIP:
+        return True
+    few = len(shape.parameters) <= MOST_PARAMETERS or effect == SERIES
+    return few and not shape.tuned and not any(item.passing for item in shape.parameters)
+
+
+def _weighed(
+    model: OpenModel, effect: str, component: str | None, shapes: Sequence[Shape], total: float
+) -> Iterable[Form]:
+    if not shapes:
+        return []
+    sizes = [np.array([item.size for item in shape.parameters]) for shape in shapes]
+    every = model.weighed(
+        np.concatenate([s.columns * z for s, z in zip(shapes, sizes, strict=True)], axis=-1)
+    )
+    parts = np.split(every, np.cumsum([z.size for z in sizes])[:-1], axis=1)
+    return [
+        Form(effect, component, shape, part, float(np.log(shape.weight / total)))
+        for shape, part in zip(shapes, parts, strict=True)
+        if np.abs(part).max(initial=0.0) > 0
+    ]

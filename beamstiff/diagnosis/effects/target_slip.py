@@ -1,0 +1,67 @@
+"""`target-slip`: the reflector, or the tool, moves on the robot at some row and stays there.
+
+From that row on the point is off by p, constant in the tool's frame. Every row of a point is a possible
+moment, and a slip says nothing of other campaigns: the target is glued on anew.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from beamstiff.diagnosis.effects.effect import Effect, Quantity, Shape
+from beamstiff.diagnosis.effects.external import tool_axes
+from beamstiff.diagnosis.residual.baseline import Baseline
+from beamstiff.measure.rows import history_order
+
+SIZE = 5e-4  # m
+SLIPS = tuple(Quantity(f"slip_{axis}", "m", SIZE, passing=True) for axis in "xyz")
+FEWEST = 3  # rows before a slip and after it: fewer are gross errors
+
+
+def slip_row(shape: str) -> int:
+    """Return the row (from 0) at which a shape's target slips.
+
+    Examples
+    --------
+    >>> slip_row("from row 54 on")
+    54
+    """
+    return int(shape.split()[2])
+
+
+def _components(baseline: Baseline) -> list[str | None]:
+    if not baseline.absolute or baseline.stated is not None:
+        return []
+    robot, rows = baseline.nominal, baseline.fit.rows
+    points, counts = np.unique(rows.point, return_counts=True)
+    return [
+        None if name == robot.tcp else str(name)
+        for name, count in zip(points, counts, strict=True)
+        if count >= 2 * FEWEST
+    ]
+
+
+def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
+    rows, point = baseline.rows, component or baseline.nominal.tcp
+    own = [row for row in history_order(rows).tolist() if rows.point[row] == point]
+    axes = tool_axes(baseline)
+    moved = np.concatenate([axes, np.zeros_like(axes)], axis=1)
+    after = np.zeros(len(rows))
+    after[own[FEWEST:]] = 1.0
+    shapes = []
+    for before, row in zip(own[FEWEST - 1 :], own[FEWEST : len(own) - FEWEST + 1], strict=False):
+        after[before] = 0.0
+        shapes.append(Shape(f"from row {row} on", moved * after[:, None, None], SLIPS, spread=30.0))
+    return shapes
+
+
+EFFECT = Effect(
+    name="target-slip",
+    family="measurement",
+    meaning="The reflector, or the tool, moves on the robot at some row and stays there.",
+    components=_components,
+    shapes=_shapes,
+    separation="the reference pose read again; a second reflector",
+    look_alikes=("thermal-drift", "outliers"),
+    sources="a public set of a 6R arm: 5 mm at one row, smaller slips at three others",
+)
