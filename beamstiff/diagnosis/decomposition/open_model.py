@@ -23,6 +23,7 @@ from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 
+KNOWN = 10.0  # realistic deviations (1 mm, 1 mrad): geometry and zeros lie within so many of what is described
 INDEPENDENT = 1e-7  # singular value of unit columns, of the largest, below which a direction is rounding
 
 
@@ -34,8 +35,9 @@ class OpenModel:
     ----------
     baseline : Baseline
         About which effects are linear: calibrated where the geometry is open, nothing fitted to the rows.
-    residual : (n,) array
-    tangent : (n, t) array
+    residual : (n + p,) array
+        Behind the measured values what is known of p open parameters beforehand.
+    tangent : (n + p, t) array
     pose : (n,) int array
         Posture of every value.
     weigh : (n, n) sparse array
@@ -56,10 +58,15 @@ class OpenModel:
         """Which components count, (N, 6)."""
         return self.baseline.used
 
+    @property
+    def count(self) -> int:
+        """Number n of measured values."""
+        return len(self.pose)
+
     def weighed(self, columns: Array) -> Array:
-        """Return columns (N, 6, c) of the rows in units of the noise, (n, c)."""
-        result: Array = self.weigh @ columns[self.used]
-        return result
+        """Return columns (N, 6, c) of the rows in units of the noise, (n + p, c)."""
+        seen = self.weigh @ columns[self.used]
+        return np.concatenate([seen, np.zeros((len(self.residual) - self.count, columns.shape[-1]))])
 
     def robot(self, change: Array) -> Robot:
         """Return the robot with the open parameters changed by (t,)."""
@@ -95,14 +102,26 @@ def open_geometry(robot: Robot, rows: Measurements, moved: Array | None = None) 
     sound = rows if moved is None else replace(rows, position=rows.position - moved[:, :3])
     found = calibrate(bare, sound, compliances=robot.identify, folds=0)
     there = in_base_frame(found, rows)
-    soft = [name for name in robot.identify if 0.0 < found.robot.parameter(name) < np.inf]
-    problem = state_calibration(found.robot, there, compliances=soft).problem
-    theta = problem.expected
-    residual, tangent = problem.linearised(theta)
-    baseline = fit_baseline(found.robot.model_copy(update={"identify": ()}), there, keep=())
-    baseline = replace(baseline, used=problem.used, sigma=problem.sigma)
-    weigh = whitening(problem.sigma, problem.used, baseline.sharing)
-    return OpenModel(baseline, residual, tangent, there.pose[np.nonzero(problem.used)[0]], weigh, problem)
+    # a drive that the fit made rigid is open all the same, about the value that it was given
+    given = {name: robot.parameter(name) for name in robot.identify if not found.robot.parameter(name) < np.inf}
+    about = found.robot.with_parameters(given).model_copy(update={"identify": ()})
+    problem = state_calibration(about, there, compliances=robot.identify).problem
+    residual, tangent = problem.linearised(problem.expected)
+    change = {one.name: one.change for one in found.parameters}
+    known = [at for at, item in enumerate(problem.parameters) if item.group in ("offset", "frame")]
+    std = np.array([KNOWN * problem.parameters[at].size for at in known])
+    back = np.array([-change[problem.parameters[at].name] for at in known])
+    prior = np.zeros((len(known), tangent.shape[1]))
+    prior[np.arange(len(known)), known] = 1.0 / std
+    baseline = replace(fit_baseline(about, there, keep=()), used=problem.used, sigma=problem.sigma)
+    return OpenModel(
+        baseline,
+        np.concatenate([residual, back / std]),
+        np.concatenate([tangent, prior]),
+        there.pose[np.nonzero(problem.used)[0]],
+        whitening(problem.sigma, problem.used, baseline.sharing),
+        problem,
+    )
 
 
 def open_stiffness(baseline: Baseline) -> OpenModel:

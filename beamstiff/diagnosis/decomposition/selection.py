@@ -1,13 +1,9 @@
 """Forward selection of causes with removal and exchange, by the Bayesian information criterion.
 
-The residual r and every form X are projected off the open parameters and the causes chosen before, ``P``; a
-form's gain is what it takes from the sum of squares,
-
-    ``S(X) = S - |Q^T P r|^2``,  Q an orthonormal basis of P X,
-
-and is weighed by ``BIC = n log(S / n) + k log n - 2 log prior`` (Schwarz, Ann. Statist. 6 (1978) 461), with
-the noise variance estimated from what is left: the scatter of the machine about any smooth law, not what the
-tracker reads to.
+Residual r and forms X are projected off the open parameters once, and off the causes chosen, ``P``. A form
+takes ``b^T G^+ b`` from the sum of squares, with ``b = X^T P r`` and ``G = X^T P X``, and is weighed by
+``BIC = n log(S / n) + k log n - 2 log prior`` (Schwarz, Ann. Statist. 6 (1978) 461). The noise variance is
+estimated from what is left: the scatter of the machine about any smooth law, not what the tracker reads to.
 """
 
 from __future__ import annotations
@@ -19,6 +15,7 @@ import numpy as np
 
 from beamstiff.diagnosis.decomposition.forms import SLIP, Form
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, orthonormal
+from beamstiff.measure.arrays import Integers
 from beamstiff.se3 import Array
 
 ENOUGH = 10.0  # fall of the BIC from which a cause counts: "very strong" (Kass and Raftery, JASA 90 (1995) 773)
@@ -27,20 +24,53 @@ SHOWS = 1e-3  # singular value of a form's unit columns, beside what is open, be
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
-    """A fit: what is open and the causes chosen.
+class Choice:
+    """Forms to choose from, projected off the open parameters.
 
     Attributes
     ----------
-    chosen : tuple of Form
+    forms : tuple of Form (f)
+    residual : (n,) array
+    columns : (n, C) array
+        Of all forms, one after another, of unit length before the projection.
+    at : tuple of slice (f)
+        Where each form's columns stand.
+    positive : (C,) bool array
+        Parameters that cannot be negative.
+    groups : tuple of (int array (g,), int array (g, c))
+        Forms with c columns each, and where these stand.
+    open_count : int
+        Open parameters.
+    count : int
+        Measured values.
+    """
+
+    forms: tuple[Form, ...]
+    residual: Array
+    columns: Array
+    at: tuple[slice, ...]
+    positive: Array
+    groups: tuple[tuple[Integers, Integers], ...]
+    open_count: int
+    count: int
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A fit with some causes.
+
+    Attributes
+    ----------
+    chosen : tuple of int
+        Numbers of their forms.
     basis : (n, k) array
-        Orthonormal, of what is open and chosen.
+        Orthonormal, of their columns.
     left : (n,) array
-        What they leave of the residual.
+        What is left of the residual.
     bic : float
     """
 
-    chosen: tuple[Form, ...]
+    chosen: tuple[int, ...]
     basis: Array
     left: Array
     bic: float
@@ -51,14 +81,42 @@ class Step:
         return float(self.left @ self.left)
 
 
-def fit_step(model: OpenModel, chosen: Sequence[Form], values: int) -> Step:
-    """Return the fit with some causes; `values` is how many values count as independent."""
+def state_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
+    """Return the forms of an open model as one problem."""
     basis = orthonormal(model.tangent)
-    for form in chosen:
-        basis = np.concatenate([basis, orthonormal(form.columns, basis, SHOWS)], axis=1)
-    left = model.residual - basis @ (basis.T @ model.residual)
-    prior = sum(form.log_prior for form in chosen)
-    return Step(tuple(chosen), basis, left, bic(float(left @ left), basis.shape[1], values, prior))
+    residual = model.residual - basis @ (basis.T @ model.residual)
+    sizes = [form.columns.shape[1] for form in forms]
+    ends = np.cumsum([0, *sizes])
+    every = np.concatenate([np.zeros((len(residual), 0)), *(form.columns for form in forms)], axis=1)
+    size = np.linalg.norm(every, axis=0)
+    every = every / np.where(size > 0, size, 1.0)
+    every = every - basis @ (basis.T @ every)
+    groups = []
+    for count in sorted(set(sizes)):
+        some = np.flatnonzero(np.array(sizes) == count)
+        groups.append((some, ends[some][:, None] + np.arange(count)))
+    return Choice(
+        tuple(forms),
+        residual,
+        every,
+        tuple(slice(a, b) for a, b in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True)),
+        np.concatenate([np.zeros(0, dtype=bool), *(form.positive for form in forms)]),
+        tuple(groups),
+        basis.shape[1],
+        model.count,
+    )
+
+
+def fit_step(choice: Choice, chosen: Sequence[int]) -> Step:
+    """Return the fit with some forms."""
+    basis = np.zeros((len(choice.residual), 0))
+    for number in chosen:
+        own = orthonormal(choice.columns[:, choice.at[number]], basis, SHOWS)
+        basis = np.concatenate([basis, own], axis=1)
+    left = choice.residual - basis @ (basis.T @ choice.residual)
+    prior = sum(choice.forms[number].log_prior for number in chosen)
+    value = bic(float(left @ left), choice.open_count + basis.shape[1], choice.count, prior)
+    return Step(tuple(chosen), basis, left, value)
 
 
 def bic(squares: float, parameters: int, values: int, log_prior: float) -> float:
@@ -73,69 +131,67 @@ def bic(squares: float, parameters: int, values: int, log_prior: float) -> float
     return float(n * np.log(max(squares, 1e-12) / n) + parameters * np.log(n) - 2.0 * log_prior)
 
 
-def gains(step: Step, forms: Sequence[Form], values: int, log_priors: Sequence[float]) -> Array:
-    """Return the BIC (f,) with each form added to a fit, inf where the form does not show."""
-    result = np.full(len(forms), np.inf)
-    base = sum(form.log_prior for form in step.chosen)
-    for at, (form, prior) in enumerate(zip(forms, log_priors, strict=True)):
-        own = orthonormal(form.columns, step.basis, SHOWS)
-        if not own.shape[1] or not _signs_hold(form, step):
-            continue
-        squares = step.squares - float(((own.T @ step.left) ** 2).sum())
-        result[at] = bic(squares, step.basis.shape[1] + own.shape[1], values, base + prior)
+def with_each(choice: Choice, step: Step) -> Array:
+    """Return the BIC (f,) of a fit with each form added to it.
+
+    inf where a form does not show, stands there already, or a parameter that cannot be negative would be.
+    """
+    result = np.full(len(choice.forms), np.inf)
+    known = sum(choice.forms[number].log_prior for number in step.chosen)
+    inside = step.basis.T @ choice.columns
+    pull = step.left @ choice.columns
+    taken = {choice.forms[number].key for number in step.chosen if choice.forms[number].effect != SLIP}
+    for numbers, at in choice.groups:
+        own = choice.columns.T[at]  # (g, c, n)
+        gram = own @ own.swapaxes(1, 2) - inside.T[at] @ inside.T[at].swapaxes(1, 2)
+        values, vectors = np.linalg.eigh(gram)
+        shows = values > SHOWS**2
+        turned = np.einsum("gci,gc->gi", vectors, pull[at])
+        inverse = np.where(shows, 1.0 / np.where(shows, values, 1.0), 0.0)
+        squares = step.squares - (turned**2 * inverse).sum(axis=1)
+        theta = np.einsum("gci,gi->gc", vectors, turned * inverse)
+        wrong = ((theta < 0) & choice.positive[at]).any(axis=1) | ~shows.any(axis=1)
+        for number, sum_of_squares, rank, bad in zip(
+            numbers.tolist(), squares.tolist(), shows.sum(axis=1).tolist(), wrong.tolist(), strict=True
+        ):
+            form = choice.forms[number]
+            if not bad and form.key not in taken and number not in step.chosen:
+                parameters = choice.open_count + step.basis.shape[1] + rank
+                result[number] = bic(sum_of_squares, parameters, choice.count, known + form.log_prior)
     return result
 
 
-def _signs_hold(form: Form, step: Step) -> bool:
-    """Return whether no parameter that must be positive comes out as negative beyond its own scatter."""
-    if not form.positive.any():
-        return True
-    seen = form.columns - step.basis @ (step.basis.T @ form.columns)
-    theta, *_ = np.linalg.lstsq(seen, step.left, rcond=SHOWS)
-    return bool((theta[form.positive] >= -1e-9 * np.abs(theta).max(initial=0.0)).all())
-
-
-def select(model: OpenModel, forms: Sequence[Form], values: int) -> Step:
+def select(choice: Choice) -> Step:
     """Return the fit with the causes that the criterion asks for.
 
     After every cause that comes in, one that is not needed any more goes out, and one that another explains
     better is exchanged.
     """
-    step = fit_step(model, (), values)
-    priors = [form.log_prior for form in forms]
-    while len(step.chosen) < MOST:
-        open_forms = [at for at, form in enumerate(forms) if _may_join(form, step.chosen)]
-        after = gains(step, [forms[at] for at in open_forms], values, [priors[at] for at in open_forms])
-        if not after.size or after.min() > step.bic - ENOUGH:
+    step = fit_step(choice, ())
+    while len(step.chosen) < MOST and choice.forms:
+        after = with_each(choice, step)
+        if after.min() > step.bic - ENOUGH:
             break
-        step = fit_step(model, (*step.chosen, forms[open_forms[int(after.argmin())]]), values)
-        step = _revised(model, forms, priors, step, values)
+        step = _revised(choice, fit_step(choice, (*step.chosen, int(after.argmin()))))
     return step
 
 
-def _may_join(form: Form, chosen: Sequence[Form]) -> bool:
-    """Return whether a form may stand beside others: one form a cause, but a target may slip again."""
-    if form.effect == SLIP:
-        return all(form.shape.name != one.shape.name or form.key != one.key for one in chosen)
-    return all(form.key != one.key for one in chosen)
-
-
-def _revised(
-    model: OpenModel, forms: Sequence[Form], priors: Sequence[float], step: Step, values: int
-) -> Step:
+def _revised(choice: Choice, step: Step) -> Step:
     """Return a fit whose causes are all needed, each in the form, and at the place, that explains most."""
-    for _ in range(len(step.chosen)):
+    for _ in range(2 * MOST):
         best = step
         for at in range(len(step.chosen)):
             others = (*step.chosen[:at], *step.chosen[at + 1 :])
-            without = fit_step(model, others, values)
-            if without.bic < best.bic + ENOUGH and without.bic < step.bic + ENOUGH:
-                best = without if without.bic < best.bic or best is step else best
+            without = fit_step(choice, others)
+            if without.bic < step.bic + ENOUGH:
+                if without.bic < best.bic + ENOUGH and len(best.chosen) == len(step.chosen):
+                    best = without
                 continue
-            may = [k for k, form in enumerate(forms) if _may_join(form, others)]
-            after = gains(without, [forms[k] for k in may], values, [priors[k] for k in may])
-            if after.size and after.min() < min(best.bic, step.bic) - 1e-6:
-                best = fit_step(model, (*others, forms[may[int(after.argmin())]]), values)
+            if len(best.chosen) < len(step.chosen):
+                continue
+            after = with_each(choice, without)
+            if after.min() < best.bic - 1e-6:
+                best = fit_step(choice, (*others, int(after.argmin())))
         if best is step:
             return step
         step = best

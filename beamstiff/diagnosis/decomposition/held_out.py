@@ -1,0 +1,102 @@
+"""What causes explain of postures that were held out: one least squares fit for each fold of the postures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse.linalg import spsolve
+
+from beamstiff.diagnosis.decomposition.forms import Form
+from beamstiff.diagnosis.decomposition.open_model import OpenModel
+from beamstiff.diagnosis.decomposition.selection import Choice
+from beamstiff.measure.arrays import Integers
+from beamstiff.se3 import Array
+
+FOLDS = 10
+RANK = 1e-9  # singular value of unit columns, of the largest, below which a direction is rounding
+
+
+@dataclass(frozen=True, eq=False)
+class Folds:
+    """The values of an open model, divided by postures into folds.
+
+    Attributes
+    ----------
+    model : OpenModel
+    fold : (n,) int array
+    posture : (n,) int array
+        Number of the posture of each value, from 0.
+    position : (n,) bool array
+        Which values are positions.
+    """
+
+    model: OpenModel
+    fold: Integers
+    posture: Integers
+    position: Array
+
+    def squared_errors(self, chosen: Sequence[Form]) -> Array:
+        """Return the sum of squared position errors of each posture, (P,), m^2, in fits without its fold."""
+        model = self.model
+        matrix = np.concatenate([model.tangent, *(form.columns for form in chosen)], axis=1)
+        size = np.linalg.norm(matrix, axis=0)
+        matrix = matrix / np.where(size > 0, size, 1.0)
+        left = np.zeros(model.count)
+        beyond = np.full(len(model.residual) - model.count, -1)
+        fold = np.concatenate([self.fold, beyond])  # what is known beforehand belongs to every fit
+        for one in range(int(self.fold.max()) + 1):
+            fitted, out = fold != one, self.fold == one
+            theta, *_ = np.linalg.lstsq(matrix[fitted], model.residual[fitted], rcond=RANK)
+            left[out] = model.residual[: model.count][out] - matrix[: model.count][out] @ theta
+        error = unweighed(model, left)
+        result: Array = np.bincount(self.posture[self.position], weights=error[self.position] ** 2)
+        return result
+
+    @property
+    def rows(self) -> int:
+        """Number of rows with a measured position."""
+        return int(self.model.used[:, :3].any(axis=1).sum())
+
+
+def unweighed(model: OpenModel, values: Array) -> Array:
+    """Return values (n,) in units of the noise as m and rad."""
+    if (model.baseline.sharing < 0).all():
+        return values * model.baseline.sigma[model.used]
+    return np.asarray(spsolve(model.weigh.tocsc(), values))
+
+
+def folds_of(model: OpenModel, seed: int) -> Folds:
+    """Return folds of whole postures, drawn at random."""
+    _, posture = np.unique(model.pose, return_inverse=True)
+    count = int(posture.max()) + 1
+    fold = np.random.default_rng(seed).permutation(count) % min(FOLDS, count)
+    position = np.nonzero(model.used)[1] < 3
+    return Folds(model, fold[posture], posture, position)
+
+
+def ordered(folds: Folds, choice: Choice, chosen: Sequence[int]) -> tuple[list[int], list[Array]]:
+    """Return causes, the one first that closes most after those before it, and the errors (P,) from none on."""
+    errors = [folds.squared_errors(())]
+    order: list[int] = []
+    left = list(chosen)
+    while left:
+        tried = [folds.squared_errors([choice.forms[k] for k in (*order, one)]) for one in left]
+        best = int(np.argmin([one.sum() for one in tried]))
+        errors.append(tried[best])
+        order.append(left.pop(best))
+    return order, errors
+
+
+def interval(before: Array, after: Array, noise: float, total: float, seed: int) -> tuple[float, float]:
+    """Return the 90 % interval, over the postures, of the share ``(before - after) / (total - noise)``.
+
+    Bootstrap over postures (Efron and Tibshirani 1993, ch. 13): errors (P,) of each are drawn together.
+    """
+    if total <= noise:
+        return 0.0, 0.0
+    drawn = np.random.default_rng(seed).integers(len(before), size=(400, len(before)))
+    share = (before[drawn] - after[drawn]).sum(axis=1) / (total - noise)
+    low, high = np.quantile(share, [0.05, 0.95])
+    return float(low), float(high)
