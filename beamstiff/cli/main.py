@@ -21,6 +21,7 @@ from beamstiff.cli.map import map as map_
 from beamstiff.cli.plan import plan
 from beamstiff.cli.show import show
 from beamstiff.cli.stiffness import stiffness
+from beamstiff.cli.verify import verify
 
 app = typer.Typer(
     name="beamstiff",
@@ -73,6 +74,7 @@ for command in (
     calibrate,
     compare,
     diagnose,
+    verify,
     plan,
     map_,
     compensate,

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import lsq_linear
 
+from beamstiff.diagnosis.decomposition.applied import applied
 from beamstiff.diagnosis.effects import EFFECTS, Scales, Shape
 from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR, Baseline, fit_baseline, predict
 from beamstiff.errors import BeamstiffError, listed, shown, suggest
@@ -109,6 +110,8 @@ def extended(diagnosis: Diagnosis) -> Robot:
         for what was of the measured postures alone and for compliances that the noise made negative, which
         are 0.
     """
+    if diagnosis.decomposition is not None:
+        return applied(diagnosis.decomposition)
     fit = diagnosis.linear if diagnosis.fits else diagnosis.baseline
     found: dict[tuple[str, str | None, str], tuple[Shape, Array]] = {}
     for one in diagnosis.fits:

@@ -12,6 +12,8 @@ from threadpoolctl import threadpool_limits
 from beamstiff.diagnosis.decision.attribution import attribute, ceiling, shares
 from beamstiff.diagnosis.decision.verdict import SECOND, Judged, judge
 from beamstiff.diagnosis.decision.where import where
+from beamstiff.diagnosis.decomposed import beside_calibration, diagnosis_of
+from beamstiff.diagnosis.decomposition.decompose import decompose
 from beamstiff.diagnosis.held_out.explained import explanations
 from beamstiff.diagnosis.held_out.prediction import Fitted, Shrink, Weighted, fitted, folds, held_out, shift
 from beamstiff.diagnosis.inference.component_subspaces import FreeLaw, free_laws
@@ -93,7 +95,22 @@ def diagnose(
 
 def _diagnose(robot: Robot, measurements: Measurements, without: Sequence[str], seed: int) -> Diagnosis:
     require_usable(measurements)
-    baseline = fit_baseline(robot, counted_once(measurements))
+    rows = counted_once(measurements)
+    beside = beside_calibration(robot, rows, without, seed) if rows.kind == "absolute" else None
+    if beside is not None:
+        return beside
+    found = _weighed_one_by_one(robot, rows, without, seed)
+    if found.verdict.effect != "unknown" or found.baseline.absolute:
+        return found
+    several = decompose(robot, rows, without=without, seed=seed, baseline=found.baseline)
+    return replace(diagnosis_of(several, found.notes), next=found.next) if several.verdict else found
+
+
+def _weighed_one_by_one(
+    robot: Robot, measurements: Measurements, without: Sequence[str], seed: int
+) -> Diagnosis:
+    """Return the diagnosis of one cause, or two, with the geometry as it is described."""
+    baseline = fit_baseline(robot, measurements)
     if not baseline.used[:, :3].any():
         raise BeamstiffError(
             f"{measurements.source}: no row has a measured position: the gap is one of positions "

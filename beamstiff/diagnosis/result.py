@@ -8,10 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from beamstiff.diagnosis.decomposition.applied import applied
+from beamstiff.diagnosis.decomposition.decompose import Decomposition
+from beamstiff.diagnosis.decomposition.plain import causes_dict
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.held_out.prediction import Fitted, Shrink, shift
 from beamstiff.diagnosis.inference.library import Untestable, key_of
-from beamstiff.diagnosis.residual.baseline import Baseline, at_rows, nominal_pose
+from beamstiff.diagnosis.residual.baseline import Baseline, at_rows, fit_baseline, nominal_pose
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.table import Measurements
 from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
@@ -103,6 +106,8 @@ class Diagnosis(Shown):
         expected to leave less.
     features : mapping of str to float
         What the verdict rests on.
+    decomposition : Decomposition or None
+        Causes and remainder, where several causes were weighed with all that a calibration fits.
     """
 
     baseline: Baseline
@@ -121,6 +126,7 @@ class Diagnosis(Shown):
     where: Mapping[str, Any] = field(default_factory=dict)
     next: Sequence[Mapping[str, Any]] = ()
     features: Mapping[str, float] = field(default_factory=dict)
+    decomposition: Decomposition | None = None
 
     @property
     def explainable(self) -> float:
@@ -132,6 +138,11 @@ class Diagnosis(Shown):
 
         Displacements ``[d, r]``, or absolute positions and rotation vectors, as the rows are; base frame.
         """
+        if self.decomposition is not None:
+            found = self.decomposition
+            robots = found.model.robot(np.zeros_like(found.change)), applied(found)
+            views = [fit_baseline(robot.model_copy(update={"identify": ()}), rows) for robot in robots]
+            return as_measured(views[0], views[0].predicted), as_measured(views[1], views[1].predicted)
         there = at_rows(self.baseline, rows)
         before = after = there.predicted
         if self.fits:
@@ -170,6 +181,7 @@ class Diagnosis(Shown):
                     }
                 ),
             },
+            **self._causes(),
             "next": [dict(item) for item in self.next],
             "untestable": [
                 {"effect": one.effect, "component": one.component, "why": one.why} for one in self.untestable
@@ -177,6 +189,33 @@ class Diagnosis(Shown):
             "outliers": list(self.outliers),
             "notes": list(self.notes),
             "features": {name: _plain(value) for name, value in self.features.items()},
+        }
+
+    def _causes(self) -> dict[str, Any]:
+        """Return the keys ``causes`` and ``remainder``."""
+        if self.decomposition is not None:
+            return causes_dict(self.decomposition)
+        named = [one for one in (self.verdict, self.also) if one is not None and one.shrink is not None]
+        causes, before, rms = [], 0.0, self.rms
+        for one in named:
+            closes, rms = one.shrink.shrink - before, one.shrink.after
+            before = max(before, one.shrink.shrink)
+            causes.append(
+                {
+                    "effect": one.effect,
+                    "component": one.component,
+                    "probability": one.probability,
+                    "closes": max(closes, 0.0),
+                    "closes_interval": list(one.shrink.interval),
+                    "rms_after_mm": 1e3 * rms,
+                    "parameters": self._candidate(one)["parameters"],
+                    "shape": one.shape,
+                    "indistinguishable": list(self.indistinguishable),
+                }
+            )
+        return {
+            "causes": causes,
+            "remainder": {"rms_mm": 1e3 * rms, "share": 1.0 - before, "follows": [], "where": []},
         }
 
     def _candidate(self, one: Candidate) -> dict[str, Any]:

@@ -233,6 +233,8 @@ class AddedEffect(Described):
         SI numbers, or text with a unit; what is not named is 0.
     scales : mapping of str to float or tuple of float
         What the parameters are counted against, SI: the largest torque of the rows they were fitted to, say.
+    closes : float or None
+        Share of the gap that it closed on held-out postures when it was found: what `verify` holds it to.
     """
 
     effect: Name
@@ -240,3 +242,4 @@ class AddedEffect(Described):
     shape: Name
     parameters: Annotated[Mapping[Name, ParameterValue], Field(min_length=1)]
     scales: Mapping[Name, Scale] = {}
+    closes: float | None = None

@@ -22,6 +22,7 @@ from beamstiff.se3 import Array
 ROUNDS = 3  # of calibrating beside the causes that were found
 NAMED = 0.5  # probability from which a cause is named
 DOUBT = 0.05  # of postures drawn anew, in which a cause may make held-out postures worse
+NOISE = 1.5  # times the stated noise, from which there is a gap: stated noise is seldom known better
 HALF, QUARTER = 0.5, 0.25  # shares of the gap from which a cause is the verdict: FORMATS, `verdict`
 
 
@@ -81,6 +82,10 @@ class Decomposition:
         Of the open parameters, beside the causes.
     scatter : float
         What is left over the stated noise.
+    bic : float
+        Of the open model with the causes.
+    largest : float
+        Probability that the first cause closes more than the second, over the postures.
     """
 
     model: OpenModel
@@ -90,11 +95,18 @@ class Decomposition:
     noise: float
     change: Array
     scatter: float
+    bic: float
+    largest: float
 
     @property
     def closes(self) -> float:
         """Share of the explainable gap that all causes close together."""
         return sum(cause.closes for cause in self.causes)
+
+    @property
+    def gap_shows(self) -> bool:
+        """Whether more is left without a cause than noise makes."""
+        return self.scatter > NOISE or bool(self.causes)
 
     @property
     def verdict(self) -> Cause | None:
@@ -216,6 +228,8 @@ def _told(model: OpenModel, choice: Choice, step: Step, seed: int) -> Decomposit
         noise=float(np.sqrt(noise2 / folds.rows)),
         change=theta[: model.tangent.shape[1]],
         scatter=scatter,
+        bic=step.bic,
+        largest=_largest(errors),
     )
 
 
@@ -245,6 +259,14 @@ def _resampled(gain: Array) -> Array:
     drawn = np.random.default_rng(0).integers(len(gain), size=(200, len(gain)))
     result: Array = gain[drawn].sum(axis=1)
     return result
+
+
+def _largest(errors: Sequence[Array]) -> float:
+    """Return the share of postures drawn anew in which the first cause closes more than the second."""
+    if len(errors) < 3:
+        return 1.0
+    first, second = errors[0] - errors[1], errors[1] - errors[2]
+    return float((_resampled(first - second) > 0.0).mean())
 
 
 def _joined(first: Cause, again: Cause) -> Cause:

@@ -62,11 +62,13 @@ def forms_of(model: OpenModel, without: Sequence[str] = ()) -> list[Form]:
     baseline = model.baseline
     skipped = {*without, *(OF_GEOMETRY if model.problem is not None else ()), "outliers"}
     found: list[Form] = []
+    brackets = {part.name for part in baseline.nominal.rigids} - {part.name for part in model.given.rigids}
     for effect in EFFECTS.values():
         if effect.name in skipped:
             continue
         for component in effect.components(baseline):
-            if key_of(effect.name, component) in skipped:
+            # a calibration that moves an axis bears its joint on a bracket, which no machine has
+            if key_of(effect.name, component) in skipped or component in brackets:
                 continue
             shapes = [shape for shape in effect.shapes(baseline, component) if _fits(effect.name, shape)]
             total = sum(shape.weight for shape in shapes)

@@ -61,17 +61,17 @@ def at_the_end(robot: Robot) -> tuple[str, ...]:
     last = robot.joints[-1] if robot.joints else None
     if last is None:
         return ()
-    behind = {last.nodes[1]}
     parts = [(part.name, set(part.nodes)) for part in (*robot.rigids, *robot.beams)]
-    names: list[str] = []
-    for _ in parts:
-        for name, nodes in parts:
-            if name not in names and nodes & behind and last.nodes[0] not in nodes:
-                names.append(name)
-                behind |= nodes
-    before = [name for name, nodes in parts if last.nodes[0] in nodes]
-    return (
-        "tool-compliance:null",
-        f"bearing-tilt:{last.variable or last.name}",
-        *(f"link-bending:{name}" for name in (*names, *before)),
-    )
+
+    def joined(node: str) -> list[str]:
+        """Return the parts that hang together with a node, no joint between."""
+        nodes, names = {node}, []
+        for _ in parts:
+            for name, ends in parts:
+                if name not in names and ends & nodes:
+                    names.append(name)
+                    nodes |= ends
+        return names
+
+    links = [f"link-bending:{name}" for node in last.nodes[::-1] for name in joined(node)]
+    return ("tool-compliance:null", f"bearing-tilt:{last.variable or last.name}", *links)

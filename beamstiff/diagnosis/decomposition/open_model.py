@@ -7,6 +7,7 @@ squares problem, linear about the calibrated robot, and a cause counts by what t
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,14 +17,16 @@ from beamstiff.calibration.calibrate import calibrate, calibrated
 from beamstiff.calibration.problem import Problem
 from beamstiff.calibration.statement import state_calibration
 from beamstiff.calibration.validation import in_base_frame
-from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline
+from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR, Baseline, fit_baseline
 from beamstiff.identification.problem import whitening
 from beamstiff.measure.arrays import Integers
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 
-KNOWN = 10.0  # realistic deviations (1 mm, 1 mrad): geometry and zeros lie within so many of what is described
+KNOWN = (
+    10.0  # realistic deviations (1 mm, 1 mrad): geometry and zeros lie within so many of what is described
+)
 INDEPENDENT = 1e-7  # singular value of unit columns, of the largest, below which a direction is rounding
 
 
@@ -33,6 +36,8 @@ class OpenModel:
 
     Attributes
     ----------
+    given : Robot
+        As it was described.
     baseline : Baseline
         About which effects are linear: calibrated where the geometry is open, nothing fitted to the rows.
     residual : (n + p,) array
@@ -46,6 +51,7 @@ class OpenModel:
         The calibration, where the geometry is open.
     """
 
+    given: Robot
     baseline: Baseline
     residual: Array
     tangent: Array
@@ -69,15 +75,20 @@ class OpenModel:
         return np.concatenate([seen, np.zeros((len(self.residual) - self.count, columns.shape[-1]))])
 
     def robot(self, change: Array) -> Robot:
-        """Return the robot with the open parameters changed by (t,)."""
+        """Return the robot with the open parameters changed by (t,), in the frame of the rows."""
         if self.problem is None:
-            fitted = self.baseline.fitted
-            compliance = np.array([1.0 / self.baseline.robot.parameter(name) for name in fitted]) + change
-            least = 1e-4 / np.array([self.baseline.robot.parameter(name) for name in fitted])
-            values = 1.0 / np.maximum(compliance, least)
-            return self.baseline.robot.with_parameters(dict(zip(fitted, values.tolist(), strict=True)))
-        found = calibrated(self.baseline.nominal, self.problem, self.problem.expected + change)
-        return found
+            result = self._with_compliances(self.baseline.fitted, change)
+        else:
+            about = calibrated(self.baseline.nominal, self.problem, self.problem.expected + change)
+            result = about.model_copy(update={"identify": ()})
+        finite = [name for name in self.given.identify if 0.0 < result.parameter(name) < np.inf]
+        return result.model_copy(update={"identify": tuple(finite)})
+
+    def _with_compliances(self, names: Sequence[str], change: Array) -> Robot:
+        robot = self.baseline.robot
+        stiffness = np.array([robot.parameter(name) for name in names])
+        values = stiffness / np.maximum(1.0 + change * stiffness, 1.0 / KNOWN_FACTOR)
+        return robot.with_parameters(dict(zip(names, values.tolist(), strict=True)))
 
 
 def open_geometry(robot: Robot, rows: Measurements, moved: Array | None = None) -> OpenModel:
@@ -103,7 +114,9 @@ def open_geometry(robot: Robot, rows: Measurements, moved: Array | None = None) 
     found = calibrate(bare, sound, compliances=robot.identify, folds=0)
     there = in_base_frame(found, rows)
     # a drive that the fit made rigid is open all the same, about the value that it was given
-    given = {name: robot.parameter(name) for name in robot.identify if not found.robot.parameter(name) < np.inf}
+    given = {
+        name: robot.parameter(name) for name in robot.identify if not found.robot.parameter(name) < np.inf
+    }
     about = found.robot.with_parameters(given).model_copy(update={"identify": ()})
     problem = state_calibration(about, there, compliances=robot.identify).problem
     residual, tangent = problem.linearised(problem.expected)
@@ -115,6 +128,7 @@ def open_geometry(robot: Robot, rows: Measurements, moved: Array | None = None) 
     prior[np.arange(len(known)), known] = 1.0 / std
     baseline = replace(fit_baseline(about, there, keep=()), used=problem.used, sigma=problem.sigma)
     return OpenModel(
+        robot,
         baseline,
         np.concatenate([residual, back / std]),
         np.concatenate([tangent, prior]),
@@ -129,7 +143,7 @@ def open_stiffness(baseline: Baseline) -> OpenModel:
     weigh = whitening(baseline.sigma, baseline.used, baseline.sharing)
     pose = baseline.rows.pose[np.nonzero(baseline.used)[0]]
     residual, tangent = weigh @ baseline.gap[baseline.used], weigh @ baseline.tangent[baseline.used]
-    return OpenModel(baseline, residual, tangent, pose, weigh)
+    return OpenModel(baseline.nominal, baseline, residual, tangent, pose, weigh)
 
 
 def orthonormal(columns: Array, beside: Array | None = None, least: float = INDEPENDENT) -> Array:

@@ -18,7 +18,9 @@ from beamstiff.diagnosis.decomposition.open_model import OpenModel, orthonormal
 from beamstiff.measure.arrays import Integers
 from beamstiff.se3 import Array
 
-ENOUGH = 10.0  # fall of the BIC from which a cause counts: "very strong" (Kass and Raftery, JASA 90 (1995) 773)
+ENOUGH = (
+    10.0  # fall of the BIC from which a cause counts: "very strong" (Kass and Raftery, JASA 90 (1995) 773)
+)
 MOST = 12  # causes
 SHOWS = 1e-3  # singular value of a form's unit columns, beside what is open, below which they do not show
 

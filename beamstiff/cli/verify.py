@@ -1,0 +1,70 @@
+"""`beamstiff verify`: a robot with its effects on fresh rows, promised against true."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Annotated
+
+import typer
+
+from beamstiff.cli.data import doubted, read_tables
+from beamstiff.cli.options import DataFiles, Debug, Json, Quiet, RobotFile, robot_file
+from beamstiff.cli.output import check_outputs, people, say, working, write_json
+from beamstiff.report.tables import add_rows, table
+
+TOO_LARGE = 3  # exit code of a gap beyond --max-gap
+
+
+def verify(
+    robot: RobotFile,
+    data: DataFiles,
+    refit_frame: Annotated[
+        bool,
+        typer.Option("--refit-frame", help="The measuring frame is not the base frame: fit it first."),
+    ] = False,
+    max_gap: Annotated[
+        str | None,
+        typer.Option("--max-gap", metavar="LENGTH", help="Exit with 3 where a larger gap is left: 0.2mm."),
+    ] = None,
+    json: Json = None,
+    quiet: Quiet = False,
+    debug: Debug = False,  # noqa: ARG001
+) -> None:
+    """Compare a robot, without and with its effects, with rows that were not fitted.
+
+    Rows are displacements or absolute positions. The effects are those that `diagnose --apply` wrote;
+    each is added in turn. `promised` is the share of the gap that they closed on held-out postures when
+    they were found, `true` the share that they close here.
+
+    \b
+    Examples:
+      beamstiff verify real.yaml fresh.csv
+      beamstiff verify real.yaml fresh.csv --refit-frame --max-gap 0.2mm
+    """  # noqa: D301
+    from beamstiff.diagnosis.verify import verify as run
+    from beamstiff.measure import concatenate
+    from beamstiff.robot.reader import load_robot
+    from beamstiff.units import in_unit
+
+    check_outputs([robot_file(robot), *data], json)
+    machine = load_robot(robot)
+    limit = None if max_gap is None else in_unit(max_gap, "m")
+    tables, notes = read_tables(data, machine)
+    with doubted(notes), working("verifying", quiet):
+        found = run(machine, replace(concatenate(tables)), refit_frame=refit_frame)
+    for note in notes:
+        say(f"note: {note}", quiet)
+    console = people(quiet, json)
+    rows = table(f"Position error on {found.rows} rows, RMS", "robot", "error", "closes")
+    lines = [["without effects", f"{1e3 * found.before:.4f} mm", ""]]
+    lines += [
+        [f"and {name}", f"{1e3 * after:.4f} mm", f"{closes:.0%}"] for name, after, closes in found.causes
+    ]
+    add_rows(rows, [*lines, ["noise as stated", f"{1e3 * found.noise:.4f} mm", ""]])
+    console.print(rows)
+    if found.causes and found.promised is not None:
+        console.print(f"Promised {found.promised:.0%} of the gap, true {found.true:.0%}.")
+    write_json(found.to_dict(), json)
+    if limit is not None and found.after > limit:
+        say(f"gap: {1e3 * found.after:.4g} mm is left, more than {1e3 * limit:.4g} mm", quiet)
+        raise typer.Exit(TOO_LARGE)

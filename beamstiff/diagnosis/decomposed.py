@@ -1,0 +1,158 @@
+"""A diagnosis whose causes come from a decomposition: verdict, candidates and places from causes and remainder."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from beamstiff.diagnosis.decision.where import where
+from beamstiff.diagnosis.decomposition.decompose import Cause, Decomposition, decompose
+from beamstiff.diagnosis.decomposition.forms import forms_of
+from beamstiff.diagnosis.decomposition.open_model import open_stiffness
+from beamstiff.diagnosis.decomposition.plain import parameters_of
+from beamstiff.diagnosis.decomposition.selection import ENOUGH, select, state_choice
+from beamstiff.diagnosis.effects import EFFECTS
+from beamstiff.diagnosis.held_out.prediction import Shrink
+from beamstiff.diagnosis.inference.library import Untestable
+from beamstiff.diagnosis.residual.baseline import fit_baseline
+from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
+from beamstiff.errors import BeamstiffError
+from beamstiff.measure.table import Measurements
+from beamstiff.robot.description import Robot
+
+LEAST_UNKNOWN = 0.02  # probability that a cause outside the library stands in for the verdict
+
+
+def beside_calibration(
+    robot: Robot, rows: Measurements, without: Sequence[str], seed: int
+) -> Diagnosis | None:
+    """Return the diagnosis of absolute readings with all that a calibration fits left open; None if needless.
+
+    Needless is a calibration where the causes explain the readings as well without one: then the geometry is
+    what the robot's description says, and its errors are causes like others.
+    """
+    try:
+        found = decompose(robot, rows, without=without, seed=seed)
+    except BeamstiffError:  # too few readings to calibrate by
+        return None
+    closed = open_stiffness(fit_baseline(robot, rows))
+    choice = state_choice(closed, forms_of(closed, without))
+    return None if select(choice).bic < found.bic + ENOUGH else diagnosis_of(found)
+
+
+def diagnosis_of(found: Decomposition, notes: tuple[str, ...] = ()) -> Diagnosis:
+    """Return the diagnosis that a decomposition says."""
+    verdict = found.verdict
+    baseline = replace(found.model.baseline, robot=found.model.robot(found.change))
+    candidates = _candidates(found)
+    named = next(one for one in candidates if one.key == (verdict.key if verdict else _nothing(found)))
+    return Diagnosis(
+        baseline=found.model.baseline,
+        linear=found.model.baseline,
+        rms=found.rms,
+        noise=found.noise,
+        candidates=candidates,
+        verdict=named,
+        also=None,
+        indistinguishable=verdict.indistinguishable if verdict else (),
+        untestable=_untestable(found),
+        outliers=(),
+        notes=notes,
+        fits=(),
+        ceiling=min([found.rms, found.remainder.rms, *(cause.rms_after for cause in found.causes)]),
+        where=where(baseline, baseline.used, _components(found)),
+        features={"scatter": found.scatter, "bic": found.bic, "closes": found.closes},
+        decomposition=found,
+    )
+
+
+def estimates_of_cause(cause: Cause) -> tuple[Estimate, ...]:
+    """Return the parameters of a cause; of a target, where it slipped and how far."""
+    result = []
+    for name, item, value, std, factor in parameters_of(cause):
+        realistic = (item.size / factor, item.size * factor)
+        result.append(Estimate(name, value, std, item.unit, realistic, item.positive))
+    return tuple(result)
+
+
+def _nothing(found: Decomposition) -> str:
+    return "unknown:null" if found.gap_shows else "none:null"
+
+
+def _candidates(found: Decomposition) -> tuple[Candidate, ...]:
+    """Return causes, `none` and `unknown` with probabilities that sum to 1, the likeliest first.
+
+    The first cause is the verdict's competitor; the remainder's share is the unknown's.
+    """
+    if not found.causes:
+        shows = found.gap_shows
+        likely, rest = ("unknown", "none") if shows else ("none", "unknown")
+        return (Candidate(likely, None, 0.95), Candidate(rest, None, 0.05))
+    first = found.causes[0]
+    sure = found.verdict is not None
+    unknown = max(LEAST_UNKNOWN, min(found.remainder.share, 0.9)) if sure else max(0.5, 1.0 - first.closes)
+    share = first.probability * found.largest if sure else 1.0
+    alike = list(first.indistinguishable) or [cause.key for cause in found.causes[1:]]
+    weights = {first.key: share, **dict.fromkeys(alike, (1.0 - share) / max(len(alike), 1))}
+    total = sum(weights.values())
+    entries = {key: (1.0 - unknown) * weight / total for key, weight in weights.items()}
+    entries["unknown:null"], entries["none:null"] = unknown, 0.0
+    told = {cause.key: cause for cause in found.causes}
+    result = []
+    for key in sorted(entries, key=lambda key: -entries[key]):
+        effect, _, component = key.partition(":")
+        cause = told.get(key)
+        result.append(
+            Candidate(
+                effect=effect,
+                component=None if component == "null" else component,
+                probability=entries[key],
+                shape=cause.forms[0].shape.name if cause else "",
+                estimates=estimates_of_cause(cause) if cause else (),
+                shrink=_shrink(found, cause) if cause else None,
+            )
+        )
+    return tuple(result)
+
+
+def _shrink(found: Decomposition, cause: Cause) -> Shrink:
+    low, high = (float(np.clip(value, 0.0, 1.0)) for value in cause.closes_interval)
+    return Shrink(
+        before=found.rms,
+        after=cause.rms_after,
+        shrink=float(np.clip(cause.closes, 0.0, 1.0)),
+        interval=(low, high),
+        postures=len(np.unique(found.model.pose)),
+        noise=found.noise,
+    )
+
+
+def _components(found: Decomposition) -> list[dict[str, Any]]:
+    """Return the share of the explainable gap at each component: of the causes that sit there."""
+    shares: dict[str, list[float]] = {}
+    for cause in found.causes:
+        form = cause.forms[0]
+        for place in EFFECTS[form.effect].places(form.component):
+            low, high = cause.closes_interval
+            before = shares.setdefault(place or form.effect, [0.0, 0.0, 0.0])
+            for at, value in enumerate((cause.closes, low, high)):
+                before[at] += value / len(EFFECTS[form.effect].places(form.component))
+    ordered = sorted(shares.items(), key=lambda item: -item[1][0])
+    return [
+        {"component": name, "share": float(np.clip(share, 0, 1)), "interval": [max(low, 0.0), min(high, 1.0)]}
+        for name, (share, low, high) in ordered
+    ]
+
+
+def _untestable(found: Decomposition) -> tuple[Untestable, ...]:
+    return tuple(_hidden(found))
+
+
+def _hidden(found: Decomposition) -> Iterator[Untestable]:
+    baseline = found.model.baseline
+    for effect in EFFECTS.values():
+        if effect.name != "outliers" and not effect.components(baseline):
+            yield Untestable(effect.name, None, "these rows, or this robot, have no component for it")

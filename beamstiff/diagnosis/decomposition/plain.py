@@ -1,0 +1,53 @@
+"""Causes and remainder as plain data, for the report's JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from beamstiff.diagnosis.decomposition.decompose import Cause, Decomposition
+from beamstiff.diagnosis.effects import Quantity
+
+
+def parameters_of(cause: Cause) -> Iterator[tuple[str, Quantity, float, float, float]]:
+    """Yield name, quantity, value and standard deviation, SI, of each parameter, and the factor of its sizes."""
+    for at, (form, theta, std) in enumerate(zip(cause.forms, cause.theta, cause.std, strict=True)):
+        factor = form.shape.realistic or form.shape.spread
+        for item, value, error in zip(form.shape.parameters, theta.tolist(), std.tolist(), strict=True):
+            name = f"{item.name}_{at + 1}" if len(cause.forms) > 1 else item.name
+            yield name, item, value * item.size, error * item.size, factor
+
+
+def causes_dict(found: Decomposition) -> dict[str, Any]:
+    """Return the keys ``causes`` and ``remainder``."""
+    remainder = found.remainder
+    return {
+        "causes": [_cause(found, cause) for cause in found.causes],
+        "remainder": {
+            "rms_mm": 1e3 * remainder.rms,
+            "share": remainder.share,
+            "follows": [{"what": what, "share": share} for what, share in remainder.follows],
+            "where": [{"component": name, "share": share} for name, share in remainder.where],
+        },
+    }
+
+
+def _cause(found: Decomposition, cause: Cause) -> dict[str, Any]:
+    form = cause.forms[0]
+    parameters: dict[str, Any] = {
+        name: {"value": value, "std": std, "unit": item.unit}
+        for name, item, value, std, _ in parameters_of(cause)
+    }
+    if cause.rows:
+        parameters["rows"] = [found.model.baseline.rows.place(row) for row in cause.rows]
+    return {
+        "effect": form.effect,
+        "component": form.component,
+        "probability": cause.probability,
+        "closes": cause.closes,
+        "closes_interval": list(cause.closes_interval),
+        "rms_after_mm": 1e3 * cause.rms_after,
+        "parameters": parameters,
+        "shape": form.shape.name,
+        "indistinguishable": list(cause.indistinguishable),
+    }

@@ -1,0 +1,142 @@
+"""A robot with its effects on fresh rows: the gap without them and with them, promised against true."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from beamstiff.diagnosis.residual.baseline import deviation, predict
+from beamstiff.errors import BeamstiffError
+from beamstiff.measure.rigid_motion import fit_rigid_motion
+from beamstiff.measure.table import Measurements
+from beamstiff.robot.description import Robot
+from beamstiff.se3 import Array
+
+
+@dataclass(frozen=True)
+class Verification:
+    """Position errors of a robot on rows, RMS of the norm, m.
+
+    Attributes
+    ----------
+    before, after : float
+        Without the robot's effects, and with them.
+    noise : float
+        What the stated noise alone makes; 0 where none is stated.
+    promised : float or None
+        Share of the gap that the effects closed on held-out postures when they were found.
+    true : float
+        Share of the explainable gap that they close here, at most 1; negative where they make it worse.
+    rows : int
+    causes : tuple of (str, float, float)
+        Effect and component, and the error with the effects up to this one; the share it closes.
+    """
+
+    before: float
+    after: float
+    noise: float
+    promised: float | None
+    true: float
+    rows: int
+    causes: tuple[tuple[str, float, float], ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result as plain data, lengths in mm."""
+        return {
+            "before_mm": 1e3 * self.before,
+            "after_mm": 1e3 * self.after,
+            "noise_mm": 1e3 * self.noise,
+            "promised": self.promised,
+            "true": self.true,
+            "rows": self.rows,
+            "causes": [
+                {"cause": name, "rms_after_mm": 1e3 * after, "closes": closes}
+                for name, after, closes in self.causes
+            ],
+        }
+
+
+def verify(robot: Robot, measurements: Measurements, *, refit_frame: bool = False) -> Verification:
+    """Verify a robot and its effects on rows that were not fitted.
+
+    Parameters
+    ----------
+    robot : Robot
+    measurements : Measurements
+        Displacements or absolute positions, in the robot's base frame.
+    refit_frame : bool
+        Lay the predicted positions over the measured ones as a rigid body first, with and without effects:
+        the measuring frame is not the base frame.
+
+    Raises
+    ------
+    BeamstiffError
+        When no position is measured, the rows cannot be predicted, or displacements are to be refitted.
+
+    Examples
+    --------
+    >>> from beamstiff.measure import make_measurements
+    >>> from beamstiff.robot.reader import load_robot
+    >>> robot, wrench = load_robot("cantilever"), [[0.0, 0.0, -100.0, 0.0, 0.0, 0.0]]
+    >>> seen = {"tcp": robot.tcp, "wrench": wrench, "displacement": np.zeros((1, 6))}
+    >>> found = verify(robot, make_measurements([], np.zeros((1, 0)), **seen))
+    >>> found.before == found.after > 0.0, found.promised
+    (True, None)
+    """
+    used = measurements.measured_mask[:, :3]
+    if not used.any():
+        raise BeamstiffError(f"{measurements.source}: no row has a measured position (dx dy dz or x y z)")
+    absolute = measurements.kind == "absolute"
+    if refit_frame and not absolute:
+        raise BeamstiffError(
+            f"{measurements.source}: found displacements, expected absolute positions (x y z) to refit the "
+            "measuring frame"
+        )
+    bare = robot.model_copy(update={"effects": ()})
+    stages = [
+        robot.model_copy(update={"effects": robot.effects[:at]}) for at in range(len(robot.effects) + 1)
+    ]
+    errors = [_rms(_errors(bare, stage, measurements, refit_frame), used) for stage in stages]
+    sigma = np.nan_to_num(measurements.sigma[:, :3])
+    noise = float(np.sqrt((sigma[used] ** 2).sum() / used.any(axis=1).sum()))
+    explainable = errors[0] ** 2 - noise**2
+
+    def share(before: float, after: float) -> float:
+        return float((before**2 - after**2) / explainable) if explainable > 0 else 0.0
+
+    stated = [effect.closes for effect in robot.effects if effect.closes is not None]
+    return Verification(
+        before=errors[0],
+        after=errors[-1],
+        noise=noise,
+        promised=float(sum(stated)) if stated else None,
+        true=min(share(errors[0], errors[-1]), 1.0),
+        rows=int(used.any(axis=1).sum()),
+        causes=tuple(
+            (
+                f"{effect.effect}:{effect.component or 'null'}",
+                errors[at + 1],
+                share(errors[at], errors[at + 1]),
+            )
+            for at, effect in enumerate(robot.effects)
+        ),
+    )
+
+
+def _errors(bare: Robot, robot: Robot, rows: Measurements, refit: bool) -> Array:
+    """Return measured less predicted positions (N, 3), m; NaN where not measured."""
+    gap = (deviation(bare, rows) - predict(robot, rows))[:, :3]
+    if not refit:
+        return gap
+    measured = rows.position
+    predicted = measured - gap
+    known = ~np.isnan(gap).any(axis=1)
+    motion = fit_rigid_motion(predicted[known], measured[known])
+    laid_over: Array = measured - (predicted @ motion.rotation.T + motion.translation)
+    return laid_over
+
+
+def _rms(error: Array, used: Array) -> float:
+    return float(np.sqrt((error[used] ** 2).sum() / used.any(axis=1).sum()))
