@@ -38,7 +38,10 @@ def beside_calibration(
         found = decompose(robot, rows, without=without, seed=seed)
     except BeamstiffError:  # too few readings to calibrate by
         return None
-    closed = open_stiffness(fit_baseline(robot, rows))
+    try:
+        closed = open_stiffness(fit_baseline(robot, rows))
+    except BeamstiffError:  # stiffness values that have to make up for the geometry may let the machine buckle
+        return diagnosis_of(found)
     choice = state_choice(closed, forms_of(closed, without))
     return None if select(choice).bic < found.bic + ENOUGH else diagnosis_of(found)
 

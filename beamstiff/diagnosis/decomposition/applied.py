@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from beamstiff.calibration.corrected import corrected
 from beamstiff.diagnosis.decomposition.decompose import Cause, Decomposition
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.robot.description import Robot
@@ -13,9 +14,17 @@ from beamstiff.robot.parts import AddedEffect
 def applied(found: Decomposition) -> Robot:
     """Return the robot with the open parameters as fitted beside the causes, and the causes as its effects.
 
-    What is of the measured campaign alone, as a target that slipped, is no part of the robot.
+    A target that slipped stands where it came to rest; what else is of the measured campaign alone is no part of
+    the robot.
     """
     robot = found.model.robot(found.change)
+    slips: dict[str, float] = {}
+    for cause in found.causes:
+        for form, theta in zip(cause.forms, cause.theta, strict=True) if cause.rows else ():
+            for axis, by in zip("xyz", (theta * form.sizes).tolist(), strict=True):
+                name = f"{form.component or robot.tcp}.{axis}"
+                slips[name] = slips.get(name, 0.0) + by
+    robot = corrected(robot, slips, found.model.baseline.rows.q[:1]) if slips else robot
     added = [effect for cause in found.causes if (effect := _added(found, cause)) is not None]
     return robot.model_copy(update={"effects": (*robot.effects, *added)})
 

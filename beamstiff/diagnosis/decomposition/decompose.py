@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from beamstiff.diagnosis.decomposition.forms import SLIP, Form, forms_of
+from beamstiff.diagnosis.decomposition.forms import SLIP, Form, forms_of, stacked
 from beamstiff.diagnosis.decomposition.held_out import Folds, folds_of, interval, ordered
 from beamstiff.diagnosis.decomposition.look_alikes import rivals_of
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, open_geometry, open_stiffness
@@ -167,13 +167,13 @@ def decompose(
 
 def solved(model: OpenModel, chosen: Sequence[Form]) -> tuple[Array, Array]:
     """Return the open parameters and those of the causes, (t + c,), and their covariance, noise as stated."""
-    matrix = np.concatenate([model.tangent, *(form.columns for form in chosen)], axis=1)
+    matrix, seen = stacked(model, chosen)
     size = np.linalg.norm(matrix, axis=0)
     size = np.where(size > 0, size, 1.0)
     left, values, right = np.linalg.svd(matrix / size, full_matrices=False)
     kept = values > 1e-8 * values[0]
     root = (right[kept].T / values[kept]) / size[:, None]
-    return root @ (left[:, kept].T @ model.residual), root @ root.T
+    return root @ (left[:, kept].T @ seen), root @ root.T
 
 
 def moved_by(model: OpenModel, chosen: Sequence[Form]) -> Array:
@@ -188,15 +188,15 @@ def moved_by(model: OpenModel, chosen: Sequence[Form]) -> Array:
 
 
 def _told(model: OpenModel, choice: Choice, step: Step, seed: int) -> Decomposition:
-    folds = folds_of(model, seed)
+    folds, least = folds_of(model, seed), step.bic
     numbers, errors = ordered(folds, choice, _kept(folds, choice, step))
     step = fit_step(choice, numbers)
     order = [choice.forms[number] for number in numbers]
     noise2 = float((model.baseline.sigma[:, :3][model.used[:, :3]] ** 2).sum())
     total = float(errors[0].sum())
     theta, covariance = solved(model, order)
-    free = len(model.residual) - choice.open_count - step.basis.shape[1]
-    scatter = float(np.sqrt(step.squares / max(free, 1)))
+    free = len(model.residual) - choice.open_count - step.determined
+    scatter = float(np.sqrt(step.squares / max(free, 1.0)))
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0)) * max(scatter, 1.0)
     rivals = rivals_of(choice, step, model.baseline.nominal)
     ends = model.tangent.shape[1] + np.cumsum([form.sizes.size for form in order], dtype=int)
@@ -228,7 +228,7 @@ def _told(model: OpenModel, choice: Choice, step: Step, seed: int) -> Decomposit
         noise=float(np.sqrt(noise2 / folds.rows)),
         change=theta[: model.tangent.shape[1]],
         scatter=scatter,
-        bic=step.bic,
+        bic=least,
         largest=_largest(errors),
     )
 

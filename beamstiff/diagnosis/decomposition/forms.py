@@ -16,6 +16,8 @@ from beamstiff.se3 import Array
 MOST_PARAMETERS = 8  # of a form: freer ones explain whatever is left, see DIAGNOSIS "very free shapes"
 SERIES = "angle-curve"  # whose forms are a series by itself, as long as the angles visited allow
 SLIP = "target-slip"
+KNOWN_UNITS = ("rad", "m")  # of lengths and angles, whose size does not depend on that of the robot
+UNKNOWN_SCALE = 1e3  # of compliances and the like: a service robot's are as many times an industrial one's
 # what a calibration beside it takes up, or finds by itself
 OF_GEOMETRY = ("geometry-error", "frame-misalignment", "tool-offset")
 
@@ -50,6 +52,12 @@ class Form:
     def sizes(self) -> Array:
         """Realistic sizes of the parameters, (c,)."""
         return np.array([quantity.size for quantity in self.shape.parameters])
+
+    @property
+    def spread(self) -> Array:
+        """Standard deviation of each parameter before the data, in realistic sizes, (c,)."""
+        known = np.array([quantity.unit in KNOWN_UNITS for quantity in self.shape.parameters])
+        return np.where(known, self.shape.spread, UNKNOWN_SCALE * self.shape.spread)
 
     @cached_property
     def positive(self) -> Array:
@@ -99,3 +107,15 @@ def _weighed(
         for shape, part in zip(shapes, parts, strict=True)
         if np.abs(part).max(initial=0.0) > 0
     ]
+
+
+def stacked(model: OpenModel, chosen: Sequence[Form]) -> tuple[Array, Array]:
+    """Return matrix (m, t + c) and right side (m,) of a fit of what is open with some forms.
+
+    The n measured values come first, then what is known of the parameters beforehand.
+    """
+    columns = np.concatenate([model.tangent, *(form.columns for form in chosen)], axis=1)
+    spread = np.concatenate([np.zeros(0), *(form.spread for form in chosen)])
+    known = np.zeros((spread.size, columns.shape[1]))
+    known[:, columns.shape[1] - spread.size :] = np.diag(1.0 / spread)
+    return np.concatenate([columns, known]), np.concatenate([model.residual, np.zeros(spread.size)])

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse.linalg import spsolve
 
-from beamstiff.diagnosis.decomposition.forms import Form
+from beamstiff.diagnosis.decomposition.forms import Form, stacked
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
 from beamstiff.diagnosis.decomposition.selection import Choice
 from beamstiff.measure.arrays import Integers
@@ -40,16 +40,16 @@ class Folds:
     def squared_errors(self, chosen: Sequence[Form]) -> Array:
         """Return the sum of squared position errors of each posture, (P,), m^2, in fits without its fold."""
         model = self.model
-        matrix = np.concatenate([model.tangent, *(form.columns for form in chosen)], axis=1)
+        matrix, right = stacked(model, chosen)
         size = np.linalg.norm(matrix, axis=0)
         matrix = matrix / np.where(size > 0, size, 1.0)
         left = np.zeros(model.count)
-        beyond = np.full(len(model.residual) - model.count, -1)
-        fold = np.concatenate([self.fold, beyond])  # what is known beforehand belongs to every fit
+        # what is known beforehand belongs to every fit
+        fold = np.concatenate([self.fold, np.full(len(right) - model.count, -1)])
         for one in range(int(self.fold.max()) + 1):
-            fitted, out = fold != one, self.fold == one
-            theta, *_ = np.linalg.lstsq(matrix[fitted], model.residual[fitted], rcond=RANK)
-            left[out] = model.residual[: model.count][out] - matrix[: model.count][out] @ theta
+            fitted, out = fold != one, fold == one
+            theta, *_ = np.linalg.lstsq(matrix[fitted], right[fitted], rcond=RANK)
+            left[out[: model.count]] = right[out] - matrix[out] @ theta
         error = unweighed(model, left)
         result: Array = np.bincount(self.posture[self.position], weights=error[self.position] ** 2)
         return result

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from beamstiff.diagnosis.decomposition.forms import Form
+from beamstiff.diagnosis.decomposition.forms import Form, stacked
 from beamstiff.diagnosis.decomposition.held_out import unweighed
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, orthonormal
 from beamstiff.diagnosis.effects.approach_direction import last_direction
@@ -55,8 +55,9 @@ def remainder_of(
     model: OpenModel, chosen: Sequence[Form], noise2: float, total: float, rows: int
 ) -> Remainder:
     """Return what a fit leaves; `noise2` and `total` are sums of squares, m^2, of noise and held-out gap."""
-    basis = orthonormal(np.concatenate([model.tangent, *(form.columns for form in chosen)], axis=1))
-    step = _Left(model.residual - basis @ (basis.T @ model.residual), basis)
+    matrix, right = stacked(model, chosen)
+    basis = orthonormal(matrix)
+    step = _Left(right - basis @ (basis.T @ right), basis)
     left = step.left[: model.count]
     position = np.nonzero(model.used)[1] < 3
     error = unweighed(model, left)[position]
@@ -77,7 +78,9 @@ def _most(shares: Iterator[tuple[str, float]]) -> list[tuple[str, float]]:
 
 def _explained(model: OpenModel, step: _Left, columns: Array) -> float:
     """Return the share of what is left that columns (N, 6, c) explain, corrected for their number."""
-    own = orthonormal(model.weighed(columns), step.basis, 1e-3)
+    seen = model.weighed(columns)
+    seen = np.concatenate([seen, np.zeros((len(step.left) - len(seen), seen.shape[1]))])
+    own = orthonormal(seen, step.basis, 1e-3)
     k, n = own.shape[1], len(step.left) - step.basis.shape[1]
     if not k or n <= k + 1:
         return 0.0

@@ -1,9 +1,11 @@
 """Forward selection of causes with removal and exchange, by the Bayesian information criterion.
 
-Residual r and forms X are projected off the open parameters once, and off the causes chosen, ``P``. A form
-takes ``b^T G^+ b`` from the sum of squares, with ``b = X^T P r`` and ``G = X^T P X``, and is weighed by
-``BIC = n log(S / n) + k log n - 2 log prior`` (Schwarz, Ann. Statist. 6 (1978) 461). The noise variance is
-estimated from what is left: the scatter of the machine about any smooth law, not what the tracker reads to.
+Residual r and forms X are projected off the open parameters once, and off the causes chosen, ``P``. Parameters
+are known beforehand to lie about zero within ``D^-1/2`` (a few times their realistic sizes). A form takes
+``b^T (G + D)^-1 b`` from the sum of squares, with ``b = X^T P r`` and ``G = X^T P X``, and is weighed by
+``BIC = n log(S / n) + k log n - 2 log prior`` (Schwarz, Ann. Statist. 6 (1978) 461), k the parameters that the
+data determine, ``tr G (G + D)^-1``. The noise variance is estimated from what is left: the scatter of the
+machine about any smooth law, not what the tracker reads to.
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ ENOUGH = (
     10.0  # fall of the BIC from which a cause counts: "very strong" (Kass and Raftery, JASA 90 (1995) 773)
 )
 MOST = 12  # causes
-SHOWS = 1e-3  # singular value of a form's unit columns, beside what is open, below which they do not show
+SHOWS = 0.5  # parameters that the data determine, below which a form does not show
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +37,8 @@ class Choice:
     residual : (n,) array
     columns : (n, C) array
         Of all forms, one after another, of unit length before the projection.
+    precision : (C,) array
+        1 / variance of each parameter before the data, in units of the columns.
     at : tuple of slice (f)
         Where each form's columns stand.
     positive : (C,) bool array
@@ -50,6 +54,7 @@ class Choice:
     forms: tuple[Form, ...]
     residual: Array
     columns: Array
+    precision: Array
     at: tuple[slice, ...]
     positive: Array
     groups: tuple[tuple[Integers, Integers], ...]
@@ -65,22 +70,23 @@ class Step:
     ----------
     chosen : tuple of int
         Numbers of their forms.
-    basis : (n, k) array
-        Orthonormal, of their columns.
+    basis : (n, c) array
+        Of their columns, orthonormal together with what is known of their parameters beforehand.
     left : (n,) array
         What is left of the residual.
+    squares : float
+        Sum of squares that is left, with that of the parameters over their sizes.
+    determined : float
+        Parameters of theirs that the data determine.
     bic : float
     """
 
     chosen: tuple[int, ...]
     basis: Array
     left: Array
+    squares: float
+    determined: float
     bic: float
-
-    @property
-    def squares(self) -> float:
-        """Sum of squares that is left."""
-        return float(self.left @ self.left)
 
 
 def state_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
@@ -93,6 +99,7 @@ def state_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
     size = np.linalg.norm(every, axis=0)
     every = every / np.where(size > 0, size, 1.0)
     every = every - basis @ (basis.T @ every)
+    spread = np.concatenate([np.zeros(0), *(form.spread for form in forms)])
     groups = []
     for count in sorted(set(sizes)):
         some = np.flatnonzero(np.array(sizes) == count)
@@ -101,6 +108,7 @@ def state_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
         tuple(forms),
         residual,
         every,
+        1.0 / np.maximum(spread * size, 1e-9) ** 2,
         tuple(slice(a, b) for a, b in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True)),
         np.concatenate([np.zeros(0, dtype=bool), *(form.positive for form in forms)]),
         tuple(groups),
@@ -111,17 +119,20 @@ def state_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
 
 def fit_step(choice: Choice, chosen: Sequence[int]) -> Step:
     """Return the fit with some forms."""
-    basis = np.zeros((len(choice.residual), 0))
-    for number in chosen:
-        own = orthonormal(choice.columns[:, choice.at[number]], basis, SHOWS)
-        basis = np.concatenate([basis, own], axis=1)
-    left = choice.residual - basis @ (basis.T @ choice.residual)
+    n = len(choice.residual)
+    at = np.concatenate([np.zeros(0, dtype=int), *(np.arange(len(choice.precision))[choice.at[k]] for k in chosen)])
+    known = np.diag(np.sqrt(choice.precision[at]))
+    basis = np.linalg.qr(np.concatenate([choice.columns[:, at], known]))[0]
+    fitted = basis @ (basis[:n].T @ choice.residual)
+    left = choice.residual - fitted[:n]
+    squares = float(left @ left + fitted[n:] @ fitted[n:])
+    determined = float((basis[:n] ** 2).sum())
     prior = sum(choice.forms[number].log_prior for number in chosen)
-    value = bic(float(left @ left), choice.open_count + basis.shape[1], choice.count, prior)
-    return Step(tuple(chosen), basis, left, value)
+    value = bic(squares, choice.open_count + determined, choice.count, prior)
+    return Step(tuple(chosen), basis[:n], left, squares, determined, value)
 
 
-def bic(squares: float, parameters: int, values: int, log_prior: float) -> float:
+def bic(squares: float, parameters: float, values: int, log_prior: float) -> float:
     """Return the criterion of a fit.
 
     Examples
@@ -146,19 +157,18 @@ def with_each(choice: Choice, step: Step) -> Array:
     for numbers, at in choice.groups:
         own = choice.columns.T[at]  # (g, c, n)
         gram = own @ own.swapaxes(1, 2) - inside.T[at] @ inside.T[at].swapaxes(1, 2)
-        values, vectors = np.linalg.eigh(gram)
-        shows = values > SHOWS**2
-        turned = np.einsum("gci,gc->gi", vectors, pull[at])
-        inverse = np.where(shows, 1.0 / np.where(shows, values, 1.0), 0.0)
-        squares = step.squares - (turned**2 * inverse).sum(axis=1)
-        theta = np.einsum("gci,gi->gc", vectors, turned * inverse)
-        wrong = ((theta < 0) & choice.positive[at]).any(axis=1) | ~shows.any(axis=1)
+        precision = choice.precision[at][:, :, None] * np.eye(at.shape[1])
+        inverse = np.linalg.inv(gram + precision)
+        theta = (inverse @ pull[at][:, :, None])[:, :, 0]
+        squares = step.squares - (theta * pull[at]).sum(axis=1)
+        determined = np.einsum("gij,gji->g", inverse, gram)
+        wrong = ((theta < 0) & choice.positive[at]).any(axis=1) | (determined < SHOWS)
         for number, sum_of_squares, rank, bad in zip(
-            numbers.tolist(), squares.tolist(), shows.sum(axis=1).tolist(), wrong.tolist(), strict=True
+            numbers.tolist(), squares.tolist(), determined.tolist(), wrong.tolist(), strict=True
         ):
             form = choice.forms[number]
             if not bad and form.key not in taken and number not in step.chosen:
-                parameters = choice.open_count + step.basis.shape[1] + rank
+                parameters = choice.open_count + step.determined + rank
                 result[number] = bic(sum_of_squares, parameters, choice.count, known + form.log_prior)
     return result
 
