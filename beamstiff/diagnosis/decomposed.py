@@ -1,4 +1,4 @@
-"""A diagnosis whose causes come from a decomposition: verdict, candidates and places from causes and remainder."""
+"""A diagnosis whose causes come from a decomposition: verdict, candidates and places."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def beside_calibration(
         return None
     try:
         closed = open_stiffness(fit_baseline(robot, rows))
-    except BeamstiffError:  # stiffness values that have to make up for the geometry may let the machine buckle
+    except BeamstiffError:  # stiffness that makes up for the geometry may let the machine buckle
         return diagnosis_of(found)
     choice = state_choice(closed, forms_of(closed, without))
     return None if select(choice).bic < found.bic + ENOUGH else diagnosis_of(found)

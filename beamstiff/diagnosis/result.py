@@ -196,8 +196,10 @@ class Diagnosis(Shown):
         if self.decomposition is not None:
             return causes_dict(self.decomposition)
         named = [one for one in (self.verdict, self.also) if one is not None and one.shrink is not None]
-        causes, before, rms = [], 0.0, self.rms
+        causes: list[dict[str, Any]] = []
+        before, rms = 0.0, self.rms
         for one in named:
+            assert one.shrink is not None
             closes, rms = one.shrink.shrink - before, one.shrink.after
             before = max(before, one.shrink.shrink)
             causes.append(

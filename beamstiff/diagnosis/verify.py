@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from beamstiff.diagnosis.residual.baseline import deviation, predict
 from beamstiff.errors import BeamstiffError
@@ -138,5 +139,5 @@ def _errors(bare: Robot, robot: Robot, rows: Measurements, refit: bool) -> Array
     return laid_over
 
 
-def _rms(error: Array, used: Array) -> float:
+def _rms(error: Array, used: NDArray[np.bool_]) -> float:
     return float(np.sqrt((error[used] ** 2).sum() / used.any(axis=1).sum()))

@@ -14,8 +14,8 @@ from beamstiff.robot.parts import AddedEffect
 def applied(found: Decomposition) -> Robot:
     """Return the robot with the open parameters as fitted beside the causes, and the causes as its effects.
 
-    A target that slipped stands where it came to rest; what else is of the measured campaign alone is no part of
-    the robot.
+    A target that slipped stands where it came to rest; what else is of the measured campaign alone is no part
+    of the robot.
     """
     robot = found.model.robot(found.change)
     slips: dict[str, float] = {}

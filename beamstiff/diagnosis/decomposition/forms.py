@@ -1,4 +1,4 @@
-"""The forms of the causes as columns of the least squares problem: few parameters each, none shaped by the gap."""
+"""The forms of the causes as columns of the least squares problem: few parameters, none data-selected."""
 
 from __future__ import annotations
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse.linalg import spsolve
 
 from beamstiff.diagnosis.decomposition.forms import Form, stacked
@@ -35,7 +36,7 @@ class Folds:
     model: OpenModel
     fold: Integers
     posture: Integers
-    position: Array
+    position: NDArray[np.bool_]
 
     def squared_errors(self, chosen: Sequence[Form]) -> Array:
         """Return the sum of squared position errors of each posture, (P,), m^2, in fits without its fold."""
@@ -51,8 +52,7 @@ class Folds:
             theta, *_ = np.linalg.lstsq(matrix[fitted], right[fitted], rcond=RANK)
             left[out[: model.count]] = right[out] - matrix[out] @ theta
         error = unweighed(model, left)
-        result: Array = np.bincount(self.posture[self.position], weights=error[self.position] ** 2)
-        return result
+        return np.bincount(self.posture[self.position], weights=error[self.position] ** 2).astype(np.float64)
 
     @property
     def rows(self) -> int:
@@ -77,7 +77,7 @@ def folds_of(model: OpenModel, seed: int) -> Folds:
 
 
 def ordered(folds: Folds, choice: Choice, chosen: Sequence[int]) -> tuple[list[int], list[Array]]:
-    """Return causes, the one first that closes most after those before it, and the errors (P,) from none on."""
+    """Return causes in the order of what they close after those before, and the errors (P,) from none on."""
     errors = [folds.squared_errors(())]
     order: list[int] = []
     left = list(chosen)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 
 from beamstiff.calibration.calibrate import calibrate, calibrated
 from beamstiff.calibration.problem import Problem
@@ -56,7 +57,7 @@ class OpenModel:
     residual: Array
     tangent: Array
     pose: Integers
-    weigh: object
+    weigh: sparse.csr_array
     problem: Problem | None = None
 
     @property
@@ -71,7 +72,7 @@ class OpenModel:
 
     def weighed(self, columns: Array) -> Array:
         """Return columns (N, 6, c) of the rows in units of the noise, (n + p, c)."""
-        seen = self.weigh @ columns[self.used]
+        seen: Array = self.weigh @ columns[self.used]
         return np.concatenate([seen, np.zeros((len(self.residual) - self.count, columns.shape[-1]))])
 
     def robot(self, change: Array) -> Robot:
@@ -101,8 +102,8 @@ def open_geometry(robot: Robot, rows: Measurements, moved: Array | None = None) 
     rows : Measurements
         In any measuring frame.
     moved : (N, 6) array, optional
-        What causes move the points, in the frame of the rows: the model is linear about the calibration beside
-        them.
+        What causes move the points, in the frame of the rows: the model is linear about the calibration
+        beside them.
 
     Raises
     ------

@@ -10,7 +10,7 @@ from beamstiff.diagnosis.effects import Quantity
 
 
 def parameters_of(cause: Cause) -> Iterator[tuple[str, Quantity, float, float, float]]:
-    """Yield name, quantity, value and standard deviation, SI, of each parameter, and the factor of its sizes."""
+    """Yield name, quantity, value, standard deviation (SI) and the factor of its sizes of each parameter."""
     for at, (form, theta, std) in enumerate(zip(cause.forms, cause.theta, cause.std, strict=True)):
         factor = form.shape.realistic or form.shape.spread
         for item, value, error in zip(form.shape.parameters, theta.tolist(), std.tolist(), strict=True):

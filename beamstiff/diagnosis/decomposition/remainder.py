@@ -84,8 +84,8 @@ def _explained(model: OpenModel, step: _Left, columns: Array) -> float:
     k, n = own.shape[1], len(step.left) - step.basis.shape[1]
     if not k or n <= k + 1:
         return 0.0
-    share = float(((own.T @ step.left) ** 2).sum()) / max(float(step.left @ step.left), 1e-300)
-    return max(0.0, 1.0 - (1.0 - share) * (n - 1) / (n - k - 1))
+    share = float(np.square(own.T @ step.left).sum()) / max(float(step.left @ step.left), 1e-300)
+    return float(max(0.0, 1.0 - (1.0 - share) * (n - 1) / (n - k - 1)))
 
 
 def _covariates(model: OpenModel) -> Iterator[tuple[str, Array]]:

@@ -1,11 +1,11 @@
 """Forward selection of causes with removal and exchange, by the Bayesian information criterion.
 
-Residual r and forms X are projected off the open parameters once, and off the causes chosen, ``P``. Parameters
-are known beforehand to lie about zero within ``D^-1/2`` (a few times their realistic sizes). A form takes
-``b^T (G + D)^-1 b`` from the sum of squares, with ``b = X^T P r`` and ``G = X^T P X``, and is weighed by
-``BIC = n log(S / n) + k log n - 2 log prior`` (Schwarz, Ann. Statist. 6 (1978) 461), k the parameters that the
-data determine, ``tr G (G + D)^-1``. The noise variance is estimated from what is left: the scatter of the
-machine about any smooth law, not what the tracker reads to.
+Residual r and forms X are projected off the open parameters once, and off the causes chosen, ``P``. Their
+parameters are known beforehand to lie about zero within ``D^-1/2`` (a few times their realistic sizes). A
+form takes ``b^T (G + D)^-1 b`` from the sum of squares, with ``b = X^T P r`` and ``G = X^T P X``, and is
+weighed by ``BIC = n log(S / n) + k log n - 2 log prior`` (Schwarz, Ann. Statist. 6 (1978) 461), k the
+parameters that the data determine, ``tr G (G + D)^-1``. The noise variance is estimated from what is left:
+the scatter of the machine about any smooth law, not what the tracker reads to.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from beamstiff.diagnosis.decomposition.forms import SLIP, Form
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, orthonormal
@@ -56,7 +57,7 @@ class Choice:
     columns: Array
     precision: Array
     at: tuple[slice, ...]
-    positive: Array
+    positive: NDArray[np.bool_]
     groups: tuple[tuple[Integers, Integers], ...]
     open_count: int
     count: int
@@ -120,7 +121,9 @@ def state_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
 def fit_step(choice: Choice, chosen: Sequence[int]) -> Step:
     """Return the fit with some forms."""
     n = len(choice.residual)
-    at = np.concatenate([np.zeros(0, dtype=int), *(np.arange(len(choice.precision))[choice.at[k]] for k in chosen)])
+    at = np.concatenate(
+        [np.zeros(0, dtype=int), *(np.arange(len(choice.precision))[choice.at[k]] for k in chosen)]
+    )
     known = np.diag(np.sqrt(choice.precision[at]))
     basis = np.linalg.qr(np.concatenate([choice.columns[:, at], known]))[0]
     fitted = basis @ (basis[:n].T @ choice.residual)

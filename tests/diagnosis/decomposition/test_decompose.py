@@ -1,0 +1,127 @@
+"""Several causes at once beside a calibration: machines moved by plain rigid-body motion and statics."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from beamstiff import Robot, load_robot
+from beamstiff.calibration.corrected import corrected
+from beamstiff.diagnosis.apply import extended
+from beamstiff.diagnosis.diagnose import diagnose
+from beamstiff.diagnosis.effects.approach_direction import last_direction
+from beamstiff.diagnosis.result import Diagnosis
+from beamstiff.diagnosis.verify import verify
+from beamstiff.measure import Measurements, make_measurements
+from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
+from beamstiff.se3 import Array, rotation_from_vector
+
+UR10 = Path(__file__).resolve().parents[3] / "examples" / "data" / "ur10.yaml"
+NOISE = 1e-5  # m, of a laser tracker
+POSES = 90
+STOPS_SHORT, GEAR, SLIP = 4e-4, 3e-4, np.array([6e-4, -4e-4, 3e-4])  # rad, rad, m
+SLIPS_AT = 40
+FRAME = np.array([0.3, -0.2, 1.1])  # rad: the tracker stands somewhere
+PLACE = np.array([2.0, -1.0, 0.4])  # m
+
+
+def machine(robot: Robot) -> Robot:
+    """Return the robot as it is made: not quite as described."""
+    rng = np.random.default_rng(3)
+    names = ("f2.d", "f3.d", "f4.r", "f2.alpha", "f5.alpha", "q2", "q3", "q4", "q5")
+    return corrected(robot, {name: 3e-4 * rng.standard_normal() for name in names}, np.zeros((1, 6)))
+
+
+def read(robot: Robot, q: Array, causes: tuple[str, ...], rng: np.random.Generator) -> Measurements:
+    """Return positions of the tool in the tracker's frame, one pose after another."""
+    names = [variable.name for variable in robot.actuated]
+    plan = make_measurements(names, q, tcp=robot.tcp, position=np.zeros((len(q), 3)))
+    true = q.copy()
+    if "approach" in causes:
+        true[:, 1] += STOPS_SHORT * last_direction(plan, "q2")
+    if "gear" in causes:
+        true[:, 2] += GEAR * np.cos(2 * q[:, 2])
+    kinematics = compile_kinematics(machine(robot))
+    pose = pose_of(kinematics, posture(kinematics, true), robot.tcp)
+    position = pose[:, :3, 3].copy()
+    if "slip" in causes:
+        position[SLIPS_AT:] += pose[SLIPS_AT:, :3, :3] @ SLIP
+    position = position @ rotation_from_vector(FRAME).T + PLACE
+    position = position + NOISE * rng.standard_normal(position.shape)
+    return make_measurements(names, q, tcp=robot.tcp, position=position, sigma_position=NOISE)
+
+
+@cache
+def found(*causes: str) -> tuple[Diagnosis, Robot]:
+    robot, rng = load_robot(UR10), np.random.default_rng(1)
+    robot = robot.model_copy(update={"identify": ()})
+    return diagnose(robot, read(robot, rng.uniform(-2.5, 2.5, (POSES, 6)), causes, rng)), robot
+
+
+def test_geometry_alone_is_no_gap() -> None:
+    diagnosis, _ = found()
+    assert diagnosis.verdict.effect == "none"
+    assert not diagnosis.to_dict()["causes"]
+    assert diagnosis.rms == pytest.approx(np.sqrt(3) * NOISE, rel=0.4)
+
+
+def test_three_causes_are_named_with_their_sizes_beside_an_unknown_geometry_and_frame() -> None:
+    causes = found("approach", "gear", "slip")[0].to_dict()["causes"]
+    by_key = {(cause["effect"], cause["component"]): cause for cause in causes}
+    assert set(by_key) == {("approach-direction", "q2"), ("angle-curve", "q3"), ("target-slip", None)}
+    half = by_key["approach-direction", "q2"]["parameters"]["half_lost_motion"]
+    assert half["value"] == pytest.approx(STOPS_SHORT, abs=4 * half["std"])
+    assert half["std"] < 0.05 * STOPS_SHORT
+    curve = by_key["angle-curve", "q3"]["parameters"]
+    assert curve["cosine_2"]["value"] == pytest.approx(GEAR, abs=4 * curve["cosine_2"]["std"])
+    slip = by_key["target-slip", None]["parameters"]
+    for axis, size in zip("xyz", SLIP, strict=True):
+        assert slip[f"slip_{axis}"]["value"] == pytest.approx(size, abs=4 * slip[f"slip_{axis}"]["std"])
+    assert [row.rpartition(":")[2] for row in slip["rows"]] == [str(SLIPS_AT + 1)]  # counted from 1
+
+
+def test_what_the_causes_close_adds_up_and_leaves_no_remainder() -> None:
+    report = found("approach", "gear", "slip")[0].to_dict()
+    closes = [cause["closes"] for cause in report["causes"]]
+    assert closes == sorted(closes, reverse=True)
+    assert sum(closes) == pytest.approx(1.0, abs=0.01)
+    assert report["remainder"]["share"] < 0.01
+    after = [cause["rms_after_mm"] for cause in report["causes"]]
+    assert after == sorted(after, reverse=True)
+    assert sum(one["probability"] for one in report["which"]) == pytest.approx(1.0)
+
+
+def test_the_first_cause_is_the_verdict_where_it_closes_most() -> None:
+    diagnosis, _ = found("approach")
+    assert (diagnosis.verdict.effect, diagnosis.verdict.component) == ("approach-direction", "q2")
+    assert diagnosis.verdict.probability > 0.9
+
+
+def test_promised_is_true_on_fresh_poses() -> None:
+    diagnosis, robot = found("approach", "gear")
+    rng = np.random.default_rng(7)
+    fresh = read(robot, rng.uniform(-2.5, 2.5, (40, 6)), ("approach", "gear"), rng)
+    result = verify(extended(diagnosis), fresh, refit_frame=True)
+    assert result.promised == pytest.approx(result.true, abs=0.05)
+    assert result.after < 2.0 * result.noise
+
+
+def test_a_target_that_slipped_stands_where_it_came_to_rest() -> None:
+    diagnosis, robot = found("slip")
+    rng = np.random.default_rng(8)
+    fresh = read(robot, rng.uniform(-2.5, 2.5, (40, 6)), (), rng)
+    later = verify(extended(diagnosis), fresh, refit_frame=True)
+    assert later.after > 0.3 * np.linalg.norm(SLIP)  # glued on anew, it stands at its old place
+
+
+def test_of_a_cause_that_is_withheld_most_stays_and_the_remainder_says_what_it_follows() -> None:
+    robot, rng = load_robot(UR10).model_copy(update={"identify": ()}), np.random.default_rng(1)
+    rows = read(robot, rng.uniform(-2.5, 2.5, (POSES, 6)), ("approach",), rng)
+    report = diagnose(robot, rows, without=["approach-direction"]).to_dict()
+    assert all(cause["effect"] != "approach-direction" for cause in report["causes"])
+    assert sum(cause["closes"] for cause in report["causes"]) < 0.5  # curves of q2 take a part
+    assert report["remainder"]["share"] > 0.5
+    assert "direction of approach of q2" in [one["what"] for one in report["remainder"]["follows"]]
