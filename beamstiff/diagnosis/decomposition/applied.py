@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from beamstiff.calibration.corrected import corrected
@@ -25,27 +27,29 @@ def applied(found: Decomposition) -> Robot:
                 name = f"{form.component or robot.tcp}.{axis}"
                 slips[name] = slips.get(name, 0.0) + by
     robot = corrected(robot, slips, found.model.baseline.rows.q[:1]) if slips else robot
-    added = [effect for cause in found.causes if (effect := _added(found, cause)) is not None]
+    added = [effect for cause in found.causes for effect in _added(found, cause)]
     return robot.model_copy(update={"effects": (*robot.effects, *added)})
 
 
-def _added(found: Decomposition, cause: Cause) -> AddedEffect | None:
-    form, values = cause.forms[0], cause.theta[0] * cause.forms[0].sizes
-    values = np.where(form.positive, np.maximum(values, 0.0), values)
-    parameters = {
-        item.name: f"{value!r} {item.unit}" if item.unit[0].isalpha() and item.unit != "SI" else value
-        for item, value in zip(form.shape.parameters, values.tolist(), strict=True)
-        if not item.passing
-    }
-    if not parameters:
-        return None
-    scales = EFFECTS[form.effect].scales(found.model.baseline, form.component)
-    against = form.shape.against
-    return AddedEffect(
-        effect=form.effect,
-        component=form.component,
-        shape=form.shape.name,
-        parameters=parameters,
-        scales={name: value for name, value in scales.items() if against is None or name in against},
-        closes=round(cause.closes, 4),
-    )
+def _added(found: Decomposition, cause: Cause) -> Iterator[AddedEffect]:
+    """Yield an entry for every form of a cause; what the cause closes stands in the first."""
+    for at, (form, theta) in enumerate(zip(cause.forms, cause.theta, strict=True)):
+        values = theta * form.sizes
+        values = np.where(form.positive, np.maximum(values, 0.0), values)
+        parameters = {
+            item.name: f"{value!r} {item.unit}" if item.unit[0].isalpha() and item.unit != "SI" else value
+            for item, value in zip(form.shape.parameters, values.tolist(), strict=True)
+            if not item.passing
+        }
+        if not parameters:
+            continue
+        scales = EFFECTS[form.effect].scales(found.model.baseline, form.component)
+        against = form.shape.against
+        yield AddedEffect(
+            effect=form.effect,
+            component=form.component,
+            shape=form.shape.name,
+            parameters=parameters,
+            scales={name: value for name, value in scales.items() if against is None or name in against},
+            closes=None if at else round(cause.closes, 4),
+        )

@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from beamstiff.diagnosis.decomposition.forms import SLIP, Form, forms_of, stacked
 from beamstiff.diagnosis.decomposition.held_out import Folds, folds_of, interval, ordered
-from beamstiff.diagnosis.decomposition.look_alikes import rivals_of
+from beamstiff.diagnosis.decomposition.look_alikes import rival_of
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, open_geometry, open_stiffness
 from beamstiff.diagnosis.decomposition.remainder import Remainder, remainder_of
-from beamstiff.diagnosis.decomposition.selection import Choice, Step, fit_step, select, state_choice
+from beamstiff.diagnosis.decomposition.selection import (
+    Choice,
+    Step,
+    causes_of,
+    fit_step,
+    select,
+    state_choice,
+)
 from beamstiff.diagnosis.effects.target_slip import slip_row
 from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline
 from beamstiff.measure.table import Measurements
@@ -188,42 +195,40 @@ def moved_by(model: OpenModel, chosen: Sequence[Form]) -> Array:
 
 
 def _told(model: OpenModel, choice: Choice, step: Step, seed: int) -> Decomposition:
-    folds, least = folds_of(model, seed), step.bic
-    numbers, errors = ordered(folds, choice, _kept(folds, choice, step))
-    step = fit_step(choice, numbers)
-    order = [choice.forms[number] for number in numbers]
+    folds, least, robot = folds_of(model, seed), step.bic, model.baseline.nominal
+    order, errors = ordered(folds, choice, causes_of(choice, _kept(folds, choice, step)))
+    step = fit_step(choice, tuple(number for cause in order for number in cause))
+    forms = [choice.forms[number] for number in step.chosen]
     noise2 = float((model.baseline.sigma[:, :3][model.used[:, :3]] ** 2).sum())
     total = float(errors[0].sum())
-    theta, covariance = solved(model, order)
+    theta, covariance = solved(model, forms)
     free = len(model.residual) - choice.open_count - step.determined
     scatter = float(np.sqrt(step.squares / max(free, 1.0)))
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0)) * max(scatter, 1.0)
-    rivals = rivals_of(choice, step, model.baseline.nominal)
-    ends = model.tangent.shape[1] + np.cumsum([form.sizes.size for form in order], dtype=int)
-    parts = [slice(end - form.sizes.size, end) for form, end in zip(order, ends, strict=True)]
-    causes: list[Cause] = []
-    for at, form in enumerate(order):
-        after = errors[at + 1]
-        gain = float((errors[at] - after).sum()) / (total - noise2) if total > noise2 else 0.0
-        cause = Cause(
-            forms=(form,),
-            theta=(theta[parts[at]],),
-            std=(std[parts[at]],),
-            probability=rivals[at].probability,
-            closes=gain,
-            closes_interval=interval(errors[at], after, noise2, total, seed),
-            rms_after=float(np.sqrt(after.sum() / folds.rows)),
-            indistinguishable=rivals[at].indistinguishable,
+    ends = model.tangent.shape[1] + np.cumsum([form.sizes.size for form in forms], dtype=int)
+    parts = {
+        number: slice(end - form.sizes.size, end)
+        for number, form, end in zip(step.chosen, forms, ends.tolist(), strict=True)
+    }
+    causes = []
+    for cause, before, after in zip(order, errors[:-1], errors[1:], strict=True):
+        rival = rival_of(choice, step, cause, robot)
+        causes.append(
+            Cause(
+                forms=tuple(choice.forms[number] for number in cause),
+                theta=tuple(theta[parts[number]] for number in cause),
+                std=tuple(std[parts[number]] for number in cause),
+                probability=rival.probability,
+                closes=float((before - after).sum()) / (total - noise2) if total > noise2 else 0.0,
+                closes_interval=interval(before, after, noise2, total, seed),
+                rms_after=float(np.sqrt(after.sum() / folds.rows)),
+                indistinguishable=rival.indistinguishable,
+            )
         )
-        before = next((k for k, one in enumerate(causes) if one.key == cause.key), None)
-        if before is None:
-            causes.append(cause)
-        else:
-            causes[before] = _joined(causes[before], cause)
     return Decomposition(
         model=model,
         causes=tuple(causes),
-        remainder=remainder_of(model, order, noise2, total, folds.rows),
+        remainder=remainder_of(model, forms, noise2, total, folds.rows),
         rms=float(np.sqrt(total / folds.rows)),
         noise=float(np.sqrt(noise2 / folds.rows)),
         change=theta[: model.tangent.shape[1]],
@@ -233,25 +238,27 @@ def _told(model: OpenModel, choice: Choice, step: Step, seed: int) -> Decomposit
     )
 
 
-def _kept(folds: Folds, choice: Choice, step: Step) -> tuple[int, ...]:
-    """Return the causes of a fit that are sure enough, and without which held-out postures are worse.
+def _kept(folds: Folds, choice: Choice, step: Step) -> Step:
+    """Return a fit without causes that are not sure enough, or that do not help on held-out postures.
 
     The least sure goes first; the others are judged again without it.
     """
     while step.chosen:
-        sure = [one.probability for one in rivals_of(choice, step, folds.model.baseline.nominal)]
-        forms = [choice.forms[number] for number in step.chosen]
-        errors = folds.squared_errors(forms)
+        causes = causes_of(choice, step)
+        errors = folds.squared_errors([choice.forms[number] for number in step.chosen])
+        fits = [fit_step(choice, [k for k in step.chosen if k not in cause]) for cause in causes]
         gain = [
-            np.quantile(_resampled(folds.squared_errors([*forms[:at], *forms[at + 1 :]]) - errors), DOUBT)
-            for at in range(len(forms))
+            np.quantile(
+                _resampled(folds.squared_errors([choice.forms[k] for k in fit.chosen]) - errors), DOUBT
+            )
+            for fit in fits
         ]
-        weak = [at for at in range(len(forms)) if sure[at] < NAMED or gain[at] <= 0.0]
+        sure = [rival_of(choice, step, cause, folds.model.baseline.nominal).probability for cause in causes]
+        weak = [at for at in range(len(causes)) if sure[at] < NAMED or gain[at] <= 0.0]
         if not weak:
             break
-        worst = min(weak, key=lambda at: (gain[at] > 0.0, sure[at]))
-        step = fit_step(choice, (*step.chosen[:worst], *step.chosen[worst + 1 :]))
-    return step.chosen
+        step = fits[min(weak, key=lambda at: (gain[at] > 0.0, sure[at]))]
+    return step
 
 
 def _resampled(gain: Array) -> Array:
@@ -267,16 +274,3 @@ def _largest(errors: Sequence[Array]) -> float:
         return 1.0
     first, second = errors[0] - errors[1], errors[1] - errors[2]
     return float((_resampled(first - second) > 0.0).mean())
-
-
-def _joined(first: Cause, again: Cause) -> Cause:
-    """Return a cause that shows at several rows, as one."""
-    low, high = first.closes_interval
-    return replace(
-        first,
-        forms=(*first.forms, *again.forms),
-        theta=(*first.theta, *again.theta),
-        std=(*first.std, *again.std),
-        closes=first.closes + again.closes,
-        closes_interval=(low + again.closes, high + again.closes),
-    )

@@ -14,8 +14,8 @@ from beamstiff.diagnosis.inference.library import key_of
 from beamstiff.se3 import Array
 
 MOST_PARAMETERS = 8  # of a form: freer ones explain whatever is left, see DIAGNOSIS "very free shapes"
-SERIES = "angle-curve"  # whose forms are a series by itself, as long as the angles visited allow
-SLIP = "target-slip"
+SERIES, SLIP = "angle-curve", "target-slip"
+REPEATED = (SERIES, SLIP)  # whose forms may stand beside one another: orders of a curve, moments of a slip
 KNOWN_UNITS = ("rad", "m")  # of lengths and angles, whose size does not depend on that of the robot
 UNKNOWN_SCALE = 1e3  # of compliances and the like: a service robot's are as many times an industrial one's
 # what a calibration beside it takes up, or finds by itself
@@ -88,7 +88,7 @@ def _fits(effect: str, shape: Shape) -> bool:
     """Return whether a form is one of a few parameters that hold for other postures as well."""
     if effect == SLIP:
         return True
-    few = len(shape.parameters) <= MOST_PARAMETERS or effect == SERIES
+    few = len(shape.parameters) <= MOST_PARAMETERS
     return few and not shape.tuned and not any(item.passing for item in shape.parameters)
 
 

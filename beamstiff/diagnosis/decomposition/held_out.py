@@ -76,13 +76,19 @@ def folds_of(model: OpenModel, seed: int) -> Folds:
     return Folds(model, fold[posture], posture, position)
 
 
-def ordered(folds: Folds, choice: Choice, chosen: Sequence[int]) -> tuple[list[int], list[Array]]:
+def ordered(
+    folds: Folds, choice: Choice, causes: Sequence[tuple[int, ...]]
+) -> tuple[list[tuple[int, ...]], list[Array]]:
     """Return causes in the order of what they close after those before, and the errors (P,) from none on."""
-    errors = [folds.squared_errors(())]
-    order: list[int] = []
-    left = list(chosen)
+
+    def errors_with(some: Sequence[tuple[int, ...]]) -> Array:
+        return folds.squared_errors([choice.forms[number] for cause in some for number in cause])
+
+    errors = [errors_with(())]
+    order: list[tuple[int, ...]] = []
+    left = list(causes)
     while left:
-        tried = [folds.squared_errors([choice.forms[k] for k in (*order, one)]) for one in left]
+        tried = [errors_with((*order, one)) for one in left]
         best = int(np.argmin([one.sum() for one in tried]))
         errors.append(tried[best])
         order.append(left.pop(best))

@@ -24,15 +24,11 @@ class Rival:
     indistinguishable: tuple[str, ...]
 
 
-def rivals_of(choice: Choice, step: Step, robot: Robot) -> list[Rival]:
-    """Return how sure each chosen cause of a fit is."""
-    return [_rival(choice, step, at, robot) for at in range(len(step.chosen))]
-
-
-def _rival(choice: Choice, step: Step, at: int, robot: Robot) -> Rival:
-    own = choice.forms[step.chosen[at]].key
-    others = (*step.chosen[:at], *step.chosen[at + 1 :])
-    taken = {choice.forms[number].key for number in others} - {own}
+def rival_of(choice: Choice, step: Step, cause: tuple[int, ...], robot: Robot) -> Rival:
+    """Return how sure a cause of a fit is; `cause` is its forms."""
+    own = choice.forms[cause[0]].key
+    others = tuple(number for number in step.chosen if number not in cause)
+    taken = {choice.forms[number].key for number in others}
     without = fit_step(choice, others)
     best: dict[str, float] = {own: step.bic, "none:null": without.bic}
     for form, value in zip(choice.forms, with_each(choice, without).tolist(), strict=True):

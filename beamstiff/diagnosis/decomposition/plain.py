@@ -14,7 +14,7 @@ def parameters_of(cause: Cause) -> Iterator[tuple[str, Quantity, float, float, f
     for at, (form, theta, std) in enumerate(zip(cause.forms, cause.theta, cause.std, strict=True)):
         factor = form.shape.realistic or form.shape.spread
         for item, value, error in zip(form.shape.parameters, theta.tolist(), std.tolist(), strict=True):
-            name = f"{item.name}_{at + 1}" if len(cause.forms) > 1 else item.name
+            name = f"{item.name}_{at + 1}" if len(cause.rows) > 1 else item.name
             yield name, item, value * item.size, error * item.size, factor
 
 

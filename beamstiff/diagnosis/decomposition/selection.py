@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from beamstiff.diagnosis.decomposition.forms import SLIP, Form
+from beamstiff.diagnosis.decomposition.forms import REPEATED, Form
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, orthonormal
 from beamstiff.measure.arrays import Integers
 from beamstiff.se3 import Array
@@ -24,7 +24,8 @@ from beamstiff.se3 import Array
 ENOUGH = (
     10.0  # fall of the BIC from which a cause counts: "very strong" (Kass and Raftery, JASA 90 (1995) 773)
 )
-MOST = 12  # causes
+MOST = 100  # forms
+ROUNDS = 20  # of revising a fit
 SHOWS = 0.5  # parameters that the data determine, below which a form does not show
 
 
@@ -44,8 +45,8 @@ class Choice:
         Where each form's columns stand.
     positive : (C,) bool array
         Parameters that cannot be negative.
-    groups : tuple of (int array (g,), int array (g, c))
-        Forms with c columns each, and where these stand.
+    groups : tuple of (int array (g,), int array (g, c), array (g, c, c))
+        Forms with c columns each, where these stand, and their products with one another.
     open_count : int
         Open parameters.
     count : int
@@ -58,7 +59,7 @@ class Choice:
     precision: Array
     at: tuple[slice, ...]
     positive: NDArray[np.bool_]
-    groups: tuple[tuple[Integers, Integers], ...]
+    groups: tuple[tuple[Integers, Integers, Array], ...]
     open_count: int
     count: int
 
@@ -104,7 +105,9 @@ def state_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
     groups = []
     for count in sorted(set(sizes)):
         some = np.flatnonzero(np.array(sizes) == count)
-        groups.append((some, ends[some][:, None] + np.arange(count)))
+        at = ends[some][:, None] + np.arange(count)
+        own = every.T[at]  # (g, c, n)
+        groups.append((some, at, own @ own.swapaxes(1, 2)))
     return Choice(
         tuple(forms),
         residual,
@@ -156,10 +159,10 @@ def with_each(choice: Choice, step: Step) -> Array:
     known = sum(choice.forms[number].log_prior for number in step.chosen)
     inside = step.basis.T @ choice.columns
     pull = step.left @ choice.columns
-    taken = {choice.forms[number].key for number in step.chosen if choice.forms[number].effect != SLIP}
-    for numbers, at in choice.groups:
-        own = choice.columns.T[at]  # (g, c, n)
-        gram = own @ own.swapaxes(1, 2) - inside.T[at] @ inside.T[at].swapaxes(1, 2)
+    forms = [choice.forms[number] for number in step.chosen]
+    taken = {form.key for form in forms if form.effect not in REPEATED}
+    for numbers, at, own in choice.groups:
+        gram = own - inside.T[at] @ inside.T[at].swapaxes(1, 2)
         precision = choice.precision[at][:, :, None] * np.eye(at.shape[1])
         inverse = np.linalg.inv(gram + precision)
         theta = (inverse @ pull[at][:, :, None])[:, :, 0]
@@ -179,7 +182,7 @@ def with_each(choice: Choice, step: Step) -> Array:
 def select(choice: Choice) -> Step:
     """Return the fit with the causes that the criterion asks for.
 
-    After every cause that comes in, one that is not needed any more goes out, and one that another explains
+    After every cause that comes in, causes that are not needed any more go out, and one that another explains
     better is exchanged.
     """
     step = fit_step(choice, ())
@@ -187,27 +190,37 @@ def select(choice: Choice) -> Step:
         after = with_each(choice, step)
         if after.min() > step.bic - ENOUGH:
             break
-        step = _revised(choice, fit_step(choice, (*step.chosen, int(after.argmin()))))
-    return step
+        new = int(after.argmin())
+        again = choice.forms[new].key in {choice.forms[number].key for number in step.chosen}
+        step = fit_step(choice, (*step.chosen, new))
+        if not again:
+            step = _revised(choice, step)
+    return _revised(choice, step)
 
 
 def _revised(choice: Choice, step: Step) -> Step:
     """Return a fit whose causes are all needed, each in the form, and at the place, that explains most."""
-    for _ in range(2 * MOST):
+    for _ in range(ROUNDS):
         best = step
-        for at in range(len(step.chosen)):
+        for at, number in enumerate(step.chosen):
             others = (*step.chosen[:at], *step.chosen[at + 1 :])
             without = fit_step(choice, others)
             if without.bic < step.bic + ENOUGH:
                 if without.bic < best.bic + ENOUGH and len(best.chosen) == len(step.chosen):
                     best = without
-                continue
-            if len(best.chosen) < len(step.chosen):
-                continue
-            after = with_each(choice, without)
-            if after.min() < best.bic - 1e-6:
-                best = fit_step(choice, (*others, int(after.argmin())))
+            elif len(best.chosen) == len(step.chosen) and choice.forms[number].effect not in REPEATED:
+                after = with_each(choice, without)
+                if after.min() < best.bic - 1e-6:
+                    best = fit_step(choice, (*others, int(after.argmin())))
         if best is step:
             return step
         step = best
     return step
+
+
+def causes_of(choice: Choice, step: Step) -> list[tuple[int, ...]]:
+    """Return the forms of a fit by cause: those of one effect at one component belong together."""
+    found: dict[str, list[int]] = {}
+    for number in step.chosen:
+        found.setdefault(choice.forms[number].key, []).append(number)
+    return [tuple(numbers) for numbers in found.values()]

@@ -1,7 +1,8 @@
 """`angle-curve`: a joint's error follows its angle: gear, encoder, eccentric wheels.
 
-The error of an encoder or gear that turns once with the joint is a Fourier series of the joint's angle,
-``dq = sum_k a_k sin(k q) + b_k cos(k q)``. Its mean is the zero of the encoder (`geometry-error`).
+The error of an encoder or gear that turns once with the joint is a Fourier series of its angle,
+``dq = sum_k a_k sin(k q) + b_k cos(k q)``. Its mean is the zero of the encoder (`geometry-error`). Every
+order is a shape of its own: which ones a joint has is for the data to say.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from beamstiff.diagnosis.effects.geometry_error import pose_change
 from beamstiff.diagnosis.residual.baseline import Baseline
 
 SIZE = 2e-4  # rad: runout of an eccentric wheel or disc of 0.02 mm at 100 mm
-HIGHEST = (1, 2, 3, 4, 6, 8, 10, 15, 20, 30)  # orders up to which a series goes
+HIGHEST = 30  # order: finer waves need more angles than campaigns visit
 VALUES_AN_ORDER = 4  # distinct angles that a sine and a cosine need, with as many left to check them
 SAME = np.deg2rad(0.1)  # angles closer than this are one
 
@@ -37,23 +38,17 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     rows = baseline.rows
     angle = rows.q[:, rows.variables.index(name)]
     turn = pose_change(baseline, name)
-    most = _angles_visited(baseline, name) // VALUES_AN_ORDER
-    if baseline.stated is not None:
-        most = max(HIGHEST)
-    highest = [order for order in HIGHEST if order <= most]
-    waves = {
-        f"{way}_{k}": turn * course(k * angle)[:, None]
-        for k in range(1, max(highest, default=0) + 1)
-        for way, course in (("sine", np.sin), ("cosine", np.cos))
-    }
+    most = HIGHEST
+    if baseline.stated is None:  # a robot that has the effect has it in every order
+        most = min(HIGHEST, _angles_visited(baseline, name) // VALUES_AN_ORDER)
     return [
         Shape(
-            f"orders 1 to {order}" if order > 1 else "order 1",
-            np.stack(list(waves.values())[: 2 * order], axis=-1),
-            tuple(Quantity(wave, "rad", SIZE) for wave in list(waves)[: 2 * order]),
+            f"order {k}",
+            np.stack([turn * course(k * angle)[:, None] for course in (np.sin, np.cos)], axis=-1),
+            tuple(Quantity(f"{way}_{k}", "rad", SIZE) for way in ("sine", "cosine")),
             spread=30.0,
         )
-        for order in highest
+        for k in range(1, most + 1)
     ]
 
 

@@ -15,6 +15,7 @@ from beamstiff.measure.rows import history_order
 
 SIZE = 5e-4  # m
 SLIPS = tuple(Quantity(f"slip_{axis}", "m", SIZE, passing=True) for axis in "xyz")
+MOMENTS = 200  # at most, of one target: of longer campaigns every second, third, ... row is one
 FEWEST = 3  # rows before a slip and after it: fewer are gross errors
 
 
@@ -49,9 +50,12 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     after = np.zeros(len(rows))
     after[own[FEWEST:]] = 1.0
     shapes = []
-    for before, row in zip(own[FEWEST - 1 :], own[FEWEST : len(own) - FEWEST + 1], strict=False):
-        after[before] = 0.0
-        shapes.append(Shape(f"from row {row} on", moved * after[:, None, None], SLIPS, spread=30.0))
+    last = len(own) - FEWEST
+    every = max(1, -(-(last - FEWEST) // MOMENTS))
+    for at in range(FEWEST, last + 1):
+        after[own[at - 1]] = 0.0
+        if (at - FEWEST) % every == 0:
+            shapes.append(Shape(f"from row {own[at]} on", moved * after[:, None, None], SLIPS, spread=30.0))
     return shapes
 
 
