@@ -27,8 +27,9 @@ from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 
 ROUNDS = 3  # of calibrating beside the causes that were found
-NAMED = 0.5  # probability from which a cause is named
-DOUBT = 0.05  # of postures drawn anew, in which a cause may make held-out postures worse
+PRESENT = 0.95  # probability that there is a cause, this one or a look-alike, from which it counts
+NAMED = 0.5  # probability that it is this one, from which it is named
+DOUBT = 0.2  # of postures drawn anew, in which a cause may make held-out postures worse
 NOISE = 1.5  # times the stated noise, from which there is a gap: stated noise is seldom known better
 HALF, QUARTER = 0.5, 0.25  # shares of the gap from which a cause is the verdict: FORMATS, `verdict`
 
@@ -81,8 +82,10 @@ class Decomposition:
     Attributes
     ----------
     model : OpenModel
-    causes : tuple of Cause
+    causes, unclear : tuple of Cause
+        Those that are named, and those that are there but could as well be another.
     remainder : Remainder
+        What all of them leave.
     rms, noise : float, m
         Held-out position gap of the open model without a cause, and what noise alone would leave.
     change : (t,) array
@@ -97,6 +100,7 @@ class Decomposition:
 
     model: OpenModel
     causes: tuple[Cause, ...]
+    unclear: tuple[Cause, ...]
     remainder: Remainder
     rms: float
     noise: float
@@ -113,7 +117,7 @@ class Decomposition:
     @property
     def gap_shows(self) -> bool:
         """Whether more is left without a cause than noise makes."""
-        return self.scatter > NOISE or bool(self.causes)
+        return self.scatter > NOISE or bool(self.causes or self.unclear)
 
     @property
     def verdict(self) -> Cause | None:
@@ -227,7 +231,8 @@ def _told(model: OpenModel, choice: Choice, step: Step, seed: int) -> Decomposit
         )
     return Decomposition(
         model=model,
-        causes=tuple(causes),
+        causes=tuple(cause for cause in causes if cause.probability >= NAMED),
+        unclear=tuple(cause for cause in causes if cause.probability < NAMED),
         remainder=remainder_of(model, forms, noise2, total, folds.rows),
         rms=float(np.sqrt(total / folds.rows)),
         noise=float(np.sqrt(noise2 / folds.rows)),
@@ -253,8 +258,8 @@ def _kept(folds: Folds, choice: Choice, step: Step) -> Step:
             )
             for fit in fits
         ]
-        sure = [rival_of(choice, step, cause, folds.model.baseline.nominal).probability for cause in causes]
-        weak = [at for at in range(len(causes)) if sure[at] < NAMED or gain[at] <= 0.0]
+        sure = [rival_of(choice, step, cause, folds.model.baseline.nominal).present for cause in causes]
+        weak = [at for at in range(len(causes)) if sure[at] < PRESENT or gain[at] <= 0.0]
         if not weak:
             break
         step = fits[min(weak, key=lambda at: (gain[at] > 0.0, sure[at]))]

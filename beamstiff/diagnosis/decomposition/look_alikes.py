@@ -18,9 +18,20 @@ PLAUSIBLE = 0.05  # of the likeliest: less is told from it
 
 @dataclass(frozen=True)
 class Rival:
-    """The probability of a cause against others in its place, and those that cannot be told from it."""
+    """How sure a cause is.
+
+    Attributes
+    ----------
+    probability : float
+        Of this cause, against others in its place and against none.
+    present : float
+        Of any cause in its place.
+    indistinguishable : tuple of str
+        Causes that explain the rows nearly as well in its place.
+    """
 
     probability: float
+    present: float
     indistinguishable: tuple[str, ...]
 
 
@@ -44,7 +55,8 @@ def rival_of(choice: Choice, step: Step, cause: tuple[int, ...], robot: Robot) -
     same = at_the_end(robot)
     if own in same:  # whatever the forms of the model say: the flange is where the maker says
         alike += [key for key in same if key != own and key not in alike and key not in taken]
-    return Rival(weight[own] / sum(weight.values()), tuple(alike))
+    total = sum(weight.values())
+    return Rival(weight[own] / total, 1.0 - weight["none:null"] / total, tuple(alike))
 
 
 def at_the_end(robot: Robot) -> tuple[str, ...]:

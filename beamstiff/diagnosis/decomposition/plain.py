@@ -28,6 +28,10 @@ def causes_dict(found: Decomposition) -> dict[str, Any]:
             "share": remainder.share,
             "follows": [{"what": what, "share": share} for what, share in remainder.follows],
             "where": [{"component": name, "share": share} for name, share in remainder.where],
+            "unclear": [
+                {"one_of": [cause.key, *cause.indistinguishable], "closes": cause.closes}
+                for cause in found.unclear
+            ],
         },
     }
 
