@@ -17,7 +17,7 @@ from beamstiff.files import write_whole
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import Described, stiffness_text
 from beamstiff.robot.parts import AXES, Joint, JointStiffness, Strut
-from beamstiff.robot.reader import VERSION
+from beamstiff.robot.reader import VERSION, parse_robot
 
 _BARE = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*\Z")
 # lines that YAML keeps as they are in a block: the first not blank, at most one line end at the end
@@ -64,9 +64,12 @@ def save_robot(robot: Robot, path: str | os.PathLike[str]) -> None:
     Raises
     ------
     BeamstiffError
-        When the file cannot be written.
+        When the file cannot be written, or `load_robot` would refuse it: a robot that was changed by
+        ``model_copy`` has not been checked.
     """
-    write_whole(Path(path), robot_to_yaml(robot))
+    text = robot_to_yaml(robot)
+    parse_robot(text, f"{path}: cannot be written")
+    write_whole(Path(path), text)
 
 
 def _rows(fields: Mapping[str, object]) -> Iterator[str]:
