@@ -110,8 +110,15 @@ def _edits(node: Any, old: Any, new: Any, name: str, text: str, std: Mapping[str
                 yield from _edits(below, was, now, inner, text, std)
             for item in new[len(old) :]:
                 yield _added(node, node.value[-1], item, text)
-        elif node.flow_style and not isinstance(old[0], Described):
+        elif isinstance(old[0], Described):
+            raise _NotInPlaceError
+        elif node.flow_style:
             yield node.start_mark.index, node.end_mark.index, flow_text(new)
+        elif new and new == tuple(item for item in old if item in new):
+            for below, item in zip(node.value, old, strict=True):
+                if item not in new:  # with its line
+                    stop = text.find("\n", below.end_mark.index) + 1 or len(text)
+                    yield text.rfind("\n", 0, below.start_mark.index) + 1, stop, ""
         else:
             raise _NotInPlaceError
     else:

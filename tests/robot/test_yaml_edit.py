@@ -125,6 +125,44 @@ def test_effects_come_below_and_the_rest_stays(name: str) -> None:
     assert parse_robot(twice).effects == (EFFECT, other)
 
 
+BLOCKS = """# of blocks, with lists that stand as far left as their keys
+beamstiff: 1
+name: hinge
+variables:
+- name: q1
+  type: revolute
+frames:
+- name: f1   # the only one
+  theta: q1 - 90 deg
+nodes: [{name: a}, {name: b, frame: f1}]
+joints:
+- name: J   # worn
+  nodes: [a, b]
+  frame: f1
+  variable: q1
+  stiffness:
+    radial: 2e8 N/m
+    torsional: 1e6 N*m/rad   # of the data sheet
+    # to be measured again
+fixed: [a]
+tcp: b
+identify:
+- J.torsional  # first
+- J.radial  # second
+"""
+
+
+def test_a_file_of_blocks_keeps_its_blocks() -> None:
+    robot = parse_robot(BLOCKS).with_parameters({"J.torsional": 1.5e6, "J.radial": np.inf, "J.axial": 3e8})
+    assert edited_yaml(BLOCKS, robot, {}) == (
+        BLOCKS.replace(
+            "1e6 N*m/rad   # of the data sheet", "1.5e6 N*m/rad   # of the data sheet\n    axial: 3.0e+08"
+        )
+        .replace("2e8 N/m", "rigid")
+        .replace("- J.radial  # second\n", "")
+    )
+
+
 def test_what_an_alias_shares_is_not_changed_for_all(tmp_path: Path) -> None:
     text = TEXTS["kr240-2"].replace('"3.8e6 N*m/rad"', '&k "3.8e6 N*m/rad"').replace('"6.6e6 N*m/rad"', "*k")
     (tmp_path / "arm.yaml").write_text(text, encoding="utf-8")
