@@ -300,6 +300,24 @@ def in_unit(value: object, unit: str) -> float:
     return number(magnitude * _without_rounding(factor))
 
 
+def unit_size(unit: str) -> float:
+    """Return how many of the coherent SI unit one of a unit is, whatever its dimension.
+
+    Raises
+    ------
+    BeamstiffError
+        When the unit is unknown.
+
+    Examples
+    --------
+    >>> unit_size("N*mm/rad")
+    0.001
+    """
+    one = _registry().Quantity(1.0, _parsed_unit(unit))
+    grams: Any = one.dimensionality.get("[mass]", 0)  # pint's base is the gram, SI's the kilogram
+    return _without_rounding(float(one.to_base_units().magnitude) / 1000.0**grams)
+
+
 def _parsed_unit(unit: str) -> Any:
     """Return a unit of any dimension; a divisor in parentheses, and 1 over something, are units too."""
     text = unit.strip().replace("**", "^")

@@ -1,4 +1,4 @@
-"""What it costs to spread work, and what it gains: `python -m benchmarks.parallel_study`.
+"""What it costs to do work in parallel, and what it gains: `python -m benchmarks.parallel_study`.
 
 Overhead: tasks that do nothing, in this process, over processes and over a local cluster of dask. Speed-up: a
 bootstrap and an exam over 1, 2 and 4 processes and a cluster of 2, answers compared to the bit first. On a
@@ -30,7 +30,7 @@ from beamstiff.identification.bootstrap import bootstrap
 from beamstiff.identification.statement import Statement, state_identification
 from beamstiff.measure import make_measurements
 from beamstiff.model.linear import predict_displacements
-from beamstiff.parallel import spread
+from beamstiff.parallel import parallel_map
 from beamstiff.se3 import Array
 
 Row = tuple[str, ...]
@@ -57,7 +57,7 @@ def overhead(everywhere: list[Place], count: int = EMPTY) -> Iterator[Row]:
     yield ("where", "to the first result, s", "us a task")
     for place in everywhere:
         begun = time.perf_counter()
-        results = spread(abs, range(count), **place.where)
+        results = parallel_map(abs, range(count), **place.where)
         next(results)
         first = time.perf_counter()
         left = sum(1 for _ in results)

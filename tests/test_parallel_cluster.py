@@ -15,7 +15,7 @@ import pytest
 
 from beamstiff import parallel as module
 from beamstiff.errors import BeamstiffError
-from beamstiff.parallel import AHEAD, spread
+from beamstiff.parallel import AHEAD, parallel_map
 from tests.parallel_tasks import after_chain, chain, die, die_once, product, refuse_odd, rest
 
 distributed = pytest.importorskip("distributed", reason="dask.distributed is not installed (extra `cluster`)")
@@ -24,16 +24,16 @@ WORKERS = 2
 
 
 def test_workers_find_the_same_to_the_bit(scheduler: str) -> None:
-    found = dict(spread(partial(product, MATRIX), range(30), scheduler=scheduler))
+    found = dict(parallel_map(partial(product, MATRIX), range(30), scheduler=scheduler))
     assert len(found) == 30
-    for number, result in spread(partial(product, MATRIX), range(30)):
+    for number, result in parallel_map(partial(product, MATRIX), range(30)):
         assert result.tobytes() == found[number].tobytes()
         assert found[number].flags.writeable
 
 
 @pytest.mark.slow
 def test_a_worker_killed_in_the_middle_costs_its_tasks_only(scheduler: str, tmp_path: Path) -> None:
-    found = list(spread(partial(die_once, tmp_path), range(60), scheduler=scheduler))
+    found = list(parallel_map(partial(die_once, tmp_path), range(60), scheduler=scheduler))
     assert (tmp_path / "died").exists()
     assert sorted(found) == [(task, task * task) for task in range(60)]
     again = sum(len(file.read_text()) - 1 for file in tmp_path.glob("done-*"))
@@ -41,22 +41,22 @@ def test_a_worker_killed_in_the_middle_costs_its_tasks_only(scheduler: str, tmp_
 
 
 def test_what_follows_from_a_result_is_done_under_the_same_number(scheduler: str) -> None:
-    found = list(spread(chain, range(3), scheduler=scheduler, then=after_chain))
+    found = list(parallel_map(chain, range(3), scheduler=scheduler, then=after_chain))
     assert sorted(found) == [(n, n + step) for n in range(3) for step in (100, 200, 300)]
 
 
 def test_an_error_is_that_of_the_task(scheduler: str) -> None:
     with pytest.raises(BeamstiffError, match=r"^row 3: found an odd number, expected an even one$"):
-        list(spread(refuse_odd, [2, 3, 4], scheduler=scheduler))
+        list(parallel_map(refuse_odd, [2, 3, 4], scheduler=scheduler))
 
 
 def test_a_task_that_no_worker_survives_is_given_up(scheduler: str) -> None:
     with pytest.raises(BeamstiffError, match="workers died of the same task; out of memory"):
-        list(spread(die, [1], scheduler=scheduler))
+        list(parallel_map(die, [1], scheduler=scheduler))
 
 
 def test_whoever_breaks_off_leaves_no_tasks_behind(cluster: Any) -> None:
-    results = spread(rest, [0.0] + [0.2] * 40, scheduler=str(cluster.scheduler_address))
+    results = parallel_map(rest, [0.0] + [0.2] * 40, scheduler=str(cluster.scheduler_address))
     assert len(list(islice(results, 1))) == 1
     results.close()  # type: ignore[attr-defined]
     end = time.monotonic() + 5
@@ -72,7 +72,7 @@ def test_other_versions_are_refused(scheduler: str, monkeypatch: pytest.MonkeyPa
         with pytest.raises(
             BeamstiffError, match=r"worker tcp://\S+ has beamstiff .*, expected beamstiff 9.9"
         ):
-            list(spread(abs, [1], scheduler=scheduler))
+            list(parallel_map(abs, [1], scheduler=scheduler))
     finally:
         monkeypatch.undo()
         module._versions.cache_clear()
@@ -87,10 +87,10 @@ def test_a_worker_that_comes_late_with_other_versions_is_refused(scheduler: str)
 
 
 def test_a_place_without_beamstiff_is_named(scheduler: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    question = pickle.dumps(module._Versions()).replace(b"beamstiff.parallel", b"beamstuff.spread")
+    question = pickle.dumps(module._Versions()).replace(b"beamstiff.parallel", b"beamstuff.parallel")
     monkeypatch.setattr(module.pickle, "dumps", lambda _: question)
     with pytest.raises(BeamstiffError, match="No module named 'beamstuff' there; install beamstiff"):
-        list(spread(abs, [1], scheduler=scheduler))
+        list(parallel_map(abs, [1], scheduler=scheduler))
 
 
 def test_a_scheduler_that_is_not_there_is_said_within_10_seconds() -> None:
@@ -99,7 +99,7 @@ def test_a_scheduler_that_is_not_there_is_said_within_10_seconds() -> None:
         address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
     begun = time.monotonic()
     with pytest.raises(BeamstiffError, match=f"^--scheduler {address}: does not answer; start one: dask"):
-        list(spread(abs, [1], scheduler=address))
+        list(parallel_map(abs, [1], scheduler=address))
     assert time.monotonic() - begun < 10
 
 
@@ -109,7 +109,7 @@ def test_one_that_listens_and_says_nothing_is_given_up_too(monkeypatch: pytest.M
         silent.bind(("127.0.0.1", 0))
         silent.listen()
         with pytest.raises(BeamstiffError, match="does not answer"):
-            list(spread(abs, [1], scheduler=f"tcp://127.0.0.1:{silent.getsockname()[1]}"))
+            list(parallel_map(abs, [1], scheduler=f"tcp://127.0.0.1:{silent.getsockname()[1]}"))
 
 
 def test_a_scheduler_without_workers_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -117,7 +117,7 @@ def test_a_scheduler_without_workers_is_said(monkeypatch: pytest.MonkeyPatch) ->
     with distributed.LocalCluster(n_workers=0, dashboard_address="127.0.0.1:0", silence_logs=60) as empty:
         address = empty.scheduler_address
         with pytest.raises(BeamstiffError, match=f"has no workers; start some: dask worker {address}"):
-            list(spread(abs, [1], scheduler=address))
+            list(parallel_map(abs, [1], scheduler=address))
 
 
 def test_a_scheduler_that_ends_in_the_middle_is_said() -> None:
@@ -125,7 +125,7 @@ def test_a_scheduler_that_ends_in_the_middle_is_said() -> None:
         n_workers=1, threads_per_worker=1, protocol="tcp", dashboard_address="127.0.0.1:0", silence_logs=60
     )
     with local:
-        results = spread(rest, [0.05] * 100, scheduler=local.scheduler_address)
+        results = parallel_map(rest, [0.05] * 100, scheduler=local.scheduler_address)
         next(results)
         local.close()
         with pytest.raises(BeamstiffError, match="has stopped answering; what was written is kept"):
@@ -135,4 +135,4 @@ def test_a_scheduler_that_ends_in_the_middle_is_said() -> None:
 @pytest.mark.parametrize("address", ["localhost:8786", "http://localhost:8786", ""])
 def test_what_is_no_address_is_refused(address: str) -> None:
     with pytest.raises(BeamstiffError, match="expected tcp://host:port or tls://host:port"):
-        list(spread(abs, [1], scheduler=address))
+        list(parallel_map(abs, [1], scheduler=address))

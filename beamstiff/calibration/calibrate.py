@@ -142,9 +142,7 @@ def calibrated(robot: Robot, problem: Problem, theta: Array) -> Robot:
             stiffness[item.name] = np.inf if is_rigid(item, value) else 1.0 / value
         elif item.group != "base":
             changes[item.name] = value
-    result = corrected(robot, changes, problem.geometry.poses[:1]).with_parameters(stiffness)
-    fitted = tuple(name for name in result.identify if stiffness.get(name) != np.inf)
-    return result.model_copy(update={"identify": fitted})
+    return corrected(robot, changes, problem.geometry.poses[:1]).with_parameters(stiffness)
 
 
 def _told(statement: Statement, problem: Problem, found: Estimate, method: str, folds: int) -> Calibration:

@@ -13,6 +13,7 @@ from beamstiff.calibration.observability import Observability
 from beamstiff.calibration.parameters import Parameter
 from beamstiff.errors import BeamstiffError, suggest
 from beamstiff.measure.arrays import Integers
+from beamstiff.robot.coupling import frame_expressions
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 from beamstiff.shown import Shown
@@ -162,6 +163,32 @@ class Calibration(Shown):
     def values(self) -> Mapping[str, float]:
         """What was found, by name, SI."""
         return {item.name: item.value for item in self.parameters}
+
+    def written_std(self, nominal: Robot) -> dict[str, float]:
+        """Return the std of every number in the robot while all others stay, SI, by its name there.
+
+        Where nodes were moved with the geometry, to keep joints together, no more than 1e-8: its digits are
+        those that keep them so.
+        """
+        most = np.inf if self.robot.nodes == nominal.nodes else 1e-8
+        sought = [at for at, item in enumerate(self.parameters) if item.std]
+        precision = np.linalg.pinv(self.covariance[np.ix_(sought, sought)], hermitian=True)
+        least = 1.0 / np.sqrt(np.diagonal(precision))
+        exact = {
+            self.parameters[at].name: float(min(self.parameters[at].std or 0.0, one))
+            for at, one in zip(sought, least, strict=True)
+        }
+        for item in self.compliances:  # written as stiffness
+            if item.name in exact:
+                exact[item.name] /= item.value**2 or np.inf
+        for frame, of_frame in frame_expressions(self.robot).items():
+            for (
+                name,
+                expression,
+            ) in of_frame.items():  # a zero is written with every expression of its variable
+                own = [exact[one] for one in (f"{frame}.{name}", *expression.coefficients) if one in exact]
+                exact |= {f"{frame}.{name}": min(most, *own)} if own else {}
+        return exact
 
     @property
     def compliances(self) -> tuple[Found, ...]:

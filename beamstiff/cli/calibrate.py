@@ -142,7 +142,7 @@ def calibrate(
     from beamstiff.measure.writer import measurements_to_csv
     from beamstiff.report.geometry import calibration_text, dependent_table, errors_table, parameters_table
     from beamstiff.robot.reader import load_robot
-    from beamstiff.robot.writer import robot_to_yaml
+    from beamstiff.robot.yaml_edit import robot_yaml
 
     file = robot_file(robot)
     outputs = {"out": out, "readings": readings, "html": html}
@@ -188,7 +188,9 @@ def calibrate(
     for line in calibration_text(found):
         console.print(line)
     if out is not None:
-        write_whole(out, f"# {_head(found, data)}\n{robot_to_yaml(found.robot)}")
+        write_whole(
+            out, robot_yaml(found.robot, file, found.written_std(machine), f"# {_head(found, data)}\n")
+        )
     if readings is not None:
         write_whole(readings, measurements_to_csv(in_base_frame(found, measured), machine))
     if sensitivity is not None or recursion is not None:

@@ -140,9 +140,9 @@ def convert(
         made = robot_to_table(robot, convention)
         text, notes = made.text, list(made.notes)
     else:
-        from beamstiff.robot.writer import robot_to_yaml
+        from beamstiff.robot.yaml_edit import robot_yaml
 
-        text = robot_to_yaml(robot)
+        text = robot_yaml(robot, robot_file(source))
     if like is not None and ending != ".urdf":
         raise BeamstiffError("--like: goes with an --out that ends in .urdf")
     write_whole(out, text)

@@ -132,13 +132,13 @@ def diagnose(
         say(f"note: {next_to} was not written: this diagnosis proposes no states to measure", quiet)
     if apply is not None:
         from beamstiff.diagnosis.apply import extended
-        from beamstiff.robot.writer import robot_to_yaml
+        from beamstiff.robot.yaml_edit import robot_yaml
 
         larger = extended(result)
         added = effects_text(larger.effects[len(machine.effects) :]) or "no effect"
         names = ", ".join(Path(path).name for path in data)
         head = BeamstiffError(f"Stiffness fitted by beamstiff to {names}, and {added} added.")
-        write_whole(apply, f"# {head}\n{robot_to_yaml(larger)}")  # the error's text is one line
+        write_whole(apply, robot_yaml(larger, file, head=f"# {head}\n"))  # the error's text is one line
         console.print(f"{apply}: the fitted stiffness, and {added} added.")
         if result.fits and result.verdict.probability < LIKELY:
             share = f"{100 * result.verdict.probability:.0f} %"

@@ -206,6 +206,7 @@ def identify(
     )
     from beamstiff.robot.reader import load_robot
     from beamstiff.robot.stiffness import check_stiffness
+    from beamstiff.robot.yaml_edit import robot_yaml
 
     chosen("--method", method, list(METHODS))
     chosen("--loss", loss, list(LOSSES))
@@ -239,12 +240,13 @@ def identify(
         "loss": loss,
         "components": use,
     }
-    check_outputs([robot_file(robot), *data], json, out=out, reduce=reduce, figure=figure, html=html)
+    file = robot_file(robot)
+    check_outputs([file, *data], json, out=out, reduce=reduce, figure=figure, html=html)
     if figure is not None:
         from beamstiff.report.figures import check_format
 
         check_format(figure)
-    source = source_of(context, html, [robot_file(robot), *data], seed)
+    source = source_of(context, html, [file, *data], seed)
     if bootstrap or searches > 1:
         check_places(processes, scheduler)
     elif processes > 1 or scheduler is not None:
@@ -293,9 +295,9 @@ def identify(
     if reduce is not None:
         reduced = _reduce(description, measured, found, use)
         reduced = replace(reduced, robot=reduced.robot.model_copy(update={"effects": whole.effects}))
-        write_whole(reduce, _yaml(reduced.robot, _reduced_head(reduced, found, data)))
+        write_whole(reduce, robot_yaml(reduced.robot, file, head=_reduced_head(reduced, found, data)))
     if out is not None:
-        write_whole(out, _yaml(found.robot, _head(found, data)))
+        write_whole(out, robot_yaml(found.robot, file, found.conditional_std, _head(found, data)))
     if figure is not None:
         from beamstiff.report.figures import save_figure
         from beamstiff.report.parity import parity_figure
@@ -420,9 +422,3 @@ def _reduced_head(reduced: Reduced, found: Identification, data: Sequence[str]) 
     if reduced.held:
         head += f"# Held, not identifiable: {', '.join(reduced.held)}.\n"
     return head
-
-
-def _yaml(robot: Robot, head: str) -> str:
-    from beamstiff.robot.writer import robot_to_yaml
-
-    return head + robot_to_yaml(robot)

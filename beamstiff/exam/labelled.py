@@ -15,7 +15,7 @@ from beamstiff.exam.record import Kind, Label, Record, sha256
 from beamstiff.files import read_text, write_whole
 from beamstiff.measure.reader import read_measurements
 from beamstiff.measure.table import Measurements
-from beamstiff.parallel import spread
+from beamstiff.parallel import parallel_map
 from beamstiff.robot.description import Robot
 from beamstiff.robot.reader import load_robot
 
@@ -45,7 +45,7 @@ def examine_folder(
     sets = (_read(folder, name, at, labels[name]) for at, name in enumerate(names))
     records: dict[int, Record] = {}
     step = partial(_examined, examiner)
-    for at, (record, report) in spread(step, sets, processes=processes, scheduler=scheduler):
+    for at, (record, report) in parallel_map(step, sets, processes=processes, scheduler=scheduler):
         if examiner.reports is not None:
             write_whole(examiner.reports / f"{names[at]}.json", json.dumps(report, indent=1) + "\n")
         records[at] = record

@@ -16,7 +16,7 @@ from beamstiff.exam.blind import Examiner, examined, keep_report
 from beamstiff.exam.cases import Case, Exam, draw_case
 from beamstiff.exam.record import Record, record_from
 from beamstiff.files import read_text
-from beamstiff.parallel import spread
+from beamstiff.parallel import parallel_map
 
 FORMAT = "beamstiff-exam/1"
 
@@ -125,7 +125,7 @@ def _examined(
         return [done]
 
     step = partial(_step, exam, examiner)
-    for _, done in spread(step, cases, processes=processes, scheduler=scheduler, then=sealed):
+    for _, done in parallel_map(step, cases, processes=processes, scheduler=scheduler, then=sealed):
         if isinstance(done, Void):
             yield done
         elif not isinstance(done, Case):

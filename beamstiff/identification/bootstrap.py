@@ -24,7 +24,7 @@ from beamstiff.identification.parameters import SPAN
 from beamstiff.identification.refit import refit
 from beamstiff.identification.statement import Statement
 from beamstiff.measure.arrays import Integers
-from beamstiff.parallel import spread
+from beamstiff.parallel import parallel_map
 from beamstiff.se3 import Array
 
 LEAST_FREE = 1e-2  # share of a pose's noise that its residual shows, at least: below, it is not scaled up
@@ -139,7 +139,7 @@ def bootstrap(
     refits = partial(_refits, objective, slopes, theta, group)
     blocks, fitted = dict[int, list[Array]](), 0
     drawn = _draws(poses, repetitions, seed)
-    for at, (count, thetas) in spread(refits, drawn, processes=processes, scheduler=scheduler):
+    for at, (count, thetas) in parallel_map(refits, drawn, processes=processes, scheduler=scheduler):
         blocks[at], fitted = thetas, fitted + count
         if progress is not None:
             progress(fitted)

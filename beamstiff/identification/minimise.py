@@ -14,7 +14,7 @@ from beamstiff.errors import BeamstiffError, listed, suggest
 from beamstiff.identification.balance import balanced_stiffness
 from beamstiff.identification.objective import Objective
 from beamstiff.identification.parameters import SPAN, Parameters
-from beamstiff.parallel import spread
+from beamstiff.parallel import parallel_map
 from beamstiff.se3 import Array
 
 Progress = Callable[[int, float], None]
@@ -242,7 +242,7 @@ def _searches(method: str, search: Search, start: Array, effort: Effort, polish:
     efforts = [replace(effort, seed=effort.seed + number) for number in range(effort.searches)]
     one = partial(_one_search, search.objective, method, start, polish)
     found: dict[int, Minimum] = {}
-    for number, minimum in spread(one, efforts, processes=effort.processes, scheduler=effort.scheduler):
+    for number, minimum in parallel_map(one, efforts, processes=effort.processes, scheduler=effort.scheduler):
         found[number] = minimum
         best = min(found.items(), key=lambda item: (item[1].cost, item[0]))[1]
         search.best, search.best_cost = best.theta, best.cost

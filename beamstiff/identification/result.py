@@ -160,6 +160,22 @@ class Identification(Shown):
         result: Array = self.covariance / np.outer(std, std)
         return result
 
+    @property
+    def conditional_std(self) -> dict[str, float]:
+        """Standard deviation of every identifiable value while all others stay, SI, by name.
+
+        Digits below it change nothing, also where only sums of parameters are well known.
+        """
+        variance = np.diagonal(self.covariance)
+        known = np.flatnonzero(np.isfinite(variance) & (variance > 0.0))
+        precision = np.linalg.pinv(self.covariance[np.ix_(known, known)], hermitian=True)
+        least = np.minimum(variance[known], 1.0 / np.diagonal(precision))
+        return {
+            self.parameters[at].name: float(self.stiffness[at] * np.sqrt(one))
+            for at, one in zip(known, least, strict=True)
+            if one > 0.0
+        }
+
     def to_frame(self) -> pd.DataFrame:
         """Return values, standard deviations and 95 % intervals as a pandas DataFrame, a row a parameter."""
         import pandas as pd

@@ -20,7 +20,7 @@ from beamstiff.maps.job import Job, state_job
 from beamstiff.maps.parts import Parts
 from beamstiff.maps.reasons import Reason
 from beamstiff.maps.summary import reason_counts
-from beamstiff.parallel import check_places, spread
+from beamstiff.parallel import check_places, parallel_map
 from beamstiff.robot.description import Robot
 
 if TYPE_CHECKING:
@@ -168,7 +168,7 @@ def _chunks(
         todo = tuple(left)
         boxes = (job.boxes[number] for number in todo)
         try:
-            for at, part in spread(
+            for at, part in parallel_map(
                 partial(compute_chunk, job), boxes, processes=processes, scheduler=scheduler
             ):
                 left.remove(todo[at])

@@ -9,7 +9,15 @@ from pydantic import Field, model_validator
 
 from beamstiff.errors import BeamstiffError, suggest
 from beamstiff.robot.checks import find_problems
-from beamstiff.robot.fields import Acceleration, Described, DescriptionError, Name, stiffness_text
+from beamstiff.robot.fields import (
+    FREE,
+    RIGID,
+    Acceleration,
+    Described,
+    DescriptionError,
+    Name,
+    stiffness_text,
+)
 from beamstiff.robot.parts import (
     STIFFNESS_KINDS,
     AddedEffect,
@@ -90,7 +98,10 @@ class Robot(Shown, Described):
         return stiffness_parameters(self)[_known(name, stiffness_parameters(self), self.name)]
 
     def with_parameters(self, values: Mapping[str, float]) -> Robot:
-        """Return the same robot with other stiffness values, by parameter name, SI."""
+        """Return the same robot with other stiffness values, by parameter name, SI.
+
+        What becomes rigid or free is no longer among those to `identify`: it has no number to start from.
+        """
         known = stiffness_parameters(self)
         for name in values:
             _known(name, known, self.name)
@@ -99,7 +110,11 @@ class Robot(Shown, Described):
         )
         struts = tuple(_strut_with(strut, values) for strut in self.struts)
         beams, materials = _beams_with(self, values)
-        update = {"joints": joints, "struts": struts, "beams": beams, "materials": materials}
+        identify = tuple(name for name in self.identify if values.get(name) not in (RIGID, FREE))
+        update = {
+            **{"joints": joints, "struts": struts, "beams": beams, "materials": materials},
+            "identify": identify,
+        }
         return self.model_copy(update=update)
 
 

@@ -17,7 +17,7 @@ from beamstiff.files import write_whole
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import Described, stiffness_text
 from beamstiff.robot.parts import AXES, Joint, JointStiffness, Strut
-from beamstiff.robot.reader import VERSION
+from beamstiff.robot.reader import VERSION, parse_robot
 
 _BARE = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*\Z")
 # lines that YAML keeps as they are in a block: the first not blank, at most one line end at the end
@@ -49,13 +49,13 @@ def robot_to_yaml(robot: Robot) -> str:
     fixed: [n0]
     tcp: n0
     """
-    return "\n".join([f"beamstiff: {VERSION}", *_rows(_written_fields(robot))]) + "\n"
+    return "\n".join([f"beamstiff: {VERSION}", *rows_of(_written_fields(robot))]) + "\n"
 
 
 def fragment_to_yaml(robot: Robot, keys: Iterable[str]) -> str:
     """Return the YAML text of some keys of a robot, those with their default value too."""
     written = _written_fields(robot)
-    return "\n".join(_rows({key: written.get(key, getattr(robot, key)) for key in keys})) + "\n"
+    return "\n".join(rows_of({key: written.get(key, getattr(robot, key)) for key in keys})) + "\n"
 
 
 def save_robot(robot: Robot, path: str | os.PathLike[str]) -> None:
@@ -64,24 +64,28 @@ def save_robot(robot: Robot, path: str | os.PathLike[str]) -> None:
     Raises
     ------
     BeamstiffError
-        When the file cannot be written.
+        When the file cannot be written, or `load_robot` would refuse it: a robot that was changed by
+        ``model_copy`` has not been checked.
     """
-    write_whole(Path(path), robot_to_yaml(robot))
+    text = robot_to_yaml(robot)
+    parse_robot(text, f"{path}: cannot be written")
+    write_whole(Path(path), text)
 
 
-def _rows(fields: Mapping[str, object]) -> Iterator[str]:
+def rows_of(fields: Mapping[str, object]) -> Iterator[str]:
+    """Yield the lines of keys with their values, one line a part."""
     for name, value in fields.items():
         if name == "urdf" and isinstance(value, str) and _BLOCK.fullmatch(value):
             yield f"{name}: |{'' if value.endswith(chr(10)) else '-'}"
             yield from (f"  {line}" if line else "" for line in value.removesuffix("\n").split("\n"))
         elif isinstance(value, Mapping) and value:
             yield f"{name}:"
-            yield from (f"  {_text(key)}: {_flow(item)}" for key, item in value.items())
+            yield from (f"  {_text(key)}: {flow_text(item)}" for key, item in value.items())
         elif isinstance(value, tuple) and value and isinstance(value[0], Described):
             yield f"{name}:"
-            yield from (f"  - {_flow(item)}" for item in value)
+            yield from (f"  - {flow_text(item)}" for item in value)
         else:
-            yield f"{name}: {_flow(value)}"
+            yield f"{name}: {flow_text(value)}"
 
 
 def _written_fields(part: Described) -> dict[str, object]:
@@ -101,7 +105,7 @@ def _written_fields(part: Described) -> dict[str, object]:
     return fields
 
 
-def _flow(value: object) -> str:
+def flow_text(value: object) -> str:
     """Return a value in YAML's flow style."""
     match value:
         case bool():
@@ -111,13 +115,11 @@ def _flow(value: object) -> str:
         case float():
             return _number(value)
         case Described():
-            return (
-                f"{{{', '.join(f'{name}: {_flow(item)}' for name, item in _written_fields(value).items())}}}"
-            )
+            return flow_text(_written_fields(value))
         case Mapping():
-            return f"{{{', '.join(f'{_text(key)}: {_flow(item)}' for key, item in value.items())}}}"
+            return f"{{{', '.join(f'{_text(key)}: {flow_text(item)}' for key, item in value.items())}}}"
         case tuple():
-            return f"[{', '.join(map(_flow, value))}]"
+            return f"[{', '.join(map(flow_text, value))}]"
     raise BeamstiffError(f"a robot with {shown(value)} in it cannot be written")
 
 

@@ -1,7 +1,8 @@
 """XML as elements that know where they stand in the text: read safely, and edited in place.
 
 No document type, hence no entities, is accepted; nothing outside the text is fetched. Places are bytes of the
-UTF-8 text, so that an edit replaces what it means and leaves every other byte as it is.
+UTF-8 text, so that an edit replaces what it means and leaves every other byte as it is. lxml cannot: of
+`<a b='1' />` it makes `<a b="1"/>`, and 215 of the 297 lines of a real machine's URDF come out otherwise.
 """
 
 from __future__ import annotations

@@ -15,6 +15,7 @@ import pytest
 from beamstiff import load_robot, read_measurements, save_robot, write_measurements
 from beamstiff.calibration.corrected import corrected
 from beamstiff.measure import Measurements, make_measurements
+from beamstiff.robot.coupling import frame_expressions
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, posture
 
@@ -61,7 +62,8 @@ def test_planted_errors_are_found_tested_and_written(run: Run, folder: Path, arm
     assert facts["tests"]["fresh.csv"]["position_rms_mm"] == pytest.approx(0.01 * 3**0.5, rel=0.15)
     assert facts["nominal"]["position_mean_mm"] > 1
     found = load_robot(folder / "found.yaml")
-    assert found.frames[2].d == pytest.approx(1.3005, abs=2e-5)
+    assert frame_expressions(found)["f3"]["d"].constant == pytest.approx(1.3005, abs=2e-5)
+    assert re.fullmatch(r"1300\.\d{2,8} mm", str(found.frames[2].d)), "in the unit of the file"
     assert (folder / "found.yaml").read_text().startswith("# Geometry calibrated by beamstiff: 4 parameters")
 
 

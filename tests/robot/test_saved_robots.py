@@ -1,0 +1,78 @@
+"""Whatever is saved loads, and predicts the same."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from beamstiff import compile_structure, load_robot, posture, robot_names, save_robot, tcp_compliance
+from beamstiff.errors import BeamstiffError
+from beamstiff.robot.description import Robot
+from beamstiff.robot.fields import FREE, RIGID
+from beamstiff.robot.stiffness import stiffness_parameters
+
+BUNDLED = {name: load_robot(name) for name in robot_names()}
+
+
+def saved(robot: Robot) -> Robot:
+    with tempfile.TemporaryDirectory() as folder:
+        save_robot(robot, Path(folder) / "robot.yaml")
+        return load_robot(Path(folder) / "robot.yaml")
+
+
+def compliance(robot: Robot) -> np.ndarray | str:
+    """Return the compliance in mid-range, or why there is none: what is free may move."""
+    structure = compile_structure(robot)
+    middle = [np.mean(item.limits) if item.limits else item.guess for item in robot.actuated]
+    try:
+        return np.asarray(tcp_compliance(structure, posture(structure.kinematics, np.array([middle]))))
+    except BeamstiffError as error:
+        return str(error)
+
+
+@st.composite
+def changed(draw: st.DrawFn) -> tuple[str, dict[str, float]]:
+    """Draw a bundled robot with some of its stiffness as a fit or a reduction may leave it."""
+    name = draw(st.sampled_from(sorted(BUNDLED)))
+    own = stiffness_parameters(BUNDLED[name])
+    names = draw(st.lists(st.sampled_from(sorted(own)), unique=True, max_size=4)) if own else []
+    sizes = st.floats(1e3, 1e13)
+    ends = st.sampled_from([RIGID, FREE])
+    return name, {one: draw(sizes if one.endswith(".E") else sizes | ends) for one in names}
+
+
+@settings(max_examples=60, deadline=None)
+@given(changed())
+def test_a_robot_with_other_stiffness_loads_and_predicts_the_same(what: tuple[str, dict[str, float]]) -> None:
+    name, values = what
+    robot = BUNDLED[name].with_parameters(values)
+    again = saved(robot)
+    assert again == robot
+    expected, found = compliance(robot), compliance(again)
+    if isinstance(expected, str) or isinstance(found, str):
+        assert found == expected
+    else:
+        np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("name", sorted(name for name, robot in BUNDLED.items() if robot.identify))
+def test_what_became_rigid_is_not_to_be_identified_any_more(name: str) -> None:
+    gone, *left = BUNDLED[name].identify
+    if gone.endswith(".E"):
+        pytest.skip("a beam is never rigid")
+    robot = BUNDLED[name].with_parameters({gone: RIGID})
+    assert saved(robot).identify == tuple(left)
+
+
+def test_a_robot_that_would_not_load_is_not_written(tmp_path: Path) -> None:
+    robot = BUNDLED["kr500"].model_copy(update={"tcp": "nowhere"})
+    file = tmp_path / "robot.yaml"
+    file.write_text("old")
+    with pytest.raises(BeamstiffError, match=r"robot.yaml: cannot be written.*tcp: unknown node 'nowhere'"):
+        save_robot(robot, file)
+    assert file.read_text() == "old"
