@@ -21,13 +21,14 @@ def applied(found: Decomposition) -> Robot:
     """
     robot = found.model.robot(found.change)
     slips: dict[str, float] = {}
-    for cause in found.causes:
+    for cause in (*found.causes, *found.unclear):
         for form, theta in zip(cause.forms, cause.theta, strict=True) if cause.rows else ():
             for axis, by in zip("xyz", (theta * form.sizes).tolist(), strict=True):
                 name = f"{form.component or robot.tcp}.{axis}"
                 slips[name] = slips.get(name, 0.0) + by
     robot = corrected(robot, slips, found.model.baseline.rows.q[:1]) if slips else robot
-    added = [effect for cause in found.causes for effect in _added(found, cause)]
+    causes = (*found.causes, *found.unclear)
+    added = [effect for cause in causes for effect in _added(found, cause)]
     return robot.model_copy(update={"effects": (*robot.effects, *added)})
 
 
