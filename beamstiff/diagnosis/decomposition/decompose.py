@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import stats
 
 from beamstiff.diagnosis.decomposition.forms import SLIP, Form, forms_of, stacked
 from beamstiff.diagnosis.decomposition.held_out import Folds, folds_of, interval, ordered
@@ -22,10 +23,13 @@ from beamstiff.diagnosis.decomposition.selection import (
 )
 from beamstiff.diagnosis.effects.target_slip import slip_row
 from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline
+from beamstiff.errors import BeamstiffError
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 
+VALUES_A_PARAMETER = 2  # measured values that a geometry needs at least, to leave anything to causes
+CHANCE = 0.01  # of so large a residual under the stated noise, below which causes are sought
 ROUNDS = 3  # of calibrating beside the causes that were found
 PRESENT = 0.95  # probability that there is a cause, this one or a look-alike, from which it counts
 NAMED = 0.5  # probability that it is this one, from which it is named
@@ -163,7 +167,12 @@ def decompose(
         return _told(model, choice, select(choice), seed)
     model = open_geometry(robot, rows)
     choice = state_choice(model, forms_of(model, without))
-    step = select(choice)
+    if model.count < VALUES_A_PARAMETER * choice.open_count:
+        raise BeamstiffError(
+            f"{rows.source}: {model.count} measured values for {choice.open_count} open parameters of the "
+            "geometry: measure more poses"
+        )
+    step = select(choice) if _more_than_noise(choice, model) else fit_step(choice, ())
     for _ in range(ROUNDS):
         chosen = [choice.forms[number] for number in step.chosen]
         if not chosen:
@@ -174,6 +183,13 @@ def decompose(
         if {choice.forms[number].key for number in step.chosen} == {form.key for form in chosen}:
             break
     return _told(model, choice, step, seed)
+
+
+def _more_than_noise(choice: Choice, model: OpenModel) -> bool:
+    """Return whether the open model leaves more than the stated noise would by chance."""
+    nothing = fit_step(choice, ())
+    freedom = len(model.residual) - choice.open_count
+    return not model.baseline.claimed or bool(stats.chi2.sf(nothing.squares, freedom) < CHANCE)
 
 
 def solved(model: OpenModel, chosen: Sequence[Form]) -> tuple[Array, Array]:
