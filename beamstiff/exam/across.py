@@ -62,10 +62,7 @@ def across(machine: Machine, joint: str, place: Across) -> tuple[tuple[str, Node
 
 
 def with_rod(
-    machine: Machine,
-    ends: tuple[tuple[str, Node], tuple[str, Node]],
-    stiffness: float,
-    law: Law | None,
+    machine: Machine, ends: tuple[tuple[str, Node], tuple[str, Node]], stiffness: float, law: Law | None
 ) -> Machine:
     """Return the machine with a rod between two new nodes, each rigidly on its host."""
     (a, before), (b, behind) = ends

@@ -6,14 +6,14 @@ import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from beamstiff.exam.campaign import Array, Campaign
+from beamstiff.exam.campaign import Array, SimulatedCampaign
 from beamstiff.exam.machine import Machine
 from beamstiff.exam.placing import Placed
 
 # wrenches as they act, (N, 6), from the campaign, the machine placed at its rows, and the wrenches as read
-LoadChange = Callable[[Campaign, Placed, Array], Array]
+LoadChange = Callable[[SimulatedCampaign, Placed, Array], Array]
 # values as read, (N, 6), from the campaign, the machine placed at its rows, and the values as they are
-ReadingChange = Callable[[Campaign, Placed, Array], Array]
+ReadingChange = Callable[[SimulatedCampaign, Placed, Array], Array]
 # where the drives are, (P, A), from what their encoders read
 EncoderChange = Callable[[Array], Array]
 

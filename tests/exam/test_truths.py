@@ -146,15 +146,15 @@ def test_what_cannot_be_is_refused_in_one_line() -> None:
         draw_truth(rng, robot, "backlash", form="fuzzy")
 
 
-def test_every_hand_that_wrote_forms_of_an_effect_is_drawn_as_often() -> None:
+def test_every_author_that_wrote_forms_of_an_effect_is_drawn_as_often() -> None:
     rng = np.random.default_rng(0)
     drawn = [author_of(draw_truth(rng, exam_robot("kr240-2", rng), "backlash", 0.5)) for _ in range(300)]
     authors = range(1, 1 + max(drawn))
     assert len(authors) > 1
-    assert [np.mean(np.equal(drawn, hand)) for hand in authors] == pytest.approx(
+    assert [np.mean(np.equal(drawn, author)) for author in authors] == pytest.approx(
         [1 / len(authors)] * len(authors), abs=0.1
     )
-    # of outliers the second hand wrote none
+    # of outliers the second author wrote none
     drawn = [author_of(draw_truth(rng, exam_robot("kr240-2", rng), "outliers", 0.5)) for _ in range(40)]
     assert set(drawn) == {1, 3}
 

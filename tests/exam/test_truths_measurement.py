@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from beamstiff import load_robot
-from beamstiff.exam.campaign import Array, Campaign, Truth
+from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.robots import with_payload
 from beamstiff.fem.condensation import tcp_compliance
 from beamstiff.fem.structure import compile_structure
@@ -52,7 +52,7 @@ def tcp_axes(robot: Robot, q: Array) -> Array:
     return posture(kinematics, q).transforms[:, kinematics.frame_index[frame], :3, :3]
 
 
-def more(robot: Robot, campaign: Campaign, truth: Truth) -> Array:
+def more(robot: Robot, campaign: SimulatedCampaign, truth: Truth) -> Array:
     """Return what an effect adds to the readings."""
     return read(robot, campaign, truth) - read(robot, campaign)
 
@@ -221,7 +221,7 @@ def test_a_wrong_payload_is_another_payload(form: str) -> None:
 # --- readings
 
 
-def still(form: str, **other: Any) -> tuple[Truth, Campaign, Array]:
+def still(form: str, **other: Any) -> tuple[Truth, SimulatedCampaign, Array]:
     robot, q, _ = serial()
     truth = changed(drawn(robot, "thermal-drift", None, form), turn=0.0)
     time = 100.0 * np.arange(24)

@@ -1,4 +1,4 @@
-"""What holds of all of the third hand's forms: they repeat, keep to their size, and need a load."""
+"""What holds of all of the third author's forms: they repeat, keep to their size, and need a load."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 
 from beamstiff.exam.campaign import Truth
 from beamstiff.exam.designs import Wish, draw_campaign
-from beamstiff.exam.effect import Asked
+from beamstiff.exam.effect import DrawRequest
 from beamstiff.exam.forms import INSIDE, author3
 from beamstiff.exam.names import EFFECTS as NAMES
 from beamstiff.exam.robots import exam_robot, with_payload, with_stiff_drive
@@ -47,7 +47,7 @@ def test_every_effect_of_the_table_has_new_forms_and_three_lie_outside_it() -> N
     for name in inside:
         new = set(EFFECTS[name].forms)
         assert len(new) == (1 if name == "outliers" else 2)
-        # none by a name that another hand's form has, before and after they are registered
+        # none by a name that another author's form has, before and after they are registered
         assert not new & known[name] or new <= known[name]
 
 
@@ -111,7 +111,7 @@ def test_another_size_changes_the_size_only(effect: str, form: str) -> None:
         drawn_ones, left = [], []
         for size in (0.2, 0.8, 0.2):
             rng = np.random.default_rng(8)
-            drawn_ones.append(EFFECTS[effect].draw(Asked(rng, robot, place, form, size)))
+            drawn_ones.append(EFFECTS[effect].draw(DrawRequest(rng, robot, place, form, size)))
             left.append(rng.random())
         small, large, again = drawn_ones
         assert small == again

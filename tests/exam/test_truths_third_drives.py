@@ -1,4 +1,4 @@
-"""The third hand's drive effects against mechanics, on an arm and on a six-axis robot."""
+"""The third author's drive effects against mechanics, on an arm and on a six-axis robot."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The third hand's effects of geometry, loads and readings against kinematics and linear theory."""
+"""The third author's effects of geometry, loads and readings against kinematics and linear theory."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The third hand's structural effects against closed forms of first order, on an arm."""
+"""The third author's structural effects against closed forms of first order, on an arm."""
 
 from __future__ import annotations
 

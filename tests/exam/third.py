@@ -1,4 +1,4 @@
-"""The third hand's effects for tests: drawn and imposed by themselves, registered or not."""
+"""The third author's effects for tests: drawn and imposed by themselves, registered or not."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from beamstiff.exam.campaign import Array, Campaign, Truth
-from beamstiff.exam.effect import Asked, Effect
+from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
+from beamstiff.exam.effect import DrawRequest, Effect
 from beamstiff.exam.forms import author3
 from beamstiff.exam.machine import machine_of
 from beamstiff.exam.reality import Reality
@@ -22,11 +22,11 @@ FORMS = [(effect.name, form) for effect in EFFECTS.values() for form in effect.f
 def drawn(
     robot: Robot, effect: str, component: str | None, form: str, seed: int = 0, size: float = 0.7
 ) -> Truth:
-    asked = Asked(np.random.default_rng(seed), robot, component, form, size)
+    asked = DrawRequest(np.random.default_rng(seed), robot, component, form, size)
     return Truth(effect, component, form, EFFECTS[effect].draw(asked))
 
 
-def read(robot: Robot, campaign: Campaign, *truths: Truth) -> Array:
+def read(robot: Robot, campaign: SimulatedCampaign, *truths: Truth) -> Array:
     """Return the noise-free readings (N, 6) of a machine with some effects."""
     reality = Reality(machine_of(robot))
     for truth in truths:
@@ -34,7 +34,7 @@ def read(robot: Robot, campaign: Campaign, *truths: Truth) -> Array:
     return readings(reality, campaign)
 
 
-def more(robot: Robot, campaign: Campaign, truth: Truth) -> Array:
+def more(robot: Robot, campaign: SimulatedCampaign, truth: Truth) -> Array:
     """Return what an effect adds to the readings."""
     return read(robot, campaign, truth) - read(robot, campaign)
 

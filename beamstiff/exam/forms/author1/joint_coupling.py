@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from beamstiff.exam.campaign import Truth
-from beamstiff.exam.effect import Asked, Effect, between, sign, stiffness_of, turning_drives
+from beamstiff.exam.effect import DrawRequest, Effect, stiffness_of, turning_drives
 from beamstiff.exam.machine import Cross, joints_of
 from beamstiff.exam.reality import Reality
 from beamstiff.robot.description import Robot
@@ -26,11 +26,11 @@ def places(robot: Robot) -> list[str | None]:
     return [f"{a}+{b}" for a, b in pairs]
 
 
-def draw(asked: Asked) -> dict[str, float]:
+def draw(request: DrawRequest) -> dict[str, float]:
     """Return how strongly and which way the two joints are linked."""
-    found = {"share": sign(asked.rng) * between(asked.size, *SHARE)}
-    if asked.form == "gear":
-        found["ratio"] = float(asked.rng.uniform(0.5, 2.0))
+    found = {"share": request.sign() * request.sized(*SHARE)}
+    if request.form == "gear":
+        found["ratio"] = request.uniform(0.5, 2.0)
     return found
 
 

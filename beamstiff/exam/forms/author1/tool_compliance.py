@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 from beamstiff.exam.campaign import Truth
-from beamstiff.exam.effect import Asked, Effect, between, nowhere
+from beamstiff.exam.effect import DrawRequest, Effect, nowhere
 from beamstiff.exam.machine import Bar, Hinge, tapered
 from beamstiff.exam.pedestal import behind_flange, free_name
 from beamstiff.exam.reality import Reality
@@ -16,12 +16,12 @@ from beamstiff.robot.parts import Node
 TURN = (3e-7, 1.2e-5)  # rad/(N m)
 
 
-def draw(asked: Asked) -> dict[str, float]:
+def draw(request: DrawRequest) -> dict[str, float]:
     """Return the tilting compliance, rad/(N m), its distance behind the TCP, m, and the tool's shape."""
-    found = {"tilt": between(asked.size, *TURN), "behind": float(asked.rng.uniform(0.02, 0.12))}
-    found["about"] = float(asked.rng.uniform(0.3, 1.5))
-    if asked.form == "series":
-        found |= {"share": float(asked.rng.uniform(0.2, 0.6)), "other": float(asked.rng.uniform(0.6, 1.0))}
+    found = {"tilt": request.sized(*TURN), "behind": request.uniform(0.02, 0.12)}
+    found["about"] = request.uniform(0.3, 1.5)
+    if request.form == "series":
+        found |= {"share": request.uniform(0.2, 0.6), "other": request.uniform(0.6, 1.0)}
     return found
 
 

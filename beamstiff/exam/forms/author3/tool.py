@@ -7,8 +7,8 @@ import math
 
 import numpy as np
 
-from beamstiff.exam.campaign import Array, Campaign, Truth
-from beamstiff.exam.effect import Asked, Effect, between, direction, nowhere, slender
+from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
+from beamstiff.exam.effect import DrawRequest, Effect, nowhere, slender, vector
 from beamstiff.exam.forms.author1 import tool_compliance, tool_offset
 from beamstiff.exam.laws import Curve
 from beamstiff.exam.machine import Hinge, Machine
@@ -22,26 +22,25 @@ MINDLIN = 0.8  # stiffness of a ball's contact across over that along its normal
 FIRM = 20.0  # of a remote centre: stiffness along its axis over that across
 
 
-def _draw_soft(asked: Asked) -> dict[str, float]:
-    rng = asked.rng
-    found = {"tilt": between(asked.size, *tool_compliance.TURN)}
-    if asked.form == "balls":
+def _draw_soft(request: DrawRequest) -> dict[str, float]:
+    found = {"tilt": request.sized(*tool_compliance.TURN)}
+    if request.form == "balls":
         return (
             found
-            | {f"ball{i}": float(rng.uniform(0.7, 1.0)) for i in range(3)}
+            | {f"ball{i}": request.uniform(0.7, 1.0) for i in range(3)}
             | {
-                "behind": float(rng.uniform(0.02, 0.12)),
-                "radius": float(rng.uniform(0.03, 0.07)),
-                "first": float(rng.uniform(0.0, 2.0 * math.pi)),
+                "behind": request.uniform(0.02, 0.12),
+                "radius": request.uniform(0.03, 0.07),
+                "first": request.uniform(0.0, 2.0 * math.pi),
                 # N on each ball; a small robot's changer is smaller
-                "clamped": between(float(rng.uniform()), 1e3, 6e3) / slender(asked.robot),
+                "clamped": request.log_uniform(1e3, 6e3) / slender(request.robot),
             }
         )
     return found | {
-        "ahead": float(rng.uniform(0.0, 0.06)),
-        "reach": float(rng.uniform(0.05, 0.12)),  # m, root of what it gives across over what it tilts
-        "other": float(rng.uniform(0.7, 1.0)),
-        "about": float(rng.uniform(0.3, 1.0)),
+        "ahead": request.uniform(0.0, 0.06),
+        "reach": request.uniform(0.05, 0.12),  # m, root of what it gives across over what it tilts
+        "other": request.uniform(0.7, 1.0),
+        "about": request.uniform(0.3, 1.0),
     }
 
 
@@ -103,18 +102,15 @@ def _held(machine: Machine, flange: str, at: Array, k: Array, along: Curve | Non
     return dataclasses.replace(machine, rigids=(*machine.rigids, *ties), hinges=(*machine.hinges, hinge))
 
 
-def _draw_offset(asked: Asked) -> dict[str, float]:
-    found = {"away": between(asked.size, *tool_offset.AWAY)}
-    if asked.form == "eyes":
+def _draw_offset(request: DrawRequest) -> dict[str, float]:
+    found = {"away": request.sized(*tool_offset.AWAY)}
+    if request.form == "eyes":
         return found | {
-            "turned": float(asked.rng.uniform(0.0, 2.0 * math.pi)),
-            "tip": float(asked.rng.uniform(0.5, 1.5)),  # distance of the eye ahead over that of the others
+            "turned": request.uniform(0.0, 2.0 * math.pi),
+            "tip": request.uniform(0.5, 1.5),  # distance of the eye ahead over that of the others
         }
-    found |= dict(zip("xyz", map(float, direction(asked.rng)), strict=True))
-    return found | {
-        "scatter": float(asked.rng.uniform(0.2, 0.5)),
-        "seed": float(asked.rng.integers(2**31)),
-    }
+    found |= request.direction()
+    return found | {"scatter": request.uniform(0.2, 0.5), "seed": request.integer(0, 2**31)}
 
 
 def eyes(p: dict[str, float]) -> Array:
@@ -135,7 +131,7 @@ def _offset(truth: Truth, reality: Reality) -> Reality:
     """
     p, machine = dict(truth.parameters), reality.machine
 
-    def beside(campaign: Campaign, placed: Placed, wrench: Array) -> Array:
+    def beside(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:
         force, axes = wrench[:, :3], placed.rotations[machine.node(machine.tcp).frame]
         if truth.form == "eyes":
             places = eyes(p)
@@ -143,7 +139,7 @@ def _offset(truth: Truth, reality: Reality) -> Reality:
             facing = np.argmax(own @ (places / np.linalg.norm(places, axis=1, keepdims=True)).T, axis=1)
             local = places[facing]
         else:
-            middle, poses = np.array([p[n] for n in "xyz"]), np.unique(campaign.pose)
+            middle, poses = vector(p), np.unique(campaign.pose)
             apart = np.array([_scatter(int(p["seed"]), int(pose)) for pose in poses])
             local = p["away"] * (middle + p["scatter"] * apart[np.searchsorted(poses, campaign.pose)])
         arm = (axes @ local[..., None])[..., 0]
