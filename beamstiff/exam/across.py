@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -67,13 +66,8 @@ def with_rod(
     """Return the machine with a rod between two new nodes, each rigidly on its host."""
     (a, before), (b, behind) = ends
     name = free_name(machine, "rod")
-    return dataclasses.replace(
-        machine,
-        nodes=(*machine.nodes, before, behind),
-        rigids=(
-            *machine.rigids,
-            (f"{a} {before.name}", (a, before.name)),
-            (f"{b} {behind.name}", (b, behind.name)),
-        ),
-        rods=(*machine.rods, Rod(name, (before.name, behind.name), stiffness, law)),
+    return machine.plus(
+        nodes=(before, behind),
+        rigids=((f"{a} {before.name}", (a, before.name)), (f"{b} {behind.name}", (b, behind.name))),
+        rods=(Rod(name, (before.name, behind.name), stiffness, law),),
     )

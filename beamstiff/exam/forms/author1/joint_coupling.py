@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from itertools import pairwise
 
 import numpy as np
@@ -54,9 +53,7 @@ def impose(truth: Truth, reality: Reality) -> Reality:
             low, high = (s, high) if coupled < share else (low, s)
         added = s * np.outer(n, n)
     one, two = (joints_of(machine.robot, name)[0] for name in str(truth.component).split("+"))
-    return reality.with_machine(
-        dataclasses.replace(machine, crosses=(*machine.crosses, Cross(one, two, added)))
-    )
+    return reality.with_machine(machine.plus(crosses=(Cross(one, two, added),)))
 
 
 EFFECT = Effect("joint-coupling", ("compliance", "gear"), places, draw, impose)

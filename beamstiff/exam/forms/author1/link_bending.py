@@ -80,10 +80,10 @@ def impose(truth: Truth, reality: Reality) -> Reality:
     up = up_of(machine, nodes)
     if truth.form == "tapered":
         bar = Bar(str(truth.component), nodes, tapered(rigidity, lambda x: 1.0 - p["taper"] * x), up)
-        return reality.with_machine(dataclasses.replace(machine, bars=(*machine.bars, bar)))
+        return reality.with_machine(machine.plus(bars=(bar,)))
     if truth.form == "hinged":
         bar = Bar(str(truth.component), nodes, _hinged(rigidity, p["first"], p["second"]), up)
-        return reality.with_machine(dataclasses.replace(machine, bars=(*machine.bars, bar)))
+        return reality.with_machine(machine.plus(bars=(bar,)))
     return reality.with_machine(
         _elbow(machine, str(truth.component), nodes, rigidity, p["offset"], p["side"])
     )
@@ -134,7 +134,7 @@ def _elbow(
         Bar(f"{name} behind", (middle, nodes[1]), tapered(rigidity, lambda x: 0.9 - 0.2 * x), up),
     )
     node = Node(name=middle, frame=frame, at=tuple(map(float, at)))  # type: ignore[arg-type]
-    return dataclasses.replace(machine, nodes=(*machine.nodes, node), bars=(*machine.bars, *halves))
+    return machine.plus(nodes=(node,), bars=halves)
 
 
 EFFECT = Effect("link-bending", ("tapered", "hinged", "elbow"), places, draw, impose)

@@ -95,14 +95,7 @@ def _contact(truth: Truth, reality: Reality) -> Reality:
 
     axes = axes_from(vector(p))
     hinge = Hinge(name, (name, tcp.name), "base", axes, np.zeros(6), {0: Curve(curve)})
-    return reality.with_machine(
-        dataclasses.replace(
-            machine,
-            nodes=(*machine.nodes, stop),
-            hinges=(*machine.hinges, hinge),
-            fixed=(*machine.fixed, name),
-        )
-    )
+    return reality.with_machine(machine.plus(nodes=(stop,), hinges=(hinge,), fixed=(name,)))
 
 
 EFFECTS = (

@@ -7,7 +7,7 @@ import numpy as np
 from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, nowhere, vector
 from beamstiff.exam.placing import Placed
-from beamstiff.exam.reality import Reality
+from beamstiff.exam.reality import Reality, places_of
 
 DRIFT = (8e-6, 2e-3)  # m, over the campaign
 PAUSE = 30.0  # s
@@ -35,11 +35,8 @@ def impose(truth: Truth, reality: Reality) -> Reality:
         if campaign.shared_unloaded and campaign.kind == "displacement":
             share = share - at_start_of_pose(campaign, share)
         if truth.form == "growth":  # the machine grows: away from its base
-            ways = np.empty((len(values), 3))
-            for name in np.unique(campaign.point):
-                rows = campaign.point == name
-                reach = placed.node(reality.machine.node(str(name)))[rows]
-                ways[rows] = reach / np.maximum(np.linalg.norm(reach, axis=1, keepdims=True), 1e-9)
+            reach = places_of(reality.machine, campaign, placed)
+            ways = reach / np.maximum(np.linalg.norm(reach, axis=1, keepdims=True), 1e-9)
         else:
             ways = np.broadcast_to(along, (len(values), 3))
         drift = p["drift"] * share[:, None] * ways

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 
 from beamstiff.exam.campaign import Truth
@@ -42,31 +40,25 @@ def impose(truth: Truth, reality: Reality) -> Reality:
         rigidity = EI * np.array([1 / 0.03**2, np.inf, np.inf, 1 / p["about"], 1.0, 1.0])
         bar = Bar("tool", (root.name, tcp.name), tapered(rigidity, lambda x: 1.15 - 0.3 * x), None)
         return reality.with_machine(
-            dataclasses.replace(
-                machine,
-                nodes=(*machine.nodes, root),
-                rigids=(*machine.rigids, ("tool root", (flange, root.name))),
-                bars=(*machine.bars, bar),
-            )
+            machine.plus(nodes=(root,), rigids=(("tool root", (flange, root.name)),), bars=(bar,))
         )
     compliance = p["tilt"] * np.array([1.0, p["other"], p["about"]])
     axes = np.eye(3)
     previous = flange
     for share, behind in ((p["share"], p["behind"]), (1.0 - p["share"], 0.4 * p["behind"])):
         first = node(behind)
-        machine = dataclasses.replace(machine, nodes=(*machine.nodes, first))
+        machine = machine.plus(nodes=(first,))
         second = node(behind)
         about = share * compliance
         k = np.concatenate([1.0 / (about * 0.05**2), 1.0 / about])
-        machine = dataclasses.replace(
-            machine,
-            nodes=(*machine.nodes, second),
-            rigids=(*machine.rigids, (f"to {first.name}", (previous, first.name))),
-            hinges=(*machine.hinges, Hinge(first.name, (first.name, second.name), tcp.frame, axes, k)),
+        machine = machine.plus(
+            nodes=(second,),
+            rigids=((f"to {first.name}", (previous, first.name)),),
+            hinges=(Hinge(first.name, (first.name, second.name), tcp.frame, axes, k),),
         )
         previous = second.name
     tie = ("to the tip", (previous, tcp.name))
-    return reality.with_machine(dataclasses.replace(machine, rigids=(*machine.rigids, tie)))
+    return reality.with_machine(machine.plus(rigids=(tie,)))
 
 
 EFFECT = Effect("tool-compliance", ("series", "cantilever"), nowhere, draw, impose)

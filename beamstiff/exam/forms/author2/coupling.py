@@ -52,7 +52,7 @@ def _impose(truth: Truth, reality: Reality) -> Reality:
         else Stiffness(meshing)
     )
     mesh = Mesh(one, two, weights, law)
-    return reality.with_machine(dataclasses.replace(machine, meshes=(*machine.meshes, mesh)))
+    return reality.with_machine(machine.plus(meshes=(mesh,)))
 
 
 EFFECTS = (Effect("joint-coupling", ("belt", "eccentric", "bracket"), joint_coupling.places, _draw, _impose),)

@@ -100,7 +100,7 @@ def _payload(truth: Truth, reality: Reality) -> Reality:
     p, machine = truth.parameters, reality.machine
     if truth.form == "hose":
         hose = Hose(machine.tcp, p["per_metre"], p["low"])
-        return reality.with_machine(dataclasses.replace(machine, hoses=(*machine.hoses, hose)))
+        return reality.with_machine(machine.plus(hoses=(hose,)))
     tcp = machine.node(machine.tcp)
     axis = vector(p)
     at = tuple(map(float, np.array(tcp.at) + p["away"] * axis))
@@ -113,12 +113,11 @@ def _payload(truth: Truth, reality: Reality) -> Reality:
     held[0] = p["mass"] * GRAVITY / p["slides"]
     hinge = Hinge(loose, (seat, loose), tcp.frame, axes_from(axis), held)
     return reality.with_machine(
-        dataclasses.replace(
-            machine,
-            nodes=(*machine.nodes, *nodes),
-            rigids=(*machine.rigids, (f"to {seat}", (tcp.name, seat))),
-            hinges=(*machine.hinges, hinge),
-            masses=(*machine.masses, Mass(node=loose, mass=p["mass"])),
+        machine.plus(
+            nodes=tuple(nodes),
+            rigids=((f"to {seat}", (tcp.name, seat)),),
+            hinges=(hinge,),
+            masses=(Mass(node=loose, mass=p["mass"]),),
         )
     )
 

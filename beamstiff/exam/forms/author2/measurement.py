@@ -8,7 +8,7 @@ from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, named, nowhere, vector
 from beamstiff.exam.forms.author1 import frame_misalignment, load_error, thermal_drift
 from beamstiff.exam.placing import Placed
-from beamstiff.exam.reality import Reality
+from beamstiff.exam.reality import Reality, places_of
 from beamstiff.exam.rotations import turn, turned_by
 from beamstiff.robot.description import Robot
 
@@ -161,10 +161,7 @@ def _drift(truth: Truth, reality: Reality) -> Reality:
             moved = ways / np.where(size > 1e-9, size, np.inf)
         else:
             turned[:] = vector(p) / STAND
-            for name in np.unique(campaign.point):
-                rows = campaign.point == name
-                arm = placed.node(machine.node(str(name)))[rows] - vector(p, "uvw")
-                moved[rows] = np.cross(turned[rows], arm)
+            moved = np.cross(turned, places_of(machine, campaign, placed) - vector(p, "uvw"))
         share = p["drift"] * course(campaign)[:, None]
         return np.asarray(values + share * np.concatenate([moved, turned], axis=1))
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
@@ -57,14 +55,7 @@ def _tether(truth: Truth, reality: Reality) -> Reality:
     end = Node(name=name, frame=tcp.frame, at=tcp.at)
     k = np.array([p["stiffness"], 0.0, 0.0, 0.0, 0.0, 0.0])
     hinge = Hinge(name, (name, tcp.name), "base", axes_from(vector(p)), k)
-    return reality.with_machine(
-        dataclasses.replace(
-            machine,
-            nodes=(*machine.nodes, end),
-            hinges=(*machine.hinges, hinge),
-            fixed=(*machine.fixed, name),
-        )
-    )
+    return reality.with_machine(machine.plus(nodes=(end,), hinges=(hinge,), fixed=(name,)))
 
 
 EFFECTS = (

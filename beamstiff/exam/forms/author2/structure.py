@@ -185,7 +185,7 @@ def _link(truth: Truth, reality: Reality) -> Reality:
         rigidity = np.array([EA, np.inf, np.inf, p["twist"] * EI, p["flat"] * EI, EI])
         even = tapered(rigidity, lambda x: np.ones_like(x))
         bar = Bar(str(truth.component), nodes, _bolted(even, 1.0 / rigidity, p), up)
-    return reality.with_machine(dataclasses.replace(machine, bars=(*machine.bars, bar)))
+    return reality.with_machine(machine.plus(bars=(bar,)))
 
 
 def _skewed(reality: Reality, nodes: tuple[str, str], up: Array, angle: float) -> Array:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Mapping
 
@@ -13,11 +12,9 @@ from beamstiff.exam.effect import DrawRequest, Effect, nowhere, vector
 from beamstiff.exam.forms.author1 import tool_compliance, tool_offset
 from beamstiff.exam.forms.author2.springs import slackening
 from beamstiff.exam.laws import Curve
-from beamstiff.exam.machine import Hinge
-from beamstiff.exam.pedestal import behind_flange, free_name
+from beamstiff.exam.pedestal import UP, behind_flange, sprung
 from beamstiff.exam.placing import Placed
 from beamstiff.exam.reality import Reality
-from beamstiff.robot.parts import Node
 
 NARROW = 0.05  # share of a force across a ring below which its eye does not settle at the rim
 
@@ -60,29 +57,18 @@ def strutted(p: Mapping[str, float]) -> Array:
 
 
 def _soft(truth: Truth, reality: Reality) -> Reality:
-    machine, flange = behind_flange(reality.machine)
-    p, tcp = truth.parameters, machine.node(machine.tcp)
-    at = (tcp.at[0], tcp.at[1], tcp.at[2] - p["behind"])
-    names = []
-    for _ in range(2):
-        names.append(free_name(machine, "tool"))
-        node = Node(name=names[-1], frame=tcp.frame, at=at)
-        machine = dataclasses.replace(machine, nodes=(*machine.nodes, node))
+    p, (machine, flange) = truth.parameters, behind_flange(reality.machine)
+    at = -p["behind"] * UP
     if truth.form == "struts":
-        hinge = Hinge(names[0], (names[0], names[1]), tcp.frame, np.eye(3), strutted(p))
-    else:
-        about = p["tilt"] * np.array([1.0, p["other"], p["about"]])
-        k = np.concatenate([1.0 / (about * 0.05**2), 1.0 / about])
-        ends = {3: p["opens"] / k[3], 4: p["later"] * p["opens"] / k[4]}
-        laws = {
-            d: Curve(lambda e, d=d, end=end: slackening(e, float(k[d]), p["loose"], end))  # type: ignore[misc]
-            for d, end in ends.items()
-        }
-        hinge = Hinge(names[0], (names[0], names[1]), tcp.frame, np.eye(3), k, laws)
-    ties = ((f"to {names[0]}", (flange, names[0])), ("to the tip", (names[1], tcp.name)))
-    return reality.with_machine(
-        dataclasses.replace(machine, rigids=(*machine.rigids, *ties), hinges=(*machine.hinges, hinge))
-    )
+        return reality.with_machine(sprung(machine, flange, at, strutted(p)))
+    about = p["tilt"] * np.array([1.0, p["other"], p["about"]])
+    k = np.concatenate([1.0 / (about * 0.05**2), 1.0 / about])
+    ends = {3: p["opens"] / k[3], 4: p["later"] * p["opens"] / k[4]}
+    laws = {
+        d: Curve(lambda e, d=d, end=end: slackening(e, float(k[d]), p["loose"], end))  # type: ignore[misc]
+        for d, end in ends.items()
+    }
+    return reality.with_machine(sprung(machine, flange, at, k, laws))
 
 
 def _draw_offset(request: DrawRequest) -> dict[str, float]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
@@ -60,7 +58,7 @@ def _impose(truth: Truth, reality: Reality) -> Reality:
     if truth.form == "linkage":
         law = Stiffness(lambda situation: np.full(len(situation.time), strong))
     mesh = Mesh(one, two, (1.0, weight), law)
-    return reality.with_machine(dataclasses.replace(machine, meshes=(*machine.meshes, mesh)))
+    return reality.with_machine(machine.plus(meshes=(mesh,)))
 
 
 EFFECTS: tuple[Effect, ...] = (

@@ -134,12 +134,11 @@ def _payload(truth: Truth, reality: Reality) -> Reality:
         dict.fromkeys(ways, law),
     )
     return reality.with_machine(
-        dataclasses.replace(
-            machine,
-            nodes=(*machine.nodes, seat, loose),
-            rigids=(*machine.rigids, (f"to {seat.name}", (tcp.name, seat.name))),
-            hinges=(*machine.hinges, hinge),
-            masses=(*machine.masses, Mass(node=loose.name, mass=p["mass"])),
+        machine.plus(
+            nodes=(seat, loose),
+            rigids=((f"to {seat.name}", (tcp.name, seat.name)),),
+            hinges=(hinge,),
+            masses=(Mass(node=loose.name, mass=p["mass"]),),
         )
     )
 

@@ -8,7 +8,7 @@ from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, in_the_middle, named, nowhere, vector
 from beamstiff.exam.forms.author1 import frame_misalignment, load_error, outliers, thermal_drift
 from beamstiff.exam.placing import Placed
-from beamstiff.exam.reality import Reality
+from beamstiff.exam.reality import Reality, places_of
 from beamstiff.exam.rotations import turn, turned_by
 
 DISCS = 6
@@ -64,10 +64,7 @@ def _frame(truth: Truth, reality: Reality) -> Reality:
         else:
             camera, barrel = vector(p, "uvw"), share * p["barrel"]
             if displaced:
-                at = np.empty_like(moved)
-                for name in np.unique(campaign.point):
-                    rows = campaign.point == name
-                    at[rows] = placed.node(machine.node(str(name)))[rows]
+                at = places_of(machine, campaign, placed)
                 moved = distorted(at + moved, camera, barrel) - distorted(at, camera, barrel)
             else:
                 moved = distorted(moved, camera, barrel)
@@ -192,10 +189,7 @@ def _drift(truth: Truth, reality: Reality) -> Reality:
             lean[:, axis] = since_rest(campaign, part(bearing) - part(p["from"]))
         lean *= p["drift"] / (2.0 * np.sin(0.5 * abs(p["sweep"])))
         turned = np.cross([0.0, 0.0, 1.0], lean) / COLUMN
-        moved = np.empty_like(lean)
-        for name in np.unique(campaign.point):
-            rows = campaign.point == name
-            moved[rows] = np.cross(turned[rows], placed.node(machine.node(str(name)))[rows])
+        moved = np.cross(turned, places_of(machine, campaign, placed))
         return np.asarray(values + np.concatenate([moved, turned], axis=1))
 
     return reality.with_reading(thermostat if truth.form == "thermostat" else sun)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,12 +9,10 @@ import numpy as np
 from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, nowhere, slender
 from beamstiff.exam.laws import Memory, Situation
-from beamstiff.exam.machine import Hinge
-from beamstiff.exam.pedestal import behind_flange, free_name
+from beamstiff.exam.pedestal import UP, behind_flange, sprung
 from beamstiff.exam.placing import Placed
-from beamstiff.exam.reality import Reality
+from beamstiff.exam.reality import Reality, places_of
 from beamstiff.exam.rotations import turn, turned_by
-from beamstiff.robot.parts import Node
 
 STUCK = 4.0  # of the stiffness once it slips: that before
 
@@ -62,22 +59,10 @@ def _slipping(truth: Truth, reality: Reality) -> Reality:
     load is taken off: friction, but in no joint. Textbooks of bolted joints (VDI 2230); slips of up to some
     tenths of a millimetre are an engineering estimate.
     """
-    machine, flange = behind_flange(reality.machine)
-    p, tcp = truth.parameters, machine.node(machine.tcp)
-    at = (tcp.at[0], tcp.at[1], tcp.at[2] - p["behind"])
-    names = []
-    for _ in range(2):
-        names.append(free_name(machine, "slip"))
-        machine = dataclasses.replace(
-            machine, nodes=(*machine.nodes, Node(name=names[-1], frame=tcp.frame, at=at))
-        )
+    p, (machine, flange) = truth.parameters, behind_flange(reality.machine)
     across = Slipping(1.0 / p["give"], p["grip"], p["arrived"])
     laws = {0: across, 1: across}
-    hinge = Hinge(names[0], (names[0], names[1]), tcp.frame, np.eye(3), np.full(6, np.inf), laws)
-    ties = ((f"to {names[0]}", (flange, names[0])), (f"from {names[1]}", (names[1], tcp.name)))
-    return reality.with_machine(
-        dataclasses.replace(machine, rigids=(*machine.rigids, *ties), hinges=(*machine.hinges, hinge))
-    )
+    return reality.with_machine(sprung(machine, flange, -p["behind"] * UP, np.full(6, np.inf), laws))
 
 
 def _draw_sticking(request: DrawRequest) -> dict[str, float]:
@@ -136,10 +121,8 @@ def _stand(truth: Truth, reality: Reality) -> Reality:
         tilted = np.cross([0.0, 0.0, 1.0], head) / p["tall"]
         values = values.copy()
         tracker = foot + np.array([0.0, 0.0, p["tall"]])
-        for name in np.unique(campaign.point):
-            rows = campaign.point == name
-            seen = placed.node(reality.machine.node(str(name)))[rows] - tracker
-            values[rows, :3] -= head[rows] + np.cross(tilted[rows], seen)
+        seen = places_of(reality.machine, campaign, placed) - tracker
+        values[:, :3] -= head + np.cross(tilted, seen)
         values[:, 3:] = turned_by(turn(-tilted) @ turn(values[:, 3:]))
         return values
 

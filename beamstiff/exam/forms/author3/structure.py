@@ -149,7 +149,7 @@ def _seated(machine: Machine, joint: str, own: int, p: dict[str, float]) -> Mach
         held = Hinge(seat.name, (seat.name, host.name), host.frame, axes, 1.0 / soft)
     nodes = (seat.name, hinge.nodes[1]) if at == 0 else (hinge.nodes[0], seat.name)
     machine = machine.with_hinge(dataclasses.replace(hinge, nodes=nodes))
-    return dataclasses.replace(machine, nodes=(*machine.nodes, seat), hinges=(*machine.hinges, held))
+    return machine.plus(nodes=(seat,), hinges=(held,))
 
 
 def _draw_link(request: DrawRequest) -> dict[str, float]:
@@ -214,10 +214,10 @@ def _beside(machine: Machine, bar: Bar, beside: float, side: float, share: float
         names.append(free_name(machine, "leg"))
         node = Node(name=names[-1], frame=frame, at=tuple(map(float, local)))  # type: ignore[arg-type]
         tie = (f"{end.name} {names[-1]}", (end.name, names[-1]))
-        machine = dataclasses.replace(machine, nodes=(*machine.nodes, node), rigids=(*machine.rigids, tie))
+        machine = machine.plus(nodes=(node,), rigids=(tie,))
     profile = Profile(bar.profile.stations, bar.profile.compliance / share)
     leg = Bar(f"{bar.name} {names[0]}", (names[0], names[1]), profile, bar.up, share * bar.weight)
-    return dataclasses.replace(machine, bars=(*machine.bars, leg))
+    return machine.plus(bars=(leg,))
 
 
 EFFECTS: tuple[Effect, ...] = (

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import numpy as np
@@ -11,11 +10,9 @@ from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, nowhere, slender, vector
 from beamstiff.exam.forms.author1 import tool_compliance, tool_offset
 from beamstiff.exam.laws import Curve
-from beamstiff.exam.machine import Hinge, Machine
-from beamstiff.exam.pedestal import behind_flange, free_name
+from beamstiff.exam.pedestal import UP, behind_flange, sprung
 from beamstiff.exam.placing import Placed
 from beamstiff.exam.reality import Reality
-from beamstiff.robot.parts import Node
 
 LIFTED = 0.1  # of the contacts' stiffness, that the clamp has by itself
 MINDLIN = 0.8  # stiffness of a ball's contact across over that along its normal
@@ -71,7 +68,7 @@ def _soft(truth: Truth, reality: Reality) -> Reality:
         about = p["tilt"] * np.array([1.0, p["other"], p["about"]])
         across = 1.0 / (about[:2] * p["reach"] ** 2)
         k = np.concatenate([across, [FIRM * across[0]], 1.0 / about])
-        return reality.with_machine(_held(machine, flange, np.array([0.0, 0.0, p["ahead"]]), k))
+        return reality.with_machine(sprung(machine, flange, p["ahead"] * UP, k))
     angles = p["first"] + 2.0 * math.pi / 3.0 * np.arange(3)
     shares = np.array([p[f"ball{i}"] for i in range(3)])
     seats = p["radius"] * np.stack([np.cos(angles), np.sin(angles), np.zeros(3)], axis=-1)
@@ -83,23 +80,8 @@ def _soft(truth: Truth, reality: Reality) -> Reality:
             return -force, slope
 
         springs = np.array([MINDLIN * k, MINDLIN * k, k, 0.0, 0.0, 0.0])
-        machine = _held(machine, flange, seat - np.array([0.0, 0.0, p["behind"]]), springs, Curve(ball))
+        machine = sprung(machine, flange, seat - p["behind"] * UP, springs, {2: Curve(ball)})
     return reality.with_machine(machine)
-
-
-def _held(machine: Machine, flange: str, at: Array, k: Array, along: Curve | None = None) -> Machine:
-    """Return the machine with springs between flange and tool at a place seen from the TCP, in its frame."""
-    tcp = machine.node(machine.tcp)
-    names: list[str] = []
-    for _ in range(2):
-        names.append(free_name(machine, "held"))
-        place = tuple(map(float, np.array(tcp.at) + at))
-        node = Node(name=names[-1], frame=tcp.frame, at=place)  # type: ignore[arg-type]
-        machine = dataclasses.replace(machine, nodes=(*machine.nodes, node))
-    ties = ((f"to {names[0]}", (flange, names[0])), (f"from {names[1]}", (names[1], tcp.name)))
-    laws = {} if along is None else {2: along}
-    hinge = Hinge(names[0], (names[0], names[1]), tcp.frame, np.eye(3), k, laws)
-    return dataclasses.replace(machine, rigids=(*machine.rigids, *ties), hinges=(*machine.hinges, hinge))
 
 
 def _draw_offset(request: DrawRequest) -> dict[str, float]:
