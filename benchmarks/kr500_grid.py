@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from beamstiff import Robot, load_robot
-from beamstiff.exam.campaign import Campaign, Truth
+from beamstiff.exam.campaign import SimulatedCampaign, Truth
 from beamstiff.exam.forms import imposed
 from beamstiff.exam.laws import Situation, Stiffness
 from beamstiff.exam.machine import TURN, machine_of
@@ -115,7 +115,7 @@ def measured(robot: Robot, reality: Reality, q: Array, seed: int | None) -> Meas
     n, wrench = len(q), np.zeros((len(q), 6))
     wrench[:, 2] = PAYLOAD
     tcp, still = np.full(n, robot.tcp), np.zeros(n, dtype=np.int64)
-    campaign = Campaign(
+    campaign = SimulatedCampaign(
         q, wrench, np.arange(n), still, 60.0 * np.arange(n), np.full(n, 20.0), tcp, tcp, rotations=False
     )
     seen = readings(reality, campaign)[:, :3]

@@ -226,8 +226,6 @@ def study(name: str, console: Console) -> None:
         )
     promised = f"{checked.promised or 0.0:.0%}"
     lines.add_row("with all", f"{1e3 * checked.after:.3f}", f"{promised}, true {checked.true:.0%}")
-        "with all", f"{1e3 * checked.after:.3f}", f"{checked.promised or 0.0:.0%}", f"{checked.true:.2f}"
-    )
     lines.add_row("noise as stated", f"{1e3 * checked.noise:.3f}")
     console.print(lines)
     verdict, rest = report["verdict"], report["remainder"]

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import pkgutil
 import subprocess
 import sys
 
@@ -31,16 +32,22 @@ def test_importing_the_package_brings_no_heavy_library() -> None:
     assert in_a_fresh_process(script) == "[]\n"
 
 
+def test_no_public_name_is_also_a_folder_or_a_file() -> None:
+    """Such a name would be the function or the module, whichever was imported last."""
+    inside = {module.name for module in pkgutil.iter_modules(beamstiff.__path__)}
+    assert {"identification", "parallel"} <= inside
+    assert not inside & set(beamstiff.__all__)
+
+
 @pytest.mark.parametrize(
     "first",
     [
         "from beamstiff import identify",
-        "import beamstiff; identify = beamstiff.identification",
-        "import beamstiff.identification.result; from beamstiff import identify",
+        "import beamstiff.identification; identify = beamstiff.identify",
+        "import beamstiff.identification.identify; from beamstiff import identify",
         "from beamstiff.identification.identify import identify as fit; from beamstiff import identify",
-        "import beamstiff.identify",
     ],
 )
-def test_identify_is_a_function_and_a_folder_whatever_comes_first(first: str) -> None:
+def test_identify_is_the_function_whatever_comes_first(first: str) -> None:
     script = f"{first}\nimport beamstiff.identification.result as r\nprint(callable(identify), r.__name__)"
     assert in_a_fresh_process(script) == "True beamstiff.identification.result\n"

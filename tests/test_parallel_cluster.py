@@ -88,6 +88,7 @@ def test_a_worker_that_comes_late_with_other_versions_is_refused(scheduler: str)
 
 def test_a_place_without_beamstiff_is_named(scheduler: str, monkeypatch: pytest.MonkeyPatch) -> None:
     question = pickle.dumps(module._Versions()).replace(b"beamstiff.parallel", b"beamstuff.parallel")
+    assert b"beamstuff" in question
     monkeypatch.setattr(module.pickle, "dumps", lambda _: question)
     with pytest.raises(BeamstiffError, match="No module named 'beamstuff' there; install beamstiff"):
         list(parallel_map(abs, [1], scheduler=scheduler))

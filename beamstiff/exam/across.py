@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,21 +61,13 @@ def across(machine: Machine, joint: str, place: Across) -> tuple[tuple[str, Node
 
 
 def with_rod(
-    machine: Machine,
-    ends: tuple[tuple[str, Node], tuple[str, Node]],
-    stiffness: float,
-    law: Law | None,
+    machine: Machine, ends: tuple[tuple[str, Node], tuple[str, Node]], stiffness: float, law: Law | None
 ) -> Machine:
     """Return the machine with a rod between two new nodes, each rigidly on its host."""
     (a, before), (b, behind) = ends
     name = free_name(machine, "rod")
-    return dataclasses.replace(
-        machine,
-        nodes=(*machine.nodes, before, behind),
-        rigids=(
-            *machine.rigids,
-            (f"{a} {before.name}", (a, before.name)),
-            (f"{b} {behind.name}", (b, behind.name)),
-        ),
-        rods=(*machine.rods, Rod(name, (before.name, behind.name), stiffness, law)),
+    return machine.plus(
+        nodes=(before, behind),
+        rigids=((f"{a} {before.name}", (a, before.name)), (f"{b} {behind.name}", (b, behind.name))),
+        rods=(Rod(name, (before.name, behind.name), stiffness, law),),
     )

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from beamstiff.exam.campaign import Array, Campaign, Truth
+from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.machine import machine_of
 from beamstiff.exam.reality import Reality
 from beamstiff.exam.simulate import read, simulate, solve
@@ -24,7 +24,7 @@ class Fit:
     ----------
     machine : Robot
         Without effects, its stiffness true.
-    campaign : Campaign
+    campaign : SimulatedCampaign
         Without noise.
     still : (N, 6) array, m and rad
         What is read without effects; NaN where nothing is.
@@ -35,7 +35,7 @@ class Fit:
     """
 
     machine: Robot
-    campaign: Campaign
+    campaign: SimulatedCampaign
     still: Array
     basis: Array
     weight: Array
@@ -49,7 +49,7 @@ class Fit:
         return np.asarray(gap - self.basis @ found)
 
 
-def linear_fit(robot: Robot, machine: Robot, campaign: Campaign) -> Fit:
+def linear_fit(robot: Robot, machine: Robot, campaign: SimulatedCampaign) -> Fit:
     """Return the linear least-squares fit of the compliances that a robot lists to identify.
 
     The rows' derivatives by the compliances are differences of the simulator's own answers without effects,
@@ -69,25 +69,25 @@ def linear_fit(robot: Robot, machine: Robot, campaign: Campaign) -> Fit:
     return Fit(machine, quiet, still, basis, weights(campaign))
 
 
-def true_rows(machine: Robot, truths: Sequence[Truth], campaign: Campaign) -> Array:
+def true_rows(machine: Robot, truths: Sequence[Truth], campaign: SimulatedCampaign) -> Array:
     """Return what a perfect instrument reads, (N, 6); NaN where the campaign reads nothing."""
     return simulate(machine, truths, without_noise(campaign), np.random.default_rng(0)).measured
 
 
-def weights(campaign: Campaign) -> Array:
+def weights(campaign: SimulatedCampaign) -> Array:
     """Return one over the standard deviation of each of the six values; 0 for rotations that are not read."""
     rotation = 1.0 / campaign.sigma_rotation if campaign.rotations else 0.0
     return np.repeat([1.0 / campaign.sigma_position, rotation], 3)
 
 
-def whitened_gap(campaign: Campaign, residual: Array) -> float:
+def whitened_gap(campaign: SimulatedCampaign, residual: Array) -> float:
     """Return the root mean square over the values read of the residual, each over its own noise."""
     values = residual * weights(campaign)
     read = values[:, :6] if campaign.rotations else values[:, :3]
     return float(np.sqrt(np.nanmean(np.square(read))))
 
 
-def without_noise(campaign: Campaign) -> Campaign:
+def without_noise(campaign: SimulatedCampaign) -> SimulatedCampaign:
     """Return the campaign as a perfect instrument would make it."""
     return replace(
         campaign, sigma_position=0.0, sigma_rotation=0.0, claimed_position=None, claimed_rotation=None

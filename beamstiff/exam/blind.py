@@ -111,16 +111,16 @@ def examined(exam: Exam, drawn: Case, examiner: Examiner) -> tuple[Record, dict[
     """Return the record of a case that was drawn, and the report of its diagnosis; nothing is written."""
     case, seal = drawn.label.case, drawn.label.digest()
     rows = simulate(drawn.machine, drawn.truths, drawn.campaign, np.random.default_rng([exam.seed, case, 1]))
-    said = diagnosed(drawn.robot, rows, drawn.label.withheld, examiner)
-    answer, error, shifts = said.answer, said.error, None
-    if said.diagnosis is not None and is_named(answer.verdict):
+    outcome = diagnosed(drawn.robot, rows, drawn.label.withheld, examiner)
+    answer, error, shifts = outcome.answer, outcome.error, None
+    if outcome.diagnosis is not None and is_named(answer.verdict):
         try:
-            shifts = said.diagnosis.predict_shift(unmeasured(drawn))
+            shifts = outcome.diagnosis.predict_shift(unmeasured(drawn))
         except Exception as failure:  # whatever it is: the case counts as failed, the exam goes on
             answer, error = failed(), _line(failure)
-    report_seal = sha256({"report": said.report, "promise": None if shifts is None else _plain(shifts)})
+    report_seal = sha256({"report": outcome.report, "promise": None if shifts is None else _plain(shifts)})
     controls = {
-        name: asked(method, drawn.robot, rows, drawn.label.withheld)
+        name: control_verdict(method, drawn.robot, rows, drawn.label.withheld)
         for name, method in examiner.controls.items()
     }
     # from here on the label is open
@@ -134,10 +134,10 @@ def examined(exam: Exam, drawn: Case, examiner: Examiner) -> tuple[Record, dict[
         controls=controls,
         label_sha256=seal,
         report_sha256=report_seal,
-        seconds=said.seconds,
+        seconds=outcome.seconds,
         error=error,
     )
-    return record, said.report
+    return record, outcome.report
 
 
 def true_shrink(case: Case, before: Array, after: Array) -> float | None:
@@ -181,8 +181,8 @@ def unmeasured(case: Case) -> Measurements:
 
 
 @dataclass(frozen=True, eq=False)
-class Said:
-    """What a diagnosing function said of some rows: nothing but an error where it broke off."""
+class Outcome:
+    """The result of a diagnosis: nothing but an error where it broke off."""
 
     answer: Answer
     diagnosis: Diagnosis | None
@@ -191,23 +191,23 @@ class Said:
     error: str | None
 
 
-def diagnosed(robot: Robot, rows: Measurements, withheld: Sequence[str], examiner: Examiner) -> Said:
-    """Return what the examined diagnosis says of the rows; where it breaks off, why."""
+def diagnosed(robot: Robot, rows: Measurements, withheld: Sequence[str], examiner: Examiner) -> Outcome:
+    """Return the outcome of the examined diagnosis on the rows; where it breaks off, why."""
     start = time.perf_counter()
     try:
         diagnosis = examiner.diagnose(robot, rows, without=withheld, seed=0)
         report = diagnosis.to_dict()
         answer = answer_of(report)
     except Exception as error:  # whatever it is: the case counts as failed, the exam goes on
-        return Said(failed(), None, {}, time.perf_counter() - start, _line(error))
-    return Said(answer, diagnosis, report, time.perf_counter() - start, None)
+        return Outcome(failed(), None, {}, time.perf_counter() - start, _line(error))
+    return Outcome(answer, diagnosis, report, time.perf_counter() - start, None)
 
 
-def asked(method: Control, robot: Robot, rows: Measurements, withheld: Sequence[str]) -> str:
-    """Return what a plain control says of the rows."""
+def control_verdict(method: Control, robot: Robot, rows: Measurements, withheld: Sequence[str]) -> str:
+    """Return the verdict of a plain control on the rows, ``effect:component``."""
     try:
-        said = method(robot, rows, withheld)
-        return normal(said) if isinstance(said, str) else answer_of(said).verdict
+        report = method(robot, rows, withheld)
+        return normal(report) if isinstance(report, str) else answer_of(report).verdict
     except Exception:  # a control that breaks off is wrong
         return normal("failed")
 

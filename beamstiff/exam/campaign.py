@@ -44,7 +44,7 @@ class Truth:
 
 
 @dataclass(frozen=True, eq=False)
-class Campaign:
+class SimulatedCampaign:
     """Which states are measured, in which order, and how well; N rows, A actuated variables.
 
     Attributes

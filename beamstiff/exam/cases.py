@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.exam.campaign import Campaign, Truth
+from beamstiff.exam.campaign import SimulatedCampaign, Truth
 from beamstiff.exam.designs import (
     Claim,
     Data,
@@ -54,7 +54,7 @@ class Exam:
     shares : mapping of kind to int
         How many of every block of cases (their sum) are of each kind.
     effects : tuple of str
-        That are asked, in turn.
+        To draw from, in turn.
     robots : tuple of str
         Names to draw from.
     lean : float
@@ -104,7 +104,7 @@ class Case:
     machine : Robot
         The machine without its effects: its stiffness is true.
     truths : tuple of Truth
-    campaign, fresh : Campaign
+    campaign, fresh : SimulatedCampaign
         What is measured, and the new poses and loads that promises are tested on.
     """
 
@@ -112,8 +112,8 @@ class Case:
     robot: Robot
     machine: Robot
     truths: tuple[Truth, ...]
-    campaign: Campaign
-    fresh: Campaign
+    campaign: SimulatedCampaign
+    fresh: SimulatedCampaign
 
 
 def kind_of(exam: Exam, case: int) -> tuple[Kind, int]:
@@ -153,8 +153,8 @@ def draw_case(exam: Exam, case: int) -> Case:
     """
     rng = np.random.default_rng([exam.seed, case])
     kind, before = kind_of(exam, case)
-    asked = tuple(effect.name for effect in OUTSIDE) if kind == "outside" else exam.effects
-    effect = "none" if kind == "null" else asked[before % len(asked)]
+    effects = tuple(effect.name for effect in OUTSIDE) if kind == "outside" else exam.effects
+    effect = "none" if kind == "null" else effects[before % len(effects)]
     why = ""
     for _ in range(TRIES):
         robot_name = str(rng.choice(exam.robots, p=_weights(exam.robots)))
@@ -230,7 +230,7 @@ def _drawn(exam: Exam, rng: np.random.Generator, robot: Robot, drawn: Drawn) -> 
         claimed=wish.claimed if exam.plan is None else "true",
         readings=6 if campaign.rotations else 3,
         forms=tuple(truth.form for truth in truths),
-        hand=max(map(author_of, truths), default=1),
+        author=max(map(author_of, truths), default=1),
     )
     return Case(label, robot, machine, truths, campaign, fresh)
 

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from beamstiff.exam.campaign import Campaign
+from beamstiff.exam.campaign import SimulatedCampaign
 from beamstiff.fem.condensation import tcp_compliance
 from beamstiff.fem.structure import compile_structure
 from beamstiff.measure.table import Measurements
@@ -47,7 +47,7 @@ class Wish:
     claimed: Claim
 
 
-def draw_campaign(rng: np.random.Generator, robot: Robot, wish: Wish) -> Campaign:
+def draw_campaign(rng: np.random.Generator, robot: Robot, wish: Wish) -> SimulatedCampaign:
     """Return a campaign of the wished sort.
 
     Rich: 12 to 24 poses with two or three load directions of three to eight states, repeats of the last state
@@ -85,7 +85,7 @@ def draw_campaign(rng: np.random.Generator, robot: Robot, wish: Wish) -> Campaig
     return campaign
 
 
-def draw_fresh(rng: np.random.Generator, robot: Robot, like: Campaign) -> Campaign:
+def draw_fresh(rng: np.random.Generator, robot: Robot, like: SimulatedCampaign) -> SimulatedCampaign:
     """Return new poses with loads in new directions, without noise, measured as `like` was."""
     force = float(np.linalg.norm(like.wrench[:, :3], axis=1).max(initial=0.0)) or largest_force(robot, rng)
     absolute = like.kind == "absolute"
@@ -96,7 +96,7 @@ def draw_fresh(rng: np.random.Generator, robot: Robot, like: Campaign) -> Campai
     return replace(fresh, kind=like.kind, rotations=like.rotations)
 
 
-def planned(rng: np.random.Generator, plan: Measurements, sigma: tuple[float, float]) -> Campaign:
+def planned(rng: np.random.Generator, plan: Measurements, sigma: tuple[float, float]) -> SimulatedCampaign:
     """Return the campaign that a user's table of tests lays out; its measured values are not looked at.
 
     Parameters
@@ -112,7 +112,7 @@ def planned(rng: np.random.Generator, plan: Measurements, sigma: tuple[float, fl
     time = np.where(np.isnan(plan.time), 60.0 * np.arange(rows), plan.time)
     _, group = np.unique(plan.pose, return_inverse=True)
     earlier = np.tril(group[:, None] == group[None, :], -1).sum(axis=1)  # rows of the pose before this one
-    return Campaign(
+    return SimulatedCampaign(
         q=plan.q,
         wrench=plan.wrench,
         pose=plan.pose,
@@ -166,13 +166,8 @@ def draw_loads(rng: np.random.Generator, poses: int, directions: int, force: flo
 
 
 def _campaign(
-    rng: np.random.Generator,
-    robot: Robot,
-    q: Array,
-    loads: Array,
-    pattern: tuple[float, ...],
-    repeats: int,
-) -> Campaign:
+    rng: np.random.Generator, robot: Robot, q: Array, loads: Array, pattern: tuple[float, ...], repeats: int
+) -> SimulatedCampaign:
     """Return every direction's states pose after pose; the last state of a pose is read `repeats` times."""
     poses, directions = loads.shape[:2]
     states = loads[:, :, None, :] * np.array(pattern)[:, None]
@@ -184,7 +179,7 @@ def _campaign(
     pauses[:, 0] += rng.uniform(60.0, 300.0)  # the machine moves, the load is taken off
     time = np.cumsum(pauses.reshape(-1)) - pauses[0, 0]
     tcp: NDArray[np.str_] = np.full(rows, robot.tcp)
-    return Campaign(
+    return SimulatedCampaign(
         q=np.repeat(q, steps, axis=0),
         wrench=states.reshape(rows, 6),
         pose=np.repeat(np.arange(poses), steps),
@@ -204,7 +199,9 @@ def _warming(rng: np.random.Generator, time: Array) -> Array:
     return read
 
 
-def _second_reflector(rng: np.random.Generator, robot: Robot, campaign: Campaign) -> Campaign:
+def _second_reflector(
+    rng: np.random.Generator, robot: Robot, campaign: SimulatedCampaign
+) -> SimulatedCampaign:
     """Return the campaign with every state seen at a second node too, one that moves."""
     held = {node.name for node in robot.nodes if node.frame == "base"} | {*robot.fixed, robot.tcp}
     nodes = [node.name for node in robot.nodes if node.name not in held]

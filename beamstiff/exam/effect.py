@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
+from beamstiff.exam.laws import Law
 from beamstiff.exam.machine import drives_of, joints_of, own_stiffness
 from beamstiff.exam.placing import Placed, place, skeleton_of
 from beamstiff.exam.reality import Reality
@@ -20,7 +21,7 @@ SMALL = 6.0
 
 
 @dataclass(frozen=True)
-class Asked:
+class DrawRequest:
     """What is to be drawn: the parameters of a form at a component, of a size in [0, 1]."""
 
     rng: np.random.Generator
@@ -28,6 +29,31 @@ class Asked:
     component: str | None
     form: str
     size: float
+
+    def sized(self, low: float, high: float) -> float:
+        """Return the value at the wanted size from low to high, evenly by ratio."""
+        return between(self.size, low, high)
+
+    def uniform(self, low: float, high: float) -> float:
+        """Return a number drawn evenly between two."""
+        return float(self.rng.uniform(low, high))
+
+    def log_uniform(self, low: float, high: float) -> float:
+        """Return a number drawn evenly by ratio between two."""
+        return between(float(self.rng.uniform()), low, high)
+
+    def integer(self, low: int, high: int) -> float:
+        """Return a whole number drawn from low to below high."""
+        return float(self.rng.integers(low, high))
+
+    def sign(self) -> float:
+        """Return 1 or -1."""
+        return float(self.rng.choice([-1.0, 1.0]))
+
+    def direction(self, length: float = 1.0, names: str = "xyz") -> dict[str, float]:
+        """Return a vector of that length in a direction drawn evenly, by the names of its components."""
+        v = self.rng.standard_normal(3)
+        return named(length * (v / np.linalg.norm(v)), names)
 
 
 @dataclass(frozen=True)
@@ -46,24 +72,24 @@ class Effect:
     impose : callable
         A reality with the effect.
     authors : tuple of tuple of str
-        The forms by who wrote them, the first hand's first; empty where all are the first hand's.
+        The forms by who wrote them, the first author's first; empty where all are the first author's.
     """
 
     name: str
     forms: tuple[str, ...]
     places: Callable[[Robot], Sequence[str | None]]
-    draw: Callable[[Asked], dict[str, float]]
+    draw: Callable[[DrawRequest], dict[str, float]]
     impose: Callable[[Truth, Reality], Reality]
     authors: tuple[tuple[str, ...], ...] = ()
 
     def draw_form(self, rng: np.random.Generator) -> str:
-        """Return a form: of every hand as often."""
+        """Return a form: of every author as often."""
         authors = [some for some in self.authors if some] or [self.forms]
         some = authors[int(rng.integers(len(authors)))]
         return some[int(rng.integers(len(some)))]
 
     def author_of(self, form: str) -> int:
-        """Return who wrote a form: 1 for the first hand."""
+        """Return who wrote a form: 1 for the first author."""
         return next((k for k, some in enumerate(self.authors, start=1) if form in some), 1)
 
 
@@ -78,7 +104,7 @@ def joined(first: Effect, *later: Effect | None) -> Effect:
         first.name,
         tuple(form for effect in found for form in effect.forms),
         first.places,
-        lambda asked: of(asked.form).draw(asked),
+        lambda request: of(request.form).draw(request),
         lambda truth, reality: of(truth.form).impose(truth, reality),
         tuple(() if effect is None else effect.forms for effect in (first, *later)),
     )
@@ -89,16 +115,14 @@ def between(size: float, low: float, high: float) -> float:
     return float(low * (high / low) ** size)
 
 
-def sign(rng: np.random.Generator) -> float:
-    """Return 1 or -1."""
-    return float(rng.choice([-1.0, 1.0]))
+def named(vector: Array, names: str = "xyz") -> dict[str, float]:
+    """Return a vector (3,) as parameters."""
+    return dict(zip(names, map(float, vector), strict=True))
 
 
-def direction(rng: np.random.Generator) -> Array:
-    """Return a unit vector (3,), evenly distributed."""
-    v = rng.standard_normal(3)
-    unit: Array = v / np.linalg.norm(v)
-    return unit
+def vector(parameters: Mapping[str, float], names: str = "xyz") -> Array:
+    """Return the vector (3,) of parameters by these names."""
+    return np.array([parameters[name] for name in names])
 
 
 def nowhere(robot: Robot) -> list[str | None]:  # noqa: ARG001
@@ -145,6 +169,14 @@ def slender(robot: Robot) -> float:
     """
     turning = [stiffness_of(robot, name) for name in drives_of(robot) if turns(robot, name)]
     return float(np.clip(np.sqrt(LARGE / max(turning)), 1.0, SMALL)) if turning else 1.0
+
+
+def at_joints(truth: Truth, reality: Reality, law_of: Callable[[float], Law]) -> Reality:
+    """Return the reality with a law, made from the joint's stiffness, in the component's own direction."""
+    machine = reality.machine
+    for name, own in joints_of(machine.robot, str(truth.component)):
+        machine = machine.with_law(name, own, law_of(own_stiffness(machine.robot, name, own)))
+    return reality.with_machine(machine)
 
 
 def in_the_middle(robot: Robot, **moved: float) -> Placed:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.exam.blind import Examiner, asked, diagnosed
+from beamstiff.exam.blind import Examiner, control_verdict, diagnosed
 from beamstiff.exam.names import EFFECTS, NONE, key_of
 from beamstiff.exam.record import Kind, Label, Record, sha256
 from beamstiff.files import read_text, write_whole
@@ -65,8 +65,8 @@ def _read(folder: Path, name: str, at: int, given: dict[str, Any]) -> Set:
 def _examined(examiner: Examiner, task: Set) -> tuple[Record, dict[str, Any]]:
     at, given, robot, rows = task
     seal = sha256(given)
-    said = diagnosed(robot, rows, (), examiner)
-    controls = {known: asked(method, robot, rows, ()) for known, method in examiner.controls.items()}
+    outcome = diagnosed(robot, rows, (), examiner)
+    controls = {name: control_verdict(one, robot, rows, ()) for name, one in examiner.controls.items()}
     second = given.get("eff2")
     truths = [] if given["effect"] == NONE else [key_of(given["effect"], given["component"])]
     truths += [] if second is None else [key_of(second[0], second[1])]
@@ -84,17 +84,17 @@ def _examined(examiner: Examiner, task: Set) -> tuple[Record, dict[str, Any]]:
             claimed="true",
             readings=6 if rows.measured_mask[:, 3:].any() else 3,
         ),
-        answer=said.answer,
+        answer=outcome.answer,
         gap=gap,
         gaps=(gap,) * len(truths),
         shrink=None,
         controls=controls,
         label_sha256=seal,
-        report_sha256=sha256(said.report),
-        seconds=said.seconds,
-        error=said.error,
+        report_sha256=sha256(outcome.report),
+        seconds=outcome.seconds,
+        error=outcome.error,
     )
-    return record, said.report
+    return record, outcome.report
 
 
 def _kind(given: dict[str, Any]) -> Kind:

@@ -10,6 +10,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -198,6 +199,10 @@ class Machine:
         """Return the machine with a law in one direction of a hinge."""
         hinge = self.hinge(name)
         return self.with_hinge(dataclasses.replace(hinge, laws={**hinge.laws, direction: law}))
+
+    def plus(self, **parts: tuple[Any, ...]) -> Machine:
+        """Return the machine with further parts of some kinds, by the names of the attributes."""
+        return dataclasses.replace(self, **{name: getattr(self, name) + more for name, more in parts.items()})
 
     @property
     def ties(self) -> list[tuple[str, str]]:

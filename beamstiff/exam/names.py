@@ -5,13 +5,7 @@ from __future__ import annotations
 NONE, UNKNOWN, FAILED = "none", "unknown", "failed"
 
 FAMILIES: dict[str, tuple[str, ...]] = {
-    "structure": (
-        "link-bending",
-        "bearing-tilt",
-        "base-compliance",
-        "tool-compliance",
-        "joint-compliance",
-    ),
+    "structure": ("link-bending", "bearing-tilt", "base-compliance", "tool-compliance", "joint-compliance"),
     "drive": (
         "actuator-lever",
         "backlash",

@@ -14,6 +14,8 @@ from beamstiff.exam.laws import Law
 from beamstiff.exam.machine import Hinge, Machine
 from beamstiff.robot.parts import Node
 
+UP = np.array([0.0, 0.0, 1.0])
+
 
 def on_pedestal(machine: Machine, stiffness: Array, laws: Mapping[int, Law] | None = None) -> Machine:
     """Return the machine with all its fixed nodes on one body that springs hold, in base axes.
@@ -63,6 +65,22 @@ def behind_flange(machine: Machine) -> tuple[Machine, str]:
         rods=tuple(dataclasses.replace(r, nodes=moved(r.nodes)) for r in machine.rods),
     )
     return cut, flange
+
+
+def sprung(
+    machine: Machine, flange: str, at: Array, stiffness: Array, laws: Mapping[int, Law] | None = None
+) -> Machine:
+    """Return the machine with springs between flange and tool, at a place seen from the TCP in its frame."""
+    tcp = machine.node(machine.tcp)
+    place = tuple(map(float, np.array(tcp.at) + at))
+    names: list[str] = []
+    for _ in range(2):
+        names.append(free_name(machine, "held"))
+        machine = machine.plus(nodes=(Node(name=names[-1], frame=tcp.frame, at=place),))  # type: ignore[arg-type]
+    first, second = names
+    ties = ((f"to {first}", (flange, first)), (f"from {second}", (second, tcp.name)))
+    hinge = Hinge(first, (first, second), tcp.frame, np.eye(3), stiffness, laws or {})
+    return machine.plus(rigids=ties, hinges=(hinge,))
 
 
 def free_name(machine: Machine, wanted: str) -> str:

@@ -6,14 +6,16 @@ import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from beamstiff.exam.campaign import Array, Campaign
+import numpy as np
+
+from beamstiff.exam.campaign import Array, SimulatedCampaign
 from beamstiff.exam.machine import Machine
 from beamstiff.exam.placing import Placed
 
 # wrenches as they act, (N, 6), from the campaign, the machine placed at its rows, and the wrenches as read
-LoadChange = Callable[[Campaign, Placed, Array], Array]
+LoadChange = Callable[[SimulatedCampaign, Placed, Array], Array]
 # values as read, (N, 6), from the campaign, the machine placed at its rows, and the values as they are
-ReadingChange = Callable[[Campaign, Placed, Array], Array]
+ReadingChange = Callable[[SimulatedCampaign, Placed, Array], Array]
 # where the drives are, (P, A), from what their encoders read
 EncoderChange = Callable[[Array], Array]
 
@@ -59,3 +61,12 @@ class Reality:
     def with_reading(self, change: ReadingChange) -> Reality:
         """Return the same with one more change of the readings."""
         return dataclasses.replace(self, readings=(*self.readings, change))
+
+
+def places_of(machine: Machine, campaign: SimulatedCampaign, placed: Placed) -> Array:
+    """Return where the point of every row is, (N, 3), m, on the placed machine."""
+    places = np.empty((len(campaign), 3))
+    for name in np.unique(campaign.point):
+        rows = campaign.point == name
+        places[rows] = placed.node(machine.node(str(name)))[rows]
+    return places

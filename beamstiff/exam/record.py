@@ -36,7 +36,7 @@ class Label:
         3 or 6 components.
     forms : tuple of str
         Constitutive form of each truth.
-    hand : int
+    author : int
         Who wrote the forms, the last of them: 1 is who writes the diagnosis and has not read the others'.
     """
 
@@ -51,7 +51,7 @@ class Label:
     claimed: str
     readings: int
     forms: tuple[str, ...] = ()
-    hand: int = 1
+    author: int = 1
 
     def digest(self) -> str:
         """Return the SHA-256 of the label, which seals it."""
@@ -200,9 +200,7 @@ def sha256(value: Any) -> str:
 
 def _made(kind: type[Any], data: Mapping[str, Any]) -> Any:
     names = {field.name for field in fields(kind)}
-    return kind(
-        **{k: tuple(v) if isinstance(v, list) else v for k, v in data.items() if k in names},
-    )
+    return kind(**{k: tuple(v) if isinstance(v, list) else v for k, v in data.items() if k in names})
 
 
 def _number(value: float) -> float | None:

@@ -63,10 +63,7 @@ def random_arm(rng: np.random.Generator) -> Robot:
     share = np.array([1.5, 1.0, 1.6, 12.0, 12.0, 14.0]) * np.exp(rng.uniform(-0.7, 0.7, 6))
     for at, end in enumerate(ends, start=1):
         parent = "base" if at == 1 else f"f{at - 1}"
-        nodes += [
-            {"name": f"n{at}a", "frame": parent, "at": end},
-            {"name": f"n{at}b", "frame": f"f{at}"},
-        ]
+        nodes += [{"name": f"n{at}a", "frame": parent, "at": end}, {"name": f"n{at}b", "frame": f"f{at}"}]
         links.append({"name": f"link{at - 1}", "nodes": ["n0" if at == 1 else f"n{at - 1}b", f"n{at}a"]})
         joints.append(
             {

@@ -18,7 +18,7 @@ from beamstiff.exam.record import Record, record_from
 from beamstiff.files import read_text
 from beamstiff.parallel import parallel_map
 
-FORMAT = "beamstiff-exam/1"
+FORMAT = "beamstiff-exam/2"
 
 
 @dataclass(frozen=True)

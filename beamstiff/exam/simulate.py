@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.exam.campaign import Array, Campaign, Integers, Truth
+from beamstiff.exam.campaign import Array, Integers, SimulatedCampaign, Truth
 from beamstiff.exam.equilibrium import Load, at_rest, equilibrium, rows_of, some
 from beamstiff.exam.forms import imposed
 from beamstiff.exam.laws import Memory, Situation
@@ -28,7 +28,7 @@ ROOM = 20.0  # degC where it gives no temperature
 
 
 def simulate(
-    robot: Robot, truths: Sequence[Truth], campaign: Campaign, rng: np.random.Generator
+    robot: Robot, truths: Sequence[Truth], campaign: SimulatedCampaign, rng: np.random.Generator
 ) -> Measurements:
     """Return what a campaign would read on a machine that has the given effects.
 
@@ -38,7 +38,7 @@ def simulate(
         The machine without the effects, with its true stiffness.
     truths : sequence of Truth
         Effects, imposed in this order.
-    campaign : Campaign
+    campaign : SimulatedCampaign
     rng : Generator
         For the noise of the readings.
 
@@ -88,12 +88,12 @@ def draw_stiffness(rng: np.random.Generator, robot: Robot) -> dict[str, float]:
     return {name: robot.parameter(name) * float(np.exp(SPREAD * rng.standard_normal())) for name in names}
 
 
-def readings(reality: Reality, campaign: Campaign) -> Array:
+def readings(reality: Reality, campaign: SimulatedCampaign) -> Array:
     """Return the six values of every row without noise, (N, 6)."""
     return read(reality, campaign, solve(reality, campaign))
 
 
-def read(reality: Reality, campaign: Campaign, solved: Solution) -> Array:
+def read(reality: Reality, campaign: SimulatedCampaign, solved: Solution) -> Array:
     """Return the six values (N, 6) that the rows read on a machine in these equilibria."""
     machine, nodes = reality.machine, solved.topology.index
     point = np.array([nodes[name] for name in campaign.point])
@@ -132,14 +132,14 @@ class Solution:
 
 
 def solve(
-    reality: Reality, campaign: Campaign, near: Solution | None = None, *, once: bool = False
+    reality: Reality, campaign: SimulatedCampaign, near: Solution | None = None, *, once: bool = False
 ) -> Solution:
     """Return the equilibrium of the machine in every row of a campaign.
 
     Parameters
     ----------
     reality : Reality
-    campaign : Campaign
+    campaign : SimulatedCampaign
     near : Solution, optional
         Of a machine of the same parts and geometry in the same campaign, to start from.
     once : bool
@@ -220,7 +220,9 @@ def _moved(state: State, rows: Integers, body: Integers, arm: Array) -> Array:
     return moved
 
 
-def _load(reality: Reality, topology: Topology, campaign: Campaign, placed: Placed, layout: Layout) -> Load:
+def _load(
+    reality: Reality, topology: Topology, campaign: SimulatedCampaign, placed: Placed, layout: Layout
+) -> Load:
     wrench = np.array(campaign.wrench, dtype=np.float64)
     for change in reality.loads:
         wrench = change(campaign, placed, wrench)
@@ -237,7 +239,7 @@ def _load(reality: Reality, topology: Topology, campaign: Campaign, placed: Plac
     return Load(topology.body[node], arm, wrench)
 
 
-def _states(campaign: Campaign) -> tuple[Integers, Integers, Integers, Integers]:
+def _states(campaign: SimulatedCampaign) -> tuple[Integers, Integers, Integers, Integers]:
     """Return each state's first row, each row's state, each state's pose and its turn within the pose.
 
     States are in the order of pose, then step.
@@ -249,7 +251,7 @@ def _states(campaign: Campaign) -> tuple[Integers, Integers, Integers, Integers]
     return first, state_of.reshape(-1), pose, turn
 
 
-def _situation(campaign: Campaign, placed: Placed, first: Integers, turn: Integers) -> Situation:
+def _situation(campaign: SimulatedCampaign, placed: Placed, first: Integers, turn: Integers) -> Situation:
     time = np.where(np.isnan(campaign.time[first]), PAUSE * np.arange(len(first)), campaign.time[first])
     time = time - time.min()
     heat = np.where(np.isnan(campaign.temperature[first]), ROOM, campaign.temperature[first])
@@ -258,7 +260,7 @@ def _situation(campaign: Campaign, placed: Placed, first: Integers, turn: Intege
     return Situation({name: value[first] for name, value in placed.values.items()}, time, heat, lasted)
 
 
-def _noise(campaign: Campaign, rng: np.random.Generator) -> Array:
+def _noise(campaign: SimulatedCampaign, rng: np.random.Generator) -> Array:
     """Return the noise of the values (N, 6); shared unloaded readings make it equal in part."""
     sigma = np.repeat([campaign.sigma_position, campaign.sigma_rotation], 3)
     noise: Array = rng.standard_normal((len(campaign), 6)) * sigma

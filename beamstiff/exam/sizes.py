@@ -16,7 +16,7 @@ import numpy as np
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.exam.baseline import Fit, linear_fit, whitened_gap
-from beamstiff.exam.campaign import Array, Campaign, Truth
+from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.forms import draw_truth, resized
 from beamstiff.exam.record import Kind
 from beamstiff.robot.description import Robot
@@ -55,7 +55,7 @@ def sized(
     rng: np.random.Generator,
     robot: Robot,
     machine: Robot,
-    campaign: Campaign,
+    campaign: SimulatedCampaign,
     truths: Sequence[Truth],
     kind: Kind,
 ) -> tuple[Sized, ...]:
@@ -69,7 +69,7 @@ def sized(
     rng : Generator
     robot, machine : Robot
         The model, and the machine without effects.
-    campaign : Campaign
+    campaign : SimulatedCampaign
     truths : sequence of Truth
         As drawn, of any size.
     kind : str
@@ -100,7 +100,7 @@ def _miss(gap: float, wanted: float) -> float:
     return float(abs(np.log(max(gap, 1e-12) / wanted)))
 
 
-def _sized(part: Campaign, fit: Fit, robot: Robot, truth: Truth, seed: int, wanted: float) -> Sized:
+def _sized(part: SimulatedCampaign, fit: Fit, robot: Robot, truth: Truth, seed: int, wanted: float) -> Sized:
     def gap_of(size: float) -> float:
         try:
             return whitened_gap(part, fit.residual((resized(truth, robot, size, seed),)))
@@ -111,7 +111,7 @@ def _sized(part: Campaign, fit: Fit, robot: Robot, truth: Truth, seed: int, want
     return Sized(resized(truth, robot, size, seed), size, gap)
 
 
-def some_poses(campaign: Campaign, most: int) -> Campaign:
+def some_poses(campaign: SimulatedCampaign, most: int) -> SimulatedCampaign:
     """Return the campaign's rows at some of its poses, evenly over it, its first and last among them."""
     poses = np.unique(campaign.pose)
     if len(poses) <= most:

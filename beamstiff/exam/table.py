@@ -72,8 +72,8 @@ def headline(records: Records, lean: bool = False) -> list[Row]:
     rows = _headline(records)
     if not lean:
         return rows
-    asked = (ALARMS, COVERED_NAMES)
-    return [row if row.name in asked else replace(row, required=None, aim=None) for row in rows]
+    required = (ALARMS, COVERED_NAMES)
+    return [row if row.name in required else replace(row, required=None, aim=None) for row in rows]
 
 
 def _headline(records: Records) -> list[Row]:
@@ -146,7 +146,7 @@ def groups(records: Records) -> list[Group]:
                 f"noise claimed: {label.claimed}",
             ]
             if label.truths:
-                rest.append(f"forms of hand {label.hand}")
+                rest.append(f"forms of author {label.author}")
             sorts += [f"{label.design}, {sort}" for sort in rest]
         for sort in sorts:
             found.setdefault(sort, []).append(record)

@@ -12,7 +12,7 @@ def answered(truth: str = "backlash:q3", verdict: str = "none", **more: Any) -> 
     """Return a case; `truth` is ``none``, or one effect or two joined by a blank.
 
     More: case, kind, gap, gaps, also, set (declared equivalents), p (of the verdict), probabilities,
-    promised, shrink, controls, robot, design, readings, hand, withheld.
+    promised, shrink, controls, robot, design, readings, author, withheld.
     """
     truths = () if truth == "none" else tuple(normal(key) for key in truth.split())
     kind = more.get("kind", ("null", "single", "pair")[len(truths)])
@@ -29,7 +29,7 @@ def answered(truth: str = "backlash:q3", verdict: str = "none", **more: Any) -> 
         data="displacement",
         claimed="true",
         readings=more.get("readings", 6),
-        hand=more.get("hand", 1),
+        author=more.get("author", 1),
     )
     answer = Answer(
         verdict=verdict,

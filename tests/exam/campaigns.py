@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from beamstiff.exam.campaign import Array, Campaign, Truth
+from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.forms import draw_truth, imposed
 from beamstiff.exam.machine import machine_of
 from beamstiff.exam.reality import Reality
@@ -16,7 +16,7 @@ from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import Frame, Joint, JointStiffness, Node, Rigid, Variable
 
 
-def campaign_of(robot: Robot, q: Any, wrench: Any, **other: Any) -> Campaign:
+def campaign_of(robot: Robot, q: Any, wrench: Any, **other: Any) -> SimulatedCampaign:
     """Return a campaign of P poses (P, A) with S loads each: (P, S, 6), or (S, 6) for all."""
     q, wrench = np.atleast_2d(np.asarray(q, float)), np.asarray(wrench, float)
     if wrench.ndim == 2:
@@ -33,7 +33,7 @@ def campaign_of(robot: Robot, q: Any, wrench: Any, **other: Any) -> Campaign:
         "point": np.full(rows, robot.tcp),
         "load_point": np.full(rows, robot.tcp),
     }
-    return Campaign(**(columns | other))
+    return SimulatedCampaign(**(columns | other))
 
 
 def random_poses(robot: Robot, rng: np.random.Generator, poses: int, part: float = 0.35) -> Array:
@@ -53,7 +53,7 @@ def without_weight(robot: Robot) -> Robot:
     return robot.model_copy(update={"gravity": (0.0, 0.0, 0.0)})
 
 
-def read(robot: Robot, campaign: Campaign, *truths: Truth) -> Array:
+def read(robot: Robot, campaign: SimulatedCampaign, *truths: Truth) -> Array:
     """Return the noise-free readings (N, 6) of a machine with some effects."""
     reality = Reality(machine_of(robot))
     for truth in truths:

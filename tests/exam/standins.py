@@ -19,7 +19,7 @@ PLACES = (None, *(f"q{k}" for k in range(1, 7)))
 
 
 @dataclass(frozen=True)
-class Said:
+class StandIn:
     """A diagnosis that says this."""
 
     effect: str
@@ -52,9 +52,9 @@ def always_none(
     *,
     without: Sequence[str] = (),  # noqa: ARG001
     seed: int = 0,  # noqa: ARG001
-) -> Said:
+) -> StandIn:
     """Say that nothing is missing."""
-    return Said("none", None)
+    return StandIn("none", None)
 
 
 def anything(
@@ -63,11 +63,11 @@ def anything(
     *,
     without: Sequence[str] = (),  # noqa: ARG001
     seed: int = 0,  # noqa: ARG001
-) -> Said:
+) -> StandIn:
     """Name an effect and a place at random, from a generator that the readings seed."""
     readings = np.nan_to_num(measurements.measured)
     rng = np.random.default_rng(np.frombuffer(np.ascontiguousarray(readings).tobytes(), dtype=np.uint32)[:64])
-    return Said(EFFECTS[rng.integers(len(EFFECTS))], PLACES[rng.integers(len(PLACES))], 0.05)
+    return StandIn(EFFECTS[rng.integers(len(EFFECTS))], PLACES[rng.integers(len(PLACES))], 0.05)
 
 
 def broken(
@@ -76,7 +76,7 @@ def broken(
     *,
     without: Sequence[str] = (),  # noqa: ARG001
     seed: int = 0,  # noqa: ARG001
-) -> Said:
+) -> StandIn:
     """Break off."""
     raise ZeroDivisionError(f"{len(measurements)} rows")
 
@@ -96,17 +96,17 @@ class Oracle:
         *,
         without: Sequence[str] = (),
         seed: int = 0,  # noqa: ARG002
-    ) -> Said:
+    ) -> StandIn:
         case = self.cases[measurements.q.tobytes()]
         self.withheld.append(tuple(without))
         if case.label.kind == "null":
-            return Said("none", None)
+            return StandIn("none", None)
         if case.label.kind in ("outside", "removed"):
-            return Said("unknown", None)
+            return StandIn("unknown", None)
         first, *rest = case.truths
 
         def predict(_: Measurements) -> tuple[Array, Array]:
             return true_rows(case.machine, (), case.fresh), true_rows(case.machine, case.truths, case.fresh)
 
         second = (rest[0].effect, rest[0].component) if rest else None
-        return Said(first.effect, first.component, 1.0, second, predict, shrink=1.0)
+        return StandIn(first.effect, first.component, 1.0, second, predict, shrink=1.0)

@@ -47,15 +47,18 @@ SIMULATOR = [
 
 def test_shares_no_equations_with_the_library() -> None:
     folder = Path(beamstiff.exam.__file__).parent
-    files = [folder / f"{name}.py" for name in SIMULATOR] + sorted((folder / "truths").glob("*.py"))
-    own = {f"beamstiff.exam.{name}" for name in [*SIMULATOR, "truths"]}
-    own |= {f"beamstiff.exam.forms.{file.stem}" for file in (folder / "truths").glob("*.py")}
-    for file in files:
+    forms = sorted((folder / "forms").rglob("*.py"))
+    assert {file.parent.name for file in forms} == {"forms", "author1", "author2", "author3"}
+    for file in [folder / f"{name}.py" for name in SIMULATOR] + forms:
         for node in ast.walk(ast.parse(file.read_text())):
             if isinstance(node, ast.Import):
                 assert not [alias for alias in node.names if alias.name.startswith("beamstiff")], file
-            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("beamstiff"):
-                assert node.module in ALLOWED | own, f"{file.name} imports {node.module}"
+            if isinstance(node, ast.ImportFrom):
+                module = str(node.module)
+                known = module in ALLOWED or module.startswith("beamstiff.exam.forms")
+                own = module.removeprefix("beamstiff.exam.") in SIMULATOR
+                assert node.level == 0, f"{file.name} imports by a relative name"
+                assert known or own or not module.startswith("beamstiff"), f"{file.name} imports {module}"
 
 
 @pytest.mark.parametrize("name", ROBOTS)

@@ -63,10 +63,14 @@ def test_cases_are_grouped_by_design_and_rich_ones_by_robot_and_readings() -> No
 
 
 def test_effects_of_forms_that_the_diagnosis_does_not_know_are_a_group_of_their_own() -> None:
-    records = [answered(), answered(hand=2), answered("none"), answered(hand=2, design="lean")]
+    records = [answered(), answered(author=2), answered("none"), answered(author=2, design="lean")]
     sizes = {group.name: len(group.records) for group in groups(records)}
-    assert (sizes["rich, all"], sizes["rich, forms of hand 1"], sizes["rich, forms of hand 2"]) == (3, 1, 1)
-    assert not {"lean, forms of hand 1", "lean, forms of hand 2"} & set(sizes)
+    assert (sizes["rich, all"], sizes["rich, forms of author 1"], sizes["rich, forms of author 2"]) == (
+        3,
+        1,
+        1,
+    )
+    assert not {"lean, forms of author 1", "lean, forms of author 2"} & set(sizes)
 
 
 def test_bands_hold_every_single_once() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -11,7 +12,18 @@ from beamstiff import load_robot
 from beamstiff.errors import BeamstiffError
 from beamstiff.exam.campaign import Truth
 from beamstiff.exam.designs import Wish, draw_campaign
-from beamstiff.exam.forms import EFFECTS, INSIDE, OUTSIDE, author_of, components, draw_truth, resized
+from beamstiff.exam.effect import DrawRequest
+from beamstiff.exam.forms import (
+    AUTHORS,
+    EFFECTS,
+    INSIDE,
+    OUTSIDE,
+    author3,
+    author_of,
+    components,
+    draw_truth,
+    resized,
+)
 from beamstiff.exam.names import EFFECTS as NAMES
 from beamstiff.exam.robots import exam_robot, with_payload, with_stiff_drive
 from beamstiff.exam.simulate import simulate
@@ -25,6 +37,8 @@ LOSSY = {
     "hysteresis", "creep", "load-error", "frame-misalignment", "thermal-drift", "outliers", "tool-offset",
     "sticking-gauge", "moving-stand", "slipping-flange",
 }  # fmt: skip
+# readings that are off whatever the load, and a drive that goes on giving way under its weight
+UNLOADED_TOO = {"thermal-drift", "outliers", "creep"}
 
 
 def machine(name: str, effect: str) -> Robot:
@@ -106,11 +120,31 @@ def test_the_same_seed_makes_the_same_effect_and_the_same_rows(effect: str, form
 @pytest.mark.parametrize(("effect", "form"), FORMS)
 def test_another_size_changes_the_size_only(effect: str, form: str) -> None:
     robot = machine("kr240-2", effect)
-    truth = draw_truth(np.random.default_rng(3), robot, effect, form=form)
-    small, large, again = (resized(truth, robot, size, 8) for size in (0.2, 0.8, 0.2))
-    assert small == again
-    assert small != large
-    assert (small.effect, small.component, small.form) == (truth.effect, truth.component, truth.form)
+    for place in components(robot, effect):
+        truth = draw_truth(np.random.default_rng(3), robot, effect, component=place, form=form)
+        small, large, again = (resized(truth, robot, size, 8) for size in (0.2, 0.8, 0.2))
+        assert small == again
+        assert small != large
+        assert (small.effect, small.component, small.form) == (effect, place, form)
+        one, other = small.parameters, large.parameters
+        assert set(one) == set(other)
+        assert all(one[name] * other[name] >= 0.0 for name in one)  # no sign or direction turns
+        assert all(isinstance(value, float) for value in other.values())
+        left = []
+        for size in (0.2, 0.8):  # nothing more is drawn for a larger one
+            rng = np.random.default_rng(8)
+            EFFECTS[effect].draw(DrawRequest(rng, robot, place, form, size))
+            left.append(rng.random())
+        assert left[0] == left[1]
+
+
+@pytest.mark.parametrize(("effect", "form"), [pair for pair in FORMS if pair[0] not in UNLOADED_TOO])
+def test_no_load_makes_no_displacement(effect: str, form: str) -> None:
+    robot = machine("kr240-2", effect)
+    truth = draw_truth(np.random.default_rng(2), robot, effect, 0.7, form=form)
+    q = random_poses(robot, np.random.default_rng(7), 2)
+    found = read(robot, campaign_of(robot, q, np.zeros((2, 6))), truth)
+    np.testing.assert_allclose(found, 0.0, atol=1e-11)
 
 
 def test_effects_sit_where_they_can() -> None:
@@ -146,17 +180,39 @@ def test_what_cannot_be_is_refused_in_one_line() -> None:
         draw_truth(rng, robot, "backlash", form="fuzzy")
 
 
-def test_every_hand_that_wrote_forms_of_an_effect_is_drawn_as_often() -> None:
+def test_every_author_that_wrote_forms_of_an_effect_is_drawn_as_often() -> None:
     rng = np.random.default_rng(0)
     drawn = [author_of(draw_truth(rng, exam_robot("kr240-2", rng), "backlash", 0.5)) for _ in range(300)]
     authors = range(1, 1 + max(drawn))
     assert len(authors) > 1
-    assert [np.mean(np.equal(drawn, hand)) for hand in authors] == pytest.approx(
+    assert [np.mean(np.equal(drawn, author)) for author in authors] == pytest.approx(
         [1 / len(authors)] * len(authors), abs=0.1
     )
-    # of outliers the second hand wrote none
+    # of outliers the second author wrote none
     drawn = [author_of(draw_truth(rng, exam_robot("kr240-2", rng), "outliers", 0.5)) for _ in range(40)]
     assert set(drawn) == {1, 3}
+
+
+def test_every_form_of_an_effect_is_drawn() -> None:
+    robot, rng = exam_robot("kr240-2", np.random.default_rng(0)), np.random.default_rng(1)
+    found = {draw_truth(rng, robot, "backlash", 0.5).form for _ in range(400)}
+    assert found == set(EFFECTS["backlash"].forms)
+
+
+@pytest.mark.parametrize("author", AUTHORS, ids=["author1", "author2", "author3"])
+def test_no_author_takes_the_name_of_anothers_form(author: ModuleType) -> None:
+    for effect in author.EFFECTS:
+        assert effect.name in NAMES
+        others = [e for other in AUTHORS if other is not author for e in other.EFFECTS]
+        taken = {form for e in others if e.name == effect.name for form in e.forms}
+        assert not set(effect.forms) & taken
+    assert not {effect.name for effect in author.OUTSIDE} & set(NAMES)
+
+
+def test_the_third_author_has_forms_of_every_effect() -> None:
+    assert {effect.name for effect in author3.EFFECTS} == set(NAMES)
+    assert all(len(effect.forms) == (1 if effect.name == "outliers" else 2) for effect in author3.EFFECTS)
+    assert len(author3.OUTSIDE) == 3
 
 
 def test_truths_carry_their_label() -> None:

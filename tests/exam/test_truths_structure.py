@@ -1,4 +1,4 @@
-"""Structural effects of the simulated machines against closed forms of first order, on an arm."""
+"""Structural effects of all authors against closed forms of first order, on an arm."""
 
 from __future__ import annotations
 
@@ -9,37 +9,26 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from beamstiff.exam.campaign import Array, Truth
+from beamstiff.exam.forms.author2.tool import strutted
+from beamstiff.exam.forms.author3.structure import carriage, girder
 from beamstiff.robot.parts import Beam, Material
 from beamstiff.robot.sections import Section
 from tests.exam.campaigns import LONG, STIFF, arm, campaign_of, changed, drawn, pushed, read
+from tests.exam.closed_forms import CLOSED_FORMS, FIRST_ORDER, TIP, ClosedForm, Parameters, Z
 
-FIRST_ORDER = 2e-4  # what rotations of 1e-4 rad add to the linear answer
-TIP = np.array([LONG, 0.0, 0.0])
+NAMES = ["fx", "fy", "fz", "mx", "my", "mz"]
 LOADS = np.concatenate([20.0 * np.eye(3, 6), 5.0 * np.eye(6)[3:]])
 
-Size = Callable[[Array], Array]
 
-
-def mohr(
-    a: Array, b: Array, tip: Array, wrench: Array, EI: float, GJ: float, EA: float, size: Size
-) -> tuple[Array, Array]:
-    """Return displacement and rotation of the tip from a beam a to b, stiff beyond: Mohr's integrals."""
-    x, w = np.polynomial.legendre.leggauss(60)
-    x, length = 0.5 * (x + 1.0), float(np.linalg.norm(b - a))
-    t, moved, turned = (b - a) / length, np.zeros(3), np.zeros(3)
-    for station, weight, scale in zip(x, 0.5 * w * length, size(x), strict=True):
-        lever = tip - (a + station * (b - a))
-        M, F = wrench[3:] + np.cross(lever, wrench[:3]), wrench[:3]
-        bent = (M - (t @ M) * t) / (EI * scale**4) + (t @ M) * t / (GJ * scale**4)
-        turned = turned + weight * bent
-        moved = moved + weight * (np.cross(bent, lever) + (t @ F) * t / (EA * scale**2))
-    return moved, turned
+def give(truth: Truth, axis: int, load: float, step: float) -> float:
+    """Return the compliance along or about an axis of the base under a load at the tip."""
+    low, high = (pushed(arm(), (load + way * step) * np.eye(6)[axis], truth)[axis] for way in (-1.0, 1.0))
+    return float((high - low) / (2.0 * step))
 
 
 def drive(wrench: Array) -> Array:
     """Return what the arm's drive alone does."""
-    torque = wrench[5] + LONG * wrench[1]
-    turned = np.array([0.0, 0.0, torque / STIFF])
+    turned = (wrench[5] + LONG * wrench[1]) / STIFF * Z
     return np.concatenate([np.cross(turned, TIP), turned])
 
 
@@ -50,147 +39,96 @@ def agree(found: Array, expected: Array, tolerance: float = FIRST_ORDER) -> None
         np.testing.assert_allclose(found[..., part], expected[..., part], atol=tolerance * scale)
 
 
-@pytest.mark.parametrize("form", ["tapered", "elbow", "hinged"])
-def test_a_links_section_turns_with_it(form: str) -> None:
-    truth = changed(drawn(arm(), "link-bending", "arm", form), flat=0.4)
-    angles = np.array([0.0, 0.5, 0.95])
-    turns = Rotation.from_rotvec(angles[:, None] * [0.0, 0.0, 1.0])
-    load = np.array([[5.0, 12.0, 20.0], [3.0, 4.0, -2.0]])
-    loads = np.stack([turns.apply(part) for part in load], axis=1).reshape(3, 1, 6)
-    found = read(arm(), campaign_of(arm(), angles[:, None], loads), truth)
-    back = np.concatenate([turns.inv().apply(part) for part in np.split(found, 2, axis=1)], axis=1)
-    agree(back, np.broadcast_to(back[:1], back.shape), 1e-6)
+AT = {"bearing-tilt": "q1", "link-bending": "arm"}  # the component of the arm; the others have none
 
 
-@pytest.mark.parametrize("form", ["tapered", "elbow", "hinged"])
-@pytest.mark.parametrize("wrench", LOADS, ids=["fx", "fy", "fz", "mx", "my", "mz"])
-def test_a_link_bends_as_mohrs_integrals_say(form: str, wrench: Array) -> None:
-    truth = changed(drawn(arm(), "link-bending", "arm", form), flat=1.0)
-    p = truth.parameters
-    EI, EA = p["EI"], p["EI"] / 0.12**2
-    shape = EI, p["twist"] * EI, EA
-    root = np.zeros(3)
-    if form == "tapered":
-        parts = [mohr(root, TIP, TIP, wrench, *shape, lambda x: 1.0 - p["taper"] * x)]
-    elif form == "elbow":
-        # the corner lies beside the middle: across is x cross y, then x cross that
-        z, y = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
-        corner = 0.5 * TIP + p["offset"] * LONG * (np.cos(p["side"]) * z - np.sin(p["side"]) * y)
-        parts = [
-            mohr(root, corner, TIP, wrench, *shape, lambda x: 1.1 - 0.2 * x),
-            mohr(corner, TIP, TIP, wrench, *shape, lambda x: 0.9 - 0.2 * x),
-        ]
-    else:  # two hinges that hold the compliance of 0.6 and 0.4 of the length
-        parts = []
-        for place, share in ((p["first"], 0.6), (p["second"], 0.4)):
-            lever = (1.0 - place) * TIP
-            M = wrench[3:] + np.cross(lever, wrench[:3])
-            turned = share * LONG * M / np.array([p["twist"] * EI, EI, EI])
-            along = np.array([share * LONG * wrench[0] / EA, 0.0, 0.0])
-            parts.append((np.cross(turned, lever) + along, turned))
-    expected = drive(wrench) + np.concatenate([sum(m for m, _ in parts), sum(t for _, t in parts)])
-    agree(pushed(arm(), wrench, truth), expected)
+@pytest.mark.parametrize(
+    ("case", "axis"),
+    [
+        pytest.param(case, axis, id=f"{case.form}{case.changes.get('end', '')}-{NAMES[axis]}")
+        for case in CLOSED_FORMS
+        for axis in case.axes
+    ],
+)
+def test_the_tip_moves_as_the_closed_form_says(case: ClosedForm, axis: int) -> None:
+    truth = changed(drawn(arm(), case.effect, AT.get(case.effect), case.form), **case.changes)
+    wrench = LOADS[axis]
+    agree(pushed(arm(), wrench, truth), drive(wrench) + case.motion(truth.parameters, wrench), case.tolerance)
 
 
-def test_a_flat_link_bends_more_about_one_axis() -> None:
-    truth = changed(drawn(arm(), "link-bending", "arm", "tapered"), flat=0.5, taper=0.0)
-    EI = truth.parameters["EI"]
-    down, aside = (pushed(arm(), 20.0 * np.eye(6)[axis], truth) for axis in (2, 1))
-    assert down[2] == pytest.approx(20.0 * LONG**3 / (3.0 * 0.5 * EI), rel=FIRST_ORDER)
-    bent = aside[1] - 20.0 * LONG**2 / STIFF
-    assert bent == pytest.approx(20.0 * LONG**3 / (3.0 * EI), rel=FIRST_ORDER)
+# --- compliance that changes with the load: rows of axis, load, step, compliance there, tolerance
+
+Rates = list[tuple[int, float, float, float, float]]
 
 
-def crossed(truth: Truth) -> tuple[Array, Array]:
-    """Return the two directions across the vertical that the bearing's axes are turned to."""
-    c, s = np.cos(truth.parameters["turned"]), np.sin(truth.parameters["turned"])
-    y, z = np.array([0.0, 1.0, 0.0]), np.array([-1.0, 0.0, 0.0])
-    return c * y + s * z, c * z - s * y
+def mounts(p: Parameters) -> Rates:
+    stiff = 1.0 / (1.0 + p["more"])
+    rows: Rates = []
+    for axis, c in ((3, p["tilt"]), (4, p["about_y"] * p["tilt"])):
+        rows += [(axis, 0.0, 0.01, c, 1e-2), (axis, 1e4, 10.0, stiff * c, 1e-2)]
+    return rows
 
 
-@pytest.mark.parametrize("form", ["anisotropic", "off-centre"])
-@pytest.mark.parametrize("wrench", LOADS, ids=["fx", "fy", "fz", "mx", "my", "mz"])
-def test_a_bearing_gives_way_across_its_axis(form: str, wrench: Array) -> None:
-    truth = drawn(arm(), "bearing-tilt", "q1", form)
-    p = truth.parameters
-    first, second = crossed(truth)
-    axial = np.array([0.0, 0.0, 1.0])
-    tilting = p["tilt"] * np.outer(first, first) + p["tilt"] * p["other"] * np.outer(second, second)
-    moving = p["radial"] * (np.outer(first, first) + np.outer(second, second))
-    moving = moving + p["axial"] * np.outer(axial, axial)
-    centre = p.get("offset", 0.0) * axial
-    M = wrench[3:] + np.cross(TIP - centre, wrench[:3])
-    turned = tilting @ M
-    found = moving @ wrench[:3] + np.cross(turned, TIP - centre)
-    agree(pushed(arm(), wrench, truth), drive(wrench) + np.concatenate([found, turned]))
+def opening(p: Parameters) -> Rates:
+    """Return that a flange gives more once it opens."""
+    rows: Rates = []
+    for axis, c, at in ((3, p["tilt"], p["opens"]), (4, p["other"] * p["tilt"], p["later"] * p["opens"])):
+        rows += [(axis, 0.0, 1e-2 * at, c, 1e-3), (axis, 8.0 * at, 1e-2 * at, c / p["loose"], 1e-2)]
+    return rows
+
+
+def unloading(p: Parameters) -> Rates:
+    """Return that one row of a bearing is left once the other is unloaded."""
+    at = p["strain"] / p["tilt"]
+    rows: Rates = []
+    for axis, c in ((4, p["tilt"]), (3, p["other"] * p["tilt"])):  # not turned: y is the first way across
+        rows += [(axis, 0.0, 1e-2 * at, c, 2e-3), (axis, 40.0 * at, 1e-2 * at, c / p["loose"], 2e-2)]
+    return rows
+
+
+@pytest.mark.parametrize(
+    ("effect", "form", "changes", "rates"),
+    [
+        ("base-compliance", "mounts", {"moment": 10.0}, mounts),
+        ("tool-compliance", "opening", {}, opening),
+        ("bearing-tilt", "unloading", {"turned": 0.0}, unloading),
+    ],
+    ids=["mounts", "opening", "unloading"],
+)
+def test_stiffness_goes_from_one_end_to_the_other(
+    effect: str, form: str, changes: dict[str, float], rates: Callable[[Parameters], Rates]
+) -> None:
+    truth = changed(drawn(arm(), effect, AT.get(effect), form), **changes)
+    for axis, load, step, expected, tolerance in rates(truth.parameters):
+        assert give(truth, axis, load, step) == pytest.approx(expected, rel=tolerance)
 
 
 def test_a_loaded_bearing_grows_stiffer_as_its_law_says() -> None:
     truth = changed(drawn(arm(), "bearing-tilt", "q1", "contact"), turned=0.0)
     p = truth.parameters
     for moment in (10.0, 300.0, 3000.0):
-        wrench = np.array([0, 0, 0, 0, moment, 0.0])  # about y, the first axis across
-        turned = pushed(arm(), wrench, truth)[4]
+        turned = pushed(arm(), moment * np.eye(6)[4], truth)[4]  # about y, the first axis across
         carried = 0.7 / p["tilt"] * turned * np.hypot(1.0, turned / p["strain"])
         assert carried == pytest.approx(moment, rel=FIRST_ORDER)
 
 
-@pytest.mark.parametrize("wrench", LOADS, ids=["fx", "fy", "fz", "mx", "my", "mz"])
-def test_a_block_base_turns_about_its_elastic_centre(wrench: Array) -> None:
-    truth = drawn(arm(), "base-compliance", None, "block")
-    p = truth.parameters
-    lever = TIP - np.array([p["x"], p["y"], p["z"]])
-    about = p["tilt"] * np.array([1.0, p["about_y"], p["about_z"]])
-    along = p["tilt"] * p["shift"] ** 2 * np.array([1.0, 0.8, 0.5])
-    turned = about * (wrench[3:] + np.cross(lever, wrench[:3]))
-    expected = np.concatenate([along * wrench[:3] + np.cross(turned, lever), turned])
-    agree(pushed(arm(), wrench, truth), drive(wrench) + expected)
+def test_balls_on_a_ring_carry_the_power_three_halves_of_the_tilt() -> None:
+    truth = changed(drawn(arm(), "bearing-tilt", "q1", "hertz"), turned=0.0, moment=1e-3)
+    small, large = (pushed(arm(), moment * np.eye(6)[4], truth)[4] for moment in (10.0, 80.0))
+    assert large / small == pytest.approx(4.0, rel=1e-3)
+    light = changed(truth, moment=1e5)
+    assert pushed(arm(), np.eye(6)[4], light)[4] == pytest.approx(truth.parameters["tilt"] / 0.8, rel=1e-3)
 
 
-@pytest.mark.parametrize("wrench", LOADS[[2, 3, 4]], ids=["fz", "mx", "my"])
-def test_a_base_on_bolts_stands_where_its_energy_is_least(wrench: Array) -> None:
-    truth = drawn(arm(), "base-compliance", None, "bolts")
-    p = truth.parameters
-    half = 0.5 * p["span"]
-    feet = half * np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
-    shares = np.array([p[f"bolt{i}"] for i in range(4)])
-    k = shares / (p["tilt"] * np.sum(shares * feet[:, 1] ** 2))
-    # energy of the feet's vertical springs in (z, rx, ry) less the work of the load
-    rise = np.stack([np.ones(4), feet[:, 1], -feet[:, 0]], axis=-1)
-    work = np.array([wrench[2], wrench[3], wrench[4] - LONG * wrench[2]])
-    z, rx, ry = np.linalg.solve(rise.T @ (k[:, None] * rise), work)
-    expected = np.array([0.0, 0.0, z - LONG * ry, rx, ry, 0.0])
-    agree(pushed(arm(), wrench, truth), expected)
-
-
-def test_the_tilt_of_a_base_on_bolts_is_that_of_its_parameter() -> None:
-    truth = drawn(arm(), "base-compliance", None, "bolts")
-    even = changed(truth, **{f"bolt{i}": 0.7 for i in range(4)})
-    assert pushed(arm(), 10.0 * np.eye(6)[3], even)[3] == pytest.approx(
-        10.0 * even.parameters["tilt"], rel=1e-3
+def test_balls_give_less_when_they_are_pressed_and_more_when_they_are_lifted() -> None:
+    truth = changed(drawn(arm(), "tool-compliance", None, "balls"), ball0=1.0, ball1=1.0, ball2=1.0)
+    clamped = truth.parameters["clamped"]
+    pressed, light, lifted = (
+        give(truth, 2, at, 1.0) for at in (-3.0 * 6.75 * clamped, 0.0, 3.0 * 0.99 * clamped)
     )
-
-
-@pytest.mark.parametrize("wrench", LOADS, ids=["fx", "fy", "fz", "mx", "my", "mz"])
-def test_a_tool_gives_way_in_two_places_or_bends_as_a_cantilever(wrench: Array) -> None:
-    truth = drawn(arm(), "tool-compliance", None, "series")
-    p = truth.parameters
-    about = p["tilt"] * np.array([1.0, p["other"], p["about"]])
-    moved, turned = np.zeros(3), np.zeros(3)
-    for share, behind in ((p["share"], p["behind"]), (1.0 - p["share"], 0.4 * p["behind"])):
-        lever = np.array([0.0, 0.0, behind])
-        gives = share * about * (wrench[3:] + np.cross(lever, wrench[:3]))
-        turned = turned + gives
-        moved = moved + np.cross(gives, lever) + share * about * 0.05**2 * wrench[:3]
-    agree(pushed(arm(), wrench, truth), drive(wrench) + np.concatenate([moved, turned]), 1e-3)
-
-    truth = drawn(arm(), "tool-compliance", None, "cantilever")
-    p = truth.parameters
-    length = 2.0 * p["behind"]
-    EI, root = length / p["tilt"], TIP - np.array([0.0, 0.0, length])
-    shape = EI, EI / p["about"], EI / 0.03**2
-    found = mohr(root, TIP, TIP, wrench, *shape, lambda x: 1.15 - 0.3 * x)
-    agree(pushed(arm(), wrench, truth), drive(wrench) + np.concatenate(found), 1e-3)
+    # root 2 of 1 + approach / (1.5 P / k): 0.45 P from the clamp, 0.9 (2^3 - 1) P from the contact
+    assert light / pressed == pytest.approx(0.1 + 0.9 * 2.0, rel=1e-2)
+    assert lifted > 1.5 * light
 
 
 def test_a_loose_bolt_gives_way_to_moments_of_one_sign_only() -> None:
@@ -212,25 +150,154 @@ def test_play_in_a_bearing_is_crossed_once_and_then_stays() -> None:
 
 def test_a_stop_at_the_tool_pushes_one_way_only() -> None:
     truth = changed(drawn(arm(), "tool-contact", None, "one-sided"), x=0.0, y=1.0, z=0.0, way=1.0, gap=0.0)
-    s = truth.parameters["stiffness"]
-    free = pushed(arm(), [0, -4e3, 0, 0, 0, 0], truth)[1]
-    held = pushed(arm(), [0, 4e3, 0, 0, 0, 0], truth)[1]
-    assert free == pytest.approx(-4e3 * LONG**2 / STIFF, rel=2e-2)
+    free, held = (pushed(arm(), [0, way * 4e3, 0, 0, 0, 0], truth)[1] for way in (-1.0, 1.0))
     k = STIFF / LONG**2
-    assert held == pytest.approx(4e3 / (k + s), rel=0.05, abs=3e-5)
+    assert free == pytest.approx(-4e3 / k, rel=2e-2)
+    assert held == pytest.approx(4e3 / (k + truth.parameters["stiffness"]), rel=0.05, abs=3e-5)
     assert held < 0.9 * abs(free)
 
 
-def test_a_beam_of_the_model_stretches_as_much_more_as_it_is_softer() -> None:
-    rigid = arm()
-    robot = rigid.model_copy(
-        update={
-            "rigids": (),
-            "materials": {"steel": Material(E=2.1e11, G=8e10, density=0.0)},
-            "sections": {"bar": Section(A=1e-3, Iy=1e-6, Iz=1e-6, J=2e-6)},
-            "beams": (Beam(name="bar", nodes=["b", "tip"], section="bar", material="steel"),),
-        }
+def test_a_tether_holds_the_tool_along_its_line_only() -> None:
+    truth = changed(drawn(arm(), "tether", None, "straight"), x=0.0, y=1.0, z=0.0)
+    k = STIFF / LONG**2
+    held = pushed(arm(), [0, 50.0, 0, 0, 0, 0], truth)[1]
+    assert held == pytest.approx(50.0 / (k + truth.parameters["stiffness"]), rel=1e-4)
+    free = pushed(arm(), [0, 50.0, 0, 0, 0, 0], changed(truth, x=1.0, y=0.0))[1]
+    assert free == pytest.approx(50.0 / k, rel=1e-3)
+
+
+def test_a_flange_slips_sideways_and_stays() -> None:
+    truth = changed(drawn(arm(), "slipping-flange", None, "clearance"), arrived=0.0)
+    bolts, grip = 1.0 / truth.parameters["give"], truth.parameters["grip"]
+    loads = np.outer([1e-3 * grip, 40.0 * grip, 20.0 * grip, 0.0], np.eye(6)[0])
+    found = pushed(arm(), loads, truth)[:, 0]
+    np.testing.assert_allclose(found[1:], np.array([39.0, 21.0, 1.0]) * grip / bolts, rtol=1e-3)
+    assert found[0] == pytest.approx(loads[0, 0] / (bolts * 5.0), rel=1e-2)
+    up = 50.0 * np.eye(6)[2]
+    np.testing.assert_allclose(pushed(arm(), up, truth), pushed(arm(), up), atol=1e-9)
+    aside = pushed(arm(), [0.0, 50.0 * grip, 0, 0, 0, 0], truth)[1]
+    assert aside == pytest.approx(49.0 * grip / bolts + 50.0 * grip * LONG**2 / STIFF, rel=2e-2)
+
+
+# --- sections, symmetry, textbook cases
+
+
+@pytest.mark.parametrize("form", ["tapered", "elbow", "hinged", "hollow", "bolted", "channel", "fork"])
+def test_a_links_section_turns_with_it(form: str) -> None:
+    truth = changed(drawn(arm(), "link-bending", "arm", form), flat=0.4)
+    angles = np.array([0.0, 0.5, 0.95])
+    turns = Rotation.from_rotvec(angles[:, None] * Z)
+    load = np.array([[5.0, 12.0, 20.0], [3.0, 4.0, -2.0]])
+    loads = np.stack([turns.apply(part) for part in load], axis=1).reshape(3, 1, 6)
+    found = read(arm(), campaign_of(arm(), angles[:, None], loads), truth)
+    back = np.concatenate([turns.inv().apply(part) for part in np.split(found, 2, axis=1)], axis=1)
+    agree(back, np.broadcast_to(back[:1], back.shape), 1e-6)
+
+
+@pytest.mark.parametrize(
+    ("form", "changes", "stretch", "twist"),  # shares of what the beam is softer by
+    [
+        ("tapered", {}, 1.0, None),
+        ("hollow", {}, 0.5, 1.0),
+        ("bolted", {"end": 1.0, "opens": 1.0}, 0.0, 0.5),
+        ("channel", {"beside": 1e-6}, 1.0, 1.0),
+        ("fork", {"beside": 1e-6}, 1.0, 1.0),
+    ],
+)
+def test_a_beam_of_the_model_is_softer(
+    form: str, changes: dict[str, float], stretch: float, twist: float | None
+) -> None:
+    steel = Material(E=2.1e11, G=8e10, density=0.0)
+    bar = Beam(name="bar", nodes=["b", "tip"], section="bar", material="steel")
+    parts = {"sections": {"bar": Section(A=1e-3, Iy=1e-6, Iz=1e-6, J=2e-6)}, "beams": (bar,)}
+    robot = arm().model_copy(update={"rigids": (), "materials": {"steel": steel}, **parts})
+    truth = changed(drawn(robot, "link-bending", "bar", form), **changes)
+    more = truth.parameters["softer"] - 1.0
+    tolerance = 1e-3 if "beside" in changes else 1e-4
+    stretched = pushed(robot, 1e3 * np.eye(6)[0], truth)[0]
+    assert stretched == pytest.approx(1e3 * LONG / 2.1e8 * (1.0 + stretch * more), rel=tolerance)
+    if twist is not None:
+        twisted = pushed(robot, 5.0 * np.eye(6)[3], truth)[3]
+        assert twisted == pytest.approx(5.0 * LONG / (8e10 * 2e-6) * (1.0 + twist * more), rel=tolerance)
+
+
+def test_a_flat_link_bends_more_about_one_axis() -> None:
+    truth = changed(drawn(arm(), "link-bending", "arm", "tapered"), flat=0.5, taper=0.0)
+    EI = truth.parameters["EI"]
+    down, aside = (pushed(arm(), 20.0 * np.eye(6)[axis], truth) for axis in (2, 1))
+    assert down[2] == pytest.approx(20.0 * LONG**3 / (3.0 * 0.5 * EI), rel=FIRST_ORDER)
+    across = aside[1] - 20.0 * LONG**2 / STIFF
+    assert across == pytest.approx(20.0 * LONG**3 / (3.0 * EI), rel=FIRST_ORDER)
+
+
+def test_a_skewed_link_bends_aside_unless_it_is_pushed_along_its_own_axes() -> None:
+    truth = changed(drawn(arm(), "link-bending", "arm", "hollow"), flat=0.5)
+    loads = 20.0 * np.eye(6)[1:3]
+    for skew in (0.0, 0.6, 0.5 * np.pi):
+        found = np.array([pushed(arm(), load, changed(truth, skew=skew)) - drive(load) for load in loads])
+        assert found[0, 2] == pytest.approx(found[1, 1], rel=1e-3, abs=1e-4 * found[0, 1])
+        assert bool(abs(found[0, 2] / found[0, 1]) > 0.05) is (skew == 0.6)
+
+
+def test_the_tilt_of_a_base_or_a_tool_is_that_of_its_parameter() -> None:
+    truth = drawn(arm(), "base-compliance", None, "bolts")
+    even = changed(truth, **{f"bolt{i}": 0.7 for i in range(4)})
+    assert give(even, 3, 0.0, 10.0) == pytest.approx(even.parameters["tilt"], rel=1e-3)
+    made = (("base-compliance", "carriage", carriage), ("base-compliance", "girder", girder))
+    for effect, form, stiffness in (*made, ("tool-compliance", "struts", strutted)):
+        p = dict(drawn(arm(), effect, None, form).parameters)
+        K = stiffness(p)
+        np.testing.assert_allclose(K, K.T, atol=1e-9 * np.abs(K).max())
+        assert (np.linalg.eigvalsh(K) > 0.0).all()
+        assert np.linalg.inv(K)[3, 3] == pytest.approx(p["tilt"], rel=1e-6)
+
+
+def test_a_girders_middle_sinks_as_textbooks_say() -> None:
+    p = dict(drawn(arm(), "base-compliance", None, "girder").parameters)
+    p |= {"place": 0.5, "beside": 0.0, "above": 0.0}
+    C = np.linalg.inv(girder(p))
+    # clamped at both ends: twist L/(4 GJ), sinking L^3/(192 EI), slope L/(16 EI)
+    EI = p["span"] / (4.0 * p["twist"] * p["tilt"])
+    assert C[2, 2] == pytest.approx(p["span"] ** 3 / (192.0 * EI), rel=1e-6)
+    assert C[4, 4] == pytest.approx(p["span"] / (16.0 * EI), rel=1e-6)
+    assert C[5, 5] == pytest.approx(p["span"] / (16.0 * p["flat"] * EI), rel=1e-6)
+    # beside its axis, what sinks also tilts
+    aside = np.linalg.inv(girder(p | {"beside": 0.2}))
+    assert abs(aside[2, 3]) == pytest.approx(0.2 * aside[3, 3], rel=1e-6)
+
+
+@pytest.mark.parametrize("q", [-0.8, 0.0, 0.6])
+def test_a_housing_stays_soft_the_same_way_while_the_joint_turns(q: float) -> None:
+    truth = drawn(arm(), "bearing-tilt", "q1", "housing")
+    p = truth.parameters
+    axes, still = (
+        np.stack([pushed(arm(), 5.0 * np.eye(6)[axis], truth, q=at)[3:5] for axis in (3, 4)]) / 5.0
+        for at in (q, 0.0)
     )
-    truth = drawn(robot, "link-bending", "bar", "tapered")
-    stretched = pushed(robot, [1e3, 0, 0, 0, 0, 0], truth)[0]
-    assert stretched == pytest.approx(truth.parameters["softer"] * 1e3 * LONG / (2.1e11 * 1e-3), rel=1e-4)
+    np.testing.assert_allclose(np.linalg.eigvalsh(axes), [p["other"] * p["tilt"], p["tilt"]], rtol=1e-3)
+    np.testing.assert_allclose(axes, still, atol=1e-3 * p["tilt"])
+
+
+def test_a_housing_lets_the_joint_sink_and_shift() -> None:
+    truth = drawn(arm(), "bearing-tilt", "q1", "housing")
+    p = truth.parameters
+    lifted = pushed(arm(), [0.0, 0.0, 20.0, 0.0, LONG * 20.0, 0.0], truth)  # no moment at the joint
+    assert lifted[2] == pytest.approx(20.0 * p["axial"], rel=1e-3)
+    aside = np.array([[20.0, 0, 0, 0, 0, 0], [0, 20.0, 0, 0, 0, -20.0 * LONG]])
+    shifted = np.stack([pushed(arm(), load, truth)[:2] for load in aside]) / 20.0
+    softness = np.linalg.eigvalsh(shifted)
+    np.testing.assert_allclose(softness, [p["other"] * p["radial"], p["radial"]], rtol=1e-3)
+
+
+def test_six_equal_struts_are_alike_every_third_of_a_turn() -> None:
+    truth = drawn(arm(), "tool-compliance", None, "struts")
+    K = strutted({**truth.parameters, **{f"strut{i}": 0.8 for i in range(6)}})
+    third = np.kron(np.eye(2), Rotation.from_rotvec(2.0 * np.pi / 3.0 * Z).as_matrix())
+    np.testing.assert_allclose(third @ K @ third.T, K, atol=1e-9 * np.abs(K).max())
+
+
+def test_a_force_at_a_remote_centre_does_not_tilt_the_tool() -> None:
+    truth = changed(drawn(arm(), "tool-compliance", None, "remote-centre"), ahead=0.0)
+    found = pushed(arm(), 20.0 * np.eye(6)[0], truth)
+    np.testing.assert_allclose(found[3:], 0.0, atol=1e-9)
+    assert found[0] > 1e-7

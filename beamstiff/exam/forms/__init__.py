@@ -12,7 +12,7 @@ import numpy as np
 
 from beamstiff.errors import BeamstiffError, suggest
 from beamstiff.exam.campaign import Truth
-from beamstiff.exam.effect import Asked, Effect, joined
+from beamstiff.exam.effect import DrawRequest, Effect, joined
 from beamstiff.exam.forms import author1, author2, author3
 from beamstiff.exam.reality import Reality
 from beamstiff.robot.description import Robot
@@ -67,7 +67,7 @@ def draw_truth(
     if kind not in known.forms:
         raise BeamstiffError(f"effect {effect!r}: found the form {kind!r}, expected one of {known.forms}")
     measure = float(rng.uniform()) if size is None else size
-    return Truth(effect, place, kind, known.draw(Asked(rng, robot, place, kind, measure)))
+    return Truth(effect, place, kind, known.draw(DrawRequest(rng, robot, place, kind, measure)))
 
 
 def resized(truth: Truth, robot: Robot, size: float, seed: int) -> Truth:
@@ -75,8 +75,8 @@ def resized(truth: Truth, robot: Robot, size: float, seed: int) -> Truth:
 
     What else it has is drawn anew from the seed: with the same seed only the size differs.
     """
-    asked = Asked(np.random.default_rng(seed), robot, truth.component, truth.form, size)
-    return replace(truth, parameters=_known(truth.effect).draw(asked))
+    request = DrawRequest(np.random.default_rng(seed), robot, truth.component, truth.form, size)
+    return replace(truth, parameters=_known(truth.effect).draw(request))
 
 
 def author_of(truth: Truth) -> int:

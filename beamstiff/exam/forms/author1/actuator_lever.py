@@ -8,7 +8,7 @@ import numpy as np
 
 from beamstiff.exam.across import Across, across, with_rod
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import Asked, Effect, between, sign, stiffness_of, stroke, turning_drives
+from beamstiff.exam.effect import DrawRequest, Effect, stiffness_of, stroke, turning_drives
 from beamstiff.exam.laws import Situation, Stiffness
 from beamstiff.exam.machine import joints_of
 from beamstiff.exam.reality import Reality
@@ -27,16 +27,16 @@ def places(robot: Robot) -> list[str | None]:
     return [name for name in found if stroke(robot, name)[1] <= GEARED] or found
 
 
-def draw(asked: Asked) -> dict[str, float]:
+def draw(request: DrawRequest) -> dict[str, float]:
     """Return the crank's shape; the stiffness is that of the drive at mid-range.
 
     The crank's angle to the frame is `start` at mid-range; `gear` is its turn over the joint's.
     """
-    middle, half = stroke(asked.robot, asked.component)
-    swing = between(asked.size, *SWING)
-    crank, frame = float(asked.rng.uniform(0.2, 0.35)), float(asked.rng.uniform(0.8, 1.3))
-    way = sign(asked.rng)
-    direct = [1.0] if asked.form == "rod" and half <= WIDEST else []
+    middle, half = stroke(request.robot, request.component)
+    swing = request.sized(*SWING)
+    crank, frame = request.uniform(0.2, 0.35), request.uniform(0.8, 1.3)
+    way = request.sign()
+    direct = [1.0] if request.form == "rod" and half <= WIDEST else []
     best: tuple[float, float, float] | None = None
     for gear in (*direct, *np.linspace(0.1, 1.0, 46).tolist()):
         reach = gear * half
@@ -51,14 +51,7 @@ def draw(asked: Asked) -> dict[str, float]:
         if gear == 1.0 and best is not None and best[0] < NEAR:
             break  # a rod on the joint itself
     assert best is not None
-    return {
-        "crank": crank,
-        "frame": frame,
-        "start": best[1],
-        "gear": best[2],
-        "way": way,
-        "middle": middle,
-    }
+    return {"crank": crank, "frame": frame, "start": best[1], "gear": best[2], "way": way, "middle": middle}
 
 
 def _arm(angle: Array, crank: float, frame: float) -> Array:

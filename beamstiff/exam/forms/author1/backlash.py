@@ -5,33 +5,29 @@ from __future__ import annotations
 import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import Asked, Effect, between, drives, turns
+from beamstiff.exam.effect import DrawRequest, Effect, at_joints, drives, turns
 from beamstiff.exam.laws import Curve, Law, WindUp
-from beamstiff.exam.machine import joints_of, own_stiffness
 from beamstiff.exam.reality import Reality
 
 HALF = (3e-5, 5e-4)  # rad: half the lost motion; m / 10 for slides
 
 
-def draw(asked: Asked) -> dict[str, float]:
+def draw(request: DrawRequest) -> dict[str, float]:
     """Return half the play, rad; where in it the drive rests; what stiffness is left in it."""
     found = {
-        "half": between(asked.size, *HALF) * (1.0 if turns(asked.robot, asked.component) else 0.1),
-        "left": float(asked.rng.uniform(0.01, 0.04)),
+        "half": request.sized(*HALF) * (1.0 if turns(request.robot, request.component) else 0.1),
+        "left": request.uniform(0.01, 0.04),
     }
-    if asked.form == "sharp":
-        found["rest"] = float(asked.rng.uniform(-0.8, 0.8))
-    if asked.form == "stages":
-        found["share"] = float(asked.rng.uniform(0.4, 0.8))
+    if request.form == "sharp":
+        found["rest"] = request.uniform(-0.8, 0.8)
+    if request.form == "stages":
+        found["share"] = request.uniform(0.4, 0.8)
     return found
 
 
 def impose(truth: Truth, reality: Reality) -> Reality:
     """Return the reality with play in the drive."""
-    machine = reality.machine
-    for name, own in joints_of(machine.robot, str(truth.component)):
-        machine = machine.with_law(name, own, _law(truth, own_stiffness(machine.robot, name, own)))
-    return reality.with_machine(machine)
+    return at_joints(truth, reality, lambda k: _law(truth, k))
 
 
 def _law(truth: Truth, k: float) -> Law:

@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import Asked, Effect, between, slender
+from beamstiff.exam.effect import DrawRequest, Effect, slender
 from beamstiff.exam.laws import Curve
 from beamstiff.exam.machine import Hinge, joints_of, own_stiffness
 from beamstiff.exam.reality import Reality
@@ -23,25 +23,26 @@ def places(robot: Robot) -> list[str | None]:
     return list(dict.fromkeys(joint.variable or joint.name for joint in robot.joints))
 
 
-def draw(asked: Asked) -> dict[str, float]:
+def draw(request: DrawRequest) -> dict[str, float]:
     """Return compliances: tilting rad/(N m), radial and axial m/N; and how the bearing sits."""
-    drive = min(own_stiffness(asked.robot, *joint) for joint in joints_of(asked.robot, str(asked.component)))
+    joints = joints_of(request.robot, str(request.component))
+    own = [own_stiffness(request.robot, *joint) for joint in joints]
+    drive = min(own)
     # a wrist's bearings are smaller, as its drives are
-    softest = TILT[1] * slender(asked.robot) if drive in (0.0, math.inf) else max(TILT[1], 1.0 / drive)
-    tilt = between(asked.size, TILT[0], softest)
-    radial = tilt * RADIAL * float(asked.rng.uniform(0.3, 1.0))
+    softest = TILT[1] * slender(request.robot) if drive in (0.0, math.inf) else max(TILT[1], 1.0 / drive)
+    tilt = request.sized(TILT[0], softest)
+    radial = tilt * RADIAL * request.uniform(0.3, 1.0)
     found = {
         "tilt": tilt,
-        "other": float(asked.rng.uniform(0.5, 1.0)),
+        "other": request.uniform(0.5, 1.0),
         "radial": radial,
-        "axial": radial * float(asked.rng.uniform(0.5, 1.0)),
-        "turned": float(asked.rng.uniform(0.0, math.pi)),
+        "axial": radial * request.uniform(0.5, 1.0),
+        "turned": request.uniform(0.0, math.pi),
     }
-    if asked.form == "off-centre":
-        rigid = [own_stiffness(asked.robot, *joint) for joint in joints_of(asked.robot, str(asked.component))]
-        found["offset"] = 0.0 if math.inf in rigid else float(asked.rng.uniform(-0.15, 0.15))
-    if asked.form == "contact":
-        found["strain"] = 2e3 * tilt * float(asked.rng.uniform(0.5, 2.0))
+    if request.form == "off-centre":
+        found["offset"] = 0.0 if math.inf in own else request.uniform(-0.15, 0.15)
+    if request.form == "contact":
+        found["strain"] = 2e3 * tilt * request.uniform(0.5, 2.0)
     return found
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.exam.campaign import Truth
-from beamstiff.exam.effect import Asked, Effect, between, sign, stroke
+from beamstiff.exam.effect import DrawRequest, Effect, stroke
 from beamstiff.exam.placing import place, skeleton_of
 from beamstiff.exam.reality import Reality
 from beamstiff.robot.description import Robot
@@ -79,12 +79,12 @@ def _closes(robot: Robot, component: str) -> bool:
     return True
 
 
-def draw(asked: Asked) -> dict[str, float]:
+def draw(request: DrawRequest) -> dict[str, float]:
     """Return the error, rad or m; and of the frame's other kind one that comes with it."""
-    kind = _kind(asked.robot, str(asked.component))
-    found = {"error": sign(asked.rng) * between(asked.size, *(ANGLE if kind == "angle" else LENGTH))}
-    if asked.form == "skewed" and "." in str(asked.component) and not asked.robot.loops:
-        found["other"] = 0.1 * sign(asked.rng) * between(asked.size, *(LENGTH if kind == "angle" else ANGLE))
+    kind = _kind(request.robot, str(request.component))
+    found = {"error": request.sign() * request.sized(*(ANGLE if kind == "angle" else LENGTH))}
+    if request.form == "skewed" and "." in str(request.component) and not request.robot.loops:
+        found["other"] = 0.1 * request.sign() * request.sized(*(LENGTH if kind == "angle" else ANGLE))
     return found
 
 

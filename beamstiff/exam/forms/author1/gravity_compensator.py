@@ -6,16 +6,7 @@ import numpy as np
 
 from beamstiff.exam.across import Across, across, axis_in_the_middle, with_rod
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import (
-    Asked,
-    Effect,
-    between,
-    in_the_middle,
-    sign,
-    stiffness_of,
-    stroke,
-    turning_drives,
-)
+from beamstiff.exam.effect import DrawRequest, Effect, in_the_middle, stiffness_of, stroke, turning_drives
 from beamstiff.exam.laws import Situation, Stiffness
 from beamstiff.exam.machine import joints_of, machine_of
 from beamstiff.exam.reality import Reality
@@ -41,24 +32,24 @@ def places(robot: Robot) -> list[str | None]:
     return found
 
 
-def draw(asked: Asked) -> dict[str, float]:
+def draw(request: DrawRequest) -> dict[str, float]:
     """Return the spring: its pull N at mid-range, its stiffness over the drive's, and where it sits.
 
     The stiffness is that against small strains, in which the rod's seals or the coils' ends stick; over the
     stroke the pull grows far less.
     """
-    middle, _ = stroke(asked.robot, asked.component)
-    crank, frame = float(asked.rng.uniform(0.2, 0.4)), float(asked.rng.uniform(0.8, 1.4))
-    pull = between(asked.size, *PULL) * float(asked.rng.uniform(0.6, 1.5))
+    middle, _ = stroke(request.robot, request.component)
+    crank, frame = request.uniform(0.2, 0.4), request.uniform(0.8, 1.4)
+    pull = request.sized(*PULL) * request.uniform(0.6, 1.5)
     return {
-        "share": between(asked.size, *SHARE),
+        "share": request.sized(*SHARE),
         "pull": pull,
-        "growth": pull * float(asked.rng.uniform(1.0, 3.0)),  # N/m over the stroke
+        "growth": pull * request.uniform(1.0, 3.0),  # N/m over the stroke
         "crank": crank,
         "frame": frame,
-        "angle": sign(asked.rng) * float(asked.rng.uniform(np.deg2rad(40.0), np.deg2rad(140.0))),
+        "angle": request.sign() * request.uniform(np.deg2rad(40.0), np.deg2rad(140.0)),
         "middle": middle,
-        "way": _way(asked.robot, str(asked.component)),
+        "way": _way(request.robot, str(request.component)),
     }
 
 

@@ -5,32 +5,28 @@ from __future__ import annotations
 import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import Asked, Effect, between, drives, turns
+from beamstiff.exam.effect import DrawRequest, Effect, at_joints, drives, turns
 from beamstiff.exam.laws import Curve, Law, WindUp
-from beamstiff.exam.machine import joints_of, own_stiffness
 from beamstiff.exam.reality import Reality
 
 SOFTER = (0.85, 0.25)  # stiffness at no torque over that at much
 BEND = (4e-5, 4e-4)  # rad: strain about which the stiffness changes
 
 
-def draw(asked: Asked) -> dict[str, float]:
+def draw(request: DrawRequest) -> dict[str, float]:
     """Return the stiffness at no and at much torque, over the nominal one, and the strain between, rad."""
-    softer = between(asked.size, *SOFTER)
-    bend = between(float(asked.rng.uniform()), *BEND) * (1.0 if turns(asked.robot, asked.component) else 0.1)
+    softer = request.sized(*SOFTER)
+    bend = request.log_uniform(*BEND) * (1.0 if turns(request.robot, request.component) else 0.1)
     found = {"soft": softer**0.6, "hard": softer**-0.4, "bend": bend}
-    if asked.form == "piecewise":
-        found["middle"] = float(asked.rng.uniform(0.3, 0.7))  # of the way from soft to hard
-        found["first"] = float(asked.rng.uniform(0.25, 0.4))  # first corner's torque over the second's
+    if request.form == "piecewise":
+        found["middle"] = request.uniform(0.3, 0.7)  # of the way from soft to hard
+        found["first"] = request.uniform(0.25, 0.4)  # first corner's torque over the second's
     return found
 
 
 def impose(truth: Truth, reality: Reality) -> Reality:
     """Return the reality with a hardening drive."""
-    machine = reality.machine
-    for name, own in joints_of(machine.robot, str(truth.component)):
-        machine = machine.with_law(name, own, _law(truth, own_stiffness(machine.robot, name, own)))
-    return reality.with_machine(machine)
+    return at_joints(truth, reality, lambda k: _law(truth, k))
 
 
 def _law(truth: Truth, k: float) -> Law:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import Asked, Effect, between, drives, turns
+from beamstiff.exam.effect import DrawRequest, Effect, drives, turns
 from beamstiff.exam.laws import Law, Memory, Situation
 from beamstiff.exam.machine import joints_of, own_stiffness
 from beamstiff.exam.reality import Reality
@@ -16,14 +16,14 @@ LOST = (3e-5, 5e-4)  # rad: friction torque over stiffness; m / 10 for slides
 SLIDERS = 10
 
 
-def draw(asked: Asked) -> dict[str, float]:
+def draw(request: DrawRequest) -> dict[str, float]:
     """Return the friction torque over the stiffness, rad, and how much of the stiffness at first slides."""
     found = {
-        "friction": between(asked.size, *LOST) * (1.0 if turns(asked.robot, asked.component) else 0.1),
-        "sliding": float(asked.rng.uniform(0.35, 0.7)),
+        "friction": request.sized(*LOST) * (1.0 if turns(request.robot, request.component) else 0.1),
+        "sliding": request.uniform(0.35, 0.7),
     }
-    if asked.form == "bouc-wen":
-        found["arrived"] = float(asked.rng.uniform(-0.9, 0.9))  # friction left over from the move to the pose
+    if request.form == "bouc-wen":
+        found["arrived"] = request.uniform(-0.9, 0.9)  # friction left over from the move to the pose
     return found
 
 

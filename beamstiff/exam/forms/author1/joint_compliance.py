@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import Asked, Effect, between, turns
+from beamstiff.exam.effect import DrawRequest, Effect, turns
 from beamstiff.exam.laws import Curve
 from beamstiff.exam.machine import joints_of, own_stiffness
 from beamstiff.exam.reality import Reality
@@ -24,14 +25,11 @@ def places(robot: Robot) -> list[str | None]:
     return [n for n in names if all(own_stiffness(robot, *j) == math.inf for j in joints_of(robot, n))]
 
 
-def draw(asked: Asked) -> dict[str, float]:
+def draw(request: DrawRequest) -> dict[str, float]:
     """Return the stiffness, SI, and from which strain on a second spring helps."""
-    found = {"stiffness": between(asked.size, *(TURNING if turns(asked.robot, asked.component) else SLIDING))}
-    if asked.form == "helped":
-        found |= {
-            "from": between(float(asked.rng.uniform()), 1e-4, 1e-3),
-            "more": float(asked.rng.uniform(0.2, 0.8)),
-        }
+    found = {"stiffness": request.sized(*(TURNING if turns(request.robot, request.component) else SLIDING))}
+    if request.form == "helped":
+        found |= {"from": request.log_uniform(1e-4, 1e-3), "more": request.uniform(0.2, 0.8)}
     return found
 
 
@@ -48,11 +46,10 @@ def impose(truth: Truth, reality: Reality) -> Reality:
     return reality.with_machine(machine)
 
 
-def _helped(e: Array, p: object) -> tuple[Array, Array]:
-    v: dict[str, float] = dict(p)  # type: ignore[call-overload]
-    k, far = v["stiffness"], np.abs(e) / v["from"]
+def _helped(e: Array, p: Mapping[str, float]) -> tuple[Array, Array]:
+    k, far = p["stiffness"], np.abs(e) / p["from"]
     share = far**2 / (1.0 + far**2)
-    return k * e * (1.0 + v["more"] * share), k * (1.0 + v["more"] * share * (1.0 + 2.0 / (1.0 + far**2)))
+    return k * e * (1.0 + p["more"] * share), k * (1.0 + p["more"] * share * (1.0 + 2.0 / (1.0 + far**2)))
 
 
 EFFECT = Effect("joint-compliance", ("plain", "helped"), places, draw, impose)

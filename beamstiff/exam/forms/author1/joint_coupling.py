@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 from itertools import pairwise
 
 import numpy as np
 
 from beamstiff.exam.campaign import Truth
-from beamstiff.exam.effect import Asked, Effect, between, sign, stiffness_of, turning_drives
+from beamstiff.exam.effect import DrawRequest, Effect, stiffness_of, turning_drives
 from beamstiff.exam.machine import Cross, joints_of
 from beamstiff.exam.reality import Reality
 from beamstiff.robot.description import Robot
@@ -26,11 +25,11 @@ def places(robot: Robot) -> list[str | None]:
     return [f"{a}+{b}" for a, b in pairs]
 
 
-def draw(asked: Asked) -> dict[str, float]:
+def draw(request: DrawRequest) -> dict[str, float]:
     """Return how strongly and which way the two joints are linked."""
-    found = {"share": sign(asked.rng) * between(asked.size, *SHARE)}
-    if asked.form == "gear":
-        found["ratio"] = float(asked.rng.uniform(0.5, 2.0))
+    found = {"share": request.sign() * request.sized(*SHARE)}
+    if request.form == "gear":
+        found["ratio"] = request.uniform(0.5, 2.0)
     return found
 
 
@@ -54,9 +53,7 @@ def impose(truth: Truth, reality: Reality) -> Reality:
             low, high = (s, high) if coupled < share else (low, s)
         added = s * np.outer(n, n)
     one, two = (joints_of(machine.robot, name)[0] for name in str(truth.component).split("+"))
-    return reality.with_machine(
-        dataclasses.replace(machine, crosses=(*machine.crosses, Cross(one, two, added)))
-    )
+    return reality.with_machine(machine.plus(crosses=(Cross(one, two, added),)))
 
 
 EFFECT = Effect("joint-coupling", ("compliance", "gear"), places, draw, impose)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from itertools import count
 
 import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import Asked, Effect, between, in_the_middle, slender
+from beamstiff.exam.effect import DrawRequest, Effect, between, in_the_middle, slender
 from beamstiff.exam.machine import Bar, Machine, Profile, bodies_of, machine_of, tapered
 from beamstiff.exam.placing import skeleton_of
 from beamstiff.exam.reality import Reality
@@ -53,23 +54,17 @@ def _carries(machine: Machine, name: str, nodes: tuple[str, str]) -> bool:
     return machine.tcp not in held or set(nodes) <= held
 
 
-def draw(asked: Asked) -> dict[str, float]:
+def draw(request: DrawRequest) -> dict[str, float]:
     """Return E I at the thick end, N m^2 (or by what factor a beam is softer), and the link's shape."""
-    shape = {"flat": float(asked.rng.uniform(0.5, 1.0)), "twist": float(asked.rng.uniform(0.4, 0.9))}
-    if any(beam.name == asked.component for beam in asked.robot.beams):
-        return {"softer": between(asked.size, 1.1, 4.0), "taper": float(asked.rng.uniform(0.2, 0.5))}
-    shape["EI"] = between(1.0 - asked.size, SOFTEST, STIFFEST) / slender(asked.robot)
-    if asked.form == "tapered":
-        return shape | {"taper": float(asked.rng.uniform(0.2, 0.5))}
-    if asked.form == "hinged":
-        return shape | {
-            "first": float(asked.rng.uniform(0.0, 0.3)),
-            "second": float(asked.rng.uniform(0.5, 0.9)),
-        }
-    return shape | {
-        "offset": float(asked.rng.uniform(0.05, 0.2)),
-        "side": float(asked.rng.uniform(0.0, 2 * np.pi)),
-    }
+    shape = {"flat": request.uniform(0.5, 1.0), "twist": request.uniform(0.4, 0.9)}
+    if any(beam.name == request.component for beam in request.robot.beams):
+        return {"softer": request.sized(1.1, 4.0), "taper": request.uniform(0.2, 0.5)}
+    shape["EI"] = between(1.0 - request.size, SOFTEST, STIFFEST) / slender(request.robot)
+    if request.form == "tapered":
+        return shape | {"taper": request.uniform(0.2, 0.5)}
+    if request.form == "hinged":
+        return shape | {"first": request.uniform(0.0, 0.3), "second": request.uniform(0.5, 0.9)}
+    return shape | {"offset": request.uniform(0.05, 0.2), "side": request.uniform(0.0, 2 * np.pi)}
 
 
 def impose(truth: Truth, reality: Reality) -> Reality:
@@ -85,10 +80,10 @@ def impose(truth: Truth, reality: Reality) -> Reality:
     up = up_of(machine, nodes)
     if truth.form == "tapered":
         bar = Bar(str(truth.component), nodes, tapered(rigidity, lambda x: 1.0 - p["taper"] * x), up)
-        return reality.with_machine(dataclasses.replace(machine, bars=(*machine.bars, bar)))
+        return reality.with_machine(machine.plus(bars=(bar,)))
     if truth.form == "hinged":
         bar = Bar(str(truth.component), nodes, _hinged(rigidity, p["first"], p["second"]), up)
-        return reality.with_machine(dataclasses.replace(machine, bars=(*machine.bars, bar)))
+        return reality.with_machine(machine.plus(bars=(bar,)))
     return reality.with_machine(
         _elbow(machine, str(truth.component), nodes, rigidity, p["offset"], p["side"])
     )
@@ -103,10 +98,9 @@ def up_of(machine: Machine, nodes: tuple[str, str]) -> Array:
     return fixed
 
 
-def _softer(bar: Bar, p: object) -> Bar:
-    parameters: dict[str, float] = dict(p)  # type: ignore[call-overload]
-    swell = (1.0 - parameters["taper"] * bar.profile.stations) ** -3
-    swell = swell * parameters["softer"] / np.average(swell, weights=bar.profile.compliance[:, 0])
+def _softer(bar: Bar, p: Mapping[str, float]) -> Bar:
+    swell = (1.0 - p["taper"] * bar.profile.stations) ** -3
+    swell = swell * p["softer"] / np.average(swell, weights=bar.profile.compliance[:, 0])
     profile = Profile(bar.profile.stations, bar.profile.compliance * swell[:, None])
     return dataclasses.replace(bar, profile=profile)
 
@@ -140,7 +134,7 @@ def _elbow(
         Bar(f"{name} behind", (middle, nodes[1]), tapered(rigidity, lambda x: 0.9 - 0.2 * x), up),
     )
     node = Node(name=middle, frame=frame, at=tuple(map(float, at)))  # type: ignore[arg-type]
-    return dataclasses.replace(machine, nodes=(*machine.nodes, node), bars=(*machine.bars, *halves))
+    return machine.plus(nodes=(node,), bars=halves)
 
 
 EFFECT = Effect("link-bending", ("tapered", "hinged", "elbow"), places, draw, impose)

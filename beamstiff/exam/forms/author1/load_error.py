@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from beamstiff.exam.campaign import Array, Campaign, Truth
-from beamstiff.exam.effect import Asked, Effect, between, direction, nowhere
+from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
+from beamstiff.exam.effect import DrawRequest, Effect, nowhere, vector
 from beamstiff.exam.placing import Placed
 from beamstiff.exam.reality import Reality
 from beamstiff.exam.rotations import turn
@@ -14,18 +14,18 @@ GAIN = (0.008, 0.25)
 ANGLE = (4e-3, 0.2)  # rad
 
 
-def draw(asked: Asked) -> dict[str, float]:
+def draw(request: DrawRequest) -> dict[str, float]:
     """Return by how much the load is misread."""
-    if asked.form == "direction":
-        return dict(zip("xyz", map(float, between(asked.size, *ANGLE) * direction(asked.rng)), strict=True))
-    gain = between(asked.size, *GAIN)
-    if asked.form == "sensor":
-        error = asked.rng.standard_normal((3, 3))
+    if request.form == "direction":
+        return request.direction(request.sized(*ANGLE))
+    gain = request.sized(*GAIN)
+    if request.form == "sensor":
+        error = request.rng.standard_normal((3, 3))
         error -= np.eye(3) * np.trace(error) / 3.0  # an equal gain of all would be a softer machine
         error *= gain / np.linalg.norm(error, 2)
         return {f"{a}{b}": float(error[i, j]) for i, a in enumerate("xyz") for j, b in enumerate("xyz")}
-    if asked.form == "quadratic":
-        return {"gain": gain * float(asked.rng.choice([-1.0, 1.0])), "reference": 1500.0}
+    if request.form == "quadratic":
+        return {"gain": gain * request.sign(), "reference": 1500.0}
     return {"gain": gain}
 
 
@@ -33,11 +33,11 @@ def impose(truth: Truth, reality: Reality) -> Reality:
     """Return the reality with loads misread."""
     p = truth.parameters
 
-    def along(campaign: Campaign, placed: Placed, wrench: Array) -> Array:  # noqa: ARG001
-        turned = turn(np.array([p[n] for n in "xyz"]))
+    def along(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:  # noqa: ARG001
+        turned = turn(vector(p))
         return np.concatenate([wrench[:, :3] @ turned.T, wrench[:, 3:] @ turned.T], axis=1)
 
-    def sensor(campaign: Campaign, placed: Placed, wrench: Array) -> Array:
+    def sensor(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:
         error = np.array([[p[f"{a}{b}"] for b in "xyz"] for a in "xyz"])
         frames = {node.name: node.frame for node in reality.machine.nodes}
         axes = np.stack([placed.rotations[frames[n]][row] for row, n in enumerate(campaign.load_point)])
@@ -45,18 +45,18 @@ def impose(truth: Truth, reality: Reality) -> Reality:
         more = [(wrong @ part[..., None])[..., 0] for part in (wrench[:, :3], wrench[:, 3:])]
         return np.asarray(wrench + np.concatenate(more, axis=1))
 
-    def quadratic(campaign: Campaign, placed: Placed, wrench: Array) -> Array:  # noqa: ARG001
+    def quadratic(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:  # noqa: ARG001
         size = np.linalg.norm(wrench[:, :3], axis=1, keepdims=True)
         return np.asarray(wrench * (1.0 + p["gain"] * size / p["reference"]))
 
-    def pulley(campaign: Campaign, placed: Placed, wrench: Array) -> Array:  # noqa: ARG001
+    def pulley(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:  # noqa: ARG001
         return wrench * (1.0 - p["gain"] * _growing(campaign, wrench))[:, None]
 
     change = {"direction": along, "sensor": sensor, "quadratic": quadratic, "pulley": pulley}[truth.form]
     return reality.with_load(change)
 
 
-def _growing(campaign: Campaign, wrench: Array) -> Array:
+def _growing(campaign: SimulatedCampaign, wrench: Array) -> Array:
     """Return 1 where the load grew since the state before in its pose, -1 where it shrank, (N,)."""
     size = np.linalg.norm(wrench, axis=1)
     growing = np.ones(len(size))

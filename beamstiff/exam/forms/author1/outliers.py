@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from beamstiff.exam.campaign import Array, Campaign, Truth
-from beamstiff.exam.effect import Asked, Effect, between, nowhere
+from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
+from beamstiff.exam.effect import DrawRequest, Effect, nowhere
 from beamstiff.exam.placing import Placed
 from beamstiff.exam.reality import Reality
 
 SIZE = (1e-4, 3e-3)  # m
 
 
-def draw(asked: Asked) -> dict[str, float]:
+def draw(request: DrawRequest) -> dict[str, float]:
     """Return the size of the errors, m, the share of bad rows and the seed that says which they are."""
     return {
-        "size": between(asked.size, *SIZE),
-        "share": float(asked.rng.uniform(0.01, 0.05)),
-        "seed": float(asked.rng.integers(2**31)),
+        "size": request.sized(*SIZE),
+        "share": request.uniform(0.01, 0.05),
+        "seed": request.integer(0, 2**31),
     }
 
 
@@ -25,7 +25,7 @@ def impose(truth: Truth, reality: Reality) -> Reality:
     """Return the reality with bad rows."""
     p = truth.parameters
 
-    def read(campaign: Campaign, placed: Placed, values: Array) -> Array:  # noqa: ARG001
+    def read(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:  # noqa: ARG001
         rng = np.random.default_rng(int(p["seed"]))
         count = max(1, round(p["share"] * len(values)))
         rows = rng.choice(len(values), size=count, replace=False)

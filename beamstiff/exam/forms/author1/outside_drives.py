@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import Asked, Effect, between, drives, stiffness_of, turns
+from beamstiff.exam.effect import DrawRequest, Effect, drives, stiffness_of, turns
 from beamstiff.exam.laws import Law, Memory, Situation, Stiffness
 from beamstiff.exam.machine import joints_of
 from beamstiff.exam.reality import Reality
@@ -20,12 +20,12 @@ def _with(truth: Truth, reality: Reality, law: Law) -> Reality:
     return reality.with_machine(machine)
 
 
-def _draw_ripple(asked: Asked) -> dict[str, float]:
-    per_metre = 1.0 if turns(asked.robot, asked.component) else 6.0
+def _draw_ripple(request: DrawRequest) -> dict[str, float]:
+    per_metre = 1.0 if turns(request.robot, request.component) else 6.0
     return {
-        "depth": between(asked.size, 0.08, 0.75),
-        "waves": per_metre * float(asked.rng.uniform(5.0, 12.0)),  # a rad or m, over 2 pi of the sine
-        "phase": float(asked.rng.uniform(0.0, 2 * np.pi)),
+        "depth": request.sized(0.08, 0.75),
+        "waves": per_metre * request.uniform(5.0, 12.0),  # a rad or m, over 2 pi of the sine
+        "phase": request.uniform(0.0, 2 * np.pi),
     }
 
 
@@ -42,10 +42,10 @@ def _ripple(truth: Truth, reality: Reality) -> Reality:
     return _with(truth, reality, Stiffness(stiffness))
 
 
-def _draw_warm_up(asked: Asked) -> dict[str, float]:
+def _draw_warm_up(request: DrawRequest) -> dict[str, float]:
     return {
-        "softer": between(asked.size, 0.1, 3.0),  # compliance gained, over that when cold
-        "lag": float(asked.rng.uniform(600.0, 3000.0)),
+        "softer": request.sized(0.1, 3.0),  # compliance gained, over that when cold
+        "lag": request.uniform(600.0, 3000.0),
     }
 
 
@@ -60,12 +60,12 @@ def _warm_up(truth: Truth, reality: Reality) -> Reality:
     return _with(truth, reality, Stiffness(stiffness, changes=True))
 
 
-def _draw_transmission(asked: Asked) -> dict[str, float]:
-    teeth = float(asked.rng.uniform(300.0, 1500.0)) * (1.0 if turns(asked.robot, asked.component) else 10.0)
+def _draw_transmission(request: DrawRequest) -> dict[str, float]:
+    teeth = request.uniform(300.0, 1500.0) * (1.0 if turns(request.robot, request.component) else 10.0)
     return {
         "teeth": teeth,
-        "depth": between(asked.size, 0.1, 0.9),  # of the tangent
-        "phase": float(asked.rng.uniform(0.0, 2 * np.pi)),
+        "depth": request.sized(0.1, 0.9),  # of the tangent
+        "phase": request.uniform(0.0, 2 * np.pi),
     }
 
 
@@ -100,10 +100,10 @@ def _transmission(truth: Truth, reality: Reality) -> Reality:
     return _with(truth, reality, law)
 
 
-def _draw_creep(asked: Asked) -> dict[str, float]:
+def _draw_creep(request: DrawRequest) -> dict[str, float]:
     return {
-        "creep": between(asked.size, 0.08, 1.5),  # slow compliance over the prompt one
-        "time": float(asked.rng.uniform(60.0, 400.0)),
+        "creep": request.sized(0.08, 1.5),  # slow compliance over the prompt one
+        "time": request.uniform(60.0, 400.0),
     }
 
 

@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import Asked, Effect, between, direction, nowhere, sign
+from beamstiff.exam.effect import DrawRequest, Effect, nowhere, vector
 from beamstiff.exam.laws import Curve, WindUp
 from beamstiff.exam.machine import Hinge, axes_from, joints_of
 from beamstiff.exam.pedestal import free_name, on_pedestal
@@ -19,12 +19,12 @@ from beamstiff.robot.parts import Node
 Curved = tuple[Array, Array]
 
 
-def _draw_bolt(asked: Asked) -> dict[str, float]:
+def _draw_bolt(request: DrawRequest) -> dict[str, float]:
     return {
-        "tilt": between(asked.size, 1.5e-8, 6e-7),
+        "tilt": request.sized(1.5e-8, 6e-7),
         "firm": 2e-10,
-        "angle": float(asked.rng.uniform(0.0, 2.0 * math.pi)),
-        "blunt": float(asked.rng.uniform(30.0, 300.0)),  # N m over which the gap opens
+        "angle": request.uniform(0.0, 2.0 * math.pi),
+        "blunt": request.uniform(30.0, 300.0),  # N m over which the gap opens
     }
 
 
@@ -47,12 +47,8 @@ def _bearings(robot: Robot) -> list[str | None]:
     return list(dict.fromkeys(joint.variable or joint.name for joint in robot.joints))
 
 
-def _draw_play(asked: Asked) -> dict[str, float]:
-    return {
-        "half": between(asked.size, 3e-5, 5e-4),
-        "crossing": between(float(asked.rng.uniform()), 20.0, 200.0),
-        "tilt": 1e-8,
-    }
+def _draw_play(request: DrawRequest) -> dict[str, float]:
+    return {"half": request.sized(3e-5, 5e-4), "crossing": request.log_uniform(20.0, 200.0), "tilt": 1e-8}
 
 
 def _play(truth: Truth, reality: Reality) -> Reality:
@@ -70,12 +66,12 @@ def _play(truth: Truth, reality: Reality) -> Reality:
     return reality.with_machine(machine)
 
 
-def _draw_contact(asked: Asked) -> dict[str, float]:
-    found = dict(zip("xyz", map(float, direction(asked.rng)), strict=True))
+def _draw_contact(request: DrawRequest) -> dict[str, float]:
+    found = request.direction()
     return found | {
-        "stiffness": between(asked.size, 2e5, 2e7),  # N/m
-        "gap": float(asked.rng.uniform(0.0, 2e-4)),
-        "way": sign(asked.rng),
+        "stiffness": request.sized(2e5, 2e7),  # N/m
+        "gap": request.uniform(0.0, 2e-4),
+        "way": request.sign(),
     }
 
 
@@ -97,16 +93,9 @@ def _contact(truth: Truth, reality: Reality) -> Reality:
             p["stiffness"] * 0.5 * (1.0 + z / root),
         )
 
-    axes = axes_from(np.array([p[n] for n in "xyz"]))
+    axes = axes_from(vector(p))
     hinge = Hinge(name, (name, tcp.name), "base", axes, np.zeros(6), {0: Curve(curve)})
-    return reality.with_machine(
-        dataclasses.replace(
-            machine,
-            nodes=(*machine.nodes, stop),
-            hinges=(*machine.hinges, hinge),
-            fixed=(*machine.fixed, name),
-        )
-    )
+    return reality.with_machine(machine.plus(nodes=(stop,), hinges=(hinge,), fixed=(name,)))
 
 
 EFFECTS = (

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 from beamstiff.exam.campaign import Truth
-from beamstiff.exam.effect import Asked, Effect, between, direction, nowhere, sign
+from beamstiff.exam.effect import DrawRequest, Effect, nowhere, vector
 from beamstiff.exam.reality import Reality
 from beamstiff.robot.parts import Mass
 
@@ -15,24 +15,24 @@ MASS = (1.5, 60.0)  # kg
 AWAY = (8e-3, 0.25)  # m
 
 
-def draw(asked: Asked) -> dict[str, float]:
+def draw(request: DrawRequest) -> dict[str, float]:
     """Return the mass that the model lacks, kg, and how far its centre is off, m, in the TCP's frame."""
-    payload = sum(mass.mass for mass in asked.robot.masses if mass.node == asked.robot.tcp)
-    more = between(asked.size, *MASS) * sign(asked.rng) if asked.form != "centre" else 0.0
+    payload = sum(mass.mass for mass in request.robot.masses if mass.node == request.robot.tcp)
+    more = request.sized(*MASS) * request.sign() if request.form != "centre" else 0.0
     if more < -0.8 * payload:
         more = -more
-    away = between(asked.size, *AWAY) if asked.form == "centre" and payload else 0.0
-    if asked.form == "centre" and not payload:
-        more = between(asked.size, *MASS)
-    if asked.form == "both" or (asked.form == "centre" and not payload):
-        away = float(asked.rng.uniform(0.03, 0.15))
-    return {"mass": more} | dict(zip("xyz", map(float, away * direction(asked.rng)), strict=True))
+    away = request.sized(*AWAY) if request.form == "centre" and payload else 0.0
+    if request.form == "centre" and not payload:
+        more = request.sized(*MASS)
+    if request.form == "both" or (request.form == "centre" and not payload):
+        away = request.uniform(0.03, 0.15)
+    return {"mass": more} | request.direction(away)
 
 
 def impose(truth: Truth, reality: Reality) -> Reality:
     """Return the reality with another payload."""
     p, machine = truth.parameters, reality.machine
-    away = np.array([p[n] for n in "xyz"])
+    away = vector(p)
     carried = [mass for mass in machine.masses if mass.node == machine.tcp]
     rest = [mass for mass in machine.masses if mass.node != machine.tcp]
     kilograms = sum(mass.mass for mass in carried)

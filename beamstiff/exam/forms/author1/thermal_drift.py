@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from beamstiff.exam.campaign import Array, Campaign, Truth
-from beamstiff.exam.effect import Asked, Effect, between, direction, nowhere
+from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
+from beamstiff.exam.effect import DrawRequest, Effect, nowhere, vector
 from beamstiff.exam.placing import Placed
-from beamstiff.exam.reality import Reality
+from beamstiff.exam.reality import Reality, places_of
 
 DRIFT = (8e-6, 2e-3)  # m, over the campaign
 PAUSE = 30.0  # s
 
 
-def draw(asked: Asked) -> dict[str, float]:
+def draw(request: DrawRequest) -> dict[str, float]:
     """Return the whole drift, m, its direction, and its lag as a share of the campaign's time."""
-    found = {"drift": between(asked.size, *DRIFT), "lag": float(asked.rng.uniform(0.1, 0.7))}
-    found |= dict(zip("xyz", map(float, direction(asked.rng)), strict=True))
-    found["turn"] = float(asked.rng.uniform(0.0, 0.3))  # rad per metre of drift
+    found = {"drift": request.sized(*DRIFT), "lag": request.uniform(0.1, 0.7)}
+    found |= request.direction()
+    found["turn"] = request.uniform(0.0, 0.3)  # rad per metre of drift
     return found
 
 
@@ -28,18 +28,15 @@ def impose(truth: Truth, reality: Reality) -> Reality:
     from that reading.
     """
     p = truth.parameters
-    along = np.array([p[n] for n in "xyz"])
+    along = vector(p)
 
-    def read(campaign: Campaign, placed: Placed, values: Array) -> Array:
+    def read(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
         share = _course(truth.form, campaign, p["lag"])
         if campaign.shared_unloaded and campaign.kind == "displacement":
             share = share - at_start_of_pose(campaign, share)
         if truth.form == "growth":  # the machine grows: away from its base
-            ways = np.empty((len(values), 3))
-            for name in np.unique(campaign.point):
-                rows = campaign.point == name
-                reach = placed.node(reality.machine.node(str(name)))[rows]
-                ways[rows] = reach / np.maximum(np.linalg.norm(reach, axis=1, keepdims=True), 1e-9)
+            reach = places_of(reality.machine, campaign, placed)
+            ways = reach / np.maximum(np.linalg.norm(reach, axis=1, keepdims=True), 1e-9)
         else:
             ways = np.broadcast_to(along, (len(values), 3))
         drift = p["drift"] * share[:, None] * ways
@@ -49,7 +46,7 @@ def impose(truth: Truth, reality: Reality) -> Reality:
     return reality.with_reading(read)
 
 
-def _course(form: str, campaign: Campaign, lag: float) -> Array:
+def _course(form: str, campaign: SimulatedCampaign, lag: float) -> Array:
     """Return how much of the drift has happened in each row, (N,), 0 at the start."""
     time = since_start(campaign)
     whole = float(time.max()) or 1.0
@@ -68,7 +65,7 @@ def _course(form: str, campaign: Campaign, lag: float) -> Array:
     return share
 
 
-def since_start(campaign: Campaign) -> Array:
+def since_start(campaign: SimulatedCampaign) -> Array:
     """Return the time of each row from the first one, (N,), s; even where the campaign gives none."""
     rows = np.lexsort((campaign.step, campaign.pose))
     clock = np.empty(len(rows))
@@ -78,7 +75,7 @@ def since_start(campaign: Campaign) -> Array:
     return since
 
 
-def at_start_of_pose(campaign: Campaign, share: Array) -> Array:
+def at_start_of_pose(campaign: SimulatedCampaign, share: Array) -> Array:
     """Return what `share` was in the first row of each row's pose, (N,)."""
     order = np.lexsort((campaign.step, campaign.pose))
     _, first, back = np.unique(campaign.pose[order], return_index=True, return_inverse=True)

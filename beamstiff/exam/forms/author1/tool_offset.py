@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 from beamstiff.exam.campaign import Truth
-from beamstiff.exam.effect import Asked, Effect, between, direction, nowhere
+from beamstiff.exam.effect import DrawRequest, Effect, nowhere
 from beamstiff.exam.reality import Reality
 
 AWAY = (5e-4, 0.3)  # m
@@ -14,13 +14,13 @@ CALIBRATED = (
 )
 
 
-def draw(asked: Asked) -> dict[str, float]:
+def draw(request: DrawRequest) -> dict[str, float]:
     """Return where the wrench acts (x, y, z) and the reflector sits (u, v, w), m, in the node's frame."""
-    away, found = between(asked.size, *AWAY), dict.fromkeys("xyzuvw", 0.0)
-    if asked.form in ("wrench", "both"):
-        found |= dict(zip("xyz", map(float, away * direction(asked.rng)), strict=True))
-    if asked.form in ("target", "both"):
-        found |= dict(zip("uvw", map(float, away * direction(asked.rng)), strict=True))
+    away, found = request.sized(*AWAY), dict.fromkeys("xyzuvw", 0.0)
+    if request.form in ("wrench", "both"):
+        found |= request.direction(away)
+    if request.form in ("target", "both"):
+        found |= request.direction(away, "uvw")
     return found
 
 

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import Asked, Effect, between, sign, stiffness_of
+from beamstiff.exam.effect import DrawRequest, Effect, stiffness_of
 from beamstiff.exam.forms.author1 import joint_coupling
 from beamstiff.exam.forms.author2.springs import slackening
 from beamstiff.exam.laws import Curve, Law, Situation, Stiffness
@@ -15,18 +15,15 @@ from beamstiff.exam.machine import Cross, Mesh, joints_of
 from beamstiff.exam.reality import Reality
 
 
-def _draw(asked: Asked) -> dict[str, float]:
+def _draw(request: DrawRequest) -> dict[str, float]:
     found = {
-        "share": sign(asked.rng) * between(asked.size, *joint_coupling.SHARE),
-        "ratio": float(asked.rng.uniform(0.6, 1.6)),
+        "share": request.sign() * request.sized(*joint_coupling.SHARE),
+        "ratio": request.uniform(0.6, 1.6),
     }
-    if asked.form == "belt":
-        found["slack"] = between(float(asked.rng.uniform()), 1e-4, 1e-3)  # strain where a strand is slack
-    if asked.form == "eccentric":
-        found |= {
-            "depth": float(asked.rng.uniform(0.3, 0.8)),
-            "phase": float(asked.rng.uniform(0.0, 2.0 * np.pi)),
-        }
+    if request.form == "belt":
+        found["slack"] = request.log_uniform(1e-4, 1e-3)  # strain where a strand is slack
+    if request.form == "eccentric":
+        found |= {"depth": request.uniform(0.3, 0.8), "phase": request.uniform(0.0, 2.0 * np.pi)}
     return found
 
 
@@ -55,7 +52,7 @@ def _impose(truth: Truth, reality: Reality) -> Reality:
         else Stiffness(meshing)
     )
     mesh = Mesh(one, two, weights, law)
-    return reality.with_machine(dataclasses.replace(machine, meshes=(*machine.meshes, mesh)))
+    return reality.with_machine(machine.plus(meshes=(mesh,)))
 
 
 EFFECTS = (Effect("joint-coupling", ("belt", "eccentric", "bracket"), joint_coupling.places, _draw, _impose),)

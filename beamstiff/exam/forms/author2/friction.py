@@ -7,21 +7,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import Asked, Effect, drives
+from beamstiff.exam.effect import DrawRequest, Effect, at_joints, drives
 from beamstiff.exam.forms.author1 import hysteresis
-from beamstiff.exam.forms.author2.springs import at_joints
 from beamstiff.exam.laws import Memory, Situation
 from beamstiff.exam.reality import Reality
 
 SLIDERS = 5
 
 
-def _draw(asked: Asked) -> dict[str, float]:
-    found = hysteresis.draw(asked)
-    found["arrived"] = float(asked.rng.uniform(-0.9, 0.9))  # friction left over from the move to the pose
-    if asked.form == "maxwell-slip":
-        found["ratio"] = float(asked.rng.uniform(1.8, 3.5))  # of a slider's yield strain to the one before
-        found["fall"] = float(asked.rng.uniform(0.3, 1.2))  # power by which later ones are softer
+def _draw(request: DrawRequest) -> dict[str, float]:
+    found = hysteresis.draw(request)
+    found["arrived"] = request.uniform(-0.9, 0.9)  # friction left over from the move to the pose
+    if request.form == "maxwell-slip":
+        found["ratio"] = request.uniform(1.8, 3.5)  # of a slider's yield strain to the one before
+        found["fall"] = request.uniform(0.3, 1.2)  # power by which later ones are softer
     return found
 
 

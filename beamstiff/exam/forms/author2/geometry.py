@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import Asked, Effect, between, direction, nowhere, sign, stroke
+from beamstiff.exam.effect import DrawRequest, Effect, nowhere, stroke, vector
 from beamstiff.exam.forms.author1 import geometry_error, payload_error
 from beamstiff.exam.machine import Hinge, Hose, axes_from
 from beamstiff.exam.pedestal import free_name
@@ -35,27 +35,27 @@ def _drive_of(robot: Robot, component: str) -> str | None:
     return None
 
 
-def _draw_geometry(asked: Asked) -> dict[str, float]:
-    component = str(asked.component)
-    plain = geometry_error.draw(dataclasses.replace(asked, form="single"))
-    angle, length = (SMALL * between(asked.size, *r) for r in (geometry_error.ANGLE, geometry_error.LENGTH))
+def _draw_geometry(request: DrawRequest) -> dict[str, float]:
+    component = str(request.component)
+    plain = geometry_error.draw(dataclasses.replace(request, form="single"))
+    angle, length = (SMALL * request.sized(*r) for r in (geometry_error.ANGLE, geometry_error.LENGTH))
     if "." not in component:  # an encoder: its zero is off, and so is its track or its gear
         size = abs(plain["error"])
-        if asked.form == "eccentric":
+        if request.form == "eccentric":
             return plain | {
-                "runout": size * float(asked.rng.uniform(0.3, 0.8)),
-                "phase": float(asked.rng.uniform(0.0, 2.0 * np.pi)),
+                "runout": size * request.uniform(0.3, 0.8),
+                "phase": request.uniform(0.0, 2.0 * np.pi),
             }
-        return plain | {"scale": size * sign(asked.rng) * float(asked.rng.uniform(0.1, 0.4))}
-    if asked.robot.loops:  # a rigid loop would not close with other errors
+        return plain | {"scale": size * request.sign() * request.uniform(0.1, 0.4)}
+    if request.robot.loops:  # a rigid loop would not close with other errors
         return plain
-    if asked.form == "eccentric":
-        return plain | {"runout": angle, "phase": float(asked.rng.uniform(0.0, 2.0 * np.pi))}
+    if request.form == "eccentric":
+        return plain | {"runout": angle, "phase": request.uniform(0.0, 2.0 * np.pi)}
     own = component.rsplit(".", 1)[1]
     for parameter in ("d", "r", "alpha", "beta"):
         if parameter != own:
             kind = FRAME_PARAMETERS[parameter]
-            plain[parameter] = sign(asked.rng) * (angle if kind == "angle" else length)
+            plain[parameter] = request.sign() * (angle if kind == "angle" else length)
     return plain
 
 
@@ -84,17 +84,14 @@ def _geometry(truth: Truth, reality: Reality) -> Reality:
     return dataclasses.replace(reality, encoders=(*reality.encoders, encoder))
 
 
-def _draw_payload(asked: Asked) -> dict[str, float]:
-    if asked.form == "hose":
-        return {
-            "per_metre": between(asked.size, *payload_error.MASS) / HEIGHT,
-            "low": float(asked.rng.uniform(-0.3, 0.3)),
-        }
-    axis = dict(zip("xyz", map(float, direction(asked.rng)), strict=True))
+def _draw_payload(request: DrawRequest) -> dict[str, float]:
+    if request.form == "hose":
+        return {"per_metre": request.sized(*payload_error.MASS) / HEIGHT, "low": request.uniform(-0.3, 0.3)}
+    axis = request.direction()
     return axis | {
-        "mass": between(asked.size, *payload_error.MASS),
-        "slides": FURTHEST * float(asked.rng.uniform(0.3, 1.0)),
-        "away": float(asked.rng.uniform(0.0, 0.1)),
+        "mass": request.sized(*payload_error.MASS),
+        "slides": FURTHEST * request.uniform(0.3, 1.0),
+        "away": request.uniform(0.0, 0.1),
     }
 
 
@@ -103,9 +100,9 @@ def _payload(truth: Truth, reality: Reality) -> Reality:
     p, machine = truth.parameters, reality.machine
     if truth.form == "hose":
         hose = Hose(machine.tcp, p["per_metre"], p["low"])
-        return reality.with_machine(dataclasses.replace(machine, hoses=(*machine.hoses, hose)))
+        return reality.with_machine(machine.plus(hoses=(hose,)))
     tcp = machine.node(machine.tcp)
-    axis = np.array([p[n] for n in "xyz"])
+    axis = vector(p)
     at = tuple(map(float, np.array(tcp.at) + p["away"] * axis))
     nodes = [
         Node(name=free_name(machine, name), frame=tcp.frame, at=at)  # type: ignore[arg-type]
@@ -116,12 +113,11 @@ def _payload(truth: Truth, reality: Reality) -> Reality:
     held[0] = p["mass"] * GRAVITY / p["slides"]
     hinge = Hinge(loose, (seat, loose), tcp.frame, axes_from(axis), held)
     return reality.with_machine(
-        dataclasses.replace(
-            machine,
-            nodes=(*machine.nodes, *nodes),
-            rigids=(*machine.rigids, (f"to {seat}", (tcp.name, seat))),
-            hinges=(*machine.hinges, hinge),
-            masses=(*machine.masses, Mass(node=loose, mass=p["mass"])),
+        machine.plus(
+            nodes=tuple(nodes),
+            rigids=((f"to {seat}", (tcp.name, seat)),),
+            hinges=(hinge,),
+            masses=(Mass(node=loose, mass=p["mass"]),),
         )
     )
 

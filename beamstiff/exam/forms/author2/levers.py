@@ -6,9 +6,8 @@ import numpy as np
 
 from beamstiff.exam.across import Across, across, with_rod
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import Asked, Effect, between, sign, stiffness_of, stroke
+from beamstiff.exam.effect import DrawRequest, Effect, at_joints, stiffness_of, stroke
 from beamstiff.exam.forms.author1 import actuator_lever, gravity_compensator
-from beamstiff.exam.forms.author2.springs import at_joints
 from beamstiff.exam.laws import Situation, Stiffness
 from beamstiff.exam.machine import joints_of
 from beamstiff.exam.reality import Reality
@@ -36,15 +35,15 @@ def _linkage(turn: Array, p: dict[str, float]) -> tuple[Array, Array]:
     return ratio, clear
 
 
-def _draw_lever(asked: Asked) -> dict[str, float]:
-    if asked.form == "screw":
+def _draw_lever(request: DrawRequest) -> dict[str, float]:
+    if request.form == "screw":
         # give of the free shaft over that of nut and bearings, in the middle of the range
-        return actuator_lever.draw(asked) | {"shaft": float(asked.rng.uniform(0.5, 2.0))}
-    middle, half = stroke(asked.robot, asked.component)
-    swing = between(asked.size, *actuator_lever.SWING)
+        return actuator_lever.draw(request) | {"shaft": request.uniform(0.5, 2.0)}
+    middle, half = stroke(request.robot, request.component)
+    swing = request.sized(*actuator_lever.SWING)
     even = np.linspace(-1.0, 1.0, 31)
     best, found = np.inf, dict[str, float]()
-    for crank, base, stretch, start, share in asked.rng.uniform(
+    for crank, base, stretch, start, share in request.rng.uniform(
         [0.6, 1.5, 0.8, 0.3, 0.0], [1.2, 3.0, 1.3, 2.8, 1.0], (TRIED, 5)
     ):
         reach = min(half, REACH[0] + share * (REACH[1] - REACH[0]))
@@ -54,7 +53,7 @@ def _draw_lever(asked: Asked) -> dict[str, float]:
         miss += 100.0 * max(0.0, FLAT - float(clear.min()))
         if miss < best:
             best, found = miss, {name: float(value) for name, value in tried.items()}
-    return found | {"gear": found["reach"] / half, "way": sign(asked.rng), "middle": middle}
+    return found | {"gear": found["reach"] / half, "way": request.sign(), "middle": middle}
 
 
 def _lever(truth: Truth, reality: Reality) -> Reality:
@@ -84,17 +83,17 @@ def _lever(truth: Truth, reality: Reality) -> Reality:
     return at_joints(truth, reality, lambda k: Stiffness(lambda situation: k * share(situation)))
 
 
-def _draw_balancer(asked: Asked) -> dict[str, float]:
-    found = gravity_compensator.draw(asked)
-    if asked.form == "nested":
+def _draw_balancer(request: DrawRequest) -> dict[str, float]:
+    found = gravity_compensator.draw(request)
+    if request.form == "nested":
         return found | {
-            "engages": float(asked.rng.uniform(-0.1, 0.1)),  # m of stretch from mid-range
-            "second": float(asked.rng.uniform(0.5, 1.5)),  # of the first coil's rate
+            "engages": request.uniform(-0.1, 0.1),  # m of stretch from mid-range
+            "second": request.uniform(0.5, 1.5),  # of the first coil's rate
         }
     return found | {
-        "side": sign(asked.rng),
-        "eccentric": float(asked.rng.uniform(0.2, 0.6)),
-        "phase": float(asked.rng.uniform(0.0, 2.0 * np.pi)),
+        "side": request.sign(),
+        "eccentric": request.uniform(0.2, 0.6),
+        "phase": request.uniform(0.0, 2.0 * np.pi),
     }
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from beamstiff.exam.campaign import Array, Campaign, Truth
-from beamstiff.exam.effect import Asked, Effect, between, direction, nowhere, sign
+from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
+from beamstiff.exam.effect import DrawRequest, Effect, named, nowhere, vector
 from beamstiff.exam.forms.author1 import frame_misalignment, load_error, thermal_drift
 from beamstiff.exam.placing import Placed
-from beamstiff.exam.reality import Reality
+from beamstiff.exam.reality import Reality, places_of
 from beamstiff.exam.rotations import turn, turned_by
 from beamstiff.robot.description import Robot
 
@@ -19,26 +19,17 @@ SHORTEST = 0.1  # m of a link that grows
 STAND = 3.0  # m from where drift is told to where a stand tilts
 
 
-def _vector(p: object, names: str = "xyz") -> Array:
-    v: dict[str, float] = dict(p)  # type: ignore[call-overload]
-    return np.array([v[name] for name in names])
-
-
-def _named(vector: Array, names: str = "xyz") -> dict[str, float]:
-    return dict(zip(names, map(float, vector), strict=True))
-
-
 def _tracker(rng: np.random.Generator) -> dict[str, float]:
     """Return where a tracker stands, m, base frame."""
     angle, away = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(3.0, 6.0)
-    return _named(np.array([away * np.cos(angle), away * np.sin(angle), rng.uniform(0.8, 1.8)]), "uvw")
+    return named(np.array([away * np.cos(angle), away * np.sin(angle), rng.uniform(0.8, 1.8)]), "uvw")
 
 
-def _draw_frame(asked: Asked) -> dict[str, float]:
-    angle = between(asked.size, *frame_misalignment.ANGLE)
-    found = _named(angle * direction(asked.rng)) | _tracker(asked.rng)
-    if asked.form == "depth":
-        found["deeper"] = angle * sign(asked.rng) * float(asked.rng.uniform(0.3, 0.8))
+def _draw_frame(request: DrawRequest) -> dict[str, float]:
+    angle = request.sized(*frame_misalignment.ANGLE)
+    found = request.direction(angle) | _tracker(request.rng)
+    if request.form == "depth":
+        found["deeper"] = angle * request.sign() * request.uniform(0.3, 0.8)
     return found
 
 
@@ -47,12 +38,12 @@ def _frame(truth: Truth, reality: Reality) -> Reality:
 
     Or by a camera there, which misjudges depth more than what lies across its view.
     """
-    p, place = truth.parameters, _vector(truth.parameters, "uvw")
+    p, place = truth.parameters, vector(truth.parameters, "uvw")
 
-    def read(campaign: Campaign, placed: Placed, values: Array) -> Array:  # noqa: ARG001
+    def read(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:  # noqa: ARG001
         displaced = campaign.kind == "displacement"
         share = 1.0 if displaced else frame_misalignment.REGISTERED
-        R = turn(share * _vector(p))
+        R = turn(share * vector(p))
         view = place / np.linalg.norm(place)
         matrix = R @ (np.eye(3) + share * p.get("deeper", 0.0) * np.outer(view, view))
         about = np.zeros(3) if displaced or truth.form == "depth" else place
@@ -63,13 +54,13 @@ def _frame(truth: Truth, reality: Reality) -> Reality:
     return reality.with_reading(read)
 
 
-def _draw_load(asked: Asked) -> dict[str, float]:
-    gain = between(asked.size, *load_error.GAIN)
-    if asked.form == "hanger":
+def _draw_load(request: DrawRequest) -> dict[str, float]:
+    gain = request.sized(*load_error.GAIN)
+    if request.form == "hanger":
         return {"tare": gain * USUAL}
-    if asked.form == "push-pull":
-        return _named(gain * np.sqrt(3.0) * direction(asked.rng))
-    mixed = asked.rng.standard_normal((3, 3))
+    if request.form == "push-pull":
+        return request.direction(gain * np.sqrt(3.0))
+    mixed = request.rng.standard_normal((3, 3))
     mixed = mixed + mixed.T  # its odd part would be a load beside the tool
     mixed -= np.eye(3) * np.trace(mixed) / 3.0
     mixed *= LEVER * gain / np.linalg.norm(mixed, 2)
@@ -85,20 +76,20 @@ def _load(truth: Truth, reality: Reality) -> Reality:
     p = truth.parameters
     frames = {node.name: node.frame for node in reality.machine.nodes}
 
-    def axes_of(campaign: Campaign, placed: Placed) -> Array:
+    def axes_of(campaign: SimulatedCampaign, placed: Placed) -> Array:
         return np.stack([placed.rotations[frames[n]][row] for row, n in enumerate(campaign.load_point)])
 
-    def hanger(campaign: Campaign, placed: Placed, wrench: Array) -> Array:  # noqa: ARG001
+    def hanger(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:  # noqa: ARG001
         size = np.linalg.norm(wrench[:, :3], axis=1, keepdims=True)
         return np.asarray(wrench * (1.0 + p["tare"] / np.where(size > 0.0, size, np.inf)))
 
-    def push_pull(campaign: Campaign, placed: Placed, wrench: Array) -> Array:
+    def push_pull(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:
         axes = axes_of(campaign, placed)
         own = np.einsum("nji,nj->ni", axes, wrench[:, :3])
-        more = np.einsum("nij,nj->ni", axes, own * _vector(p) * np.tanh(own / SMALL))
+        more = np.einsum("nij,nj->ni", axes, own * vector(p) * np.tanh(own / SMALL))
         return np.concatenate([wrench[:, :3] + more, wrench[:, 3:]], axis=1)
 
-    def crosstalk(campaign: Campaign, placed: Placed, wrench: Array) -> Array:
+    def crosstalk(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:
         axes = axes_of(campaign, placed)
         mixed = np.array([[p[f"{a}{b}"] for b in "xyz"] for a in "xyz"])
         moment = np.einsum("nij,jk,nlk,nl->ni", axes, mixed, axes, wrench[:, :3])
@@ -121,30 +112,30 @@ def links(robot: Robot) -> list[tuple[str, str]]:
     return long or found
 
 
-def _draw_drift(asked: Asked) -> dict[str, float]:
-    rng = asked.rng
-    found = {"drift": between(asked.size, *thermal_drift.DRIFT)}
-    if asked.form == "link":
+def _draw_drift(request: DrawRequest) -> dict[str, float]:
+    rng = request.rng
+    found = {"drift": request.sized(*thermal_drift.DRIFT)}
+    if request.form == "link":
         return found | {
-            "link": float(rng.integers(len(links(asked.robot)))),
-            "fast": float(rng.uniform(0.02, 0.15)),  # lags, as shares of the campaign's time
-            "slow": float(rng.uniform(0.4, 1.5)),
-            "prompt": float(rng.uniform(0.3, 0.7)),
+            "link": float(rng.integers(len(links(request.robot)))),
+            "fast": request.uniform(0.02, 0.15),  # lags, as shares of the campaign's time
+            "slow": request.uniform(0.4, 1.5),
+            "prompt": request.uniform(0.3, 0.7),
         }
-    found |= _named(direction(rng))
-    if asked.form == "swing":
+    found |= request.direction()
+    if request.form == "swing":
         return found | {
-            "period": float(rng.uniform(0.4, 1.5)),  # over the campaign's time
-            "phase": float(rng.uniform(0.0, 2.0 * np.pi)),
+            "period": request.uniform(0.4, 1.5),  # over the campaign's time
+            "phase": request.uniform(0.0, 2.0 * np.pi),
         }
-    return found | _tracker(rng) | {"slow": float(rng.uniform(0.2, 1.5))}
+    return found | _tracker(rng) | {"slow": request.uniform(0.2, 1.5)}
 
 
 def _drift(truth: Truth, reality: Reality) -> Reality:
     """Return the reality with readings that drift: a link grows, the hall swings, the stand tilts."""
     p, machine = truth.parameters, reality.machine
 
-    def course(campaign: Campaign) -> Array:
+    def course(campaign: SimulatedCampaign) -> Array:
         time = thermal_drift.since_start(campaign)
         part = time / (float(time.max()) or 1.0)
         if truth.form == "swing":
@@ -159,21 +150,18 @@ def _drift(truth: Truth, reality: Reality) -> Reality:
             share = share - thermal_drift.at_start_of_pose(campaign, share)
         return np.asarray(share)
 
-    def read(campaign: Campaign, placed: Placed, values: Array) -> Array:
+    def read(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
         moved, turned = np.zeros((len(values), 3)), np.zeros((len(values), 3))
         if truth.form == "swing":
-            moved[:] = _vector(p)
+            moved[:] = vector(p)
         elif truth.form == "link":
             a, b = links(machine.robot)[int(p["link"])]
             ways = placed.node(machine.node(b)) - placed.node(machine.node(a))
             size = np.linalg.norm(ways, axis=1, keepdims=True)
             moved = ways / np.where(size > 1e-9, size, np.inf)
         else:
-            turned[:] = _vector(p) / STAND
-            for name in np.unique(campaign.point):
-                rows = campaign.point == name
-                arm = placed.node(machine.node(str(name)))[rows] - _vector(p, "uvw")
-                moved[rows] = np.cross(turned[rows], arm)
+            turned[:] = vector(p) / STAND
+            moved = np.cross(turned, places_of(machine, campaign, placed) - vector(p, "uvw"))
         share = p["drift"] * course(campaign)[:, None]
         return np.asarray(values + share * np.concatenate([moved, turned], axis=1))
 

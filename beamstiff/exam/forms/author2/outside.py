@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import Asked, Effect, between, direction, drives, nowhere, sign, turns
-from beamstiff.exam.forms.author2.springs import at_joints, slackening
+from beamstiff.exam.effect import DrawRequest, Effect, at_joints, drives, nowhere, turns, vector
+from beamstiff.exam.forms.author2.springs import slackening
 from beamstiff.exam.laws import Curve
 from beamstiff.exam.machine import Hinge, axes_from
 from beamstiff.exam.pedestal import free_name
@@ -16,10 +14,10 @@ from beamstiff.exam.reality import Reality
 from beamstiff.robot.parts import Node
 
 
-def _draw_uneven(asked: Asked) -> dict[str, float]:
+def _draw_uneven(request: DrawRequest) -> dict[str, float]:
     return {
-        "uneven": sign(asked.rng) * between(asked.size, 0.05, 0.8),  # of the stiffness, more one way
-        "blunt": 2e-5 * (1.0 if turns(asked.robot, asked.component) else 0.1),
+        "uneven": request.sign() * request.sized(0.05, 0.8),  # of the stiffness, more one way
+        "blunt": 2e-5 * (1.0 if turns(request.robot, request.component) else 0.1),
     }
 
 
@@ -33,12 +31,9 @@ def _uneven(truth: Truth, reality: Reality) -> Reality:
     return at_joints(truth, reality, lambda k: Curve(lambda e: curve(e, k)))
 
 
-def _draw_softening(asked: Asked) -> dict[str, float]:
-    scale = 1.0 if turns(asked.robot, asked.component) else 0.1
-    return {
-        "loose": between(asked.size, 0.9, 0.2),
-        "from": scale * between(float(asked.rng.uniform()), 5e-5, 5e-4),
-    }
+def _draw_softening(request: DrawRequest) -> dict[str, float]:
+    scale = 1.0 if turns(request.robot, request.component) else 0.1
+    return {"loose": request.sized(0.9, 0.2), "from": scale * request.log_uniform(5e-5, 5e-4)}
 
 
 def _softening(truth: Truth, reality: Reality) -> Reality:
@@ -46,9 +41,9 @@ def _softening(truth: Truth, reality: Reality) -> Reality:
     return at_joints(truth, reality, lambda k: Curve(lambda e: slackening(e, k, p["loose"], p["from"])))
 
 
-def _draw_tether(asked: Asked) -> dict[str, float]:
-    found = dict(zip("xyz", map(float, direction(asked.rng)), strict=True))
-    return found | {"stiffness": between(asked.size, 2e4, 4e6)}  # N/m
+def _draw_tether(request: DrawRequest) -> dict[str, float]:
+    found = request.direction()
+    return found | {"stiffness": request.sized(2e4, 4e6)}  # N/m
 
 
 def _tether(truth: Truth, reality: Reality) -> Reality:
@@ -59,15 +54,8 @@ def _tether(truth: Truth, reality: Reality) -> Reality:
     name = free_name(machine, "tether")
     end = Node(name=name, frame=tcp.frame, at=tcp.at)
     k = np.array([p["stiffness"], 0.0, 0.0, 0.0, 0.0, 0.0])
-    hinge = Hinge(name, (name, tcp.name), "base", axes_from(np.array([p[n] for n in "xyz"])), k)
-    return reality.with_machine(
-        dataclasses.replace(
-            machine,
-            nodes=(*machine.nodes, end),
-            hinges=(*machine.hinges, hinge),
-            fixed=(*machine.fixed, name),
-        )
-    )
+    hinge = Hinge(name, (name, tcp.name), "base", axes_from(vector(p)), k)
+    return reality.with_machine(machine.plus(nodes=(end,), hinges=(hinge,), fixed=(name,)))
 
 
 EFFECTS = (

@@ -2,26 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import Asked, Effect, between, drives
+from beamstiff.exam.effect import DrawRequest, Effect, at_joints, drives
 from beamstiff.exam.forms.author1 import backlash, hardening, joint_compliance
 from beamstiff.exam.laws import Curve, Law, WindUp
-from beamstiff.exam.machine import joints_of, own_stiffness
 from beamstiff.exam.reality import Reality
 
 Curved = tuple[Array, Array]
-
-
-def at_joints(truth: Truth, reality: Reality, law_of: Callable[[float], Law]) -> Reality:
-    """Return the reality with a law, made from the joint's stiffness, in the component's own direction."""
-    machine = reality.machine
-    for name, own in joints_of(machine.robot, str(truth.component)):
-        machine = machine.with_law(name, own, law_of(own_stiffness(machine.robot, name, own)))
-    return reality.with_machine(machine)
 
 
 def hertzian(torque: Array, scale: float) -> Curved:
@@ -44,10 +33,10 @@ def slackening(e: Array, k: float, loose: float, at: float) -> Curved:
     return k * (loose * e + (1.0 - loose) * held), k * (loose + (1.0 - loose) * slope)
 
 
-def _draw_play(asked: Asked) -> dict[str, float]:
-    found = backlash.draw(asked)
-    if asked.form == "planets":
-        found["spread"] = float(asked.rng.uniform(0.3, 0.8))  # of the half play, from planet to planet
+def _draw_play(request: DrawRequest) -> dict[str, float]:
+    found = backlash.draw(request)
+    if request.form == "planets":
+        found["spread"] = request.uniform(0.3, 0.8)  # of the half play, from planet to planet
     return found
 
 
@@ -97,13 +86,13 @@ def _hardening(truth: Truth, reality: Reality) -> Reality:
     return at_joints(truth, reality, lambda k: Curve(lambda e: cubic(e, k)))
 
 
-def _draw_compliance(asked: Asked) -> dict[str, float]:
-    found = joint_compliance.draw(asked)
-    found["from"] = between(float(asked.rng.uniform()), 1e-4, 1e-3)  # strain about which it changes
-    if asked.form == "hertz":
-        found["more"] = float(asked.rng.uniform(0.5, 2.0))  # give of the contacts over the spring's
+def _draw_compliance(request: DrawRequest) -> dict[str, float]:
+    found = joint_compliance.draw(request)
+    found["from"] = request.log_uniform(1e-4, 1e-3)  # strain about which it changes
+    if request.form == "hertz":
+        found["more"] = request.uniform(0.5, 2.0)  # give of the contacts over the spring's
     else:
-        found["loose"] = float(asked.rng.uniform(0.3, 0.6))
+        found["loose"] = request.uniform(0.3, 0.6)
     return found
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import Asked, Effect, between, in_the_middle, nowhere, slender
+from beamstiff.exam.effect import DrawRequest, Effect, in_the_middle, nowhere, slender
 from beamstiff.exam.forms.author1 import base_compliance, bearing_tilt, link_bending
 from beamstiff.exam.laws import Curve
 from beamstiff.exam.layout import tip_stiffness
@@ -21,33 +22,32 @@ Curved = tuple[Array, Array]
 STIFF = 1e12  # N/m or N m/rad: a full matrix knows no rigid directions
 
 
-def _draw_base(asked: Asked) -> dict[str, float]:
-    rng = asked.rng
-    found = {"tilt": between(asked.size, *base_compliance.TILT) * slender(asked.robot)}
-    if asked.form == "three-feet":
+def _draw_base(request: DrawRequest) -> dict[str, float]:
+    found = {"tilt": request.sized(*base_compliance.TILT) * slender(request.robot)}
+    if request.form == "three-feet":
         return (
             found
-            | {f"foot{i}": float(rng.uniform(0.3, 1.0)) for i in range(3)}
+            | {f"foot{i}": request.uniform(0.3, 1.0) for i in range(3)}
             | {
-                "first": float(rng.uniform(0.0, 2.0 * math.pi)),
-                "radius": float(rng.uniform(0.3, 0.6)),
-                "across": float(rng.uniform(0.2, 0.6)),
+                "first": request.uniform(0.0, 2.0 * math.pi),
+                "radius": request.uniform(0.3, 0.6),
+                "across": request.uniform(0.2, 0.6),
             }
         )
-    if asked.form == "column":
+    if request.form == "column":
         return found | {
-            "height": float(rng.uniform(0.3, 1.2)),
-            "flat": float(rng.uniform(0.5, 1.0)),
-            "twist": float(rng.uniform(0.4, 0.8)),
-            "taper": float(rng.uniform(0.0, 0.3)),
-            "turned": float(rng.uniform(0.0, math.pi)),
+            "height": request.uniform(0.3, 1.2),
+            "flat": request.uniform(0.5, 1.0),
+            "twist": request.uniform(0.4, 0.8),
+            "taper": request.uniform(0.0, 0.3),
+            "turned": request.uniform(0.0, math.pi),
         }
     return found | {
-        "about_y": float(rng.uniform(0.5, 1.0)),
-        "about_z": float(rng.uniform(0.1, 0.5)),
-        "lever": float(rng.uniform(0.1, 0.3)),  # m, of the translations
-        "moment": 4e3 * float(rng.uniform(0.5, 2.0)) / slender(asked.robot) ** 2,
-        "more": float(rng.uniform(0.8, 2.5)),  # stiffness gained
+        "about_y": request.uniform(0.5, 1.0),
+        "about_z": request.uniform(0.1, 0.5),
+        "lever": request.uniform(0.1, 0.3),  # m, of the translations
+        "moment": 4e3 * request.uniform(0.5, 2.0) / slender(request.robot) ** 2,
+        "more": request.uniform(0.8, 2.5),  # stiffness gained
     }
 
 
@@ -80,28 +80,27 @@ def _base(truth: Truth, reality: Reality) -> Reality:
     return reality.with_machine(on_pedestal(machine, springs, laws))
 
 
-def _column(p: object) -> Array:
+def _column(p: Mapping[str, float]) -> Array:
     """Return the stiffness, base axes, of the top of an upright hollow column that is clamped below."""
-    v: dict[str, float] = dict(p)  # type: ignore[call-overload]
-    EI = v["height"] / v["tilt"]
+    EI = p["height"] / p["tilt"]
     EA = EI / 0.15**2
-    rigidity = np.array([EA, 0.15 * EA, 0.15 * EA, v["twist"] * EI, EI * v["flat"], EI])
-    profile = tapered(rigidity, lambda x: 1.0 + v["taper"] * (0.5 - x), 3.0)
-    K = tip_stiffness(profile, np.array([v["height"]]))[0]
-    c, s = math.cos(v["turned"]), math.sin(v["turned"])
+    rigidity = np.array([EA, 0.15 * EA, 0.15 * EA, p["twist"] * EI, EI * p["flat"], EI])
+    profile = tapered(rigidity, lambda x: 1.0 + p["taper"] * (0.5 - x), 3.0)
+    K = tip_stiffness(profile, np.array([p["height"]]))[0]
+    c, s = math.cos(p["turned"]), math.sin(p["turned"])
     axes = np.array([[0.0, c, -s], [0.0, s, c], [1.0, 0.0, 0.0]])
     turned = np.kron(np.eye(2), axes)
     return np.asarray(turned @ K @ turned.T)
 
 
-def _draw_bearing(asked: Asked) -> dict[str, float]:
-    found = bearing_tilt.draw(asked)
-    if asked.form == "hertz":
-        return found | {"moment": 2e3 * float(asked.rng.uniform(0.3, 1.5))}
+def _draw_bearing(request: DrawRequest) -> dict[str, float]:
+    found = bearing_tilt.draw(request)
+    if request.form == "hertz":
+        return found | {"moment": 2e3 * request.uniform(0.3, 1.5)}
     return found | {
-        "span": float(asked.rng.uniform(0.1, 0.3)),
-        "uneven": float(asked.rng.uniform(0.4, 1.0)),  # second bearing's stiffness over the first's
-        "shift": float(asked.rng.uniform(-0.1, 0.1)),
+        "span": request.uniform(0.1, 0.3),
+        "uneven": request.uniform(0.4, 1.0),  # second bearing's stiffness over the first's
+        "shift": request.uniform(-0.1, 0.1),
     }
 
 
@@ -130,19 +129,18 @@ def _hertz(e: Array, k: float, strain: float) -> Curved:
     return 0.8 * k * e * root, 0.8 * k * (root + 0.5 * np.abs(e) / strain / root)
 
 
-def _pair(hinge: Hinge, own: int, p: object) -> Hinge:
+def _pair(hinge: Hinge, own: int, p: Mapping[str, float]) -> Hinge:
     """Return the joint held by two bearings a span apart, in series with what it had."""
-    v: dict[str, float] = dict(p)  # type: ignore[call-overload]
-    c, s = math.cos(v["turned"]), math.sin(v["turned"])
+    c, s = math.cos(p["turned"]), math.sin(p["turned"])
     axes = hinge.axes @ np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
-    k = 2.0 / (v["tilt"] * v["span"] ** 2)
-    K = np.diag([1.0 / v["axial"], 0.0, 0.0, STIFF, 0.0, 0.0])
-    for place, each in ((0.5, k), (-0.5, v["uneven"] * k)):
-        z = v["shift"] + place * v["span"]
+    k = 2.0 / (p["tilt"] * p["span"] ** 2)
+    K = np.diag([1.0 / p["axial"], 0.0, 0.0, STIFF, 0.0, 0.0])
+    for place, each in ((0.5, k), (-0.5, p["uneven"] * k)):
+        z = p["shift"] + place * p["span"]
         for moved, turned, way in ((1, 5, z), (2, 4, -z)):
             row = np.zeros(6)
             row[moved], row[turned] = 1.0, way
-            K += each * (1.0 if moved == 1 else v["other"]) * np.outer(row, row)
+            K += each * (1.0 if moved == 1 else p["other"]) * np.outer(row, row)
     held = [d for d in range(6) if d != own and hinge.stiffness[d] > 0.0]
     before = np.where(np.isinf(hinge.stiffness), STIFF, hinge.stiffness)
     result = np.diag(before)
@@ -151,19 +149,19 @@ def _pair(hinge: Hinge, own: int, p: object) -> Hinge:
     return dataclasses.replace(hinge, axes=axes, stiffness=0.5 * (result + result.T))
 
 
-def _draw_link(asked: Asked) -> dict[str, float]:
-    found = link_bending.draw(asked)
-    if asked.form == "hollow":
+def _draw_link(request: DrawRequest) -> dict[str, float]:
+    found = link_bending.draw(request)
+    if request.form == "hollow":
         found |= {
-            "shear": float(asked.rng.uniform(0.1, 0.25)),  # G A over E A, what of it stands against shear
-            "skew": float(asked.rng.uniform(0.0, math.pi)),
-            "narrower": float(asked.rng.uniform(0.1, 0.5)),
+            "shear": request.uniform(0.1, 0.25),  # G A over E A, what of it stands against shear
+            "skew": request.uniform(0.0, math.pi),
+            "narrower": request.uniform(0.1, 0.5),
         }
     else:
         found |= {
-            "end": float(asked.rng.integers(2)),
-            "joint": float(asked.rng.uniform(0.3, 0.6)),  # share of the bolted joint in the bending
-            "opens": float(asked.rng.uniform(0.3, 0.8)),  # its give about the other axis
+            "end": request.integer(0, 2),
+            "joint": request.uniform(0.3, 0.6),  # share of the bolted joint in the bending
+            "opens": request.uniform(0.3, 0.8),  # its give about the other axis
         }
     return found
 
@@ -187,7 +185,7 @@ def _link(truth: Truth, reality: Reality) -> Reality:
         rigidity = np.array([EA, np.inf, np.inf, p["twist"] * EI, p["flat"] * EI, EI])
         even = tapered(rigidity, lambda x: np.ones_like(x))
         bar = Bar(str(truth.component), nodes, _bolted(even, 1.0 / rigidity, p), up)
-    return reality.with_machine(dataclasses.replace(machine, bars=(*machine.bars, bar)))
+    return reality.with_machine(machine.plus(bars=(bar,)))
 
 
 def _skewed(reality: Reality, nodes: tuple[str, str], up: Array, angle: float) -> Array:
@@ -200,12 +198,11 @@ def _skewed(reality: Reality, nodes: tuple[str, str], up: Array, angle: float) -
     return np.asarray(turn(angle * along) @ up)
 
 
-def _bolted(even: Profile, soft: Array, p: object) -> Profile:
+def _bolted(even: Profile, soft: Array, p: Mapping[str, float]) -> Profile:
     """Return a beam's profile with part of its bending in a joint at one end, that opens about one axis."""
-    v: dict[str, float] = dict(p)  # type: ignore[call-overload]
-    joint = v["joint"] * soft * np.array([0.0, 0.0, 0.0, 0.5, v["opens"], 1.0])
-    rest = (1.0 - v["joint"]) * even.compliance
-    return Profile(np.append(even.stations, v["end"]), np.concatenate([rest, joint[None]]))
+    joint = p["joint"] * soft * np.array([0.0, 0.0, 0.0, 0.5, p["opens"], 1.0])
+    rest = (1.0 - p["joint"]) * even.compliance
+    return Profile(np.append(even.stations, p["end"]), np.concatenate([rest, joint[None]]))
 
 
 def _softer(bar: Bar, truth: Truth) -> Bar:

@@ -2,94 +2,79 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
-from beamstiff.exam.campaign import Array, Campaign, Truth
-from beamstiff.exam.effect import Asked, Effect, between, direction, nowhere
+from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
+from beamstiff.exam.effect import DrawRequest, Effect, nowhere, vector
 from beamstiff.exam.forms.author1 import tool_compliance, tool_offset
 from beamstiff.exam.forms.author2.springs import slackening
 from beamstiff.exam.laws import Curve
-from beamstiff.exam.machine import Hinge
-from beamstiff.exam.pedestal import behind_flange, free_name
+from beamstiff.exam.pedestal import UP, behind_flange, sprung
 from beamstiff.exam.placing import Placed
 from beamstiff.exam.reality import Reality
-from beamstiff.robot.parts import Node
 
 NARROW = 0.05  # share of a force across a ring below which its eye does not settle at the rim
 
 
-def _draw_soft(asked: Asked) -> dict[str, float]:
-    rng = asked.rng
-    found = {"tilt": between(asked.size, *tool_compliance.TURN), "behind": float(rng.uniform(0.02, 0.12))}
-    if asked.form == "struts":
+def _draw_soft(request: DrawRequest) -> dict[str, float]:
+    found = {"tilt": request.sized(*tool_compliance.TURN), "behind": request.uniform(0.02, 0.12)}
+    if request.form == "struts":
         return (
             found
-            | {f"strut{i}": float(rng.uniform(0.6, 1.0)) for i in range(6)}
+            | {f"strut{i}": request.uniform(0.6, 1.0) for i in range(6)}
             | {
-                "lower": float(rng.uniform(0.04, 0.06)),  # m, radii and height
-                "upper": float(rng.uniform(0.02, 0.04)),
-                "height": float(rng.uniform(0.03, 0.06)),
-                "first": float(rng.uniform(0.0, 2.0 * math.pi)),
+                "lower": request.uniform(0.04, 0.06),  # m, radii and height
+                "upper": request.uniform(0.02, 0.04),
+                "height": request.uniform(0.03, 0.06),
+                "first": request.uniform(0.0, 2.0 * math.pi),
             }
         )
     return found | {
-        "other": float(rng.uniform(0.6, 1.0)),
-        "about": float(rng.uniform(0.3, 1.0)),
-        "opens": between(float(rng.uniform()), 20.0, 200.0),  # N m about x
-        "later": float(rng.uniform(1.0, 2.5)),  # moment about y at which it opens, over that about x
-        "loose": float(rng.uniform(0.25, 0.6)),  # stiffness left
+        "other": request.uniform(0.6, 1.0),
+        "about": request.uniform(0.3, 1.0),
+        "opens": request.log_uniform(20.0, 200.0),  # N m about x
+        "later": request.uniform(1.0, 2.5),  # moment about y at which it opens, over that about x
+        "loose": request.uniform(0.25, 0.6),  # stiffness left
     }
 
 
-def strutted(p: object) -> Array:
+def strutted(p: Mapping[str, float]) -> Array:
     """Return the stiffness (6, 6) of a load cell on six struts, about its middle height."""
-    v: dict[str, float] = dict(p)  # type: ignore[call-overload]
     K = np.zeros((6, 6))
     for i in range(6):
         # two struts from either end of a foot's pair lean towards the same place above
-        low = v["first"] + math.pi / 3.0 * (i - i % 2) + (0.2 if i % 2 else -0.2)
-        high = v["first"] + math.pi / 3.0 * (i - i % 2) + math.pi / 3.0 * (1 if i % 2 else -1)
-        a = np.array([v["lower"] * math.cos(low), v["lower"] * math.sin(low), -0.5 * v["height"]])
-        b = np.array([v["upper"] * math.cos(high), v["upper"] * math.sin(high), 0.5 * v["height"]])
+        low = p["first"] + math.pi / 3.0 * (i - i % 2) + (0.2 if i % 2 else -0.2)
+        high = p["first"] + math.pi / 3.0 * (i - i % 2) + math.pi / 3.0 * (1 if i % 2 else -1)
+        a = np.array([p["lower"] * math.cos(low), p["lower"] * math.sin(low), -0.5 * p["height"]])
+        b = np.array([p["upper"] * math.cos(high), p["upper"] * math.sin(high), 0.5 * p["height"]])
         along = (b - a) / np.linalg.norm(b - a)
         row = np.concatenate([along, np.cross(a, along)])
-        K += v[f"strut{i}"] * np.outer(row, row)
-    return np.asarray(K * np.linalg.inv(K)[3, 3] / v["tilt"])
+        K += p[f"strut{i}"] * np.outer(row, row)
+    return np.asarray(K * np.linalg.inv(K)[3, 3] / p["tilt"])
 
 
 def _soft(truth: Truth, reality: Reality) -> Reality:
-    machine, flange = behind_flange(reality.machine)
-    p, tcp = truth.parameters, machine.node(machine.tcp)
-    at = (tcp.at[0], tcp.at[1], tcp.at[2] - p["behind"])
-    names = []
-    for _ in range(2):
-        names.append(free_name(machine, "tool"))
-        node = Node(name=names[-1], frame=tcp.frame, at=at)
-        machine = dataclasses.replace(machine, nodes=(*machine.nodes, node))
+    p, (machine, flange) = truth.parameters, behind_flange(reality.machine)
+    at = -p["behind"] * UP
     if truth.form == "struts":
-        hinge = Hinge(names[0], (names[0], names[1]), tcp.frame, np.eye(3), strutted(p))
-    else:
-        about = p["tilt"] * np.array([1.0, p["other"], p["about"]])
-        k = np.concatenate([1.0 / (about * 0.05**2), 1.0 / about])
-        ends = {3: p["opens"] / k[3], 4: p["later"] * p["opens"] / k[4]}
-        laws = {
-            d: Curve(lambda e, d=d, end=end: slackening(e, float(k[d]), p["loose"], end))  # type: ignore[misc]
-            for d, end in ends.items()
-        }
-        hinge = Hinge(names[0], (names[0], names[1]), tcp.frame, np.eye(3), k, laws)
-    ties = ((f"to {names[0]}", (flange, names[0])), ("to the tip", (names[1], tcp.name)))
-    return reality.with_machine(
-        dataclasses.replace(machine, rigids=(*machine.rigids, *ties), hinges=(*machine.hinges, hinge))
-    )
+        return reality.with_machine(sprung(machine, flange, at, strutted(p)))
+    about = p["tilt"] * np.array([1.0, p["other"], p["about"]])
+    k = np.concatenate([1.0 / (about * 0.05**2), 1.0 / about])
+    ends = {3: p["opens"] / k[3], 4: p["later"] * p["opens"] / k[4]}
+    laws = {
+        d: Curve(lambda e, d=d, end=end: slackening(e, float(k[d]), p["loose"], end))  # type: ignore[misc]
+        for d, end in ends.items()
+    }
+    return reality.with_machine(sprung(machine, flange, at, k, laws))
 
 
-def _draw_offset(asked: Asked) -> dict[str, float]:
-    found = {"away": between(asked.size, *tool_offset.AWAY)}
-    if asked.form == "shackle":
-        found |= dict(zip("xyz", map(float, direction(asked.rng)), strict=True))
+def _draw_offset(request: DrawRequest) -> dict[str, float]:
+    found = {"away": request.sized(*tool_offset.AWAY)}
+    if request.form == "shackle":
+        found |= request.direction()
     return found
 
 
@@ -103,11 +88,11 @@ def _offset(truth: Truth, reality: Reality) -> Reality:
     g = np.array(machine.robot.gravity)
     down = g / np.linalg.norm(g) if g.any() else np.array([0.0, 0.0, -1.0])
 
-    def beside(campaign: Campaign, placed: Placed, wrench: Array) -> Array:
+    def beside(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:
         force = wrench[:, :3]
         if truth.form == "shackle":
             axes = placed.rotations[machine.node(machine.tcp).frame]
-            normal = axes @ np.array([p[n] for n in "xyz"])
+            normal = axes @ vector(p)
             flat = force - np.sum(normal * force, axis=1, keepdims=True) * normal
             size = np.sum(flat**2, axis=1) + NARROW**2 * np.sum(force**2, axis=1)
             arm = p["away"] * flat / np.sqrt(np.maximum(size, 1e-12))[:, None]

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import Asked, Effect, between, sign, stiffness_of, stroke
+from beamstiff.exam.effect import DrawRequest, Effect, stiffness_of, stroke
 from beamstiff.exam.forms.author1 import joint_coupling
 from beamstiff.exam.forms.author2.springs import hertzian
 from beamstiff.exam.laws import Law, Situation, Stiffness, WindUp
@@ -18,14 +16,14 @@ SERVED = np.deg2rad(70.0)  # to either side: what a crank can turn before its ro
 LINEAR = 0.4  # share of the shafts, which are linear, in what bevel gears give at first
 
 
-def _draw(asked: Asked) -> dict[str, float]:
+def _draw(request: DrawRequest) -> dict[str, float]:
     found = {
-        "share": sign(asked.rng) * between(asked.size, *joint_coupling.SHARE),
-        "ratio": float(asked.rng.uniform(0.6, 1.6)),
+        "share": request.sign() * request.sized(*joint_coupling.SHARE),
+        "ratio": request.uniform(0.6, 1.6),
     }
-    if asked.form == "linkage":
-        return found | {"start": float(asked.rng.uniform(-0.3, 0.3))}  # rad from the longest lever
-    return found | {"preload": between(float(asked.rng.uniform()), 2e-5, 3e-4)}  # strain
+    if request.form == "linkage":
+        return found | {"start": request.uniform(-0.3, 0.3)}  # rad from the longest lever
+    return found | {"preload": request.log_uniform(2e-5, 3e-4)}  # strain
 
 
 def _impose(truth: Truth, reality: Reality) -> Reality:
@@ -60,7 +58,7 @@ def _impose(truth: Truth, reality: Reality) -> Reality:
     if truth.form == "linkage":
         law = Stiffness(lambda situation: np.full(len(situation.time), strong))
     mesh = Mesh(one, two, (1.0, weight), law)
-    return reality.with_machine(dataclasses.replace(machine, meshes=(*machine.meshes, mesh)))
+    return reality.with_machine(machine.plus(meshes=(mesh,)))
 
 
 EFFECTS: tuple[Effect, ...] = (

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import Asked, Effect, between, drives, turns
-from beamstiff.exam.forms.author2.springs import at_joints
+from beamstiff.exam.effect import DrawRequest, Effect, at_joints, drives, turns
 from beamstiff.exam.laws import Memory, Situation
 from beamstiff.exam.reality import Reality
 
@@ -17,18 +16,18 @@ PRESSED = 0.2  # of the strain where motion turns round, that its way is longer 
 SOFTER = (0.06, 1.2)  # what a slipping hub gives, over what the rest of the drive gives
 
 
-def _draw(asked: Asked) -> dict[str, float]:
-    scale = 1.0 if turns(asked.robot, asked.component) else 0.1
-    found = {"arrived": float(asked.rng.uniform(-0.9, 0.9))}  # friction left over from the move to the pose
-    if asked.form == "teeth":
+def _draw(request: DrawRequest) -> dict[str, float]:
+    scale = 1.0 if turns(request.robot, request.component) else 0.1
+    found = {"arrived": request.uniform(-0.9, 0.9)}  # friction left over from the move to the pose
+    if request.form == "teeth":
         return found | {
-            "rubbing": between(asked.size, *RUBBING),
-            "seals": scale * between(float(asked.rng.uniform()), 2e-6, 2e-5),  # torque over the stiffness
-            "slip": scale * between(float(asked.rng.uniform()), 4e-5, 2e-4),
+            "rubbing": request.sized(*RUBBING),
+            "seals": scale * request.log_uniform(2e-6, 2e-5),  # torque over the stiffness
+            "slip": scale * request.log_uniform(4e-5, 2e-4),
         }
     return found | {
-        "softer": between(asked.size, *SOFTER),
-        "breaks": scale * between(float(asked.rng.uniform()), 2e-5, 1.5e-4),  # torque over the stiffness
+        "softer": request.sized(*SOFTER),
+        "breaks": scale * request.log_uniform(2e-5, 1.5e-4),  # torque over the stiffness
     }
 
 

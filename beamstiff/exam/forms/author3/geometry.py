@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import Asked, Effect, between, direction, nowhere, sign
+from beamstiff.exam.effect import DrawRequest, Effect, between, nowhere, vector
 from beamstiff.exam.forms.author1 import geometry_error, payload_error
 from beamstiff.exam.laws import WindUp
 from beamstiff.exam.machine import Hinge, axes_from
@@ -39,21 +39,21 @@ def _size(component: str, size: float) -> float:
     return between(size, *(geometry_error.ANGLE if angle else geometry_error.LENGTH))
 
 
-def _draw_geometry(asked: Asked) -> dict[str, float]:
-    component, robot = str(asked.component), asked.robot
-    found = {"error": geometry_error.draw(dataclasses.replace(asked, form="single"))["error"]}
-    if asked.form == "oval":
+def _draw_geometry(request: DrawRequest) -> dict[str, float]:
+    component, robot = str(request.component), request.robot
+    found = {"error": geometry_error.draw(dataclasses.replace(request, form="single"))["error"]}
+    if request.form == "oval":
         encoder = "." not in component
-        share = float(asked.rng.uniform(0.3, 0.7)) if encoder else SMALL
+        share = request.uniform(0.3, 0.7) if encoder else SMALL
         return found | {
-            "oval": share * between(asked.size, *geometry_error.ANGLE),
-            "phase": float(asked.rng.uniform(0.0, 2.0 * np.pi)),
+            "oval": share * request.sized(*geometry_error.ANGLE),
+            "phase": request.uniform(0.0, 2.0 * np.pi),
         }
     others = [name for name in map(str, geometry_error.places(robot)) if name != component]
     if robot.loops:  # rigid loops would not close with lengths that do not fit
         others = [name for name in others if "." not in name]
     return found | {
-        name: TOLERANCE * _size(name, asked.size) * float(asked.rng.standard_normal()) for name in others
+        name: TOLERANCE * _size(name, request.size) * float(request.rng.standard_normal()) for name in others
     }
 
 
@@ -89,17 +89,15 @@ def _geometry(truth: Truth, reality: Reality) -> Reality:
     return dataclasses.replace(reality, encoders=(*reality.encoders, encoder))
 
 
-def _draw_payload(asked: Asked) -> dict[str, float]:
-    found = dict(zip("xyz", map(float, direction(asked.rng)), strict=True))
+def _draw_payload(request: DrawRequest) -> dict[str, float]:
+    found = request.direction()
     found |= {
-        "mass": between(asked.size, *payload_error.MASS),
-        "along": sign(asked.rng) * float(asked.rng.uniform(0.0, 0.1)),
-        "half": float(asked.rng.uniform(0.03, 0.12)),  # m to either side
+        "mass": request.sized(*payload_error.MASS),
+        "along": request.sign() * request.uniform(0.0, 0.1),
+        "half": request.uniform(0.03, 0.12),  # m to either side
     }
     # the share of the weight, along its way, with which it has gone most of the way
-    return found | {
-        "tilt": float(asked.rng.uniform(*((0.03, 0.12) if asked.form == "rolling" else (0.3, 0.8))))
-    }
+    return found | {"tilt": request.uniform(*((0.03, 0.12) if request.form == "rolling" else (0.3, 0.8)))}
 
 
 def _payload(truth: Truth, reality: Reality) -> Reality:
@@ -111,7 +109,7 @@ def _payload(truth: Truth, reality: Reality) -> Reality:
     """
     p, machine = truth.parameters, reality.machine
     tcp = machine.node(machine.tcp)
-    axis = np.array([p[n] for n in "xyz"])
+    axis = vector(p)
     at = tuple(map(float, np.array(tcp.at) + p["along"] * axis))
     seat, loose = (
         Node(name=free_name(machine, name), frame=tcp.frame, at=at)  # type: ignore[arg-type]
@@ -136,12 +134,11 @@ def _payload(truth: Truth, reality: Reality) -> Reality:
         dict.fromkeys(ways, law),
     )
     return reality.with_machine(
-        dataclasses.replace(
-            machine,
-            nodes=(*machine.nodes, seat, loose),
-            rigids=(*machine.rigids, (f"to {seat.name}", (tcp.name, seat.name))),
-            hinges=(*machine.hinges, hinge),
-            masses=(*machine.masses, Mass(node=loose.name, mass=p["mass"])),
+        machine.plus(
+            nodes=(seat, loose),
+            rigids=((f"to {seat.name}", (tcp.name, seat.name)),),
+            hinges=(hinge,),
+            masses=(Mass(node=loose.name, mass=p["mass"]),),
         )
     )
 

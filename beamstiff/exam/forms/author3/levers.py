@@ -8,9 +8,8 @@ import numpy as np
 
 from beamstiff.exam.across import Across, across, with_rod
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import Asked, Effect, between, sign, stiffness_of, stroke
+from beamstiff.exam.effect import DrawRequest, Effect, at_joints, stiffness_of, stroke
 from beamstiff.exam.forms.author1 import actuator_lever, gravity_compensator
-from beamstiff.exam.forms.author2.springs import at_joints
 from beamstiff.exam.laws import Situation, Stiffness
 from beamstiff.exam.machine import joints_of
 from beamstiff.exam.reality import Reality
@@ -57,21 +56,21 @@ def _share(form: str, p: dict[str, float]) -> Callable[[Array], Array]:
     return slider if form == "slider-crank" else piston
 
 
-def _draw_lever(asked: Asked) -> dict[str, float]:
-    middle, half = stroke(asked.robot, asked.component)
-    swing = between(asked.size, *actuator_lever.SWING)
-    found = {"way": sign(asked.rng), "middle": middle}
-    if asked.form == "slider-crank":
-        found |= {"rod": float(asked.rng.uniform(0.2, 0.45))}  # crank over connecting rod
+def _draw_lever(request: DrawRequest) -> dict[str, float]:
+    middle, half = stroke(request.robot, request.component)
+    swing = request.sized(*actuator_lever.SWING)
+    found = {"way": request.sign(), "middle": middle}
+    if request.form == "slider-crank":
+        found |= {"rod": request.uniform(0.2, 0.45)}  # crank over connecting rod
     else:
         found |= {
-            "crank": float(asked.rng.uniform(0.2, 0.35)),
-            "frame": float(asked.rng.uniform(0.8, 1.3)),
-            "ring": float(asked.rng.uniform(0.5, 0.8)),  # the rod's side of the piston over the other
-            "dead": float(asked.rng.uniform(0.4, 1.0)),  # oil in lines and ends, over the swept one
+            "crank": request.uniform(0.2, 0.35),
+            "frame": request.uniform(0.8, 1.3),
+            "ring": request.uniform(0.5, 0.8),  # the rod's side of the piston over the other
+            "dead": request.uniform(0.4, 1.0),  # oil in lines and ends, over the swept one
         }
-    share = _share(asked.form, found)
-    aside, best = float(asked.rng.uniform()), (np.inf, 0.0, 0.0)
+    share = _share(request.form, found)
+    aside, best = float(request.rng.uniform()), (np.inf, 0.0, 0.0)
     for gear in np.linspace(0.0, min(1.0, (0.5 * np.pi - CLEAR) / half), GEARS)[1:]:
         low, high = CLEAR + gear * half, np.pi - CLEAR - gear * half
         start = low + aside * (high - low)
@@ -102,16 +101,14 @@ def _lever(truth: Truth, reality: Reality) -> Reality:
     return at_joints(truth, reality, lambda k: Stiffness(lambda situation: stiffness(situation, k)))
 
 
-def _draw_balancer(asked: Asked) -> dict[str, float]:
-    found = gravity_compensator.draw(asked)
-    if asked.form == "cam":
+def _draw_balancer(request: DrawRequest) -> dict[str, float]:
+    found = gravity_compensator.draw(request)
+    if request.form == "cam":
         return found | {
-            "top": float(
-                asked.rng.uniform(-0.6, 0.6)
-            ),  # rad from mid-range, where it neither lifts nor sinks
-            "pointed": float(asked.rng.uniform(-0.4, 0.4)),  # second harmonic of the cam's lift
+            "top": request.uniform(-0.6, 0.6),  # rad from mid-range, where it neither lifts nor sinks
+            "pointed": request.uniform(-0.4, 0.4),  # second harmonic of the cam's lift
         }
-    return found | {"slack": float(asked.rng.uniform(-0.3, -0.1))}  # m of stretch from mid-range
+    return found | {"slack": request.uniform(-0.3, -0.1)}  # m of stretch from mid-range
 
 
 def lift(angle: Array, p: dict[str, float]) -> tuple[Array, Array, Array]:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from beamstiff.exam.campaign import Array, Campaign, Truth
-from beamstiff.exam.effect import Asked, Effect, between, direction, in_the_middle, nowhere, sign
+from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
+from beamstiff.exam.effect import DrawRequest, Effect, in_the_middle, named, nowhere, vector
 from beamstiff.exam.forms.author1 import frame_misalignment, load_error, outliers, thermal_drift
 from beamstiff.exam.placing import Placed
-from beamstiff.exam.reality import Reality
+from beamstiff.exam.reality import Reality, places_of
 from beamstiff.exam.rotations import turn, turned_by
 
 DISCS = 6
@@ -17,23 +17,14 @@ SEEN = 4.0  # lens distortion over the frame's angle: the machine fills a quarte
 COLUMN = 1.5  # m: height that a column's drift is told at
 
 
-def _vector(p: object, names: str = "xyz") -> Array:
-    v: dict[str, float] = dict(p)  # type: ignore[call-overload]
-    return np.array([v[name] for name in names])
-
-
-def _named(vector: Array, names: str = "xyz") -> dict[str, float]:
-    return dict(zip(names, map(float, vector), strict=True))
-
-
-def _draw_frame(asked: Asked) -> dict[str, float]:
-    rng, angle = asked.rng, between(asked.size, *frame_misalignment.ANGLE)
-    found = _named(angle * direction(rng))
-    if asked.form == "stations":
-        return found | _named(angle * direction(rng), "uvw") | {"after": float(rng.uniform(0.3, 0.7))}
+def _draw_frame(request: DrawRequest) -> dict[str, float]:
+    rng, angle = request.rng, request.sized(*frame_misalignment.ANGLE)
+    found = request.direction(angle)
+    if request.form == "stations":
+        return found | request.direction(angle, "uvw") | {"after": request.uniform(0.3, 0.7)}
     around, away = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(3.0, 5.0)
     place = np.array([away * np.cos(around), away * np.sin(around), rng.uniform(0.8, 1.8)])
-    return found | _named(place, "uvw") | {"barrel": SEEN * angle * sign(rng) * float(rng.uniform(0.5, 1.0))}
+    return found | named(place, "uvw") | {"barrel": SEEN * angle * request.sign() * request.uniform(0.5, 1.0)}
 
 
 def distorted(points: Array, camera: Array, barrel: float) -> Array:
@@ -60,23 +51,20 @@ def _frame(truth: Truth, reality: Reality) -> Reality:
     """
     p, machine = truth.parameters, reality.machine
 
-    def read(campaign: Campaign, placed: Placed, values: Array) -> Array:
+    def read(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
         displaced = campaign.kind == "displacement"
         share = 1.0 if displaced else frame_misalignment.REGISTERED
-        first = turn(share * _vector(p))
+        first = turn(share * vector(p))
         R = np.broadcast_to(first, (len(values), 3, 3))
         moved = values[:, :3]
         if truth.form == "stations":
             poses = np.unique(campaign.pose)
             later = np.searchsorted(poses, campaign.pose) >= p["after"] * len(poses)
-            R = np.where(later[:, None, None], turn(share * _vector(p, "uvw")), first)
+            R = np.where(later[:, None, None], turn(share * vector(p, "uvw")), first)
         else:
-            camera, barrel = _vector(p, "uvw"), share * p["barrel"]
+            camera, barrel = vector(p, "uvw"), share * p["barrel"]
             if displaced:
-                at = np.empty_like(moved)
-                for name in np.unique(campaign.point):
-                    rows = campaign.point == name
-                    at[rows] = placed.node(machine.node(str(name)))[rows]
+                at = places_of(machine, campaign, placed)
                 moved = distorted(at + moved, camera, barrel) - distorted(at, camera, barrel)
             else:
                 moved = distorted(moved, camera, barrel)
@@ -87,12 +75,12 @@ def _frame(truth: Truth, reality: Reality) -> Reality:
     return reality.with_reading(read)
 
 
-def _draw_load(asked: Asked) -> dict[str, float]:
-    if asked.form == "rope":
-        missed = direction(asked.rng) * float(asked.rng.uniform(0.0, 0.3))  # of the arm's length
-        return {"angle": between(asked.size, *ROPE)} | _named(missed)
-    gain = 1.3 * between(asked.size, *load_error.GAIN)
-    wrong = asked.rng.standard_normal(DISCS)
+def _draw_load(request: DrawRequest) -> dict[str, float]:
+    if request.form == "rope":
+        missed = vector(request.direction()) * request.uniform(0.0, 0.3)  # of the arm's length
+        return {"angle": request.sized(*ROPE)} | named(missed)
+    gain = 1.3 * request.sized(*load_error.GAIN)
+    wrong = request.rng.standard_normal(DISCS)
     wrong -= 0.5 * wrong.mean()  # an equal error of all would be a softer machine
     wrong *= gain / np.sqrt(np.mean(wrong**2))
     return {f"disc{i}": float(error) for i, error in enumerate(wrong)}
@@ -110,13 +98,13 @@ def _load(truth: Truth, reality: Reality) -> Reality:
     """
     p, machine = truth.parameters, reality.machine
 
-    def rope(campaign: Campaign, placed: Placed, wrench: Array) -> Array:
+    def rope(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:
         middle = in_the_middle(machine.robot)
         changed = wrench.copy()
         for name in np.unique(campaign.load_point):
             rows, node = campaign.load_point == name, machine.node(str(name))
             reach = float(np.linalg.norm(middle.node(machine.node(machine.tcp))))
-            aside = placed.node(node)[rows] - middle.node(node) - reach * _vector(p)
+            aside = placed.node(node)[rows] - middle.node(node) - reach * vector(p)
             force = wrench[rows, :3]
             size = np.linalg.norm(force, axis=1, keepdims=True)
             way = force / np.where(size > 0.0, size, np.inf)
@@ -131,7 +119,7 @@ def _load(truth: Truth, reality: Reality) -> Reality:
             changed[rows] = np.concatenate(parts, axis=1)
         return changed
 
-    def discs(campaign: Campaign, placed: Placed, wrench: Array) -> Array:  # noqa: ARG001
+    def discs(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:  # noqa: ARG001
         size = np.linalg.norm(wrench[:, :3], axis=1)
         each = (float(size.max()) or 1.0) / DISCS
         laid = np.clip(size[:, None] / each - np.arange(DISCS), 0.0, 1.0)
@@ -141,23 +129,22 @@ def _load(truth: Truth, reality: Reality) -> Reality:
     return reality.with_load(rope if truth.form == "rope" else discs)
 
 
-def _draw_drift(asked: Asked) -> dict[str, float]:
-    rng = asked.rng
-    found = {"drift": between(asked.size, *thermal_drift.DRIFT)}
-    if asked.form == "thermostat":
+def _draw_drift(request: DrawRequest) -> dict[str, float]:
+    found = {"drift": request.sized(*thermal_drift.DRIFT)}
+    if request.form == "thermostat":
         return (
             found
-            | _named(direction(rng))
+            | request.direction()
             | {
-                "period": float(rng.uniform(600.0, 2400.0)),  # s
-                "on": float(rng.uniform(0.25, 0.6)),  # share of the period
-                "lag": float(rng.uniform(0.15, 0.6)),  # likewise
-                "start": float(rng.uniform()),
+                "period": request.uniform(600.0, 2400.0),  # s
+                "on": request.uniform(0.25, 0.6),  # share of the period
+                "lag": request.uniform(0.15, 0.6),  # likewise
+                "start": float(request.rng.uniform()),
             }
         )
     return found | {
-        "from": float(rng.uniform(0.0, 2.0 * np.pi)),
-        "sweep": sign(rng) * float(rng.uniform(1.0, 2.5)),  # rad over the campaign
+        "from": request.uniform(0.0, 2.0 * np.pi),
+        "sweep": request.sign() * request.uniform(1.0, 2.5),  # rad over the campaign
     }
 
 
@@ -183,18 +170,18 @@ def _drift(truth: Truth, reality: Reality) -> Reality:
     """
     p, machine = truth.parameters, reality.machine
 
-    def since_rest(campaign: Campaign, share: Array) -> Array:
+    def since_rest(campaign: SimulatedCampaign, share: Array) -> Array:
         if campaign.shared_unloaded and campaign.kind == "displacement":
             return np.asarray(share - thermal_drift.at_start_of_pose(campaign, share))
         return share
 
-    def thermostat(campaign: Campaign, placed: Placed, values: Array) -> Array:  # noqa: ARG001
+    def thermostat(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:  # noqa: ARG001
         part = p["start"] + thermal_drift.since_start(campaign) / p["period"]
         share = heated(part, p["on"], p["lag"]) - heated(np.array(p["start"]), p["on"], p["lag"])
-        moved = p["drift"] * since_rest(campaign, share)[:, None] * _vector(p)
+        moved = p["drift"] * since_rest(campaign, share)[:, None] * vector(p)
         return np.concatenate([values[:, :3] + moved, values[:, 3:]], axis=1)
 
-    def sun(campaign: Campaign, placed: Placed, values: Array) -> Array:
+    def sun(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
         time = thermal_drift.since_start(campaign)
         bearing = p["from"] + p["sweep"] * time / (float(time.max()) or 1.0)
         lean = np.zeros((len(values), 3))
@@ -202,21 +189,18 @@ def _drift(truth: Truth, reality: Reality) -> Reality:
             lean[:, axis] = since_rest(campaign, part(bearing) - part(p["from"]))
         lean *= p["drift"] / (2.0 * np.sin(0.5 * abs(p["sweep"])))
         turned = np.cross([0.0, 0.0, 1.0], lean) / COLUMN
-        moved = np.empty_like(lean)
-        for name in np.unique(campaign.point):
-            rows = campaign.point == name
-            moved[rows] = np.cross(turned[rows], placed.node(machine.node(str(name)))[rows])
+        moved = np.cross(turned, places_of(machine, campaign, placed))
         return np.asarray(values + np.concatenate([moved, turned], axis=1))
 
     return reality.with_reading(thermostat if truth.form == "thermostat" else sun)
 
 
-def _draw_outliers(asked: Asked) -> dict[str, float]:
-    return _named(direction(asked.rng)) | {
-        "size": between(asked.size, *outliers.SIZE),
-        "length": float(asked.rng.integers(2, 7)),
-        "share": float(asked.rng.uniform(0.01, 0.05)),
-        "seed": float(asked.rng.integers(2**31)),
+def _draw_outliers(request: DrawRequest) -> dict[str, float]:
+    return request.direction() | {
+        "size": request.sized(*outliers.SIZE),
+        "length": request.integer(2, 7),
+        "share": request.uniform(0.01, 0.05),
+        "seed": request.integer(0, 2**31),
     }
 
 
@@ -229,14 +213,14 @@ def _outliers(truth: Truth, reality: Reality) -> Reality:
     """
     p = truth.parameters
 
-    def read(campaign: Campaign, placed: Placed, values: Array) -> Array:  # noqa: ARG001
+    def read(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:  # noqa: ARG001
         rng = np.random.default_rng(int(p["seed"]))
         order = np.lexsort((campaign.step, campaign.pose))
         length = min(int(p["length"]), max(1, len(values) // 8))  # a few rows, of a short campaign too
         values = values.copy()
         for _ in range(max(1, round(p["share"] * len(values) / length))):
             first = int(rng.integers(len(values) - length + 1))
-            shift = p["size"] * rng.uniform(0.5, 1.5) * rng.choice([-1.0, 1.0]) * _vector(p)
+            shift = p["size"] * rng.uniform(0.5, 1.5) * rng.choice([-1.0, 1.0]) * vector(p)
             values[order[first : first + length], :3] += shift
         return values
 

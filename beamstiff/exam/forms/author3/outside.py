@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
 
-from beamstiff.exam.campaign import Array, Campaign, Truth
-from beamstiff.exam.effect import Asked, Effect, between, nowhere, slender
+from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
+from beamstiff.exam.effect import DrawRequest, Effect, nowhere, slender
 from beamstiff.exam.laws import Memory, Situation
-from beamstiff.exam.machine import Hinge
-from beamstiff.exam.pedestal import behind_flange, free_name
+from beamstiff.exam.pedestal import UP, behind_flange, sprung
 from beamstiff.exam.placing import Placed
-from beamstiff.exam.reality import Reality
+from beamstiff.exam.reality import Reality, places_of
 from beamstiff.exam.rotations import turn, turned_by
-from beamstiff.robot.parts import Node
 
 STUCK = 4.0  # of the stiffness once it slips: that before
 
@@ -46,12 +43,12 @@ class Slipping:
         return self.stiffness * strain + self.grip * now, slope, (strain, now)
 
 
-def _draw_slipping(asked: Asked) -> dict[str, float]:
+def _draw_slipping(request: DrawRequest) -> dict[str, float]:
     return {
-        "give": between(asked.size, 2e-8, 3e-7) * slender(asked.robot),  # m/N once it slips
-        "grip": between(float(asked.rng.uniform()), 150.0, 900.0) / slender(asked.robot),  # N
-        "behind": float(asked.rng.uniform(0.02, 0.15)),
-        "arrived": float(asked.rng.uniform(-0.8, 0.8)),
+        "give": request.sized(2e-8, 3e-7) * slender(request.robot),  # m/N once it slips
+        "grip": request.log_uniform(150.0, 900.0) / slender(request.robot),  # N
+        "behind": request.uniform(0.02, 0.15),
+        "arrived": request.uniform(-0.8, 0.8),
     }
 
 
@@ -62,27 +59,15 @@ def _slipping(truth: Truth, reality: Reality) -> Reality:
     load is taken off: friction, but in no joint. Textbooks of bolted joints (VDI 2230); slips of up to some
     tenths of a millimetre are an engineering estimate.
     """
-    machine, flange = behind_flange(reality.machine)
-    p, tcp = truth.parameters, machine.node(machine.tcp)
-    at = (tcp.at[0], tcp.at[1], tcp.at[2] - p["behind"])
-    names = []
-    for _ in range(2):
-        names.append(free_name(machine, "slip"))
-        machine = dataclasses.replace(
-            machine, nodes=(*machine.nodes, Node(name=names[-1], frame=tcp.frame, at=at))
-        )
+    p, (machine, flange) = truth.parameters, behind_flange(reality.machine)
     across = Slipping(1.0 / p["give"], p["grip"], p["arrived"])
     laws = {0: across, 1: across}
-    hinge = Hinge(names[0], (names[0], names[1]), tcp.frame, np.eye(3), np.full(6, np.inf), laws)
-    ties = ((f"to {names[0]}", (flange, names[0])), (f"from {names[1]}", (names[1], tcp.name)))
-    return reality.with_machine(
-        dataclasses.replace(machine, rigids=(*machine.rigids, *ties), hinges=(*machine.hinges, hinge))
-    )
+    return reality.with_machine(sprung(machine, flange, -p["behind"] * UP, np.full(6, np.inf), laws))
 
 
-def _draw_sticking(asked: Asked) -> dict[str, float]:
-    half = between(asked.size, 1e-5, 3e-4)  # m
-    return {name: half * float(asked.rng.uniform(0.5, 1.0)) for name in "xyz"}
+def _draw_sticking(request: DrawRequest) -> dict[str, float]:
+    half = request.sized(1e-5, 3e-4)  # m
+    return {name: half * request.uniform(0.5, 1.0) for name in "xyz"}
 
 
 def _sticking(truth: Truth, reality: Reality) -> Reality:
@@ -94,7 +79,7 @@ def _sticking(truth: Truth, reality: Reality) -> Reality:
     """
     half = np.array([truth.parameters[name] for name in "xyz"])
 
-    def read(campaign: Campaign, placed: Placed, values: Array) -> Array:  # noqa: ARG001
+    def read(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:  # noqa: ARG001
         values = values.copy()
         shown: dict[tuple[int, str], Array] = {}
         for row in np.lexsort((np.arange(len(values)), campaign.step, campaign.pose)):
@@ -108,15 +93,15 @@ def _sticking(truth: Truth, reality: Reality) -> Reality:
     return reality.with_reading(read)
 
 
-def _draw_stand(asked: Asked) -> dict[str, float]:
-    rng = asked.rng
+def _draw_stand(request: DrawRequest) -> dict[str, float]:
+    rng = request.rng
     angle, away = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(2.0, 5.0)
-    soft = between(asked.size, 3e-9, 4e-7) * slender(asked.robot)  # m/N
-    found = {f"soft_{name}": soft * float(rng.uniform(0.5, 1.0)) for name in "xyz"}
+    soft = request.sized(3e-9, 4e-7) * slender(request.robot)  # m/N
+    found = {f"soft_{name}": soft * request.uniform(0.5, 1.0) for name in "xyz"}
     return found | {
         "u": float(away * np.cos(angle)),
         "v": float(away * np.sin(angle)),
-        "tall": float(rng.uniform(1.0, 2.0)),  # m of the stand
+        "tall": request.uniform(1.0, 2.0),  # m of the stand
     }
 
 
@@ -131,15 +116,13 @@ def _stand(truth: Truth, reality: Reality) -> Reality:
     soft = np.array([p[f"soft_{name}"] for name in "xyz"])
     foot = np.array([p["u"], p["v"], 0.0])
 
-    def read(campaign: Campaign, placed: Placed, values: Array) -> Array:
+    def read(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
         head = -soft * campaign.wrench[:, :3]  # where the stand's head goes
         tilted = np.cross([0.0, 0.0, 1.0], head) / p["tall"]
         values = values.copy()
         tracker = foot + np.array([0.0, 0.0, p["tall"]])
-        for name in np.unique(campaign.point):
-            rows = campaign.point == name
-            seen = placed.node(reality.machine.node(str(name)))[rows] - tracker
-            values[rows, :3] -= head[rows] + np.cross(tilted[rows], seen)
+        seen = places_of(reality.machine, campaign, placed) - tracker
+        values[:, :3] -= head + np.cross(tilted, seen)
         values[:, 3:] = turned_by(turn(-tilted) @ turn(values[:, 3:]))
         return values
 

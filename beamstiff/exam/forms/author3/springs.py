@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import Asked, Effect, between, drives, sign, stroke, turns
+from beamstiff.exam.effect import DrawRequest, Effect, at_joints, drives, stroke, turns
 from beamstiff.exam.forms.author1 import backlash, hardening, joint_compliance
-from beamstiff.exam.forms.author2.springs import at_joints
 from beamstiff.exam.laws import Curve, Forgetful, Law, Memory, Situation, Stiffness, WindUp
 from beamstiff.exam.reality import Reality
 
@@ -45,18 +44,15 @@ def _angle(truth: Truth, reality: Reality, situation: Situation) -> Array:
     return q if turns(reality.machine.robot, truth.component) else PER_METRE * q
 
 
-def _draw_play(asked: Asked) -> dict[str, float]:
-    found = backlash.draw(asked)
-    if asked.form == "runout":
-        return found | {
-            "depth": float(asked.rng.uniform(0.3, 0.9)),
-            "phase": float(asked.rng.uniform(0.0, 2.0 * np.pi)),
-        }
-    scale = 1.0 if turns(asked.robot, asked.component) else 0.1
+def _draw_play(request: DrawRequest) -> dict[str, float]:
+    found = backlash.draw(request)
+    if request.form == "runout":
+        return found | {"depth": request.uniform(0.3, 0.9), "phase": request.uniform(0.0, 2.0 * np.pi)}
+    scale = 1.0 if turns(request.robot, request.component) else 0.1
     return found | {
-        "preload": scale * between(float(asked.rng.uniform()), 2e-5, 1e-4),  # torque over the stiffness
-        "growth": float(asked.rng.uniform(0.3, 1.0)),  # of the preload while the play is crossed
-        "way": sign(asked.rng),
+        "preload": scale * request.log_uniform(2e-5, 1e-4),  # torque over the stiffness
+        "growth": request.uniform(0.3, 1.0),  # of the preload while the play is crossed
+        "way": request.sign(),
     }
 
 
@@ -96,11 +92,11 @@ def _play(truth: Truth, reality: Reality) -> Reality:
     return at_joints(truth, reality, lambda k: WindUp(lambda torque: scissors(torque, k), k))
 
 
-def _draw_hardening(asked: Asked) -> dict[str, float]:
-    found = hardening.draw(asked)
-    if asked.form == "lobes":
-        return found | {"shortened": float(asked.rng.uniform(0.6, 0.8))}
-    return found | {"coast": between(float(asked.rng.uniform()), 1.5, 5.0) ** sign(asked.rng)}
+def _draw_hardening(request: DrawRequest) -> dict[str, float]:
+    found = hardening.draw(request)
+    if request.form == "lobes":
+        return found | {"shortened": request.uniform(0.6, 0.8)}
+    return found | {"coast": request.log_uniform(1.5, 5.0) ** request.sign()}
 
 
 def levers(shortened: float) -> Array:
@@ -142,14 +138,14 @@ def _hardening(truth: Truth, reality: Reality) -> Reality:
     return at_joints(truth, reality, lambda k: WindUp(lambda torque: hypoid(torque, k), k * p["hard"]))
 
 
-def _draw_compliance(asked: Asked) -> dict[str, float]:
-    found = joint_compliance.draw(asked)
-    if asked.form == "strands":
-        return found | {"reach": float(asked.rng.uniform(0.5, 0.85))}
+def _draw_compliance(request: DrawRequest) -> dict[str, float]:
+    found = joint_compliance.draw(request)
+    if request.form == "strands":
+        return found | {"reach": request.uniform(0.5, 0.85)}
     return found | {
-        "spokes": float(asked.rng.integers(3, 7)),
-        "depth": float(asked.rng.uniform(0.2, 0.6)),
-        "phase": float(asked.rng.uniform(0.0, 2.0 * np.pi)),
+        "spokes": request.integer(3, 7),
+        "depth": request.uniform(0.2, 0.6),
+        "phase": request.uniform(0.0, 2.0 * np.pi),
     }
 
 

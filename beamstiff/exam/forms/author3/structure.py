@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import Asked, Effect, between, in_the_middle, nowhere, slender
+from beamstiff.exam.effect import DrawRequest, Effect, in_the_middle, nowhere, slender
 from beamstiff.exam.forms.author1 import base_compliance, bearing_tilt, link_bending
 from beamstiff.exam.forms.author2.springs import slackening
 from beamstiff.exam.laws import Curve
@@ -20,27 +20,26 @@ from beamstiff.exam.rotations import cross_matrix
 from beamstiff.robot.parts import Node
 
 
-def _draw_base(asked: Asked) -> dict[str, float]:
-    rng = asked.rng
+def _draw_base(request: DrawRequest) -> dict[str, float]:
     found = {
-        "tilt": between(asked.size, *base_compliance.TILT) * slender(asked.robot),
-        "turned": float(rng.uniform(0.0, math.pi)),
+        "tilt": request.sized(*base_compliance.TILT) * slender(request.robot),
+        "turned": request.uniform(0.0, math.pi),
     }
-    if asked.form == "carriage":
+    if request.form == "carriage":
         return found | {
-            "long": float(rng.uniform(0.3, 0.6)),  # m, half the distances of the guide blocks
-            "wide": float(rng.uniform(0.25, 0.5)),
-            "across": float(rng.uniform(0.5, 1.0)),  # sideways over upright
-            "rack": float(rng.uniform(0.1, 0.5)),  # along the rails over one block's upright
-            "low": float(rng.uniform(0.1, 0.4)),
+            "long": request.uniform(0.3, 0.6),  # m, half the distances of the guide blocks
+            "wide": request.uniform(0.25, 0.5),
+            "across": request.uniform(0.5, 1.0),  # sideways over upright
+            "rack": request.uniform(0.1, 0.5),  # along the rails over one block's upright
+            "low": request.uniform(0.1, 0.4),
         }
     return found | {
-        "span": float(rng.uniform(2.0, 5.0)),
-        "place": float(rng.uniform(0.25, 0.75)),
-        "beside": float(rng.uniform(-0.3, 0.3)),
-        "above": float(rng.uniform(0.1, 0.4)),
-        "flat": float(rng.uniform(0.2, 0.8)),
-        "twist": float(rng.uniform(0.2, 0.6)),
+        "span": request.uniform(2.0, 5.0),
+        "place": request.uniform(0.25, 0.75),
+        "beside": request.uniform(-0.3, 0.3),
+        "above": request.uniform(0.1, 0.4),
+        "flat": request.uniform(0.2, 0.8),
+        "twist": request.uniform(0.2, 0.6),
     }
 
 
@@ -95,13 +94,13 @@ def girder(p: dict[str, float]) -> Array:
     return np.asarray(K * np.linalg.inv(K)[3, 3] / p["tilt"])
 
 
-def _draw_bearing(asked: Asked) -> dict[str, float]:
-    found = bearing_tilt.draw(asked)
-    if asked.form == "housing":
-        return found | {"other": float(asked.rng.uniform(0.15, 0.6))}
+def _draw_bearing(request: DrawRequest) -> dict[str, float]:
+    found = bearing_tilt.draw(request)
+    if request.form == "housing":
+        return found | {"other": request.uniform(0.15, 0.6)}
     return found | {
-        "loose": float(asked.rng.uniform(0.35, 0.6)),  # stiffness that the loaded row has by itself
-        "strain": between(float(asked.rng.uniform()), 2e-5, 3e-4),
+        "loose": request.uniform(0.35, 0.6),  # stiffness that the loaded row has by itself
+        "strain": request.log_uniform(2e-5, 3e-4),
     }
 
 
@@ -150,17 +149,17 @@ def _seated(machine: Machine, joint: str, own: int, p: dict[str, float]) -> Mach
         held = Hinge(seat.name, (seat.name, host.name), host.frame, axes, 1.0 / soft)
     nodes = (seat.name, hinge.nodes[1]) if at == 0 else (hinge.nodes[0], seat.name)
     machine = machine.with_hinge(dataclasses.replace(hinge, nodes=nodes))
-    return dataclasses.replace(machine, nodes=(*machine.nodes, seat), hinges=(*machine.hinges, held))
+    return machine.plus(nodes=(seat,), hinges=(held,))
 
 
-def _draw_link(asked: Asked) -> dict[str, float]:
-    found = link_bending.draw(asked)
-    found["side"] = float(asked.rng.uniform(0.0, 2.0 * math.pi))
-    if asked.form == "channel":
-        return found | {"beside": float(asked.rng.uniform(0.04, 0.12))}  # m for a metre of length
+def _draw_link(request: DrawRequest) -> dict[str, float]:
+    found = link_bending.draw(request)
+    found["side"] = request.uniform(0.0, 2.0 * math.pi)
+    if request.form == "channel":
+        return found | {"beside": request.uniform(0.04, 0.12)}  # m for a metre of length
     return found | {
-        "beside": float(asked.rng.uniform(0.05, 0.12)),
-        "uneven": float(asked.rng.uniform(0.5, 1.0)),  # second leg's section over the first one's
+        "beside": request.uniform(0.05, 0.12),
+        "uneven": request.uniform(0.5, 1.0),  # second leg's section over the first one's
     }
 
 
@@ -215,10 +214,10 @@ def _beside(machine: Machine, bar: Bar, beside: float, side: float, share: float
         names.append(free_name(machine, "leg"))
         node = Node(name=names[-1], frame=frame, at=tuple(map(float, local)))  # type: ignore[arg-type]
         tie = (f"{end.name} {names[-1]}", (end.name, names[-1]))
-        machine = dataclasses.replace(machine, nodes=(*machine.nodes, node), rigids=(*machine.rigids, tie))
+        machine = machine.plus(nodes=(node,), rigids=(tie,))
     profile = Profile(bar.profile.stations, bar.profile.compliance / share)
     leg = Bar(f"{bar.name} {names[0]}", (names[0], names[1]), profile, bar.up, share * bar.weight)
-    return dataclasses.replace(machine, bars=(*machine.bars, leg))
+    return machine.plus(bars=(leg,))
 
 
 EFFECTS: tuple[Effect, ...] = (

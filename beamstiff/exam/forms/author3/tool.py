@@ -2,46 +2,42 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import numpy as np
 
-from beamstiff.exam.campaign import Array, Campaign, Truth
-from beamstiff.exam.effect import Asked, Effect, between, direction, nowhere, slender
+from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
+from beamstiff.exam.effect import DrawRequest, Effect, nowhere, slender, vector
 from beamstiff.exam.forms.author1 import tool_compliance, tool_offset
 from beamstiff.exam.laws import Curve
-from beamstiff.exam.machine import Hinge, Machine
-from beamstiff.exam.pedestal import behind_flange, free_name
+from beamstiff.exam.pedestal import UP, behind_flange, sprung
 from beamstiff.exam.placing import Placed
 from beamstiff.exam.reality import Reality
-from beamstiff.robot.parts import Node
 
 LIFTED = 0.1  # of the contacts' stiffness, that the clamp has by itself
 MINDLIN = 0.8  # stiffness of a ball's contact across over that along its normal
 FIRM = 20.0  # of a remote centre: stiffness along its axis over that across
 
 
-def _draw_soft(asked: Asked) -> dict[str, float]:
-    rng = asked.rng
-    found = {"tilt": between(asked.size, *tool_compliance.TURN)}
-    if asked.form == "balls":
+def _draw_soft(request: DrawRequest) -> dict[str, float]:
+    found = {"tilt": request.sized(*tool_compliance.TURN)}
+    if request.form == "balls":
         return (
             found
-            | {f"ball{i}": float(rng.uniform(0.7, 1.0)) for i in range(3)}
+            | {f"ball{i}": request.uniform(0.7, 1.0) for i in range(3)}
             | {
-                "behind": float(rng.uniform(0.02, 0.12)),
-                "radius": float(rng.uniform(0.03, 0.07)),
-                "first": float(rng.uniform(0.0, 2.0 * math.pi)),
+                "behind": request.uniform(0.02, 0.12),
+                "radius": request.uniform(0.03, 0.07),
+                "first": request.uniform(0.0, 2.0 * math.pi),
                 # N on each ball; a small robot's changer is smaller
-                "clamped": between(float(rng.uniform()), 1e3, 6e3) / slender(asked.robot),
+                "clamped": request.log_uniform(1e3, 6e3) / slender(request.robot),
             }
         )
     return found | {
-        "ahead": float(rng.uniform(0.0, 0.06)),
-        "reach": float(rng.uniform(0.05, 0.12)),  # m, root of what it gives across over what it tilts
-        "other": float(rng.uniform(0.7, 1.0)),
-        "about": float(rng.uniform(0.3, 1.0)),
+        "ahead": request.uniform(0.0, 0.06),
+        "reach": request.uniform(0.05, 0.12),  # m, root of what it gives across over what it tilts
+        "other": request.uniform(0.7, 1.0),
+        "about": request.uniform(0.3, 1.0),
     }
 
 
@@ -72,7 +68,7 @@ def _soft(truth: Truth, reality: Reality) -> Reality:
         about = p["tilt"] * np.array([1.0, p["other"], p["about"]])
         across = 1.0 / (about[:2] * p["reach"] ** 2)
         k = np.concatenate([across, [FIRM * across[0]], 1.0 / about])
-        return reality.with_machine(_held(machine, flange, np.array([0.0, 0.0, p["ahead"]]), k))
+        return reality.with_machine(sprung(machine, flange, p["ahead"] * UP, k))
     angles = p["first"] + 2.0 * math.pi / 3.0 * np.arange(3)
     shares = np.array([p[f"ball{i}"] for i in range(3)])
     seats = p["radius"] * np.stack([np.cos(angles), np.sin(angles), np.zeros(3)], axis=-1)
@@ -84,37 +80,19 @@ def _soft(truth: Truth, reality: Reality) -> Reality:
             return -force, slope
 
         springs = np.array([MINDLIN * k, MINDLIN * k, k, 0.0, 0.0, 0.0])
-        machine = _held(machine, flange, seat - np.array([0.0, 0.0, p["behind"]]), springs, Curve(ball))
+        machine = sprung(machine, flange, seat - p["behind"] * UP, springs, {2: Curve(ball)})
     return reality.with_machine(machine)
 
 
-def _held(machine: Machine, flange: str, at: Array, k: Array, along: Curve | None = None) -> Machine:
-    """Return the machine with springs between flange and tool at a place seen from the TCP, in its frame."""
-    tcp = machine.node(machine.tcp)
-    names: list[str] = []
-    for _ in range(2):
-        names.append(free_name(machine, "held"))
-        place = tuple(map(float, np.array(tcp.at) + at))
-        node = Node(name=names[-1], frame=tcp.frame, at=place)  # type: ignore[arg-type]
-        machine = dataclasses.replace(machine, nodes=(*machine.nodes, node))
-    ties = ((f"to {names[0]}", (flange, names[0])), (f"from {names[1]}", (names[1], tcp.name)))
-    laws = {} if along is None else {2: along}
-    hinge = Hinge(names[0], (names[0], names[1]), tcp.frame, np.eye(3), k, laws)
-    return dataclasses.replace(machine, rigids=(*machine.rigids, *ties), hinges=(*machine.hinges, hinge))
-
-
-def _draw_offset(asked: Asked) -> dict[str, float]:
-    found = {"away": between(asked.size, *tool_offset.AWAY)}
-    if asked.form == "eyes":
+def _draw_offset(request: DrawRequest) -> dict[str, float]:
+    found = {"away": request.sized(*tool_offset.AWAY)}
+    if request.form == "eyes":
         return found | {
-            "turned": float(asked.rng.uniform(0.0, 2.0 * math.pi)),
-            "tip": float(asked.rng.uniform(0.5, 1.5)),  # distance of the eye ahead over that of the others
+            "turned": request.uniform(0.0, 2.0 * math.pi),
+            "tip": request.uniform(0.5, 1.5),  # distance of the eye ahead over that of the others
         }
-    found |= dict(zip("xyz", map(float, direction(asked.rng)), strict=True))
-    return found | {
-        "scatter": float(asked.rng.uniform(0.2, 0.5)),
-        "seed": float(asked.rng.integers(2**31)),
-    }
+    found |= request.direction()
+    return found | {"scatter": request.uniform(0.2, 0.5), "seed": request.integer(0, 2**31)}
 
 
 def eyes(p: dict[str, float]) -> Array:
@@ -135,7 +113,7 @@ def _offset(truth: Truth, reality: Reality) -> Reality:
     """
     p, machine = dict(truth.parameters), reality.machine
 
-    def beside(campaign: Campaign, placed: Placed, wrench: Array) -> Array:
+    def beside(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:
         force, axes = wrench[:, :3], placed.rotations[machine.node(machine.tcp).frame]
         if truth.form == "eyes":
             places = eyes(p)
@@ -143,7 +121,7 @@ def _offset(truth: Truth, reality: Reality) -> Reality:
             facing = np.argmax(own @ (places / np.linalg.norm(places, axis=1, keepdims=True)).T, axis=1)
             local = places[facing]
         else:
-            middle, poses = np.array([p[n] for n in "xyz"]), np.unique(campaign.pose)
+            middle, poses = vector(p), np.unique(campaign.pose)
             apart = np.array([_scatter(int(p["seed"]), int(pose)) for pose in poses])
             local = p["away"] * (middle + p["scatter"] * apart[np.searchsorted(poses, campaign.pose)])
         arm = (axes @ local[..., None])[..., 0]
