@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from beamstiff.calibration.calibrate import calibrate
     from beamstiff.fem.condensation import tcp_compliance, tcp_stiffness
     from beamstiff.fem.structure import compile_structure
-    from beamstiff.identification.identify import identify
+    from beamstiff.functions.identify import identify
     from beamstiff.maps.run import map_workspace
     from beamstiff.measure.reader import read_measurements
     from beamstiff.measure.writer import write_measurements
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 _HOME = {
     "calibrate": "calibration.calibrate",
     "compile_structure": "fem.structure",
-    "identify": "identification.identify",
+    "identify": "functions.identify",
     "load_robot": "robot.reader",
     "map_workspace": "maps.run",
     "plot": "report.shown",

@@ -12,8 +12,9 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from beamstiff import Robot, identify, load_robot
+from beamstiff import Robot, load_robot
 from beamstiff.identification.degeneracy import Degeneracy, find_degeneracy
+from beamstiff.identification.identify import identify
 from beamstiff.identification.minimise import Effort
 from beamstiff.identification.problem import Components, state_problem
 from beamstiff.identification.result import Identification

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -31,16 +32,8 @@ def test_importing_the_package_brings_no_heavy_library() -> None:
     assert in_a_fresh_process(script) == "[]\n"
 
 
-@pytest.mark.parametrize(
-    "first",
-    [
-        "from beamstiff import identify",
-        "import beamstiff; identify = beamstiff.identification",
-        "import beamstiff.identification.result; from beamstiff import identify",
-        "from beamstiff.identification.identify import identify as fit; from beamstiff import identify",
-        "import beamstiff.identify",
-    ],
-)
-def test_identify_is_a_function_and_a_folder_whatever_comes_first(first: str) -> None:
-    script = f"{first}\nimport beamstiff.identification.result as r\nprint(callable(identify), r.__name__)"
-    assert in_a_fresh_process(script) == "True beamstiff.identification.result\n"
+@pytest.mark.parametrize("name", sorted(set(beamstiff.__all__) - {"__version__"}))
+def test_no_folder_or_module_of_the_package_hides_a_public_name(name: str) -> None:
+    folder = Path(beamstiff.__file__).parent
+    assert not (folder / name).exists()
+    assert not (folder / f"{name}.py").exists()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from math import inf, sqrt
 
 import numpy as np
@@ -11,7 +11,7 @@ from rich.table import Table
 from beamstiff.errors import listed
 from beamstiff.identification.result import Combination, Identification, Parameter
 from beamstiff.measure.table import Measurements
-from beamstiff.report.tables import number, table
+from beamstiff.report.tables import counted, number, table
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import stiffness_text
 
@@ -32,7 +32,6 @@ def identification_table(
     found: Identification,
     robot: Robot,
     title: str = "Identified stiffness",
-    intervals: Mapping[str, tuple[float, float]] | None = None,
 ) -> Table:
     """Return a table: value before, identified value with its standard deviation, or a lower bound.
 
@@ -42,9 +41,8 @@ def identification_table(
     robot : Robot
         As it was before: the start.
     title : str
-    intervals : mapping of str to (low, high), optional
-        Of the bootstrap, 95 %, by parameter.
     """
+    intervals = None if found.bootstrap is None else found.bootstrap.intervals
     result = table(title, "parameter", "start", "identified", "std", "std/value", "unit")
     result.columns[-1].justify = "left"
     if intervals is not None:
@@ -163,8 +161,13 @@ def identification_text(found: Identification, measured: Measurements, folds: in
             "> is the lower bound that holds with 97.5 %.",
         )
     if found.interrupted:
-        lines.insert(0, "Stopped by hand: the best values so far, not yet a minimum.")
+        lines.insert(0, "Stopped by hand: the best values so far.")
     return "\n".join(lines)
+
+
+def method_text(found: Identification) -> str:
+    """Return a sentence: which method, how many evaluations, why it stopped."""
+    return f"{found.method}, {counted(found.evaluations, 'evaluation')}: {found.message.rstrip('.')}."
 
 
 def _against_noise(ratio: float, measured: Measurements) -> str:

@@ -17,7 +17,7 @@ from beamstiff.report.html.places import line_of
 from beamstiff.report.html.provenance import Provenance
 from beamstiff.report.html.robot_view import RobotView, Shown, robot_view
 from beamstiff.report.html.rows import Compared, minded, row_figures
-from beamstiff.report.identification import combinations_text, identification_text
+from beamstiff.report.identification import combinations_text, identification_text, method_text
 from beamstiff.report.tables import counted, number
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import stiffness_text
@@ -71,7 +71,7 @@ def identification_html(
                 *_degeneracies(found),
                 *rows.sections,
                 Section("notes", "Notes", items=[*notes, *found.notes]),
-                Section("method", "Method", texts=[_method(found)]),
+                Section("method", "Method", texts=[method_text(found)]),
             ],
             provenance=provenance,
             data=facts or found.to_dict(),
@@ -158,7 +158,3 @@ def _degeneracies(found: Identification) -> Iterator[Section]:
     columns = ("sum", "how", "value", "std", "95 %", "unit")
     tables = [Table("Known together only", columns, rows, left=2)] if rows else []
     yield Section("degeneracies", "What only acts together", items=texts, tables=tables)
-
-
-def _method(found: Identification) -> str:
-    return f"{found.method}, {counted(found.evaluations, 'evaluation')}: {found.message.rstrip('.')}."
