@@ -9,10 +9,14 @@ from beamstiff._version import __version__
 from beamstiff.errors import BeamstiffError
 
 if TYPE_CHECKING:
-    from beamstiff.calibration.calibrate import calibrate
-    from beamstiff.fem.condensation import tcp_compliance, tcp_stiffness
     from beamstiff.fem.structure import compile_structure
+    from beamstiff.functions.calibrate import calibrate
+    from beamstiff.functions.compare import compare
+    from beamstiff.functions.compensate import compensate
+    from beamstiff.functions.diagnose import diagnose
     from beamstiff.functions.identify import identify
+    from beamstiff.functions.predict import predict
+    from beamstiff.functions.stiffness import forward_kinematics, stiffness, tcp_compliance, tcp_stiffness
     from beamstiff.maps.run import map_workspace
     from beamstiff.measure.reader import read_measurements
     from beamstiff.measure.writer import write_measurements
@@ -39,7 +43,14 @@ if TYPE_CHECKING:
 
 # Imported when first used: together they take a second, `beamstiff --help` needs none of them.
 _HOME = {
-    "calibrate": "calibration.calibrate",
+    "calibrate": "functions.calibrate",
+    "compare": "functions.compare",
+    "compensate": "functions.compensate",
+    "diagnose": "functions.diagnose",
+    "predict": "functions.predict",
+    **dict.fromkeys(
+        ("forward_kinematics", "stiffness", "tcp_compliance", "tcp_stiffness"), "functions.stiffness"
+    ),
     "compile_structure": "fem.structure",
     "identify": "functions.identify",
     "load_robot": "robot.reader",
@@ -49,8 +60,6 @@ _HOME = {
     "read_measurements": "measure.reader",
     "robot_names": "robot.library",
     "save_robot": "robot.writer",
-    "tcp_compliance": "fem.condensation",
-    "tcp_stiffness": "fem.condensation",
     "write_measurements": "measure.writer",
     "Robot": "robot.description",
     "Section": "robot.sections",
@@ -89,15 +98,21 @@ __all__ = [
     "Variable",
     "__version__",
     "calibrate",
+    "compare",
+    "compensate",
     "compile_structure",
+    "diagnose",
+    "forward_kinematics",
     "identify",
     "load_robot",
     "map_workspace",
     "plot",
     "posture",
+    "predict",
     "read_measurements",
     "robot_names",
     "save_robot",
+    "stiffness",
     "tcp_compliance",
     "tcp_stiffness",
     "write_measurements",

@@ -20,7 +20,6 @@ from rich.table import Table
 
 from beamstiff import Robot, calibrate, load_robot
 from beamstiff.calibration.corrected import corrected
-from beamstiff.cli.compensate import _facts as compensation_facts
 from beamstiff.compensation.formats import path_csv
 from beamstiff.compensation.formats.program import Program
 from beamstiff.compensation.machine import Machine
@@ -37,7 +36,6 @@ from beamstiff.identification.models.side_by_side import fit_models
 from beamstiff.identification.models.split import split_rows
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.linear import predict_displacements
-from beamstiff.report.compare import models_facts
 from beamstiff.report.html.calibration import calibration_html
 from beamstiff.report.html.comparison import comparison_html
 from beamstiff.report.html.compensation import compensation_html
@@ -124,9 +122,9 @@ def measure(count: int) -> dict[str, tuple[float, float]]:
         "identification": lambda: identification_html(found, robot, rows, source),
         "diagnosis": lambda: diagnosis_html(reported, source),
         "calibration": lambda: calibration_html(calibrated, robot, readings, source),
-        "comparison": lambda: comparison_html(models, robot, source, models_facts(models)),
+        "comparison": lambda: comparison_html(models, robot, source),
         "deflection": lambda: deflection_html(robot, rows, predicted, source, moved),
-        "compensation": lambda: compensation_html(path, robot, source, compensation_facts(path, robot)),
+        "compensation": lambda: compensation_html(path, robot, source),
         "exam": lambda: exam_html(cases, "robots", source, table_dict(cases)),
     }
     with TemporaryDirectory() as folder:

@@ -57,7 +57,7 @@ def show(
         )
         write_json({"robots": robot_names()}, json)
         return
-    from beamstiff.cli.variables import shown_value
+    from beamstiff.functions.checks import shown_value
     from beamstiff.report.overview import describe
     from beamstiff.report.overview_tables import overview_tables
     from beamstiff.robot.doubts import robot_doubts

@@ -3,9 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from math import degrees
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from beamstiff.errors import OptionError, shown, suggest
+from beamstiff.robot.coupling import variable_kinds
+from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import AddedEffect
+from beamstiff.se3 import Array
 
 
 def one_of(name: str, value: object, known: Sequence[str]) -> None:
@@ -79,3 +86,25 @@ def left_out(effects: Iterable[AddedEffect], what: str) -> tuple[str, ...]:
     """Return the note that a robot's effects are no part of something; none where it has none."""
     told = effects_text(effects)
     return (f"the robot's effects ({told}) are not part of {what}",) if told else ()
+
+
+def six_numbers(name: str, wrench: ArrayLike) -> Array:
+    """Return a wrench ``[f, m]``, (6,).
+
+    Raises
+    ------
+    BeamstiffError
+        Naming the option.
+    """
+    try:
+        load = np.asarray(wrench, dtype=np.float64)
+    except (TypeError, ValueError):
+        load = np.zeros(0)
+    if load.shape != (6,) or not np.isfinite(load).all():
+        raise OptionError(name, f"found {str(wrench)[:60]}, expected six numbers fx fy fz mx my mz")
+    return load
+
+
+def shown_value(robot: Robot, name: str, value: float) -> str:
+    """Return the value of a variable as people read it: in degrees or millimetres."""
+    return f"{degrees(value):.6g} deg" if variable_kinds(robot)[name] == "angle" else f"{1e3 * value:.6g} mm"

@@ -1,4 +1,4 @@
-"""`identify`: stiffness values from measured displacements, as `beamstiff identify` does it."""
+"""`identify`: stiffness values from measured displacements, beside the effects that a robot has."""
 
 from __future__ import annotations
 

@@ -7,7 +7,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from beamstiff.errors import BeamstiffError, shown
+import numpy as np
+
+from beamstiff.errors import BeamstiffError, OptionError, shown
 from beamstiff.measure.doubts import doubts
 from beamstiff.measure.reader import read_measurements
 from beamstiff.measure.rows import concatenate
@@ -75,13 +77,26 @@ def doubts_of(robot: Robot, tables: Sequence[Measurements]) -> list[str]:
 
 @contextmanager
 def doubted(notes: Sequence[str]) -> Iterator[None]:
-    """Say with an error, in its line, what in the tables may have led to it."""
+    """Say with an error, in its line, what in the tables may have led to it.
+
+    Raises
+    ------
+    BeamstiffError
+        Also when numbers grow beyond what a computer's numbers hold.
+    """
+    doubt = f"; it may come from this: {notes[0]}" if notes else ""
     try:
-        yield
+        with np.errstate(over="raise"):
+            yield
+    except FloatingPointError as error:
+        raise BeamstiffError(
+            f"numbers out of range ({error}), expected lengths, loads and stiffness of a real machine; check "
+            f"their units{doubt}"
+        ) from None
     except BeamstiffError as error:
         if not notes or isinstance(error, UnusableError):
             raise
-        raise BeamstiffError(f"{error}; it may come from this: {notes[0]}") from error
+        raise BeamstiffError(f"{error}{doubt}") from error
 
 
 def refuse_fitted(tests: Iterable[object], data: DataLike) -> None:
@@ -96,7 +111,7 @@ def refuse_fitted(tests: Iterable[object], data: DataLike) -> None:
     fitted = {Path(one).resolve() for one in given if isinstance(one, str | os.PathLike)}
     for path in tests:
         if isinstance(path, str | os.PathLike) and Path(path).resolve() in fitted:
-            raise BeamstiffError(f"test {os.fspath(path)}: is fitted too, expected readings that are not")
+            raise OptionError("tests", f"{os.fspath(path)}: is fitted too, expected readings that are not")
 
 
 def _refused(value: object, what: str) -> BeamstiffError:

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from rich.table import Table
 
 from beamstiff.errors import listed
 from beamstiff.planning.at_random import AtRandom
 from beamstiff.planning.campaign import Campaign
 from beamstiff.planning.candidates import Noise
 from beamstiff.planning.enough import Enough
-from beamstiff.report.tables import counted, number, table
+from beamstiff.report.tables import Column, Table, counted, number, table
 from beamstiff.robot.description import Robot
 from beamstiff.robot.stiffness import parameter_unit
 
@@ -29,8 +28,9 @@ HARDLY = 0.5  # a relative standard error above this bounds a stiffness hardly a
 def campaign_table(campaign: Campaign, robot: Robot) -> Table:
     """Return a table: every parameter with its present value and the standard error to expect."""
     title = f"{robot.name}: expected of {counted(len(campaign.tests), 'test')}"
-    result = table(title, "parameter", "present value", "expected std", "std/value", "unit")
-    result.columns[-1].justify = "left"
+    result = table(
+        title, "parameter", "present value", "expected std", "std/value", Column("unit", left=True)
+    )
     for name, error in campaign.design.standard_errors.items():
         value = robot.parameter(name)
         unit = parameter_unit(robot, name)

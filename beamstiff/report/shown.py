@@ -23,7 +23,7 @@ from beamstiff.report.compensation import compensation_figure, compensation_tabl
 from beamstiff.report.diagnosis import diagnosis_figure, diagnosis_tables
 from beamstiff.report.figures import BLUE, new_figure, plain
 from beamstiff.report.geometry import calibration_figure, calibration_text, errors_table, parameters_table
-from beamstiff.report.identification import combinations_text, parameters_told
+from beamstiff.report.identification import combinations_text, identification_table
 from beamstiff.report.overview import describe, reference_posture
 from beamstiff.report.overview_tables import overview_tables
 from beamstiff.report.parity import parity_figure
@@ -153,7 +153,7 @@ def _(thing: Identification, measured: Measurements | None = None) -> Figure:
 
 @told.register
 def _(thing: Identification) -> Iterator[RenderableType]:
-    yield parameters_told(thing)
+    yield identification_table(thing)
     yield ""
     yield from combinations_text(thing)
     gap = f"Gap that remains in position: RMS {1e3 * thing.rms:.3f} mm over the rows fitted"
