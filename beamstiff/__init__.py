@@ -14,7 +14,9 @@ if TYPE_CHECKING:
     from beamstiff.functions.compare import compare
     from beamstiff.functions.compensate import compensate
     from beamstiff.functions.diagnose import diagnose
+    from beamstiff.functions.examine import examine
     from beamstiff.functions.identify import identify
+    from beamstiff.functions.plan import plan
     from beamstiff.functions.predict import predict
     from beamstiff.functions.stiffness import forward_kinematics, stiffness, tcp_compliance, tcp_stiffness
     from beamstiff.maps.run import map_workspace
@@ -47,11 +49,13 @@ _HOME = {
     "compare": "functions.compare",
     "compensate": "functions.compensate",
     "diagnose": "functions.diagnose",
+    "plan": "functions.plan",
     "predict": "functions.predict",
     **dict.fromkeys(
         ("forward_kinematics", "stiffness", "tcp_compliance", "tcp_stiffness"), "functions.stiffness"
     ),
     "compile_structure": "fem.structure",
+    "examine": "functions.examine",
     "identify": "functions.identify",
     "load_robot": "robot.reader",
     "map_workspace": "maps.run",
@@ -102,10 +106,12 @@ __all__ = [
     "compensate",
     "compile_structure",
     "diagnose",
+    "examine",
     "forward_kinematics",
     "identify",
     "load_robot",
     "map_workspace",
+    "plan",
     "plot",
     "posture",
     "predict",

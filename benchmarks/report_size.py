@@ -31,6 +31,7 @@ from beamstiff.exam.names import EFFECTS
 from beamstiff.exam.record import Answer, Label, Record
 from beamstiff.exam.table import table_dict
 from beamstiff.files import write_whole
+from beamstiff.functions.predict import Prediction
 from beamstiff.identification.identify import identify
 from beamstiff.identification.models.side_by_side import fit_models
 from beamstiff.identification.models.split import split_rows
@@ -112,7 +113,6 @@ def measure(count: int) -> dict[str, tuple[float, float]]:
     reported = with_rows(verdict, rows)
     source = provenance([], 0, ["diagnose", "robot.yaml", "data.csv", "--html", "report.html"])
     predicted = predict_displacements(robot, rows)
-    moved = {"displacement": predicted.tolist()}
     readings = absolute(robot, count)
     calibrated = calibrate(robot, readings, fixed=["base"], folds=0)
     models = fit_models(robot, rows, split_rows(rows), ("rigid", "nominal", "parametric"))
@@ -123,7 +123,7 @@ def measure(count: int) -> dict[str, tuple[float, float]]:
         "diagnosis": lambda: diagnosis_html(reported, source),
         "calibration": lambda: calibration_html(calibrated, robot, readings, source),
         "comparison": lambda: comparison_html(models, robot, source),
-        "deflection": lambda: deflection_html(robot, rows, predicted, source, moved),
+        "deflection": lambda: deflection_html(Prediction(robot, rows, predicted, False), source),
         "compensation": lambda: compensation_html(path, robot, source),
         "exam": lambda: exam_html(cases, "robots", source, table_dict(cases)),
     }

@@ -163,7 +163,7 @@ def calibrate(
             priors=parse_priors(prior or ()),
             stations=stations,
             folds=folds,
-            tests=test or (),
+            test=test or (),
         )
     for note in found.notes:
         say(f"note: {note}", quiet)

@@ -25,7 +25,6 @@ CALLED = {
     "ties": "tie",
     "bounds": "bound",
     "priors": "prior",
-    "tests": "test",
 }
 
 

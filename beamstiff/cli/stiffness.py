@@ -11,15 +11,9 @@ import typer
 from beamstiff.cli.options import Debug, Json, Preload, Quiet, RobotFile, robot_file
 from beamstiff.cli.output import check_outputs, people, say, working, write_json
 from beamstiff.errors import BeamstiffError, OptionError
-from beamstiff.report.tables import Table, millimetres, number, table
 
 if TYPE_CHECKING:
     from beamstiff.robot.description import Robot
-    from beamstiff.se3 import Array
-
-FORCES = ("fx [N]", "fy [N]", "fz [N]", "mx [N m]", "my [N m]", "mz [N m]")
-MOTIONS = ("dx [m]", "dy [m]", "dz [m]", "rx [rad]", "ry [rad]", "rz [rad]")
-ROUNDING = 1e-12
 
 
 def stiffness(
@@ -67,6 +61,7 @@ def stiffness(
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
     from beamstiff.cli.variables import note_limits, parse_variables, parse_wrench
     from beamstiff.functions.stiffness import stiffness as run
+    from beamstiff.report.stiffness import stiffness_tables
     from beamstiff.robot.coerce import as_robot
 
     machine = as_robot(robot)
@@ -80,10 +75,8 @@ def stiffness(
         say(f"note: {note}", quiet)
 
     console = people(quiet, json)
-    what = "Tangent stiffness of the loaded machine" if preload else "Stiffness"
-    console.print(_posture_table(machine, found.variables, found.tcp))
-    console.print(_matrix_table(f"{what} at the TCP: row = K column", FORCES, MOTIONS, found.stiffness))
-    console.print(_matrix_table("Compliance at the TCP: row = C column", MOTIONS, FORCES, found.compliance))
+    for part in stiffness_tables(found):
+        console.print(part)
     write_json(found.to_dict(), json)
 
 
@@ -97,26 +90,3 @@ def _hint_at_q(robot: Robot, values: Mapping[str, float]) -> Iterator[None]:
             raise
         names = ",".join(f"{item.name}=..." for item in robot.actuated[:6])
         raise BeamstiffError(f"{error}; all joint variables are 0 here, set them with --q {names}") from None
-
-
-def _posture_table(robot: Robot, variables: dict[str, float], tcp: Array) -> Table:
-    from beamstiff.functions.checks import shown_value
-
-    result = table(f"{robot.name}: posture", "", "value", "", left=3)
-    for variable in robot.variables:
-        how = "" if variable.actuated else "solved" if variable.passive else f"= {variable.equals}"
-        result.add_row(variable.name, shown_value(robot, variable.name, variables[variable.name]), how)
-    result.add_row("TCP x, y, z", ", ".join(millimetres(tcp)) + " mm", "")
-    return result
-
-
-def _matrix_table(title: str, rows: tuple[str, ...], columns: tuple[str, ...], matrix: Array) -> Table:
-    import numpy as np
-
-    # what is rounding beside the diagonal is shown as 0; JSON holds it as it is
-    size = np.sqrt(np.abs(np.diagonal(matrix)))
-    shown = np.where(np.abs(matrix) > ROUNDING * size[:, None] * size, matrix, 0.0)
-    result = table(title, "", *columns)
-    for name, row in zip(rows, shown, strict=True):
-        result.add_row(name, *map(number, row))
-    return result

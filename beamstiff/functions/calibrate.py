@@ -37,7 +37,7 @@ def calibrate(
     noticed: float = NOTICED,
     stations: bool = False,
     folds: int = 5,
-    tests: Sequence[TableLike] = (),
+    test: Sequence[TableLike] = (),
 ) -> Calibration:
     """Calibrate the geometry of a robot from measured absolute positions, or poses.
 
@@ -70,7 +70,7 @@ def calibrate(
         ``base1``, ``base2`` and so on.
     folds : int
         Of the poses, for the errors held out; 0 for none.
-    tests : sequence of Measurements or paths
+    test : sequence of Measurements or paths
         Readings to test the calibrated robot on, see `Calibration.tests`.
 
     Returns
@@ -85,13 +85,13 @@ def calibrate(
     """
     machine = as_robot(robot)
     whole("folds", folds, 0)
-    if isinstance(tests, str | os.PathLike) or not isinstance(tests, Sequence):
-        raise OptionError("tests", f"found {shown(tests)}, expected a list of tables")
-    refuse_fitted(tests, data)
+    if isinstance(test, str | os.PathLike) or not isinstance(test, Sequence):
+        raise OptionError("test", f"found {shown(test)}, expected a list of tables")
     tables = as_tables(data, machine)
-    tested = {_name(one): as_tables(one, machine, what="tests")[0] for one in tests}
+    refuse_fitted(test, data)
+    tested = {_name(one): as_tables(one, machine, what="test")[0] for one in test}
     if stations and tested:
-        raise OptionError("tests", "beside stations it is not said where the robot stood; leave one out")
+        raise OptionError("test", "beside stations it is not said where the robot stood; leave one out")
     doubts = doubts_of(machine, tables)
     rows = concatenate(tables)
     said: dict[str, Any] = {

@@ -111,7 +111,7 @@ def refuse_fitted(tests: Iterable[object], data: DataLike) -> None:
     fitted = {Path(one).resolve() for one in given if isinstance(one, str | os.PathLike)}
     for path in tests:
         if isinstance(path, str | os.PathLike) and Path(path).resolve() in fitted:
-            raise OptionError("tests", f"{os.fspath(path)}: is fitted too, expected readings that are not")
+            raise OptionError("test", f"{os.fspath(path)}: is fitted too, expected readings that are not")
 
 
 def _refused(value: object, what: str) -> BeamstiffError:
