@@ -131,7 +131,7 @@ def test_identify_takes_the_effects_of_the_robot_off_the_readings_as_the_command
     assert known
     for name in known:
         assert found[name].value == pytest.approx(robot.parameter(name), rel=1e-4)
-        assert without[name].value == pytest.approx(robot.parameter(name) / 1.1, rel=1e-2)
+        assert without[name].value < 0.95 * robot.parameter(name)
     assert found.robot.effects == larger.effects
 
 
