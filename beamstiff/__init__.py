@@ -9,10 +9,17 @@ from beamstiff._version import __version__
 from beamstiff.errors import BeamstiffError
 
 if TYPE_CHECKING:
-    from beamstiff.calibration.calibrate import calibrate
-    from beamstiff.fem.condensation import tcp_compliance, tcp_stiffness
     from beamstiff.fem.structure import compile_structure
-    from beamstiff.identification.identify import identify
+    from beamstiff.functions.calibrate import calibrate
+    from beamstiff.functions.compare import compare
+    from beamstiff.functions.compensate import compensate
+    from beamstiff.functions.diagnose import diagnose
+    from beamstiff.functions.examine import examine
+    from beamstiff.functions.identify import identify
+    from beamstiff.functions.plan import plan
+    from beamstiff.functions.predict import predict
+    from beamstiff.functions.stiffness import forward_kinematics, stiffness, tcp_compliance, tcp_stiffness
+    from beamstiff.functions.verify import verify
     from beamstiff.maps.run import map_workspace
     from beamstiff.measure.reader import read_measurements
     from beamstiff.measure.writer import write_measurements
@@ -39,9 +46,18 @@ if TYPE_CHECKING:
 
 # Imported when first used: together they take a second, `beamstiff --help` needs none of them.
 _HOME = {
-    "calibrate": "calibration.calibrate",
+    "calibrate": "functions.calibrate",
+    "compare": "functions.compare",
+    "compensate": "functions.compensate",
+    "diagnose": "functions.diagnose",
+    "plan": "functions.plan",
+    "predict": "functions.predict",
+    **dict.fromkeys(
+        ("forward_kinematics", "stiffness", "tcp_compliance", "tcp_stiffness"), "functions.stiffness"
+    ),
     "compile_structure": "fem.structure",
-    "identify": "identification.identify",
+    "examine": "functions.examine",
+    "identify": "functions.identify",
     "load_robot": "robot.reader",
     "map_workspace": "maps.run",
     "plot": "report.shown",
@@ -49,8 +65,7 @@ _HOME = {
     "read_measurements": "measure.reader",
     "robot_names": "robot.library",
     "save_robot": "robot.writer",
-    "tcp_compliance": "fem.condensation",
-    "tcp_stiffness": "fem.condensation",
+    "verify": "functions.verify",
     "write_measurements": "measure.writer",
     "Robot": "robot.description",
     "Section": "robot.sections",
@@ -89,17 +104,26 @@ __all__ = [
     "Variable",
     "__version__",
     "calibrate",
+    "compare",
+    "compensate",
     "compile_structure",
+    "diagnose",
+    "examine",
+    "forward_kinematics",
     "identify",
     "load_robot",
     "map_workspace",
+    "plan",
     "plot",
     "posture",
+    "predict",
     "read_measurements",
     "robot_names",
     "save_robot",
+    "stiffness",
     "tcp_compliance",
     "tcp_stiffness",
+    "verify",
     "write_measurements",
 ]
 

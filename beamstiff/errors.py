@@ -32,6 +32,26 @@ class BeamstiffError(ValueError):
         super().__init__("".join(c if c.isprintable() else repr(c)[1:-1] for c in line))
 
 
+class OptionError(BeamstiffError):
+    """An option of a function that cannot be used; the command line calls it by its own name for it.
+
+    Attributes
+    ----------
+    option : str
+    what : str
+        What was found, and what would be right.
+
+    Examples
+    --------
+    >>> str(OptionError("folds", "found 1, expected 2 or more"))
+    'folds: found 1, expected 2 or more'
+    """
+
+    def __init__(self, option: str, what: str) -> None:
+        super().__init__(f"{option}: {what}")
+        self.option, self.what = option, what
+
+
 def suggest(name: object, candidates: Iterable[str]) -> str:
     """Return a hint with the closest of `candidates`, or an empty string when none is close.
 

@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from rich.console import Console
-from rich.table import Table
 
-from beamstiff import Robot, identify, load_robot
+from beamstiff import Robot, load_robot
 from beamstiff.identification.degeneracy import Degeneracy, find_degeneracy
+from beamstiff.identification.identify import identify
 from beamstiff.identification.minimise import Effort
 from beamstiff.identification.problem import Components, state_problem
 from beamstiff.identification.result import Identification
@@ -21,7 +21,7 @@ from beamstiff.identification.separate import expected_spread
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.planning.candidates import candidate_poses
-from beamstiff.report.tables import table
+from beamstiff.report.tables import Table, table
 from beamstiff.robot.kinematics import compile_kinematics
 from beamstiff.se3 import Array
 from benchmarks.degeneracy_graphs import faults, random_case

@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 from rich.console import Console
-from rich.table import Table
 
 from beamstiff import calibrate
 from beamstiff.calibration.error_jacobian import Geometry, state_geometry
@@ -26,7 +25,7 @@ from beamstiff.calibration.statement import state_calibration
 from beamstiff.calibration.validation import errors_on, gap_of
 from beamstiff.report.figures import save_figure
 from beamstiff.report.geometry import recursion_figure, sensitivity_figure
-from beamstiff.report.tables import table
+from beamstiff.report.tables import Table, table
 from beamstiff.se3 import Array
 from benchmarks.geometry_ir663 import (
     HELD,

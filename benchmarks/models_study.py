@@ -14,14 +14,13 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 from rich.console import Console
-from rich.table import Table
 
 from beamstiff import load_robot, read_measurements
 from beamstiff.identification.models.side_by_side import Models
 from beamstiff.model.fuzzy_compliance import rules_from_table
 from beamstiff.report.check_points import check_points_figure
 from beamstiff.report.figures import save_figure
-from beamstiff.report.tables import table
+from beamstiff.report.tables import Table, table
 from benchmarks import fuzzy_six_joints, ir663_models, kr500_grid
 from benchmarks.kr500_grid import Row
 
@@ -60,7 +59,6 @@ def table_5(machine: str, found: Models, share: float) -> Table:
     for name, by_load in ir663_models.PAPER.items():
         cells = [f"{rms:.3f} / {largest:.3f}" for rms, largest in by_load.values()]
         result.add_row(f"{name}, paper", *cells, f"{ir663_models.PAPER_ALL[name]:.3f}")
-    result.add_section()
     for one in found.judged:
         cells = []
         for level in range(len(found.split.loads)):

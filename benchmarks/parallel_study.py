@@ -21,12 +21,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamstiff import identify, load_robot
+from beamstiff import load_robot
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.exam.blind import Examiner
 from beamstiff.exam.cases import Exam
 from beamstiff.exam.run import run_exam
 from beamstiff.identification.bootstrap import bootstrap
+from beamstiff.identification.identify import identify
 from beamstiff.identification.statement import Statement, state_identification
 from beamstiff.measure import make_measurements
 from beamstiff.model.linear import predict_displacements

@@ -20,7 +20,6 @@ from rich.table import Table
 
 from beamstiff import Robot, calibrate, load_robot
 from beamstiff.calibration.corrected import corrected
-from beamstiff.cli.compensate import _facts as compensation_facts
 from beamstiff.compensation.formats import path_csv
 from beamstiff.compensation.formats.program import Program
 from beamstiff.compensation.machine import Machine
@@ -32,12 +31,12 @@ from beamstiff.exam.names import EFFECTS
 from beamstiff.exam.record import Answer, Label, Record
 from beamstiff.exam.table import table_dict
 from beamstiff.files import write_whole
+from beamstiff.functions.predict import Prediction
 from beamstiff.identification.identify import identify
 from beamstiff.identification.models.side_by_side import fit_models
 from beamstiff.identification.models.split import split_rows
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.linear import predict_displacements
-from beamstiff.report.compare import models_facts
 from beamstiff.report.html.calibration import calibration_html
 from beamstiff.report.html.comparison import comparison_html
 from beamstiff.report.html.compensation import compensation_html
@@ -114,7 +113,6 @@ def measure(count: int) -> dict[str, tuple[float, float]]:
     reported = with_rows(verdict, rows)
     source = provenance([], 0, ["diagnose", "robot.yaml", "data.csv", "--html", "report.html"])
     predicted = predict_displacements(robot, rows)
-    moved = {"displacement": predicted.tolist()}
     readings = absolute(robot, count)
     calibrated = calibrate(robot, readings, fixed=["base"], folds=0)
     models = fit_models(robot, rows, split_rows(rows), ("rigid", "nominal", "parametric"))
@@ -124,9 +122,9 @@ def measure(count: int) -> dict[str, tuple[float, float]]:
         "identification": lambda: identification_html(found, robot, rows, source),
         "diagnosis": lambda: diagnosis_html(reported, source),
         "calibration": lambda: calibration_html(calibrated, robot, readings, source),
-        "comparison": lambda: comparison_html(models, robot, source, models_facts(models)),
-        "deflection": lambda: deflection_html(robot, rows, predicted, source, moved),
-        "compensation": lambda: compensation_html(path, robot, source, compensation_facts(path, robot)),
+        "comparison": lambda: comparison_html(models, robot, source),
+        "deflection": lambda: deflection_html(Prediction(robot, rows, predicted, False), source),
+        "compensation": lambda: compensation_html(path, robot, source),
         "exam": lambda: exam_html(cases, "robots", source, table_dict(cases)),
     }
     with TemporaryDirectory() as folder:

@@ -17,7 +17,6 @@ import numpy as np
 from ir663_identification import strokes_of
 from matplotlib.figure import Figure
 from rich.console import Console
-from rich.table import Table
 from scipy.optimize import lsq_linear
 
 from beamstiff import (
@@ -40,7 +39,7 @@ from beamstiff.report.diagnosis import named, separations, summary
 from beamstiff.report.figures import BLUE, GREY, ORANGE, new_figure, plain, save_figure
 from beamstiff.report.identification import identification_table, identification_text
 from beamstiff.report.over_variables import Panel, figure_over_variables
-from beamstiff.report.tables import table
+from beamstiff.report.tables import Column, Table, table
 
 HERE = Path(__file__).resolve().parent
 DATA = HERE / "data" / "ir663_compliance_xx.csv"
@@ -121,8 +120,7 @@ def gap_table(robot: Robot, measured: Measurements, found: Identification) -> Ta
     before = x_displacement(robot, measured.q, measured.wrench)
     rms_before = 1e3 * np.sqrt(np.mean((measured.displacement[:, 0] - before) ** 2))
     values = f"the {len(measured)} published values"
-    result = table("Gap that remains, RMS", "model", "mm", "over")
-    result.columns[2].justify = "left"
+    result = table("Gap that remains, RMS", "model", "mm", Column("over", left=True))
     result.add_row("the start, in our beam model", f"{rms_before:.3f}", values)
     result.add_row("identified here", f"{1e3 * found.rms:.3f}", f"{values}, fitted")
     if found.rms_held_out is not None:

@@ -16,14 +16,13 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from rich.console import Console
-from rich.table import Table
 
 from beamstiff import Beam, Material, Robot, Section, compile_structure, load_robot, posture, tcp_compliance
 from beamstiff.fem.geometry import place
 from beamstiff.fem.loads import total_mass
 from beamstiff.fem.response import nodal_loads, respond
 from beamstiff.report.figures import BLUE, GREEN, GREY, ORANGE, new_figure, plain, save_figure
-from beamstiff.report.tables import table
+from beamstiff.report.tables import Table, table
 
 FIGURE = Path(__file__).resolve().parent / "output" / "design_study.png"
 BEST = "bridge, ram and rails together"

@@ -21,14 +21,13 @@ from geometric_calibration import JUSTIN, JUSTIN_KNOWN, SHARED, held_out, justin
 from geometric_calibration import Stage as Calibrated
 from matplotlib.figure import Figure
 from rich.console import Console
-from rich.table import Table
 
 from beamstiff import Robot, load_robot
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.report.diagnosis import named
 from beamstiff.report.figures import BLUE, GREEN, GREY, ORANGE, new_figure, plain, save_figure
-from beamstiff.report.tables import table
+from beamstiff.report.tables import Table, table
 from beamstiff.se3 import Array
 
 HERE = Path(__file__).resolve().parent

@@ -29,9 +29,9 @@ from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.process.cantilever import Cantilever
 from beamstiff.compensation.process.load import Process, Together
 from beamstiff.compensation.process.reader import read_process
-from beamstiff.compensation.rewrite import compensate_program
+from beamstiff.compensation.rewrite import compensate_program, size_of
 from beamstiff.files import write_whole
-from beamstiff.report.compensation import compensation_figure, size_of
+from beamstiff.report.compensation import compensation_figure
 from beamstiff.report.figures import save_figure
 from beamstiff.report.tables import table
 

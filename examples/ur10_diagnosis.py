@@ -30,7 +30,6 @@ from geometric_calibration import (
 )
 from matplotlib.figure import Figure
 from rich.console import Console
-from rich.table import Table
 
 from beamstiff import load_robot
 from beamstiff.diagnosis.diagnose import diagnose
@@ -40,7 +39,7 @@ from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.measure.rows import subset
 from beamstiff.report.diagnosis import named
 from beamstiff.report.figures import BLUE, ORANGE, new_figure, plain, save_figure
-from beamstiff.report.tables import table
+from beamstiff.report.tables import Table, table
 from beamstiff.se3 import Array
 
 HERE = Path(__file__).resolve().parent

@@ -1,8 +1,8 @@
 from __future__ import annotations
 
-import pkgutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -32,13 +32,6 @@ def test_importing_the_package_brings_no_heavy_library() -> None:
     assert in_a_fresh_process(script) == "[]\n"
 
 
-def test_no_public_name_is_also_a_folder_or_a_file() -> None:
-    """Such a name would be the function or the module, whichever was imported last."""
-    inside = {module.name for module in pkgutil.iter_modules(beamstiff.__path__)}
-    assert {"identification", "parallel"} <= inside
-    assert not inside & set(beamstiff.__all__)
-
-
 @pytest.mark.parametrize(
     "first",
     [
@@ -51,3 +44,10 @@ def test_no_public_name_is_also_a_folder_or_a_file() -> None:
 def test_identify_is_the_function_whatever_comes_first(first: str) -> None:
     script = f"{first}\nimport beamstiff.identification.result as r\nprint(callable(identify), r.__name__)"
     assert in_a_fresh_process(script) == "True beamstiff.identification.result\n"
+
+
+@pytest.mark.parametrize("name", sorted(set(beamstiff.__all__) - {"__version__"}))
+def test_no_folder_or_module_of_the_package_hides_a_public_name(name: str) -> None:
+    folder = Path(beamstiff.__file__).parent
+    assert not (folder / name).exists()
+    assert not (folder / f"{name}.py").exists()

@@ -187,6 +187,7 @@ def _told(statement: Statement, problem: Problem, found: Estimate, method: str, 
         message="converged" if found.converged else "stopped before it converged",
         costs=found.costs,
         notes=(*statement.notes, *_notes(problem, found, factor, widened)),
+        statement=statement,
     )
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,10 @@ from beamstiff.robot.coupling import frame_expressions
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 from beamstiff.shown import Shown
+
+if TYPE_CHECKING:
+    from beamstiff.calibration.statement import Statement
+    from beamstiff.measure.table import Measurements
 
 
 @dataclass(frozen=True)
@@ -125,6 +129,12 @@ class Calibration(Shown):
     method, message : str
     costs : (iterations + 1,) array
     notes : tuple of str
+    statement : Statement or None
+        What was estimated.
+    rows : Measurements or None
+        What was fitted.
+    tests : mapping of str to Errors
+        On other readings, by name.
     """
 
     robot: Robot
@@ -147,6 +157,9 @@ class Calibration(Shown):
     message: str
     costs: Array
     notes: tuple[str, ...] = ()
+    statement: Statement | None = None
+    rows: Measurements | None = None
+    tests: Mapping[str, Errors] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Found:
         known = {item.name: item for item in self.parameters}
@@ -226,4 +239,5 @@ class Calibration(Shown):
             "noise_factor": self.noise,
             "method": self.method,
             "iterations": len(self.costs) - 1,
+            **({"tests": {name: one.to_dict() for name, one in self.tests.items()}} if self.tests else {}),
         }

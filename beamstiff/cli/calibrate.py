@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from beamstiff.cli.options import Debug, Html, Json, Quiet, RobotFile, parse_names, robot_file
-from beamstiff.cli.output import check_once, check_outputs, people, say, source_of, working, write_json
-from beamstiff.errors import BeamstiffError, suggest
-from beamstiff.units import quantity
+from beamstiff.cli.output import check_outputs, people, say, source_of, working, write_json
+from beamstiff.errors import BeamstiffError
 
 if TYPE_CHECKING:
-    from beamstiff.calibration.parameters import Parameter
     from beamstiff.calibration.result import Calibration
     from beamstiff.calibration.statement import Statement
 
@@ -132,16 +129,13 @@ def calibrate(
       beamstiff calibrate robot.yaml poses.csv --fix base --prior frames=0.5mm --test fresh.csv
       beamstiff calibrate robot.yaml loaded.csv unloaded.csv --compliances J2.torsional,J3.torsional
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
-    from beamstiff.calibration import calibrate as fit
-    from beamstiff.calibration.statement import state_calibration
-    from beamstiff.calibration.validation import errors_on, in_base_frame
-    from beamstiff.cli.data import doubted, read_tables
+    from beamstiff.calibration.validation import in_base_frame
     from beamstiff.files import write_whole
-    from beamstiff.measure import read_measurements
-    from beamstiff.measure.rows import concatenate
+    from beamstiff.functions.calibrate import calibrate as run
+    from beamstiff.measure.coerce import as_tables, refuse_fitted
     from beamstiff.measure.writer import measurements_to_csv
     from beamstiff.report.geometry import calibration_text, dependent_table, errors_table, parameters_table
-    from beamstiff.robot.reader import load_robot
+    from beamstiff.robot.coerce import as_robot
     from beamstiff.robot.yaml_edit import robot_yaml
 
     file = robot_file(robot)
@@ -154,27 +148,23 @@ def calibrate(
 
             check_format(drawing)
     source = source_of(context, html, [file, *data, *(test or ())])
-    machine = load_robot(file)
-    check_once(data, test or ())
-    tables, doubts = read_tables(data, machine)
-    measured = concatenate(tables)
-    tested = {path: read_measurements(path, machine) for path in test or ()}
-    said: Any = {
-        "parameters": parse_names(parameters),
-        "fixed": parse_names(fix, "--fix") or (),
-        "last": parse_names(last, "--last") or (),
-        "compliances": parse_names(compliances, "--compliances") or (),
-        "stations": stations,
-    }
-    if stations and tested:
-        raise BeamstiffError("--test: beside --stations it is not said where the robot stood; leave one out")
-    with doubted(doubts), working(f"calibrating from {len(measured)} rows", quiet):
-        if prior:
-            known = state_calibration(machine, measured, **said).problem.parameters
-            said["priors"] = parse_priors(prior, known)
-        found = fit(machine, measured, **said, method=method, folds=folds)
-        tests = {path: errors_on(found, rows) for path, rows in tested.items()}
-    found = replace(found, notes=(*doubts, *found.notes))
+    machine = as_robot(file)
+    refuse_fitted(test or (), data)
+    tables = as_tables(data, machine)
+    with working(f"calibrating from {sum(map(len, tables))} rows", quiet):
+        found = run(
+            machine,
+            tables,
+            parse_names(parameters),
+            method,
+            fixed=parse_names(fix, "--fix") or (),
+            last=parse_names(last, "--last") or (),
+            compliances=parse_names(compliances, "--compliances") or (),
+            priors=parse_priors(prior or ()),
+            stations=stations,
+            folds=folds,
+            test=test or (),
+        )
     for note in found.notes:
         say(f"note: {note}", quiet)
     console = people(quiet, json)
@@ -183,21 +173,19 @@ def calibrate(
     if (dependent := dependent_table(found)) is not None:
         console.print(dependent)
         console.print()
-    console.print(errors_table(found, {f"calibrated, {Path(path).name}": one for path, one in tests.items()}))
+    console.print(errors_table(found))
     console.print()
     for line in calibration_text(found):
         console.print(line)
+    assert found.rows is not None
+    assert found.statement is not None
     if out is not None:
         write_whole(
             out, robot_yaml(found.robot, file, found.written_std(machine), f"# {_head(found, data)}\n")
         )
     if readings is not None:
-        write_whole(readings, measurements_to_csv(in_base_frame(found, measured), machine))
-    if sensitivity is not None or recursion is not None:
-        draw(state_calibration(machine, measured, **said), machine.name, sensitivity, recursion)
-    facts = found.to_dict()
-    if tests:
-        facts["tests"] = {path: one.to_dict() for path, one in tests.items()}
+        write_whole(readings, measurements_to_csv(in_base_frame(found, found.rows), machine))
+    draw(found.statement, machine.name, sensitivity, recursion)
     if figure is not None:
         from beamstiff.report.figures import save_figure
 
@@ -205,51 +193,25 @@ def calibrate(
     if html is not None and source is not None:
         from beamstiff.report.html.calibration import calibration_html
 
-        named = {Path(path).name: one for path, one in tests.items()}
-        write_whole(html, calibration_html(found, machine, measured, source, named, facts))
-    write_json(facts, json)
+        write_whole(html, calibration_html(found, machine, found.rows, source))
+    write_json(found.to_dict(), json)
 
 
-def parse_priors(texts: Sequence[str], parameters: Sequence[Parameter]) -> dict[str, float]:
-    """Return standard deviations, SI, by parameter, from texts such as ``"f3.d=0.2mm"``.
+def parse_priors(texts: Sequence[str]) -> dict[str, list[str]]:
+    """Return standard deviations by name, from texts such as ``"f3.d=0.2mm"``; a name may have several.
 
     Raises
     ------
     BeamstiffError
-        When a text is no prior, a name is unknown, or no parameter of the name has the unit.
+        When a text is no prior.
     """
-    kinds = {"m": "length", "rad": "angle"}
-    geometric = [item for item in parameters if item.unit in kinds]
-    result: dict[str, float] = {}
+    result: dict[str, list[str]] = {}
     for text in texts:
         name, equals, value = (word.strip() for word in text.partition("="))
         if not (name and equals and value):
             raise BeamstiffError(f"--prior: found {text!r}, expected NAME=STD such as f3.d=0.2mm")
-        own = [item for item in geometric if name in _names(item)]
-        if not own:
-            known = [one for item in geometric for one in _names(item)]
-            raise BeamstiffError(
-                f"--prior: {name!r} is no geometric parameter that is sought{suggest(name, known)}"
-            )
-        found, failure = {}, None
-        for item in own:
-            try:
-                found[item.name] = quantity(value, kinds[item.unit])
-            except BeamstiffError as error:  # a group has lengths and angles
-                failure = error
-        if not found:
-            raise BeamstiffError(f"--prior: {name}: {failure}")
-        if min(found.values()) <= 0:
-            raise BeamstiffError(f"--prior: {name}: found {value!r}, expected a positive standard deviation")
-        result |= found
+        result.setdefault(name, []).append(value)
     return result
-
-
-def _names(item: Parameter) -> tuple[str, ...]:
-    """Return what a parameter goes by: its name, its group, its frame."""
-    group = f"{item.group}s" if item.group in ("offset", "frame") else item.group
-    frame = item.name.rpartition(".")[0] if item.group == "frame" else item.name
-    return item.name, group, frame
 
 
 def draw(statement: Statement, name: str, sensitivity: str | None, recursion: str | None) -> None:

@@ -7,16 +7,7 @@ from typing import Annotated
 import typer
 
 from beamstiff.cli.options import Debug, Html, Json, Quiet, RobotFile, parse_names, robot_file
-from beamstiff.cli.output import (
-    check_once,
-    check_outputs,
-    effects_text,
-    people,
-    say,
-    source_of,
-    working,
-    write_json,
-)
+from beamstiff.cli.output import check_outputs, people, say, source_of, working, write_json
 from beamstiff.errors import BeamstiffError
 
 
@@ -98,22 +89,17 @@ def compare(
       beamstiff compare ir663 data.csv --fit-load 900 --rules rules.png
       beamstiff compare kr500 data.csv --models parametric,grid --cube 300
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
-    from beamstiff.cli.data import doubted, read_tables
-    from beamstiff.identification.models.side_by_side import FITS, Options, fit_models
-    from beamstiff.identification.models.split import split_rows
-    from beamstiff.measure.rows import concatenate
-    from beamstiff.report.compare import loads_table, models_facts, models_table, models_text
-    from beamstiff.robot.reader import load_robot
+    from beamstiff.functions.compare import compare as run
+    from beamstiff.measure.coerce import as_tables
+    from beamstiff.report.compare import loads_table, models_table, models_text
+    from beamstiff.robot.coerce import as_robot
 
-    names = parse_names(models, "--models") or list(FITS)
+    names = parse_names(models, "--models")
     if cube is not None and not 0 < cube < float("inf"):
         raise BeamstiffError(f"--cube: found {cube}, expected a length in mm above 0")
-    if seed < 0:
-        raise BeamstiffError(f"--seed: found {seed}, expected 0 or more")
-    if rules is not None and "fuzzy" not in names:
+    if rules is not None and names is not None and "fuzzy" not in names:
         raise BeamstiffError("--rules: expected fuzzy among the models")
-    check_once(data)
-    whole = load_robot(robot)
+    machine = as_robot(robot)
     check_outputs([robot_file(robot), *data], json, figure=figure, rules=rules, html=html)
     source = source_of(context, html, [robot_file(robot), *data], seed)
     for path in (figure, rules):
@@ -121,41 +107,36 @@ def compare(
             from beamstiff.report.figures import check_format
 
             check_format(path)
-    tables, notes = read_tables(data, whole)
-    description, measured = whole, concatenate(tables)
-    if whole.effects:
-        from beamstiff.diagnosis.apply import without_effects
-
-        with working("taking the robot's effects off the readings", quiet):
-            description, measured = without_effects(whole, measured)
-    chosen = parse_names(parameters)
-    options = Options(
-        parameters=None if chosen is None else tuple(chosen),
-        cube=None if cube is None else 1e-3 * cube,
-        seed=seed,
-    )
-    with doubted(notes), working(f"fitting {len(names)} models to {len(measured)} rows", quiet):
-        split = split_rows(measured, share, fit_load, seed)
-        found = fit_models(description, measured, split, names, options)
+    tables = as_tables(data, machine)
+    count = "all" if names is None else len(names)
+    with working(f"fitting {count} models to {sum(map(len, tables))} rows", quiet):
+        found = run(
+            machine,
+            tables,
+            parse_names(parameters),
+            models=names,
+            share=share,
+            fit_load=fit_load,
+            cube=None if cube is None else 1e-3 * cube,
+            seed=seed,
+        )
     if rules is not None and found["fuzzy"].model is None:
         raise BeamstiffError(f"--rules: there is no fuzzy model: {found['fuzzy'].about}")
 
-    for note in notes:
+    for note in found.notes:
         say(f"note: {note}", quiet)
     console = people(quiet, json)
-    console.print(models_table(found, f"{description.name}: position error, RMS / max, mm"))
+    console.print(models_table(found, f"{machine.name}: position error, RMS / max, mm"))
     console.print()
     console.print(loads_table(found, "Rows not fitted, by load: RMS / max, mm"))
     console.print()
     for line in models_text(found):
         console.print(line)
-    if whole.effects:
-        console.print(f"All beside the robot's effects, as they are: {effects_text(whole.effects)}.")
     if figure is not None:
         from beamstiff.report.compare import models_figure
         from beamstiff.report.figures import save_figure
 
-        save_figure(models_figure(found, description.name), figure)
+        save_figure(models_figure(found, machine.name), figure)
     if rules is not None:
         from beamstiff.model.fuzzy_compliance import FuzzyCompliance
         from beamstiff.report.figures import save_figure
@@ -163,14 +144,11 @@ def compare(
 
         model = found["fuzzy"].model
         assert isinstance(model, FuzzyCompliance)
-        angles = [variable.name for variable in description.variables if variable.kind == "angle"]
+        angles = [variable.name for variable in machine.variables if variable.kind == "angle"]
         save_figure(rules_figure(model, angles=angles), rules)
-    facts = models_facts(found)
     if html is not None and source is not None:
         from beamstiff.files import write_whole
         from beamstiff.report.html.comparison import comparison_html
 
-        if whole.effects:
-            notes.append(f"All beside the robot's effects, as they are: {effects_text(whole.effects)}.")
-        write_whole(html, comparison_html(found, description, source, facts, notes))
-    write_json(facts, json)
+        write_whole(html, comparison_html(found, machine, source))
+    write_json(found.to_dict(), json)

@@ -2,26 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from beamstiff.cli.frames import parse_frame
-from beamstiff.cli.identify_options import chosen
 from beamstiff.cli.options import Debug, Html, Json, Quiet, RobotFile, parse_names, robot_file
-from beamstiff.cli.output import check_outputs, effects_text, people, say, source_of, working, write_json
+from beamstiff.cli.output import check_outputs, people, say, source_of, working, write_json
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.files import write_whole
 
 if TYPE_CHECKING:
-    from beamstiff.compensation.formats import Program
-    from beamstiff.compensation.machine import Machine
-    from beamstiff.compensation.process.load import Process
     from beamstiff.compensation.rewrite import Compensated
-    from beamstiff.robot.description import Robot
-    from beamstiff.se3 import Array
 
 REFUSE, KEEP = "refuse", "keep"
 
@@ -145,11 +138,9 @@ def compensate(
       x [mm],y [mm],z [mm],a [deg],b [deg],c [deg],fz [N]
       1500,-200,900,0,90,0,-350
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
-    from beamstiff.cli.variables import parse_variables
-    from beamstiff.compensation.formats import read_program
-    from beamstiff.compensation.machine import Machine
-    from beamstiff.compensation.path import Frames
-    from beamstiff.compensation.rewrite import compensate_program
+    from beamstiff.cli.variables import parse_variables, parse_wrench
+    from beamstiff.functions.checks import one_of
+    from beamstiff.functions.compensate import compensate as run
     from beamstiff.report.compensation import (
         compensation_figure,
         compensation_table,
@@ -157,10 +148,9 @@ def compensate(
         uncorrected_table,
     )
     from beamstiff.report.figures import check_format, save_figure
-    from beamstiff.robot.kinematics import actuated_values
-    from beamstiff.robot.reader import load_robot
+    from beamstiff.robot.coerce import as_robot
 
-    chosen("--unreachable", unreachable, (REFUSE, KEEP))
+    one_of("unreachable", unreachable, (REFUSE, KEEP))
     steps = _steps(resample)
     if steps is not None and out is not None and Path(out).suffix.lower() != ".csv":
         raise BeamstiffError(f"--out {out}: a resampled path is written as a table, expected a name.csv")
@@ -168,38 +158,38 @@ def compensate(
         _check_format(path, out)
     if figure is not None:
         check_format(figure)
-    controller = load_robot(robot)
-    real = load_robot(actual) if actual is not None else None
-    frames = Frames(parse_frame("--base", base), parse_frame("--tool", tool))
-    machine = Machine(controller, real, frames=frames)
-    start = actuated_values(controller, parse_variables(controller, q))[0] if q else None
-    program = read_program(path)
-    if names := parse_names(only, "--only"):
-        program = program.only(names)
-    load = _load(wrench, process)
+    controller = as_robot(robot)
     inputs: list[str | Path] = [robot_file(robot), path, *([robot_file(actual)] if actual else [])]
     inputs += [process] if process else []
     check_outputs(inputs, json, out=out, figure=figure, html=html)
     source = source_of(context, html, inputs)
-    with working(f"correcting {len(program.path)} targets", quiet):
-        result = compensate_program(
-            program, machine, load, steps=steps, start=start, taught=taught, positions_only=positions_only
+    with working("correcting the targets", quiet):
+        result = run(
+            controller,
+            path,
+            actual=actual,
+            wrench=parse_wrench(wrench) if wrench else None,
+            process=process,
+            base=None if base is None else parse_frame("--base", base),
+            tool=None if tool is None else parse_frame("--tool", tool),
+            q=parse_variables(controller, q) if q else None,
+            only=parse_names(only, "--only"),
+            taught=taught,
+            positions_only=positions_only,
+            steps=steps,
         )
-    placed = base is not None or tool is not None
-    notes = _notes(result, machine, program, placed=placed, branch=bool(q), taught=taught)
-    for note in notes:
+    for note in result.notes:
         say(f"note: {note}", quiet)
-    facts = _facts(result, controller) | {"notes": notes}
     if html is not None and source is not None:
         from beamstiff.report.html.compensation import compensation_html
 
-        write_whole(html, compensation_html(result, controller, source, facts, notes))
+        write_whole(html, compensation_html(result, controller, source))
     reasons = result.correction.reasons
     console = people(quiet, json)
     if reasons:
         console.print(uncorrected_table(result))
     if reasons and unreachable == REFUSE:
-        write_json(facts, json)
+        write_json(result.to_dict(), json)
         raise _refusal(result)
     console.print(compensation_table(result))
     console.print(compensation_text(result))
@@ -209,7 +199,7 @@ def compensate(
         write_whole(out, result.content)
     elif not quiet:
         say("note: --out FILE writes the corrected path", quiet)
-    write_json(facts, json)
+    write_json(result.to_dict(), json)
 
 
 def _check_format(path: str, out: str) -> None:
@@ -222,19 +212,6 @@ def _check_format(path: str, out: str) -> None:
             f"--out {out}: found the ending {write}, expected {read} as of {path}: a path is corrected "
             "in the language it is written in"
         )
-
-
-def _load(wrench: Sequence[str] | None, process: str | None) -> Process | None:
-    from beamstiff.cli.variables import parse_wrench
-    from beamstiff.compensation.process.load import Constant, Together
-    from beamstiff.compensation.process.reader import read_process
-
-    parts: list[Process] = []
-    if wrench:
-        parts.append(Constant(tuple(parse_wrench(wrench))))
-    if process is not None:
-        parts.append(read_process(process))
-    return Together(tuple(parts)) if parts else None
 
 
 def _steps(text: str | None) -> tuple[float, float] | None:
@@ -260,54 +237,6 @@ def _steps(text: str | None) -> tuple[float, float] | None:
     return found["step"], found["angle"]
 
 
-def _notes(
-    result: Compensated, machine: Machine, program: Program, placed: bool, branch: bool, taught: bool
-) -> list[str]:
-    """Return what is worth knowing, where the frames are `placed` and the `branch` is chosen or not."""
-    from beamstiff.cli.variables import shown_value
-    from beamstiff.robot.stiffness import missing_stiffness
-
-    found, said = result.correction, [*([] if taught else _unproven(result, machine)), *program.notes]
-    if missing_stiffness(machine.real) and not machine.real.effects:
-        what = "differ in geometry alone" if machine.actual is not None else "are one and the same"
-        said.append(
-            f"robot {machine.real.name!r} is rigid: weight and load move nothing, so that controller and "
-            f"real robot {what}; give it a stiffness, or the real robot as --actual"
-        )
-    if not placed and program.frames:
-        said.append(
-            f"{'; '.join(program.frames)}: --base and --tool say where this is, here both are left out: the "
-            f"path counts from the robot's base, and is that of its TCP {machine.controller.tcp!r}"
-        )
-    if not branch:
-        names = [variable.name for variable in machine.controller.actuated]
-        first = zip(names, found.q[0].round(6).tolist(), strict=True)
-        shown = (f"{name} = {shown_value(machine.controller, name, value + 0.0)}" for name, value in first)
-        posture = ", ".join(shown)
-        said.append(f"the path begins at {posture}; --q chooses another posture")
-    if found.switched.size:
-        lines = listed([str(found.path.lines[row]) for row in found.switched.tolist()])
-        said.append(f"the joints have to jump before line {lines}: another configuration")
-    if machine.set_aside:
-        said.append(f"{effects_text(machine.set_aside)}: of measuring, which moves no tool: left out")
-    if machine.real.effects:
-        said.append(f"with the robot's effects: {effects_text(machine.real.effects)}")
-    return said
-
-
-def _unproven(result: Compensated, machine: Machine) -> list[str]:
-    """Return what effects do to the unloaded robot: displacements that they were found from do not fix it."""
-    said = []
-    for effect, parts in machine.unproven(result.correction.q[result.known]).items():
-        shown = ", ".join(f"{name} {1e3 * size:.2g} mm" for name, size in parts.items())
-        said.append(
-            f"the correction takes {effect} to move the unloaded tool already ({shown}): displacements, "
-            "loaded minus unloaded, do not fix that part, absolute positions do; check a target, or teach "
-            "the targets and correct what the load does alone (--taught)"
-        )
-    return said
-
-
 def _refusal(result: Compensated) -> BeamstiffError:
     found = result.correction
     path, reasons = found.path, found.reasons
@@ -316,47 +245,3 @@ def _refusal(result: Compensated) -> BeamstiffError:
         f"{path.source}: {len(reasons)} of {len(path)} targets cannot be corrected: {listed(each, 5)}; "
         "no path is written, --unreachable keep leaves them as they are"
     )
-
-
-def _facts(result: Compensated, robot: Robot) -> dict[str, Any]:
-    from dataclasses import asdict
-
-    import numpy as np
-
-    from beamstiff.report.compensation import size_of
-    from beamstiff.se3 import vector_from_rotation
-
-    found, known = result.correction, result.known
-    names = [variable.name for variable in robot.actuated]
-    before, after = size_of(found.before[known]), size_of(result.after[known])
-    turns = vector_from_rotation(found.commands[:, :3, :3])
-
-    def row_of(errors: Array, row: int) -> list[float] | None:
-        return None if np.isnan(errors[row]).any() else errors[row].tolist()
-
-    targets = [
-        {
-            "name": name,
-            "line": int(found.path.lines[row]),
-            "corrected": row not in found.reasons,
-            "reason": found.reasons.get(row),
-            "q": dict(zip(names, found.q[row].tolist(), strict=True)),
-            "command": [*found.commands[row, :3, 3].tolist(), *turns[row].tolist()],
-            "wrench": found.wrench[row].tolist(),
-            "before": row_of(found.before, row),
-            "after": row_of(result.after, row),
-        }
-        for row, name in enumerate(found.path.names)
-    ]
-    return {
-        "format": "beamstiff-compensation/1",
-        "before": asdict(before),
-        "after": asdict(after),
-        "improvement": 1 - after.rms_mm / before.rms_mm if before.rms_mm > 0 else None,
-        "rounds": found.rounds,
-        "unreachable": [
-            {"line": int(found.path.lines[row]), "name": found.path.names[row], "reason": reason}
-            for row, reason in found.reasons.items()
-        ],
-        "targets": targets,
-    }

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from beamstiff.cli.data import doubted, read_tables
 from beamstiff.cli.options import (
     DataFiles,
     Debug,
@@ -21,16 +19,7 @@ from beamstiff.cli.options import (
     parse_region,
     robot_file,
 )
-from beamstiff.cli.output import (
-    check_once,
-    check_outputs,
-    effects_text,
-    people,
-    say,
-    source_of,
-    working,
-    write_json,
-)
+from beamstiff.cli.output import check_outputs, people, say, source_of, working, write_json
 from beamstiff.errors import BeamstiffError
 
 
@@ -92,39 +81,34 @@ def diagnose(
       beamstiff diagnose robot.yaml data.csv --next next.csv --region z=0.3m:2m
       beamstiff diagnose robot.yaml data.csv next.csv
     """  # noqa: D301
-    from beamstiff.diagnosis.diagnose import diagnose as run
     from beamstiff.diagnosis.next_measurement.test_plan import programme_csv
     from beamstiff.files import write_whole
-    from beamstiff.measure import concatenate
+    from beamstiff.functions.checks import effects_text
+    from beamstiff.functions.diagnose import diagnose as run
+    from beamstiff.measure.coerce import as_tables
     from beamstiff.report.diagnosis import LIKELY, diagnosis_tables, draw_diagnosis
-    from beamstiff.robot.reader import load_robot
+    from beamstiff.robot.coerce import as_robot
 
     file = robot_file(robot)
-    check_once(data)
     check_outputs([file, *data], json_to, next=next_to, apply=apply, figure=figure, html=html)
     if figure is not None:
         from beamstiff.report.figures import check_format
 
         check_format(figure)
     source = source_of(context, html, [file, *data], seed)
-    machine = load_robot(file)
+    machine = as_robot(file)
     where = parse_region(region)
-    tables, doubts = read_tables(data, machine)
-    rows = replace(concatenate(tables), region=where)
-    with doubted(doubts), working("diagnosing", quiet):
-        result = run(
-            machine, rows, without=parse_names(without, "--without", "backlash,hardening:q1") or (), seed=seed
-        )
-    for note in doubts:  # of the table: before what is made of it
+    excluded = parse_names(without, "--without", "backlash,hardening:q1") or ()
+    tables = as_tables(data, machine)
+    with working("diagnosing", quiet):
+        result = run(machine, tables, without=excluded, region=where, seed=seed)
+    for note in result.notes:
         say(f"note: {note}", quiet)
     console = people(quiet, json_to)
     for item in diagnosis_tables(result):
         console.print(item)
     if machine.effects:
         console.print(f"Known before, and counted in: {effects_text(machine.effects)}.")
-    for note in result.notes:
-        if note not in doubts:
-            say(f"note: {note}", quiet)
     write_json(result.to_dict(), json_to)
     if next_to is not None and result.next:
         write_whole(next_to, programme_csv(result))

@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamstiff.cli.options import Debug, Html, Json, Processes, Quiet, Scheduler, robot_file
-from beamstiff.cli.output import check_outputs, note_effects, people, say, source_of, write_json
-from beamstiff.errors import BeamstiffError, listed, suggest
+from beamstiff.cli.options import Debug, Html, Json, Processes, Quiet, Scheduler, parse_names, robot_file
+from beamstiff.cli.output import check_outputs, people, say, source_of, write_json
 
 if TYPE_CHECKING:
-    from beamstiff.exam.blind import Control, Diagnose, Examiner
-    from beamstiff.exam.cases import Exam
-    from beamstiff.exam.record import Kind, Record
+    from beamstiff.exam.record import Record
     from beamstiff.exam.run import Void
-    from beamstiff.robot.description import Robot
 
 
 def exam(
@@ -101,9 +96,8 @@ def exam(
       beamstiff exam --cases 60 --classes null,backlash,hysteresis
       beamstiff exam --cases 2160 --scheduler tcp://10.0.0.5:8786 --out results.jsonl
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
-    from beamstiff.exam.blind import Examiner
-    from beamstiff.exam.labelled import examine_folder
-    from beamstiff.exam.table import by_design, table_dict
+    from beamstiff.exam.table import by_design
+    from beamstiff.functions.examine import examine
     from beamstiff.report.exam import exam_tables, plan_tables, reliability_figure
 
     inputs: list[str | Path] = [] if robot is None else [robot_file(robot)]
@@ -116,16 +110,24 @@ def exam(
         from beamstiff.report.figures import check_format
 
         check_format(figure)
-    examiner = Examiner(_diagnose(), controls=_controls() if compare else {}, reports=_folder(reports))
-    if sets is not None:
-        if robot is not None or plan is not None or out is not None or classes:
-            raise BeamstiffError("--sets: found other options of what to examine, expected the folder only")
-        settings: dict[str, Any] = {"sets": sets}
-        records = examine_folder(Path(sets), examiner, processes=processes, scheduler=scheduler)
-    else:
-        asked = _exam(robot, plan, seed, classes, quiet)
-        settings = asked.settings()
-        records = _simulated(asked, cases, examiner, processes, scheduler, out, quiet)
+    with _bar(cases, quiet) as progress:
+        found = examine(
+            robot,
+            plan,
+            cases=cases,
+            classes=parse_names(classes, "--classes", "null,backlash"),
+            sets=sets,
+            compare=compare,
+            reports=reports,
+            out=out,
+            seed=seed,
+            processes=processes,
+            scheduler=scheduler,
+            progress=progress,
+        )
+    for note in found.notes:
+        say(f"note: {note}", quiet)
+    records = list(found.records)
     console = people(quiet, json)
     for shown in plan_tables(records) if plan else exam_tables(records):
         console.print(shown)
@@ -134,142 +136,13 @@ def exam(
         from beamstiff.report.figures import save_figure
 
         save_figure(reliability_figure(by_design(records)[0]), figure)
-    facts = {"exam": settings, **table_dict(records)}
     if html is not None and source is not None:
         from beamstiff.files import write_whole
         from beamstiff.report.html.exam import exam_html
 
         examined = robot or sets or "Robots of the exam"
-        write_whole(html, exam_html(records, examined, source, facts, plan=plan is not None))
-    write_json(facts, json)
-
-
-def _simulated(
-    asked: Exam,
-    cases: int,
-    examiner: Examiner,
-    processes: int,
-    scheduler: str | None,
-    out: str | None,
-    quiet: bool,
-) -> list[Record]:
-    from beamstiff.exam.run import run_exam
-
-    with _bar(cases, quiet) as progress:
-        records = run_exam(
-            asked,
-            cases,
-            examiner,
-            processes=processes,
-            scheduler=scheduler,
-            results=None if out is None else Path(out),
-            progress=progress,
-        )
-    if not records:
-        raise BeamstiffError(
-            f"exam: none of {cases} cases could be simulated, expected another robot or plan"
-        )
-    if len(records) < cases:
-        say(f"note: {cases - len(records)} of {cases} cases could not be simulated and count nowhere", quiet)
-    return records
-
-
-def _exam(robot: str | None, plan: str | None, seed: int, classes: Sequence[str] | None, quiet: bool) -> Exam:
-    """Return the exam that was asked for."""
-    from beamstiff.exam.cases import PLAN_SHARES, SHARES, Exam
-    from beamstiff.exam.names import EFFECTS
-    from beamstiff.measure.reader import read_measurements
-    from beamstiff.robot.reader import load_robot
-
-    if plan is not None and robot is None:
-        raise BeamstiffError(
-            "--plan: found a plan without a robot, expected: beamstiff exam ROBOT --plan CSV"
-        )
-    description = None if robot is None else load_robot(robot)
-    if description is not None and description.effects:  # the exam's own simulator does not know them
-        note_effects(description, "the exam, neither of its machines nor of its models", quiet)
-        description = description.model_copy(update={"effects": ()})
-    shares, effects = (PLAN_SHARES if plan else SHARES), EFFECTS
-    if classes:
-        shares, effects = parse_classes(classes)
-    if description is not None:
-        effects = _possible(description, effects, quiet)
-        if "single" in shares and classes:
-            shares = {**shares, "single": len(effects)}
-    laid_out = None
-    if plan is not None and description is not None:
-        laid_out = read_measurements(plan, description, require_measured=False)
-        if laid_out.sigma_position is None:
-            noise = 1e3 * Exam(seed).noise[0]
-            say(f"note: {plan} states no sigma_position; {noise:g} mm is assumed", quiet)
-    return Exam(seed=seed, shares=shares, effects=effects, robot=description, plan=laid_out)
-
-
-def _possible(robot: Robot, effects: tuple[str, ...], quiet: bool) -> tuple[str, ...]:
-    from beamstiff.exam.cases import possible_effects
-
-    possible = possible_effects(robot, effects)
-    missing = [effect for effect in effects if effect not in possible]
-    if not possible:
-        raise BeamstiffError(f"exam: robot {robot.name!r} can have none of {listed(effects)}")
-    if missing:
-        say(f"note: robot {robot.name} cannot have {listed(missing, 20)}", quiet)
-    return possible
-
-
-def parse_classes(texts: Sequence[str]) -> tuple[dict[Kind, int], tuple[str, ...]]:
-    """Return the share of each kind of case, and the effects asked, from texts such as ``"null,backlash"``.
-
-    Every name gets an equal share; ``single`` stands for all effects.
-
-    Raises
-    ------
-    BeamstiffError
-        When a name is neither a kind nor an effect.
-
-    Examples
-    --------
-    >>> parse_classes(["null,backlash", "hysteresis"])
-    ({'null': 1, 'single': 2}, ('backlash', 'hysteresis'))
-    """
-    from beamstiff.exam.names import EFFECTS
-    from beamstiff.exam.record import KINDS
-
-    names = list(dict.fromkeys(name.strip() for text in texts for name in text.split(",")))
-    unknown = [name for name in names if name not in (*KINDS, *EFFECTS)]
-    if unknown:
-        known = (*KINDS, *EFFECTS)
-        raise BeamstiffError(
-            f"--classes: found {unknown[0]!r}{suggest(unknown[0], known)}, "
-            f"expected {listed(known, len(known))}"
-        )
-    effects = EFFECTS if "single" in names else tuple(name for name in names if name in EFFECTS)
-    shares: dict[Kind, int] = {kind: 1 for kind in KINDS if kind in names and kind != "single"}
-    if effects:
-        shares["single"] = len(effects)
-    return shares, effects or EFFECTS
-
-
-def _folder(reports: str | None) -> Path | None:
-    if reports is None:
-        return None
-    folder = Path(reports)
-    try:
-        folder.mkdir(exist_ok=True)
-    except OSError as error:
-        raise BeamstiffError(f"--reports {reports}: cannot be made: {error.strerror or error}") from None
-    return folder
-
-
-def _diagnose() -> Diagnose:
-    """Return the diagnosis; loaded only here, because it takes its time."""
-    diagnose: Diagnose = import_module("beamstiff.diagnosis.diagnose").diagnose
-    return diagnose
-
-
-def _controls() -> dict[str, Control]:
-    """Return the plain methods that the diagnosis is compared with."""
-    return {"plain regression, best BIC": import_module("beamstiff.diagnosis.plain_regression").plain_bic}
+        write_whole(html, exam_html(records, examined, source, found.to_dict(), plan=plan is not None))
+    write_json(found.to_dict(), json)
 
 
 @contextmanager

@@ -11,12 +11,21 @@ from typing import Any
 from typer.core import TyperGroup
 
 from beamstiff.cli.output import say
-from beamstiff.errors import BeamstiffError
+from beamstiff.errors import BeamstiffError, OptionError
 
 SUCCESS, FAILURE, REFUSED, INTERRUPTED = 0, 1, 2, 130
 # Many small matrices: threads inside the linear algebra get in one another's way, twenty times slower on a
 # busy machine. Read when the library loads, which no command has done yet; what the user has set stays.
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+# arguments of functions whose option on the command line has another name
+CALLED = {
+    "components": "use",
+    "fixed": "fix",
+    "ties": "tie",
+    "bounds": "bound",
+    "priors": "prior",
+}
 
 
 class Commands(TyperGroup):
@@ -64,7 +73,7 @@ def _explain(error: Exception, debug: bool) -> int:
     if debug:
         traceback.print_exception(error)
     if isinstance(error, BeamstiffError):
-        say(f"error: {error}")
+        say(f"error: {_told(error)}")
         return REFUSED
     if hasattr(error, "format_message"):  # typer's own: what was typed is no valid command
         say(f"error: {_usage(error)}")
@@ -78,6 +87,13 @@ def _explain(error: Exception, debug: bool) -> int:
         f"internal error: {what}: a fault of beamstiff, please report it with the command and its files{more}"
     )
     return FAILURE
+
+
+def _told(error: BeamstiffError) -> str:
+    """Return what is wrong, options by their names on the command line."""
+    if not isinstance(error, OptionError):
+        return str(error)
+    return f"--{CALLED.get(error.option, error.option).replace('_', '-')}: {error.what}"
 
 
 def _usage(error: Any) -> str:

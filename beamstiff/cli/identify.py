@@ -4,22 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
-from beamstiff.cli.data import doubted, read_tables
 from beamstiff.cli.group import INTERRUPTED
-from beamstiff.cli.identify_options import (
-    at_least,
-    chosen,
-    parse_bounds,
-    parse_errors,
-    parse_priors,
-    parse_ties,
-)
+from beamstiff.cli.identify_options import parse_bounds, parse_errors, parse_priors, parse_ties
 from beamstiff.cli.options import (
     DataFiles,
     Debug,
@@ -32,29 +23,16 @@ from beamstiff.cli.options import (
     parse_names,
     robot_file,
 )
-from beamstiff.cli.output import (
-    check_once,
-    check_outputs,
-    effects_text,
-    people,
-    say,
-    source_of,
-    working,
-    write_json,
-)
+from beamstiff.cli.output import check_outputs, people, say, source_of, working, write_json
 from beamstiff.errors import BeamstiffError
 from beamstiff.files import write_whole
 
 if TYPE_CHECKING:
-    from beamstiff.identification.bootstrap import Bootstrap
-    from beamstiff.identification.minimise import Effort, Progress
+    from beamstiff.identification.minimise import Progress
+    from beamstiff.identification.objective import Loss
     from beamstiff.identification.problem import Components
     from beamstiff.identification.reduce import Reduced
     from beamstiff.identification.result import Identification
-    from beamstiff.identification.statement import Statement
-    from beamstiff.robot.description import Robot
-
-USES = ("both", "position", "rotation")
 
 
 def identify(
@@ -191,54 +169,27 @@ def identify(
       beamstiff identify robot.yaml data.csv --method crs2 --searches 8 --processes 4
       beamstiff identify robot.yaml data.csv --loss huber --bootstrap 1000 --reduce small.yaml
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
-    from beamstiff.identification.identify import identify as fit
-    from beamstiff.identification.minimise import GLOBAL, METHODS, Effort
-    from beamstiff.identification.objective import LOSSES
-    from beamstiff.identification.separate import with_separations
-    from beamstiff.identification.statement import state_identification
-    from beamstiff.measure.rows import concatenate
-    from beamstiff.measure.usable import counted_once
-    from beamstiff.parallel import check_places
+    from beamstiff.functions.checks import effects_text, whole
+    from beamstiff.functions.identify import identify as run
+    from beamstiff.measure.coerce import as_tables
     from beamstiff.report.identification import (
         combinations_text,
         identification_table,
         identification_text,
+        method_text,
     )
-    from beamstiff.robot.reader import load_robot
-    from beamstiff.robot.stiffness import check_stiffness
+    from beamstiff.robot.coerce import as_robot
     from beamstiff.robot.yaml_edit import robot_yaml
 
-    chosen("--method", method, list(METHODS))
-    chosen("--loss", loss, list(LOSSES))
-    chosen("--use", use, USES)
-    for option, value, least in (("--folds", folds, 0), ("--bootstrap", bootstrap, 0), ("--seed", seed, 0)):
-        at_least(option, value, least)
-    if folds == 1:
-        raise BeamstiffError("--folds: found 1, expected 2 or more, or 0 for none")
-    at_least("--evaluations", evaluations, 1)
-    at_least("--population", population, 5)
-    at_least("--searches", searches, 1)
-    if searches > 1 and method not in GLOBAL:
-        raise BeamstiffError(f"--searches: found the method {method}, expected {', '.join(GLOBAL)}")
-    description = load_robot(robot)
-    check_stiffness(description)
-    check_once(data)
-    names = parse_names(parameters)
-    by_itself: list[str] = []
-    if names is None and not description.identify:
-        from beamstiff.diagnosis.notes import chosen_for
-        from beamstiff.diagnosis.residual.baseline import fitted_names
-
-        names, by_itself = list(fitted_names(description)) or None, list(chosen_for(description))
-    what: dict[str, Any] = {
-        "parameters": names,
+    whole("evaluations", evaluations, 1)  # before the bar counts them
+    machine = as_robot(robot)
+    said: dict[str, Any] = {
+        "parameters": parse_names(parameters),
         "fixed": parse_names(fix, "--fix") or [],
         "ties": parse_ties(tie),
-        "bounds": parse_bounds(description, bound),
-        "priors": parse_priors(description, prior),
+        "bounds": parse_bounds(machine, bound),
+        "priors": parse_priors(machine, prior),
         "errors": parse_errors(input_error),
-        "loss": loss,
-        "components": use,
     }
     file = robot_file(robot)
     check_outputs([file, *data], json, out=out, reduce=reduce, figure=figure, html=html)
@@ -247,69 +198,59 @@ def identify(
 
         check_format(figure)
     source = source_of(context, html, [file, *data], seed)
-    if bootstrap or searches > 1:
-        check_places(processes, scheduler)
-    elif processes > 1 or scheduler is not None:
-        say("note: one search is one process: what is spread are --bootstrap and --searches", quiet)
-    tables, notes = read_tables(data, description)
-    whole, measured = description, counted_once(concatenate(tables))
-    if whole.effects:
-        from beamstiff.diagnosis.apply import without_effects
-
-        with doubted(notes), working("taking the robot's effects off the readings", quiet):
-            description, measured = without_effects(whole, measured)
-    effort = Effort(evaluations, seed, population, searches, processes, scheduler)
     with (
-        doubted(notes),
-        working(f"identifying from {len(measured)} rows", quiet, still=True),
+        working("identifying", quiet, still=True),
         _bar(evaluations * searches, quiet) as tell,
     ):
-        found = fit(description, measured, method=method, folds=folds, effort=effort, progress=tell, **what)
-    drawn, stopped = None, found.interrupted
-    if not stopped:
-        try:
-            with working("looking for what would tell more", quiet):
-                found = with_separations(found, description, measured, cast("Components", use), seed)
-            if bootstrap:
-                with working(f"fitting {bootstrap} draws of the poses", quiet):
-                    drawn = _draw(
-                        state_identification(description, measured, **what), found, bootstrap, effort
-                    )
-        except KeyboardInterrupt:
-            stopped = True  # the values are there, and shown
-
-    found = replace(found, notes=(*notes, *by_itself, *found.notes))
+        found = run(
+            machine,
+            as_tables(data, machine),
+            method=method,
+            loss=cast("Loss", loss),
+            components=cast("Components", use),
+            folds=folds,
+            bootstrap=bootstrap,
+            reduce=reduce is not None,
+            seed=seed,
+            evaluations=evaluations,
+            population=population,
+            searches=searches,
+            processes=processes,
+            scheduler=scheduler,
+            progress=tell,
+            **said,
+        )
+    fitted = found.rows
+    assert fitted is not None
     for note in found.notes:
         say(f"note: {note}", quiet)
     console = people(quiet, json)
-    intervals = None if drawn is None else drawn.intervals
-    title = f"{description.name}: identified stiffness"
-    console.print(identification_table(found, description, title, intervals))
+    console.print(identification_table(found, machine, f"{machine.name}: identified stiffness"))
     console.print()
-    for line in (*combinations_text(found), identification_text(found, measured, folds), _method(found)):
+    for line in (
+        *combinations_text(found),
+        identification_text(found, fitted, folds),
+        method_text(found),
+    ):
         console.print(line)
-    if whole.effects:
-        console.print(f"Beside the robot's effects, as they are: {effects_text(whole.effects)}.")
-        found = replace(found, robot=found.robot.model_copy(update={"effects": whole.effects}))
-    reduced = None
-    if reduce is not None:
-        reduced = _reduce(description, measured, found, use)
-        reduced = replace(reduced, robot=reduced.robot.model_copy(update={"effects": whole.effects}))
-        write_whole(reduce, robot_yaml(reduced.robot, file, head=_reduced_head(reduced, found, data)))
+    if machine.effects:
+        console.print(f"Beside the robot's effects, as they are: {effects_text(machine.effects)}.")
+    if reduce is not None and found.reduced is not None:
+        head = _reduced_head(found.reduced, found, data)
+        write_whole(reduce, robot_yaml(found.reduced.robot, file, head=head))
     if out is not None:
         write_whole(out, robot_yaml(found.robot, file, found.conditional_std, _head(found, data)))
     if figure is not None:
         from beamstiff.report.figures import save_figure
         from beamstiff.report.parity import parity_figure
 
-        save_figure(parity_figure(measured, found.predicted, description.name), figure)
-    facts = _facts(found, drawn, reduced)
+        save_figure(parity_figure(fitted, found.predicted, machine.name), figure)
     if html is not None and source is not None:
         from beamstiff.report.html.identification import identification_html
 
-        write_whole(html, identification_html(found, description, measured, source, folds, facts))
-    write_json(facts, json)
-    if stopped:
+        write_whole(html, identification_html(found, machine, fitted, source, folds))
+    write_json(found.to_dict(), json)
+    if found.interrupted:
         raise typer.Exit(INTERRUPTED)
 
 
@@ -332,72 +273,6 @@ def _bar(most: int, quiet: bool) -> Iterator[Progress | None]:
     with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task("search", total=most, cost=float("inf"))
         yield lambda count, cost: bar.update(task, completed=count, cost=cost)
-
-
-def _draw(statement: Statement, found: Identification, repetitions: int, effort: Effort) -> Bootstrap:
-    """Return the bootstrap about what was found."""
-    from beamstiff.identification.bootstrap import bootstrap
-
-    statement = statement.holding(found.stiffness).weighed(found.stiffness)
-    return bootstrap(
-        statement,
-        statement.theta(found.stiffness),
-        repetitions,
-        effort.seed,
-        processes=effort.processes,
-        scheduler=effort.scheduler,
-    )
-
-
-def _reduce(robot: Robot, measured: Any, found: Identification, use: str) -> Reduced:
-    from beamstiff.identification.degeneracy import find_degeneracy
-    from beamstiff.identification.problem import state_problem
-    from beamstiff.identification.reduce import reduce_model
-
-    names = [item.name for item in found.parameters]
-    problem = state_problem(robot, measured, names, cast("Components", use))
-    values = dict(zip(names, found.stiffness.tolist(), strict=True))
-    return reduce_model(robot, find_degeneracy(problem), values, names)
-
-
-def _facts(found: Identification, drawn: Bootstrap | None, reduced: Reduced | None) -> dict[str, Any]:
-    import numpy as np
-
-    facts = found.to_dict()
-    if drawn is not None:
-        facts["bootstrap"] = {
-            "repetitions": len(drawn.stiffness),
-            "poses": drawn.poses,
-            "undetermined": drawn.undetermined,
-            "intervals": {
-                name: [limit if np.isfinite(limit) else None for limit in ends]
-                for name, ends in drawn.intervals.items()
-            },
-        }
-    if reduced is not None:
-        facts["reduced"] = {
-            "lumped": [
-                {
-                    "kept": one.kept,
-                    "value": one.value,
-                    "rigid": _are(one.gone, np.inf),
-                    "free": _are(one.gone, 0),
-                }
-                for one in reduced.lumped
-            ],
-            "held": list(reduced.held),
-        }
-    return facts
-
-
-def _are(gone: Any, value: float) -> list[str]:
-    return [name for name, became in gone.items() if became == value]
-
-
-def _method(found: Identification) -> str:
-    from beamstiff.report.tables import counted
-
-    return f"{found.method}, {counted(found.evaluations, 'evaluation')}: {found.message.rstrip('.')}."
 
 
 def _sources(data: Sequence[str]) -> str:

@@ -26,31 +26,6 @@ ERRORS = {
 }
 
 
-def chosen(option: str, value: str, known: Sequence[str]) -> str:
-    """Return one of the known words.
-
-    Raises
-    ------
-    BeamstiffError
-        When it is none of them.
-    """
-    if value not in known:
-        raise BeamstiffError(f"{option}: found {value!r}{suggest(value, known)}, expected {', '.join(known)}")
-    return value
-
-
-def at_least(option: str, value: int | None, least: int) -> None:
-    """Refuse a number that is too small.
-
-    Raises
-    ------
-    BeamstiffError
-        Naming the option.
-    """
-    if value is not None and value < least:
-        raise BeamstiffError(f"{option}: found {value}, expected {least} or more")
-
-
 def parse_ties(texts: Sequence[str] | None) -> list[list[str]]:
     """Return groups of parameters from texts such as ``"J1.radial,J2.radial"``.
 

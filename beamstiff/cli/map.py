@@ -18,7 +18,7 @@ from beamstiff.cli.options import (
     parse_names,
     robot_file,
 )
-from beamstiff.cli.output import check_outputs, note_effects, people, say, working, write_json
+from beamstiff.cli.output import check_outputs, people, say, working, write_json
 from beamstiff.errors import BeamstiffError
 
 if TYPE_CHECKING:
@@ -126,6 +126,7 @@ def map(
         --orientation b=90deg --out map.nc --processes 4
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
     from beamstiff.cli.variables import parse_variables, parse_wrench
+    from beamstiff.functions.checks import left_out
     from beamstiff.maps.run import map_workspace
     from beamstiff.maps.summary import summary
     from beamstiff.report.figures import check_format, save_figure
@@ -150,7 +151,8 @@ def map(
     check_outputs([file], json, figure=figure, out=None if out is None or out.endswith(".zarr") else out)
     if figure is not None:
         check_format(figure)
-    note_effects(description, "the map", quiet)
+    for note in left_out(description.effects, "the map"):
+        say(f"note: {note}", quiet)
     told = provenance([file], 0, context.obj if isinstance(context.obj, list) else [])
     attributes = {
         "command": told.command,

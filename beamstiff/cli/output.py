@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     import typer
 
     from beamstiff.report.html.provenance import Provenance
-    from beamstiff.robot.description import Robot
-    from beamstiff.robot.parts import AddedEffect
 
 STDOUT = "-"
 PIPE_WIDTH = 200  # columns where there is no terminal to fit into
@@ -125,24 +123,6 @@ def source_of(
     return provenance(inputs, seed, context.find_root().obj or ())
 
 
-def check_once(data: Iterable[str], tests: Iterable[str] = ()) -> None:
-    """Refuse tables that are given twice, by whatever path, and tests that are fitted too.
-
-    Raises
-    ------
-    BeamstiffError
-        Naming the table.
-    """
-    fitted: set[Path] = set()
-    for path in data:
-        if Path(path).resolve() in fitted:
-            raise BeamstiffError(f"{path}: is given twice, its rows would count twice")
-        fitted.add(Path(path).resolve())
-    for path in tests:
-        if Path(path).resolve() in fitted:
-            raise BeamstiffError(f"--test {path}: is fitted too, expected readings that are not")
-
-
 def write_json(value: Mapping[str, Any], json_to: str | None) -> None:
     """Write plain data as JSON to a file or, for ``-``, to stdout; nowhere for None."""
     if json_to is None:
@@ -201,14 +181,3 @@ class _Console(Console):
 def _console(quiet: bool, stderr: bool = False, width: int | None = None) -> Console:
     # names from files are printed as they are: no markup, no emoji codes, no guessed colours
     return _Console(stderr=stderr, quiet=quiet, width=width, markup=False, emoji=False, highlight=False)
-
-
-def effects_text(effects: Iterable[AddedEffect]) -> str:
-    """Return a robot's effects as people read them, ``backlash:q2``."""
-    return ", ".join(dict.fromkeys(f"{one.effect}:{one.component or 'null'}" for one in effects))
-
-
-def note_effects(robot: Robot, what: str, quiet: bool) -> None:
-    """Say that a robot's effects are left out of something."""
-    if robot.effects:
-        say(f"note: the robot's effects ({effects_text(robot.effects)}) are not part of {what}", quiet)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from beamstiff.cli.options import Debug, Json, Quiet, robot_file, robots_beginning
-from beamstiff.cli.output import check_outputs, effects_text, people, say, working, write_json
+from beamstiff.cli.output import check_outputs, people, say, working, write_json
 from beamstiff.errors import BeamstiffError
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def show(
         )
         write_json({"robots": robot_names()}, json)
         return
-    from beamstiff.cli.variables import shown_value
+    from beamstiff.functions.checks import effects_text, shown_value
     from beamstiff.report.overview import describe
     from beamstiff.report.overview_tables import overview_tables
     from beamstiff.robot.doubts import robot_doubts

@@ -9,21 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from beamstiff.cli.options import Debug, Json, Preload, Quiet, RobotFile, robot_file
-from beamstiff.cli.output import check_outputs, note_effects, people, working, write_json
-from beamstiff.errors import BeamstiffError
-from beamstiff.report.tables import millimetres, number, table
+from beamstiff.cli.output import check_outputs, people, say, working, write_json
+from beamstiff.errors import BeamstiffError, OptionError
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
-    from beamstiff.fem.structure import Structure
     from beamstiff.robot.description import Robot
-    from beamstiff.robot.kinematics import Posture
-    from beamstiff.se3 import Array
-
-FORCES = ("fx [N]", "fy [N]", "fz [N]", "mx [N m]", "my [N m]", "mz [N m]")
-MOTIONS = ("dx [m]", "dy [m]", "dz [m]", "rx [rad]", "ry [rad]", "rz [rad]")
-ROUNDING = 1e-12
 
 
 def stiffness(
@@ -70,61 +60,24 @@ def stiffness(
       beamstiff stiffness ir663 --q q2=10deg,q8=45deg --preload --wrench fz=-900N
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
     from beamstiff.cli.variables import note_limits, parse_variables, parse_wrench
-    from beamstiff.fem.structure import compile_structure
-    from beamstiff.robot.kinematics import posture
-    from beamstiff.robot.reader import load_robot
+    from beamstiff.functions.stiffness import stiffness as run
+    from beamstiff.report.stiffness import stiffness_tables
+    from beamstiff.robot.coerce import as_robot
 
-    description = load_robot(robot)
-    values = parse_variables(description, q or [])
-    load = parse_wrench(wrench or [])
-    if wrench and not preload:
-        raise BeamstiffError("--wrench: loads the machine before it is moved, which only --preload looks at")
+    machine = as_robot(robot)
+    values = parse_variables(machine, q or [])
+    load = parse_wrench(wrench or []) if wrench else None
     check_outputs([robot_file(robot)], json)
-    with working("condensing the structure", quiet), _hint_at_q(description, values):
-        structure = compile_structure(description)
-        kinematics = structure.kinematics
-        where = posture(kinematics, values)
-        stiff, compliance = _matrices(structure, where, load if preload else None)
-    tcp = where.node_positions[0, kinematics.node_index[description.tcp]]
-    variables = dict(zip(kinematics.coupling.names, where.values[0].tolist(), strict=True))
-    note_limits(description, variables, quiet)
-    note_effects(description, "its stiffness", quiet)
+    with working("condensing the structure", quiet), _hint_at_q(machine, values):
+        found = run(machine, values, preload=preload, wrench=load)
+    note_limits(machine, found.variables, quiet)
+    for note in found.notes:
+        say(f"note: {note}", quiet)
 
     console = people(quiet, json)
-    what = "Tangent stiffness of the loaded machine" if preload else "Stiffness"
-    console.print(_posture_table(description, variables, tcp))
-    console.print(_matrix_table(f"{what} at the TCP: row = K column", FORCES, MOTIONS, stiff))
-    console.print(_matrix_table("Compliance at the TCP: row = C column", MOTIONS, FORCES, compliance))
-    write_json(
-        {
-            "stiffness": stiff.tolist(),
-            "compliance": compliance.tolist(),
-            "tcp": tcp.tolist(),
-            "variables": variables,
-        },
-        json,
-    )
-
-
-def _matrices(structure: Structure, where: Posture, load: list[float] | None) -> tuple[Array, Array]:
-    """Return stiffness and compliance, (6, 6) each, of the machine under gravity and a load, or of none."""
-    import numpy as np
-
-    from beamstiff.fem.condensation import tcp_compliance, tcp_stiffness
-    from beamstiff.fem.geometric import loaded_compliance, loaded_stiffness
-    from beamstiff.fem.response import nodal_loads
-
-    tcp, what = structure.robot.tcp, f"robot {structure.robot.name!r}"
-    if load is None:
-        compliance = tcp_compliance(structure, where)
-    else:
-        loads = nodal_loads(structure, 1, {tcp: np.array(load)})
-        compliance = loaded_compliance(structure, where, loads, gravity=True)
-    try:
-        inverse = tcp_stiffness if load is None else loaded_stiffness
-        return inverse(compliance, what)[0], compliance[0]
-    except BeamstiffError as error:
-        raise BeamstiffError(f"{error} (beamstiff deflect, which needs no stiffness)") from None
+    for part in stiffness_tables(found):
+        console.print(part)
+    write_json(found.to_dict(), json)
 
 
 @contextmanager
@@ -133,33 +86,7 @@ def _hint_at_q(robot: Robot, values: Mapping[str, float]) -> Iterator[None]:
     try:
         yield
     except BeamstiffError as error:
-        from beamstiff.robot.stiffness import check_stiffness
-
-        check_stiffness(robot)
-        if values or not robot.actuated:
+        if isinstance(error, OptionError) or values or not robot.actuated:
             raise
         names = ",".join(f"{item.name}=..." for item in robot.actuated[:6])
         raise BeamstiffError(f"{error}; all joint variables are 0 here, set them with --q {names}") from None
-
-
-def _posture_table(robot: Robot, variables: dict[str, float], tcp: Array) -> Table:
-    from beamstiff.cli.variables import shown_value
-
-    result = table(f"{robot.name}: posture", "", "value", "", left=3)
-    for variable in robot.variables:
-        how = "" if variable.actuated else "solved" if variable.passive else f"= {variable.equals}"
-        result.add_row(variable.name, shown_value(robot, variable.name, variables[variable.name]), how)
-    result.add_row("TCP x, y, z", ", ".join(millimetres(tcp)) + " mm", "")
-    return result
-
-
-def _matrix_table(title: str, rows: tuple[str, ...], columns: tuple[str, ...], matrix: Array) -> Table:
-    import numpy as np
-
-    # what is rounding beside the diagonal is shown as 0; JSON holds it as it is
-    size = np.sqrt(np.abs(np.diagonal(matrix)))
-    shown = np.where(np.abs(matrix) > ROUNDING * size[:, None] * size, matrix, 0.0)
-    result = table(title, "", *columns)
-    for name, row in zip(rows, shown, strict=True):
-        result.add_row(name, *map(number, row))
-    return result

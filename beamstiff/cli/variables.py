@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from math import degrees, pi
+from math import pi
 
 from beamstiff.cli.output import say
 from beamstiff.errors import BeamstiffError
+from beamstiff.functions.checks import shown_value
 from beamstiff.measure.table import WRENCH
 from beamstiff.robot.coupling import variable_kinds
 from beamstiff.robot.description import Robot
@@ -84,8 +85,3 @@ def note_limits(robot: Robot, values: Mapping[str, float], quiet: bool) -> None:
             if variable_kinds(robot)[variable.name] == "angle" and abs(value) > 2 * pi:
                 hint = "; a number without a unit is rad"
             say(f"note: {variable.name} = {found} is outside its limits {low} to {high}{hint}", quiet)
-
-
-def shown_value(robot: Robot, name: str, value: float) -> str:
-    """Return the value of a variable as people read it: in degrees or millimetres."""
-    return f"{degrees(value):.6g} deg" if variable_kinds(robot)[name] == "angle" else f"{1e3 * value:.6g} mm"

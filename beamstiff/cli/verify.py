@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Annotated
 
 import typer
 
-from beamstiff.cli.data import doubted, read_tables
 from beamstiff.cli.options import DataFiles, Debug, Json, Quiet, RobotFile, robot_file
 from beamstiff.cli.output import check_outputs, people, say, working, write_json
 from beamstiff.report.tables import add_rows, table
@@ -41,19 +39,13 @@ def verify(
       beamstiff verify real.yaml fresh.csv
       beamstiff verify real.yaml fresh.csv --refit-frame --max-gap 0.2mm
     """  # noqa: D301
-    from beamstiff.diagnosis.verify import verify as run
-    from beamstiff.measure import concatenate
-    from beamstiff.robot.reader import load_robot
+    from beamstiff.functions.verify import verify as run
     from beamstiff.units import in_unit
 
     check_outputs([robot_file(robot), *data], json)
-    machine = load_robot(robot)
     limit = None if max_gap is None else in_unit(max_gap, "m")
-    tables, notes = read_tables(data, machine)
-    with doubted(notes), working("verifying", quiet):
-        found = run(machine, replace(concatenate(tables)), refit_frame=refit_frame)
-    for note in notes:
-        say(f"note: {note}", quiet)
+    with working("verifying", quiet):
+        found = run(robot, data, refit_frame=refit_frame)
     console = people(quiet, json)
     rows = table(f"Position error on {found.rows} rows, RMS", "robot", "error", "closes")
     lines = [["without effects", f"{1e3 * found.before:.4f} mm", ""]]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +16,28 @@ from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.path import ToolPath
 from beamstiff.compensation.process.load import FromPath, Process, Together
 from beamstiff.compensation.resample import resample
-from beamstiff.se3 import Array
+from beamstiff.se3 import Array, vector_from_rotation
 from beamstiff.shown import Shown
+
+
+@dataclass(frozen=True)
+class Size:
+    """How large the errors of a path are: root mean square and largest, mm and degrees."""
+
+    rms_mm: float
+    max_mm: float
+    rms_deg: float
+    max_deg: float
+
+
+def size_of(errors: Array) -> Size:
+    """Return the size of errors (N, 6), m and rad; all zero where there is none."""
+    if not len(errors):
+        return Size(0.0, 0.0, 0.0, 0.0)
+    far = 1e3 * np.linalg.norm(errors[:, :3], axis=1)
+    turned = np.degrees(np.linalg.norm(errors[:, 3:], axis=1))
+    rms = [float(np.sqrt((values**2).mean())) for values in (far, turned)]
+    return Size(rms[0], float(far.max()), rms[1], float(turned.max()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,11 +51,15 @@ class Compensated(Shown):
         Of the file.
     after : (N, 6) array
         Error of the real tool with the numbers as the file holds them, rounded. NaN where it cannot follow.
+    machine : Machine
+    notes : tuple of str
     """
 
     correction: Correction
     content: bytes
     after: Array
+    machine: Machine
+    notes: tuple[str, ...] = ()
 
     @property
     def known(self) -> NDArray[np.bool_]:
@@ -42,6 +67,43 @@ class Compensated(Shown):
         unknown = np.isnan(self.correction.before) | np.isnan(self.after)
         known: NDArray[np.bool_] = np.logical_not(unknown.any(axis=1))
         return known
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON: errors in mm and deg, everything of single targets in SI."""
+        found, known = self.correction, self.known
+        names = [variable.name for variable in self.machine.controller.actuated]
+        before, after = size_of(found.before[known]), size_of(self.after[known])
+        turns = vector_from_rotation(found.commands[:, :3, :3])
+
+        def row_of(errors: Array, row: int) -> list[float] | None:
+            return None if np.isnan(errors[row]).any() else errors[row].tolist()
+
+        return {
+            "format": "beamstiff-compensation/1",
+            "before": asdict(before),
+            "after": asdict(after),
+            "improvement": 1 - after.rms_mm / before.rms_mm if before.rms_mm > 0 else None,
+            "rounds": found.rounds,
+            "unreachable": [
+                {"line": int(found.path.lines[row]), "name": found.path.names[row], "reason": reason}
+                for row, reason in found.reasons.items()
+            ],
+            "targets": [
+                {
+                    "name": name,
+                    "line": int(found.path.lines[row]),
+                    "corrected": row not in found.reasons,
+                    "reason": found.reasons.get(row),
+                    "q": dict(zip(names, found.q[row].tolist(), strict=True)),
+                    "command": [*found.commands[row, :3, 3].tolist(), *turns[row].tolist()],
+                    "wrench": found.wrench[row].tolist(),
+                    "before": row_of(found.before, row),
+                    "after": row_of(self.after, row),
+                }
+                for row, name in enumerate(found.path.names)
+            ],
+            "notes": list(self.notes),
+        }
 
 
 def compensate_program(
@@ -92,7 +154,7 @@ def compensate_program(
         correction = correction.without(lost, "its command, rounded as the file needs it, is out of reach")
         content, written = _written(program, machine, correction, path, steps is not None)
         after = errors_of(machine, correction, machine.frames.to_base(written).poses, load)
-    return Compensated(correction, content, after)
+    return Compensated(correction, content, after, machine)
 
 
 def _written(

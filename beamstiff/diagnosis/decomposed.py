@@ -13,7 +13,7 @@ from beamstiff.diagnosis.decomposition.decompose import Cause, Decomposition, de
 from beamstiff.diagnosis.decomposition.forms import forms_of
 from beamstiff.diagnosis.decomposition.open_model import open_stiffness
 from beamstiff.diagnosis.decomposition.plain import parameters_of
-from beamstiff.diagnosis.decomposition.selection import ENOUGH, select, state_choice
+from beamstiff.diagnosis.decomposition.selection import select, state_choice
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.held_out.prediction import Shrink
 from beamstiff.diagnosis.inference.library import Untestable
@@ -23,6 +23,7 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 
+AS_DESCRIBED = 2.0  # times what is left beside a calibration: forms of causes are not exact either
 LEAST_UNKNOWN = 0.02  # probability that a cause outside the library stands in for the verdict
 
 
@@ -31,8 +32,8 @@ def beside_calibration(
 ) -> Diagnosis | None:
     """Return the diagnosis of absolute readings with all that a calibration fits left open; None if needless.
 
-    Needless is a calibration where the causes explain the readings as well without one: then the geometry is
-    what the robot's description says, and its errors are causes like others.
+    Needless is a calibration where causes, errors of the geometry among them, leave hardly more without one:
+    then the geometry is what the robot's description says.
     """
     try:
         found = decompose(robot, rows, without=without, seed=seed)
@@ -43,7 +44,10 @@ def beside_calibration(
     except BeamstiffError:  # stiffness that makes up for the geometry may let the machine buckle
         return diagnosis_of(found)
     choice = state_choice(closed, forms_of(closed, without))
-    return None if select(choice).bic < found.bic + ENOUGH else diagnosis_of(found)
+    step = select(choice)
+    freedom = max(choice.count - choice.open_count - step.determined, 1.0)
+    left = float(np.sqrt(step.squares / freedom))
+    return None if left < AS_DESCRIBED * max(found.scatter, 1.0) else diagnosis_of(found)
 
 
 def diagnosis_of(found: Decomposition, notes: tuple[str, ...] = ()) -> Diagnosis:

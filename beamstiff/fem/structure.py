@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from beamstiff.fem.beam import beam_axes
 from beamstiff.fem.unknowns import Unknowns, joint_unknowns, joint_values, number_unknowns
+from beamstiff.robot.coerce import RobotLike, as_robot
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import FREE, RIGID
 from beamstiff.robot.kinematics import Kinematics, compile_kinematics
@@ -81,7 +82,7 @@ class Structure:
     joint_nodes: Index
 
 
-def compile_structure(robot: Robot) -> Structure:
+def compile_structure(robot: RobotLike) -> Structure:
     """Compile a robot: everything that does not depend on the pose.
 
     Examples
@@ -90,6 +91,7 @@ def compile_structure(robot: Robot) -> Structure:
     >>> compile_structure(load_robot("ir663")).unknowns.count <= 60
     True
     """
+    robot = as_robot(robot)
     kinematics = compile_kinematics(robot)
     unknowns = number_unknowns(robot)
     index = {node.name: at for at, node in enumerate(robot.nodes)}

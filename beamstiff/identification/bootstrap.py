@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from scipy import stats
@@ -72,6 +73,18 @@ class Bootstrap:
         compliance = 1.0 / self.stiffness
         result: Array = compliance.std(axis=0, ddof=1) / compliance.mean(axis=0)
         return result
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON: how many draws, and the intervals, SI; None for an infinite end."""
+        return {
+            "repetitions": len(self.stiffness),
+            "poses": self.poses,
+            "undetermined": self.undetermined,
+            "intervals": {
+                name: [limit if np.isfinite(limit) else None for limit in ends]
+                for name, ends in self.intervals.items()
+            },
+        }
 
 
 def bootstrap(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -31,6 +32,11 @@ class Lumped:
     value: float
     gone: Mapping[str, float]
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON: what is kept, its value, and which of the others are rigid or free."""
+        rigid, free = ([name for name, became in self.gone.items() if became == end] for end in (RIGID, FREE))
+        return {"kept": self.kept, "value": self.value, "rigid": rigid, "free": free}
+
 
 @dataclass(frozen=True)
 class Reduced:
@@ -48,6 +54,10 @@ class Reduced:
     robot: Robot
     lumped: tuple[Lumped, ...]
     held: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON."""
+        return {"lumped": [one.to_dict() for one in self.lumped], "held": list(self.held)}
 
 
 def reduce_model(

@@ -9,12 +9,16 @@ import numpy as np
 
 from beamstiff.errors import BeamstiffError, suggest
 from beamstiff.identification.validation import HeldOut
+from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 from beamstiff.shown import Shown
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from beamstiff.identification.bootstrap import Bootstrap
+    from beamstiff.identification.reduce import Reduced
 
 
 @dataclass(frozen=True)
@@ -118,6 +122,14 @@ class Identification(Shown):
         What was left aside, and why, in sentences.
     held_out, held_out_load : HeldOut or None
         Errors row by row while poses, and loads, were left out of the fit: which of them the model misses.
+    start : Robot or None
+        As it was given.
+    rows : Measurements or None
+        What was fitted: copies once, and without what the robot's effects displace.
+    bootstrap : Bootstrap or None
+        Where it was asked for.
+    reduced : Reduced or None
+        The robot with what the rows can identify alone, where it was asked for.
     """
 
     parameters: tuple[Parameter, ...]
@@ -138,6 +150,10 @@ class Identification(Shown):
     ill_determined: tuple[Combination, ...] = ()
     held_out: HeldOut | None = None
     held_out_load: HeldOut | None = None
+    start: Robot | None = None
+    rows: Measurements | None = None
+    bootstrap: Bootstrap | None = None
+    reduced: Reduced | None = None
 
     def __getitem__(self, name: str) -> Parameter:
         """Return a parameter by its name.
@@ -203,6 +219,7 @@ class Identification(Shown):
     def to_dict(self) -> dict[str, Any]:
         """Return the result as plain data, in the contract's form (``beamstiff identify --json``)."""
         names = [item.name for item in self.parameters]
+        asked = {"bootstrap": self.bootstrap, "reduced": self.reduced}
         return {
             "parameters": {item.name: _parameter(item) for item in self.parameters},
             "degenerate": [_combination(item) for item in self.degenerate],
@@ -216,6 +233,7 @@ class Identification(Shown):
             "evaluations": self.evaluations,
             "interrupted": self.interrupted,
             "notes": list(self.notes),
+            **{key: value.to_dict() for key, value in asked.items() if value is not None},
         }
 
 

@@ -21,7 +21,7 @@ from beamstiff.maps.parts import Parts
 from beamstiff.maps.reasons import Reason
 from beamstiff.maps.summary import reason_counts
 from beamstiff.parallel import check_places, parallel_map
-from beamstiff.robot.description import Robot
+from beamstiff.robot.coerce import RobotLike, as_robot
 
 if TYPE_CHECKING:
     import xarray
@@ -33,7 +33,7 @@ NOTHING = (Reason.SINGULAR, Reason.MECHANISM, Reason.RIGID)
 
 
 def map_workspace(
-    robot: Robot,
+    robot: RobotLike,
     over: Mapping[str, ArrayLike],
     *,
     held: Mapping[str, float] | None = None,
@@ -57,7 +57,7 @@ def map_workspace(
 
     Parameters
     ----------
-    robot : Robot
+    robot : Robot, path, or name of a bundled robot
     over : mapping of str to values, rad or m
         An axis each, growing values: actuated variables, or x, y, z of the TCP in the base frame.
     held : mapping of str to float, rad or m
@@ -115,7 +115,7 @@ def map_workspace(
      [705.4 794.9]] N/mm
     """
     check_places(processes, scheduler)
-    job = state_job(robot, over, held, orientation, quantities, wrench, gravity, direction, length)
+    job = state_job(as_robot(robot), over, held, orientation, quantities, wrench, gravity, direction, length)
     if out is not None:
         check_format(job, out)
     refuse_unless_it_fits(job, out, processes)

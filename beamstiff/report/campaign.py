@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
-from rich.table import Table
 
 from beamstiff.errors import listed
+from beamstiff.functions.plan import MeasurementPlan
 from beamstiff.planning.at_random import AtRandom
 from beamstiff.planning.campaign import Campaign
 from beamstiff.planning.candidates import Noise
-from beamstiff.planning.enough import Enough
-from beamstiff.report.tables import counted, number, table
-from beamstiff.robot.description import Robot
+from beamstiff.report.tables import Column, Table, counted, number, table
 from beamstiff.robot.stiffness import parameter_unit
 
 CRITERIA = {
@@ -26,11 +22,12 @@ MOST_TESTS = 100_000  # nobody makes more
 HARDLY = 0.5  # a relative standard error above this bounds a stiffness hardly at all
 
 
-def campaign_table(campaign: Campaign, robot: Robot) -> Table:
+def campaign_table(plan: MeasurementPlan) -> Table:
     """Return a table: every parameter with its present value and the standard error to expect."""
+    campaign, robot = plan.campaign, plan.robot
     title = f"{robot.name}: expected of {counted(len(campaign.tests), 'test')}"
-    result = table(title, "parameter", "present value", "expected std", "std/value", "unit")
-    result.columns[-1].justify = "left"
+    columns = ("parameter", "present value", "expected std", "std/value")
+    result = table(title, *columns, Column("unit", left=True))
     for name, error in campaign.design.standard_errors.items():
         value = robot.parameter(name)
         unit = parameter_unit(robot, name)
@@ -38,30 +35,9 @@ def campaign_table(campaign: Campaign, robot: Robot) -> Table:
     return result
 
 
-def campaign_text(
-    campaign: Campaign,
-    candidates: int,
-    drawn: AtRandom,
-    enough: Enough,
-    left_out: Mapping[str, str],
-    unit: str = "test",
-) -> str:
-    """Return sentences: how good the choice is, against random ones, how many are enough, what is not found.
-
-    Parameters
-    ----------
-    campaign : Campaign
-    candidates : int
-        How many there were to choose from.
-    drawn : AtRandom
-        Random choices of as many.
-    enough : Enough
-        Choices of growing size.
-    left_out : mapping of str to str
-        Parameters that cannot be found, and why not.
-    unit : str
-        What is chosen: a test, or a pose with all its loads.
-    """
+def campaign_text(plan: MeasurementPlan) -> str:
+    """Return sentences: how good the choice is, against random ones, how many are enough, what is missing."""
+    campaign, enough, left_out, unit = plan.campaign, plan.enough, plan.left_out, plan.unit
     design, count = campaign.design, len(campaign.design.chosen)
     poses = len(np.unique(campaign.tests.pose))
     lines = []
@@ -75,11 +51,11 @@ def campaign_text(
     made, chosen = counted(len(campaign.tests), "test"), counted(count, unit)
     share = np.floor(1000 * design.efficiency) / 10
     lines.append(
-        f"{made} at {counted(poses, 'pose')}, chosen from {counted(candidates, unit)}, read to "
+        f"{made} at {counted(poses, 'pose')}, chosen from {counted(plan.candidates, unit)}, read to "
         f"{_noise(campaign.noise)}. Criterion {design.criterion} ({CRITERIA[design.criterion]}; larger is "
         f"better): {number(design.value)}, at least {share:g} % of what any choice of {chosen} could have."
     )
-    against = _against(campaign, drawn, chosen)
+    against = _against(campaign, plan.at_random, chosen)
     lines.append(f"Worst standard error: {percent(design.worst)} of the value. {against}")
     fewer = " (or fewer)" if enough.knee == enough.counts[0] else ""
     needed = ((error, enough.tests_for(error)) for error in WANTED)

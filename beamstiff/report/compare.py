@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from rich.table import Table
 
 from beamstiff.errors import BeamstiffError
+from beamstiff.functions.checks import effects_text
 from beamstiff.identification.models.side_by_side import Judged, Models
 from beamstiff.identification.models.split import KINDS
 from beamstiff.report.figures import new_figure, plain
-from beamstiff.report.tables import table
+from beamstiff.report.tables import Table, table
 from beamstiff.se3 import Array
 
 AXES = ("x", "y", "z")
@@ -59,63 +58,14 @@ def models_text(models: Models) -> list[str]:
     lines = [f"{one.name}: {one.about}" for one in models.judged]
     if models.noise is not None:
         lines.append(f"The stated noise alone leaves {1e3 * models.noise:.4f} mm RMS.")
+    if models.robot is not None and models.robot.effects:
+        lines.append(f"All beside the robot's effects, as they are: {effects_text(models.robot.effects)}.")
     return lines
 
 
 def _both(one: Judged, rows: NDArray[np.bool_]) -> str:
     rms, largest = one.rms(rows), one.largest(rows)
     return "-" if rms is None or largest is None else f"{1e3 * rms:.4f} / {1e3 * largest:.3f}"
-
-
-def models_facts(models: Models) -> dict[str, Any]:
-    """Return the comparison as plain data: lengths in mm, loads in N (or N m)."""
-    split = models.split
-    unseen = ~split.fitted
-
-    def errors(one: Judged, rows: NDArray[np.bool_]) -> dict[str, Any]:
-        rms, largest = one.rms(rows), one.largest(rows)
-        return {
-            "rows": int(rows.sum()),
-            "answered": int((rows & np.isfinite(one.error)).sum()),
-            "rms_mm": None if rms is None else 1e3 * rms,
-            "max_mm": None if largest is None else 1e3 * largest,
-        }
-
-    return {
-        "format": "beamstiff-compare/1",
-        "source": models.table.source,
-        "noise_mm": None if models.noise is None else 1e3 * models.noise,
-        "split": {
-            "rows": len(models.table),
-            "fitted": int(split.fitted.sum()),
-            "poses_held_out": np.unique(models.table.pose[split.new_pose]).tolist(),
-            "load_unit": split.unit,
-            "loads_held_out": [
-                load for at, load in enumerate(split.loads) if split.new_load[split.level == at].all()
-            ],
-        },
-        "models": [
-            {
-                "name": one.name,
-                "about": one.about,
-                "fitted": one.model is not None,
-                "seconds": one.seconds,
-                "outside": int(one.outside.sum()),
-                "by_kind": {
-                    kind.replace(" ", "_"): errors(one, split.kind == at)
-                    for at, kind in enumerate(KINDS)
-                    if (split.kind == at).any()
-                },
-                "unseen": errors(one, unseen),
-                "by_load": [
-                    {"load": load, **errors(one, unseen & (split.level == at))}
-                    for at, load in enumerate(split.loads)
-                    if (unseen & (split.level == at)).any()
-                ],
-            }
-            for one in models.judged
-        ],
-    }
 
 
 def models_figure(models: Models, title: str) -> Figure:

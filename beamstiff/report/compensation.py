@@ -2,70 +2,70 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from rich.table import Table
 
-from beamstiff.compensation.rewrite import Compensated
+from beamstiff.compensation.rewrite import Compensated, size_of
 from beamstiff.report.figures import BLUE, GREEN, GREY, ORANGE, new_figure, plain
-from beamstiff.report.tables import add_rows, counted, number, table
-from beamstiff.se3 import Array, vector_from_rotation
+from beamstiff.report.tables import Column, Table, add_rows, counted, number, table
+from beamstiff.se3 import vector_from_rotation
 
 NOTHING = 1e-6  # mm
+PARTS = ((slice(0, 3), 1e3), (slice(3, 6), 180 / np.pi))
 
 
-@dataclass(frozen=True)
-class Size:
-    """How large the errors of a path are: root mean square and largest, mm and degrees."""
+def compensation_table(result: Compensated, some: Sequence[int] | None = None) -> Table:
+    """Return a table: targets, all or some, the error of the tool before and after, how far commands moved.
 
-    rms_mm: float
-    max_mm: float
-    rms_deg: float
-    max_deg: float
-
-
-def size_of(errors: Array) -> Size:
-    """Return the size of errors (N, 6), m and rad; all zero where there is none."""
-    if not len(errors):
-        return Size(0.0, 0.0, 0.0, 0.0)
-    far = 1e3 * np.linalg.norm(errors[:, :3], axis=1)
-    turned = np.degrees(np.linalg.norm(errors[:, 3:], axis=1))
-    rms = [float(np.sqrt((values**2).mean())) for values in (far, turned)]
-    return Size(rms[0], float(far.max()), rms[1], float(turned.max()))
-
-
-def compensation_table(result: Compensated) -> Table:
-    """Return a table: every target, the error of the tool before and after, how far its command moved."""
+    A page shows where the targets are, too, and into which direction commands move.
+    """
     found = result.correction
-    before, after = ("before [mm]", "[deg]"), ("after [mm]", "[deg]")
-    columns = ("line", "load [N]", *before, *after, "command moved [mm]", "turned [deg]", "")
-    made = table("Predicted error of the tool at the targets", "target", *columns)
-    made.columns[-1].justify = "left"
-    shift = found.commands[:, :3, 3] - found.path.poses[:, :3, 3]
+    moved = found.commands[:, :3, 3] - found.path.poses[:, :3, 3]
     between = found.commands[:, :3, :3] @ found.path.poses[:, :3, :3].swapaxes(-1, -2)
-    turns = np.linalg.norm(vector_from_rotation(between), axis=1)
-    rows = []
-    for row, name in enumerate(found.path.names):
-        cells = [name, str(found.path.lines[row]), number(_length(found.wrench[row, :3]))]
-        for errors in (found.before, result.after):
-            far, turned = _length(errors[row, :3]), _length(errors[row, 3:])
-            cells += ["", ""] if np.isnan(far) else [_seen(1e3 * far), _seen(np.degrees(turned))]
-        cells += [_seen(1e3 * _length(shift[row])), _seen(np.degrees(turns[row]))]
-        cells += [found.reasons.get(row, "")]
-        rows.append(cells)
-    add_rows(made, rows)
+    places = [Column(f"{axis}, mm", only="page") for axis in "xyz"]
+    shifts = [Column(f"moved {axis}, mm", only="page") for axis in "xyz"]
+    errors = ("before, mm", "before, deg", "after, mm", "after, deg")
+    sizes = [
+        factor * np.linalg.norm(gap[:, part], axis=1)
+        for gap in (found.before, result.after)
+        for part, factor in PARTS
+    ]
+    numbers = np.column_stack(
+        [
+            1e3 * found.path.poses[:, :3, 3],
+            np.linalg.norm(found.wrench[:, :3], axis=1),
+            np.linalg.norm(found.wrench[:, 3:], axis=1),
+            *sizes,
+            1e3 * moved,
+            1e3 * np.linalg.norm(moved, axis=1),
+            np.degrees(np.linalg.norm(vector_from_rotation(between), axis=1)),
+        ]
+    )
+    made = Table(
+        "Predicted error of the tool at the targets",
+        (
+            *(Column("target", left=True), Column("line"), *places, Column("force, N")),
+            *(Column("moment, N m", only="page"), *map(Column, errors), *shifts),
+            *(Column("moved, mm", only="console"), Column("turned, deg"), Column("", left=True)),
+        ),
+    )
+    rows = range(len(found.path)) if some is None else some
+    names, lines = found.path.names, found.path.lines
+    cells = (
+        [names[row], str(lines[row]), *map(_seen, numbers[row]), found.reasons.get(row, "")] for row in rows
+    )
+    add_rows(made, cells)
     return made
 
 
 def uncorrected_table(result: Compensated) -> Table:
     """Return a table of all targets that have no command of their own, and why."""
     found = result.correction
-    made = table("Targets that cannot be corrected", "target", "line", "why")
-    made.columns[-1].justify = "left"
+    made = table("Targets that cannot be corrected", "target", "line", "why", left=3)
     for row, reason in found.reasons.items():
         made.add_row(found.path.names[row], str(found.path.lines[row]), reason)
     return made
@@ -152,12 +152,8 @@ def _draw_size(axes: Axes, result: Compensated, known: NDArray[np.bool_]) -> Non
 
 
 def _seen(size: float) -> str:
-    """Return a size in mm or degrees; what is rounding is 0."""
-    return number(size) if size > NOTHING else "0"
-
-
-def _length(vector: Array) -> float:
-    return float(np.linalg.norm(vector))
+    """Return a length in mm, an angle in degrees or a load; what is rounding is 0, what is unknown empty."""
+    return "" if np.isnan(size) else number(size) if abs(size) > NOTHING else "0"
 
 
 def _round(value: float) -> float:

@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.console import RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.inference.search import UNKNOWN
 from beamstiff.diagnosis.notes import FEW_VALUES, OFF
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
-from beamstiff.report.tables import add_rows, counted, small, table
+from beamstiff.report.tables import Table, add_rows, counted, small, table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

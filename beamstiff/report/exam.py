@@ -8,7 +8,6 @@ from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
-from rich.table import Table
 
 from beamstiff.exam import score
 from beamstiff.exam.names import EFFECTS, FAILED, NONE, UNKNOWN
@@ -17,7 +16,7 @@ from beamstiff.exam.record import Record
 from beamstiff.exam.reliability import calibration_error, reliability
 from beamstiff.exam.table import Row, banded, by_design, controls, effect_figures, groups, headline
 from beamstiff.report.figures import BLUE, GREY, ORANGE, new_figure, plain
-from beamstiff.report.tables import counted, table
+from beamstiff.report.tables import Table, counted, table
 
 Records = Sequence[Record]
 

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from rich.table import Table
 
 from beamstiff.calibration.parameters import SPARE
 from beamstiff.calibration.recursion import Recursion
-from beamstiff.calibration.result import Calibration, Errors, Found
+from beamstiff.calibration.result import Calibration, Found
 from beamstiff.calibration.sensitivity import SensitivityIndices
 from beamstiff.errors import listed
 from beamstiff.report.figures import BLUE, GREEN, GREY, ORANGE, new_figure, plain
-from beamstiff.report.tables import counted, number, table
+from beamstiff.report.tables import Column, Table, counted, number, table
 from beamstiff.se3 import Array
 
 PER_SI = {"m": ("mm", 1e3), "rad": ("deg", 180 / np.pi)}  # as people read them
@@ -26,12 +26,16 @@ WITHIN = 1.96  # standard deviations: 95 %
 
 def parameters_table(found: Calibration, title: str) -> Table:
     """Return a table of the parameters that were sought: what the robot said, what was found, how sure."""
-    result = table(title, "parameter", "nominal", "found", "change", "std", "unit")
+    between, unit_head = Column("95 % of the change", only="page"), Column("unit", left=True)
+    result = table(title, "parameter", "nominal", "found", "change", "std", between, unit_head)
     for item in found.parameters:
         if item.identified:
             unit, factor = PER_SI.get(item.parameter.unit, (item.parameter.unit, 1.0))
-            cells = (item.nominal, item.value, item.change, item.std or 0.0)
-            result.add_row(item.name, *_cells(unit, [factor * value for value in cells]), unit)
+            wide = WITHIN * (item.std or 0.0)
+            values = (item.nominal, item.value, item.change, item.std or 0.0)
+            ends = _cells(unit, [factor * (item.change - wide), factor * (item.change + wide)])
+            cells = _cells(unit, [factor * value for value in values])
+            result.add_row(item.name, *cells, " to ".join(ends), unit)
     return result
 
 
@@ -41,7 +45,7 @@ def _cells(unit: str, values: list[float]) -> list[str]:
     return [number(value) for value in values]
 
 
-def errors_table(found: Calibration, tests: Mapping[str, Errors] | None = None) -> Table:
+def errors_table(found: Calibration) -> Table:
     """Return a table of the errors left: nominal, calibrated, held out, and on other tables by name."""
     kinds = ["position mean, mm", "RMS", "largest"]
     if found.after.orientation_mean is not None:
@@ -50,7 +54,8 @@ def errors_table(found: Calibration, tests: Mapping[str, Errors] | None = None) 
     rows = {"nominal": found.before, "calibrated": found.after}
     if found.held_out is not None:
         rows["calibrated, on poses left out"] = found.held_out
-    for name, errors in (rows | dict(tests or {})).items():
+    rows |= {f"calibrated, {Path(name).name}": errors for name, errors in found.tests.items()}
+    for name, errors in rows.items():
         position = (errors.position_mean, errors.position_rms, errors.position_max)
         cells = [_error(value, 1e3) for value in position]
         if len(kinds) > 3:
@@ -70,7 +75,6 @@ def dependent_table(found: Calibration) -> Table | None:
     if not seen.dependent:
         return None
     result = table("Cannot be told from others: held as they were", "parameter", "looks like", left=2)
-    result.columns[1].min_width = 34  # so that the title keeps to its line
     units = {item.name: item.parameter.unit for item in found.parameters}
     ranks = {item.name: item.parameter.rank for item in found.parameters}
     usual = [name for name in seen.dependent if ranks[name] != SPARE]

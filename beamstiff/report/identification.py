@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from math import inf, sqrt
 
 import numpy as np
-from rich.table import Table
 
 from beamstiff.errors import listed
 from beamstiff.identification.result import Combination, Identification, Parameter
 from beamstiff.measure.table import Measurements
-from beamstiff.report.tables import number, table
+from beamstiff.report.tables import Column, Table, counted, number, table
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import stiffness_text
 
@@ -29,47 +28,41 @@ ACTS = {
 
 
 def identification_table(
-    found: Identification,
-    robot: Robot,
-    title: str = "Identified stiffness",
-    intervals: Mapping[str, tuple[float, float]] | None = None,
+    found: Identification, robot: Robot | None = None, title: str = "Identified stiffness"
 ) -> Table:
     """Return a table: value before, identified value with its standard deviation, or a lower bound.
 
     Parameters
     ----------
     found : Identification
-    robot : Robot
-        As it was before: the start.
+    robot : Robot, optional
+        As it was before; default `found.start`.
     title : str
-    intervals : mapping of str to (low, high), optional
-        Of the bootstrap, 95 %, by parameter.
     """
-    result = table(title, "parameter", "start", "identified", "std", "std/value", "unit")
-    result.columns[-1].justify = "left"
-    if intervals is not None:
-        result.add_column("bootstrap 95 %")
+    before = robot or found.start
+    columns = ["parameter", *(["start"] if before is not None else []), "identified", "std"]
+    page = [Column("95 %", only="page"), Column("unit", left=True)]
+    drawn = [] if found.bootstrap is None else ["bootstrap 95 %"]
+    why = Column("why no value", left=True, only="page")
+    result = table(title, *columns, Column("std/value", only="console"), *page, *drawn, why)
     for item in found.parameters:
-        start = stiffness_text(robot.parameter(item.name))
-        shown = start if isinstance(start, str) else number(start)
-        more = [] if intervals is None else [_interval(intervals.get(item.name))]
-        result.add_row(item.name, shown, *_cells(item), item.unit, *more)
+        start = [] if before is None else [_start(before, item.name)]
+        more = [] if found.bootstrap is None else [_interval(found.bootstrap.intervals.get(item.name))]
+        result.add_row(item.name, *start, *_cells(item), item.unit, *more, item.reason)
     return result
 
 
-def parameters_told(found: Identification, title: str = "Identified stiffness") -> Table:
-    """Return a table of the identified values alone."""
-    result = table(title, "parameter", "identified", "std", "std/value", "unit")
-    result.columns[-1].justify = "left"
-    for item in found.parameters:
-        result.add_row(item.name, *_cells(item), item.unit)
-    return result
+def _start(robot: Robot, name: str) -> str:
+    start = stiffness_text(robot.parameter(name))
+    return start if isinstance(start, str) else number(start)
 
 
-def _cells(item: Parameter) -> tuple[str, str, str]:
+def _cells(item: Parameter) -> tuple[str, str, str, str]:
+    low, high = item.interval or (item.lower_bound or 0.0, inf)
+    between = _interval((low or 0.0, high))
     if item.value is None or item.std is None:
-        return f"> {number(item.lower_bound)}" if item.lower_bound else "?", "-", "-"
-    return number(item.value), number(item.std), f"{100 * item.std / item.value:.1f} %"
+        return f"> {number(item.lower_bound)}" if item.lower_bound else "?", "-", "-", between
+    return number(item.value), number(item.std), f"{100 * item.std / item.value:.1f} %", between
 
 
 def _interval(ends: tuple[float, float] | None) -> str:
@@ -84,28 +77,30 @@ def combinations_text(found: Identification) -> Iterator[str | Table]:
     Nothing where every spring is known by itself.
     """
     groups = (*found.degenerate, *found.ill_determined)
-    if groups:
-        sums = [item for item in groups if item.value is not None]
-        if sums:
-            result = table("Known together only", "sum", "value", "std", "unit", "as one spring", left=1)
-            for item in sums:
-                result.add_row(item.relation, *_sum_cells(item))
-            yield result
-            yield ""
-        told = set[tuple[str, ...]]()
-        for item in groups:
-            if item.parameters not in told:
-                told.add(item.parameters)
-                yield _group_text(item)
+    if any(item.value is not None for item in groups):
+        yield combinations_table(found)
+        yield ""
+    told = set[tuple[str, ...]]()
+    for item in groups:
+        if item.parameters not in told:
+            told.add(item.parameters)
+            yield _group_text(item)
     for parameter in found.parameters:
         if parameter.separate:
             yield f"{parameter.reason}; {parameter.separate}."
 
 
-def _sum_cells(item: Combination) -> tuple[str, str, str, str]:
-    assert item.value is not None
-    std = "?" if item.std is None else number(item.std)
-    return number(item.value), std, item.unit, _as_one(item)
+def combinations_table(found: Identification) -> Table:
+    """Return a table of the sums that are known though their terms are not."""
+    how, between = Column("how", left=True, only="page"), Column("95 %", only="page")
+    unit, one = Column("unit", left=True), Column("as one spring")
+    result = table("Known together only", "sum", how, "value", "std", between, unit, one)
+    for item in (*found.degenerate, *found.ill_determined):
+        if item.value is not None:
+            std = "-" if item.std is None else number(item.std)
+            cells = (number(item.value), std, _interval(item.interval), item.unit, _as_one(item))
+            result.add_row(item.relation, item.kind, *cells)
+    return result
 
 
 def _as_one(item: Combination) -> str:
@@ -163,8 +158,13 @@ def identification_text(found: Identification, measured: Measurements, folds: in
             "> is the lower bound that holds with 97.5 %.",
         )
     if found.interrupted:
-        lines.insert(0, "Stopped by hand: the best values so far, not yet a minimum.")
+        lines.insert(0, "Stopped by hand: the best values so far.")
     return "\n".join(lines)
+
+
+def method_text(found: Identification) -> str:
+    """Return a sentence: which method, how many evaluations, why it stopped."""
+    return f"{found.method}, {counted(found.evaluations, 'evaluation')}: {found.message.rstrip('.')}."
 
 
 def _against_noise(ratio: float, measured: Measurements) -> str:

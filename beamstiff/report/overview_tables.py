@@ -7,11 +7,10 @@ from math import degrees
 from typing import Any
 
 from rich.console import RenderableType
-from rich.table import Table
 from rich.tree import Tree
 
 from beamstiff.errors import listed
-from beamstiff.report.tables import MOST_ROWS, add_rows, counted, millimetres, number, table
+from beamstiff.report.tables import MOST_ROWS, Table, add_rows, counted, millimetres, number, table
 
 MOST_LOOPS = 5
 
@@ -22,9 +21,9 @@ def overview_tables(facts: dict[str, Any]) -> list[RenderableType]:
     after = [_beams(facts), _springs(facts)]
     return [
         f"Robot {facts['name']}",
-        *(item for item in before if item.row_count),
+        *(item for item in before if item.rows),
         _tree(facts),
-        *(item for item in after if item.row_count),
+        *(item for item in after if item.rows),
         _summary(facts),
     ]
 
@@ -114,7 +113,6 @@ def _tree(facts: dict[str, Any]) -> Tree:
 
 def _summary(facts: dict[str, Any]) -> Table:
     result = table("Summary", "", "", left=2)
-    result.show_header = False
     add_rows(result, _summary_rows(facts))
     return result
 

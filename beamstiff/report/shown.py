@@ -15,19 +15,25 @@ from beamstiff.calibration.result import Calibration
 from beamstiff.compensation.rewrite import Compensated
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.errors import BeamstiffError, listed, suggest
+from beamstiff.functions.plan import MeasurementPlan
+from beamstiff.functions.predict import Prediction
+from beamstiff.functions.stiffness import TcpStiffness
 from beamstiff.identification.models.side_by_side import Models
 from beamstiff.identification.result import Identification
 from beamstiff.measure.table import Measurements
+from beamstiff.report.campaign import campaign_table, campaign_text
 from beamstiff.report.compare import models_figure, models_table
 from beamstiff.report.compensation import compensation_figure, compensation_table, compensation_text
+from beamstiff.report.deflection import deflection_table, deflection_text
 from beamstiff.report.diagnosis import diagnosis_figure, diagnosis_tables
 from beamstiff.report.figures import BLUE, new_figure, plain
 from beamstiff.report.geometry import calibration_figure, calibration_text, errors_table, parameters_table
-from beamstiff.report.identification import combinations_text, parameters_told
+from beamstiff.report.identification import combinations_text, identification_table
 from beamstiff.report.overview import describe, reference_posture
 from beamstiff.report.overview_tables import overview_tables
 from beamstiff.report.parity import parity_figure
 from beamstiff.report.skeleton import draw_shares
+from beamstiff.report.stiffness import stiffness_tables
 from beamstiff.robot.description import Robot
 
 if TYPE_CHECKING:
@@ -153,7 +159,7 @@ def _(thing: Identification, measured: Measurements | None = None) -> Figure:
 
 @told.register
 def _(thing: Identification) -> Iterator[RenderableType]:
-    yield parameters_told(thing)
+    yield identification_table(thing)
     yield ""
     yield from combinations_text(thing)
     gap = f"Gap that remains in position: RMS {1e3 * thing.rms:.3f} mm over the rows fitted"
@@ -208,3 +214,20 @@ def _(thing: Calibration) -> Iterator[RenderableType]:
     yield errors_table(thing)
     yield ""
     yield from calibration_text(thing)
+
+
+@told.register
+def _(thing: Prediction) -> Iterator[RenderableType]:
+    yield deflection_table(thing)
+    yield from deflection_text(thing)
+
+
+@told.register
+def _(thing: MeasurementPlan) -> Iterator[RenderableType]:
+    yield campaign_table(thing)
+    yield campaign_text(thing)
+
+
+@told.register
+def _(thing: TcpStiffness) -> Iterator[RenderableType]:
+    yield from stiffness_tables(thing)

@@ -1,50 +1,106 @@
-"""Tables for people, as rich tables: the same look everywhere."""
+"""Tables for people: described once, drawn by the console and by pages of a report."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from copy import copy
+from dataclasses import dataclass, field
 
 from rich import box
+from rich import table as rich_table
 from rich.console import Console, ConsoleOptions, RenderResult
-from rich.table import Table
 from rich.text import Text
 
 MOST_ROWS = 40
 SMALL = {"rad": (1e3, "mrad"), "m": (1e3, "mm")}
 
 
-class _Table(Table):
-    """A table whose title may be wider than its columns: it breaks where the line ends, not before."""
+@dataclass(frozen=True)
+class Column:
+    """A column of a table.
+
+    Attributes
+    ----------
+    head : str
+        With its unit.
+    left : bool
+        Aligned left; else right, as numbers are.
+    only : str
+        Where it is drawn alone: "page" or "console"; empty for both.
+    """
+
+    head: str
+    left: bool = False
+    only: str = ""
+
+
+@dataclass
+class Table:
+    """A table as text, whoever draws it.
+
+    Attributes
+    ----------
+    title : str
+    columns : sequence of Column
+        Given as text, the first `left` of them are aligned left and the others right.
+    rows : list of lists of str
+        A cell for each column, also for those that are not drawn.
+    left : int
+    open : bool
+        On a page: shown at once; else behind its title.
+    most : int, optional
+        On the console so many rows; a last line says how many are left out.
+    """
+
+    title: str
+    columns: Sequence[Column | str]
+    rows: list[list[str]] = field(default_factory=list)
+    left: int = 1
+    open: bool = True
+    most: int | None = None
+
+    @property
+    def heads(self) -> list[Column]:
+        """The columns with their alignment."""
+        return [
+            one if isinstance(one, Column) else Column(one, left=at < self.left)
+            for at, one in enumerate(self.columns)
+        ]
+
+    def add_row(self, *cells: str) -> None:
+        """Add a row; cells that are missing at its end are empty."""
+        self.rows.append([*cells, *[""] * (len(self.columns) - len(cells))])
+
+    def drawn(self, where: str) -> tuple[list[Column], list[list[str]]]:
+        """Return the columns that are drawn on the "page" or "console", and their cells."""
+        kept = [at for at, one in enumerate(self.heads) if one.only in ("", where)]
+        return [self.heads[at] for at in kept], [[row[at] for at in kept] for row in self.rows]
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        """Draw on a console; a title wider than the columns breaks where the line ends, not before."""
+        columns, rows = self.drawn("console")
+        made = rich_table.Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
+        made.show_header = any(column.head for column in columns)
+        for column in columns:
+            made.add_column(column.head, justify="left" if column.left else "right")
+        for row in rows[: self.most]:
+            made.add_row(*row)
+        if self.most is not None and len(rows) > self.most:
+            made.add_row(f"... {len(rows) - self.most} more")
         if self.title:
-            yield Text(str(self.title), style="bold")
-        bare = copy(self)
-        bare.title = None
-        yield from Table.__rich_console__(bare, console, options)
+            yield Text(self.title, style="bold")
+        yield from made.__rich_console__(console, options)
 
 
-def table(title: str, *columns: str, left: int = 1) -> Table:
+def table(title: str, *columns: Column | str, left: int = 1) -> Table:
     """Return an empty table, its first `left` columns aligned left and the others right."""
-    result = _Table(
-        title=title,
-        box=box.SIMPLE_HEAD,
-        pad_edge=False,
-        show_edge=False,
-    )
-    for at, column in enumerate(columns):
-        result.add_column(column, justify="left" if at < left else "right")
-    return result
+    return Table(title, columns, left=left)
 
 
 def add_rows(into: Table, rows: Iterable[Sequence[str]], most: int = MOST_ROWS) -> None:
-    """Add rows, the first `most` of them; a last one says how many are left out."""
-    all_rows = list(rows)
-    for row in all_rows[:most]:
+    """Add rows, of which a console shows the first `most`."""
+    for row in rows:
         into.add_row(*row)
-    if len(all_rows) > most:
-        into.add_row(f"... {len(all_rows) - most} more")
+    into.most = most
 
 
 def number(value: float) -> str:

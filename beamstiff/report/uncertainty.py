@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.figure import Figure
-from rich.table import Table
 
 from beamstiff.identification.compare import Comparison
 from beamstiff.identification.number_of_tests import NumberOfTests
@@ -12,7 +11,7 @@ from beamstiff.identification.sensitivity import Sensitivity
 from beamstiff.identification.validation import HeldOut, Repeatability
 from beamstiff.measure.table import Measurements
 from beamstiff.report.figures import BLUE, ORANGE, new_figure, plain
-from beamstiff.report.tables import add_rows, counted, number, table
+from beamstiff.report.tables import Table, add_rows, counted, number, table
 
 SOURCES = {
     "readings": "readings",

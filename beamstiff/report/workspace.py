@@ -11,13 +11,12 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
-from rich.table import Table
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.maps.quantities import QUANTITIES
 from beamstiff.maps.summary import PERCENTILES, axes_of, ordered_quantities, worst_pose
 from beamstiff.report.figures import BLUE, ORANGE, new_figure, plain
-from beamstiff.report.tables import number, table
+from beamstiff.report.tables import Column, Table, number, table
 from beamstiff.se3 import Array
 
 if TYPE_CHECKING:
@@ -56,8 +55,7 @@ def map_tables(facts: Mapping[str, Any]) -> Iterator[Table | str]:
     yield f"{facts['robot']}: {facts['poses']:,} poses over {axes}; {facts['computed']:,} have all values."
     if facts["quantities"]:
         ends = ("min", *(f"{share} %" for share in PERCENTILES), "max")
-        result = table("Over the map", "quantity", "unit", *ends, "worst at", left=2)
-        result.columns[-1].justify = "left"
+        result = table("Over the map", "quantity", "unit", *ends, Column("worst at", left=True), left=2)
         for name, told in facts["quantities"].items():
             unit = told["unit"]
             values = [
@@ -67,8 +65,9 @@ def map_tables(facts: Mapping[str, Any]) -> Iterator[Table | str]:
             result.add_row(name, shown_unit(unit), *values, _place(facts, told))
         yield result
     if facts["reasons"]:
-        result = table("Poses that lack values", "reason", "poses", "share", "for instance")
-        result.columns[-1].justify = "left"
+        result = table(
+            "Poses that lack values", "reason", "poses", "share", Column("for instance", left=True)
+        )
         for label, told in facts["reasons"].items():
             share = 100.0 * told["count"] / facts["poses"]
             result.add_row(

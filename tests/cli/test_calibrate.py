@@ -144,7 +144,7 @@ def test_priors_hold_a_parameter_or_a_group(run: Run, arm: str) -> None:
         (["poses.csv", "--method", "newton"], "there is no method 'newton' (did you mean 'gauss-newton'?)"),
         (["poses.csv", "poses.csv"], "poses.csv: is given twice"),
         (["poses.csv", "./poses.csv"], "./poses.csv: is given twice"),
-        (["poses.csv", "--test", "./poses.csv"], "--test ./poses.csv: is fitted too"),
+        (["poses.csv", "--test", "./poses.csv"], "--test: ./poses.csv: is fitted too"),
         (["poses.csv", "--out", "arm.yaml"], "--out arm.yaml: would overwrite the input arm.yaml"),
         (["poses.csv", "--sensitivity", "s.txt"], "s.txt: found the ending 'txt'"),
         (["nothing.csv"], "nothing.csv:"),

@@ -314,7 +314,7 @@ def test_how_far_a_command_turns_is_told_beside_how_far_it_moves(cell: Path, run
     (cell / "steep.src").write_text(PROGRAM.replace("B 110", "B 90"))
     result = run("compensate", "kr500", "steep.src", "--wrench", "fz=-900N", "--json", "said.json")
     facts = json.loads((cell / "said.json").read_text())
-    assert "turned [deg]" in result.stdout
+    assert "turned, deg" in result.stdout
     assert 0 < facts["before"]["max_deg"] < 0.5
     rows = [line.split() for line in result.stdout.splitlines() if line.startswith("LIN")]
     assert [float(row[-1]) for row in rows] == pytest.approx([float(row[4]) for row in rows], abs=0.01)

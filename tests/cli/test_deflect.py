@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from beamstiff import load_robot, read_measurements
-from beamstiff.cli.deflect import without_rounding
+from beamstiff.report.deflection import without_rounding
 
 Run = Callable[..., Any]
 

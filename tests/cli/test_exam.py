@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from beamstiff.cli.exam import parse_classes
 from beamstiff.errors import BeamstiffError
 from beamstiff.exam.names import EFFECTS
+from beamstiff.functions.examine import shares_of
 from tests.exam.standins import always_none
 
 Run = Callable[..., Any]
@@ -17,7 +17,7 @@ Run = Callable[..., Any]
 
 @pytest.fixture(autouse=True)
 def examined(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("beamstiff.cli.exam._diagnose", lambda: always_none)
+    monkeypatch.setattr("beamstiff.functions.examine._diagnose", lambda: always_none)
 
 
 def test_an_exam_prints_its_table_and_writes_it(run: Run, folder: Path) -> None:
@@ -80,11 +80,11 @@ def test_what_cannot_be_examined_is_refused_in_one_line(run: Run, arguments: lis
 
 
 def test_classes_are_kinds_and_effects_in_equal_shares() -> None:
-    assert parse_classes(["null,backlash"]) == ({"null": 1, "single": 1}, ("backlash",))
-    assert parse_classes(["single", "outside"]) == ({"outside": 1, "single": 18}, EFFECTS)
-    assert parse_classes(["pair"]) == ({"pair": 1}, EFFECTS)
+    assert shares_of(["null", "backlash"]) == ({"null": 1, "single": 1}, ("backlash",))
+    assert shares_of(["single", "outside"]) == ({"outside": 1, "single": 18}, EFFECTS)
+    assert shares_of(["pair"]) == ({"pair": 1}, EFFECTS)
     with pytest.raises(BeamstiffError, match="expected null, single, pair"):
-        parse_classes(["", "null"])
+        shares_of(["", "null"])
 
 
 def test_reports_are_kept_in_a_folder(run: Run, folder: Path) -> None:

@@ -178,7 +178,7 @@ def test_ctrl_c_after_the_fit_leaves_the_fit(run: Run, monkeypatch: pytest.Monke
     def stopped(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("beamstiff.identification.separate.with_separations", stopped)
+    monkeypatch.setattr("beamstiff.functions.identify.with_separations", stopped)
     result = run("identify", "crane.yaml", "crane.csv", "--json", "-")
     assert result.exit_code == 130
     assert value(json.loads(result.stdout)) == pytest.approx(1e6)

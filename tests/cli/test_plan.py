@@ -201,4 +201,4 @@ def test_progress_is_for_terminals_only(folder: Path) -> None:
             [sys.executable, "-m", "beamstiff", *CRANE, "--out", "plan.csv"],
             env=os.environ | environment, capture_output=True, text=True, check=True,
         )  # fmt: skip
-        assert ("choosing 20 of 120 tests" in result.stderr) == (wanted == "1")
+        assert ("choosing tests from" in result.stderr) == (wanted == "1")

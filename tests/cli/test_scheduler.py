@@ -52,7 +52,7 @@ def test_a_bootstrap_and_several_searches_say_the_same_anywhere(
 def test_an_exam_says_the_same_anywhere(
     run: Run, folder: Path, scheduler: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("beamstiff.cli.exam._diagnose", lambda: always_none)
+    monkeypatch.setattr("beamstiff.functions.examine._diagnose", lambda: always_none)
     what = ["exam", "crane.yaml", "--cases", "4", "--classes", "null,load-error", "--no-compare"]
     tables = []
     for name, where in (("a", []), ("b", ["--processes", "2"]), ("c", ["--scheduler", scheduler])):

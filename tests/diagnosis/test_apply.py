@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from beamstiff import BeamstiffError, Robot, identify
+from beamstiff import BeamstiffError, Robot
 from beamstiff.diagnosis.apply import (
     _against,
     effects_displacement,
@@ -24,6 +24,7 @@ from beamstiff.diagnosis.inference.library import key_of, state_library
 from beamstiff.diagnosis.residual.baseline import at_rows, fit_baseline, predict
 from beamstiff.diagnosis.residual.whitened import whiten
 from beamstiff.diagnosis.result import Diagnosis
+from beamstiff.identification.identify import identify
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.robot.parts import AddedEffect

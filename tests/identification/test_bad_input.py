@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from beamstiff import identify, load_robot
+from beamstiff import load_robot
 from beamstiff.errors import BeamstiffError
+from beamstiff.identification.identify import identify
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.robot.description import Robot

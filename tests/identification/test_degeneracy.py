@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from beamstiff import identify, load_robot
+from beamstiff import load_robot
 from beamstiff.identification.degeneracy import find_degeneracy
+from beamstiff.identification.identify import identify
 from beamstiff.identification.problem import state_problem
 from beamstiff.model.linear import predict_displacements
 from benchmarks.degeneracy_graphs import faults, random_case

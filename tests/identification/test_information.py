@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from beamstiff import BeamstiffError, identify
+from beamstiff import BeamstiffError
 from beamstiff.identification.disturbance import Disturbance, disturbed_covariance, inverse_root
-from beamstiff.identification.identify import estimate
+from beamstiff.identification.identify import estimate, identify
 from beamstiff.identification.input_errors import InputErrors
 from beamstiff.identification.profile import Profile
 from beamstiff.identification.refit import refit

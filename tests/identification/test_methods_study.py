@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from beamstiff import identify, load_robot
+from beamstiff import load_robot
+from beamstiff.identification.identify import identify
 from beamstiff.identification.minimise import METHODS, Effort, minimise
 from benchmarks.identification_methods import (
     REMAINS,

@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from beamstiff import identify, load_robot
+from beamstiff import load_robot
 from beamstiff.errors import BeamstiffError
+from beamstiff.identification.identify import identify
 from beamstiff.identification.minimise import (
     FACTOR,
     GLOBAL,

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.special import huber
 
-from beamstiff import identify
 from beamstiff.errors import BeamstiffError
+from beamstiff.identification.identify import identify
 from beamstiff.identification.minimise import minimise
 from beamstiff.identification.objective import LOSSES, Objective
 from beamstiff.identification.parameters import state_parameters

@@ -11,8 +11,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from beamstiff import Robot, identify
+from beamstiff import Robot
 from beamstiff.errors import BeamstiffError
+from beamstiff.identification.identify import identify
 from beamstiff.identification.input_errors import InputErrors
 from beamstiff.identification.minimise import minimise
 from beamstiff.identification.objective import Objective

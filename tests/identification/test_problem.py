@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from beamstiff import Robot, identify, load_robot
+from beamstiff import Robot, load_robot
 from beamstiff.errors import BeamstiffError
+from beamstiff.identification.identify import identify
 from beamstiff.identification.problem import state_problem
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements, make_measurements

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from beamstiff import Robot, identify, load_robot
+from beamstiff import Robot, load_robot
 from beamstiff.errors import BeamstiffError
 from beamstiff.identification.degeneracy import Degeneracy, find_degeneracy
+from beamstiff.identification.identify import identify
 from beamstiff.identification.problem import state_problem
 from beamstiff.identification.reduce import reduce_model
 from beamstiff.identification.relations import Joined, Spring

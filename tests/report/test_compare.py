@@ -16,7 +16,7 @@ from beamstiff.model.fuzzy_compliance import FuzzyCompliance, rules_from_table
 from beamstiff.model.fuzzy_tree import Tree
 from beamstiff.model.linear import predict_displacements
 from beamstiff.report.check_points import check_points_figure
-from beamstiff.report.compare import models_facts, models_figure, models_table
+from beamstiff.report.compare import models_figure, models_table
 from beamstiff.report.fuzzy import rules_figure
 
 TABLE_4 = Path(__file__).resolve().parents[2] / "examples/data/ir663_compliance_xx.csv"
@@ -54,12 +54,12 @@ def test_colours_are_the_errors(models: Models) -> None:
 
 def test_the_table_has_a_column_a_kind_of_row_and_a_row_a_model(models: Models) -> None:
     table = models_table(models, "ir663")
-    assert [column.header for column in table.columns][:2] == ["model", "fitted (9)"]
-    assert table.row_count == 3
+    assert [column.head for column in table.heads][:2] == ["model", "fitted (9)"]
+    assert len(table.rows) == 3
 
 
 def test_facts_are_in_millimetres(models: Models) -> None:
-    rigid = models_facts(models)["models"][0]
+    rigid = models.to_dict()["models"][0]
     size = np.linalg.norm(models.table.displacement[:, :3], axis=1)[~models.split.fitted]
     assert np.isclose(rigid["unseen"]["rms_mm"], 1e3 * np.sqrt((size**2).mean()))
     assert np.isclose(rigid["unseen"]["max_mm"], 1e3 * size.max())

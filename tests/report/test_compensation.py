@@ -11,12 +11,11 @@ from rich.console import Console
 from beamstiff.compensation.formats import krl
 from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.process.load import Constant
-from beamstiff.compensation.rewrite import Compensated, compensate_program
+from beamstiff.compensation.rewrite import Compensated, compensate_program, size_of
 from beamstiff.report.compensation import (
     compensation_figure,
     compensation_table,
     compensation_text,
-    size_of,
     uncorrected_table,
 )
 from beamstiff.robot.reader import load_robot

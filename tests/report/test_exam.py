@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 from rich.console import Console
-from rich.table import Table
 
 from beamstiff.exam.names import NONE, UNKNOWN
 from beamstiff.exam.record import Record
 from beamstiff.exam.table import ALARMS, headline, table_dict
 from beamstiff.report.exam import exam_figure, exam_tables, mark, plan_tables, reliability_figure
 from beamstiff.report.figures import save_figure
+from beamstiff.report.tables import Table
 from tests.exam.answered import answered
 
 

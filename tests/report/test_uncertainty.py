@@ -6,13 +6,13 @@ import io
 
 import numpy as np
 from rich.console import Console
-from rich.table import Table
 
 from beamstiff.identification.compare import Comparison, Score
 from beamstiff.identification.number_of_tests import NumberOfTests
 from beamstiff.identification.sensitivity import Sensitivity
 from beamstiff.identification.validation import HeldOut, Repeatability
 from beamstiff.measure.table import make_measurements
+from beamstiff.report.tables import Table
 from beamstiff.report.uncertainty import (
     comparison_table,
     held_out_table,

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from beamstiff import Robot, load_robot, robot_names, tcp_stiffness
+from beamstiff import Robot, load_robot, robot_names
+from beamstiff.fem.condensation import tcp_stiffness
 from beamstiff.fem.geometry import place
 from beamstiff.fem.loads import total_mass
 from beamstiff.robot.kinematics import twist_jacobian

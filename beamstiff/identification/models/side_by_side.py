@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from beamstiff.identification.models.fuzzy_correction import fit_fuzzy_correctio
 from beamstiff.identification.models.fuzzy_tree import fit_fuzzy_tree
 from beamstiff.identification.models.gaussian_process import fit_gaussian_process
 from beamstiff.identification.models.grid import cubes_about, fit_grid
-from beamstiff.identification.models.split import Split, position_errors
+from beamstiff.identification.models.split import KINDS, Split, position_errors
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements
 from beamstiff.model.grid import tcp_positions
@@ -115,12 +116,18 @@ class Models(Shown):
     split : Split
     position : (N, 3) array, m
         Nominal TCP of every row.
+    robot : Robot or None
+        As it was given.
+    notes : tuple of str
+        About the data.
     """
 
     judged: tuple[Judged, ...]
     table: Measurements
     split: Split
     position: Array
+    robot: Robot | None = None
+    notes: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> Judged:
         """Return a model by name.
@@ -143,6 +150,56 @@ class Models(Shown):
         if np.isnan(sigma).any() or not seen.any():
             return None
         return float(np.sqrt((sigma**2).sum() / seen.any(axis=1).sum()))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON: lengths in mm, loads in N (or N m)."""
+        split = self.split
+        unseen = ~split.fitted
+
+        def errors(one: Judged, rows: NDArray[np.bool_]) -> dict[str, Any]:
+            rms, largest = one.rms(rows), one.largest(rows)
+            return {
+                "rows": int(rows.sum()),
+                "answered": int((rows & np.isfinite(one.error)).sum()),
+                "rms_mm": None if rms is None else 1e3 * rms,
+                "max_mm": None if largest is None else 1e3 * largest,
+            }
+
+        return {
+            "format": "beamstiff-compare/1",
+            "source": self.table.source,
+            "noise_mm": None if self.noise is None else 1e3 * self.noise,
+            "split": {
+                "rows": len(self.table),
+                "fitted": int(split.fitted.sum()),
+                "poses_held_out": np.unique(self.table.pose[split.new_pose]).tolist(),
+                "load_unit": split.unit,
+                "loads_held_out": [
+                    load for at, load in enumerate(split.loads) if split.new_load[split.level == at].all()
+                ],
+            },
+            "models": [
+                {
+                    "name": one.name,
+                    "about": one.about,
+                    "fitted": one.model is not None,
+                    "seconds": one.seconds,
+                    "outside": int(one.outside.sum()),
+                    "by_kind": {
+                        kind.replace(" ", "_"): errors(one, split.kind == at)
+                        for at, kind in enumerate(KINDS)
+                        if (split.kind == at).any()
+                    },
+                    "unseen": errors(one, unseen),
+                    "by_load": [
+                        {"load": load, **errors(one, unseen & (split.level == at))}
+                        for at, load in enumerate(split.loads)
+                        if (unseen & (split.level == at)).any()
+                    ],
+                }
+                for one in self.judged
+            ],
+        }
 
 
 def _rigid(robot: Robot, table: Measurements, options: Options) -> Fitted:  # noqa: ARG001

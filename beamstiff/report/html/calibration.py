@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from beamstiff.calibration.result import Calibration, Errors, Found
+from beamstiff.calibration.result import Calibration
 from beamstiff.calibration.validation import in_base_frame
 from beamstiff.errors import listed
 from beamstiff.measure.table import Measurements
@@ -19,16 +18,16 @@ from beamstiff.report.geometry import (
     calibration_text,
     dependent_table,
     errors_table,
+    parameters_table,
 )
 from beamstiff.report.html.bars import intervals
 from beamstiff.report.html.curves import along, distribution
-from beamstiff.report.html.from_rich import of_rich
 from beamstiff.report.html.page import Page, render
-from beamstiff.report.html.parts import Fact, Figure, Section, Table
+from beamstiff.report.html.parts import Fact, Figure, Section
 from beamstiff.report.html.places import Sizes, line_of, over_places, rows_table
 from beamstiff.report.html.provenance import Provenance
 from beamstiff.report.html.still_view import Deviations, StillView, still_view
-from beamstiff.report.tables import counted, number
+from beamstiff.report.tables import Table, counted, number
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 
@@ -42,8 +41,6 @@ def calibration_html(
     robot: Robot,
     measured: Measurements,
     provenance: Provenance,
-    tests: Mapping[str, Errors] | None = None,
-    facts: Mapping[str, Any] | None = None,
 ) -> str:
     """Return the report of a calibration as one HTML page.
 
@@ -55,10 +52,6 @@ def calibration_html(
     measured : Measurements
         The rows that were fitted.
     provenance : Provenance
-    tests : mapping of str to Errors, optional
-        On other readings, by name.
-    facts : mapping, optional
-        What ``--json`` writes, where that is more than ``found.to_dict()``.
     """
     sizes = Sizes(
         found.robot,
@@ -69,7 +62,7 @@ def calibration_html(
     )
     seen = _view(found, measured, sizes)
     rows = over_places(sizes)
-    sections = [_errors(found, tests or {}), _parameters(found), *_untold(found), *rows.sections]
+    sections = [_errors(found), _parameters(found), *_untold(found), *rows.sections]
     return render(
         Page(
             title="Calibration",
@@ -84,7 +77,7 @@ def calibration_html(
                 Section("notes", "Notes", items=found.notes),
             ],
             provenance=provenance,
-            data=facts or found.to_dict(),
+            data=found.to_dict(),
             shared=rows.shared | ({} if seen is None else seen.shared),
         )
     )
@@ -172,7 +165,7 @@ def _predicted(found: Calibration, measured: Measurements) -> Measurements:
     return replace(measured, position=found.predicted[:, :3])
 
 
-def _errors(found: Calibration, tests: Mapping[str, Errors]) -> Section:
+def _errors(found: Calibration) -> Section:
     figures = []
     for part, columns, factor, unit in PARTS:
         gaps = {BEFORE: found.nominal_residual, AFTER: found.residual}
@@ -207,10 +200,7 @@ def _errors(found: Calibration, tests: Mapping[str, Errors]) -> Section:
                 type="log",
             )
         )
-    named = {f"calibrated, {name}": one for name, one in tests.items()}
-    return Section(
-        "errors", "Before and after", figures=figures, tables=[of_rich(errors_table(found, named))]
-    )
+    return Section("errors", "Before and after", figures=figures, tables=[errors_table(found)])
 
 
 def _parameters(found: Calibration) -> Section:
@@ -231,24 +221,13 @@ def _parameters(found: Calibration) -> Section:
         )
         caption = "Change against the robot as described, with its 95 % interval."
         figures.append(Figure(f"parameters-{at + 1}", f"Changes, {shown}", caption, traces, layout))
-    columns = ("parameter", "nominal", "found", "change", "std", "95 % of the change", "unit")
-    table = Table("What was found", columns, [_cells(item) for item in sought])
+    table = parameters_table(found, "What was found")
     text = (
         "Places and turns that were set up for the measurement (base, target) are in the table only."
         if len(own) < len(sought)
         else ""
     )
     return Section("parameters", "Parameters", [text] if text else [], figures, [table])
-
-
-def _cells(item: Found) -> list[str]:
-    unit, factor = PER_SI.get(item.parameter.unit, (item.parameter.unit, 1.0))
-    std = item.std or 0.0
-    values = (item.nominal, item.value, item.change, std)
-    low, high = (factor * (item.change + sign * WITHIN * std) for sign in (-1, 1))
-    if unit in ("mm", "deg"):
-        return [item.name, *(f"{factor * v + 0.0:.4f}" for v in values), f"{low:.4f} to {high:.4f}", unit]
-    return [item.name, *(number(factor * v) for v in values), f"{number(low)} to {number(high)}", unit]
 
 
 def _untold(found: Calibration) -> Iterator[Section]:
@@ -262,7 +241,7 @@ def _untold(found: Calibration) -> Iterator[Section]:
     if seen.silent:
         texts.append(f"These move nothing that was measured: {listed(seen.silent, 40)}.")
     told = dependent_table(found)
-    tables = [] if told is None else [of_rich(told)]
+    tables = [] if told is None else [told]
     yield Section("untold", "What cannot be told", texts, tables=tables)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,13 +12,12 @@ from beamstiff.identification.models.split import KINDS
 from beamstiff.model.protocol import StructuralModel
 from beamstiff.report.compare import loads_table, models_table, models_text, widest_plane
 from beamstiff.report.html.bars import intervals
-from beamstiff.report.html.from_rich import of_rich
 from beamstiff.report.html.page import Page, render
-from beamstiff.report.html.parts import MARGIN, Fact, Figure, Section, Table, axis, css, label, plain_layout
+from beamstiff.report.html.parts import MARGIN, Fact, Figure, Section, axis, css, label, plain_layout
 from beamstiff.report.html.places import LEGEND, Sizes, line_of, over_places, rows_table
 from beamstiff.report.html.provenance import Provenance
 from beamstiff.report.html.robot_view import RobotView, Shown, robot_view
-from beamstiff.report.tables import counted
+from beamstiff.report.tables import Table, counted
 from beamstiff.robot.description import Robot
 
 KIND_MARKS = (("circle-open", "muted"), ("circle", "blue"), ("square", "orange"), ("triangle-up", "green"))
@@ -34,8 +33,6 @@ def comparison_html(
     models: Models,
     robot: Robot,
     provenance: Provenance,
-    facts: Mapping[str, Any],
-    notes: Sequence[str] = (),
 ) -> str:
     """Return the report of a comparison as one HTML page.
 
@@ -45,10 +42,6 @@ def comparison_html(
     robot : Robot
         As it was given.
     provenance : Provenance
-    facts : mapping
-        What ``--json`` writes.
-    notes : sequence of str
-        About the data.
     """
     answered = ranked(models)
     keys = {f"model{at + 1}": one for at, one in enumerate(answered) if one.name != "rigid"}
@@ -78,10 +71,10 @@ def comparison_html(
                 Section("about", "What came out of each", items=models_text(models)),
                 *rows.sections,
                 Section("rows", "The rows", [f"{said} Kinds: {kinds}.".strip()], tables=[table]),
-                Section("notes", "Notes", items=notes),
+                Section("notes", "Notes", items=models.notes),
             ],
             provenance=provenance,
-            data=facts,
+            data=models.to_dict(),
             shared=rows.shared,
         )
     )
@@ -181,7 +174,7 @@ def _side_by_side(models: Models) -> Section:
     )
     if partly:
         caption += f" Of fewer rows, where it has an answer: {', '.join(partly)}."
-    table = of_rich(models_table(models, "Position error, RMS / max, mm"))
+    table = models_table(models, "Position error, RMS / max, mm")
     figure = Figure("models", "On rows that none saw", caption, traces, layout)
     kinds = [k for k in range(len(KINDS)) if (models.split.kind == k).any()]
     return Section(
@@ -247,6 +240,6 @@ def _by_load(models: Models) -> Section:
         xaxis=axis(f"load, {split.unit}"),
         yaxis=axis("RMS of rows not fitted, mm", type="log", exponentformat="power"),
     )
-    table: Table = of_rich(loads_table(models, "Rows not fitted, by load: RMS / max, mm"))
+    table: Table = loads_table(models, "Rows not fitted, by load: RMS / max, mm")
     figure = Figure("loads-rms", "Errors by load", "Of rows that were not fitted.", traces, layout, table)
     return Section("loads", "By load", figures=[figure])

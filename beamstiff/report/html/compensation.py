@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from beamstiff.compensation.rewrite import Compensated
-from beamstiff.report.compensation import compensation_text, size_of, uncorrected_table
+from beamstiff.compensation.rewrite import Compensated, size_of
+from beamstiff.report.compensation import compensation_table, compensation_text, uncorrected_table
 from beamstiff.report.html.curves import along
-from beamstiff.report.html.from_rich import of_rich
 from beamstiff.report.html.page import Page, render
-from beamstiff.report.html.parts import Fact, Figure, Section, Table, label, numbers
+from beamstiff.report.html.parts import Fact, Figure, Section, label, numbers
 from beamstiff.report.html.places import MARKS
 from beamstiff.report.html.provenance import Provenance
 from beamstiff.report.html.still_view import Deviations, StillView, still_view
-from beamstiff.report.tables import counted, number
+from beamstiff.report.tables import Table, counted, number
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array, vector_from_rotation
 
@@ -28,13 +28,7 @@ NOWHERE = "The robot can follow none of the targets: nothing can be said of its 
 BEFORE, AFTER = "without compensation", "compensated, as written"
 
 
-def compensation_html(
-    result: Compensated,
-    robot: Robot,
-    provenance: Provenance,
-    facts: Mapping[str, Any],
-    notes: Sequence[str] = (),
-) -> str:
+def compensation_html(result: Compensated, robot: Robot, provenance: Provenance) -> str:
     """Return the report of a corrected path as one HTML page.
 
     Parameters
@@ -43,9 +37,6 @@ def compensation_html(
     robot : Robot
         That the controller takes for true.
     provenance : Provenance
-    facts : mapping
-        What ``--json`` writes.
-    notes : sequence of str
     """
     some = shown(len(result.known))
     seen = _view(result, robot, some)
@@ -67,11 +58,11 @@ def compensation_html(
             sections=[
                 _uncorrected(result),
                 *([_errors(result, some), _changes(result, some)] if result.known.any() else []),
-                Section("targets", "The targets", tables=[_table(result, some)]),
-                Section("notes", "Notes", items=notes),
+                Section("targets", "The targets", tables=[_targets(result, some)]),
+                Section("notes", "Notes", items=result.notes),
             ],
             provenance=provenance,
-            data=facts,
+            data=result.to_dict(),
             shared=held | ({} if seen is None else seen.shared),
         )
     )
@@ -161,7 +152,7 @@ def _name(result: Compensated, row: int) -> str:
 def _uncorrected(result: Compensated) -> Section:
     reasons = result.correction.reasons
     text = "These have no command of their own and stay as they are."
-    tables = [of_rich(uncorrected_table(result), left=3)] if reasons else []
+    tables = [uncorrected_table(result)] if reasons else []
     return Section(
         "uncorrected", "Targets that cannot be corrected", [text] if reasons else [], tables=tables
     )
@@ -214,43 +205,6 @@ def _moved(result: Compensated) -> tuple[Array, Array]:
     return found.commands[:, :3, 3] - found.path.poses[:, :3, 3], vector_from_rotation(turn)
 
 
-def _table(result: Compensated, some: Array) -> Table:
-    found = result.correction
-    moved, turned = _moved(result)
-    force, moment = (np.linalg.norm(found.wrench[:, part], axis=1) for part in (slice(0, 3), slice(3, 6)))
-    columns = (
-        "target",
-        "line",
-        *(f"{a}, mm" for a in AXES),
-        "force, N",
-        "moment, N m",
-        "before, mm",
-        "before, deg",
-        "after, mm",
-        "after, deg",
-        *(f"moved {a}, mm" for a in AXES),
-        "turned, deg",
-    )
-    errors = [
-        (1e3 * np.linalg.norm(gap[:, :3], axis=1), np.degrees(np.linalg.norm(gap[:, 3:], axis=1)))
-        for gap in (found.before, result.after)
-    ]
-    blocks = [
-        *(1e3 * found.path.poses[:, k, 3] for k in range(3)),
-        force,
-        moment,
-        *errors[0],
-        *errors[1],
-        *(1e3 * moved[:, k] for k in range(3)),
-        np.degrees(np.linalg.norm(turned, axis=1)),
-    ]
-    body = np.stack(blocks, axis=1)[some] + 0.0  # no -0
-    rows = [
-        [
-            found.path.names[row],
-            str(found.path.lines[row]),
-            *(number(v) if np.isfinite(v) else "" for v in line),
-        ]
-        for row, line in zip(some.tolist(), body.tolist(), strict=True)
-    ]
-    return Table(f"All numbers of {len(rows)} targets", columns, rows, left=1, open=False)
+def _targets(result: Compensated, some: Array) -> Table:
+    title = f"All numbers of {len(some)} targets"
+    return replace(compensation_table(result, some.tolist()), title=title, open=False)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 
+from beamstiff.functions.predict import Prediction
 from beamstiff.measure.table import DISPLACEMENT, Measurements
+from beamstiff.report.deflection import UNITS, deflection_text
 from beamstiff.report.html.curves import along
 from beamstiff.report.html.page import Page, render
 from beamstiff.report.html.parts import Fact, Figure, Section
@@ -20,34 +21,14 @@ from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 
 POSES = 5  # that the robot is shown in
-UNITS = ("mm",) * 3 + ("mrad",) * 3
 
 
-def deflection_html(
-    robot: Robot,
-    loads: Measurements,
-    predicted: Array,
-    provenance: Provenance,
-    facts: Mapping[str, Any],
-    notes: Sequence[str] = (),
-    texts: Sequence[str] = (),
-) -> str:
-    """Return the report of predicted displacements as one HTML page.
-
-    Parameters
-    ----------
-    robot : Robot
-    loads : Measurements
-        The rows; where they hold measured displacements, these are compared.
-    predicted : (N, 6) array, m and rad
-    provenance : Provenance
-    facts : mapping
-        What ``--json`` writes.
-    notes : sequence of str
-        About the data.
-    texts : sequence of str
-        What else is to be said: how it was calculated, the gap to what was measured.
-    """
+def deflection_html(found: Prediction, provenance: Provenance) -> str:
+    """Return the report of predicted displacements as one HTML page."""
+    robot, loads, predicted = found.robot, found.rows, found.displacement
+    texts = deflection_text(found)
+    if found.preload:
+        texts.append("With gravity and K_C; the shape that is drawn is the linear one, without them.")
     moved = 1e3 * np.linalg.norm(predicted[:, :3], axis=1)
     used = loads.measured_mask & (loads.kind == "displacement")
     if used.any():
@@ -75,10 +56,10 @@ def deflection_html(
             sections=[
                 _displacements(loads, predicted),
                 *rows.sections,
-                Section("notes", "Notes", items=notes),
+                Section("notes", "Notes", items=found.notes),
             ],
             provenance=provenance,
-            data=facts,
+            data=found.to_dict(),
             shared=rows.shared,
             papers="",
         )

@@ -25,12 +25,12 @@ from beamstiff.report.diagnosis import (
 )
 from beamstiff.report.html.bars import bars
 from beamstiff.report.html.page import Page, render
-from beamstiff.report.html.parts import Fact, Figure, Section, Table
+from beamstiff.report.html.parts import Fact, Figure, Section
 from beamstiff.report.html.places import line_of
 from beamstiff.report.html.provenance import Provenance
 from beamstiff.report.html.robot_view import RobotView, Shown, robot_view
 from beamstiff.report.html.rows import Compared, minded, row_figures
-from beamstiff.report.tables import number
+from beamstiff.report.tables import Table, number
 from beamstiff.robot.fields import stiffness_text
 from beamstiff.se3 import Array
 

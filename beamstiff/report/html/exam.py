@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from beamstiff.exam import score
@@ -13,7 +14,6 @@ from beamstiff.exam.reliability import calibration_error, reliability
 from beamstiff.exam.table import Row, by_design, controls, effect_figures, headline
 from beamstiff.report import exam as told
 from beamstiff.report.html.bars import named_rows
-from beamstiff.report.html.from_rich import of_rich
 from beamstiff.report.html.matrix import confusion_figure
 from beamstiff.report.html.page import Page, render
 from beamstiff.report.html.parts import MARGIN, Fact, Figure, Section, axis, css, label, plain_layout
@@ -114,7 +114,7 @@ def _plan(records: Records) -> Section:
         "plan",
         "What this plan could find",
         figures=[figure],
-        tables=[of_rich(next(told.plan_tables(records)))],
+        tables=[next(told.plan_tables(records))],
     )
 
 
@@ -216,7 +216,7 @@ def _asked(rows: Sequence[Row]) -> Section:
     )
     layout |= {"showlegend": True, "margin": MARGIN | {"t": LEGEND}, "height": layout["height"] + 30}
     caption = "What was reached, with its 95 % interval; the upright line is what is required."
-    table = of_rich(told.headline_table(rows, "Asked and reached"))
+    table = told.headline_table(rows, "Asked and reached")
     return Section(
         "asked",
         "Asked and reached",
@@ -289,7 +289,7 @@ def _reliability(records: Records) -> Section:
         xaxis=axis("probability said of the verdict", **share),
         yaxis=axis("share of verdicts that are right", **share),
     )
-    table = of_rich(told.reliability_table(records), shown=False)
+    table = replace(told.reliability_table(records), open=False)
     caption = "On the line, a verdict called 80 % sure is right in 80 % of the cases."
     counts = {
         "type": "bar",
@@ -333,7 +333,7 @@ def _effects(records: Records) -> Section:
         rates = [effect_figures(cases)[key] for _, cases in worst]
         names = [effect for effect, _ in worst]
         figures.append(_rates(f"effects-{key}", title, caption, names, rates))
-    tables = [of_rich(told.effects_table(records)), of_rich(told.bands_table(records))]
+    tables = [told.effects_table(records), told.bands_table(records)]
     return Section("effects", "By effect, the worst first", figures=figures, tables=tables)
 
 
@@ -343,7 +343,7 @@ def _confusion(records: Records) -> Section:
         return Section("confusion", "Confusion")
     given = {name for row in counts.values() for name in row} | set(counts)
     order = (*ORDER, *sorted(given - set(ORDER)))
-    table = of_rich(told.confusion_table(records), shown=False)
+    table = replace(told.confusion_table(records), open=False)
     text = (
         "Of cases whose gap is at least the noise. Of removed the effect was taken from the library, "
         "outside are in nobody's."
@@ -357,23 +357,23 @@ def _confusion(records: Records) -> Section:
 
 
 def _sorts(records: Records, lean: Records) -> Section:
-    tables = [of_rich(told.groups_table(records))]
+    tables = [told.groups_table(records)]
     if lean:
         rows = [row for row in headline(lean, lean=True) if row.figure.count]
         tables.append(
-            of_rich(told.headline_table(rows, f"Lean designs: {counted(len(lean), 'case')}"), shown=False)
+            replace(told.headline_table(rows, f"Lean designs: {counted(len(lean), 'case')}"), open=False)
         )
     return Section("sorts", "By sort of case", tables=tables)
 
 
 def _controls(records: Records) -> Section:
     text = "What chance and plain methods get exactly right, so that the figures above have a measure."
-    return Section("controls", "Controls", [text], tables=[of_rich(told.control_table(controls(records)))])
+    return Section("controls", "Controls", [text], tables=[told.control_table(controls(records))])
 
 
 def _failures(records: Records) -> Section:
     broken = any(record.error is not None for record in records)
-    tables = [of_rich(told.failures_table(records))] if broken else []
+    tables = [told.failures_table(records)] if broken else []
     return Section("failures", "Where the diagnosis broke off", tables=tables)
 
 

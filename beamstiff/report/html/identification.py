@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -12,15 +11,20 @@ from beamstiff.measure.table import Measurements
 from beamstiff.report.html.bars import intervals
 from beamstiff.report.html.matrix import correlation_figure
 from beamstiff.report.html.page import Page, render
-from beamstiff.report.html.parts import Fact, Figure, Section, Table
+from beamstiff.report.html.parts import Fact, Figure, Section
 from beamstiff.report.html.places import line_of
 from beamstiff.report.html.provenance import Provenance
 from beamstiff.report.html.robot_view import RobotView, Shown, robot_view
 from beamstiff.report.html.rows import Compared, minded, row_figures
-from beamstiff.report.identification import combinations_text, identification_text
-from beamstiff.report.tables import counted, number
+from beamstiff.report.identification import (
+    combinations_table,
+    combinations_text,
+    identification_table,
+    identification_text,
+    method_text,
+)
+from beamstiff.report.tables import counted
 from beamstiff.robot.description import Robot
-from beamstiff.robot.fields import stiffness_text
 
 POSES = 5  # that the robot is shown in
 MOST_NAMED = 30  # parameters whose correlation is drawn
@@ -32,8 +36,6 @@ def identification_html(
     measured: Measurements,
     provenance: Provenance,
     folds: int = 5,
-    facts: Mapping[str, Any] | None = None,
-    notes: Sequence[str] = (),
 ) -> str:
     """Return the report of an identification as one HTML page.
 
@@ -47,10 +49,6 @@ def identification_html(
     provenance : Provenance
     folds : int
         Of the held-out gap that was asked for.
-    facts : mapping, optional
-        What ``--json`` writes, where that is more than ``found.to_dict()``.
-    notes : sequence of str
-        About the data, beside those of the identification.
     """
     used = measured.measured_mask
     compared = Compared(
@@ -70,11 +68,11 @@ def identification_html(
                 _parameters(found, robot),
                 *_degeneracies(found),
                 *rows.sections,
-                Section("notes", "Notes", items=[*notes, *found.notes]),
-                Section("method", "Method", texts=[_method(found)]),
+                Section("notes", "Notes", items=found.notes),
+                Section("method", "Method", texts=[method_text(found)]),
             ],
             provenance=provenance,
-            data=facts or found.to_dict(),
+            data=found.to_dict(),
             shared=rows.shared,
         )
     )
@@ -104,23 +102,10 @@ def _view(found: Identification, measured: Measurements) -> RobotView | None:
 
 def _parameters(found: Identification, robot: Robot) -> Section:
     names = [item.name for item in found.parameters]
-    rows, ends = [], list[tuple[float | None, float | None]]()
+    ends = list[tuple[float | None, float | None]]()
     for item in found.parameters:
-        start = stiffness_text(robot.parameter(item.name))
         low, high = item.interval or (item.lower_bound, None)
-        high = high if high is not None and np.isfinite(high) else None
-        ends.append((low, high))
-        rows.append(
-            [
-                item.name,
-                start if isinstance(start, str) else number(start),
-                "-" if item.value is None else number(item.value),
-                "-" if item.std is None else number(item.std),
-                f"{number(low or 0.0)} to {'rigid' if high is None else number(high)}",
-                item.unit,
-                item.reason or "",
-            ]
-        )
+        ends.append((low, high if high is not None and np.isfinite(high) else None))
     units = list(dict.fromkeys(item.unit for item in found.parameters))
     figures = []
     for at, unit in enumerate(units):
@@ -140,25 +125,13 @@ def _parameters(found: Identification, robot: Robot) -> Section:
                 layout,
             )
         )
-    columns = ("parameter", "start", "identified", "std", "95 %", "unit", "why no value")
-    table = Table("Identified stiffness", columns, rows)
     correlation = [correlation_figure(names, found.correlation)] if 1 < len(names) <= MOST_NAMED else []
-    return Section("parameters", "The stiffness values", figures=[*figures, *correlation], tables=[table])
+    tables = [identification_table(found, robot)]
+    return Section("parameters", "The stiffness values", figures=[*figures, *correlation], tables=tables)
 
 
 def _degeneracies(found: Identification) -> Iterator[Section]:
     texts = [text for text in combinations_text(found) if isinstance(text, str) and text]
-    groups = [item for item in (*found.degenerate, *found.ill_determined) if item.value is not None]
-    rows = []
-    for item in groups:
-        assert item.value is not None
-        between = "-" if item.interval is None else " to ".join(number(end) for end in item.interval)
-        std = "-" if item.std is None else number(item.std)
-        rows.append([item.relation, item.kind, number(item.value), std, between, item.unit])
-    columns = ("sum", "how", "value", "std", "95 %", "unit")
-    tables = [Table("Known together only", columns, rows, left=2)] if rows else []
+    told = combinations_table(found)
+    tables = [told] if told.rows else []
     yield Section("degeneracies", "What only acts together", items=texts, tables=tables)
-
-
-def _method(found: Identification) -> str:
-    return f"{found.method}, {counted(found.evaluations, 'evaluation')}: {found.message.rstrip('.')}."

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from beamstiff.report.html.parts import Figure, Table, axis, css, label, plain_layout
+from beamstiff.report.html.parts import Figure, axis, css, label, plain_layout
+from beamstiff.report.tables import Table
 from beamstiff.se3 import Array
 
 SQUARE = 30  # px

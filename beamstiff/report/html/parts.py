@@ -15,32 +15,11 @@ from typing import Any
 
 import numpy as np
 
+from beamstiff.report.tables import Table
 from beamstiff.se3 import Array
 
 DIGITS = 5  # of numbers in figures: more than a screen shows
 MARGIN = {"l": 56, "r": 16, "t": 34, "b": 48}
-
-
-@dataclass(frozen=True)
-class Table:
-    """A table as text.
-
-    Attributes
-    ----------
-    caption : str
-    columns : tuple of str
-    rows : sequence of sequences of str
-    left : int
-        So many columns are aligned left, the others right.
-    open : bool
-        Shown at once; else behind its caption.
-    """
-
-    caption: str
-    columns: tuple[str, ...]
-    rows: Sequence[Sequence[str]]
-    left: int = 1
-    open: bool = True
 
 
 @dataclass(frozen=True)

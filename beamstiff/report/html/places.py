@@ -15,7 +15,6 @@ from beamstiff.report.html.parts import (
     MARGIN,
     Figure,
     Section,
-    Table,
     axis,
     css,
     label,
@@ -23,7 +22,7 @@ from beamstiff.report.html.parts import (
     plain_layout,
     shared,
 )
-from beamstiff.report.tables import counted
+from beamstiff.report.tables import Table, counted
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.se3 import Array

@@ -15,8 +15,8 @@ from beamstiff.fem.response import Response, nodal_loads, respond
 from beamstiff.fem.structure import compile_structure
 from beamstiff.report.html.arrows import force_and_moment
 from beamstiff.report.html.links import Lines, joint_lines, link_lines
-from beamstiff.report.html.parts import Figure, Table, axis, css, label, numbers, plain_layout
-from beamstiff.report.tables import millimetres, number
+from beamstiff.report.html.parts import Figure, axis, css, label, numbers, plain_layout
+from beamstiff.report.tables import Table, millimetres, number
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import RIGID
 from beamstiff.robot.kinematics import posture

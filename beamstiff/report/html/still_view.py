@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from beamstiff.report.html.links import joint_lines, link_lines
-from beamstiff.report.html.parts import Figure, Table, css, label, numbers, shared
+from beamstiff.report.html.parts import Figure, css, label, numbers, shared
 from beamstiff.report.html.robot_view import AROUND, CAMERAS, FURTHER, LONGEST, RobotView, nice, space
+from beamstiff.report.tables import Table
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.se3 import Array

@@ -14,8 +14,9 @@ import numpy as np
 import pytest
 from scipy.optimize import nnls
 
-from beamstiff import identify, load_robot
+from beamstiff import load_robot
 from beamstiff.errors import BeamstiffError
+from beamstiff.identification.identify import identify
 from beamstiff.identification.methods.linear import nonnegative_step
 from beamstiff.identification.minimise import GLOBAL, METHODS, Effort, minimise
 from beamstiff.identification.objective import Objective

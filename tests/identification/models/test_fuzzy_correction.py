@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from beamstiff import BeamstiffError, identify
+from beamstiff import BeamstiffError
+from beamstiff.identification.identify import identify
 from beamstiff.identification.models.fuzzy_correction import fit_fuzzy_correction
 from beamstiff.model.fuzzy import FuzzySystem, Partition
 from beamstiff.model.fuzzy_correction import FuzzyCorrection

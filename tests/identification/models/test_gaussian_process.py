@@ -9,7 +9,8 @@ from scipy.optimize import check_grad
 from scipy.spatial.distance import cdist
 from scipy.special import gamma, kv
 
-from beamstiff import identify, load_robot
+from beamstiff import load_robot
+from beamstiff.identification.identify import identify
 from beamstiff.identification.models.evidence import Evidence, LinearReadings, most_evident
 from beamstiff.identification.models.gaussian_process import fit_gaussian_process
 from beamstiff.measure import make_measurements

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from beamstiff import BeamstiffError, identify
+from beamstiff import BeamstiffError
+from beamstiff.identification.identify import identify
 from beamstiff.identification.models.grid import cubes_about, fit_grid, with_offsets
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import make_measurements

@@ -11,6 +11,7 @@ import shutil
 import subprocess
 import tarfile
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,7 @@ from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.exam.names import EFFECTS, NONE, UNKNOWN
 from beamstiff.exam.record import Record
 from beamstiff.exam.table import table_dict
+from beamstiff.functions.predict import Prediction
 from beamstiff.identification.identify import identify
 from beamstiff.identification.models.side_by_side import Models, fit_models
 from beamstiff.identification.models.split import split_rows
@@ -36,7 +38,6 @@ from beamstiff.identification.result import Identification
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.linear import predict_displacements
-from beamstiff.report.compare import models_facts
 from beamstiff.report.html.calibration import calibration_html
 from beamstiff.report.html.comparison import comparison_html
 from beamstiff.report.html.compensation import compensation_html
@@ -217,24 +218,25 @@ def records() -> list[Record]:
 def calibration_page(
     calibrated: Calibration, robot: Robot, readings: Measurements, source: Provenance
 ) -> str:
-    return calibration_html(calibrated, robot, readings, source, {LINK_NAME: calibrated.after})
+    tested = replace(calibrated, tests={LINK_NAME: calibrated.after})
+    return calibration_html(tested, robot, readings, source)
 
 
 @pytest.fixture(scope="session")
 def compensation_page(compensated: Compensated, robot: Robot, source: Provenance) -> str:
-    return compensation_html(compensated, robot, source, {"of": JOINT_NAME}, [LINK_NAME])
+    return compensation_html(replace(compensated, notes=(LINK_NAME,)), robot, source)
 
 
 @pytest.fixture(scope="session")
 def comparison_page(compared: Models, robot: Robot, source: Provenance) -> str:
-    return comparison_html(compared, robot, source, models_facts(compared), [LINK_NAME])
+    return comparison_html(replace(compared, notes=(LINK_NAME,)), robot, source)
 
 
 @pytest.fixture(scope="session")
 def deflection_page(robot: Robot, rows: Measurements, source: Provenance) -> str:
     some = subset(rows, np.arange(0, len(rows), 4))
     predicted = predict_displacements(robot, some)
-    return deflection_html(robot, some, predicted, source, {"displacement": predicted.tolist()}, [LINK_NAME])
+    return deflection_html(Prediction(robot, some, predicted, False, (LINK_NAME,)), source)
 
 
 @pytest.fixture(scope="session")

@@ -62,7 +62,7 @@ READINGS = (
 def test_every_report_holds_what_json_writes(
     folder: Path, monkeypatch: pytest.MonkeyPatch, arguments: str, files: tuple[str, ...]
 ) -> None:
-    monkeypatch.setattr("beamstiff.cli.exam._diagnose", lambda: always_none)
+    monkeypatch.setattr("beamstiff.functions.examine._diagnose", lambda: always_none)
     for name, text in (("path.csv", PATH), ("readings.csv", READINGS), ("many.csv", many())):
         (folder / name).write_text(text, encoding="utf-8")
     result = run(*arguments.split(), "--json", "out.json", "--html", "out.html")

@@ -15,6 +15,7 @@ import pytest
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.exam.record import Record
 from beamstiff.exam.table import table_dict
+from beamstiff.functions.predict import Prediction
 from beamstiff.identification.result import Identification
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements, make_measurements
@@ -219,6 +220,6 @@ def test_displacements_of_nothing_are_drawn_nowhere(
 ) -> None:
     still = np.zeros((len(rows), 6))
     plain = make_measurements(["q1", "q2"], rows.q, tcp="tip", wrench=0 * rows.wrench)
-    outline = Outline(deflection_html(robot, plain, still, source, {"displacement": still.tolist()}))
+    outline = Outline(deflection_html(Prediction(robot, plain, still, False), source))
     assert "workspace" not in outline.ids
     assert "The tool moves 0 mm at most" in "".join(outline.text)

@@ -1,0 +1,164 @@
+"""`calibrate`: geometry, and compliances if wanted, from measured absolute positions or poses."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Literal
+
+from beamstiff.calibration.calibrate import calibrate as fit
+from beamstiff.calibration.observability import NOTICED
+from beamstiff.calibration.parameters import Parameter
+from beamstiff.calibration.result import Calibration
+from beamstiff.calibration.statement import state_calibration
+from beamstiff.calibration.validation import errors_on
+from beamstiff.errors import BeamstiffError, OptionError, shown, suggest
+from beamstiff.functions.checks import names_of, whole
+from beamstiff.measure.coerce import DataLike, TableLike, as_tables, doubted, doubts_of, refuse_fitted
+from beamstiff.measure.rows import concatenate
+from beamstiff.robot.coerce import RobotLike, as_robot
+from beamstiff.units import quantity
+
+Prior = float | str
+KINDS: dict[str, Literal["length", "angle"]] = {"m": "length", "rad": "angle"}
+
+
+def calibrate(
+    robot: RobotLike,
+    data: DataLike,
+    parameters: Sequence[str] | None = None,
+    method: str = "levenberg-marquardt",
+    *,
+    fixed: Sequence[str] = (),
+    last: Sequence[str] = (),
+    compliances: Sequence[str] = (),
+    priors: Mapping[str, Prior | Sequence[Prior]] | None = None,
+    noticed: float = NOTICED,
+    stations: bool = False,
+    folds: int = 5,
+    test: Sequence[TableLike] = (),
+) -> Calibration:
+    """Calibrate the geometry of a robot from measured absolute positions, or poses.
+
+    Weighted least squares over the parameters that the poses can distinguish; the others stay as they are.
+    Gravity, payload and loads act as the robot's stiffness says; the stiffness values called `compliances`
+    are estimated along with the geometry.
+
+    Parameters
+    ----------
+    robot : Robot, path, or name of a bundled robot
+    data : Measurements or path, or several
+        Absolute rows: joint readings, position of a reflector (`point`), or pose; loaded or not.
+    parameters : sequence of str, optional
+        What to seek: parameters (``"f3.d"``, ``"q2"`` the zero of an encoder, ``"n7.x"`` the place of a
+        reflector), groups (``"base"``, ``"target"``, ``"offsets"``, ``"frames"``) or frames; default all.
+    method : "levenberg-marquardt" or "gauss-newton"
+    fixed : sequence of str
+        Likewise: what stays. Readings in the robot's own base frame call for ``"base"``.
+    last : sequence of str
+        Likewise: what is held first where it cannot be distinguished from others.
+    compliances : sequence of str
+        Stiffness values to estimate along, such as ``"J2.torsional"``, as compliances.
+    priors : mapping of str to float or str, optional
+        Standard deviations about the robot's values: SI, or a text with its unit (``"0.2 mm"``). Of a group
+        or frame a text holds for the parameters that have such a unit; several texts give it both units.
+    noticed : float
+        Signal over noise of a realistic deviation (1 mm, 1 mrad) from which a parameter is sought.
+    stations : bool
+        Every table was measured with the robot, or the tracker, in another place: each has a base of its own,
+        ``base1``, ``base2`` and so on.
+    folds : int
+        Of the poses, for the errors held out; 0 for none.
+    test : sequence of Measurements or paths
+        Readings to test the calibrated robot on, see `Calibration.tests`.
+
+    Returns
+    -------
+    Calibration
+
+    Raises
+    ------
+    BeamstiffError
+        When the rows hold no absolute readings or too few, a pose cannot close its loops, a parameter is
+        unknown or would open a loop, a compliance is not loaded.
+    """
+    machine = as_robot(robot)
+    whole("folds", folds, 0)
+    if isinstance(test, str | os.PathLike) or not isinstance(test, Sequence):
+        raise OptionError("test", f"found {shown(test)}, expected a list of tables")
+    tables = as_tables(data, machine)
+    refuse_fitted(test, data)
+    tested = {_name(one): as_tables(one, machine, what="test")[0] for one in test}
+    if stations and tested:
+        raise OptionError("test", "beside stations it is not said where the robot stood; leave one out")
+    doubts = doubts_of(machine, tables)
+    rows = concatenate(tables)
+    said: dict[str, Any] = {
+        "parameters": names_of("parameters", parameters),
+        "fixed": names_of("fixed", fixed) or (),
+        "last": names_of("last", last) or (),
+        "compliances": names_of("compliances", compliances) or (),
+        "noticed": noticed,
+        "stations": stations,
+    }
+    with doubted(doubts):
+        if priors:
+            known = state_calibration(machine, rows, **said).problem.parameters
+            said["priors"] = each_prior(priors, known)
+        found = fit(machine, rows, method=method, folds=folds, **said)
+        errors = {name: errors_on(found, table) for name, table in tested.items()}
+    return replace(found, rows=rows, tests=errors, notes=(*doubts, *found.notes))
+
+
+def each_prior(
+    priors: Mapping[str, Prior | Sequence[Prior]], parameters: Sequence[Parameter]
+) -> dict[str, float]:
+    """Return standard deviations, SI, by parameter, of those given by parameter, group or frame.
+
+    Raises
+    ------
+    BeamstiffError
+        When a name is unknown, or no parameter of the name has the unit.
+    """
+    geometric = [item for item in parameters if item.unit in KINDS]
+    result: dict[str, float] = {}
+    given = (
+        (name, one)
+        for name, values in priors.items()
+        for one in (values if isinstance(values, list | tuple) else [values])
+    )
+    for name, value in given:
+        own = [item for item in geometric if name in _goes_by(item)]
+        if not own:
+            known = [one for item in geometric for one in _goes_by(item)]
+            raise OptionError(
+                "priors", f"{name!r} is no geometric parameter that is sought{suggest(name, known)}"
+            )
+        if not isinstance(value, str) and len({item.unit for item in own}) > 1:
+            raise OptionError("priors", f"{name}: found {shown(value)}, expected a unit such as mm or deg")
+        found, failure = {}, None
+        for item in own:
+            try:
+                found[item.name] = quantity(value, KINDS[item.unit])
+            except BeamstiffError as error:  # a group has lengths and angles
+                failure = error
+        if not found:
+            raise OptionError("priors", f"{name}: {failure}")
+        if min(found.values()) <= 0:
+            raise OptionError(
+                "priors", f"{name}: found {shown(value)}, expected a positive standard deviation"
+            )
+        result |= found
+    return result
+
+
+def _goes_by(item: Parameter) -> tuple[str, ...]:
+    """Return what a parameter goes by: its name, its group, its frame."""
+    group = f"{item.group}s" if item.group in ("offset", "frame") else item.group
+    frame = item.name.rpartition(".")[0] if item.group == "frame" else item.name
+    return item.name, group, frame
+
+
+def _name(table: TableLike) -> str:
+    return os.fspath(table) if isinstance(table, str | os.PathLike) else table.source

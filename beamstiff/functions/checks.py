@@ -1,0 +1,110 @@
+"""Options that several functions check alike."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from math import degrees
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from beamstiff.errors import OptionError, shown, suggest
+from beamstiff.robot.coupling import variable_kinds
+from beamstiff.robot.description import Robot
+from beamstiff.robot.parts import AddedEffect
+from beamstiff.se3 import Array
+
+
+def one_of(name: str, value: object, known: Sequence[str]) -> None:
+    """Refuse a word that is not among those known.
+
+    Raises
+    ------
+    BeamstiffError
+        Naming the option.
+
+    Examples
+    --------
+    >>> one_of("loss", "linaer", ("linear", "huber"))
+    Traceback (most recent call last):
+    ...
+    beamstiff.errors.OptionError: loss: found 'linaer' (did you mean 'linear'?), expected linear, huber
+    """
+    if value not in known:
+        raise OptionError(name, f"found {shown(value)}{suggest(value, known)}, expected {', '.join(known)}")
+
+
+def whole(name: str, value: object, least: int, most: int | None = None) -> None:
+    """Refuse what is no whole number between two ends.
+
+    Raises
+    ------
+    BeamstiffError
+        Naming the option.
+
+    Examples
+    --------
+    >>> whole("seed", -1, 0)
+    Traceback (most recent call last):
+    ...
+    beamstiff.errors.OptionError: seed: found -1, expected 0 or more
+    """
+    is_whole = isinstance(value, int) and not isinstance(value, bool)
+    if not is_whole or value < least or (most is not None and value > most):  # type: ignore[operator]
+        span = f"{least} or more" if most is None else f"{least} to {most}"
+        raise OptionError(name, f"found {shown(value)}, expected {span}")
+
+
+def effects_text(effects: Iterable[AddedEffect]) -> str:
+    """Return a robot's effects as people read them, ``backlash:q2``."""
+    return ", ".join(dict.fromkeys(f"{one.effect}:{one.component or 'null'}" for one in effects))
+
+
+def names_of(name: str, value: Sequence[str] | None) -> list[str] | None:
+    """Return names as a list; a single text is refused, whose letters would count as names.
+
+    Raises
+    ------
+    BeamstiffError
+        Naming the option.
+
+    Examples
+    --------
+    >>> names_of("parameters", "J1.torsional")
+    Traceback (most recent call last):
+    ...
+    beamstiff.errors.OptionError: parameters: found 'J1.torsional', expected a list of names
+    """
+    if value is None:
+        return None
+    if isinstance(value, str) or not all(value):
+        raise OptionError(name, f"found {shown(value)}, expected a list of names")
+    return list(value)
+
+
+def left_out(effects: Iterable[AddedEffect], what: str) -> tuple[str, ...]:
+    """Return the note that a robot's effects are no part of something; none where it has none."""
+    told = effects_text(effects)
+    return (f"the robot's effects ({told}) are not part of {what}",) if told else ()
+
+
+def six_numbers(name: str, wrench: ArrayLike) -> Array:
+    """Return a wrench ``[f, m]``, (6,).
+
+    Raises
+    ------
+    BeamstiffError
+        Naming the option.
+    """
+    try:
+        load = np.asarray(wrench, dtype=np.float64)
+    except (TypeError, ValueError):
+        load = np.zeros(0)
+    if load.shape != (6,) or not np.isfinite(load).all():
+        raise OptionError(name, f"found {str(wrench)[:60]}, expected six numbers fx fy fz mx my mz")
+    return load
+
+
+def shown_value(robot: Robot, name: str, value: float) -> str:
+    """Return the value of a variable as people read it: in degrees or millimetres."""
+    return f"{degrees(value):.6g} deg" if variable_kinds(robot)[name] == "angle" else f"{1e3 * value:.6g} mm"

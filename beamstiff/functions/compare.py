@@ -1,0 +1,76 @@
+"""`compare`: every model of elasticity fitted to the same rows and judged by held-out ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from beamstiff.diagnosis.apply import without_effects
+from beamstiff.errors import OptionError, shown
+from beamstiff.functions.checks import names_of, whole
+from beamstiff.identification.models.side_by_side import FITS, Models, Options, fit_models
+from beamstiff.identification.models.split import split_rows
+from beamstiff.measure.coerce import DataLike, as_tables, doubted, doubts_of
+from beamstiff.measure.rows import concatenate
+from beamstiff.robot.coerce import RobotLike, as_robot
+
+
+def compare(
+    robot: RobotLike,
+    data: DataLike,
+    parameters: Sequence[str] | None = None,
+    *,
+    models: Sequence[str] | None = None,
+    share: float = 0.25,
+    fit_load: float | None = None,
+    cube: float | None = None,
+    seed: int = 0,
+    progress: Callable[[str], None] | None = None,
+) -> Models:
+    """Fit every model of elasticity to the same rows, and judge each by held-out rows.
+
+    Parameters
+    ----------
+    robot : Robot, path, or name of a bundled robot
+        What its `effects` displace is taken off the readings first.
+    data : Measurements or path, or several
+        Displacements of the TCP under loads there.
+    parameters : sequence of str, optional
+        Stiffness values that are fitted, and may vary; default ``robot.identify``.
+    models : sequence of str, optional
+        "rigid", "nominal", "parametric", "fuzzy", "fuzzy tree", "grid", "gray box", "gaussian process";
+        default all.
+    share : float
+        Of the poses to hold out.
+    fit_load : float, optional
+        Fit to rows of this load alone, N, hold all others out; default: hold the largest load out.
+    cube : float, optional, m
+        Side of the grid's cubes; default a third of the workspace.
+    seed : int
+        Of all that is drawn at random.
+    progress : callable, optional
+        Called with the name of the model that is fitted next.
+
+    Returns
+    -------
+    Models
+
+    Raises
+    ------
+    BeamstiffError
+        When there is no such model or parameter, the rows are no displacements of the TCP, or they carry no
+        model at all.
+    """
+    machine = as_robot(robot)
+    whole("seed", seed, 0)
+    if cube is not None and not 0 < cube < float("inf"):
+        raise OptionError("cube", f"found {shown(cube)}, expected a length in m above 0")
+    names = names_of("models", models) or list(FITS)
+    chosen = names_of("parameters", parameters)
+    tables = as_tables(data, machine)
+    doubts = doubts_of(machine, tables)
+    options = Options(None if chosen is None else tuple(chosen), cube, seed)
+    with doubted(doubts):
+        bare, rows = without_effects(machine, concatenate(tables))
+        found = fit_models(bare, rows, split_rows(rows, share, fit_load, seed), names, options, progress)
+    return replace(found, robot=machine, notes=tuple(doubts))

@@ -1,0 +1,168 @@
+"""`compensate`: a tool path corrected for geometry, weight, load and effects of the real robot."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from beamstiff.compensation.formats import Program, read_program
+from beamstiff.compensation.machine import Machine
+from beamstiff.compensation.path import Frames
+from beamstiff.compensation.process.load import Constant, Process, Together
+from beamstiff.compensation.process.reader import read_process
+from beamstiff.compensation.rewrite import Compensated, compensate_program
+from beamstiff.errors import BeamstiffError, OptionError, listed, shown
+from beamstiff.functions.checks import effects_text, names_of, shown_value, six_numbers
+from beamstiff.robot.coerce import RobotLike, as_robot
+from beamstiff.robot.kinematics import actuated_values
+from beamstiff.robot.stiffness import missing_stiffness
+from beamstiff.se3 import Array
+
+
+def compensate(
+    robot: RobotLike,
+    path: Program | str | os.PathLike[str],
+    *,
+    actual: RobotLike | None = None,
+    wrench: ArrayLike | None = None,
+    process: Process | str | os.PathLike[str] | None = None,
+    base: ArrayLike | None = None,
+    tool: ArrayLike | None = None,
+    q: Mapping[str, float] | ArrayLike | None = None,
+    only: Sequence[str] | None = None,
+    taught: bool = False,
+    positions_only: bool = False,
+    steps: tuple[float, float] | None = None,
+) -> Compensated:
+    """Correct a tool path for what the real robot makes of it.
+
+    Every target gets the command at which the real tool comes to rest at it: with the geometry, weight,
+    stiffness and effects of the robot, under the load of the process.
+
+    Parameters
+    ----------
+    robot : Robot, path, or name of a bundled robot
+        Whose geometry the controller takes for true.
+    path : Program or path of a file
+        ``.csv``; KUKA ``.src``, ``.dat``; ABB ``.mod``, ``.prg``; APT ``.apt``, ``.cls``.
+    actual : Robot, path or name, optional
+        The real robot, where it differs from `robot`.
+    wrench : (6,) array, optional
+        Load on the tool's tip, base frame, N and N m; on top of columns of the path and of `process`.
+    process : Process or path of a YAML file, optional
+        Process model.
+    base, tool : (4, 4) array, optional
+        Frame of the path in the robot's base frame; programmed tool in the frame of the robot's TCP.
+    q : mapping of str to float, or (A,) array, rad or m, optional
+        Posture near the first target, to choose the branch.
+    only : sequence of str, optional
+        Correct these targets alone; ``"XP*"`` takes many.
+    taught : bool
+        Targets were taught on the unloaded robot: correct the load's part.
+    positions_only : bool
+        Leave the orientations as they are.
+    steps : (float, float), optional
+        Resample to at most this distance, m, and turn, rad, a step: the result is a path table then.
+
+    Returns
+    -------
+    Compensated
+        Targets that cannot be corrected are in ``correction.reasons`` and stay as they are in ``content``.
+
+    Raises
+    ------
+    BeamstiffError
+        When the path cannot be read, the robots do not fit, or the load is not defined somewhere.
+    """
+    controller = as_robot(robot)
+    real = None if actual is None else as_robot(actual, "actual")
+    machine = Machine(controller, real, frames=Frames(_frame("base", base), _frame("tool", tool)))
+    start = None if q is None else actuated_values(controller, q)[0]
+    program = _program(path)
+    if names := names_of("only", only):
+        program = program.only(names)
+    result = compensate_program(
+        program,
+        machine,
+        _load(wrench, process),
+        steps=steps,
+        start=start,
+        taught=taught,
+        positions_only=positions_only,
+    )
+    placed = base is not None or tool is not None
+    return replace(result, notes=tuple(_notes(result, program, placed, q is not None, taught)))
+
+
+def _program(path: Program | str | os.PathLike[str]) -> Program:
+    if isinstance(path, Program):
+        return path
+    if isinstance(path, str | os.PathLike):
+        return read_program(Path(path))
+    raise BeamstiffError(f"path: found {shown(path)}, expected a program or the path of its file")
+
+
+def _frame(name: str, frame: ArrayLike | None) -> Array:
+    found = np.eye(4) if frame is None else np.asarray(frame, dtype=np.float64)
+    if found.shape != (4, 4) or not np.isfinite(found).all():
+        raise OptionError(name, f"found an array of shape {found.shape}, expected a transform, 4 x 4")
+    return found
+
+
+def _load(wrench: ArrayLike | None, process: Process | str | os.PathLike[str] | None) -> Process | None:
+    parts: list[Process] = []
+    if wrench is not None:
+        parts.append(Constant(tuple(six_numbers("wrench", wrench).tolist())))
+    if process is not None:
+        given = isinstance(process, str | os.PathLike)
+        parts.append(read_process(Path(process)) if given else process)  # type: ignore[arg-type]
+    return Together(tuple(parts)) if parts else None
+
+
+def _notes(result: Compensated, program: Program, placed: bool, branch: bool, taught: bool) -> list[str]:
+    """Return what is worth knowing, where the frames are `placed` and the `branch` is chosen or not."""
+    machine = result.machine
+    found, said = result.correction, [*([] if taught else _unproven(result, machine)), *program.notes]
+    if missing_stiffness(machine.real) and not machine.real.effects:
+        what = "differ in geometry alone" if machine.actual is not None else "are one and the same"
+        said.append(
+            f"robot {machine.real.name!r} is rigid: weight and load move nothing, so that controller and "
+            f"real robot {what}; give it a stiffness, or the real robot as `actual`"
+        )
+    if not placed and program.frames:
+        said.append(
+            f"{'; '.join(program.frames)}: --base and --tool say where this is, here both are left out: the "
+            f"path counts from the robot's base, and is that of its TCP {machine.controller.tcp!r}"
+        )
+    if not branch:
+        names = [variable.name for variable in machine.controller.actuated]
+        first = zip(names, found.q[0].round(6).tolist(), strict=True)
+        shown = (f"{name} = {shown_value(machine.controller, name, value + 0.0)}" for name, value in first)
+        posture = ", ".join(shown)
+        said.append(f"the path begins at {posture}; --q chooses another posture")
+    if found.switched.size:
+        lines = listed([str(found.path.lines[row]) for row in found.switched.tolist()])
+        said.append(f"the joints have to jump before line {lines}: another configuration")
+    if machine.set_aside:
+        said.append(f"{effects_text(machine.set_aside)}: of measuring, which moves no tool: left out")
+    if machine.real.effects:
+        said.append(f"with the robot's effects: {effects_text(machine.real.effects)}")
+    return said
+
+
+def _unproven(result: Compensated, machine: Machine) -> list[str]:
+    """Return what effects do to the unloaded robot: displacements that they were found from do not fix it."""
+    said = []
+    for effect, parts in machine.unproven(result.correction.q[result.known]).items():
+        shown = ", ".join(f"{name} {1e3 * size:.2g} mm" for name, size in parts.items())
+        said.append(
+            f"the correction takes {effect} to move the unloaded tool already ({shown}): displacements, "
+            "loaded minus unloaded, do not fix that part, absolute positions do; check a target, or teach "
+            "the targets and correct what the load does alone (--taught)"
+        )
+    return said

@@ -1,0 +1,60 @@
+"""`diagnose`: where the gap between model and machine is, and what causes it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from beamstiff.diagnosis.diagnose import diagnose as run
+from beamstiff.diagnosis.result import Diagnosis
+from beamstiff.functions.checks import names_of, whole
+from beamstiff.measure.coerce import DataLike, as_tables, doubted, doubts_of
+from beamstiff.measure.rows import concatenate
+from beamstiff.robot.coerce import RobotLike, as_robot
+
+
+def diagnose(
+    robot: RobotLike,
+    data: DataLike,
+    *,
+    without: Sequence[str] = (),
+    region: Sequence[tuple[float, float]] | None = None,
+    seed: int = 0,
+) -> Diagnosis:
+    """Diagnose the gap between a model and measurements.
+
+    Parameters
+    ----------
+    robot : Robot, path, or name of a bundled robot
+        Its `identify` parameters are fitted first.
+    data : Measurements or path, or several
+        Displacements or absolute positions.
+    without : sequence of str
+        Effects, or ``effect:component``, that are no candidates.
+    region : three pairs, m, optional
+        Least and largest x, y, z of the TCP in what is proposed to measure next.
+    seed : int
+        Of simulated campaigns and held-out postures.
+
+    Returns
+    -------
+    Diagnosis
+
+    Raises
+    ------
+    BeamstiffError
+        When the rows cannot be predicted, hold no position or nothing that an effect could show in
+        (nothing but zeros, all against their load), or `without` names no effect.
+    """
+    machine = as_robot(robot)
+    whole("seed", seed, 0)
+    excluded = names_of("without", without) or ()
+    tables = as_tables(data, machine)
+    doubts = doubts_of(machine, tables)
+    rows = concatenate(tables)
+    if region is not None:
+        rows = replace(rows, region=tuple(region))
+    with doubted(doubts):
+        result = run(machine, rows, without=excluded, seed=seed)
+    # of the table before what is made of it
+    return replace(result, notes=(*doubts, *(note for note in result.notes if note not in doubts)))

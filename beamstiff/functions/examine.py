@@ -1,0 +1,204 @@
+"""`examine`: the diagnosis on simulated campaigns, or labelled ones, whose effect is withheld from it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from beamstiff.errors import BeamstiffError, OptionError, listed, suggest
+from beamstiff.exam.blind import Control, Diagnose, Examiner
+from beamstiff.exam.cases import PLAN_SHARES, SHARES, Exam, possible_effects
+from beamstiff.exam.labelled import examine_folder
+from beamstiff.exam.names import EFFECTS
+from beamstiff.exam.record import KINDS, Kind, Record
+from beamstiff.exam.run import Void, run_exam
+from beamstiff.exam.table import table_dict
+from beamstiff.functions.checks import left_out, names_of, whole
+from beamstiff.measure.coerce import TableLike, as_tables
+from beamstiff.robot.coerce import RobotLike, as_robot
+
+Path_ = str | os.PathLike[str]
+
+
+@dataclass(frozen=True, eq=False)
+class Examination:
+    """What an exam found.
+
+    Attributes
+    ----------
+    records : list of Record
+    settings : mapping
+        Of what it was.
+    notes : tuple of str
+    """
+
+    records: Sequence[Record]
+    settings: Mapping[str, Any]
+    notes: tuple[str, ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON."""
+        return {"exam": dict(self.settings), **table_dict(list(self.records))}
+
+
+def examine(
+    robot: RobotLike | None = None,
+    plan: TableLike | None = None,
+    *,
+    cases: int = 100,
+    classes: Sequence[str] | None = None,
+    sets: Path_ | None = None,
+    compare: bool = True,
+    reports: Path_ | None = None,
+    out: Path_ | None = None,
+    seed: int = 0,
+    processes: int = 1,
+    scheduler: str | None = None,
+    progress: Callable[[Record | Void], None] | None = None,
+) -> Examination:
+    """Examine the diagnosis on simulated campaigns whose effect is withheld from it.
+
+    Parameters
+    ----------
+    robot : Robot, path, or name of a bundled robot, optional
+        Examine on this robot only; its `effects` are left out.
+    plan : Measurements or path, optional
+        Examine on these poses and loads only.
+    cases : int
+    classes : sequence of str, optional
+        Only cases of these kinds ("null", "single", "pair", "outside", "removed") or single effects, in
+        equal shares.
+    sets : path, optional
+        Examine on the campaigns of a folder with a ``labels.json`` instead of simulated ones.
+    compare : bool
+        Ask a plain regression too (best BIC), as a control.
+    reports : path, optional
+        Folder that keeps every diagnosis' report.
+    out : path, optional
+        Keeps every case's result as a line of JSON; a broken-off exam is taken up again there.
+    seed : int
+        Of all draws.
+    processes : int
+    scheduler : str, optional
+        Of dask, ``tcp://host:port``.
+    progress : callable, optional
+        Called with every case.
+
+    Raises
+    ------
+    BeamstiffError
+        When the robot can have none of the effects, or no case could be simulated.
+    """
+    whole("cases", cases, 1)
+    whole("seed", seed, 0)
+    names = names_of("classes", classes)
+    examiner = Examiner(_diagnose(), controls=_controls() if compare else {}, reports=_folder(reports))
+    if sets is not None:
+        if robot is not None or plan is not None or out is not None or names:
+            raise OptionError("sets", "found other options of what to examine, expected the folder only")
+        records = examine_folder(Path(sets), examiner, processes=processes, scheduler=scheduler)
+        return Examination(records, {"sets": os.fspath(sets)})
+    asked, notes = _asked(robot, plan, seed, names)
+    records = run_exam(
+        asked,
+        cases,
+        examiner,
+        processes=processes,
+        scheduler=scheduler,
+        results=None if out is None else Path(out),
+        progress=progress or (lambda _: None),
+    )
+    if not records:
+        raise BeamstiffError(
+            f"exam: none of {cases} cases could be simulated, expected another robot or plan"
+        )
+    if len(records) < cases:
+        notes.append(f"{cases - len(records)} of {cases} cases could not be simulated and count nowhere")
+    return Examination(records, asked.settings(), tuple(notes))
+
+
+def _asked(
+    robot: RobotLike | None, plan: TableLike | None, seed: int, classes: Sequence[str] | None
+) -> tuple[Exam, list[str]]:
+    """Return the exam that was asked for, and what to know of it."""
+    if plan is not None and robot is None:
+        raise OptionError("plan", "found a plan without a robot, expected: beamstiff exam ROBOT --plan CSV")
+    notes: list[str] = []
+    machine = None if robot is None else as_robot(robot)
+    if machine is not None and machine.effects:  # the exam's own simulator does not know them
+        notes += left_out(machine.effects, "the exam, neither of its machines nor of its models")
+        machine = machine.model_copy(update={"effects": ()})
+    shares, effects = (SHARES if plan is None else PLAN_SHARES), EFFECTS
+    if classes:
+        shares, effects = shares_of(classes)
+    if machine is not None:
+        possible = possible_effects(machine, effects)
+        missing = [effect for effect in effects if effect not in possible]
+        if not possible:
+            raise BeamstiffError(f"exam: robot {machine.name!r} can have none of {listed(effects)}")
+        if missing:
+            notes.append(f"robot {machine.name} cannot have {listed(missing, 20)}")
+        effects = possible
+        if "single" in shares and classes:
+            shares = {**shares, "single": len(effects)}
+    laid_out = None
+    if plan is not None and machine is not None:
+        (laid_out,) = as_tables(plan, machine, require_measured=False, what="plan")
+        if laid_out.sigma_position is None:
+            noise = 1e3 * Exam(seed).noise[0]
+            notes.append(f"{laid_out.source} states no sigma_position; {noise:g} mm is assumed")
+    return Exam(seed=seed, shares=shares, effects=effects, robot=machine, plan=laid_out), notes
+
+
+def shares_of(classes: Sequence[str]) -> tuple[dict[Kind, int], tuple[str, ...]]:
+    """Return the share of each kind of case, and the effects asked, of names of kinds and effects.
+
+    Every name gets an equal share; ``single`` stands for all effects.
+
+    Raises
+    ------
+    BeamstiffError
+        When a name is neither a kind nor an effect.
+
+    Examples
+    --------
+    >>> shares_of(["null", "backlash", "hysteresis"])
+    ({'null': 1, 'single': 2}, ('backlash', 'hysteresis'))
+    """
+    names, known = list(dict.fromkeys(classes)), (*KINDS, *EFFECTS)
+    if unknown := [name for name in names if name not in known]:
+        raise OptionError(
+            "classes",
+            f"found {unknown[0]!r}{suggest(unknown[0], known)}, expected {listed(known, len(known))}",
+        )
+    effects = EFFECTS if "single" in names else tuple(name for name in names if name in EFFECTS)
+    shares: dict[Kind, int] = {kind: 1 for kind in KINDS if kind in names and kind != "single"}
+    if effects:
+        shares["single"] = len(effects)
+    return shares, effects or EFFECTS
+
+
+def _folder(reports: Path_ | None) -> Path | None:
+    if reports is None:
+        return None
+    folder = Path(reports)
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        raise OptionError("reports", f"{folder} cannot be made: {error.strerror or error}") from None
+    return folder
+
+
+def _diagnose() -> Diagnose:
+    """Return the diagnosis; loaded only here, because it takes its time."""
+    diagnose: Diagnose = import_module("beamstiff.diagnosis.diagnose").diagnose
+    return diagnose
+
+
+def _controls() -> dict[str, Control]:
+    """Return the plain methods that the diagnosis is compared with."""
+    return {"plain regression, best BIC": import_module("beamstiff.diagnosis.plain_regression").plain_bic}

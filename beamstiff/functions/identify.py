@@ -1,0 +1,223 @@
+"""`identify`: stiffness values from measured displacements, beside the effects that a robot has."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from beamstiff.diagnosis.apply import without_effects
+from beamstiff.diagnosis.notes import chosen_for
+from beamstiff.diagnosis.residual.baseline import fitted_names
+from beamstiff.errors import OptionError
+from beamstiff.functions.checks import names_of, one_of, whole
+from beamstiff.identification.bootstrap import Bootstrap
+from beamstiff.identification.bootstrap import bootstrap as draw
+from beamstiff.identification.degeneracy import find_degeneracy
+from beamstiff.identification.identify import identify as fit
+from beamstiff.identification.input_errors import InputErrors
+from beamstiff.identification.minimise import GLOBAL, LEAST, METHODS, Effort, Progress
+from beamstiff.identification.objective import LOSSES, Loss
+from beamstiff.identification.problem import Components, state_problem
+from beamstiff.identification.reduce import Reduced, reduce_model
+from beamstiff.identification.result import Identification
+from beamstiff.identification.separate import with_separations
+from beamstiff.identification.statement import Statement, state_identification
+from beamstiff.measure.coerce import DataLike, as_tables, doubted, doubts_of
+from beamstiff.measure.rows import concatenate
+from beamstiff.measure.table import Measurements
+from beamstiff.measure.usable import counted_once
+from beamstiff.parallel import check_places
+from beamstiff.robot.coerce import RobotLike, as_robot
+from beamstiff.robot.description import Robot
+from beamstiff.robot.stiffness import check_stiffness
+
+USES: tuple[Components, ...] = ("both", "position", "rotation")
+
+
+def identify(
+    robot: RobotLike,
+    data: DataLike,
+    parameters: Sequence[str] | None = None,
+    method: str = "trust-region",
+    *,
+    fixed: Sequence[str] = (),
+    ties: Sequence[Sequence[str]] = (),
+    bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
+    priors: Mapping[str, tuple[float, float]] | None = None,
+    loss: Loss = "linear",
+    components: Components = "both",
+    errors: InputErrors | None = None,
+    folds: int = 5,
+    bootstrap: int = 0,
+    reduce: bool = False,
+    seed: int = 0,
+    evaluations: int = 20_000,
+    population: int | None = None,
+    searches: int = 1,
+    processes: int = 1,
+    scheduler: str | None = None,
+    progress: Progress | None = None,
+) -> Identification:
+    """Identify stiffness values from measured displacements.
+
+    Parameters
+    ----------
+    robot : Robot, path, or name of a bundled robot
+        Its present stiffness values are the start; all that is not among the parameters stays as it is. What
+        its `effects` displace is taken off the readings first.
+    data : Measurements or path, or several
+        Displacements, loaded minus unloaded. Copies of rows count once.
+    parameters : sequence of str, optional
+        Stiffness values to identify: a joint's ``"J12.torsional"``, a strut ``"screw2"``, a beam's modulus
+        ``"arm.E"``; default ``robot.identify``, or where that is empty the drives.
+    method : str
+        "trust-region" (default), "levenberg-marquardt", "linear" (in compliances), "slsqp", "mma", "lbfgs",
+        "bobyqa"; and the global "isres", "crs2", "esch", "mlsl", "genetic".
+    fixed : sequence of str
+        Parameters that stay as they are in the robot.
+    ties : sequence of sequences of str
+        Parameters that keep the ratio of their starts.
+    bounds : mapping of str to (low, high), optional
+        SI; None for no bound.
+    priors : mapping of str to (value, factor), optional
+        Known beforehand: value, and the factor by which one standard deviation is off.
+    loss : "linear", "soft_l1", "huber" or "cauchy"
+        How residuals count: squared, or less where they are beyond two standard deviations.
+    components : "position", "rotation" or "both"
+        Which readings count; each by its noise.
+    errors : InputErrors, optional
+        Of the loads and of the joint values in the table: they add to the noise of the readings.
+    folds : int
+        Folds of the held-out errors; 0 for none.
+    bootstrap : int
+        Fits to poses drawn again, for intervals; 0 for none.
+    reduce : bool
+        Reduce the robot to what the data can identify, see `Identification.reduced`.
+    seed : int
+        Of all that is drawn at random.
+    evaluations, population, searches : int
+        Limits of the method; of a global one how many candidates, and how many searches.
+    processes : int
+    scheduler : str, optional
+        Of dask, ``tcp://host:port``: bootstrap and searches are spread over its workers.
+    progress : callable, optional
+        Called with the number of evaluations and the least cost.
+
+    Returns
+    -------
+    Identification
+        After Ctrl-C the best so far, `interrupted`.
+
+    Raises
+    ------
+    BeamstiffError
+        When the data cannot carry the identification; the message says what is missing.
+
+    Examples
+    --------
+    >>> found = identify("ir663", "examples/data/ir663_compliance_xx.csv")
+    >>> print(f"{1e3 * found.rms:.3f} mm")
+    0.113 mm
+    """
+    machine = as_robot(robot)
+    check_stiffness(machine)
+    _check(method, loss, components, folds, bootstrap, seed, evaluations, population, searches)
+    notes: list[str] = []
+    if bootstrap or searches > 1:
+        check_places(processes, scheduler)
+    elif processes > 1 or scheduler is not None:
+        notes.append("one search is one process: only bootstrap and searches are spread")
+    tables = as_tables(data, machine)
+    doubts = doubts_of(machine, tables)
+    names = names_of("parameters", parameters)
+    if names is None and not machine.identify:
+        names = list(fitted_names(machine)) or None
+        notes += chosen_for(machine)
+    said: dict[str, Any] = {
+        "parameters": names,
+        "fixed": names_of("fixed", fixed) or (),
+        "ties": ties,
+        "bounds": bounds,
+        "priors": priors,
+        "loss": loss,
+        "components": components,
+        "errors": errors,
+    }
+    effort = Effort(evaluations, seed, population, searches, processes, scheduler)
+    with doubted(doubts):
+        bare, rows = without_effects(machine, counted_once(concatenate(tables)))
+        found = fit(bare, rows, method=method, folds=folds, effort=effort, progress=progress, **said)
+    drawn: Bootstrap | None = None
+    if not found.interrupted:
+        try:
+            found = with_separations(found, bare, rows, components, seed)
+            if bootstrap:
+                drawn = _draw(state_identification(bare, rows, **said), found, bootstrap, effort)
+        except KeyboardInterrupt:  # the values are there
+            found = replace(found, interrupted=True)
+    reduced = _reduce(bare, rows, found, components) if reduce else None
+    if machine.effects:
+        effects = {"effects": machine.effects}
+        found = replace(found, robot=found.robot.model_copy(update=effects))
+        if reduced is not None:
+            reduced = replace(reduced, robot=reduced.robot.model_copy(update=effects))
+    return replace(
+        found,
+        start=machine,
+        rows=rows,
+        bootstrap=drawn,
+        reduced=reduced,
+        notes=(*doubts, *notes, *found.notes),
+    )
+
+
+def _check(
+    method: str,
+    loss: str,
+    components: str,
+    folds: int,
+    bootstrap: int,
+    seed: int,
+    evaluations: int,
+    population: int | None,
+    searches: int,
+) -> None:
+    """Refuse options that make no sense."""
+    one_of("method", method, list(METHODS))
+    one_of("loss", loss, list(LOSSES))
+    one_of("components", components, USES)
+    for name, value, least in (
+        ("folds", folds, 0),
+        ("bootstrap", bootstrap, 0),
+        ("seed", seed, 0),
+        ("evaluations", evaluations, 1),
+        ("searches", searches, 1),
+    ):
+        whole(name, value, least)
+    if population is not None:
+        whole("population", population, LEAST)
+    if folds == 1:
+        raise OptionError("folds", "found 1, expected 2 or more, or 0 for none")
+    if searches > 1 and method not in GLOBAL:
+        raise OptionError("searches", f"found the method {method}, expected {', '.join(GLOBAL)}")
+
+
+def _draw(statement: Statement, found: Identification, repetitions: int, effort: Effort) -> Bootstrap:
+    """Return the bootstrap about what was found."""
+    statement = statement.holding(found.stiffness).weighed(found.stiffness)
+    return draw(
+        statement,
+        statement.theta(found.stiffness),
+        repetitions,
+        effort.seed,
+        processes=effort.processes,
+        scheduler=effort.scheduler,
+    )
+
+
+def _reduce(robot: Robot, rows: Measurements, found: Identification, components: Components) -> Reduced:
+    names = [item.name for item in found.parameters]
+    problem = state_problem(robot, rows, names, components)
+    values = dict(zip(names, found.stiffness.tolist(), strict=True))
+    return reduce_model(robot, find_degeneracy(problem), values, names)

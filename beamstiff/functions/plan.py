@@ -1,0 +1,236 @@
+"""`plan`: which poses and loads to measure, to find the stiffness as well as possible."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from beamstiff.errors import BeamstiffError, OptionError, shown
+from beamstiff.functions.checks import names_of, one_of, whole
+from beamstiff.planning.at_random import AtRandom, random_designs
+from beamstiff.planning.campaign import Campaign, by_pose, campaign_of, write_plan
+from beamstiff.planning.candidates import Noise, candidate_poses, candidate_tests, force_loads, identifiable
+from beamstiff.planning.designs import CRITERIA, Criterion, choose_tests
+from beamstiff.planning.enough import Enough, how_many
+from beamstiff.robot.coerce import RobotLike, as_robot
+from beamstiff.robot.description import Robot
+from beamstiff.robot.kinematics import compile_kinematics
+from beamstiff.robot.stiffness import parameter_unit
+from beamstiff.se3 import Array
+from beamstiff.shown import Shown
+from beamstiff.units import quantity
+
+MOST_TESTS, MOST_CANDIDATES = 500, 10_000
+TESTS = 20  # to make if nothing else is said
+GROWING = (0.5, 1, 2, 4)  # sizes that are looked at, to say how many tests are enough
+
+
+@dataclass(frozen=True, eq=False)
+class MeasurementPlan(Shown):
+    """Tests to make, and what is expected of them.
+
+    Attributes
+    ----------
+    robot : Robot
+    campaign : Campaign
+        The tests, and the standard errors that they should give.
+    candidates : int
+        How many tests, or poses, there were to choose from.
+    at_random : AtRandom
+        Random choices of as many.
+    enough : Enough
+        Choices of growing size.
+    left_out : dict of str to str
+        Parameters that cannot be found, and why not.
+    unit : str
+        What was chosen: a "test", or a "pose" with all loads.
+    seed : int
+    """
+
+    robot: Robot
+    campaign: Campaign
+    candidates: int
+    at_random: AtRandom
+    enough: Enough
+    left_out: dict[str, str]
+    unit: str
+    seed: int
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Write the tests as a CSV table to fill in, see `beamstiff.planning.campaign.write_plan`."""
+        write_plan(self.campaign, os.fspath(path), self.robot)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON, SI."""
+        design, tests, drawn = self.campaign.design, self.campaign.tests, self.at_random
+        median = float(np.median(drawn.worst))
+        return {
+            "parameters": {
+                name: {
+                    "value": self.robot.parameter(name),
+                    "std": error * self.robot.parameter(name),
+                    "relative_std": error,
+                    "unit": parameter_unit(self.robot, name),
+                }
+                for name, error in design.standard_errors.items()
+            },
+            "left_out": self.left_out,
+            "criterion": design.criterion,
+            "value": design.value,
+            "efficiency": design.efficiency,
+            "random": {
+                "designs": drawn.worst.size,
+                "median_value": float(np.median(drawn.values)),
+                "median_worst": median if np.isfinite(median) else None,
+            },
+            "enough": {
+                "counts": self.enough.counts.tolist(),
+                "worst": self.enough.worst.tolist(),
+                "knee": self.enough.knee,
+            },
+            "seed": self.seed,
+            "tests": [
+                {"pose": pose, "q": dict(zip(tests.variables, q, strict=True)), "wrench": wrench}
+                for pose, q, wrench in zip(
+                    tests.pose.tolist(), tests.q.tolist(), tests.wrench.tolist(), strict=True
+                )
+            ],
+        }
+
+
+def plan(
+    robot: RobotLike,
+    parameters: Sequence[str] | None = None,
+    *,
+    tests: int | None = None,
+    poses: int | None = None,
+    force: float | str = 1000.0,
+    moment: float | str = 0.0,
+    directions: Sequence[str] = ("x", "y", "z"),
+    loads: ArrayLike | None = None,
+    criterion: str = "D",
+    sigma_position: float | str = 3e-5,
+    sigma_rotation: float | str | None = None,
+    region: Sequence[tuple[float, float]] | None = None,
+    candidates: int = 300,
+    seed: int = 0,
+) -> MeasurementPlan:
+    """Plan which poses and loads to measure, to find the stiffness as well as possible.
+
+    Parameters
+    ----------
+    robot : Robot, path, or name of a bundled robot
+        Its stiffness values are what is expected.
+    parameters : sequence of str, optional
+        Stiffness values to find; default ``robot.identify``.
+    tests : int, optional
+        Tests (rows) to make; default 20.
+    poses : int, optional
+        Poses instead of tests: each takes all loads.
+    force, moment : float or str, N and N m
+        Of each load along and about a direction; 0 for none. A text carries its unit (``"2 kN"``).
+    directions : sequence of str
+        Of these loads, base frame: ``"x"``, ``"-z"``.
+    loads : (L, 6) array, optional, N and N m
+        Wrenches at the TCP instead of `force` and `moment`.
+    criterion : "D", "A" or "E"
+        What to make small: volume, mean or worst of the errors.
+    sigma_position, sigma_rotation : float or str, m and rad
+        Noise of a measured displacement and rotation; no rotation is measured by default.
+    region : three pairs, m, optional
+        Least and largest x, y, z of the TCP.
+    candidates : int
+        Random poses to choose from.
+    seed : int
+        Of these poses.
+
+    Returns
+    -------
+    MeasurementPlan
+
+    Raises
+    ------
+    BeamstiffError
+        When there is nothing to choose from, or the tests cannot determine the parameters.
+
+    Examples
+    --------
+    >>> found = plan("ir663", tests=12, candidates=30)
+    >>> len(found.campaign.tests), found.to_dict()["criterion"]
+    (12, 'D')
+    """
+    machine = as_robot(robot)
+    if tests is not None and poses is not None:
+        raise OptionError("tests", "found beside --poses (poses=...), expected one of them")
+    count = poses if poses is not None else TESTS if tests is None else tests
+    whole("tests" if poses is None else "poses", count, 1, MOST_TESTS)
+    whole("candidates", candidates, 1, MOST_CANDIDATES)
+    whole("seed", seed, 0)
+    by = str(criterion).upper()
+    if by not in CRITERIA:
+        one_of("criterion", criterion, CRITERIA)
+    noise = _noise(sigma_position, sigma_rotation)
+    wrenches = _loads(force, moment, directions) if loads is None else np.asarray(loads, dtype=np.float64)
+    names = names_of("parameters", parameters)
+    drawn = candidate_poses(compile_kinematics(machine), candidates, seed, region)
+    possible = candidate_tests(machine, drawn, wrenches)
+    found, tells, left_out = identifiable(machine, possible, noise, names)
+    if poses is not None:
+        tells = by_pose(possible, tells)
+    kind = cast("Criterion", by)
+    campaign = campaign_of(possible, choose_tests(tells, count, found, kind), noise, poses is not None)
+    sizes = sorted({min(max(len(found), round(count * share)), len(tells)) for share in GROWING})
+    return MeasurementPlan(
+        robot=machine,
+        campaign=campaign,
+        candidates=len(tells),
+        at_random=random_designs(tells, count, kind, seed=seed),
+        enough=how_many(tells, found, sizes, kind),
+        left_out=left_out,
+        unit="test" if poses is None else "pose",
+        seed=seed,
+    )
+
+
+def _size(name: str, value: float | str, kind: str) -> float:
+    try:
+        return quantity(value, kind)
+    except BeamstiffError as error:
+        raise OptionError(name, str(error)) from None
+
+
+def _noise(position: float | str, rotation: float | str | None) -> Noise:
+    sizes = {"sigma_position": _size("sigma_position", position, "length")}
+    if rotation is not None:
+        sizes["sigma_rotation"] = _size("sigma_rotation", rotation, "angle")
+    for name, size in sizes.items():
+        if size <= 0:
+            raise OptionError(name, f"found {shown(size)}, expected a positive standard deviation")
+    return Noise(sizes["sigma_position"], sizes.get("sigma_rotation"))
+
+
+def _loads(force: float | str, moment: float | str, directions: Sequence[str]) -> Array:
+    """Return the wrenches to choose from, (L, 6)."""
+    parts = []
+    for name, value, kind in (("force", force, "force"), ("moment", moment, "moment")):
+        size = _size(name, value, kind)
+        if size < 0:
+            raise OptionError(
+                name, f"found {shown(value)}, expected 0 or more, signs go with --directions (directions=...)"
+            )
+        try:
+            along = force_loads(size, names_of("directions", directions) or ())
+        except OptionError:
+            raise
+        except BeamstiffError as error:
+            raise OptionError("directions", str(error)) from None
+        if size > 0:
+            parts.append(along if kind == "force" else np.roll(along, 3, axis=1))
+    if not parts:
+        raise BeamstiffError("--force and --moment (force=, moment=): found 0 for both, expected a load")
+    return np.concatenate(parts)

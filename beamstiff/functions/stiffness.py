@@ -1,0 +1,210 @@
+"""Stiffness and compliance at the TCP in one posture or many, and where the TCP is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from beamstiff.errors import BeamstiffError, OptionError
+from beamstiff.fem import condensation
+from beamstiff.fem.geometric import loaded_compliance, loaded_stiffness
+from beamstiff.fem.response import nodal_loads
+from beamstiff.fem.structure import Structure, compile_structure
+from beamstiff.functions.checks import left_out, six_numbers
+from beamstiff.robot.coerce import RobotLike, as_robot
+from beamstiff.robot.description import Robot
+from beamstiff.robot.kinematics import Posture, compile_kinematics, pose_of, posture
+from beamstiff.robot.stiffness import check_stiffness
+from beamstiff.se3 import Array
+from beamstiff.shown import Shown
+
+Joints = Mapping[str, ArrayLike] | ArrayLike
+
+
+@dataclass(frozen=True, eq=False)
+class TcpStiffness(Shown):
+    """Stiffness and compliance at the TCP in one posture, SI, base frame.
+
+    Attributes
+    ----------
+    robot : Robot
+    stiffness, compliance : (6, 6) array
+        ``wrench = K displacement``, with the wrench ``[f, m]`` and the displacement ``[d, r]``.
+    tcp : (3,) array, m
+    variables : dict of str to float, rad or m
+        All joint variables, passive ones solved.
+    preload : bool
+        Tangent stiffness of the loaded machine.
+    notes : tuple of str
+    """
+
+    robot: Robot
+    stiffness: Array
+    compliance: Array
+    tcp: Array
+    variables: dict[str, float]
+    preload: bool = False
+    notes: tuple[str, ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON, SI."""
+        return {
+            "stiffness": self.stiffness.tolist(),
+            "compliance": self.compliance.tolist(),
+            "tcp": self.tcp.tolist(),
+            "variables": self.variables,
+        }
+
+
+def stiffness(
+    robot: RobotLike, q: Joints | None = None, *, preload: bool = False, wrench: ArrayLike | None = None
+) -> TcpStiffness:
+    """Return the 6 x 6 stiffness and compliance at the TCP in one posture.
+
+    Parameters
+    ----------
+    robot : Robot, path, or name of a bundled robot
+    q : mapping of str to float, or (A,) array, rad or m
+        Actuated joint variables; those not named are 0, passive ones are solved.
+    preload : bool
+        Tangent stiffness of the machine under gravity, payload and `wrench`, with their geometric stiffness.
+    wrench : (6,) array, optional
+        With `preload`: ``[f, m]`` on the TCP, base frame, N and N m.
+
+    Returns
+    -------
+    TcpStiffness
+
+    Raises
+    ------
+    BeamstiffError
+        When the robot is a mechanism, or its TCP does not move at all in some direction.
+
+    Examples
+    --------
+    >>> found = stiffness("ir663", {"q2": 0.17, "q8": 0.79})
+    >>> found.stiffness.shape
+    (6, 6)
+    """
+    machine = as_robot(robot)
+    if wrench is not None and not preload:
+        raise OptionError(
+            "wrench", "loads the machine before it is moved, which only --preload (preload=True) looks at"
+        )
+    load = np.zeros(6) if wrench is None else six_numbers("wrench", wrench)
+    try:
+        structure, where = _placed(machine, q)
+    except BeamstiffError:
+        check_stiffness(machine)  # the better reason, where it is one
+        raise
+    if len(where.values) != 1:
+        raise OptionError("q", f"found {len(where.values)} postures, expected one (tcp_stiffness takes many)")
+    compliance = _compliance(structure, where, load if preload else None)
+    return TcpStiffness(
+        robot=machine,
+        stiffness=_inverse(structure, compliance, preload)[0],
+        compliance=compliance[0],
+        tcp=where.node_positions[0, structure.kinematics.node_index[machine.tcp]],
+        variables=dict(zip(structure.kinematics.coupling.names, where.values[0].tolist(), strict=True)),
+        preload=preload,
+        notes=left_out(machine.effects, "its stiffness"),
+    )
+
+
+def tcp_compliance(robot: RobotLike | Structure, q: Joints | Posture | None = None) -> Array:
+    """Return the compliance at the TCP of every posture, (P, 6, 6), base frame: ``[d, r] = C [f, m]``.
+
+    Parameters
+    ----------
+    robot : Robot, path, name of a bundled robot; or Structure from `compile_structure`
+        Compile once where many calls follow.
+    q : mapping of str to values, (P, A) array, or Posture, rad or m
+        Actuated joint variables; those not named are 0.
+
+    Raises
+    ------
+    BeamstiffError
+        When a loop cannot close, or the robot is a mechanism there.
+
+    Examples
+    --------
+    >>> tcp_compliance("ir663", {"q2": 0.17, "q8": [0.7, 0.8]}).shape
+    (2, 6, 6)
+    """
+    return _compliance(*_placed(robot, q), None)
+
+
+def tcp_stiffness(robot: RobotLike | Structure, q: Joints | Posture | None = None) -> Array:
+    """Return the stiffness at the TCP of every posture, (P, 6, 6), the inverse of `tcp_compliance`.
+
+    Parameters
+    ----------
+    robot, q
+        As of `tcp_compliance`.
+
+    Raises
+    ------
+    BeamstiffError
+        Also when the TCP does not move at all in some direction.
+
+    Examples
+    --------
+    >>> tcp_stiffness("cantilever").shape
+    (1, 6, 6)
+    """
+    structure, where = _placed(robot, q)
+    return _inverse(structure, _compliance(structure, where, None), False)
+
+
+def forward_kinematics(robot: RobotLike, q: Joints | None = None, node: str | None = None) -> Array:
+    """Return where the TCP, or another node, is in every posture: transforms (P, 4, 4) in the base frame.
+
+    Parameters
+    ----------
+    robot : Robot, path, or name of a bundled robot
+    q : mapping of str to values, or (P, A) array, rad or m
+        Actuated joint variables; those not named are 0, passive ones are solved.
+    node : str, optional
+        Default the TCP.
+
+    Raises
+    ------
+    BeamstiffError
+        When a loop cannot close, or there is no such node.
+
+    Examples
+    --------
+    >>> forward_kinematics("cantilever")[0, :3, 3].tolist()
+    [1.0, 0.0, 0.0]
+    """
+    machine = as_robot(robot)
+    kinematics = compile_kinematics(machine)
+    return pose_of(kinematics, posture(kinematics, {} if q is None else q), node or machine.tcp)
+
+
+def _placed(robot: RobotLike | Structure, q: Joints | Posture | None) -> tuple[Structure, Posture]:
+    structure = robot if isinstance(robot, Structure) else compile_structure(as_robot(robot))
+    if isinstance(q, Posture):
+        return structure, q
+    return structure, posture(structure.kinematics, {} if q is None else q)
+
+
+def _compliance(structure: Structure, where: Posture, load: Array | None) -> Array:
+    """Return the compliance of the machine under gravity and a load, or of none, (P, 6, 6)."""
+    if load is None:
+        return condensation.tcp_compliance(structure, where)
+    loads = nodal_loads(structure, 1, {structure.robot.tcp: load})
+    return loaded_compliance(structure, where, loads, gravity=True)
+
+
+def _inverse(structure: Structure, compliance: Array, loaded: bool) -> Array:
+    what = f"robot {structure.robot.name!r}"
+    try:
+        return (loaded_stiffness if loaded else condensation.tcp_stiffness)(compliance, what)
+    except BeamstiffError as error:
+        check_stiffness(structure.robot)
+        raise BeamstiffError(f"{error} (predict, which needs no stiffness: beamstiff deflect)") from None

@@ -1,0 +1,35 @@
+"""`verify`: a robot with its effects on rows that were not fitted."""
+
+from __future__ import annotations
+
+from beamstiff.diagnosis.verify import Verification
+from beamstiff.diagnosis.verify import verify as run
+from beamstiff.measure.coerce import DataLike, as_tables, doubted, doubts_of
+from beamstiff.measure.rows import concatenate
+from beamstiff.robot.coerce import RobotLike, as_robot
+
+
+def verify(robot: RobotLike, data: DataLike, *, refit_frame: bool = False) -> Verification:
+    """Compare a robot, without and with its effects, with rows that were not fitted.
+
+    Parameters
+    ----------
+    robot : Robot, path, or name of a bundled robot
+    data : Measurements or path, or several
+        Displacements, or absolute positions in the robot's base frame.
+    refit_frame : bool
+        Fit the measuring frame first: it is not the base frame.
+
+    Returns
+    -------
+    Verification
+
+    Raises
+    ------
+    BeamstiffError
+        When no position is measured or the rows cannot be predicted.
+    """
+    machine = as_robot(robot)
+    tables = as_tables(data, machine)
+    with doubted(doubts_of(machine, tables)):
+        return run(machine, concatenate(tables), refit_frame=refit_frame)

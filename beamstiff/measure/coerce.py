@@ -1,0 +1,120 @@
+"""Tables of measurements, however they are given: objects or paths; and what in them is hardly meant."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from beamstiff.errors import BeamstiffError, OptionError, shown
+from beamstiff.measure.doubts import doubts
+from beamstiff.measure.reader import read_measurements
+from beamstiff.measure.rows import concatenate
+from beamstiff.measure.table import Measurements
+from beamstiff.measure.usable import UnusableError, copies_between
+from beamstiff.robot.description import Robot
+from beamstiff.robot.doubts import robot_doubts
+
+TableLike = Measurements | str | os.PathLike[str]
+DataLike = TableLike | Sequence[TableLike]
+
+
+def as_tables(
+    data: DataLike, robot: Robot, *, require_measured: bool = True, what: str = "data"
+) -> list[Measurements]:
+    """Return tables of measurements: themselves, or read from their CSV files.
+
+    Parameters
+    ----------
+    data : Measurements, str or os.PathLike, or a sequence of these
+    robot : Robot
+        Whose joint variables the columns are.
+    require_measured : bool
+        Refuse tables that hold loads alone.
+    what : str
+        The argument, for messages.
+
+    Raises
+    ------
+    BeamstiffError
+        When something else is given, the same file twice, or a file cannot be used.
+    """
+    single = isinstance(data, Measurements | str | os.PathLike)
+    if not single and not isinstance(data, Sequence):
+        raise _refused(data, what)
+    given: Sequence[TableLike] = [data] if single else list(data)  # type: ignore[list-item, arg-type]
+    if not given:
+        raise BeamstiffError(f"{what}: found no table, expected at least one")
+    read = set[Path]()
+    tables = []
+    for one in given:
+        if isinstance(one, Measurements):
+            tables.append(one)
+            continue
+        if not isinstance(one, str | os.PathLike):
+            raise _refused(one, what)
+        file = Path(one).resolve()
+        if file in read:
+            raise BeamstiffError(f"{os.fspath(one)}: is given twice, its rows would count twice")
+        read.add(file)
+        tables.append(read_measurements(Path(one), robot, require_measured=require_measured))
+    return tables
+
+
+def as_measurements(data: DataLike, robot: Robot, *, require_measured: bool = True) -> Measurements:
+    """Return tables of measurements as one, see `as_tables`."""
+    return concatenate(as_tables(data, robot, require_measured=require_measured))
+
+
+def doubts_of(robot: Robot, tables: Sequence[Measurements]) -> list[str]:
+    """Return what in a robot and in tables is hardly meant, a sentence each."""
+    own = (note for table in tables for note in doubts(table, robot))
+    return [*robot_doubts(robot), *own, *copies_between(tables)]
+
+
+@contextmanager
+def doubted(notes: Sequence[str]) -> Iterator[None]:
+    """Say with an error, in its line, what in the tables may have led to it.
+
+    Raises
+    ------
+    BeamstiffError
+        Also when numbers grow beyond what a computer's numbers hold.
+    """
+    doubt = f"; it may come from this: {notes[0]}" if notes else ""
+    try:
+        with np.errstate(over="raise"):
+            yield
+    except FloatingPointError as error:
+        raise BeamstiffError(
+            f"numbers out of range ({error}), expected lengths, loads and stiffness of a real machine; check "
+            f"their units{doubt}"
+        ) from None
+    except BeamstiffError as error:
+        if not notes or isinstance(error, UnusableError):
+            raise
+        raise BeamstiffError(f"{error}{doubt}") from error
+
+
+def refuse_fitted(tests: Iterable[object], data: DataLike) -> None:
+    """Refuse files of readings to test on that are fitted too.
+
+    Raises
+    ------
+    BeamstiffError
+        Naming the file.
+    """
+    given = [data] if isinstance(data, Measurements | str | os.PathLike) else list(data)
+    fitted = {Path(one).resolve() for one in given if isinstance(one, str | os.PathLike)}
+    for path in tests:
+        if isinstance(path, str | os.PathLike) and Path(path).resolve() in fitted:
+            raise OptionError("test", f"{os.fspath(path)}: is fitted too, expected readings that are not")
+
+
+def _refused(value: object, what: str) -> BeamstiffError:
+    return BeamstiffError(
+        f"{what}: found {shown(value)}, expected measurements, the path of a CSV table, or several of these"
+    )

@@ -1,0 +1,60 @@
+"""Predicted displacements told to people: a table, the gap to what was measured, what is in it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from beamstiff.functions.checks import effects_text
+from beamstiff.functions.predict import Prediction
+from beamstiff.measure.table import DISPLACEMENT
+from beamstiff.report.tables import Table, add_rows, number, table
+from beamstiff.se3 import Array
+
+ROUNDING = 1e-12
+UNITS = ("mm",) * 3 + ("mrad",) * 3
+
+
+def deflection_table(found: Prediction) -> Table:
+    """Return a table of the displacement of every row, beside what was measured of it."""
+    rows = found.rows
+    seen = rows.measured_mask & (rows.kind == "displacement")
+    compared = np.flatnonzero(seen.any(axis=0)).tolist()
+    columns = [f"{name} [{unit}]" for name, unit in zip(DISPLACEMENT, UNITS, strict=True)]
+    title = f"{found.robot.name}: predicted displacement, loaded minus unloaded, base frame"
+    title += ", with gravity and K_C" if found.preload else ""
+    result = table(title, "line", *columns, *(f"measured {columns[at]}" for at in compared))
+    scaled, measured = 1e3 * without_rounding(found.displacement), 1e3 * rows.displacement
+    add_rows(
+        result,
+        (
+            [
+                str(line),
+                *map(number, scaled[row]),
+                *("" if np.isnan(measured[row, at]) else number(measured[row, at]) for at in compared),
+            ]
+            for row, line in enumerate(rows.rows.tolist())
+        ),
+    )
+    return result
+
+
+def deflection_text(found: Prediction) -> list[str]:
+    """Return sentences: the gap between measured and predicted positions, and effects that are in it."""
+    said = []
+    rows, gap = found.rows, 1e3 * found.gap[np.isfinite(found.gap)]
+    if rows.kind == "absolute" and rows.measured_mask.any():
+        said.append("Its positions (x y z) are not compared: `beamstiff diagnose` and `calibrate` take them.")
+    elif gap.size:
+        said.append(
+            f"Gap between measured and predicted position: RMS {number(np.sqrt((gap**2).mean()))} mm, "
+            f"at most {number(gap.max())} mm, over {gap.size} rows."
+        )
+    if found.robot.effects:
+        said.append(f"With the robot's effects: {effects_text(found.robot.effects)}.")
+    return said
+
+
+def without_rounding(displacement: Array) -> Array:
+    """Return displacements with what is rounding beside the largest of them (m, rad) set to 0."""
+    size = np.abs(displacement)
+    return np.where(size > ROUNDING * size.max(initial=0.0), displacement, 0.0)
