@@ -281,8 +281,7 @@ def main() -> int:
     console.print(machine(), "\n")
     missed = 0
     for title, figures in PARTS.items():
-        result = table(title, "", "asked", "reached", "")
-        result.columns[1].justify = result.columns[2].justify = "left"
+        result = table(title, "", "asked", "reached", "", left=3)
         for figure in figures():
             result.add_row(figure.claim, figure.asked, figure.reached, "" if figure.holds else "MISSED")
             missed += not figure.holds

@@ -89,12 +89,13 @@ def deflect(
     shape_of = None if line is None else _row_of(loads, line)
     with working(f"deflecting {len(loads)} rows", quiet):
         found = predict(machine, loads, preload=preload)
+        said = deflection_text(found)  # of numbers that may overflow
 
     for note in found.notes:
         say(f"note: {note}", quiet)
     console = people(quiet, json)
     console.print(deflection_table(found))
-    console.print("\n".join(deflection_text(found)))
+    console.print("\n".join(said))
     if out is not None:
         write_whole(out, measurements_to_csv(found.to_measurements(), machine))
     if vtu is not None:

@@ -36,6 +36,8 @@ from beamstiff.robot.description import Robot
 
 NULLS = 200  # simulated campaigns without an effect
 REPORTED = 8  # candidates whose held-out gap is computed
+CROWD = 3  # causes or more, and
+LEFT = 0.05  # the share of the gap that they leave at most, to stand where no pair explains displacements
 RIVALS = 3  # candidates that the next measurements are to tell apart
 
 
@@ -103,7 +105,9 @@ def _diagnose(robot: Robot, measurements: Measurements, without: Sequence[str], 
     if found.verdict.effect != "unknown" or found.baseline.absolute:
         return found
     several = decompose(robot, rows, without=without, seed=seed, baseline=found.baseline)
-    return replace(diagnosis_of(several, found.notes), next=found.next) if several.verdict else found
+    if several.verdict is None or len(several.causes) < CROWD or several.remainder.share > LEFT:
+        return found  # what one or two causes of the library explain was weighed, and is not it
+    return replace(diagnosis_of(several, found.notes), next=found.next)
 
 
 def _weighed_one_by_one(

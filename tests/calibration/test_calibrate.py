@@ -254,9 +254,9 @@ def test_what_cannot_be_calibrated_is_refused_in_one_line() -> None:
         calibrate(serial(), rows, compliances=["J2.tosional"])
     with pytest.raises(BeamstiffError, match=r"no method 'newton'.*known"):
         calibrate(serial(), rows, method="newton")
-    with pytest.raises(BeamstiffError, match=r"prior: q2: found -1.0, expected a positive"):
+    with pytest.raises(BeamstiffError, match=r"priors: q2: found -1.0, expected a positive"):
         calibrate(serial(), rows, priors={"q2": -1.0})
-    with pytest.raises(BeamstiffError, match=r"prior: 'q9' is not among"):
+    with pytest.raises(BeamstiffError, match=r"priors: 'q9' is no geometric parameter"):
         calibrate(serial(), rows, priors={"q9": 1.0})
     some = replace(rows, sigma=np.where(np.arange(40)[:, None] < 5, np.nan, rows.sigma))
     with pytest.raises(BeamstiffError, match="the noise of some values is stated"):

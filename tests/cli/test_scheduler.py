@@ -93,9 +93,7 @@ def test_without_dask_it_is_said_how_to_install_it(run: Run, monkeypatch: pytest
 def test_where_nothing_is_spread_it_is_said(run: Run) -> None:
     result = run("identify", "crane.yaml", "crane.csv", "--processes", "2")
     assert result.exit_code == 0
-    assert result.stderr == (
-        "note: one search is one process: what is spread are --bootstrap and --searches\n"
-    )
+    assert result.stderr == ("note: one search is one process: only bootstrap and searches are spread\n")
 
 
 @pytest.mark.parametrize(

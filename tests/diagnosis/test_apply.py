@@ -288,6 +288,8 @@ def test_every_shape_means_the_same_without_the_rows_it_was_fitted_to(effect: st
     for component in law.components(fit):
         shapes = law.shapes(there, component)
         for shape in shapes[:: max(len(shapes) // 6, 1)] + shapes[-1:]:
+            if all(item.passing for item in shape.parameters):
+                continue  # of the campaign alone: no part of a robot
             values = rng.uniform(-1, 1, len(shape.parameters)) * [item.size for item in shape.parameters]
             values[[item.passing for item in shape.parameters]] = 0.0
             values = np.where([item.positive for item in shape.parameters], np.abs(values), values)

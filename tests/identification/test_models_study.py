@@ -13,7 +13,7 @@ from benchmarks.models_study import cubes_figure, grid_table, table_4, table_5
 def rows() -> dict[str, float]:
     """Return mean errors, mm, by model, of the two coarsest grids and few measurements."""
     found = kr500_grid.study(kr500_grid.bench(kr500_grid.published), (600, 300), (27,))
-    assert grid_table("KR500", found).row_count == len(found) == 11
+    assert len(grid_table("KR500", found).rows) == len(found) == 11
     points, sizes = cubes_figure(found).axes
     assert [len(np.asarray(line.get_xdata())) for line in points.lines] == [128] * 5
     assert [label.get_text() for label in sizes.get_xticklabels()] == ["whole", "600", "300"]
@@ -53,7 +53,7 @@ def test_fuzzy_leaves_less_than_the_parametric_model_of_an_ir663_with_ball_screw
     left = {one.name: 1e3 * (one.rms(fresh) or np.inf) for one in found.judged}
     assert left["fuzzy"] < 0.6 * left["parametric"]
     assert left["gray box"] < 1.2 * left["gaussian process"] < 1.5 * 0.035
-    assert table_5("ir663-screws", found, 0.25).row_count == 8
+    assert len(table_5("ir663-screws", found, 0.25).rows) == 8
 
 
 def test_six_joints_are_many_for_rules_that_know_nothing_of_the_machine() -> None:

@@ -37,6 +37,9 @@ NAMES = [
     "payload-error",
     "thermal-drift",
     "outliers",
+    "target-slip",
+    "angle-curve",
+    "approach-direction",
 ]
 BY_LOAD = {"link-bending", "bearing-tilt", "base-compliance", "tool-compliance", "backlash", "hardening"}
 
