@@ -21,7 +21,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.fem.assembly import dense_stiffness, element_forces, gather, node_map, scatter
+from beamstiff.fem.assembly import dense_stiffness, gather, node_map, scatter
 from beamstiff.fem.condensation import CHUNK
 from beamstiff.fem.constraints import RANK_TOLERANCE, constraint_rows, has_constraints, unknown_sizes
 from beamstiff.fem.geometry import Geometry, place, strut_directions
@@ -33,7 +33,7 @@ from beamstiff.fem.initial_stress import (
 )
 from beamstiff.fem.loads import beam_weight, gravity_wrenches
 from beamstiff.fem.mechanism import unstable_pose
-from beamstiff.fem.response import check_moments, solve_constrained, solve_unknowns
+from beamstiff.fem.response import check_moments, solve_constrained, solve_elements
 from beamstiff.fem.structure import Structure
 from beamstiff.fem.unknowns import joint_values
 from beamstiff.robot.fields import RIGID
@@ -42,7 +42,6 @@ from beamstiff.robot.frames import MOTIONS
 from beamstiff.robot.kinematics import Posture
 from beamstiff.se3 import Array, displacement_transport, rotate_screw, skew
 
-BUCKLES = "buckles under its load"
 MOST_ENTRIES = 20_000_000  # of the nodes' initial stress matrices, at a time
 
 
@@ -86,9 +85,9 @@ def loaded_compliance(
     """
     tcp, parts = structure.kinematics.node_index[structure.robot.tcp], []
     for geometry, some in _chunks(structure, posture, loads, chunk):
-        stiffness = tangent_stiffness(structure, geometry, some, gravity)
+        by_load = load_stiffness(structure, geometry, some, gravity)
         watch = node_map(structure, geometry, tcp)
-        moved = solve_constrained(structure, geometry, stiffness, watch.swapaxes(-1, -2), BUCKLES)
+        moved, _ = solve_constrained(structure, geometry, watch.swapaxes(-1, -2), by_load, True)
         parts.append(watch @ moved)
     return np.concatenate(parts)
 
@@ -118,11 +117,11 @@ def loaded_displacement(
     """
     parts = []
     for geometry, some in _chunks(structure, posture, loads, chunk):
-        stiffness = tangent_stiffness(structure, geometry, some, gravity)
+        by_load = load_stiffness(structure, geometry, some, gravity)
         total = some + gravity_wrenches(structure, geometry) if gravity else some
         force = scatter(structure, geometry, total)[..., None]
-        moved = solve_constrained(structure, geometry, stiffness, force, BUCKLES)[..., 0]
-        parts.append(gather(structure, geometry, moved))
+        moved, _ = solve_constrained(structure, geometry, force, by_load)
+        parts.append(gather(structure, geometry, moved[..., 0]))
     return np.concatenate(parts)
 
 
@@ -165,7 +164,12 @@ def loaded_stiffness(compliance: Array, robot: str = "robot") -> Array:
 
 
 def tangent_stiffness(structure: Structure, geometry: Geometry, loads: Array, gravity: bool = False) -> Array:
-    """Return K_t (P, n, n) in the unknowns, without the constraints of rigid loops (see the module).
+    """Return K_t (P, n, n) in the unknowns, without the constraints of rigid loops (see the module)."""
+    return dense_stiffness(structure, geometry) + load_stiffness(structure, geometry, loads, gravity)
+
+
+def load_stiffness(structure: Structure, geometry: Geometry, loads: Array, gravity: bool = False) -> Array:
+    """Return what loads add to the stiffness (P, n, n) in the unknowns, without the constraints.
 
     Parameters
     ----------
@@ -175,8 +179,7 @@ def tangent_stiffness(structure: Structure, geometry: Geometry, loads: Array, gr
         Add the dead weight.
     """
     total = loads + gravity_wrenches(structure, geometry) if gravity else loads
-    unknowns = solve_unknowns(structure, geometry, scatter(structure, geometry, total))
-    forces, _ = element_forces(structure, geometry, gather(structure, geometry, unknowns))
+    unknowns, forces, _ = solve_elements(structure, geometry, scatter(structure, geometry, total))
     rest = total.copy()
     for end in (0, 1):
         for element, node in enumerate(structure.elements[:, end].tolist()):
@@ -188,7 +191,7 @@ def tangent_stiffness(structure: Structure, geometry: Geometry, loads: Array, gr
         _add_payloads(stress, structure, geometry)
     if has_constraints(structure):
         rest = rest - _add_constraints(stress, structure, geometry, rest, unknowns)
-    stiffness = dense_stiffness(structure, geometry) - _path_stiffness(structure, geometry, rest)
+    stiffness = -_path_stiffness(structure, geometry, rest)
     if stress.any():
         maps = [node_map(structure, geometry, node) for node in range(nodes)]
         everywhere = np.concatenate(maps, axis=1)
