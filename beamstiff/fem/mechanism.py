@@ -14,6 +14,9 @@ from beamstiff.fem.structure import Structure
 from beamstiff.robot.parts import JOINT_DIRECTIONS
 from beamstiff.se3 import Array
 
+# what is wrong with a robot
+MECHANISM, NEARLY = "is a mechanism", "is so near a mechanism that rounding decides"
+BUCKLES, NEARLY_BUCKLES = "buckles under its load", "is so near buckling that rounding decides"
 # a motion whose scaled stiffness is below this is free: what is left of its stiffness is rounding
 SOFTEST = 1e-13
 # a random load moves a motion that soft by more than this share of what it could
@@ -142,7 +145,7 @@ def scaled_condition(matrix: Array) -> Array:
 
 
 def mechanism_error(
-    structure: Structure, geometry: Geometry, pose: int, motion: Array, what: str = "is a mechanism"
+    structure: Structure, geometry: Geometry, pose: int, motion: Array, what: str = MECHANISM
 ) -> BeamstiffError:
     """Return the error that names a free motion: the nodes that move, how, and the joints that give way.
 
@@ -163,7 +166,7 @@ def mechanism_error(
     size = max(float(np.ptp(positions, axis=0).max()), 1e-3)
     where = f" at pose {geometry.number[pose]}" if geometry.number[pose] or len(geometry.number) > 1 else ""
     resisting = _resisting(structure, geometry, pose, motion, moved, size)
-    if what == "is a mechanism" and resisting:
+    if what in (MECHANISM, NEARLY) and resisting:
         return BeamstiffError(
             f"robot {robot.name!r}: the stiffness of {listed(resisting)} is lost in rounding beside far "
             f"stiffer parts{where}; make those rigid, or this free"

@@ -22,15 +22,14 @@ from scipy.linalg import lapack, solve_triangular
 from beamstiff.errors import BeamstiffError
 from beamstiff.fem.constraints import beam_rows, joint_rows, strut_row, unknown_sizes
 from beamstiff.fem.geometry import Geometry, strut_directions
-from beamstiff.fem.mechanism import mechanism_error
+from beamstiff.fem.mechanism import BUCKLES, MECHANISM, NEARLY, NEARLY_BUCKLES, mechanism_error
 from beamstiff.fem.structure import Structure
 from beamstiff.se3 import Array, rotate_screw
 
 KNOWN = 1e-6  # relative error of an answer that is given
-TRIES = 2
-# what positions, directions and their products are rounded by, as a share of the largest of their row
-ROUNDED = 16 * np.finfo(float).eps
-BUCKLES = "buckles under its load"
+TRIES = 3
+# what positions, directions and their products are rounded by, as a share of their size
+ROUNDED = 4 * np.finfo(float).eps
 SURE = 0.1  # a pivot that rounding changes by more than this is none
 NOTHING = 1e-13  # share of a port's strains that is rounding: nothing but its own spring holds it
 BUCKLED = 1e-13  # stiffness of the loaded machine, as a share of the unloaded one's, that is none
@@ -61,43 +60,54 @@ class Factored:
 
 
 class Doubtful(Exception):  # noqa: N818 - caught where pose and robot are known
-    """No answer: a motion (n,) that meets no stiffness, or that rounding does not tell."""
+    """No answer, and why: a motion (n,) that meets no stiffness, or one that rounding does not tell."""
 
-    def __init__(self, motion: Array, buckles: bool = False) -> None:
+    def __init__(self, motion: Array, what: str) -> None:
         super().__init__()
-        self.motion, self.buckles = motion, buckles
+        self.motion, self.what = motion, what
 
 
-def weighted_strains(structure: Structure, geometry: Geometry) -> Array:
+def weighted_strains(structure: Structure, geometry: Geometry) -> tuple[Array, Array]:
     """Return A of ``K = A^T A`` at every pose, (P, m, n): six rows a beam and chord, one a strut and spring.
 
     A deformation is that of an element's second end against the first carried along. What moves both ends as
     one body is left out, for its difference would be rounding.
+
+    Returns
+    -------
+    rows : (P, m, n) array
+    size : (P, m) array
+        What motions as large as the machine put into a row, before it adds up to less.
     """
-    rows = [np.zeros((len(geometry.number), 0, structure.unknowns.count))]
+    poses, unknowns = len(geometry.number), structure.unknowns.count
+    levers = np.repeat([structure.kinematics.size, 1.0], 3)  # displacements, rotations
+    rows, sizes = [np.zeros((poses, 0, unknowns))], [np.zeros((poses, 0))]
     for at in range(len(structure.robot.beams)):
         one = {name: value[at] for name, value in structure.beam_properties.items()}
         length, moved = geometry.beam_length[:, at], _own(structure, beam_rows(structure, geometry, at), at)
-        for direction, weight in ((0, one["E"] * one["A"]), (3, one["G"] * one["J"])):
-            moved[:, direction] *= np.sqrt(weight / length)[:, None]
+        weight = np.zeros((poses, 6))
+        for direction, value in ((0, one["E"] * one["A"]), (3, one["G"] * one["J"])):
+            weight[:, direction] = np.sqrt(value / length)
         for second, area, v, r, sign in _BENDING:
-            slope, side = _bending(one["E"] * one[second], one["G"] * one[area], length)
+            weight[:, r], weight[:, v] = _bending(one["E"] * one[second], one["G"] * one[area], length)
             moved[:, v] -= sign * 0.5 * length[:, None] * moved[:, r]
-            moved[:, v] *= side[:, None]
-            moved[:, r] *= slope[:, None]
-        rows.append(moved)
+        rows.append(weight[:, :, None] * moved)
+        sizes.append(weight * levers)
     first = len(structure.robot.beams)
     for number, (joint, values) in enumerate(zip(structure.chords, structure.chord_values, strict=True)):
         moved = _own(structure, joint_rows(structure, geometry, int(joint)), first + number)
         rows.append(np.sqrt(values)[:, None] * moved)
+        sizes.append(np.broadcast_to(np.sqrt(values) * levers, (poses, 6)))
     first += len(structure.chords)
     for number, (strut, value) in enumerate(zip(structure.struts, structure.strut_values, strict=True)):
-        rows.append(
-            np.sqrt(value) * _own(structure, strut_row(structure, geometry, int(strut)), first + number)
-        )
-    springs = np.zeros((len(geometry.number), structure.springs.size, structure.unknowns.count))
+        moved = _own(structure, strut_row(structure, geometry, int(strut)), first + number)
+        rows.append(np.sqrt(value) * moved)
+        sizes.append(np.full((poses, 1), np.sqrt(value) * levers[0]))
+    springs = np.zeros((poses, structure.springs.size, unknowns))
     springs[:, range(structure.springs.size), structure.springs] = np.sqrt(structure.spring_values)
-    return np.concatenate([*rows, springs], axis=1)
+    rows.append(springs)
+    sizes.append((springs * unknown_sizes(structure)).max(axis=2, initial=0.0))
+    return np.concatenate(rows, axis=1), np.concatenate(sizes, axis=1)
 
 
 # second moment, shear area, deflection, slope, and the sign of the slope that goes with the deflection
@@ -188,8 +198,7 @@ def factored_at(
     try:
         return factored(structure, geometry.only(np.array([pose])), rest, loads, moved, by_load, works)
     except Doubtful as doubt:
-        what = BUCKLES if doubt.buckles else "is a mechanism"
-        raise mechanism_error(structure, geometry, pose, doubt.motion, what) from None
+        raise mechanism_error(structure, geometry, pose, doubt.motion, doubt.what) from None
 
 
 def factored(
@@ -224,26 +233,27 @@ def factored(
         When the structure is a mechanism, buckles, or rounding shows in the answer.
     """
     moved = np.zeros((len(rest), 0)) if moved is None else moved
-    strains, units = weighted_strains(structure, geometry)[0], unknown_sizes(structure)
+    (strains,), (size,) = weighted_strains(structure, geometry)
+    units = unknown_sizes(structure)
     if not np.isfinite(strains).all():
         raise BeamstiffError(
             "found a stiffness or compliance that is not a finite number, expected one in the range of "
             "numbers; check the units"
         )
     factor = _factor(strains, rest, moved, None)
-    answer = None
+    answer, lengths = None, np.abs(loads * units[:, None]).max(axis=0, initial=0.0)
     if np.diagonal(factor.triangle).all():
         answer = _answer(factor, rest, loads, moved, by_load)
     for number in range(TRIES):
         rng = np.random.default_rng(number)
-        other = _factor(_rounded(strains, units, rng), rest, moved, factor.order)
+        other = _factor(_rounded(strains, size, units, rng), rest, moved, factor.order)
         pivots = np.abs([np.diagonal(one.triangle) for one in (factor, other)])
         lost = np.flatnonzero(~(np.abs(pivots[1] - pivots[0]) <= SURE * pivots[0]) | (pivots[0] == 0.0))
         if answer is None or lost.size:
-            raise Doubtful(_null_motion(factor, rest, int(lost[0])))
-        again = _answer(other, rest, _rounded(loads.T, units, rng).T, moved, by_load)
+            raise Doubtful(_null_motion(factor, rest, int(lost[0])), MECHANISM)
+        again = _answer(other, rest, _rounded(loads.T, lengths, units, rng).T, moved, by_load)
         if (motion := _difference(answer, again, loads, None if works else units)) is not None:
-            raise Doubtful(motion)
+            raise Doubtful(motion, NEARLY if by_load is None else NEARLY_BUCKLES)
     assert answer is not None
     return answer
 
@@ -283,14 +293,15 @@ def _factor(strains: Array, rest: Array, moved: Array, order: NDArray[np.int64] 
 
 def _answer(factor: _Factor, rest: Array, loads: Array, moved: Array, by_load: Array | None) -> Factored:
     ordered, count = rest[:, factor.order], rest.shape[1]
-    forces = solved = _backward(factor.triangle, ordered.T @ loads, transposed=True)
+    forces = _backward(factor.triangle, ordered.T @ loads, transposed=True)
+    solved = forces
     if by_load is not None:
         half = _backward(factor.triangle, ordered.T @ by_load @ ordered, transposed=True)
         shares = np.eye(count) + _backward(factor.triangle, half.T, transposed=True).T
         values, vectors = np.linalg.eigh(0.5 * (shares + shares.T))
         if count and values[0] < BUCKLED:
-            raise Doubtful(ordered @ _backward(factor.triangle, vectors[:, :1])[:, 0], buckles=True)
-        solved = np.linalg.solve(shares, forces)
+            raise Doubtful(ordered @ _backward(factor.triangle, vectors[:, :1])[:, 0], BUCKLES)
+        solved = np.asarray(np.linalg.solve(shares, forces), dtype=np.float64)
     strains = np.zeros((len(factor.rows), loads.shape[1]))
     strains[:count] = solved
     if count and strains.shape[1]:
@@ -318,11 +329,10 @@ def _backward(triangle: Array, right: Array, transposed: bool = False) -> Array:
     return np.asarray(solve_triangular(triangle, right, trans=how, check_finite=False), dtype=np.float64)
 
 
-def _rounded(rows: Array, units: Array, rng: np.random.Generator) -> Array:
-    """Return rows (., n) changed as rounding might have; a zero is none that came of rounding."""
-    largest = np.abs(rows * units).max(axis=1, initial=0.0, keepdims=True)
-    noise: Array = ROUNDED * largest / units * rng.standard_normal(rows.shape)
-    return rows + np.where(rows != 0.0, noise, 0.0)
+def _rounded(rows: Array, size: Array, units: Array, rng: np.random.Generator) -> Array:
+    """Return rows (., n) of a size (.,) changed as rounding might have; a zero is none that came of it."""
+    noise: Array = ROUNDED * size[:, None] / units * rng.standard_normal(rows.shape)
+    return np.where(rows != 0.0, rows + noise, 0.0)
 
 
 def _null_motion(factor: _Factor, rest: Array, at: int) -> Array:
@@ -338,13 +348,13 @@ def _difference(one: Factored, other: Factored, loads: Array, units: Array | Non
     """Return the motion (n,) by which two answers differ too much, or None; `units` to judge motions too."""
     change = other.solution - one.solution
     works = np.sqrt(np.maximum(np.diagonal(one.work), 0.0))
-    wrong: NDArray[np.bool_] = (np.abs(other.work - one.work) > KNOWN * np.outer(works, works)).any(axis=0)
+    wrong = np.asarray((np.abs(other.work - one.work) > KNOWN * np.outer(works, works)).any(axis=0))
     if units is not None:
         size = np.abs(one.solution / units[:, None]).max(axis=0, initial=0.0)
-        wrong |= np.abs(change / units[:, None]).max(axis=0, initial=0.0) > KNOWN * size
+        wrong = wrong | (np.abs(change / units[:, None]).max(axis=0, initial=0.0) > KNOWN * size)
     pulls = np.abs(one.port_force).max(axis=0, initial=0.0)
     pulls = np.maximum(pulls, np.abs(loads).max(axis=0, initial=0.0))
-    wrong |= (np.abs(other.port_force - one.port_force) > KNOWN * pulls).any(axis=0)
+    wrong = wrong | ((np.abs(other.port_force - one.port_force) > KNOWN * pulls).any(axis=0))
     held = np.sqrt(np.diagonal(one.port_stiffness))
     if (np.abs(other.port_stiffness - one.port_stiffness) > KNOWN * np.outer(held, held)).any():
         wrong[:] = True

@@ -17,6 +17,7 @@ Exact = NDArray[Any]  # of decimals
 DIGITS = 120
 ZERO, ONE = Decimal(0), Decimal(1)
 NONE = Decimal("1e-70")  # of what was there: a pivot below this is zero
+RIGID = 1e-150  # m/N: what is left of a rigid structure in so many digits
 
 
 def exact_compliance(made: ReferenceFrame, node: int) -> NDArray[np.float64] | None:
@@ -26,10 +27,12 @@ def exact_compliance(made: ReferenceFrame, node: int) -> NDArray[np.float64] | N
         strains, rows = _system(made)
         basis = _null_space(rows, 6 * len(made.points))
         reduced = strains @ basis
-        inverse = _solved(reduced.T @ reduced, basis[6 * node : 6 * node + 6].T)
+        size = ((np.abs(strains) @ np.abs(basis)) ** 2).sum(axis=0)
+        inverse = _solved(reduced.T @ reduced, basis[6 * node : 6 * node + 6].T, size)
         if inverse is None:
             return None
-        return np.array(basis[6 * node : 6 * node + 6] @ inverse, dtype=np.float64)
+        found = np.array(basis[6 * node : 6 * node + 6] @ inverse, dtype=np.float64)
+        return np.where(np.abs(found) > RIGID, found, 0.0)
 
 
 def _decimals(values: Any) -> Exact:
@@ -150,10 +153,9 @@ def _null_space(rows: Exact, size: int) -> Exact:
     return basis
 
 
-def _solved(matrix: Exact, right: Exact) -> Exact | None:
-    """Return the solution of a positive definite system by elimination; None where it is singular."""
+def _solved(matrix: Exact, right: Exact, whole: Exact) -> Exact | None:
+    """Return the solution of a positive definite system; None where a pivot is nothing of what is whole."""
     left, size = np.concatenate([matrix, right], axis=1), len(matrix)
-    whole = np.diagonal(matrix).copy()
     for at in range(size):
         if left[at, at] <= NONE * whole[at]:
             return None
