@@ -1,7 +1,7 @@
 """Print how many structures of unlike parts are answered: `python -m benchmarks.stiffness_spread [SHARE]`.
 
-600 chains and 300 structures with loops, the softest and the stiffest part 1e4 to 1e20 apart, and ties that are
-all but stretched; the truth is worked out in 120 digits. SHARE (default 1) of them are tried.
+600 chains and 300 structures with loops, the softest and the stiffest part 1e4 to 1e20 apart, and ties all but
+stretched; the truth is worked out in 120 digits. SHARE (default 1) of them are tried.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ SEEDS = 1000  # of one spread: no two share one
 
 
 def counted(structures: Iterable[RandomFrame]) -> Counter[str]:
-    """Return how many structures are answered rightly, refused, no structures at all, and answered wrongly."""
+    """Return how many structures come to what, see `outcome`."""
     return Counter(outcome(made)[0] for made in structures)
 
 
@@ -30,6 +30,7 @@ def spread(make: Callable[[int, float], RandomFrame], count: int, powers: int) -
 
 
 def main() -> None:
+    """Print the table."""
     share = float(sys.argv[1]) if len(sys.argv) > 1 else 1.0
     rows = []
     for name, make, count in (("chain", chain, 600), ("with loops", with_loops, 300)):

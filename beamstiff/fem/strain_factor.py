@@ -30,8 +30,8 @@ KNOWN = 1e-6  # relative error of an answer that is given
 TRIES = 3
 # what positions, directions and their products are rounded by, as a share of their size
 ROUNDED = 4 * np.finfo(float).eps
-SURE = 0.1  # a pivot that rounding changes by more than this is none
-NOTHING = 1e-13  # share of a port's strains that is rounding: nothing but its own spring holds it
+SURE = 1e-3  # a pivot that rounding changes by more than this is none
+NOTHING = 1e-13  # share of what meets at a port that is rounding: nothing but its own spring holds it
 BUCKLED = 1e-13  # stiffness of the loaded machine, as a share of the unloaded one's, that is none
 
 
@@ -240,21 +240,22 @@ def factored(
             "found a stiffness or compliance that is not a finite number, expected one in the range of "
             "numbers; check the units"
         )
+    met = size[:, None] * (strains @ moved != 0.0)
+    port_size = np.linalg.norm(met, axis=0) * np.abs(moved / units[:, None]).max(axis=0, initial=0.0)
     factor = _factor(strains, rest, moved, None)
     answer, lengths = None, np.abs(loads * units[:, None]).max(axis=0, initial=0.0)
     if np.diagonal(factor.triangle).all():
-        answer = _answer(factor, rest, loads, moved, by_load)
-    for number in range(TRIES):
-        rng = np.random.default_rng(number)
-        other = _factor(_rounded(strains, size, units, rng), rest, moved, factor.order)
-        pivots = np.abs([np.diagonal(one.triangle) for one in (factor, other)])
-        lost = np.flatnonzero(~(np.abs(pivots[1] - pivots[0]) <= SURE * pivots[0]) | (pivots[0] == 0.0))
-        if answer is None or lost.size:
-            raise Doubtful(_null_motion(factor, rest, int(lost[0])), MECHANISM)
-        again = _answer(other, rest, _rounded(loads.T, lengths, units, rng).T, moved, by_load)
+        answer = _answer(factor, rest, loads, moved, port_size, by_load)
+    draws = [np.random.default_rng(number) for number in range(TRIES)]
+    others = [_factor(_rounded(strains, size, units, rng), rest, moved, factor.order) for rng in draws]
+    pivots, *changed = (np.abs(np.diagonal(one.triangle)) for one in (factor, *others))
+    lost = (pivots == 0.0) | (np.abs(np.array(changed) - pivots) > SURE * pivots).any(axis=0)
+    if answer is None or lost.any():
+        raise Doubtful(_null_motion(factor, rest, int(np.argmax(lost))), MECHANISM)
+    for other, rng in zip(others, draws, strict=True):
+        again = _answer(other, rest, _rounded(loads.T, lengths, units, rng).T, moved, port_size, by_load)
         if (motion := _difference(answer, again, loads, None if works else units)) is not None:
             raise Doubtful(motion, NEARLY if by_load is None else NEARLY_BUCKLES)
-    assert answer is not None
     return answer
 
 
@@ -291,7 +292,9 @@ def _factor(strains: Array, rest: Array, moved: Array, order: NDArray[np.int64] 
     return _Factor(packed, scales, rows, order, np.triu(packed[:count]), ports)
 
 
-def _answer(factor: _Factor, rest: Array, loads: Array, moved: Array, by_load: Array | None) -> Factored:
+def _answer(
+    factor: _Factor, rest: Array, loads: Array, moved: Array, port_size: Array, by_load: Array | None
+) -> Factored:
     ordered, count = rest[:, factor.order], rest.shape[1]
     forces = _backward(factor.triangle, ordered.T @ loads, transposed=True)
     solved = forces
@@ -311,8 +314,7 @@ def _answer(factor: _Factor, rest: Array, loads: Array, moved: Array, by_load: A
     back = np.empty_like(strains)
     back[factor.rows] = strains
     held, loose = factor.port_strains[:count], factor.port_strains[count:]
-    whole = np.linalg.norm(factor.port_strains, axis=0)
-    loose = np.where(np.linalg.norm(loose, axis=0) > NOTHING * whole, loose, 0.0)
+    loose = np.where(np.linalg.norm(loose, axis=0) > NOTHING * port_size, loose, 0.0)
     return Factored(
         port_stiffness=loose.T @ loose,
         port_force=moved.T @ loads - held.T @ forces,
