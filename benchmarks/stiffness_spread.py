@@ -1,7 +1,7 @@
 """Print how many structures of unlike parts are answered: `python -m benchmarks.stiffness_spread [SHARE]`.
 
-600 chains and 300 structures with loops, the softest and the stiffest part 1e4 to 1e20 apart, and ties all but
-stretched; the truth is worked out in 120 digits. SHARE (default 1) of them are tried.
+600 chains and 300 structures with loops, the softest and the stiffest part 1e4 to 1e20 apart, and nearly
+stretched ties; the truth is worked out in 120 digits. SHARE (default 1) of them are tried.
 """
 
 from __future__ import annotations
