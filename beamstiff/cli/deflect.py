@@ -78,7 +78,7 @@ def deflect(
       1.37,48.63,-900,0
       12.54,33.04,0,-900
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
-    from beamstiff.model.linear import predict_displacements
+    from beamstiff.model.linear import predict_displacements, preload_notes
     from beamstiff.robot.reader import load_robot
     from beamstiff.robot.stiffness import check_stiffness
 
@@ -95,6 +95,8 @@ def deflect(
     shape_of = None if line is None else _row_of(loads, line)
     with doubted(notes), working(f"deflecting {len(loads)} rows", quiet):
         predicted = predict_displacements(description, loads, preload)
+        if preload:
+            notes += preload_notes(description, loads)
         if description.effects:
             from beamstiff.diagnosis.apply import effects_displacement
 

@@ -96,6 +96,7 @@ def diagnose(
     from beamstiff.diagnosis.next_measurement.test_plan import programme_csv
     from beamstiff.files import write_whole
     from beamstiff.measure import concatenate
+    from beamstiff.model.linear import preload_notes
     from beamstiff.report.diagnosis import LIKELY, diagnosis_tables, draw_diagnosis
     from beamstiff.robot.reader import load_robot
 
@@ -115,6 +116,7 @@ def diagnose(
         result = run(
             machine, rows, without=parse_names(without, "--without", "backlash,hardening:q1") or (), seed=seed
         )
+        doubts += preload_notes(machine, rows)
     for note in doubts:  # of the table: before what is made of it
         say(f"note: {note}", quiet)
     console = people(quiet, json_to)

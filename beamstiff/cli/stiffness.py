@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from beamstiff.cli.options import Debug, Json, Preload, Quiet, RobotFile, robot_file
-from beamstiff.cli.output import check_outputs, note_effects, people, working, write_json
+from beamstiff.cli.output import check_outputs, note_effects, people, say, working, write_json
 from beamstiff.errors import BeamstiffError
 from beamstiff.report.tables import millimetres, number, table
 
@@ -84,11 +84,13 @@ def stiffness(
         structure = compile_structure(description)
         kinematics = structure.kinematics
         where = posture(kinematics, values)
-        stiff, compliance = _matrices(structure, where, load if preload else None)
+        stiff, compliance, coarse = _matrices(structure, where, load if preload else None)
     tcp = where.node_positions[0, kinematics.node_index[description.tcp]]
     variables = dict(zip(kinematics.coupling.names, where.values[0].tolist(), strict=True))
     note_limits(description, variables, quiet)
     note_effects(description, "its stiffness", quiet)
+    for note in coarse:
+        say(f"note: {note}", quiet)
 
     console = people(quiet, json)
     what = "Tangent stiffness of the loaded machine" if preload else "Stiffness"
@@ -106,23 +108,28 @@ def stiffness(
     )
 
 
-def _matrices(structure: Structure, where: Posture, load: list[float] | None) -> tuple[Array, Array]:
-    """Return stiffness and compliance, (6, 6) each, of the machine under gravity and a load, or of none."""
+def _matrices(
+    structure: Structure, where: Posture, load: list[float] | None
+) -> tuple[Array, Array, list[str]]:
+    """Return stiffness and compliance, (6, 6) each, under gravity and a load, or none; and notes."""
     import numpy as np
 
+    from beamstiff.fem.beam_column import coarse_beams
     from beamstiff.fem.condensation import tcp_compliance, tcp_stiffness
     from beamstiff.fem.geometric import loaded_compliance, loaded_stiffness
-    from beamstiff.fem.response import nodal_loads
+    from beamstiff.fem.response import nodal_loads, respond
 
+    coarse: list[str] = []
     tcp, what = structure.robot.tcp, f"robot {structure.robot.name!r}"
     if load is None:
         compliance = tcp_compliance(structure, where)
     else:
         loads = nodal_loads(structure, 1, {tcp: np.array(load)})
         compliance = loaded_compliance(structure, where, loads, gravity=True)
+        coarse = coarse_beams(respond(structure, where, loads, gravity=True))
     try:
         inverse = tcp_stiffness if load is None else loaded_stiffness
-        return inverse(compliance, what)[0], compliance[0]
+        return inverse(compliance, what)[0], compliance[0], coarse
     except BeamstiffError as error:
         raise BeamstiffError(f"{error} (beamstiff deflect, which needs no stiffness)") from None
 

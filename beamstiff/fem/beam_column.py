@@ -22,10 +22,12 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.fem.geometry import Geometry
 from beamstiff.fem.loads import beam_weight, gravity_wrenches
 from beamstiff.fem.mechanism import BUCKLES
+from beamstiff.fem.response import Response
 from beamstiff.fem.structure import Structure
 from beamstiff.se3 import Array
 
 TERMS = 10  # of the series for v^2 between -1 and 1
+COARSE = 0.05  # of the moment that buckles a beam: beyond, the first order is off by a thousandth
 CLAMPED = -(np.pi**2)  # v^2 at which a beam buckles between clamped ends
 
 
@@ -113,3 +115,34 @@ def _ratio(square: Array) -> Array:
     far = np.where(square > 0.0, v / np.tanh(v), v / np.tan(v))
     result: Array = np.where(np.abs(square) < 1.0, h / g, (far - 1) / np.where(square > 0.0, v**2, -(v**2)))
     return result
+
+
+def coarse_beams(response: Response) -> list[str]:
+    """Return notes on the beams whose moments change their stiffness by more than the first order holds.
+
+    Axial forces are exact, moments and torques of one element are of first order. What buckles a beam
+    between forks is ``M = pi sqrt(EI GJ)/L`` (Timoshenko and Gere, art. 6.2), or a torque of ``2 pi EI/L``
+    (art. 2.21).
+
+    Parameters
+    ----------
+    response : Response
+        To loads and dead weight together.
+    """
+    structure, length = response.structure, response.geometry.beam_length
+    if not structure.robot.beams:
+        return []
+    least = beam_bending(structure, response.geometry)[0].min(axis=-1)
+    twist = structure.beam_properties["G"] * structure.beam_properties["J"]
+    couples = np.abs(response.beam_forces[..., 3:]).max(axis=2)
+    shares = length * np.maximum(
+        couples[..., 1:].max(axis=-1) / (np.pi * np.sqrt(least * twist)),
+        couples[..., 0] / (2 * np.pi * least),
+    )
+    worst = shares.max(axis=0)
+    return [
+        f"beam {structure.robot.beams[at].name!r}: its moments are {worst[at]:.0%} of what buckles it; one "
+        f"element takes them to first order, which may be off by {min(worst[at] ** 2 / 2, 1.0):.1%} of the "
+        "compliance: make it several beams"
+        for at in np.flatnonzero(worst > COARSE)
+    ]

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from beamstiff.errors import BeamstiffError
+from beamstiff.fem.beam_column import coarse_beams
 from beamstiff.fem.geometric import loaded_compliance, loaded_displacement
 from beamstiff.fem.response import nodal_loads
 from beamstiff.fem.structure import Structure, compile_structure
@@ -20,7 +21,7 @@ from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import Material
 from beamstiff.robot.sections import Section
 from beamstiff.se3 import Array
-from tests.fem.builders import FREE, RIGID, at_rest, frame, some_rotation, turned
+from tests.fem.builders import FREE, RIGID, at_rest, frame, solve, some_rotation, turned
 
 LENGTH = 2.0
 STEEL = Material(E=210e9, G=80e9, density=7850.0)
@@ -173,15 +174,15 @@ def test_a_beam_column_under_its_own_weight(share: float, elements: int) -> None
     """Its ends turn by q L^3/24EI times 3 (tan u - u)/u^3. Art. 1.5."""
     u = LENGTH / 2 * np.sqrt(abs(share) * EULER / EI)
     factor = 3 * (np.tan(u) - u) / u**3 if share > 0 else 3 * (u - np.tanh(u)) / u**3
-    thick = ROD.model_copy(update={"A": 1e-2})  # it does not grow shorter by its load
+    thick = ROD.model_copy(update={"A": 1.0})  # it does not grow shorter by its load
     robot = line(elements, thick, tcp=1, supports=(HINGE, ROLLER))
-    robot = robot.model_copy(update={"gravity": (0, -1e-3, 0)})
+    robot = robot.model_copy(update={"gravity": (0, -1e-5, 0)})
     structure = compile_structure(robot)
     push = share * EULER * wrenches(structure, {f"n{elements}": PUSH})
     moved = loaded_displacement(structure, at_rest(structure), push, gravity=True)[0]
-    slope = 1e-3 * 7850 * 1e-2 * LENGTH**3 / (24 * EI) * factor
-    assert moved[elements, 5] == pytest.approx(slope, rel=1e-5)
-    assert moved[0, 5] == pytest.approx(-slope, rel=1e-5)
+    slope = 1e-5 * 7850 * LENGTH**3 / (24 * EI) * factor
+    assert moved[elements, 5] == pytest.approx(slope, rel=1e-6)
+    assert moved[0, 5] == pytest.approx(-slope, rel=1e-6)
 
 
 def test_a_cantilever_column_under_a_lateral_load_at_its_tip() -> None:
@@ -259,3 +260,23 @@ def test_a_clamped_shaft_buckles_under_torque() -> None:
     robot = line(16, Section(A=1e-4, Iy=1e-8, Iz=1e-8, J=2e-8), tcp=8, supports=(SLIDING_CLAMP,))
     expected = 8.987 * EI / LENGTH
     assert critical_factor(robot, {"n16": (0, 0, 0, 1.0, 0, 0)}) == pytest.approx(expected, rel=2e-4)
+
+
+@pytest.mark.parametrize("section", [ROD, BLADE, Section(A=1e-4, Iy=1e-8, Iz=1e-8, J=2e-8)])
+@pytest.mark.parametrize("share", [0.02, 0.1, 0.2, 0.4])
+def test_a_note_says_where_the_moments_of_one_element_are_coarse(section: Section, share: float) -> None:
+    """Where one element differs from many by a thousandth there is one, and it bounds the difference."""
+    least = STEEL.E * min(section.Iy, section.Iz)
+    force = share * np.pi * np.sqrt(least * STEEL.G * section.J) / LENGTH**2
+    one, many = (loaded(line(n, section, tcp=n), {f"n{n}": (0, 0, -force, 0, 0, 0)}, 1.0) for n in (1, 32))
+    error = float(np.abs(np.diag(one - many) / np.diag(many)).max())
+    robot = line(1, section, tcp=1)
+    notes = coarse_beams(solve(robot, {"n1": [0, 0, -force, 0, 0, 0]}))
+    if share < 0.05:
+        assert not notes
+        assert error < 1e-3
+    else:
+        (note,) = notes
+        assert note.startswith("beam 'b0': its moments are ")
+        assert f"{share:.0%} of what" in note
+        assert 0.3 * share**2 / 2 < error < share**2 / 2
