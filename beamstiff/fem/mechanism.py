@@ -22,7 +22,7 @@ SOFTEST = 1e-13
 # a random load moves a motion that soft by more than this share of what it could
 PROBED = 0.05
 # an answer with no motion softer than this is right to far better than a millionth
-FIRM = 1e-8
+FIRM = 1e-9
 # a part strained by a motion has more than this share of the energy that motions of that size could give it
 STRAINED = 1e-13
 
