@@ -53,7 +53,7 @@ def _between_ends(block: Array) -> Array:
 
 def stiffness_entries(structure: Structure, geometry: Geometry) -> Array:
     """Return the entries of the reduced global stiffness in the structure's pattern, (P, nnz)."""
-    return _add_up(structure, _products(structure, geometry))
+    return _add_up(structure, _products(structure, geometry, element_blocks(structure, geometry)))
 
 
 def dense_stiffness(structure: Structure, geometry: Geometry) -> Array:
@@ -68,26 +68,38 @@ def assemble(structure: Structure, geometry: Geometry) -> tuple[Array, Array]:
     summed: what is left of it in the stiffness, turned into the base frame, is known to some 1e-16 of it.
     """
     count, pattern = structure.unknowns.count, structure.pattern
-    products = _products(structure, geometry)
+    blocks = element_blocks(structure, geometry)
+    products = _products(structure, geometry, blocks)
     poses = products.shape[0]
     matrix = np.zeros((poses, count, count))
     matrix[:, pattern.rows, pattern.columns] = _add_up(structure, products)
     own = (pattern.end_i == pattern.end_j) & (pattern.term_i == pattern.term_j)
-    triples = np.abs(products[:, own]).reshape(poses, -1, 2, 3, 2, 3)
-    largest = np.stack([triples[:, :, at, :, at].max(axis=(2, 3)) for at in (0, 1)], axis=2)
-    numbers = structure.unknowns.blocks[structure.unknowns.term_block[pattern.term_i[own]]]
+    element, end, term = pattern.element[own], pattern.end_i[own], pattern.term_i[own]
+    force, cross, moment = (part[:, element, end] for part in _largest(blocks[:, :, (0, 1), (0, 1)]))
+    # a rotation moves the element along an arm: crosswise, where nothing of it may be left in the product
+    arm = np.linalg.norm(geometry.terms[:, term, :3, 3:], axis=(2, 3)) * np.sqrt(0.5)
+    largest = np.stack([force, moment + 2 * arm * cross + arm**2 * force], axis=2)
+    numbers = structure.unknowns.blocks[structure.unknowns.term_block[term]]
     size = np.zeros((poses, count + 1))
     np.add.at(size.T, numbers, np.moveaxis(largest.repeat(3, axis=2), 0, -1))
     size[:, structure.springs] += structure.spring_values
     return matrix, size[:, :-1]
 
 
-def _products(structure: Structure, geometry: Geometry) -> Array:
+def _largest(blocks: Array) -> tuple[Array, Array, Array]:
+    """Return the largest entries of blocks (..., 6, 6): of forces, of couplings, of moments."""
+    size = np.abs(blocks)
+    parts = (size[..., :3, :3], size[..., :3, 3:], size[..., 3:, 3:])
+    force, cross, moment = (part.max(axis=(-2, -1)) for part in parts)
+    return force, cross, moment
+
+
+def _products(structure: Structure, geometry: Geometry, blocks: Array) -> Array:
     """Return the products of element blocks and terms in the structure's pattern, (P, M, 6, 6)."""
     pattern = structure.pattern
-    blocks = element_blocks(structure, geometry)[:, pattern.element, pattern.end_i, pattern.end_j]
+    between = blocks[:, pattern.element, pattern.end_i, pattern.end_j]
     left = geometry.terms[:, pattern.term_i].swapaxes(-1, -2)
-    result: Array = left @ blocks @ geometry.terms[:, pattern.term_j]
+    result: Array = left @ between @ geometry.terms[:, pattern.term_j]
     return result
 
 

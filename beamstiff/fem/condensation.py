@@ -11,7 +11,7 @@ is ``C_clamped``.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, Literal
 
@@ -36,7 +36,8 @@ from beamstiff.fem.constraints import (
 from beamstiff.fem.geometry import Geometry, place
 from beamstiff.fem.large.robot import MANY_UNKNOWNS, solve_sparse
 from beamstiff.fem.loads import gravity_wrenches
-from beamstiff.fem.mechanism import mechanism_error, solve_stable
+from beamstiff.fem.mechanism import solve_firm, solve_stable
+from beamstiff.fem.strain_factor import Factored, factored_at
 from beamstiff.fem.structure import Structure
 from beamstiff.fem.unknowns import joint_unknowns
 from beamstiff.robot.frames import same_geometry
@@ -44,7 +45,8 @@ from beamstiff.robot.kinematics import ClosedPosture, Posture
 from beamstiff.se3 import Array
 
 STIFFEST = 1e-10  # a scaled compliance below this is rounding
-ROUNDING = 1e-11  # of the stiffness that meets at a port
+ROUNDING = 1e-11  # of the stiffness that meets at a port of a large structure
+FAINT = 1e-7  # of the same: below this, what is left of it has lost digits that could show
 MOST_ENTRIES = 2_000_000  # of the maps of observed nodes of a chunk
 CHUNK = 128  # poses at a time: the matrices of a chunk stay in the processor's cache
 
@@ -137,7 +139,13 @@ def condense(
     if program is None:
         return condense_by_matrices(structure, posture, observed, ports, chunk, everything)
     parts, sure = program.run(posture.values)
-    parts[0] = _without_rounding(parts[0], program.port_size[None])
+
+    def exact(pose: int) -> Array:
+        some = np.array([pose])
+        one = condense_by_matrices(structure, posture.only(some), observed, ports, 1, some)
+        return np.asarray(one.port_stiffness[0])
+
+    sure &= _sure_of_ports(parts[0], program.port_size[None], sure, exact)
     rest = np.flatnonzero(~sure)
     if rest.size:
         others = condense_by_matrices(structure, posture.only(rest), observed, ports, chunk, rest)
@@ -245,15 +253,7 @@ def _condense_chunk(
         watch_r, watch_p = watch @ rest, watch @ moved
         dead_r, dead_p = (rest_t @ dead[..., None])[..., 0], (moved_t @ dead[..., None])[..., 0]
     right = np.concatenate([k_rp, watch_r.swapaxes(-1, -2), dead_r[..., None]], axis=2)
-    solved, unstable = solve_stable(k_rr, right, size_r)
-    if unstable is not None:
-        pose, motion = unstable
-        if rest.ndim == 1:
-            full = np.zeros(structure.unknowns.count)
-            full[rest] = motion
-        else:
-            full = rest[pose] @ motion
-        raise mechanism_error(structure, geometry, pose, full)
+    solved, firm = solve_firm(k_rr, right, size_r)
     p, o = k_rp.shape[2], watch.shape[1]
     to_ports, to_watch, to_dead = solved[:, :, :p], solved[:, :, p : p + o], solved[:, :, p + o]
     k_pr = k_rp.swapaxes(-1, -2)
@@ -261,15 +261,59 @@ def _condense_chunk(
         port_stiffness = _symmetric(k_pp - k_pr @ to_ports)
     else:  # bases mix stiff and soft unknowns: differences of their stiffness would be rounding
         _, unbalanced = stiffness_between(structure, geometry, moved - rest @ to_ports)
-        to_ports = to_ports + solve_stable(k_rr, rest.swapaxes(-1, -2) @ unbalanced, size_r)[0]
+        to_ports = to_ports + solve_firm(k_rr, rest.swapaxes(-1, -2) @ unbalanced, size_r)[0]
         port_stiffness = _symmetric(stiffness_between(structure, geometry, moved - rest @ to_ports)[0])
-    return Condensed(
-        port_stiffness=_without_rounding(port_stiffness, size_p),
+    result = Condensed(
+        port_stiffness=port_stiffness,
         port_map=(watch_p - watch_r @ to_ports).swapaxes(-1, -2),
         clamped=_symmetric(watch_r @ to_watch),
         port_dead=dead_p - (k_pr @ to_dead[..., None])[..., 0],
         clamped_dead=(watch_r @ to_dead[..., None])[..., 0],
     )
+    if rest.ndim == 1:
+        every = np.diag(unknown_sizes(structure))
+        rest, moved = (
+            np.broadcast_to(every[:, some], (len(watch), *every[:, some].shape)) for some in (rest, moved)
+        )
+        moved = moved / unknown_sizes(structure)[:, None]
+    loads = np.concatenate([watch, dead[:, None]], axis=1).swapaxes(-1, -2)
+
+    def exact(pose: int) -> Factored:
+        return factored_at(structure, geometry, pose, rest[pose], loads[pose], moved[pose], works=True)
+
+    firm &= _sure_of_ports(port_stiffness, size_p, firm, lambda pose: exact(pose).port_stiffness)
+    for pose in np.flatnonzero(~firm):
+        found = exact(int(pose))
+        result.port_stiffness[pose] = found.port_stiffness
+        result.port_map[pose], result.port_dead[pose] = found.port_force[:, :o], found.port_force[:, o]
+        result.clamped[pose], result.clamped_dead[pose] = found.work[:o, :o], found.work[:o, o]
+    return result
+
+
+def _sure_of_ports(
+    port_stiffness: Array, size: Array, firm: NDArray[np.bool_], exact: Callable[[int], Array]
+) -> NDArray[np.bool_]:
+    """Return at which poses (P,) the stiffness at the ports is known, and make zero of what is rounding.
+
+    Parameters
+    ----------
+    port_stiffness : (P, p, p) array
+        Changed where nothing but its own spring holds a port: it may be set free later.
+    size : (P, p) array
+        How large what meets at the ports is.
+    firm : (P,) bool array
+        Poses whose answer is known otherwise.
+    exact : callable
+        The same at a pose, beyond doubt.
+    """
+    own = np.abs(np.diagonal(port_stiffness, axis1=1, axis2=2))
+    faint = (own < FAINT * size) & (port_stiffness != 0.0).any(axis=2) & firm[:, None]
+    if faint.any():
+        loose = faint & (np.diagonal(exact(int(np.argmax(faint.any(axis=1))))) == 0.0)
+        port_stiffness[loose] = 0.0
+        port_stiffness.swapaxes(1, 2)[loose] = 0.0
+        faint &= ~loose
+    return np.asarray(~faint.any(axis=1))
 
 
 def _condense_sparse(

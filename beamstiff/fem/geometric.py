@@ -7,8 +7,8 @@ In equilibrium under nodal wrenches F the tangent stiffness in the unknowns z is
 K_1 is the initial stress matrix of the elements (`initial_stress`), r what rigids and joints carry at a node,
 and J_j = [v_j; a_j] the node's twist for unknown j. An unknown i that moves what j moves, and j itself, gives
 ``dJ_j/dz_i = [a_i x v_j; a_i x a_j]``, one that comes after j ``[a_j x v_i; 0]``, and two rotations of one
-block (a rotation vector) half of both. All is of first order in the load, on the undeformed geometry. Loads
-keep their direction and go with their nodes.
+block (a rotation vector) half of both. All is on the undeformed geometry and of first order in the load,
+but exact in the axial forces of beams (`beam_column`). Loads keep their direction and go with their nodes.
 
 With rigid links and springs about the axes, H is K_C of seed 000 (eq. 9; Chen and Kao, Int. J. Robotics Res.
 19 (2000) 835) and ``K_X = J^-T (K_theta - K_C) J^-1`` (eq. 10), which is not symmetric when moments act.
@@ -21,19 +21,21 @@ from collections.abc import Iterator
 import numpy as np
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.fem.assembly import dense_stiffness, element_forces, gather, node_map, scatter
+from beamstiff.fem.assembly import dense_stiffness, gather, node_map, scatter
+from beamstiff.fem.beam_column import beam_bending, check_beams, pulled_weight, stability_change
 from beamstiff.fem.condensation import CHUNK
 from beamstiff.fem.constraints import RANK_TOLERANCE, constraint_rows, has_constraints, unknown_sizes
 from beamstiff.fem.geometry import Geometry, place, strut_directions
 from beamstiff.fem.initial_stress import (
     arm_initial_stress,
     beam_initial_stress,
+    bending_stress,
     joint_initial_stress,
     strut_initial_stress,
 )
 from beamstiff.fem.loads import beam_weight, gravity_wrenches
 from beamstiff.fem.mechanism import unstable_pose
-from beamstiff.fem.response import check_moments, solve_constrained, solve_unknowns
+from beamstiff.fem.response import check_moments, solve_constrained, solve_elements
 from beamstiff.fem.structure import Structure
 from beamstiff.fem.unknowns import joint_values
 from beamstiff.robot.fields import RIGID
@@ -42,7 +44,6 @@ from beamstiff.robot.frames import MOTIONS
 from beamstiff.robot.kinematics import Posture
 from beamstiff.se3 import Array, displacement_transport, rotate_screw, skew
 
-BUCKLES = "buckles under its load"
 MOST_ENTRIES = 20_000_000  # of the nodes' initial stress matrices, at a time
 
 
@@ -86,9 +87,9 @@ def loaded_compliance(
     """
     tcp, parts = structure.kinematics.node_index[structure.robot.tcp], []
     for geometry, some in _chunks(structure, posture, loads, chunk):
-        stiffness = tangent_stiffness(structure, geometry, some, gravity)
+        by_load, _ = load_stiffness(structure, geometry, some, gravity)
         watch = node_map(structure, geometry, tcp)
-        moved = solve_constrained(structure, geometry, stiffness, watch.swapaxes(-1, -2), BUCKLES)
+        moved, _ = solve_constrained(structure, geometry, watch.swapaxes(-1, -2), by_load, True)
         parts.append(watch @ moved)
     return np.concatenate(parts)
 
@@ -118,11 +119,11 @@ def loaded_displacement(
     """
     parts = []
     for geometry, some in _chunks(structure, posture, loads, chunk):
-        stiffness = tangent_stiffness(structure, geometry, some, gravity)
-        total = some + gravity_wrenches(structure, geometry) if gravity else some
+        by_load, pull = load_stiffness(structure, geometry, some, gravity)
+        total = some + pulled_weight(structure, geometry, pull) if gravity else some
         force = scatter(structure, geometry, total)[..., None]
-        moved = solve_constrained(structure, geometry, stiffness, force, BUCKLES)[..., 0]
-        parts.append(gather(structure, geometry, moved))
+        moved, _ = solve_constrained(structure, geometry, force, by_load)
+        parts.append(gather(structure, geometry, moved[..., 0]))
     return np.concatenate(parts)
 
 
@@ -165,7 +166,14 @@ def loaded_stiffness(compliance: Array, robot: str = "robot") -> Array:
 
 
 def tangent_stiffness(structure: Structure, geometry: Geometry, loads: Array, gravity: bool = False) -> Array:
-    """Return K_t (P, n, n) in the unknowns, without the constraints of rigid loops (see the module).
+    """Return K_t (P, n, n) in the unknowns, without the constraints of rigid loops (see the module)."""
+    return dense_stiffness(structure, geometry) + load_stiffness(structure, geometry, loads, gravity)[0]
+
+
+def load_stiffness(
+    structure: Structure, geometry: Geometry, loads: Array, gravity: bool = False
+) -> tuple[Array, Array]:
+    """Return what loads add to the stiffness (P, n, n) in the unknowns, and the tension of beams (P, B).
 
     Parameters
     ----------
@@ -175,47 +183,49 @@ def tangent_stiffness(structure: Structure, geometry: Geometry, loads: Array, gr
         Add the dead weight.
     """
     total = loads + gravity_wrenches(structure, geometry) if gravity else loads
-    unknowns = solve_unknowns(structure, geometry, scatter(structure, geometry, total))
-    forces, _ = element_forces(structure, geometry, gather(structure, geometry, unknowns))
+    unknowns, forces, _ = solve_elements(structure, geometry, scatter(structure, geometry, total))
     rest = total.copy()
     for end in (0, 1):
         for element, node in enumerate(structure.elements[:, end].tolist()):
             rest[:, node] -= forces[:, element, end]
     poses, nodes = rest.shape[:2]
     stress = np.zeros((poses, nodes, 6, nodes, 6))
-    _add_elements(stress, structure, geometry, forces, gravity)
+    pull = _add_elements(stress, structure, geometry, forces, gravity)
     if gravity:
         _add_payloads(stress, structure, geometry)
     if has_constraints(structure):
         rest = rest - _add_constraints(stress, structure, geometry, rest, unknowns)
-    stiffness = dense_stiffness(structure, geometry) - _path_stiffness(structure, geometry, rest)
+    stiffness = -_path_stiffness(structure, geometry, rest)
     if stress.any():
         maps = [node_map(structure, geometry, node) for node in range(nodes)]
         everywhere = np.concatenate(maps, axis=1)
         nodal = stress.reshape(poses, 6 * nodes, 6 * nodes)
         stiffness = stiffness + everywhere.swapaxes(-1, -2) @ nodal @ everywhere
-    return stiffness
+    return stiffness, pull
 
 
 def _add_elements(
     stress: Array, structure: Structure, geometry: Geometry, forces: Array, gravity: bool
-) -> None:
-    """Add the initial stress of beams, loop-closing joints and struts to (P, N, 6, N, 6)."""
+) -> Array:
+    """Add the initial stress of beams, loop-closing joints and struts to (P, N, 6, N, 6).
+
+    Returns the tension of the beams, (P, B).
+    """
     beams, chords = len(structure.robot.beams), len(structure.chords)
     ends, load = forces[:, :beams], np.zeros((len(forces), beams, 3))
     if gravity:
         ends = ends - beam_weight(structure, geometry)
         per_metre = structure.beam_density * structure.beam_properties["A"]
         load = load + per_metre[:, None] * np.array(structure.robot.gravity)
-    rotation, length, properties = geometry.beam_rotation, geometry.beam_length, structure.beam_properties
+    rotation, length = geometry.beam_rotation, geometry.beam_length
     back = rotate_screw(rotation).swapaxes(-1, -2)
     local_ends = (back[:, :, None] @ ends[..., None])[..., 0]
     local_load = (rotation.swapaxes(-1, -2) @ load[..., None])[..., 0]
-    shear = [
-        12 * properties["E"] * properties[second] / (properties["G"] * properties[area] * length**2)
-        for second, area in (("Iy", "Az"), ("Iz", "Ay"))
-    ]
-    local = beam_initial_stress(length, local_ends, local_load, np.stack(shear, axis=-1))
+    pull = 0.5 * (local_ends[:, :, 1, 0] - local_ends[:, :, 0, 0])
+    check_beams(structure, geometry, pull)
+    bending, shear = beam_bending(structure, geometry)
+    local = beam_initial_stress(length, local_ends, local_load, shear)
+    local = local + bending_stress(length, *stability_change(bending, shear, pull, length))
     turn = np.zeros((*rotation.shape[:2], 12, 12))
     for at in (0, 6):
         turn[..., at : at + 6, at : at + 6] = rotate_screw(rotation)
@@ -223,15 +233,16 @@ def _add_elements(
     strut_ends = structure.elements[beams + chords :]
     positions = geometry.posture.node_positions
     strut_length = np.linalg.norm(positions[:, strut_ends[:, 1]] - positions[:, strut_ends[:, 0]], axis=-1)
-    pull = np.einsum("psa,psa->ps", along, forces[:, beams + chords :, 1, :3])
+    strut_pull = np.einsum("psa,psa->ps", along, forces[:, beams + chords :, 1, :3])
     blocks = [
         turn @ local @ turn.swapaxes(-1, -2),
         joint_initial_stress(forces[:, beams : beams + chords, 1]),
-        strut_initial_stress(along, strut_length, pull),
+        strut_initial_stress(along, strut_length, strut_pull),
     ]
     blocks_by_element = np.moveaxis(np.concatenate(blocks, axis=1), 1, 0)
     for (first, second), block in zip(structure.elements.tolist(), blocks_by_element, strict=True):
         _add_between(stress, first, second, block)
+    return pull
 
 
 def _add_between(stress: Array, first: int, second: int, block: Array) -> None:

@@ -77,6 +77,28 @@ def beam_initial_stress(length: Array, ends: Array, load: Array, shear: Array) -
     return stiffness
 
 
+def bending_stress(length: Array, against: Array, alike: Array) -> Array:
+    """Return the stiffness of beams in local axes against rotations of their ends about their chord.
+
+    Parameters
+    ----------
+    length : (...) array, m
+    against, alike : (..., 2) arrays, N m/rad
+        End moments about y and z when the ends turn against one another, and when they turn alike.
+
+    Returns
+    -------
+    (..., 12, 12) array
+        On ``[da, wa, db, wb]``.
+    """
+    turn = np.stack([-APART[2], APART[1]]) / length[..., None, None]
+    bent_a, bent_b = TURN_A[1:] - turn, TURN_B[1:] - turn
+    half = 0.5 * np.concatenate([against, alike], axis=-1)[..., None]
+    modes = np.concatenate([bent_a - bent_b, bent_a + bent_b], axis=-2)
+    result: Array = _transpose(modes) @ (half * modes)
+    return result
+
+
 def _inside(
     point: float,
     length: Array,

@@ -14,12 +14,15 @@ from beamstiff.fem.structure import Structure
 from beamstiff.robot.parts import JOINT_DIRECTIONS
 from beamstiff.se3 import Array
 
+# what is wrong with a robot
+MECHANISM, NEARLY = "is a mechanism", "is so near a mechanism that rounding decides"
+BUCKLES, NEARLY_BUCKLES = "buckles under its load", "is so near buckling that rounding decides"
 # a motion whose scaled stiffness is below this is free: what is left of its stiffness is rounding
 SOFTEST = 1e-13
-# by how much rounding may change a deflection under its own load
-KNOWN = 1e-6
 # a random load moves a motion that soft by more than this share of what it could
 PROBED = 0.05
+# an answer with no motion softer than this is right to far better than a millionth
+FIRM = 1e-9
 # a part strained by a motion has more than this share of the energy that motions of that size could give it
 STRAINED = 1e-13
 
@@ -30,33 +33,46 @@ def diagonal_scale(matrix: Array) -> Array:
     return 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
 
 
-def unstable_pose(matrix: Array, size: Array | None = None) -> tuple[int, Array] | None:
-    """Return the first pose whose stiffness is not positive definite, with its softest motion (n,), or None.
-
-    The arguments are those of `solve_stable`.
-    """
-    return solve_stable(matrix, np.zeros((*matrix.shape[:2], 0)), size)[1]
+def unstable_pose(matrix: Array) -> tuple[int, Array] | None:
+    """Return the first pose whose stiffness is not positive definite, with its softest motion, or None."""
+    return solve_stable(matrix, np.zeros((*matrix.shape[:2], 0)))[1]
 
 
-def solve_stable(
-    matrix: Array,
-    right: Array,
-    size: Array | None = None,
-    symmetric: bool = True,
-    softest: float = SOFTEST,
-) -> tuple[Array, tuple[int, Array] | None]:
-    """Return the solutions of ``K x = b``, if the symmetric part of K is positive definite at all poses.
+def solve_firm(
+    matrix: Array, right: Array, size: Array, symmetric: bool = True
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the solutions of ``K x = b``, and at which poses K is too firm for rounding to show in them.
 
     Parameters
     ----------
     matrix : (P, n, n) array
         Stiffness.
     right : (P, n, c) array
-    size : (P, n) array, optional
+    size : (P, n) array
         How large what went into the diagonal is (`assembly.assemble`), so that what rounding left of it does
-        not pass for stiffness; default the diagonal.
+        not pass for stiffness.
     symmetric : bool
-        Whether K is symmetric.
+        Whether K is symmetric; else its symmetric part decides.
+
+    Returns
+    -------
+    solution : (P, n, c) array
+        Zero where K is not firm.
+    firm : (P,) bool array
+    """
+    return _solve(matrix, right, np.maximum(size, np.diagonal(matrix, axis1=-2, axis2=-1)), symmetric, FIRM)
+
+
+def solve_stable(
+    matrix: Array, right: Array, softest: float = SOFTEST
+) -> tuple[Array, tuple[int, Array] | None]:
+    """Return the solutions of ``K x = b``, if K is positive definite at all poses.
+
+    Parameters
+    ----------
+    matrix : (P, n, n) array
+        Symmetric.
+    right : (P, n, c) array
     softest : float
         The scaled stiffness below which a motion counts as free.
 
@@ -65,18 +81,28 @@ def solve_stable(
     solution : (P, n, c) array
         Not to be used if there is an unstable pose.
     unstable : None or (pose, motion)
-        The first pose whose stiffness is not positive definite, and its softest motion (n,); or at which a
-        load's deflection is rounding, and the deflection.
+        The first pose whose stiffness is not positive definite, and its softest motion (n,).
 
     Raises
     ------
     BeamstiffError
         When a stiffness is not finite.
     """
+    solution, firm = _solve(matrix, right, np.diagonal(matrix, axis1=-2, axis2=-1), True, softest)
+    if firm.all():
+        return solution, None
+    pose = int(np.argmin(firm))
+    scale = diagonal_scale(matrix[pose])
+    _, vectors = np.linalg.eigh(scale[:, None] * matrix[pose] * scale)
+    return solution, (pose, scale * vectors[:, 0])
+
+
+def _solve(
+    matrix: Array, right: Array, size: Array, symmetric: bool, softest: float
+) -> tuple[Array, NDArray[np.bool_]]:
+    solution, firm = np.zeros_like(right), np.ones(matrix.shape[0], dtype=np.bool_)
     if matrix.shape[-1] == 0 or matrix.shape[0] == 0:
-        return np.zeros_like(right), None
-    diagonal = np.diagonal(matrix, axis1=-2, axis2=-1)
-    size = diagonal if size is None else np.maximum(size, diagonal)
+        return solution, firm
     scale = 1.0 / np.sqrt(np.where(size > 0.0, size, 1.0))
     scaled = scale[:, :, None] * matrix * scale[:, None, :]
     if not np.isfinite(scaled).all():
@@ -87,39 +113,22 @@ def solve_stable(
     even = scaled if symmetric else 0.5 * (scaled + scaled.swapaxes(-1, -2))
     try:
         pivots = np.diagonal(np.linalg.cholesky(even), axis1=-2, axis2=-1) ** 2
-        bad = pivots.min(axis=1) < softest
+        firm = pivots.min(axis=1) >= softest
     except np.linalg.LinAlgError:
-        bad = np.linalg.eigvalsh(even)[:, 0] < softest
-    solution = np.zeros_like(right)
-    if not bad.any():
-        # pivots alone miss a soft motion that lies across the unknowns: some loads find it
-        loads = scale[:, :, None] * right
-        probes = np.broadcast_to(_probes(matrix.shape[-1]), (*matrix.shape[:2], 4))
-        solved = np.linalg.solve(scaled, np.concatenate([loads, probes], axis=2))
-        moved = np.linalg.norm(solved[:, :, -4:], axis=1).max(axis=1)
-        doubtful = np.flatnonzero(moved > PROBED / softest)
-        bad[doubtful] = np.linalg.eigvalsh(even[doubtful])[:, 0] < softest
-        solved = solved[:, :, :-4]
-        solution = scale[:, :, None] * solved
-    if bad.any():
-        pose = int(np.argmax(bad))
-        _, vectors = np.linalg.eigh(even[pose])
-        return solution, (pose, scale[pose] * vectors[:, 0])
-    if symmetric and (unknown := _rounded_away(solved, loads)) is not None:
-        return solution, (unknown[0], solution[unknown])
-    return solution, None
-
-
-def _rounded_away(solved: Array, right: Array) -> tuple[int, slice, int] | None:
-    """Return pose and column of a deflection that rounding of the stiffness changes too much, or None.
-
-    A relative error e_i in ``K_ii = 1`` changes the work ``b x`` by ``e_i x_i^2``.
-    """
-    work = np.abs(np.einsum("pnc,pnc->pc", solved, right))
-    squares = solved * solved
-    noise = np.finfo(float).eps * np.sqrt(np.einsum("pnc,pnc->pc", squares, squares))
-    found = np.argwhere(noise > KNOWN * work)
-    return (int(found[0][0]), slice(None), int(found[0][1])) if found.size else None
+        firm = np.linalg.eigvalsh(even)[:, 0] >= softest
+    if not firm.any():
+        return solution, firm
+    # pivots alone miss a soft motion that lies across the unknowns: some loads find it
+    loads = scale[:, :, None] * right
+    probes = np.broadcast_to(_probes(matrix.shape[-1]), (*matrix.shape[:2], 4))
+    both = np.concatenate([loads, probes], axis=2)
+    solved = np.linalg.solve(scaled[firm], both[firm]) if not firm.all() else np.linalg.solve(scaled, both)
+    moved = np.linalg.norm(solved[:, :, -4:], axis=1).max(axis=1)
+    doubtful = np.flatnonzero(moved > PROBED / softest)
+    where = np.flatnonzero(firm)
+    solution[where] = scale[where, :, None] * solved[:, :, :-4]
+    firm[where[doubtful]] = np.linalg.eigvalsh(even[where[doubtful]])[:, 0] >= softest
+    return solution, firm
 
 
 @cache
@@ -136,7 +145,7 @@ def scaled_condition(matrix: Array) -> Array:
 
 
 def mechanism_error(
-    structure: Structure, geometry: Geometry, pose: int, motion: Array, what: str = "is a mechanism"
+    structure: Structure, geometry: Geometry, pose: int, motion: Array, what: str = MECHANISM
 ) -> BeamstiffError:
     """Return the error that names a free motion: the nodes that move, how, and the joints that give way.
 
@@ -157,10 +166,10 @@ def mechanism_error(
     size = max(float(np.ptp(positions, axis=0).max()), 1e-3)
     where = f" at pose {geometry.number[pose]}" if geometry.number[pose] or len(geometry.number) > 1 else ""
     resisting = _resisting(structure, geometry, pose, motion, moved, size)
-    if what == "is a mechanism" and resisting:
+    if what in (MECHANISM, NEARLY) and resisting:
         return BeamstiffError(
-            f"robot {robot.name!r}: the stiffness of {listed(resisting)} is lost beside parts some 1e10 "
-            f"times stiffer{where}; make those rigid, or this free"
+            f"robot {robot.name!r}: the stiffness of {listed(resisting)} is lost in rounding beside far "
+            f"stiffer parts{where}; make those rigid, or this free"
         )
     amount = np.linalg.norm(moved[:, :3], axis=1) + size * np.linalg.norm(moved[:, 3:], axis=1)
     order = np.argsort(-np.round(amount / amount.max(), 6), kind="stable")

@@ -13,7 +13,8 @@ from beamstiff.fem.constraints import constraint_rows, has_constraints, null_spa
 from beamstiff.fem.geometry import Geometry, place
 from beamstiff.fem.large.robot import MANY_UNKNOWNS, solve_sparse
 from beamstiff.fem.loads import gravity_wrenches
-from beamstiff.fem.mechanism import mechanism_error, solve_stable
+from beamstiff.fem.mechanism import solve_firm
+from beamstiff.fem.strain_factor import factored_at, strain_forces
 from beamstiff.fem.structure import Structure
 from beamstiff.fem.unknowns import joint_unknowns, turning_nodes
 from beamstiff.robot.kinematics import Posture
@@ -29,6 +30,8 @@ class Response:
     ----------
     displacement : (P, N, 6) array
         ``[d, r]`` of every node, base frame, m and rad.
+    element_forces : (P, E, 2, 6) array
+        Wrench on either end of every element, base frame, N and N m.
     beam_forces : (P, B, 2, 6) array
         Wrench on either end of every beam in its local axes, N and N m.
     joint_displacement : (P, J, 6) array
@@ -42,6 +45,7 @@ class Response:
     structure: Structure
     geometry: Geometry
     displacement: Array
+    element_forces: Array
     beam_forces: Array
     joint_displacement: Array
     element_energy: Array
@@ -108,13 +112,13 @@ def respond(structure: Structure, posture: Posture, loads: Array, gravity: bool 
     geometry = place(structure, posture)
     check_moments(structure, loads)
     total = loads + gravity_wrenches(structure, geometry) if gravity else loads
-    unknowns = solve_unknowns(structure, geometry, scatter(structure, geometry, total))
+    unknowns, forces, energy = solve_elements(structure, geometry, scatter(structure, geometry, total))
     displacement = gather(structure, geometry, unknowns)
-    forces, energy = element_forces(structure, geometry, displacement)
     return Response(
         structure,
         geometry,
         displacement,
+        forces,
         _beam_forces(structure, geometry, forces[:, : len(structure.robot.beams)], gravity),
         _joint_displacement(structure, geometry, displacement, unknowns),
         energy,
@@ -144,60 +148,85 @@ def solve_unknowns(structure: Structure, geometry: Geometry, force: Array) -> Ar
     BeamstiffError
         When the structure is a mechanism; the free motion is named.
     """
+    return _solve(structure, geometry, force)[0]
+
+
+def _solve(structure: Structure, geometry: Geometry, force: Array) -> tuple[Array, dict[int, Array]]:
     if structure.unknowns.count > MANY_UNKNOWNS and not has_constraints(structure):
-        return solve_sparse(structure, geometry, force[..., None])[..., 0]
-    stiffness, size = assemble(structure, geometry)
-    return solve_constrained(structure, geometry, stiffness, force[..., None], size=size)[..., 0]
+        return solve_sparse(structure, geometry, force[..., None])[..., 0], {}
+    solved, strains = solve_constrained(structure, geometry, force[..., None])
+    return solved[..., 0], strains
 
 
-def solve_constrained(
-    structure: Structure,
-    geometry: Geometry,
-    stiffness: Array,
-    force: Array,
-    fault: str = "is a mechanism",
-    size: Array | None = None,
-) -> Array:
-    """Return the unknowns (P, n, c) of ``stiffness z = force`` under the constraints of rigid loops.
-
-    Parameters
-    ----------
-    stiffness : (P, n, n) array
-        Not symmetric where moments act on a loaded machine.
-    force : (P, n, c) array
-    fault : str
-        What is wrong with a robot whose stiffness is not positive definite, for the message.
-    size : (P, n) array, optional
-        How large what went into the stiffness is, see `assembly.assemble`; none for a loaded machine.
+def solve_elements(structure: Structure, geometry: Geometry, force: Array) -> tuple[Array, Array, Array]:
+    """Return the unknowns (P, n), the wrenches on the elements' ends (P, E, 2, 6) and their energy (P, E).
 
     Raises
     ------
     BeamstiffError
-        When the stiffness is not positive definite; the motion without resistance is named.
+        When the structure is a mechanism; the free motion is named.
     """
-    basis = None
+    unknowns, strains = _solve(structure, geometry, force)
+    forces, energy = element_forces(structure, geometry, gather(structure, geometry, unknowns))
+    for pose, some in strains.items():  # differences of displacements would be rounding
+        one = geometry.only(np.array([pose]))
+        forces[pose], energy[pose] = strain_forces(structure, one, some[:, 0])
+    return unknowns, forces, energy
+
+
+def solve_constrained(
+    structure: Structure, geometry: Geometry, force: Array, by_load: Array | None = None, works: bool = False
+) -> tuple[Array, dict[int, Array]]:
+    """Return the unknowns of ``K z = force`` under the constraints of rigid loops.
+
+    Poses at which rounding could show go by `strain_factor`.
+
+    Parameters
+    ----------
+    force : (P, n, c) array
+    by_load : (P, n, n) array, optional
+        What loads add to the stiffness; not symmetric where moments act.
+    works : bool
+        Whether the forces are those of a compliance, of which the works on one another are asked.
+
+    Returns
+    -------
+    solution : (P, n, c) array
+    strains : dict of (m, c) arrays
+        Of the poses that went by the factor of the strains.
+
+    Raises
+    ------
+    BeamstiffError
+        When the structure is a mechanism, buckles under its loads (the symmetric part of the stiffness
+        decides), or rounding shows in the answer; the motion, or the part, is named.
+    """
+    stiffness, size = assemble(structure, geometry)
+    if by_load is not None:
+        stiffness = stiffness + by_load
+    groups, basis = [np.arange(len(force))], None
     if has_constraints(structure):
         rows, units = constraint_rows(structure, geometry), unknown_sizes(structure)
         rank = ranks(rows, units)
-        if (
-            rank != rank[:1]
-        ).any():  # singular positions of a loop move in more ways: pose by pose, each is exact
-            result = np.zeros_like(force)
-            for value in np.unique(rank):
-                some = np.flatnonzero(rank == value)
-                part, least = geometry.only(some), None if size is None else size[some]
-                result[some] = solve_constrained(structure, part, stiffness[some], force[some], fault, least)
-            return result
-        basis = null_space(rows, units, f"robot {structure.robot.name!r}")
-        stiffness = basis.swapaxes(-1, -2) @ stiffness @ basis
-        force = basis.swapaxes(-1, -2) @ force
-        size = None if size is None else (size[:, None] @ basis**2)[:, 0]
-    solved, unstable = solve_stable(stiffness, force, size, symmetric=size is not None)
-    if unstable is not None:
-        pose, motion = unstable
-        full = motion if basis is None else basis[pose] @ motion
-        raise mechanism_error(structure, geometry, pose, full, fault)
-    return solved if basis is None else basis @ solved
+        # singular positions of a loop move in more ways: each number of ways by itself, all are exact
+        groups = [np.flatnonzero(rank == value) for value in np.unique(rank)]
+    result, strains = np.zeros_like(force), {}
+    for some in groups:
+        some_stiffness, some_force, some_size = stiffness[some], force[some], size[some]
+        if has_constraints(structure):
+            basis = null_space(rows[some], units, f"robot {structure.robot.name!r}")
+            back = basis.swapaxes(-1, -2)
+            some_stiffness, some_force = back @ some_stiffness @ basis, back @ some_force
+            some_size = (some_size[:, None] @ basis**2)[:, 0]
+        solved, firm = solve_firm(some_stiffness, some_force, some_size, symmetric=by_load is None)
+        result[some] = solved if basis is None else basis @ solved
+        for at in np.flatnonzero(~firm):
+            pose = int(some[at])
+            rest = np.diag(unknown_sizes(structure)) if basis is None else basis[at]
+            added = None if by_load is None else by_load[pose]
+            found = factored_at(structure, geometry, pose, rest, force[pose], by_load=added, works=works)
+            result[pose], strains[pose] = found.solution, found.strains
+    return result, strains
 
 
 def check_moments(structure: Structure, loads: Array) -> None:
@@ -251,8 +280,7 @@ def transmitted_wrenches(response: Response, loads: Array) -> Array:
             f"robot {structure.robot.name!r}: rigid parts close a loop, so that equilibrium alone does not "
             "give the forces of its joints"
         )
-    forces, _ = element_forces(structure, geometry, response.displacement)
-    rest = loads.copy()
+    forces, rest = response.element_forces, loads.copy()
     for end in (0, 1):
         np.subtract.at(rest.swapaxes(0, 1), structure.elements[:, end], forces[:, :, end].swapaxes(0, 1))
     # what hangs on a joint pulls at it: carry each node's rest to every joint on its way to the root

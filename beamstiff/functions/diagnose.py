@@ -10,6 +10,7 @@ from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.functions.checks import names_of, whole
 from beamstiff.measure.coerce import DataLike, as_tables, doubted, doubts_of
 from beamstiff.measure.rows import concatenate
+from beamstiff.model.linear import preload_notes
 from beamstiff.robot.coerce import RobotLike, as_robot
 
 
@@ -56,5 +57,6 @@ def diagnose(
         rows = replace(rows, region=tuple(region))
     with doubted(doubts):
         result = run(machine, rows, without=excluded, seed=seed)
+        doubts += preload_notes(machine, rows)
     # of the table before what is made of it
     return replace(result, notes=(*doubts, *(note for note in result.notes if note not in doubts)))

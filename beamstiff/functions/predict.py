@@ -11,7 +11,7 @@ from beamstiff.diagnosis.apply import effects_displacement
 from beamstiff.measure.coerce import DataLike, as_tables, doubted, doubts_of
 from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements, make_measurements
-from beamstiff.model.linear import predict_displacements
+from beamstiff.model.linear import predict_displacements, preload_notes
 from beamstiff.robot.coerce import RobotLike, as_robot
 from beamstiff.robot.description import Robot
 from beamstiff.robot.stiffness import check_stiffness
@@ -111,6 +111,8 @@ def predict(robot: RobotLike, data: DataLike, *, preload: bool = False) -> Predi
     rows = concatenate(tables)
     with doubted(doubts):
         moved = predict_displacements(machine, rows, preload)
+        if preload:
+            doubts += preload_notes(machine, rows)
         if machine.effects:
             moved = moved + effects_displacement(machine, replace(rows, kind="displacement"))
     return Prediction(machine, rows, moved, preload, tuple(doubts))

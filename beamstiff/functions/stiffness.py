@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike
 
 from beamstiff.errors import BeamstiffError, OptionError
 from beamstiff.fem import condensation
+from beamstiff.fem.beam_column import coarse_beams
 from beamstiff.fem.geometric import loaded_compliance, loaded_stiffness
-from beamstiff.fem.response import nodal_loads
+from beamstiff.fem.response import nodal_loads, respond
 from beamstiff.fem.structure import Structure, compile_structure
 from beamstiff.functions.checks import left_out, six_numbers
 from beamstiff.robot.coerce import RobotLike, as_robot
@@ -104,6 +105,9 @@ def stiffness(
     if len(where.values) != 1:
         raise OptionError("q", f"found {len(where.values)} postures, expected one (tcp_stiffness takes many)")
     compliance = _compliance(structure, where, load if preload else None)
+    coarse: list[str] = []
+    if preload:
+        coarse = coarse_beams(respond(structure, where, _nodal(structure, load), gravity=True))
     return TcpStiffness(
         robot=machine,
         stiffness=_inverse(structure, compliance, preload)[0],
@@ -111,7 +115,7 @@ def stiffness(
         tcp=where.node_positions[0, structure.kinematics.node_index[machine.tcp]],
         variables=dict(zip(structure.kinematics.coupling.names, where.values[0].tolist(), strict=True)),
         preload=preload,
-        notes=left_out(machine.effects, "its stiffness"),
+        notes=(*left_out(machine.effects, "its stiffness"), *coarse),
     )
 
 
@@ -197,8 +201,11 @@ def _compliance(structure: Structure, where: Posture, load: Array | None) -> Arr
     """Return the compliance of the machine under gravity and a load, or of none, (P, 6, 6)."""
     if load is None:
         return condensation.tcp_compliance(structure, where)
-    loads = nodal_loads(structure, 1, {structure.robot.tcp: load})
-    return loaded_compliance(structure, where, loads, gravity=True)
+    return loaded_compliance(structure, where, _nodal(structure, load), gravity=True)
+
+
+def _nodal(structure: Structure, load: Array) -> Array:
+    return nodal_loads(structure, 1, {structure.robot.tcp: load})
 
 
 def _inverse(structure: Structure, compliance: Array, loaded: bool) -> Array:

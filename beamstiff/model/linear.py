@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from beamstiff.errors import BeamstiffError
+from beamstiff.fem.beam_column import coarse_beams
 from beamstiff.fem.condensation import condense
 from beamstiff.fem.geometric import loaded_displacement
+from beamstiff.fem.response import respond
 from beamstiff.fem.structure import Structure, compile_structure
 from beamstiff.fem.unknowns import turning_nodes
 from beamstiff.measure.arrays import Integers
@@ -14,6 +16,8 @@ from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import Posture, posture
 from beamstiff.se3 import Array
+
+HEAVIEST = 20  # rows that are looked at for beams whose K_C is coarse
 
 
 def predict_displacements(robot: Robot, loads: Measurements, preload: bool = False) -> Array:
@@ -88,6 +92,22 @@ def _with_preload(structure: Structure, where: Posture, pose: Integers, loads: M
     seen = [index[name] for name in loads.point.tolist()]
     result: Array = (loaded - unloaded)[rows, seen]
     return result
+
+
+def preload_notes(robot: Robot, loads: Measurements) -> list[str]:
+    """Return notes on beams of which K_C is not known to a thousandth, under the largest of the loads."""
+    if not robot.beams or not len(loads):
+        return []
+    structure = compile_structure(robot)
+    size = structure.kinematics.size
+    wrench = np.linalg.norm(loads.wrench[:, :3], axis=1) * size + np.linalg.norm(loads.wrench[:, 3:], axis=1)
+    rows = np.argsort(-wrench, kind="stable")[:HEAVIEST]
+    where, index = posture(structure.kinematics, loads.q[rows]), structure.kinematics.node_index
+    wrenches = np.zeros((len(rows), len(robot.nodes), 6))
+    wrenches[np.arange(len(rows)), [index[name] for name in loads.load_point[rows].tolist()]] = loads.wrench[
+        rows
+    ]
+    return coarse_beams(respond(structure, where, wrenches, gravity=True))
 
 
 def _refuse_idle_moments(robot: Robot, loads: Measurements) -> None:

@@ -124,3 +124,11 @@ def test_degrees_taken_for_radians_are_told(run: Run) -> None:
     assert result.stderr == (
         "note: q1 = 1718.87 deg is outside its limits -170 deg to 170 deg; a number without a unit is rad\n"
     )
+
+
+def test_a_note_says_where_one_beam_is_too_few_for_the_load(run: Run) -> None:
+    light, heavy = (
+        run("stiffness", "cantilever", "--preload", "--wrench", f"fz={f}N") for f in ("-2000", "-20000")
+    )
+    assert light.stderr == ""
+    assert heavy.stderr.startswith("note: beam 'tube': its moments are 13% of what buckles it")

@@ -243,7 +243,7 @@ def test_springs_in_parallel_1e25_apart(pair: tuple[float, float]) -> None:
     assert compliance(robot)[0, 0] == pytest.approx(1e-15, rel=1e-12)
 
 
-LOST = "is lost beside parts some 1e10 times stiffer"
+LOST = "is lost in rounding beside far stiffer parts"
 
 
 def answer(robot: Robot, load: Sequence[float]) -> np.ndarray | str:
@@ -254,22 +254,14 @@ def answer(robot: Robot, load: Sequence[float]) -> np.ndarray | str:
         return str(refused)
 
 
-def test_spring_between_beams() -> None:
-    """Of a spring between two beams a spring 1e20 times softer is lost, and named; one far stiffer is
-    exact.
-    """
+@pytest.mark.parametrize("k", [1e-12, 1e25])
+def test_spring_between_beams(k: float) -> None:
+    """A spring 1e20 times softer than the beams about it is as exact as one far stiffer."""
     points = [(0, 0, 0), (1, 0, 0), (1, 0, 0), (2, 0, 0)]
-
-    def sprung(k: float) -> Robot:
-        joint = (1, 2, (1, 0, 0), (k, RIGID, RIGID, RIGID))
-        return frame(points, beams=[(0, 1), (2, 3)], joints=[joint], up=(0, 1, 0))
-
-    along = [1, 0, 0, 0, 0, 0]
-    assert answer(sprung(1e-12), along) == (
-        f"robot 'frame': the stiffness of j0.axial {LOST}; make those rigid, or this free"
-    )
-    found = answer(sprung(1e25), along)
-    assert found[0] == pytest.approx(2 / (STEEL.E * SECTION.A), rel=1e-9)
+    joint = (1, 2, (1, 0, 0), (k, RIGID, RIGID, RIGID))
+    robot = frame(points, beams=[(0, 1), (2, 3)], joints=[joint], up=(0, 1, 0))
+    found = displacement(robot, {"n3": [1, 0, 0, 0, 0, 0]})
+    assert found[0] == pytest.approx(1 / k + 2 / (STEEL.E * SECTION.A), rel=1e-12)
 
 
 def in_series(parts: str, first: float, second: float) -> tuple[Robot, float]:
@@ -305,7 +297,7 @@ def in_series(parts: str, first: float, second: float) -> tuple[Robot, float]:
 def test_parts_in_series_at_any_ratio_are_exact_or_refused(
     parts: str, first: float, second: float, seed: int
 ) -> None:
-    """Up to 1e30 apart, turned in space: no answer is off by more than some millionths."""
+    """Up to 1e30 apart, turned in space: no answer is off by a millionth, none is refused below 1e20."""
     robot, expected = in_series(parts, 10.0**first, 10.0**second)
     rotation = some_rotation(seed)
     along = np.concatenate([rotation @ [1, 0, 0], np.zeros(3)])
@@ -313,6 +305,6 @@ def test_parts_in_series_at_any_ratio_are_exact_or_refused(
     if isinstance(found, str):
         event("refused")
         assert LOST in found
-        assert abs(first - second) > 5
+        assert abs(first - second) > 20
     else:
-        assert abs(along @ found / expected - 1) <= 5e-6
+        assert abs(along @ found / expected - 1) <= 1e-6
