@@ -32,6 +32,7 @@ from beamstiff.diagnosis.inference.tool_ground_spring import held_tool, stopped,
 from beamstiff.diagnosis.residual.baseline import SILENT, Baseline
 from beamstiff.diagnosis.residual.internal_wrench import Place
 from beamstiff.diagnosis.residual.whitened import Whitened
+from beamstiff.measure.arrays import places_of_each
 from beamstiff.se3 import Array
 
 KNEES = (0.02, 0.1, 0.25, 0.5)  # of the largest torque: where the free torque curve can bend
@@ -254,8 +255,7 @@ def _remembered(baseline: Baseline, axis: Axis, time: Array) -> Array:
         torque = torque[:, :1]
     rates = np.tile(np.reciprocal(FADES), (torque.shape[1], 1)).T
     result = np.zeros((len(rows), *rates.shape))
-    poses = [np.flatnonzero(rows.pose == pose) for pose in np.unique(rows.pose)]
-    poses = [at[np.argsort(time[at], kind="stable")] for at in poses]
+    poses = [at[np.argsort(time[at], kind="stable")] for at in places_of_each(rows.pose)]
     steps = np.concatenate([np.diff(time[at]) for at in poses])
     usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
     for at in poses:
