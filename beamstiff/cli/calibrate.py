@@ -10,8 +10,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from beamstiff.cli.options import Debug, Html, Json, Quiet, RobotFile, parse_names, robot_file
-from beamstiff.cli.output import check_once, check_outputs, people, say, source_of, working, write_json
-from beamstiff.errors import BeamstiffError, suggest
+from beamstiff.cli.output import (
+    check_once,
+    check_outputs,
+    optional_file,
+    people,
+    say,
+    source_of,
+    working,
+    write_json,
+)
+from beamstiff.errors import BeamstiffError, optional, suggest
 from beamstiff.units import quantity
 
 if TYPE_CHECKING:
@@ -173,8 +182,11 @@ def calibrate(
             known = state_calibration(machine, measured, **said).problem.parameters
             said["priors"] = parse_priors(prior, known)
         found = fit(machine, measured, **said, method=method, folds=folds)
-        tests = {path: errors_on(found, rows) for path, rows in tested.items()}
-    found = replace(found, notes=(*doubts, *found.notes))
+    tests, left_out = {}, list[str]()
+    for path, rows in tested.items():
+        with optional(f"--test {path}", left_out.append), working(f"predicting {path}", quiet):
+            tests[path] = errors_on(found, rows)
+    found = replace(found, notes=(*doubts, *found.notes, *left_out))
     for note in found.notes:
         say(f"note: {note}", quiet)
     console = people(quiet, json)
@@ -187,25 +199,31 @@ def calibrate(
     console.print()
     for line in calibration_text(found):
         console.print(line)
+    facts = found.to_dict()
+    if tests:
+        facts["tests"] = {path: one.to_dict() for path, one in tests.items()}
+    write_json(facts, json)
     if out is not None:
         write_whole(out, f"# {_head(found, data)}\n{robot_to_yaml(found.robot)}")
     if readings is not None:
         write_whole(readings, measurements_to_csv(in_base_frame(found, measured), machine))
-    if sensitivity is not None or recursion is not None:
-        draw(state_calibration(machine, measured, **said), machine.name, sensitivity, recursion)
-    facts = found.to_dict()
-    if tests:
-        facts["tests"] = {path: one.to_dict() for path, one in tests.items()}
+    if sensitivity is not None:
+        with optional_file(sensitivity, quiet):
+            draw(state_calibration(machine, measured, **said), machine.name, sensitivity=sensitivity)
+    if recursion is not None:
+        with optional_file(recursion, quiet):
+            draw(state_calibration(machine, measured, **said), machine.name, recursion=recursion)
     if figure is not None:
         from beamstiff.report.figures import save_figure
 
-        save_figure(found.plot(), figure)
+        with optional_file(figure, quiet):
+            save_figure(found.plot(), figure)
     if html is not None and source is not None:
         from beamstiff.report.html.calibration import calibration_html
 
         named = {Path(path).name: one for path, one in tests.items()}
-        write_whole(html, calibration_html(found, machine, measured, source, named, facts))
-    write_json(facts, json)
+        with optional_file(html, quiet):
+            write_whole(html, calibration_html(found, machine, measured, source, named, facts))
 
 
 def parse_priors(texts: Sequence[str], parameters: Sequence[Parameter]) -> dict[str, float]:
@@ -250,7 +268,9 @@ def _names(item: Parameter) -> tuple[str, ...]:
     return item.name, group, frame
 
 
-def draw(statement: Statement, name: str, sensitivity: str | None, recursion: str | None) -> None:
+def draw(
+    statement: Statement, name: str, sensitivity: str | None = None, recursion: str | None = None
+) -> None:
     """Draw sensitivity indices, and the way of the recursion."""
     from beamstiff.calibration.parameters import SPARE
     from beamstiff.calibration.recursion import recursion as recur

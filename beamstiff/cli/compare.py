@@ -11,6 +11,7 @@ from beamstiff.cli.output import (
     check_once,
     check_outputs,
     effects_text,
+    optional_file,
     people,
     say,
     source_of,
@@ -137,9 +138,6 @@ def compare(
     with doubted(notes), working(f"fitting {len(names)} models to {len(measured)} rows", quiet):
         split = split_rows(measured, share, fit_load, seed)
         found = fit_models(description, measured, split, names, options)
-    if rules is not None and found["fuzzy"].model is None:
-        raise BeamstiffError(f"--rules: there is no fuzzy model: {found['fuzzy'].about}")
-
     for note in notes:
         say(f"note: {note}", quiet)
     console = people(quiet, json)
@@ -151,26 +149,30 @@ def compare(
         console.print(line)
     if whole.effects:
         console.print(f"All beside the robot's effects, as they are: {effects_text(whole.effects)}.")
+    facts = models_facts(found)
+    write_json(facts, json)
     if figure is not None:
         from beamstiff.report.compare import models_figure
         from beamstiff.report.figures import save_figure
 
-        save_figure(models_figure(found, description.name), figure)
+        with optional_file(figure, quiet):
+            save_figure(models_figure(found, description.name), figure)
     if rules is not None:
         from beamstiff.model.fuzzy_compliance import FuzzyCompliance
         from beamstiff.report.figures import save_figure
         from beamstiff.report.fuzzy import rules_figure
 
-        model = found["fuzzy"].model
-        assert isinstance(model, FuzzyCompliance)
-        angles = [variable.name for variable in description.variables if variable.kind == "angle"]
-        save_figure(rules_figure(model, angles=angles), rules)
-    facts = models_facts(found)
+        with optional_file(f"--rules {rules}", quiet):
+            model = found["fuzzy"].model
+            if not isinstance(model, FuzzyCompliance):
+                raise BeamstiffError(f"there is no fuzzy model: {found['fuzzy'].about}")
+            angles = [variable.name for variable in description.variables if variable.kind == "angle"]
+            save_figure(rules_figure(model, angles=angles), rules)
     if html is not None and source is not None:
         from beamstiff.files import write_whole
         from beamstiff.report.html.comparison import comparison_html
 
         if whole.effects:
             notes.append(f"All beside the robot's effects, as they are: {effects_text(whole.effects)}.")
-        write_whole(html, comparison_html(found, description, source, facts, notes))
-    write_json(facts, json)
+        with optional_file(html, quiet):
+            write_whole(html, comparison_html(found, description, source, facts, notes))

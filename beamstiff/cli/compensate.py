@@ -11,7 +11,16 @@ import typer
 from beamstiff.cli.frames import parse_frame
 from beamstiff.cli.identify_options import chosen
 from beamstiff.cli.options import Debug, Html, Json, Quiet, RobotFile, parse_names, robot_file
-from beamstiff.cli.output import check_outputs, effects_text, people, say, source_of, working, write_json
+from beamstiff.cli.output import (
+    check_outputs,
+    effects_text,
+    optional_file,
+    people,
+    say,
+    source_of,
+    working,
+    write_json,
+)
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.files import write_whole
 
@@ -190,26 +199,33 @@ def compensate(
     for note in notes:
         say(f"note: {note}", quiet)
     facts = _facts(result, controller) | {"notes": notes}
-    if html is not None and source is not None:
-        from beamstiff.report.html.compensation import compensation_html
 
-        write_whole(html, compensation_html(result, controller, source, facts, notes))
+    def report() -> None:
+        if html is not None and source is not None:
+            from beamstiff.report.html.compensation import compensation_html
+
+            with optional_file(html, quiet):
+                write_whole(html, compensation_html(result, controller, source, facts, notes))
+
     reasons = result.correction.reasons
     console = people(quiet, json)
     if reasons:
         console.print(uncorrected_table(result))
     if reasons and unreachable == REFUSE:
         write_json(facts, json)
+        report()
         raise _refusal(result)
     console.print(compensation_table(result))
     console.print(compensation_text(result))
-    if figure is not None:
-        save_figure(compensation_figure(result, f"{controller.name}: {Path(path).name}"), figure)
+    write_json(facts, json)
     if out is not None:
         write_whole(out, result.content)
     elif not quiet:
         say("note: --out FILE writes the corrected path", quiet)
-    write_json(facts, json)
+    if figure is not None:
+        with optional_file(figure, quiet):
+            save_figure(compensation_figure(result, f"{controller.name}: {Path(path).name}"), figure)
+    report()
 
 
 def _check_format(path: str, out: str) -> None:

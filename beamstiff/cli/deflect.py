@@ -10,7 +10,16 @@ import typer
 
 from beamstiff.cli.data import doubted, read_tables
 from beamstiff.cli.options import DataFile, Debug, Html, Json, Preload, Quiet, RobotFile, robot_file
-from beamstiff.cli.output import check_outputs, effects_text, people, say, source_of, working, write_json
+from beamstiff.cli.output import (
+    check_outputs,
+    effects_text,
+    optional_file,
+    people,
+    say,
+    source_of,
+    working,
+    write_json,
+)
 from beamstiff.errors import BeamstiffError
 from beamstiff.files import write_whole
 from beamstiff.report.tables import add_rows, number, table
@@ -109,19 +118,21 @@ def deflect(
     if description.effects:
         said.append(f"With the robot's effects: {effects_text(description.effects)}.")
     console.print("\n".join(said))
+    facts = {"displacement": predicted.tolist()}
+    write_json(facts, json)
     if out is not None:
         write_whole(out, _csv(description, loads, predicted, preload))
     if vtu is not None:
         most = (predicted[:, :3] ** 2).sum(axis=1).argmax()
-        console.print(_write_shape(description, loads, int(most) if shape_of is None else shape_of, vtu))
-    facts = {"displacement": predicted.tolist()}
+        with optional_file(vtu, quiet):
+            console.print(_write_shape(description, loads, int(most) if shape_of is None else shape_of, vtu))
     if html is not None and source is not None:
         from beamstiff.report.html.deflection import deflection_html
 
         if preload:
             said.append("With gravity and K_C; the shape that is drawn is the linear one, without them.")
-        write_whole(html, deflection_html(description, loads, predicted, source, facts, notes, said))
-    write_json(facts, json)
+        with optional_file(html, quiet):
+            write_whole(html, deflection_html(description, loads, predicted, source, facts, notes, said))
 
 
 def _row_of(loads: Measurements, line: int) -> int:

@@ -11,7 +11,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from beamstiff.cli.options import Debug, Html, Json, Processes, Quiet, Scheduler, robot_file
-from beamstiff.cli.output import check_outputs, note_effects, people, say, source_of, write_json
+from beamstiff.cli.output import (
+    check_outputs,
+    note_effects,
+    optional_file,
+    people,
+    say,
+    source_of,
+    write_json,
+)
 from beamstiff.errors import BeamstiffError, listed, suggest
 
 if TYPE_CHECKING:
@@ -130,18 +138,20 @@ def exam(
     for shown in plan_tables(records) if plan else exam_tables(records):
         console.print(shown)
         console.print()
+    facts = {"exam": settings, **table_dict(records)}
+    write_json(facts, json)
     if figure is not None:
         from beamstiff.report.figures import save_figure
 
-        save_figure(reliability_figure(by_design(records)[0]), figure)
-    facts = {"exam": settings, **table_dict(records)}
+        with optional_file(figure, quiet):
+            save_figure(reliability_figure(by_design(records)[0]), figure)
     if html is not None and source is not None:
         from beamstiff.files import write_whole
         from beamstiff.report.html.exam import exam_html
 
         examined = robot or sets or "Robots of the exam"
-        write_whole(html, exam_html(records, examined, source, facts, plan=plan is not None))
-    write_json(facts, json)
+        with optional_file(html, quiet):
+            write_whole(html, exam_html(records, examined, source, facts, plan=plan is not None))
 
 
 def _simulated(

@@ -36,13 +36,14 @@ from beamstiff.cli.output import (
     check_once,
     check_outputs,
     effects_text,
+    optional_file,
     people,
     say,
     source_of,
     working,
     write_json,
 )
-from beamstiff.errors import BeamstiffError
+from beamstiff.errors import BeamstiffError, optional
 from beamstiff.files import write_whole
 
 if TYPE_CHECKING:
@@ -264,19 +265,30 @@ def identify(
     ):
         found = fit(description, measured, method=method, folds=folds, effort=effort, progress=tell, **what)
     drawn, stopped = None, found.interrupted
+    reduced, left_out = None, list[str]()
     if not stopped:
         try:
-            with working("looking for what would tell more", quiet):
+            with (
+                optional("what would tell more", left_out.append),
+                working("looking for what would tell more", quiet),
+            ):
                 found = with_separations(found, description, measured, cast("Components", use), seed)
             if bootstrap:
-                with working(f"fitting {bootstrap} draws of the poses", quiet):
+                with (
+                    optional("--bootstrap", left_out.append),
+                    working(f"fitting {bootstrap} draws of the poses", quiet),
+                ):
                     drawn = _draw(
                         state_identification(description, measured, **what), found, bootstrap, effort
                     )
         except KeyboardInterrupt:
             stopped = True  # the values are there, and shown
 
-    found = replace(found, notes=(*notes, *by_itself, *found.notes))
+    if reduce is not None:
+        with optional(f"--reduce {reduce}", left_out.append):
+            reduced = _reduce(description, measured, found, use)
+            reduced = replace(reduced, robot=reduced.robot.model_copy(update={"effects": whole.effects}))
+    found = replace(found, notes=(*notes, *by_itself, *found.notes, *left_out))
     for note in found.notes:
         say(f"note: {note}", quiet)
     console = people(quiet, json)
@@ -289,24 +301,23 @@ def identify(
     if whole.effects:
         console.print(f"Beside the robot's effects, as they are: {effects_text(whole.effects)}.")
         found = replace(found, robot=found.robot.model_copy(update={"effects": whole.effects}))
-    reduced = None
-    if reduce is not None:
-        reduced = _reduce(description, measured, found, use)
-        reduced = replace(reduced, robot=reduced.robot.model_copy(update={"effects": whole.effects}))
-        write_whole(reduce, _yaml(reduced.robot, _reduced_head(reduced, found, data)))
+    facts = _facts(found, drawn, reduced)
+    write_json(facts, json)
     if out is not None:
         write_whole(out, _yaml(found.robot, _head(found, data)))
+    if reduce is not None and reduced is not None:
+        write_whole(reduce, _yaml(reduced.robot, _reduced_head(reduced, found, data)))
     if figure is not None:
         from beamstiff.report.figures import save_figure
         from beamstiff.report.parity import parity_figure
 
-        save_figure(parity_figure(measured, found.predicted, description.name), figure)
-    facts = _facts(found, drawn, reduced)
+        with optional_file(figure, quiet):
+            save_figure(parity_figure(measured, found.predicted, description.name), figure)
     if html is not None and source is not None:
         from beamstiff.report.html.identification import identification_html
 
-        write_whole(html, identification_html(found, description, measured, source, folds, facts))
-    write_json(facts, json)
+        with optional_file(html, quiet):
+            write_whole(html, identification_html(found, description, measured, source, folds, facts))
     if stopped:
         raise typer.Exit(INTERRUPTED)
 

@@ -137,12 +137,12 @@ def plan(
             tells = by_pose(possible, tells)
     with working(f"choosing {count} of {len(tells)} {'poses' if whole else 'tests'}", quiet):
         campaign = campaign_of(possible, choose_tests(tells, count, found, by), noise, whole)
+    if out is not None:  # before what may still fail
+        write_plan(campaign, out, description)
     with working("comparing with random and with larger choices", quiet):
         at_random = random_designs(tells, count, by, seed=seed)
         enough = _enough(tells, found, count, by)
 
-    if out is not None:
-        write_plan(campaign, out, description)
     unit = "pose" if whole else "test"
     console = people(quiet, json)
     console.print(campaign_table(campaign, description))
