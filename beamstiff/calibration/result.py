@@ -199,4 +199,5 @@ class Calibration(Shown):
             "noise_factor": self.noise,
             "method": self.method,
             "iterations": len(self.costs) - 1,
+            "notes": list(self.notes),
         }
