@@ -45,7 +45,7 @@ tcp: tip
 identify: [J1.torsional]
 """
 
-# An arm that its drive hardly holds: pulled it is stiff, pushed along by the same force it gives way sideways.
+# An arm that its drive hardly holds: pulled it is stiff, pushed by the same force it buckles.
 SLACK = (
     LIFT.replace("  - {name: s, type: prismatic}\n", "")
     .replace("r: s", "r: 0")
@@ -72,9 +72,7 @@ def with_play(folder: Path, text: str, q: Any, force: Any) -> tuple[str, str]:
 STEPS = np.array([0.5, 1.0, 0.5, -0.5, -1.0, -0.5])
 
 
-def test_a_length_without_limits_leaves_the_diagnosis_and_says_what_is_missing(
-    run: Run, folder: Path
-) -> None:
+def test_a_length_without_limits_leaves_the_diagnosis_with_a_note(run: Run, folder: Path) -> None:
     q = np.repeat([[0.0, 0.0], [0.2, 0.3], [0.4, -0.3], [0.1, 0.1]], len(STEPS), axis=0)
     ways = np.stack([-np.sin(q[:, 1]), np.cos(q[:, 1]), 0.0 * q[:, 1]], axis=1)
     given = with_play(folder, LIFT, q, 800.0 * ways * np.tile(STEPS, 4)[:, None])
@@ -90,7 +88,7 @@ def test_a_length_without_limits_leaves_the_diagnosis_and_says_what_is_missing(
     assert not (folder / "next.csv").exists()
 
 
-def test_a_posture_that_buckles_leaves_the_diagnosis_and_says_what_is_missing(run: Run, folder: Path) -> None:
+def test_a_posture_that_buckles_leaves_the_diagnosis_with_a_note(run: Run, folder: Path) -> None:
     q = np.repeat([[0.0], [0.3], [-0.3], [0.6], [-0.6], [0.9]], 3, axis=0)
     ways = np.stack([np.cos(q[:, 0]), np.sin(q[:, 0]), 0.0 * q[:, 0]], axis=1)
     force = 2000.0 * ways * np.tile([0.4, 0.7, 1.0], 6)[:, None]
