@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import difflib
 import reprlib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from itertools import islice
 
 _MOST_COMPARED = 1000
@@ -50,6 +51,37 @@ class OptionError(BeamstiffError):
     def __init__(self, option: str, what: str) -> None:
         super().__init__(f"{option}: {what}")
         self.option, self.what = option, what
+
+
+class UnwritableError(BeamstiffError):
+    """A file that cannot be written: no folder, no right, no room on the disk."""
+
+
+@contextmanager
+def optional(what: str, note: Callable[[str], object]) -> Iterator[None]:
+    """Run a step that a finished result can do without: where it fails, that becomes a note.
+
+    A file that cannot be written stays an error, and so does any other exception.
+
+    Parameters
+    ----------
+    what : str
+        What is missing then, such as "the figure".
+    note : callable
+        Takes the note.
+
+    Examples
+    --------
+    >>> with optional("the figure", print):
+    ...     raise BeamstiffError("robot.yaml: loop_1 does not close")
+    the figure is left out: robot.yaml: loop_1 does not close
+    """
+    try:
+        yield
+    except UnwritableError:
+        raise
+    except BeamstiffError as error:
+        note(f"{what} is left out: {error}")
 
 
 def suggest(name: object, candidates: Iterable[str]) -> str:

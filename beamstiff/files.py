@@ -7,7 +7,7 @@ import shutil
 import uuid
 from pathlib import Path
 
-from beamstiff.errors import BeamstiffError, suggest
+from beamstiff.errors import BeamstiffError, UnwritableError, suggest
 
 LARGEST = 200_000_000  # bytes; a robot with 50,000 beams takes 5 million
 
@@ -132,7 +132,7 @@ def _target(path: str | Path) -> Path:
     # ValueError: a null character in the name; RuntimeError: a loop of links
     except (OSError, ValueError, RuntimeError) as error:
         raise _refusal(path, error) from None
-    raise BeamstiffError(f"{path}: cannot be written: {reason}")
+    raise UnwritableError(f"{path}: cannot be written: {reason}")
 
 
 def _is_device(target: Path) -> bool:
@@ -144,8 +144,8 @@ def _draft(target: Path) -> Path:
     return target.with_name(f".beamstiff-{uuid.uuid4().hex}")
 
 
-def _refusal(path: str | Path, error: Exception) -> BeamstiffError:
-    return BeamstiffError(f"{path}: cannot be written: {_reason(error)}")
+def _refusal(path: str | Path, error: Exception) -> UnwritableError:
+    return UnwritableError(f"{path}: cannot be written: {_reason(error)}")
 
 
 def _reason(error: Exception) -> str:

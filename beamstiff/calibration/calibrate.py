@@ -17,7 +17,7 @@ from beamstiff.calibration.registration import rigid_gap
 from beamstiff.calibration.result import Calibration, Found, errors_of
 from beamstiff.calibration.statement import Statement, state_calibration
 from beamstiff.calibration.validation import held_out
-from beamstiff.errors import listed
+from beamstiff.errors import listed, optional
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array, transform, vector_from_rotation
@@ -164,7 +164,9 @@ def _told(statement: Statement, problem: Problem, found: Estimate, method: str, 
         found_value = 0.0 if is_rigid(item, value) else nominal + float(value - start)
         parameters.append(Found(item, nominal, found_value, float(spread) if item.name in sought else None))
     rotation, position = problem.geometry.bases(problem.split(theta)[0])
-    held = held_out(statement, problem, found, method, folds)
+    held, left_out = None, list[str]()
+    with optional("the error of poses held out", left_out.append):
+        held = held_out(statement, problem, found, method, folds)
     laid_over = rigid_gap(statement.problem)
     return Calibration(
         robot=calibrated(statement.robot, problem, theta),
@@ -186,7 +188,7 @@ def _told(statement: Statement, problem: Problem, found: Estimate, method: str, 
         method=method,
         message="converged" if found.converged else "stopped before it converged",
         costs=found.costs,
-        notes=(*statement.notes, *_notes(problem, found, factor, widened)),
+        notes=(*statement.notes, *_notes(problem, found, factor, widened), *left_out),
         statement=statement,
     )
 

@@ -240,4 +240,5 @@ class Calibration(Shown):
             "method": self.method,
             "iterations": len(self.costs) - 1,
             **({"tests": {name: one.to_dict() for name, one in self.tests.items()}} if self.tests else {}),
+            "notes": list(self.notes),
         }

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from beamstiff.cli.options import Debug, Html, Json, Quiet, RobotFile, parse_names, robot_file
-from beamstiff.cli.output import check_outputs, people, say, source_of, working, write_json
+from beamstiff.cli.output import check_outputs, optional_file, people, say, source_of, working, write_json
 from beamstiff.errors import BeamstiffError
 
 if TYPE_CHECKING:
@@ -179,22 +179,29 @@ def calibrate(
         console.print(line)
     assert found.rows is not None
     assert found.statement is not None
+    write_json(found.to_dict(), json)
     if out is not None:
         write_whole(
             out, robot_yaml(found.robot, file, found.written_std(machine), f"# {_head(found, data)}\n")
         )
     if readings is not None:
         write_whole(readings, measurements_to_csv(in_base_frame(found, found.rows), machine))
-    draw(found.statement, machine.name, sensitivity, recursion)
+    if sensitivity is not None:
+        with optional_file(sensitivity, quiet):
+            draw(found.statement, machine.name, sensitivity=sensitivity)
+    if recursion is not None:
+        with optional_file(recursion, quiet):
+            draw(found.statement, machine.name, recursion=recursion)
     if figure is not None:
         from beamstiff.report.figures import save_figure
 
-        save_figure(found.plot(), figure)
+        with optional_file(figure, quiet):
+            save_figure(found.plot(), figure)
     if html is not None and source is not None:
         from beamstiff.report.html.calibration import calibration_html
 
-        write_whole(html, calibration_html(found, machine, found.rows, source))
-    write_json(found.to_dict(), json)
+        with optional_file(html, quiet):
+            write_whole(html, calibration_html(found, machine, found.rows, source))
 
 
 def parse_priors(texts: Sequence[str]) -> dict[str, list[str]]:
@@ -214,7 +221,9 @@ def parse_priors(texts: Sequence[str]) -> dict[str, list[str]]:
     return result
 
 
-def draw(statement: Statement, name: str, sensitivity: str | None, recursion: str | None) -> None:
+def draw(
+    statement: Statement, name: str, sensitivity: str | None = None, recursion: str | None = None
+) -> None:
     """Draw sensitivity indices, and the way of the recursion."""
     from beamstiff.calibration.parameters import SPARE
     from beamstiff.calibration.recursion import recursion as recur

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from beamstiff.cli.options import Debug, Html, Json, Quiet, RobotFile, parse_names, robot_file
-from beamstiff.cli.output import check_outputs, people, say, source_of, working, write_json
+from beamstiff.cli.output import check_outputs, optional_file, people, say, source_of, working, write_json
 from beamstiff.errors import BeamstiffError
 
 
@@ -120,9 +120,6 @@ def compare(
             cube=None if cube is None else 1e-3 * cube,
             seed=seed,
         )
-    if rules is not None and found["fuzzy"].model is None:
-        raise BeamstiffError(f"--rules: there is no fuzzy model: {found['fuzzy'].about}")
-
     for note in found.notes:
         say(f"note: {note}", quiet)
     console = people(quiet, json)
@@ -132,23 +129,27 @@ def compare(
     console.print()
     for line in models_text(found):
         console.print(line)
+    write_json(found.to_dict(), json)
     if figure is not None:
         from beamstiff.report.compare import models_figure
         from beamstiff.report.figures import save_figure
 
-        save_figure(models_figure(found, machine.name), figure)
+        with optional_file(figure, quiet):
+            save_figure(models_figure(found, machine.name), figure)
     if rules is not None:
         from beamstiff.model.fuzzy_compliance import FuzzyCompliance
         from beamstiff.report.figures import save_figure
         from beamstiff.report.fuzzy import rules_figure
 
-        model = found["fuzzy"].model
-        assert isinstance(model, FuzzyCompliance)
-        angles = [variable.name for variable in machine.variables if variable.kind == "angle"]
-        save_figure(rules_figure(model, angles=angles), rules)
+        with optional_file(f"--rules {rules}", quiet):
+            model = found["fuzzy"].model
+            if not isinstance(model, FuzzyCompliance):
+                raise BeamstiffError(f"there is no fuzzy model: {found['fuzzy'].about}")
+            angles = [variable.name for variable in machine.variables if variable.kind == "angle"]
+            save_figure(rules_figure(model, angles=angles), rules)
     if html is not None and source is not None:
         from beamstiff.files import write_whole
         from beamstiff.report.html.comparison import comparison_html
 
-        write_whole(html, comparison_html(found, machine, source))
-    write_json(found.to_dict(), json)
+        with optional_file(html, quiet):
+            write_whole(html, comparison_html(found, machine, source))

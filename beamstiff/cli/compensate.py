@@ -9,7 +9,7 @@ import typer
 
 from beamstiff.cli.frames import parse_frame
 from beamstiff.cli.options import Debug, Html, Json, Quiet, RobotFile, parse_names, robot_file
-from beamstiff.cli.output import check_outputs, people, say, source_of, working, write_json
+from beamstiff.cli.output import check_outputs, optional_file, people, say, source_of, working, write_json
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.files import write_whole
 
@@ -180,26 +180,33 @@ def compensate(
         )
     for note in result.notes:
         say(f"note: {note}", quiet)
-    if html is not None and source is not None:
-        from beamstiff.report.html.compensation import compensation_html
 
-        write_whole(html, compensation_html(result, controller, source))
+    def report() -> None:
+        if html is not None and source is not None:
+            from beamstiff.report.html.compensation import compensation_html
+
+            with optional_file(html, quiet):
+                write_whole(html, compensation_html(result, controller, source))
+
     reasons = result.correction.reasons
     console = people(quiet, json)
     if reasons:
         console.print(uncorrected_table(result))
     if reasons and unreachable == REFUSE:
         write_json(result.to_dict(), json)
+        report()
         raise _refusal(result)
     console.print(compensation_table(result))
     console.print(compensation_text(result))
-    if figure is not None:
-        save_figure(compensation_figure(result, f"{controller.name}: {Path(path).name}"), figure)
+    write_json(result.to_dict(), json)
     if out is not None:
         write_whole(out, result.content)
     elif not quiet:
         say("note: --out FILE writes the corrected path", quiet)
-    write_json(result.to_dict(), json)
+    if figure is not None:
+        with optional_file(figure, quiet):
+            save_figure(compensation_figure(result, f"{controller.name}: {Path(path).name}"), figure)
+    report()
 
 
 def _check_format(path: str, out: str) -> None:

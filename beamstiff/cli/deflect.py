@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from beamstiff.cli.options import DataFile, Debug, Html, Json, Preload, Quiet, RobotFile, robot_file
-from beamstiff.cli.output import check_outputs, people, say, source_of, working, write_json
+from beamstiff.cli.output import check_outputs, optional_file, people, say, source_of, working, write_json
 from beamstiff.errors import BeamstiffError
 from beamstiff.files import write_whole
 
@@ -96,16 +96,18 @@ def deflect(
     console = people(quiet, json)
     console.print(deflection_table(found))
     console.print("\n".join(said))
+    write_json(found.to_dict(), json)
     if out is not None:
         write_whole(out, measurements_to_csv(found.to_measurements(), machine))
     if vtu is not None:
         most = int((found.displacement[:, :3] ** 2).sum(axis=1).argmax())
-        console.print(_write_shape(machine, loads, most if shape_of is None else shape_of, vtu))
+        with optional_file(vtu, quiet):
+            console.print(_write_shape(machine, loads, most if shape_of is None else shape_of, vtu))
     if html is not None and source is not None:
         from beamstiff.report.html.deflection import deflection_html
 
-        write_whole(html, deflection_html(found, source))
-    write_json(found.to_dict(), json)
+        with optional_file(html, quiet):
+            write_whole(html, deflection_html(found, source))
 
 
 def _row_of(loads: Measurements, line: int) -> int:

@@ -19,7 +19,7 @@ from beamstiff.cli.options import (
     parse_region,
     robot_file,
 )
-from beamstiff.cli.output import check_outputs, people, say, source_of, working, write_json
+from beamstiff.cli.output import check_outputs, optional_file, people, say, source_of, working, write_json
 from beamstiff.errors import BeamstiffError
 
 
@@ -111,25 +111,29 @@ def diagnose(
         console.print(f"Known before, and counted in: {effects_text(machine.effects)}.")
     write_json(result.to_dict(), json_to)
     if next_to is not None and result.next:
-        write_whole(next_to, programme_csv(result))
+        with optional_file(next_to, quiet):
+            write_whole(next_to, programme_csv(result))
     elif next_to is not None:  # a diagnosis was made all the same
         say(f"note: {next_to} was not written: this diagnosis proposes no states to measure", quiet)
     if apply is not None:
         from beamstiff.diagnosis.apply import extended
         from beamstiff.robot.yaml_edit import robot_yaml
 
-        larger = extended(result)
-        added = effects_text(larger.effects[len(machine.effects) :]) or "no effect"
-        names = ", ".join(Path(path).name for path in data)
-        head = BeamstiffError(f"Stiffness fitted by beamstiff to {names}, and {added} added.")
-        write_whole(apply, robot_yaml(larger, file, head=f"# {head}\n"))  # the error's text is one line
-        console.print(f"{apply}: the fitted stiffness, and {added} added.")
-        if result.fits and result.verdict.probability < LIKELY:
-            share = f"{100 * result.verdict.probability:.0f} %"
-            say(f"note: {apply} holds what is no more than the likeliest cause ({share})", quiet)
+        with optional_file(apply, quiet):
+            larger = extended(result)
+            added = effects_text(larger.effects[len(machine.effects) :]) or "no effect"
+            names = ", ".join(Path(path).name for path in data)
+            head = BeamstiffError(f"Stiffness fitted by beamstiff to {names}, and {added} added.")
+            write_whole(apply, robot_yaml(larger, file, head=f"# {head}\n"))  # the error's text is one line
+            console.print(f"{apply}: the fitted stiffness, and {added} added.")
+            if result.fits and result.verdict.probability < LIKELY:
+                share = f"{100 * result.verdict.probability:.0f} %"
+                say(f"note: {apply} holds what is no more than the likeliest cause ({share})", quiet)
     if figure is not None:
-        draw_diagnosis(result, figure)
+        with optional_file(figure, quiet):
+            draw_diagnosis(result, figure)
     if html is not None and source is not None:
         from beamstiff.report.html.diagnosis import diagnosis_html
 
-        write_whole(html, diagnosis_html(result, source))
+        with optional_file(html, quiet):
+            write_whole(html, diagnosis_html(result, source))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from beamstiff.cli.options import Debug, Html, Json, Processes, Quiet, Scheduler, parse_names, robot_file
-from beamstiff.cli.output import check_outputs, people, say, source_of, write_json
+from beamstiff.cli.output import check_outputs, optional_file, people, say, source_of, write_json
 
 if TYPE_CHECKING:
     from beamstiff.exam.record import Record
@@ -132,17 +132,19 @@ def exam(
     for shown in plan_tables(records) if plan else exam_tables(records):
         console.print(shown)
         console.print()
+    write_json(found.to_dict(), json)
     if figure is not None:
         from beamstiff.report.figures import save_figure
 
-        save_figure(reliability_figure(by_design(records)[0]), figure)
+        with optional_file(figure, quiet):
+            save_figure(reliability_figure(by_design(records)[0]), figure)
     if html is not None and source is not None:
         from beamstiff.files import write_whole
         from beamstiff.report.html.exam import exam_html
 
         examined = robot or sets or "Robots of the exam"
-        write_whole(html, exam_html(records, examined, source, found.to_dict(), plan=plan is not None))
-    write_json(found.to_dict(), json)
+        with optional_file(html, quiet):
+            write_whole(html, exam_html(records, examined, source, found.to_dict(), plan=plan is not None))
 
 
 @contextmanager

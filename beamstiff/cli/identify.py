@@ -23,7 +23,7 @@ from beamstiff.cli.options import (
     parse_names,
     robot_file,
 )
-from beamstiff.cli.output import check_outputs, people, say, source_of, working, write_json
+from beamstiff.cli.output import check_outputs, optional_file, people, say, source_of, working, write_json
 from beamstiff.errors import BeamstiffError
 from beamstiff.files import write_whole
 
@@ -235,21 +235,23 @@ def identify(
         console.print(line)
     if machine.effects:
         console.print(f"Beside the robot's effects, as they are: {effects_text(machine.effects)}.")
+    write_json(found.to_dict(), json)
+    if out is not None:
+        write_whole(out, robot_yaml(found.robot, file, found.conditional_std, _head(found, data)))
     if reduce is not None and found.reduced is not None:
         head = _reduced_head(found.reduced, found, data)
         write_whole(reduce, robot_yaml(found.reduced.robot, file, head=head))
-    if out is not None:
-        write_whole(out, robot_yaml(found.robot, file, found.conditional_std, _head(found, data)))
     if figure is not None:
         from beamstiff.report.figures import save_figure
         from beamstiff.report.parity import parity_figure
 
-        save_figure(parity_figure(fitted, found.predicted, machine.name), figure)
+        with optional_file(figure, quiet):
+            save_figure(parity_figure(fitted, found.predicted, machine.name), figure)
     if html is not None and source is not None:
         from beamstiff.report.html.identification import identification_html
 
-        write_whole(html, identification_html(found, machine, fitted, source, folds))
-    write_json(found.to_dict(), json)
+        with optional_file(html, quiet):
+            write_whole(html, identification_html(found, machine, fitted, source, folds))
     if found.interrupted:
         raise typer.Exit(INTERRUPTED)
 

@@ -18,7 +18,7 @@ from beamstiff.cli.options import (
     parse_names,
     robot_file,
 )
-from beamstiff.cli.output import check_outputs, people, say, working, write_json
+from beamstiff.cli.output import check_outputs, optional_file, people, say, working, write_json
 from beamstiff.errors import BeamstiffError
 
 if TYPE_CHECKING:
@@ -177,9 +177,10 @@ def map(
         console.print(part)
     if out is None:
         say("note: --out FILE.nc keeps the map", quiet)
-    if figure is not None:
-        save_figure(map_figure(found), figure)
     write_json({**facts, "out": out, "provenance": _plain(found.attrs)}, json)
+    if figure is not None:
+        with optional_file(figure, quiet):
+            save_figure(map_figure(found), figure)
 
 
 def parse_grid(robot: Robot, texts: Sequence[str]) -> dict[str, Array]:

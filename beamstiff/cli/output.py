@@ -6,13 +6,13 @@ import json
 import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
-from beamstiff.errors import BeamstiffError
+from beamstiff.errors import BeamstiffError, optional
 from beamstiff.files import check_writable, write_whole
 
 if TYPE_CHECKING:
@@ -37,6 +37,14 @@ def say(message: str, quiet: bool = False) -> None:
     console = _console(quiet=quiet, stderr=True)
     console.print(f"{head}{colon}", style="red" if colon else None, end="", soft_wrap=True)
     console.print(rest, soft_wrap=True)
+
+
+def optional_file(path: str, quiet: bool) -> AbstractContextManager[None]:
+    """Return the context in which a file beside the result is made: where that fails, a note says why.
+
+    That the file cannot be written stays an error.
+    """
+    return optional(path, lambda text: say(f"note: {text}", quiet))
 
 
 @contextmanager

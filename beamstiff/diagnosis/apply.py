@@ -17,7 +17,7 @@ from beamstiff.diagnosis.decomposition.applied import applied
 from beamstiff.diagnosis.effects import EFFECTS, Scales, Shape
 from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR, Baseline, fit_baseline, predict
 from beamstiff.errors import BeamstiffError, listed, shown, suggest
-from beamstiff.identification.problem import whitening
+from beamstiff.identification.whitening import whitening
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import AddedEffect

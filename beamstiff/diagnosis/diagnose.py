@@ -29,7 +29,7 @@ from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline
 from beamstiff.diagnosis.residual.screening import Screened, screen, unlikely
 from beamstiff.diagnosis.residual.whitened import Whitened, whiten
 from beamstiff.diagnosis.result import Candidate, Diagnosis, estimates_of
-from beamstiff.errors import BeamstiffError
+from beamstiff.errors import BeamstiffError, optional
 from beamstiff.measure.table import Measurements
 from beamstiff.measure.usable import counted_once, require_usable
 from beamstiff.robot.description import Robot
@@ -191,7 +191,11 @@ def _diagnosis(weighed: Weighed, chance: tuple[float, float], may_be_outliers: b
     attributed = attribute(white, weighed.laws, scale)
     left = [size for one in by_key.values() if one.shrink for size in (one.shrink.before, one.shrink.after)]
     fold, _ = folds(linear, used, np.random.default_rng(seed))
+    left_out: list[str] = []
     rivals = [(key, judged.probabilities[key], found.shapes[key]) for key in _rivals(judged, found)]
+    test_plan = None
+    with optional("what to measure next", left_out.append):
+        test_plan = programme(linear, used, rivals, scale, seed)
     return Diagnosis(
         baseline=screened.baseline,
         linear=linear,
@@ -205,10 +209,15 @@ def _diagnosis(weighed: Weighed, chance: tuple[float, float], may_be_outliers: b
         indistinguishable=judged.indistinguishable,
         untestable=weighed.library.untestable,
         outliers=tuple(linear.rows.place(row) for row in outlying.tolist()),
-        notes=(*notes(screened, white, verdict.effect, scale), *_unclear(judged), *_nameless(judged, found)),
+        notes=(
+            *notes(screened, white, verdict.effect, scale),
+            *_unclear(judged),
+            *_nameless(judged, found),
+            *left_out,
+        ),
         fits=fits,
         where=where(screened.baseline, used, shares(attributed, white, scale, causes, seed)),
-        next=as_plain(programme(linear, used, rivals, scale, seed)),
+        next=as_plain(test_plan),
         features=_features(weighed, chance, both, shrinks[best], scale),
     )
 

@@ -13,7 +13,7 @@ from beamstiff.calibration.parameters import Parameter
 from beamstiff.calibration.result import Calibration
 from beamstiff.calibration.statement import state_calibration
 from beamstiff.calibration.validation import errors_on
-from beamstiff.errors import BeamstiffError, OptionError, shown, suggest
+from beamstiff.errors import BeamstiffError, OptionError, optional, shown, suggest
 from beamstiff.functions.checks import names_of, whole
 from beamstiff.measure.coerce import DataLike, TableLike, as_tables, doubted, doubts_of, refuse_fitted
 from beamstiff.measure.rows import concatenate
@@ -107,8 +107,11 @@ def calibrate(
             known = state_calibration(machine, rows, **said).problem.parameters
             said["priors"] = each_prior(priors, known)
         found = fit(machine, rows, method=method, folds=folds, **said)
-        errors = {name: errors_on(found, table) for name, table in tested.items()}
-    return replace(found, rows=rows, tests=errors, notes=(*doubts, *found.notes))
+        errors, left_out = {}, list[str]()
+        for name, table in tested.items():
+            with optional(f"the test on {name}", left_out.append):
+                errors[name] = errors_on(found, table)
+    return replace(found, rows=rows, tests=errors, notes=(*doubts, *found.notes, *left_out))
 
 
 def each_prior(

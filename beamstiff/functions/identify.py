@@ -9,7 +9,7 @@ from typing import Any
 from beamstiff.diagnosis.apply import without_effects
 from beamstiff.diagnosis.notes import chosen_for
 from beamstiff.diagnosis.residual.baseline import fitted_names
-from beamstiff.errors import OptionError
+from beamstiff.errors import OptionError, optional
 from beamstiff.functions.checks import names_of, one_of, whole
 from beamstiff.identification.bootstrap import Bootstrap
 from beamstiff.identification.bootstrap import bootstrap as draw
@@ -149,14 +149,20 @@ def identify(
         bare, rows = without_effects(machine, counted_once(concatenate(tables)))
         found = fit(bare, rows, method=method, folds=folds, effort=effort, progress=progress, **said)
     drawn: Bootstrap | None = None
+    reduced: Reduced | None = None
+    left_out: list[str] = []
     if not found.interrupted:
         try:
-            found = with_separations(found, bare, rows, components, seed)
+            with optional("what would tell more", left_out.append):
+                found = with_separations(found, bare, rows, components, seed)
             if bootstrap:
-                drawn = _draw(state_identification(bare, rows, **said), found, bootstrap, effort)
+                with optional("the bootstrap", left_out.append):
+                    drawn = _draw(state_identification(bare, rows, **said), found, bootstrap, effort)
         except KeyboardInterrupt:  # the values are there
             found = replace(found, interrupted=True)
-    reduced = _reduce(bare, rows, found, components) if reduce else None
+    if reduce:
+        with optional("the reduced robot", left_out.append):
+            reduced = _reduce(bare, rows, found, components)
     if machine.effects:
         effects = {"effects": machine.effects}
         found = replace(found, robot=found.robot.model_copy(update=effects))
@@ -168,7 +174,7 @@ def identify(
         rows=rows,
         bootstrap=drawn,
         reduced=reduced,
-        notes=(*doubts, *notes, *found.notes),
+        notes=(*doubts, *notes, *found.notes, *left_out),
     )
 
 

@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 from scipy import stats
-from scipy.sparse.linalg import splu
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.identification.information import LEVEL
@@ -228,7 +227,7 @@ def without_leverage(objective: Objective, theta: Array, group: Integers) -> Obj
     step = freed - residuals[:n]
     step -= basis[:n] @ (basis[:n].T @ step)
     measured = problem.measured.copy()
-    measured[problem.used] += splu(problem.whitening.tocsc()).solve(step)
+    measured[problem.used] += problem.whitening.solve(step)
     return replace(objective, problem=replace(problem, measured=measured))
 
 

@@ -237,9 +237,10 @@ def _dependent(acting: list[_Acting]) -> list[Mixed]:
     for point in range(POINTS):
         norms.append(np.array([np.linalg.norm(item.columns[point]) for item in acting]))
         units = np.stack([item.columns[point] for item in acting], axis=1) / norms[-1]
-        _, singular, right = np.linalg.svd(units, full_matrices=True)
-        padded = np.concatenate([singular, np.zeros(len(acting) - singular.size)])
-        nulls.append(right[padded < PARALLEL])
+        # all right singular vectors, and of the left ones no more than there are columns
+        lacking = np.zeros((max(len(acting) - len(units), 0), len(acting)))
+        _, singular, right = np.linalg.svd(np.concatenate([units, lacking]), full_matrices=False)
+        nulls.append(right[singular < PARALLEL])
     nullity = min(len(null) for null in nulls)
     if not nullity:
         return []

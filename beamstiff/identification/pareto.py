@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.identification.minimise import Effort, Progress, minimise
@@ -255,8 +254,7 @@ def weighted(problem: Problem, turns: NDArray[np.bool_], weight: float) -> Probl
     """
     share = np.where(turns, weight / turns.sum(), (1 - weight) / (~turns).sum())
     # the whitening mixes rows of one component only, so that the order does not matter
-    scale = sparse.diags_array(np.sqrt(share), format="csr")
-    return replace(problem, whitening=(scale @ problem.whitening).tocsr())
+    return replace(problem, whitening=problem.whitening.scaled(np.sqrt(share)))
 
 
 def _refine(search: _Search, ends: list[_Point], count: int) -> tuple[list[_Point], bool]:

@@ -8,10 +8,10 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import sparse
 
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.identification.disturbance import Disturbance, disturbed_covariance, inverse_root
+from beamstiff.identification.whitening import Whitening, of_blocks, whitening
 from beamstiff.measure.arrays import Integers, equal_rows
 from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements
@@ -46,8 +46,8 @@ class Problem:
         Rows that share one unloaded reading have one number; -1 where a row has its own.
     pose, load : (N,) int arrays
         Rows of one pose, and of one load whatever its pose, have one number.
-    whitening : (n, n) sparse array
-        W, with ``W cov W^T = 1``.
+    whitening : Whitening
+        W, with ``W cov W^T = 1``, (n, n).
     source : str
         Where the rows come from, for messages.
     notes : tuple of str
@@ -64,7 +64,7 @@ class Problem:
     sharing: Integers
     pose: Integers
     load: Integers
-    whitening: sparse.csr_array
+    whitening: Whitening
     source: str
     notes: tuple[str, ...] = ()
     disturbance: Disturbance | None = None
@@ -90,8 +90,8 @@ class Problem:
             What the derivatives are by: the logarithms of the stiffness values, these, or their inverses.
         """
         predicted, slopes = self.model.derivatives(stiffness, by)
-        residual: Array = self.whitening @ (self.measured - predicted)[self.used]
-        jacobian: Array = self.whitening @ -slopes[self.used]
+        residual = self.whitening @ (self.measured - predicted)[self.used]
+        jacobian = self.whitening @ -slopes[self.used]
         return residual, jacobian
 
     def rows(self, chosen: ArrayLike, apart: ArrayLike | None = None) -> Problem:
@@ -131,49 +131,7 @@ class Problem:
     def disturbed(self, disturbance: Disturbance) -> Problem:
         """Return the problem with errors of its inputs added to the noise."""
         blocks = disturbed_covariance(self.sigma, self.used, self.sharing, self.pose, disturbance)
-        return replace(self, disturbance=disturbance, whitening=inverse_root(blocks))
-
-
-def whitening(sigma: Array, used: NDArray[np.bool_], sharing: Integers) -> sparse.csr_array:
-    """Return W with ``W cov W^T = 1`` for the used components, (n, n).
-
-    For components that share an unloaded reading the covariance is ``D (1 + 1 1^T) D / 2``, D their standard
-    deviations: its inverse root takes their mean out and puts it back with its own weight.
-
-    Parameters
-    ----------
-    sigma : (N, 6) array
-    used : (N, 6) bool array
-    sharing : (N,) int array
-        Number of the shared reading, -1 for none.
-    """
-    inverse = 1.0 / sigma[used]
-    diagonal = sparse.diags_array(inverse, format="csr")
-    if not (sharing >= 0).any():
-        return diagonal
-    number = np.full(used.shape, -1)
-    number[used] = np.arange(inverse.size)
-    rows, columns, values = [], [], []
-    for group in np.unique(sharing):
-        for component in range(6):
-            at = number[sharing == group, component]
-            at = at[at >= 0]
-            n = at.size
-            block = np.eye(n)
-            if group >= 0 and n:
-                mean = np.full((n, n), 1.0 / n)
-                block = np.sqrt(2.0) * (np.eye(n) - mean) + mean / np.sqrt((1 + n) / 2)
-            elif n:
-                rows.append(at)
-                columns.append(at)
-                values.append(np.ones(n))
-                continue
-            rows.append(np.repeat(at, n))
-            columns.append(np.tile(at, n))
-            values.append(block.ravel())
-    places = (np.concatenate(rows), np.concatenate(columns))
-    turned = sparse.csr_array((np.concatenate(values), places), shape=(inverse.size, inverse.size))
-    return (turned @ diagonal).tocsr()
+        return replace(self, disturbance=disturbance, whitening=of_blocks(inverse_root(blocks)))
 
 
 def state_problem(

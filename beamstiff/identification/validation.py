@@ -12,7 +12,7 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.identification.objective import Objective
 from beamstiff.identification.problem import Problem
 from beamstiff.identification.refit import refit
-from beamstiff.measure.arrays import Integers
+from beamstiff.measure.arrays import Integers, places_of_each
 from beamstiff.measure.samples import pooled_sigma, repeated_states
 from beamstiff.measure.table import Measurements
 from beamstiff.se3 import Array
@@ -63,10 +63,10 @@ class HeldOut:
     def by_group(self) -> dict[int, float]:
         """Return the root mean square of each group, m: which poses, or loads, the model misses."""
         gap = self.gap
-        known = np.isfinite(gap)
+        known = np.flatnonzero(np.isfinite(gap))
         return {
-            int(group): float(np.sqrt((gap[known & (self.groups == group)] ** 2).mean()))
-            for group in np.unique(self.groups[known])
+            int(self.groups[known[at[0]]]): float(np.sqrt((gap[known[at]] ** 2).mean()))
+            for at in places_of_each(self.groups[known])
         }
 
 

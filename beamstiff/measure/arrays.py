@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -97,6 +99,18 @@ def equal_rows(values: Array) -> Integers:
     rank = np.empty(len(first), dtype=np.int64)
     rank[np.argsort(first)] = np.arange(len(first))
     return rank[group.reshape(-1)]
+
+
+def places_of_each(number: NDArray[Any]) -> list[NDArray[np.intp]]:
+    """Return where each value of an array (N,) stands, the least first.
+
+    Examples
+    --------
+    >>> [places.tolist() for places in places_of_each(np.array([7, 3, 7]))]
+    [[1], [0, 2]]
+    """
+    order = np.argsort(number, kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(number[order])) + 1) if len(order) else []
 
 
 def _shown(value: object) -> str:

@@ -9,6 +9,7 @@ from beamstiff.identification.compare import Comparison
 from beamstiff.identification.number_of_tests import NumberOfTests
 from beamstiff.identification.sensitivity import Sensitivity
 from beamstiff.identification.validation import HeldOut, Repeatability
+from beamstiff.measure.arrays import places_of_each
 from beamstiff.measure.table import Measurements
 from beamstiff.report.figures import BLUE, ORANGE, new_figure, plain
 from beamstiff.report.tables import Table, add_rows, counted, number, table
@@ -90,9 +91,11 @@ def held_out_table(
     """
     result = table(title, "first row", "rows", "RMS, mm", "of the displacement, %")
     size = np.linalg.norm(np.nan_to_num(measured.displacement[:, :3]), axis=1)
+    known = np.flatnonzero(np.isfinite(found.gap))
+    groups = {int(found.groups[known[at[0]]]): known[at] for at in places_of_each(found.groups[known])}
     lines = []
     for group, rms in sorted(found.by_group().items(), key=lambda item: -item[1]):
-        rows = np.flatnonzero((found.groups == group) & np.isfinite(found.gap))
+        rows = groups[group]
         moved = float(np.sqrt((size[rows] ** 2).mean()))
         share = f"{100 * rms / moved:.1f}" if moved else "-"
         lines.append((measured.place(int(rows[0])), str(rows.size), _mm(rms), share))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from beamstiff.diagnosis.effects.load_error import rising
 from beamstiff.diagnosis.residual.baseline import Baseline, nominal_pose
+from beamstiff.measure.arrays import places_of_each
 from beamstiff.se3 import Array
 
 WORST = 5  # poses
@@ -91,12 +92,19 @@ def _by_level(value: Array, size: Array, seen: NDArray[np.bool_], unit: str) -> 
 
 def _worst(baseline: Baseline, size: Array, seen: NDArray[np.bool_]) -> list[dict[str, Any]]:
     rows = baseline.rows
-    poses = np.unique(rows.pose[seen])
-    rms = np.array([_rms(size[seen & (rows.pose == pose)]) for pose in poses])
+    shown = np.flatnonzero(seen)
+    poses = [shown[at] for at in places_of_each(rows.pose[shown])]
+    rms = np.array([_rms(size[at]) for at in poses])
     return [
         {
-            "pose": int(poses[at]),
-            "q": dict(zip(rows.variables, rows.q[np.argmax(rows.pose == poses[at])].tolist(), strict=True)),
+            "pose": int(rows.pose[poses[at][0]]),
+            "q": dict(
+                zip(
+                    rows.variables,
+                    rows.q[np.argmax(rows.pose == rows.pose[poses[at][0]])].tolist(),
+                    strict=True,
+                )
+            ),
             "rms_mm": float(rms[at]),
         }
         for at in np.argsort(-rms)[:WORST]

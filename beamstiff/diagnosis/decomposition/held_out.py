@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse.linalg import spsolve
 
 from beamstiff.diagnosis.decomposition.forms import Form, stacked
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
@@ -64,7 +63,7 @@ def unweighed(model: OpenModel, values: Array) -> Array:
     """Return values (n,) in units of the noise as m and rad."""
     if (model.baseline.sharing < 0).all():
         return values * model.baseline.sigma[model.used]
-    return np.asarray(spsolve(model.weigh.tocsc(), values))
+    return model.weigh.solve(values)
 
 
 def folds_of(model: OpenModel, seed: int) -> Folds:

@@ -12,14 +12,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
 from beamstiff.calibration.calibrate import calibrate, calibrated
 from beamstiff.calibration.problem import Problem
 from beamstiff.calibration.statement import state_calibration
 from beamstiff.calibration.validation import in_base_frame
 from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR, Baseline, fit_baseline
-from beamstiff.identification.problem import whitening
+from beamstiff.identification.whitening import Whitening, whitening
 from beamstiff.measure.arrays import Integers
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
@@ -46,7 +45,7 @@ class OpenModel:
     tangent : (n + p, t) array
     pose : (n,) int array
         Posture of every value.
-    weigh : (n, n) sparse array
+    weigh : Whitening
         Turns measured values into these units.
     problem : Problem or None
         The calibration, where the geometry is open.
@@ -57,7 +56,7 @@ class OpenModel:
     residual: Array
     tangent: Array
     pose: Integers
-    weigh: sparse.csr_array
+    weigh: Whitening
     problem: Problem | None = None
 
     @property

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from beamstiff.diagnosis.effects.effect import Quantity, Shape, stated_scale
 from beamstiff.diagnosis.residual.baseline import Baseline, nominal_pose
+from beamstiff.measure.arrays import places_of_each
 from beamstiff.measure.rows import history_order
 from beamstiff.measure.table import Measurements
 from beamstiff.se3 import Array
@@ -165,8 +166,7 @@ def first_of_pose(baseline: Baseline) -> NDArray[np.intp]:
     """Return for each row the first reading of its pose, (N,)."""
     time, pose = clock(baseline), baseline.rows.pose
     result = np.empty(len(pose), dtype=np.intp)
-    for one in np.unique(pose):
-        at = np.flatnonzero(pose == one)
+    for at in places_of_each(pose):
         result[at] = at[np.argmin(time[at])]
     return result
 

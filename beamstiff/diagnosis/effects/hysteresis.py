@@ -26,6 +26,7 @@ from beamstiff.diagnosis.effects.torque_laws import (
     unit_of,
 )
 from beamstiff.diagnosis.residual.baseline import Baseline
+from beamstiff.measure.arrays import places_of_each
 from beamstiff.measure.rows import history_order
 from beamstiff.se3 import Array
 
@@ -229,7 +230,7 @@ def _lasts(baseline: Baseline) -> float | None:
     if not np.isfinite(fit.time).all():
         return None
     groups = fit.run if fit.continuous else fit.pose
-    taken = np.array([np.ptp(fit.time[groups == one]) for one in np.unique(groups)])
+    taken = np.array([np.ptp(fit.time[at]) for at in places_of_each(groups)])
     return float(np.median(taken[taken > 0])) if (taken > 0).any() else None
 
 

@@ -11,7 +11,8 @@ from scipy.optimize import lsq_linear
 
 from beamstiff.diagnosis.inference.library import Hypothesis
 from beamstiff.diagnosis.residual.baseline import Baseline
-from beamstiff.identification.problem import whitening
+from beamstiff.identification.whitening import whitening
+from beamstiff.measure.arrays import places_of_each
 from beamstiff.robot.stiffness import stiffness_parameters
 from beamstiff.se3 import Array
 
@@ -261,10 +262,12 @@ def held_out(
     before, after = (float(sure @ (target[counted] ** 2 / noise - 1.0)) for target in left)
     seen = sure.mean() > KNOWN and before > (SEEN**2 - 1.0) * sure.sum()
     position = np.where(used[:, :3], 1.0, 0.0)
+    known = set(poses.tolist())
+    rows_of = [at for at in places_of_each(baseline.rows.pose) if baseline.rows.pose[at[0]] in known]
     squares = [(target[:, :3] ** 2 * position).sum(axis=1) for target in left]
     squares.append(((scale * baseline.sigma[:, :3]) ** 2 * position).sum(axis=1))
     squares.append(position.any(axis=1).astype(np.float64))
-    by_pose = np.array([[s[baseline.rows.pose == pose].sum() for s in squares] for pose in poses])
+    by_pose = np.array([[s[at].sum() for s in squares] for at in rows_of])
     drawn = rng.integers(0, len(poses), (RESAMPLED, len(poses)))
     samples = np.array([_shrink(by_pose[some].sum(axis=0)) for some in drawn])
     total = by_pose.sum(axis=0)

@@ -31,13 +31,15 @@ from beamstiff.diagnosis.inference.library import Library
 from beamstiff.diagnosis.inference.tool_ground_spring import held_tool, stopped, tethered
 from beamstiff.diagnosis.residual.baseline import SILENT, Baseline
 from beamstiff.diagnosis.residual.internal_wrench import Place
-from beamstiff.diagnosis.residual.whitened import Whitened
+from beamstiff.diagnosis.residual.whitened import LARGE, Whitened
+from beamstiff.measure.arrays import places_of_each
 from beamstiff.se3 import Array
 
 KNEES = (0.02, 0.1, 0.25, 0.5)  # of the largest torque: where the free torque curve can bend
 STEEP = 4.0  # how fast a place goes from one side to the other, over its usual load
 TURN = 0.4  # rad or m over which a drive's stiffness may change with its angle
 FADES = (1.0, 3.0, 10.0)  # usual times from state to state, over which a drive may remember its torque
+ANGLES = 60  # about which it may change where rows are many
 MODES = 16  # of a place's law
 DIGITS = 12  # of shares of the largest torque: what is less is rounding
 ABSORBED = 1e-6  # share of a column that the fit leaves, below which it leaves nothing
@@ -194,7 +196,10 @@ def _of_drive(baseline: Baseline, name: str) -> tuple[list[Array], dict[str, Arr
     named = [np.stack(bends, -1)]
     if axis.joint.variable is not None:
         follow = Following(baseline, axis.joint.variable)
-        near = np.exp(-0.5 * ((follow.angle[:, None] - follow.fitted) / TURN) ** 2)
+        at = follow.fitted
+        if len(baseline.rows) > LARGE:  # as many angles as rows would tell no more of so smooth a law
+            at = np.quantile(follow.angle, np.linspace(0.0, 1.0, ANGLES))
+        near = np.exp(-0.5 * ((follow.angle[:, None] - at) / TURN) ** 2)
         named += [along(torque[:, None] * near), along((torque * np.abs(torque))[:, None] * near)]
     begun = [(ways, wound) for _, ways, wound in BEGINNINGS if len(ways) <= FEW]
     held = [held_shares(baseline, axis, ways, wound) for ways, wound in begun]
@@ -254,8 +259,7 @@ def _remembered(baseline: Baseline, axis: Axis, time: Array) -> Array:
         torque = torque[:, :1]
     rates = np.tile(np.reciprocal(FADES), (torque.shape[1], 1)).T
     result = np.zeros((len(rows), *rates.shape))
-    poses = [np.flatnonzero(rows.pose == pose) for pose in np.unique(rows.pose)]
-    poses = [at[np.argsort(time[at], kind="stable")] for at in poses]
+    poses = [at[np.argsort(time[at], kind="stable")] for at in places_of_each(rows.pose)]
     steps = np.concatenate([np.diff(time[at]) for at in poses])
     usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
     for at in poses:

@@ -115,7 +115,7 @@ def state_library(baseline: Baseline, white: Whitened, without: Sequence[str] = 
                     component=component,
                     shape=shape,
                     prior=shape.weight / total / len(components) / len(known),
-                    columns=np.zeros((white.gap.size, len(shape.parameters))),
+                    columns=np.zeros((0, len(shape.parameters))),
                     places=effect.places(component),
                 )
                 for shape in shapes
@@ -162,12 +162,7 @@ def _check(baseline: Baseline, without: Sequence[str]) -> None:
 
 def whitened(hypotheses: Sequence[Hypothesis], white: Whitened) -> tuple[Hypothesis, ...]:
     """Return hypotheses with their columns whitened."""
-    if not hypotheses:
-        return ()
-    every = white.turn(np.concatenate([one.shape.columns * one.sizes for one in hypotheses], axis=-1))
-    ends = np.cumsum([one.sizes.size for one in hypotheses])
-    parts = np.split(every, ends[:-1], axis=1)
-    return tuple(replace(one, columns=part) for one, part in zip(hypotheses, parts, strict=True))
+    return tuple(replace(one, columns=white.turn(one.shape.columns * one.sizes)) for one in hypotheses)
 
 
 def _hidden(hypotheses: Sequence[Hypothesis], white: Whitened) -> str:

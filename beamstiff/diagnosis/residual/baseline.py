@@ -20,7 +20,8 @@ from beamstiff.fem.structure import compile_structure
 from beamstiff.identification.minimise import minimise
 from beamstiff.identification.objective import Objective
 from beamstiff.identification.parameters import state_parameters
-from beamstiff.identification.problem import Problem, whitening
+from beamstiff.identification.problem import Problem
+from beamstiff.identification.whitening import whitening
 from beamstiff.measure.arrays import Integers
 from beamstiff.measure.table import Measurements
 from beamstiff.model.linear import predict_displacements

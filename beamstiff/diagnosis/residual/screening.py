@@ -164,27 +164,42 @@ def _left_out(
     Of rows left out together, none counts among the others; only they have distances then.
     """
     inverse, _ = precision(white, columns, variance)
-    n = white.gap.size
     seen = white.back(inverse.times(white.gap)[:, None])[:, 0]
     taken = white.back(inverse.factor.T)  # (n, c + t), of values as they were measured
-    plain = white.back(np.diag(np.sqrt(inverse.own)))
-    number = np.full(white.used.shape, -1)
-    number[white.used] = np.arange(n)
-    distance, count = np.zeros(len(number)), np.zeros(len(number), dtype=np.intp)
-    rows = np.flatnonzero(white.used.any(axis=1)).tolist()
-    for some in [list(together)] if together else [[row] for row in rows]:
-        own = [number[row][white.used[row]] for row in some]
-        at = np.concatenate(own)
-        block = plain[at] @ plain[at].T - taken[at] @ taken[at].T
-        covariance = np.linalg.pinv(block, rcond=1e-9, hermitian=True)
+    row = np.nonzero(white.used)[0]
+    distance, count = np.zeros(len(white.used)), np.zeros(len(white.used), dtype=np.intp)
+    if together:
+        places = [np.flatnonzero(row == one) for one in together]
+        at = np.concatenate(places)
+        block = white.products(inverse.own, at) - taken[at] @ taken[at].T
+        covariance = _inverse(block)
         left = covariance @ seen[at]
-        ends = np.cumsum([0, *(len(values) for values in own)]).tolist()
-        for row, start, end in zip(some, ends[:-1], ends[1:], strict=True):
-            part = left[start:end]
-            its = covariance[start:end, start:end]
-            distance[row] = float(part @ np.linalg.lstsq(its, part, rcond=1e-9)[0])
-            count[row] = end - start
+        ends = np.cumsum([0, *(own.size for own in places)]).tolist()
+        for one, start, end in zip(together, ends[:-1], ends[1:], strict=True):
+            its = covariance[None, start:end, start:end]
+            distance[one], count[one] = _squared(its, left[None, start:end])[0], end - start
+        return distance, count
+    squares, values = white.squares(inverse.own), white.used.sum(axis=1)
+    first = np.cumsum(values) - values
+    for size in np.unique(values[values > 0]).tolist():
+        rows = np.flatnonzero(values == size)
+        at = first[rows][:, None] + np.arange(size)  # (rows, size): each component has axes of its own
+        block = squares[at][:, :, None] * np.eye(size) - taken[at] @ taken[at].swapaxes(1, 2)
+        covariance = _inverse(block)
+        distance[rows] = _squared(covariance, (covariance @ seen[at][:, :, None])[:, :, 0])
+        count[rows] = size
     return distance, count
+
+
+def _squared(covariance: Array, left: Array) -> Array:
+    """Return the squared sizes (B,) of vectors (B, m) against their covariance (B, m, m)."""
+    result: Array = np.einsum("bi,bij,bj->b", left, _inverse(covariance), left)
+    return result
+
+
+def _inverse(matrix: Array) -> Array:
+    """Return the inverses of symmetric matrices (..., m, m), of what counts of them."""
+    return np.asarray(np.linalg.pinv(matrix, rcond=1e-9, hermitian=True), dtype=np.float64)
 
 
 def _about(baseline: Baseline, found: Sequence[int]) -> list[int]:
@@ -193,7 +208,8 @@ def _about(baseline: Baseline, found: Sequence[int]) -> list[int]:
     at = np.flatnonzero(np.isin(order, found))
     beside = np.concatenate([np.maximum(at - 1, 0), at, np.minimum(at + 1, len(order) - 1)])
     near = np.isin(pose, pose[order[beside]])
-    return [row for row in np.flatnonzero(near).tolist() if row not in found]
+    near[list(found)] = False
+    return np.flatnonzero(near).tolist()
 
 
 def _unit_columns(some: Sequence[Hypothesis], white: Whitened) -> Array:

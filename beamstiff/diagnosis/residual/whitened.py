@@ -7,16 +7,18 @@ noise ``s^2`` and the unknown ``v^2 K`` are diagonal, so that every sum below is
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.diagnosis.residual.baseline import SILENT, Baseline
-from beamstiff.identification.problem import whitening
+from beamstiff.identification.whitening import whitening
 from beamstiff.se3 import Array
 
-LARGE = 800  # rows from which on postures are taken one by one
+LARGE = 800  # rows from which on postures are taken one by one, and of one posture as many at a time
+AT_ONCE = 1_000_000  # entries of the blocks that are made at a time
 REACH = 1.0  # rad or m over which the unknown changes with the posture
 LEVER = 0.7  # m: unknown rotations are unknown displacements over this
 CONSTANT, SQUARE = 0.3, 0.5  # weights of what does not grow with the load, or with its square
@@ -28,8 +30,8 @@ class Whitened:
 
     Attributes
     ----------
-    axes : tuple of ((m,) int array, (m, m) array)
-        Which values each block turns, and into what; whitened ones stand block after block.
+    axes : tuple of ((B, m) int array, (B, m, m) array)
+        Blocks of one size: which values each turns, and into what; whitened ones stand block after block.
     unknown : (n,) array
         Variance of the unknown there; its mean is 1.
     component : (n,) int array
@@ -58,25 +60,47 @@ class Whitened:
     def turn(self, columns: Array) -> Array:
         """Return columns (N, 6, c) whitened, (n, c)."""
         values = columns[self.used]
-        return np.concatenate([block @ values[at] for at, block in self.axes])
+        return np.concatenate([(block @ values[at]).reshape(at.size, -1) for at, block in self.axes])
 
     def back(self, columns: Array) -> Array:
         """Return the transpose of `turn`: columns (n, c) of whitened values to (n, c) of used values."""
         result = np.empty_like(columns)
-        start = 0
-        for at, block in self.axes:
-            result[at] = block.T @ columns[start : start + at.size]
-            start += at.size
+        for at, block, own in self._blocks(columns):
+            result[at] = block.swapaxes(1, 2) @ own
         return result
 
     def undo(self, columns: Array) -> Array:
         """Return the inverse of `turn`: columns (n, c) of whitened values as they were measured, (n, c)."""
         result = np.empty_like(columns)
+        for at, block, own in self._blocks(columns):
+            result[at] = np.linalg.solve(block, own)
+        return result
+
+    def squares(self, weight: Array) -> Array:
+        """Return the diagonal (n,) of ``W^T diag(weight) W``, W as of `turn`, for weights (n,)."""
+        result = np.empty(len(weight))
+        for at, block, own in self._blocks(weight[:, None]):
+            result[at] = (own * block**2).sum(axis=1)
+        return result
+
+    def products(self, weight: Array, chosen: NDArray[np.intp]) -> Array:
+        """Return the entries (k, k) of ``W^T diag(weight) W`` among some used values (k,)."""
+        result = np.zeros((chosen.size, chosen.size))
+        place = np.full(len(weight), -1)
+        place[chosen] = np.arange(chosen.size)
+        for at, block, own in self._blocks(weight[:, None]):
+            for one in np.flatnonzero((place[at] >= 0).any(axis=1)).tolist():
+                inside = np.flatnonzero(place[at[one]] >= 0)
+                part, where = block[one][:, inside], place[at[one, inside]]
+                result[np.ix_(where, where)] = part.T @ (own[one] * part)
+        return result
+
+    def _blocks(self, columns: Array) -> Iterator[tuple[NDArray[np.intp], Array, Array]]:
+        """Yield the axes, each with its part (B, m, c) of columns (n, c) of whitened values."""
         start = 0
         for at, block in self.axes:
-            result[at] = np.linalg.solve(block, columns[start : start + at.size])
+            yield at, block, columns[start : start + at.size].reshape(*at.shape, -1)
             start += at.size
-        return result
 
     def beside(self, cause: Array, loose: Array | None = None) -> Whitened:
         """Return the same where the whitened columns (n, c) of a cause are fitted as well.
@@ -131,32 +155,53 @@ def _axes(
     baseline: Baseline, used: NDArray[np.bool_]
 ) -> tuple[tuple[tuple[NDArray[np.intp], Array], ...], Array, NDArray[np.intp]]:
     """Return the axes, the variance of the unknown in each (n,), and their component (n,)."""
-    white = whitening(baseline.sigma, used, baseline.sharing)
-    number = np.full(used.shape, -1)
-    number[used] = np.arange(int(used.sum()))
-    poses = baseline.rows.pose
-    groups = [np.arange(len(poses))]
-    if len(poses) > LARGE:
-        groups = [np.flatnonzero(poses == pose) for pose in np.unique(poses)]
+    part, sharing = _parts(baseline)
+    white = whitening(baseline.sigma, used, sharing)
+    row, component = np.nonzero(used)
+    number = np.unique(6 * part[row] + component, return_inverse=True)[1].reshape(-1)
+    order, sizes = np.argsort(number, kind="stable"), np.bincount(number)
+    starts = np.cumsum(sizes) - sizes
     features = _features(baseline)
-    blocks, variances, components = [], [], []
-    for rows in groups:
-        close = _closeness(baseline, rows)
-        own = close * (features[rows] @ features[rows].T)
-        for component in range(6):
-            there = used[rows, component]
-            at = number[rows[there], component]
-            if not at.size:
-                continue
-            part = white[at][:, at].toarray()
-            scale = 1.0 if component < 3 else 1.0 / LEVER**2
-            values, vectors = np.linalg.eigh(scale * part @ own[np.ix_(there, there)] @ part.T)
-            blocks.append((at.astype(np.intp), vectors.T @ part))
-            components.append(np.full(at.size, component, dtype=np.intp))
-            variances.append(np.maximum(values, 0.0))
+    axes, variances, components = [], [], []
+    for blocks in _of_one_size(sizes):
+        at = order[starts[blocks][:, None] + np.arange(sizes[blocks[0]])]
+        rows, kind = row[at], component[at]
+        own = _closeness(baseline, rows) * np.stack([some @ some.T for some in features[rows]])
+        scale = np.where(kind < 3, 1.0, 1.0 / LEVER**2)[:, :, None]
+        rooted = white.among(at)
+        values, vectors = np.linalg.eigh((scale * rooted) @ own @ rooted.swapaxes(1, 2))
+        axes.append((at.astype(np.intp), vectors.swapaxes(1, 2) @ rooted))
+        components.append(kind.ravel())
+        variances.append(np.maximum(values, 0.0).ravel())
     unknown = np.concatenate(variances)
     mean = float(unknown.mean()) or 1.0
-    return tuple(blocks), unknown / mean, np.concatenate(components)
+    return tuple(axes), unknown / mean, np.concatenate(components).astype(np.intp)
+
+
+def _parts(baseline: Baseline) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return which rows are looked at together (N,), and which share an unloaded reading, -1 for none.
+
+    All of few rows; of many those of a posture, and of a posture with many some at a time: what the unknown
+    does, and the error of a reading that they share, then count anew in each part.
+    """
+    poses = baseline.rows.pose
+    if len(poses) <= LARGE:
+        return np.zeros(len(poses), dtype=np.intp), baseline.sharing
+    order = np.argsort(poses, kind="stable")
+    number = np.unique(poses, return_inverse=True)[1].reshape(-1)[order]
+    first = np.flatnonzero(np.diff(number, prepend=-1))
+    inside = np.arange(len(poses)) - first[number]
+    part = np.empty(len(poses), dtype=np.intp)
+    part[order] = np.cumsum((inside % LARGE) == 0) - 1
+    return part, np.where(baseline.sharing >= 0, part, -1)
+
+
+def _of_one_size(sizes: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
+    """Yield numbers of blocks that have one size, not too many at a time."""
+    order = np.argsort(sizes, kind="stable") if sizes.size > 6 else np.arange(sizes.size)
+    for some in np.split(order, np.flatnonzero(np.diff(sizes[order])) + 1):
+        most = max(1, AT_ONCE // int(sizes[some[0]]) ** 2)
+        yield from (some[at : at + most] for at in range(0, some.size, most))
 
 
 def _features(baseline: Baseline) -> Array:
@@ -171,8 +216,11 @@ def _features(baseline: Baseline) -> Array:
 
 
 def _closeness(baseline: Baseline, rows: NDArray[np.intp]) -> Array:
-    """Return the correlation (r, r) of what the unknown does in the postures of some rows."""
+    """Return the correlation (B, m, m) of what the unknown does in the postures of groups of rows (B, m)."""
     q, pose = baseline.rows.q[rows], baseline.rows.pose[rows]
-    square = ((q[:, None] - q[None]) ** 2).sum(axis=2) / REACH**2
-    result: Array = 0.5 * np.exp(-0.5 * square) + 0.5 * (pose[:, None] == pose[None])
+    square = np.zeros((*rows.shape, rows.shape[1]))
+    for at in range(q.shape[2]):
+        square += (q[:, :, None, at] - q[:, None, :, at]) ** 2
+    same = pose[:, :, None] == pose[:, None, :]
+    result: Array = 0.5 * np.exp(-0.5 * square / REACH**2) + 0.5 * same
     return result

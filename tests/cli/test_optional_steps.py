@@ -1,0 +1,205 @@
+"""A finished result is written although a step that it does not need fails: a note says what is missing."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from beamstiff import load_robot, save_robot, write_measurements
+from beamstiff.errors import BeamstiffError, UnwritableError
+from beamstiff.measure import make_measurements
+from beamstiff.model.linear import predict_displacements
+from tests.cli.test_calibrate import readings
+from tests.cli.test_compensate import PROGRAM
+from tests.exam.standins import always_none
+
+Run = Callable[..., Any]
+REASON = "loop_1 does not close there"
+
+# A joint that goes up and down, without limits, below the joint that gives way.
+LIFT = """\
+beamstiff: 1
+name: lift
+variables:
+  - {name: s, type: prismatic}
+  - {name: q1, type: revolute, limits: ["-170 deg", "170 deg"]}
+frames:
+  - {name: f0, r: s}
+  - {name: f1, parent: f0, theta: q1}
+nodes:
+  - {name: foot, frame: f0}
+  - {name: hub, frame: f1}
+  - {name: tip, frame: f1, at: ["1 m", 0, 0]}
+rigids: [{name: arm, nodes: [hub, tip]}]
+joints:
+  - {name: J1, nodes: [foot, hub], frame: f1, axis: z, variable: q1,
+     stiffness: {axial: rigid, radial: rigid, torsional: "1e6 N*m/rad", tilting: rigid}}
+fixed: [foot]
+tcp: tip
+identify: [J1.torsional]
+"""
+
+# An arm that its drive hardly holds: pulled it is stiff, pushed by the same force it buckles.
+SLACK = (
+    LIFT.replace("  - {name: s, type: prismatic}\n", "")
+    .replace("r: s", "r: 0")
+    .replace('radial: rigid, torsional: "1e6', 'radial: "2e6 N/m", torsional: "1e3')
+    .replace("identify: [J1.torsional]", "identify: [J1.radial]")
+)
+
+
+def with_play(folder: Path, text: str, q: Any, force: Any) -> tuple[str, str]:
+    """Write a robot, and what it shows where its readings jump by 0.3 mm with the sign of the force."""
+    (folder / "robot.yaml").write_text(text, encoding="utf-8")
+    robot = load_robot(folder / "robot.yaml")
+    names = [variable.name for variable in robot.actuated]
+    wrench = np.concatenate([force, np.zeros_like(force)], axis=1)
+    table = make_measurements(names, q, tcp=robot.tcp, wrench=wrench, sigma_position=1e-5)
+    moved = predict_displacements(robot, table, preload=True)[:, :3]
+    moved += 3e-4 * moved / np.linalg.norm(moved, axis=1, keepdims=True)
+    moved += 1e-5 * np.random.default_rng(0).standard_normal(moved.shape)
+    told = make_measurements(names, q, tcp=robot.tcp, wrench=wrench, displacement=moved, sigma_position=1e-5)
+    write_measurements(told, folder / "data.csv", robot)
+    return "robot.yaml", "data.csv"
+
+
+STEPS = np.array([0.5, 1.0, 0.5, -0.5, -1.0, -0.5])
+
+
+def test_a_length_without_limits_leaves_the_diagnosis_with_a_note(run: Run, folder: Path) -> None:
+    q = np.repeat([[0.0, 0.0], [0.2, 0.3], [0.4, -0.3], [0.1, 0.1]], len(STEPS), axis=0)
+    ways = np.stack([-np.sin(q[:, 1]), np.cos(q[:, 1]), 0.0 * q[:, 1]], axis=1)
+    given = with_play(folder, LIFT, q, 800.0 * ways * np.tile(STEPS, 4)[:, None])
+    result = run("diagnose", *given, "--json", "out.json", "--next", "next.csv")
+    assert result.exit_code == 0, result.output
+    found = json.loads((folder / "out.json").read_text())
+    assert found["verdict"]["effect"] not in ("none", "unknown")
+    assert found["next"] == []
+    [note] = [text for text in found["notes"] if text.startswith("what to measure next is left out: ")]
+    assert "'s'" in note
+    assert "without limits" in note
+    assert f"note: {note}\n" in result.stderr
+    assert not (folder / "next.csv").exists()
+
+
+def test_a_posture_that_buckles_leaves_the_diagnosis_with_a_note(run: Run, folder: Path) -> None:
+    q = np.repeat([[0.0], [0.3], [-0.3], [0.6], [-0.6], [0.9]], 3, axis=0)
+    ways = np.stack([np.cos(q[:, 0]), np.sin(q[:, 0]), 0.0 * q[:, 0]], axis=1)
+    force = 2000.0 * ways * np.tile([0.4, 0.7, 1.0], 6)[:, None]
+    result = run("diagnose", *with_play(folder, SLACK, q, force), "--json", "out.json")
+    assert result.exit_code == 0, result.output
+    found = json.loads((folder / "out.json").read_text())
+    assert found["next"] == []
+    [note] = [text for text in found["notes"] if text.startswith("what to measure next is left out: ")]
+    assert "buckles" in note
+    assert f"note: {note}\n" in result.stderr
+
+
+def fails(*_: Any, **__: Any) -> Any:
+    raise BeamstiffError(REASON)
+
+
+IDENTIFY = ("identify", "crane.yaml", "crane.csv")
+DIAGNOSE = ("diagnose", "crane.yaml", "crane.csv")
+DEFLECT = ("deflect", "crane.yaml", "crane.csv")
+MAP = ("map", "crane.yaml", "--grid", "q1=-170deg:170deg:5")
+CALIBRATE = ("calibrate", "arm.yaml", "poses.csv", "--fix", "base", "--parameters", "q2")
+COMPARE = ("compare", "crane.yaml", "crane.csv", "--models", "rigid,nominal")
+COMPENSATE = ("compensate", "kr500", "cell.src", "--wrench", "fz=-900N")
+EXAM = ("exam", "kr240-2", "--cases", "2", "--seed", "5", "--classes", "null")
+MAIN = {
+    "identify": "parameters",
+    "diagnose": "which",
+    "deflect": "displacement",
+    "map": "quantities",
+    "calibrate": "parameters",
+    "compare": "split",
+    "compensate": "targets",
+    "exam": "headline",
+}
+STEPS_OF_COMMANDS = [
+    (IDENTIFY, "beamstiff.identification.separate.with_separations", (), True),
+    (IDENTIFY, "beamstiff.identification.bootstrap.bootstrap", ("--bootstrap", "10"), True),
+    (IDENTIFY, "beamstiff.identification.reduce.reduce_model", ("--reduce", "small.yaml"), True),
+    (IDENTIFY, "beamstiff.report.parity.parity_figure", ("--figure", "a.png"), False),
+    (IDENTIFY, "beamstiff.report.html.identification.identification_html", ("--html", "a.html"), False),
+    (DIAGNOSE, "beamstiff.diagnosis.apply.extended", ("--apply", "a.yaml"), False),
+    (DIAGNOSE, "beamstiff.report.diagnosis.draw_diagnosis", ("--figure", "a.png"), False),
+    (DIAGNOSE, "beamstiff.report.html.diagnosis.diagnosis_html", ("--html", "a.html"), False),
+    (DEFLECT, "beamstiff.report.vtk.write_vtu", ("--vtu", "a.vtu"), False),
+    (DEFLECT, "beamstiff.report.html.deflection.deflection_html", ("--html", "a.html"), False),
+    (MAP, "beamstiff.report.workspace.map_figure", ("--figure", "a.png"), False),
+    (CALIBRATE, "beamstiff.calibration.calibrate.held_out", (), True),
+    (CALIBRATE, "beamstiff.calibration.validation.errors_on", ("--test", "fresh.csv"), True),
+    (CALIBRATE, "beamstiff.calibration.sensitivity.sensitivity_indices", ("--sensitivity", "a.png"), False),
+    (CALIBRATE, "beamstiff.calibration.recursion.recursion", ("--recursion", "a.png"), False),
+    (CALIBRATE, "beamstiff.report.html.calibration.calibration_html", ("--html", "a.html"), False),
+    (COMPARE, "beamstiff.report.compare.models_figure", ("--figure", "a.png"), False),
+    (COMPARE, "beamstiff.report.html.comparison.comparison_html", ("--html", "a.html"), False),
+    (COMPENSATE, "beamstiff.report.compensation.compensation_figure", ("--figure", "a.png"), False),
+    (COMPENSATE, "beamstiff.report.html.compensation.compensation_html", ("--html", "a.html"), False),
+    (EXAM, "beamstiff.report.exam.reliability_figure", ("--figure", "a.png"), False),
+    (EXAM, "beamstiff.report.html.exam.exam_html", ("--html", "a.html"), False),
+]
+
+
+@pytest.fixture
+def inputs(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return the folder with what the commands read, and an exam that is over soon."""
+    monkeypatch.setattr("beamstiff.cli.exam._diagnose", lambda: always_none)
+    robot = load_robot("kr500").with_parameters({f"J{k}.torsional": np.inf for k in range(1, 7)})
+    save_robot(robot.model_copy(update={"identify": ()}), folder / "arm.yaml")
+    for name, count in (("poses", 12), ("fresh", 8)):
+        write_measurements(readings(robot, count, 1), folder / f"{name}.csv", robot)
+    (folder / "cell.src").write_bytes(PROGRAM.encode("latin-1"))
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("command", "step", "options", "in_json"),
+    STEPS_OF_COMMANDS,
+    ids=[f"{command[0]}-{step.rpartition('.')[2]}" for command, step, _, _ in STEPS_OF_COMMANDS],
+)
+def test_a_step_that_fails_becomes_a_note_beside_the_result(
+    run: Run,
+    inputs: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    command: tuple[str, ...],
+    step: str,
+    options: tuple[str, ...],
+    in_json: bool,
+) -> None:
+    assert run(*command, "--json", "before.json").exit_code == 0
+    module, _, name = step.rpartition(".")
+    monkeypatch.setattr(import_module(module), name, fails)
+    result = run(*command, *options, "--json", "after.json")
+    assert result.exit_code == 0, result.output
+    assert f"left out: {REASON}\n" in result.stderr
+    before, after = (json.loads((inputs / f"{name}.json").read_text()) for name in ("before", "after"))
+    notes = after.get("notes") or []
+    assert any(REASON in text for text in notes) == in_json
+    main = MAIN[command[0]]
+    assert after[main] == before[main]
+
+
+@pytest.mark.parametrize("command", [IDENTIFY, DIAGNOSE, DEFLECT])
+def test_a_page_that_cannot_be_written_is_an_error_after_the_result(
+    run: Run, folder: Path, monkeypatch: pytest.MonkeyPatch, command: tuple[str, ...]
+) -> None:
+    def full(path: str, content: str) -> None:
+        if path == "a.html":
+            raise UnwritableError(f"{path}: cannot be written: no space left on device")
+        Path(path).write_text(content, encoding="utf-8")
+
+    for name in (f"beamstiff.cli.{command[0]}.write_whole", "beamstiff.files.write_whole"):
+        monkeypatch.setattr(name, full, raising=False)
+    result = run(*command, "--html", "a.html", "--json", "out.json")
+    assert result.exit_code == 2
+    assert result.stderr.endswith("a.html: cannot be written: no space left on device\n")
+    assert json.loads((folder / "out.json").read_text())
