@@ -10,6 +10,7 @@ from beamstiff.errors import BeamstiffError
 
 if TYPE_CHECKING:
     from beamstiff.calibration.calibrate import calibrate
+    from beamstiff.diagnosis.reading import load_robot
     from beamstiff.fem.condensation import tcp_compliance, tcp_stiffness
     from beamstiff.fem.structure import compile_structure
     from beamstiff.identification.identify import identify
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
         Strut,
         Variable,
     )
-    from beamstiff.robot.reader import load_robot
     from beamstiff.robot.sections import Section
     from beamstiff.robot.writer import save_robot
 
@@ -42,7 +42,7 @@ _HOME = {
     "calibrate": "calibration.calibrate",
     "compile_structure": "fem.structure",
     "identify": "identification.identify",
-    "load_robot": "robot.reader",
+    "load_robot": "diagnosis.reading",
     "map_workspace": "maps.run",
     "plot": "report.shown",
     "posture": "robot.kinematics",

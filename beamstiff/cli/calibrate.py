@@ -136,12 +136,12 @@ def calibrate(
     from beamstiff.calibration.statement import state_calibration
     from beamstiff.calibration.validation import errors_on, in_base_frame
     from beamstiff.cli.data import doubted, read_tables
+    from beamstiff.diagnosis.reading import load_robot
     from beamstiff.files import write_whole
     from beamstiff.measure import read_measurements
     from beamstiff.measure.rows import concatenate
     from beamstiff.measure.writer import measurements_to_csv
     from beamstiff.report.geometry import calibration_text, dependent_table, errors_table, parameters_table
-    from beamstiff.robot.reader import load_robot
     from beamstiff.robot.writer import robot_to_yaml
 
     file = robot_file(robot)

@@ -99,11 +99,11 @@ def compare(
       beamstiff compare kr500 data.csv --models parametric,grid --cube 300
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
     from beamstiff.cli.data import doubted, read_tables
+    from beamstiff.diagnosis.reading import load_robot
     from beamstiff.identification.models.side_by_side import FITS, Options, fit_models
     from beamstiff.identification.models.split import split_rows
     from beamstiff.measure.rows import concatenate
     from beamstiff.report.compare import loads_table, models_facts, models_table, models_text
-    from beamstiff.robot.reader import load_robot
 
     names = parse_names(models, "--models") or list(FITS)
     if cube is not None and not 0 < cube < float("inf"):

@@ -150,6 +150,7 @@ def compensate(
     from beamstiff.compensation.machine import Machine
     from beamstiff.compensation.path import Frames
     from beamstiff.compensation.rewrite import compensate_program
+    from beamstiff.diagnosis.reading import load_robot
     from beamstiff.report.compensation import (
         compensation_figure,
         compensation_table,
@@ -158,7 +159,6 @@ def compensate(
     )
     from beamstiff.report.figures import check_format, save_figure
     from beamstiff.robot.kinematics import actuated_values
-    from beamstiff.robot.reader import load_robot
 
     chosen("--unreachable", unreachable, (REFUSE, KEEP))
     steps = _steps(resample)

@@ -78,8 +78,8 @@ def deflect(
       1.37,48.63,-900,0
       12.54,33.04,0,-900
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
+    from beamstiff.diagnosis.reading import load_robot
     from beamstiff.model.linear import predict_displacements
-    from beamstiff.robot.reader import load_robot
     from beamstiff.robot.stiffness import check_stiffness
 
     description = load_robot(robot)

@@ -94,10 +94,10 @@ def diagnose(
     """  # noqa: D301
     from beamstiff.diagnosis.diagnose import diagnose as run
     from beamstiff.diagnosis.next_measurement.test_plan import programme_csv
+    from beamstiff.diagnosis.reading import load_robot
     from beamstiff.files import write_whole
     from beamstiff.measure import concatenate
     from beamstiff.report.diagnosis import LIKELY, diagnosis_tables, draw_diagnosis
-    from beamstiff.robot.reader import load_robot
 
     file = robot_file(robot)
     check_once(data)

@@ -176,10 +176,10 @@ def _simulated(
 
 def _exam(robot: str | None, plan: str | None, seed: int, classes: Sequence[str] | None, quiet: bool) -> Exam:
     """Return the exam that was asked for."""
+    from beamstiff.diagnosis.reading import load_robot
     from beamstiff.exam.cases import PLAN_SHARES, SHARES, Exam
     from beamstiff.exam.names import EFFECTS
     from beamstiff.measure.reader import read_measurements
-    from beamstiff.robot.reader import load_robot
 
     if plan is not None and robot is None:
         raise BeamstiffError(

@@ -191,6 +191,7 @@ def identify(
       beamstiff identify robot.yaml data.csv --method crs2 --searches 8 --processes 4
       beamstiff identify robot.yaml data.csv --loss huber --bootstrap 1000 --reduce small.yaml
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
+    from beamstiff.diagnosis.reading import load_robot
     from beamstiff.identification.identify import identify as fit
     from beamstiff.identification.minimise import GLOBAL, METHODS, Effort
     from beamstiff.identification.objective import LOSSES
@@ -204,7 +205,6 @@ def identify(
         identification_table,
         identification_text,
     )
-    from beamstiff.robot.reader import load_robot
     from beamstiff.robot.stiffness import check_stiffness
 
     chosen("--method", method, list(METHODS))

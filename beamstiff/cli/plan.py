@@ -106,13 +106,13 @@ def plan(
     Then fill in the columns of displacements and identify:
       beamstiff identify ir663 tests.csv
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
+    from beamstiff.diagnosis.reading import load_robot
     from beamstiff.planning.at_random import random_designs
     from beamstiff.planning.campaign import by_pose, campaign_of, write_plan
     from beamstiff.planning.candidates import candidate_poses, candidate_tests, identifiable
     from beamstiff.planning.designs import choose_tests
     from beamstiff.report.campaign import campaign_table, campaign_text
     from beamstiff.robot.kinematics import compile_kinematics
-    from beamstiff.robot.reader import load_robot
 
     description = load_robot(robot)
     if tests is not None and poses is not None:

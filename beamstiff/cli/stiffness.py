@@ -70,9 +70,9 @@ def stiffness(
       beamstiff stiffness ir663 --q q2=10deg,q8=45deg --preload --wrench fz=-900N
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
     from beamstiff.cli.variables import note_limits, parse_variables, parse_wrench
+    from beamstiff.diagnosis.reading import load_robot
     from beamstiff.fem.structure import compile_structure
     from beamstiff.robot.kinematics import posture
-    from beamstiff.robot.reader import load_robot
 
     description = load_robot(robot)
     values = parse_variables(description, q or [])

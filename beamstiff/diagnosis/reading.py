@@ -1,0 +1,59 @@
+"""Robots read with their effects checked: names, places, shapes, parameters and scales.
+
+`robot/` reads effects as plain data, for it cannot know the library of effects; whoever reads a robot
+of a user reads it here, so that every command refuses the same files.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from beamstiff.errors import BeamstiffError
+from beamstiff.robot import reader
+from beamstiff.robot.description import Robot
+
+
+def load_robot(path: str | os.PathLike[str]) -> Robot:
+    """Return the robot that a YAML, URDF or SDF file describes, told apart by its ending.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        A file, or the name of a robot that comes with the package, such as ``ir663``.
+
+    Returns
+    -------
+    Robot
+
+    Raises
+    ------
+    BeamstiffError
+        When the file cannot be read or its robot cannot be used, its effects included: one line
+        ``FILE:LINE: key: message``.
+
+    Examples
+    --------
+    >>> load_robot("cantilever").fixed
+    ('root',)
+    """
+    return check_known(reader.load_robot(path), Path(path))
+
+
+def check_known(robot: Robot, file: Path) -> Robot:
+    """Return a robot that was read from a file, if the library knows its effects.
+
+    Raises
+    ------
+    BeamstiffError
+        Otherwise: one line ``FILE:LINE: key: message``.
+    """
+    if robot.effects:
+        from beamstiff.diagnosis.apply import EffectError, check_effects
+
+        try:
+            check_effects(robot)
+        except EffectError as error:
+            line = reader.line_of(file, ("effects", error.at))
+            raise BeamstiffError(f"{line}: {error.where}") from None
+    return robot
