@@ -36,7 +36,7 @@ from beamstiff.measure.table import MEASURED, WRENCH, Kind, Measurements, Names,
 from beamstiff.measure.text import RawTable, split_table
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array, rotation_about, vector_from_rotation
-from beamstiff.units import quantity, unit_factor
+from beamstiff.units import MOST_TURN, quantity, unit_factor
 
 LARGEST = 1 << 30  # bytes; a table of some five million states
 SPREADSHEETS = (".xlsx", ".xls", ".xlsm", ".ods")
@@ -197,6 +197,8 @@ def _check_range(column: Column, values: Array, cells: Sequence[str]) -> None:
         wrong = wrong & ~np.isnan(values)
     elif column.name == "temperature":
         wrong, expected = values < -273.15, "a temperature above absolute zero"
+    elif column.quantity == "angle":
+        wrong, expected = np.abs(values) > MOST_TURN, f"an angle of at most {MOST_TURN:g} rad"
     else:
         wrong, expected = np.isinf(values), "a number that is finite in SI"
     wrong = wrong | np.isinf(values)
