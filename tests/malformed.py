@@ -161,7 +161,7 @@ _WORD = re.compile(r"[\w.+-]+")
 
 
 def with_other_words(text: str, count: int, seed: int = 0) -> Iterator[tuple[str, bytes]]:
-    """Yield a name and a text, `count` times: a word of it is another, twice, or missing with what follows."""
+    """Yield a name and a text, `count` times: a word is another one, a line twice, or the rest missing."""
     generator = random.Random(seed)
     spans = [match.span() for match in _WORD.finditer(text)]
     for _ in range(count):
