@@ -40,6 +40,7 @@ from beamstiff.units import MOST_TURN, quantity, unit_factor
 
 LARGEST = 1 << 30  # bytes; a table of some five million states
 SPREADSHEETS = (".xlsx", ".xls", ".xlsm", ".ods")
+LARGEST_VALUE = 1e100  # SI, of any column: its square, over the least sigma's, is a number still
 LEAST_SIGMA = 1e-12  # m or rad; below the resolution of anything
 SAME_POSE = 1e-2  # rad or m: readings of one configuration differ by far less, two configurations by more
 
@@ -202,6 +203,11 @@ def _check_range(column: Column, values: Array, cells: Sequence[str]) -> None:
     else:
         wrong, expected = np.isinf(values), "a number that is finite in SI"
     wrong = wrong | np.isinf(values)
+    if not wrong.any():  # products of matrices overflow without a word
+        wrong, expected = (
+            np.abs(values) > LARGEST_VALUE,
+            f"at most {LARGEST_VALUE:g} in SI: numbers out of range",
+        )
     if wrong.any():
         row = int(np.flatnonzero(wrong)[0])
         raise CellError(row, f"found {shown(cells[row].strip())}, expected {expected}")

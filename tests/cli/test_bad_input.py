@@ -164,6 +164,16 @@ def test_broken_measurements_are_refused(run: Run, folder: Path, content: bytes,
     assert all(part in line for part in says), line
 
 
+@pytest.mark.parametrize("command", ["identify", "diagnose", "deflect"])
+def test_a_displacement_whose_square_is_no_number_is_refused_where_it_stands(
+    run: Run, folder: Path, command: str
+) -> None:
+    text = (folder / "crane.csv").read_text().replace("0,0,1000,0,1.5", "0,0,1000,-1e308,1.5")
+    (folder / "broken.csv").write_text(text)
+    line = refused(run, folder, command, "crane.yaml", "broken.csv")
+    assert "broken.csv:3: dx: found '-1e308', expected at most 1e+100 in SI" in line
+
+
 def test_a_mechanism_is_refused_and_its_motion_named(run: Run, folder: Path) -> None:
     text = (folder / "crane.yaml").read_text().replace('torsional: "1e6 N*m/rad"', "torsional: free")
     (folder / "loose.yaml").write_text(text.replace("identify: [J1.torsional]", ""))
