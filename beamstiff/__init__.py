@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from beamstiff.functions.identify import identify
     from beamstiff.functions.plan import plan
     from beamstiff.functions.predict import predict
+    from beamstiff.functions.robots import load_robot
     from beamstiff.functions.stiffness import forward_kinematics, stiffness, tcp_compliance, tcp_stiffness
     from beamstiff.functions.verify import verify
     from beamstiff.maps.run import map_workspace
@@ -40,7 +41,6 @@ if TYPE_CHECKING:
         Strut,
         Variable,
     )
-    from beamstiff.robot.reader import load_robot
     from beamstiff.robot.sections import Section
     from beamstiff.robot.writer import save_robot
 
@@ -58,7 +58,7 @@ _HOME = {
     "compile_structure": "fem.structure",
     "examine": "functions.examine",
     "identify": "functions.identify",
-    "load_robot": "robot.reader",
+    "load_robot": "functions.robots",
     "map_workspace": "maps.run",
     "plot": "report.shown",
     "posture": "robot.kinematics",

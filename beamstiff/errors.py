@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from itertools import islice
 
 _MOST_COMPARED = 1000
+_LONGEST_NAME = 200  # characters, as of a name in a robot; a line of a file may have millions
 
 
 class BeamstiffError(ValueError):
@@ -116,14 +117,14 @@ def _differs_in_one_place(one: str, other: str) -> bool:
 
 
 def listed(names: Iterable[str], most: int = 8) -> str:
-    """Return names joined by commas, cut after `most` of them, for use in a message.
+    """Return names joined by commas, cut after `most` of them, and each when long, for use in a message.
 
     Examples
     --------
     >>> listed(["a", "b", "c"], most=2)
     'a, b and 1 more'
     """
-    names = list(names)
+    names = [name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 3]}..." for name in names]
     if len(names) <= most:
         return ", ".join(names)
     return f"{', '.join(names[:most])} and {len(names) - most} more"

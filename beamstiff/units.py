@@ -79,6 +79,7 @@ kilopound_force_per_square_inch = 1e3 * psi = ksi
 """
 
 # [0-9], not \\d: float() reads the digits of every script, a person checking the file may not
+MOST_TURN = 1e6  # rad; beyond, the digits of an angle are lost in its turns
 NUMBER = r"[+-]?(?:[0-9]+(?:_[0-9]+)*\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 _NUMBER = re.compile(rf"\s*{NUMBER}\s*\Z")
 _QUANTITY = re.compile(rf"\s*(?P<number>{NUMBER})\s*(?P<unit>[A-Za-zµμ°%].*?)?\s*\Z")
@@ -196,6 +197,13 @@ def number(value: object) -> float:
     return result
 
 
+def check_turn(angle: float, found: object) -> float:
+    """Return an angle, rad; one so large that its digits are lost in its turns is refused."""
+    if abs(angle) > MOST_TURN:
+        raise BeamstiffError(f"found {shown(found)}, expected an angle of at most {MOST_TURN:g} rad")
+    return angle
+
+
 def quantity(value: object, kind: str) -> float:
     """Return a quantity in SI: a plain number is SI already, text carries its unit.
 
@@ -209,7 +217,8 @@ def quantity(value: object, kind: str) -> float:
     Raises
     ------
     BeamstiffError
-        When it is not a number, not finite, or its unit is unknown or of the wrong dimension.
+        When it is not a number, not finite, or its unit is unknown or of the wrong dimension; or for an
+        angle beyond `MOST_TURN`.
 
     Examples
     --------
@@ -218,6 +227,11 @@ def quantity(value: object, kind: str) -> float:
     >>> quantity("1.5e9 N*mm/rad", "rotational stiffness")
     1500000.0
     """
+    result = _quantity(value, kind)
+    return check_turn(result, value) if kind == "angle" else result
+
+
+def _quantity(value: object, kind: str) -> float:
     if not isinstance(value, str):
         return number(value)
     match = _QUANTITY.match(value) if len(value) <= _LONGEST else None

@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.units import UNITS, in_si, in_unit, number, quantity, unit_factor
+from beamstiff.units import MOST_TURN, UNITS, in_si, in_unit, number, quantity, unit_factor
 
 
 @pytest.mark.parametrize(
@@ -197,6 +197,10 @@ def test_the_factor_is_what_the_text_is_read_with(value: float, unit: str) -> No
     factor, offset = unit_factor(unit, kind)
     expected = pytest.approx(factor * value + offset, rel=1e-15, abs=1e-300)
     assert in_si(value, unit, kind) == expected
+    if kind == "angle" and abs(in_si(value, unit, kind)) > MOST_TURN:
+        with pytest.raises(BeamstiffError, match="expected an angle of at most"):
+            quantity(f"{value!r} {unit}", kind)
+        return
     assert quantity(f"{value!r} {unit}", kind) == expected
 
 

@@ -132,10 +132,10 @@ def calibrate(
     from beamstiff.calibration.validation import in_base_frame
     from beamstiff.files import write_whole
     from beamstiff.functions.calibrate import calibrate as run
+    from beamstiff.functions.robots import as_robot
     from beamstiff.measure.coerce import as_tables, refuse_fitted
     from beamstiff.measure.writer import measurements_to_csv
     from beamstiff.report.geometry import calibration_text, dependent_table, errors_table, parameters_table
-    from beamstiff.robot.coerce import as_robot
     from beamstiff.robot.yaml_edit import robot_yaml
 
     file = robot_file(robot)

@@ -90,9 +90,9 @@ def compare(
       beamstiff compare kr500 data.csv --models parametric,grid --cube 300
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
     from beamstiff.functions.compare import compare as run
+    from beamstiff.functions.robots import as_robot
     from beamstiff.measure.coerce import as_tables
     from beamstiff.report.compare import loads_table, models_table, models_text
-    from beamstiff.robot.coerce import as_robot
 
     names = parse_names(models, "--models")
     if cube is not None and not 0 < cube < float("inf"):

@@ -141,6 +141,7 @@ def compensate(
     from beamstiff.cli.variables import parse_variables, parse_wrench
     from beamstiff.functions.checks import one_of
     from beamstiff.functions.compensate import compensate as run
+    from beamstiff.functions.robots import as_robot
     from beamstiff.report.compensation import (
         compensation_figure,
         compensation_table,
@@ -148,7 +149,6 @@ def compensate(
         uncorrected_table,
     )
     from beamstiff.report.figures import check_format, save_figure
-    from beamstiff.robot.coerce import as_robot
 
     one_of("unreachable", unreachable, (REFUSE, KEEP))
     steps = _steps(resample)

@@ -172,8 +172,8 @@ def read_robot(source: str, tcp: str | None, convention: str | None, written: st
     written : str
         Ending of the output: a convention given for a table to be written is none of the input.
     """
+    from beamstiff.functions.robots import check_known, load_robot
     from beamstiff.robot.dh_tables import is_table, parse_yaml_table, read_table
-    from beamstiff.robot.reader import load_robot, parse_robot
     from beamstiff.robot.sdf import read_sdf
     from beamstiff.robot.urdf.reader import read_urdf
     from beamstiff.robot.yaml_text import parse_yaml
@@ -182,7 +182,7 @@ def read_robot(source: str, tcp: str | None, convention: str | None, written: st
     ending = file.suffix.lower()
     of_input = convention if written != ".csv" else None
     if ending == ".urdf":
-        return read_urdf(file, tcp=tcp)
+        return check_known(read_urdf(file, tcp=tcp), file)
     if ending == ".sdf":
         return read_sdf(file, tcp=tcp)
     if ending == ".csv":
@@ -190,7 +190,7 @@ def read_robot(source: str, tcp: str | None, convention: str | None, written: st
     elif ending in (".yaml", ".yml"):
         text = read_text(file)
         table = "rows" in text and is_table(parse_yaml(text, str(file))[0])
-        robot = parse_yaml_table(text, of_input, str(file)) if table else parse_robot(text, str(file))
+        robot = parse_yaml_table(text, of_input, str(file)) if table else load_robot(file)
     else:
         robot = load_robot(source)
     if tcp is None:

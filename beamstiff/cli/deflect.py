@@ -70,10 +70,10 @@ def deflect(
       12.54,33.04,0,-900
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
     from beamstiff.functions.predict import predict
+    from beamstiff.functions.robots import as_robot
     from beamstiff.measure import measurements_to_csv
     from beamstiff.measure.coerce import as_tables
     from beamstiff.report.deflection import deflection_table, deflection_text
-    from beamstiff.robot.coerce import as_robot
     from beamstiff.robot.stiffness import check_stiffness
 
     machine = as_robot(robot)

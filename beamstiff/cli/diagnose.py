@@ -85,9 +85,9 @@ def diagnose(
     from beamstiff.files import write_whole
     from beamstiff.functions.checks import effects_text
     from beamstiff.functions.diagnose import diagnose as run
+    from beamstiff.functions.robots import as_robot
     from beamstiff.measure.coerce import as_tables
     from beamstiff.report.diagnosis import LIKELY, diagnosis_tables, draw_diagnosis
-    from beamstiff.robot.coerce import as_robot
 
     file = robot_file(robot)
     check_outputs([file, *data], json_to, next=next_to, apply=apply, figure=figure, html=html)

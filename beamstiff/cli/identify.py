@@ -171,6 +171,7 @@ def identify(
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
     from beamstiff.functions.checks import effects_text, whole
     from beamstiff.functions.identify import identify as run
+    from beamstiff.functions.robots import as_robot
     from beamstiff.measure.coerce import as_tables
     from beamstiff.report.identification import (
         combinations_text,
@@ -178,7 +179,6 @@ def identify(
         identification_text,
         method_text,
     )
-    from beamstiff.robot.coerce import as_robot
     from beamstiff.robot.yaml_edit import robot_yaml
 
     whole("evaluations", evaluations, 1)  # before the bar counts them

@@ -127,12 +127,12 @@ def map(
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
     from beamstiff.cli.variables import parse_variables, parse_wrench
     from beamstiff.functions.checks import left_out
+    from beamstiff.functions.robots import load_robot
     from beamstiff.maps.run import map_workspace
     from beamstiff.maps.summary import summary
     from beamstiff.report.figures import check_format, save_figure
     from beamstiff.report.html.provenance import provenance
     from beamstiff.report.workspace import map_figure, map_tables
-    from beamstiff.robot.reader import load_robot
 
     description = load_robot(robot)
     over = parse_grid(description, grid)

@@ -73,7 +73,7 @@ def working(what: str, quiet: bool, still: bool = False) -> Iterator[None]:
             np.errstate(over="raise"),
         ):
             yield
-    except FloatingPointError as error:
+    except (FloatingPointError, OverflowError) as error:  # numpy's, and Python's own
         raise BeamstiffError(
             f"{what}: numbers out of range ({error}), expected lengths, loads and stiffness of a real "
             "machine; check their units"

@@ -97,8 +97,8 @@ def plan(
 
     from beamstiff.cli.variables import parse_wrench
     from beamstiff.functions.plan import plan as run
+    from beamstiff.functions.robots import as_robot
     from beamstiff.report.campaign import campaign_table, campaign_text
-    from beamstiff.robot.coerce import as_robot
 
     machine = as_robot(robot)
     own = None if not load else np.array([parse_wrench([text], "--load") for text in load])

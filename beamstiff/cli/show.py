@@ -58,10 +58,10 @@ def show(
         write_json({"robots": robot_names()}, json)
         return
     from beamstiff.functions.checks import effects_text, shown_value
+    from beamstiff.functions.robots import load_robot
     from beamstiff.report.overview import describe
     from beamstiff.report.overview_tables import overview_tables
     from beamstiff.robot.doubts import robot_doubts
-    from beamstiff.robot.reader import load_robot
 
     if not 1 <= samples <= MOST_SAMPLES:
         raise BeamstiffError(f"--samples: found {samples}, expected 1 to {MOST_SAMPLES}")

@@ -14,8 +14,6 @@ from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import actuated_values
 from beamstiff.units import quantity
 
-MOST_TURN = 1e6  # rad; beyond, the digits of an angle are lost in its turns
-
 
 def parse_variables(robot: Robot, texts: Sequence[str]) -> dict[str, float]:
     """Return values of joint variables, SI, from texts such as ``"q1=10deg,q2=0.3"``.
@@ -36,8 +34,6 @@ def parse_variables(robot: Robot, texts: Sequence[str]) -> dict[str, float]:
             values[name] = quantity(value, kinds[name])
         except BeamstiffError as error:
             raise BeamstiffError(f"--q: {name}: {error}") from None
-        if kinds[name] == "angle" and abs(values[name]) > MOST_TURN:
-            raise BeamstiffError(f"--q: {name}: found {value!r}, expected an angle that a joint may have")
     return values
 
 

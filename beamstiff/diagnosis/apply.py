@@ -18,8 +18,10 @@ from beamstiff.diagnosis.effects import EFFECTS, Scales, Shape
 from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR, Baseline, fit_baseline, predict
 from beamstiff.errors import BeamstiffError, listed, shown, suggest
 from beamstiff.identification.whitening import whitening
-from beamstiff.measure.table import Measurements
+from beamstiff.measure.table import Measurements, make_measurements
+from beamstiff.robot.closure import close_loops
 from beamstiff.robot.description import Robot
+from beamstiff.robot.kinematics import compile_kinematics
 from beamstiff.robot.parts import AddedEffect
 from beamstiff.se3 import Array
 from beamstiff.units import in_unit
@@ -31,8 +33,25 @@ POSITIVE = (
     *("torque", "force", "moment", "compliance", "counts", "rows", "cycles", "lasts"),
     *("seats_radius", "seats_force"),
 )  # scales that divide
+SAMPLES = 50  # postures tried, of which a few that close show what an effect is called
 # beyond which no machine is: SI typed for mm, a missing exponent
 LARGEST = {"rad": 1.0, "m": 1.0, "rad/(N*m)": 0.1, "m/N": 0.01}
+
+
+class EffectError(BeamstiffError):
+    """An effect of a robot that cannot be used.
+
+    Attributes
+    ----------
+    at : int
+        Its place among the robot's effects.
+    where : str
+        The message from its key on, without the robot.
+    """
+
+    def __init__(self, robot: str, at: int, where: str) -> None:
+        self.at, self.where = at, where
+        super().__init__(f"robot {robot!r}: {where}")
 
 
 def predict_with_effects(robot: Robot, rows: Measurements) -> Array:
@@ -54,7 +73,7 @@ def effects_displacement(robot: Robot, rows: Measurements) -> Array:
 
     Raises
     ------
-    BeamstiffError
+    EffectError
         When an effect, its component, shape, a parameter or a scale is unknown or missing; the message names
         it.
     """
@@ -70,8 +89,57 @@ def effects_displacement(robot: Robot, rows: Measurements) -> Array:
             alone = [entry[:2] for entry in entries].count(entries[at][:2]) == 1
             total += _displacement(effect, bare, alone)
         except BeamstiffError as error:
-            raise BeamstiffError(f"robot {robot.name!r}: effects[{at}] ({effect.effect}): {error}") from None
+            raise EffectError(robot.name, at, f"effects[{at}] ({effect.effect}): {error}") from None
     return total
+
+
+def check_effects(robot: Robot) -> None:
+    """Refuse a robot whose effects the library does not know, whatever is asked of it.
+
+    What an effect is called is found at a few postures, under loads of every direction. Where the machine
+    takes no posture only the effects' names are checked: what is wrong with it, its use tells.
+
+    Raises
+    ------
+    EffectError
+        See `effects_displacement`.
+    """
+    for at, effect in enumerate(robot.effects):
+        try:
+            _known("effect", effect.effect, EFFECTS)
+        except BeamstiffError as error:
+            raise EffectError(robot.name, at, f"effects[{at}] ({effect.effect}): {error}") from None
+    with np.errstate(all="ignore"):
+        try:
+            tables = [_some_rows(robot, absolute) for absolute in (False, True)]
+            predict(robot.model_copy(update={"effects": ()}), tables[0])
+        except BeamstiffError:
+            return
+        for rows in tables:
+            effects_displacement(robot, rows)
+
+
+def _some_rows(robot: Robot, absolute: bool) -> Measurements:
+    """Return rows of a few postures, each loaded in several ways, as time and warmth go on."""
+    kinematics, random = compile_kinematics(robot), np.random.default_rng(0)
+    ends = np.array([one.limits or (-1.0, 1.0) for one in robot.actuated]).reshape(-1, 2)
+    drawn = random.uniform(ends[:, 0], ends[:, 1], (SAMPLES, len(ends)))
+    closed = close_loops(kinematics, drawn, strict=False).closed
+    q = np.repeat(drawn[closed][:4], 4, axis=0)
+    wrench = np.tile(random.uniform(-100.0, 100.0, (2, 6)), (len(q) // 2, 1)) * np.tile(
+        [[1.0], [1.0], [-1.0], [-1.0]], (len(q) // 4, 1)
+    )
+    read = np.zeros((len(q), 3))
+    return make_measurements(
+        [one.name for one in robot.actuated],
+        q,
+        tcp=robot.tcp,
+        wrench=wrench,
+        time=np.arange(len(q)),
+        temperature=20.0 + np.arange(len(q)),
+        position=read if absolute else None,
+        displacement=None if absolute else read,
+    )
 
 
 def without_effects(robot: Robot, rows: Measurements) -> tuple[Robot, Measurements]:

@@ -15,9 +15,10 @@ from beamstiff.calibration.statement import state_calibration
 from beamstiff.calibration.validation import errors_on
 from beamstiff.errors import BeamstiffError, OptionError, optional, shown, suggest
 from beamstiff.functions.checks import names_of, whole
+from beamstiff.functions.robots import as_robot
 from beamstiff.measure.coerce import DataLike, TableLike, as_tables, doubted, doubts_of, refuse_fitted
 from beamstiff.measure.rows import concatenate
-from beamstiff.robot.coerce import RobotLike, as_robot
+from beamstiff.robot.coerce import RobotLike
 from beamstiff.units import quantity
 
 Prior = float | str

@@ -8,11 +8,12 @@ from dataclasses import replace
 from beamstiff.diagnosis.apply import without_effects
 from beamstiff.errors import OptionError, shown
 from beamstiff.functions.checks import names_of, whole
+from beamstiff.functions.robots import as_robot
 from beamstiff.identification.models.side_by_side import FITS, Models, Options, fit_models
 from beamstiff.identification.models.split import split_rows
 from beamstiff.measure.coerce import DataLike, as_tables, doubted, doubts_of
 from beamstiff.measure.rows import concatenate
-from beamstiff.robot.coerce import RobotLike, as_robot
+from beamstiff.robot.coerce import RobotLike
 
 
 def compare(

@@ -18,7 +18,8 @@ from beamstiff.compensation.process.reader import read_process
 from beamstiff.compensation.rewrite import Compensated, compensate_program
 from beamstiff.errors import BeamstiffError, OptionError, listed, shown
 from beamstiff.functions.checks import effects_text, names_of, shown_value, six_numbers
-from beamstiff.robot.coerce import RobotLike, as_robot
+from beamstiff.functions.robots import as_robot
+from beamstiff.robot.coerce import RobotLike
 from beamstiff.robot.kinematics import actuated_values
 from beamstiff.robot.stiffness import missing_stiffness
 from beamstiff.se3 import Array

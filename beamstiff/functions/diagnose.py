@@ -8,10 +8,11 @@ from dataclasses import replace
 from beamstiff.diagnosis.diagnose import diagnose as run
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.functions.checks import names_of, whole
+from beamstiff.functions.robots import as_robot
 from beamstiff.measure.coerce import DataLike, as_tables, doubted, doubts_of
 from beamstiff.measure.rows import concatenate
 from beamstiff.model.linear import preload_notes
-from beamstiff.robot.coerce import RobotLike, as_robot
+from beamstiff.robot.coerce import RobotLike
 
 
 def diagnose(

@@ -18,8 +18,9 @@ from beamstiff.exam.record import KINDS, Kind, Record
 from beamstiff.exam.run import Void, run_exam
 from beamstiff.exam.table import table_dict
 from beamstiff.functions.checks import left_out, names_of, whole
+from beamstiff.functions.robots import as_robot
 from beamstiff.measure.coerce import TableLike, as_tables
-from beamstiff.robot.coerce import RobotLike, as_robot
+from beamstiff.robot.coerce import RobotLike
 
 Path_ = str | os.PathLike[str]
 

@@ -11,6 +11,7 @@ from beamstiff.diagnosis.notes import chosen_for
 from beamstiff.diagnosis.residual.baseline import fitted_names
 from beamstiff.errors import OptionError, optional
 from beamstiff.functions.checks import names_of, one_of, whole
+from beamstiff.functions.robots import as_robot
 from beamstiff.identification.bootstrap import Bootstrap
 from beamstiff.identification.bootstrap import bootstrap as draw
 from beamstiff.identification.degeneracy import find_degeneracy
@@ -28,7 +29,7 @@ from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements
 from beamstiff.measure.usable import counted_once
 from beamstiff.parallel import check_places
-from beamstiff.robot.coerce import RobotLike, as_robot
+from beamstiff.robot.coerce import RobotLike
 from beamstiff.robot.description import Robot
 from beamstiff.robot.stiffness import check_stiffness
 

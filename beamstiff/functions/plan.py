@@ -12,12 +12,13 @@ from numpy.typing import ArrayLike
 
 from beamstiff.errors import BeamstiffError, OptionError, shown
 from beamstiff.functions.checks import names_of, one_of, whole
+from beamstiff.functions.robots import as_robot
 from beamstiff.planning.at_random import AtRandom, random_designs
 from beamstiff.planning.campaign import Campaign, by_pose, campaign_of, write_plan
 from beamstiff.planning.candidates import Noise, candidate_poses, candidate_tests, force_loads, identifiable
 from beamstiff.planning.designs import CRITERIA, Criterion, choose_tests
 from beamstiff.planning.enough import Enough, how_many
-from beamstiff.robot.coerce import RobotLike, as_robot
+from beamstiff.robot.coerce import RobotLike
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics
 from beamstiff.robot.stiffness import parameter_unit

@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 
 from beamstiff.diagnosis.apply import effects_displacement
+from beamstiff.functions.robots import as_robot
 from beamstiff.measure.coerce import DataLike, as_tables, doubted, doubts_of
 from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.linear import predict_displacements, preload_notes
-from beamstiff.robot.coerce import RobotLike, as_robot
+from beamstiff.robot.coerce import RobotLike
 from beamstiff.robot.description import Robot
 from beamstiff.robot.stiffness import check_stiffness
 from beamstiff.se3 import Array

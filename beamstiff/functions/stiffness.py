@@ -16,7 +16,8 @@ from beamstiff.fem.geometric import loaded_compliance, loaded_stiffness
 from beamstiff.fem.response import nodal_loads, respond
 from beamstiff.fem.structure import Structure, compile_structure
 from beamstiff.functions.checks import left_out, six_numbers
-from beamstiff.robot.coerce import RobotLike, as_robot
+from beamstiff.functions.robots import as_robot
+from beamstiff.robot.coerce import RobotLike
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import Posture, compile_kinematics, pose_of, posture
 from beamstiff.robot.stiffness import check_stiffness

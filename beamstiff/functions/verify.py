@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from beamstiff.diagnosis.verify import Verification
 from beamstiff.diagnosis.verify import verify as run
+from beamstiff.functions.robots import as_robot
 from beamstiff.measure.coerce import DataLike, as_tables, doubted, doubts_of
 from beamstiff.measure.rows import concatenate
-from beamstiff.robot.coerce import RobotLike, as_robot
+from beamstiff.robot.coerce import RobotLike
 
 
 def verify(robot: RobotLike, data: DataLike, *, refit_frame: bool = False) -> Verification:

@@ -36,10 +36,11 @@ from beamstiff.measure.table import MEASURED, WRENCH, Kind, Measurements, Names,
 from beamstiff.measure.text import RawTable, split_table
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array, rotation_about, vector_from_rotation
-from beamstiff.units import quantity, unit_factor
+from beamstiff.units import MOST_TURN, quantity, unit_factor
 
 LARGEST = 1 << 30  # bytes; a table of some five million states
 SPREADSHEETS = (".xlsx", ".xls", ".xlsm", ".ods")
+LARGEST_VALUE = 1e100  # SI, of any column: its square, over the least sigma's, is a number still
 LEAST_SIGMA = 1e-12  # m or rad; below the resolution of anything
 SAME_POSE = 1e-2  # rad or m: readings of one configuration differ by far less, two configurations by more
 
@@ -197,9 +198,16 @@ def _check_range(column: Column, values: Array, cells: Sequence[str]) -> None:
         wrong = wrong & ~np.isnan(values)
     elif column.name == "temperature":
         wrong, expected = values < -273.15, "a temperature above absolute zero"
+    elif column.quantity == "angle":
+        wrong, expected = np.abs(values) > MOST_TURN, f"an angle of at most {MOST_TURN:g} rad"
     else:
         wrong, expected = np.isinf(values), "a number that is finite in SI"
     wrong = wrong | np.isinf(values)
+    if not wrong.any():  # products of matrices overflow without a word
+        wrong, expected = (
+            np.abs(values) > LARGEST_VALUE,
+            f"at most {LARGEST_VALUE:g} in SI: numbers out of range",
+        )
     if wrong.any():
         row = int(np.flatnonzero(wrong)[0])
         raise CellError(row, f"found {shown(cells[row].strip())}, expected {expected}")

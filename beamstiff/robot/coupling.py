@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 import graphlib
 import math
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -14,7 +15,7 @@ import numpy as np
 from beamstiff.errors import BeamstiffError
 from beamstiff.robot.expression import Expression, parse_expression
 from beamstiff.robot.fields import DescriptionError
-from beamstiff.robot.parts import FRAME_PARAMETERS
+from beamstiff.robot.parts import FRAME_PARAMETERS, Variable
 from beamstiff.se3 import Array
 
 if TYPE_CHECKING:
@@ -52,9 +53,27 @@ def variable_kinds(robot: Robot) -> dict[str, str]:
     BeamstiffError
         When a coupled variable follows itself or nothing.
     """
-    declared = {variable.name: variable for variable in robot.variables}
+    return dict(_kinds(_Same(robot.variables)))  # a caller's own
+
+
+class _Same:
+    """Variables as the key of a cache by identity: they never change, and comparing them would take long."""
+
+    def __init__(self, variables: tuple[Variable, ...]) -> None:
+        self.variables = variables
+
+    def __hash__(self) -> int:
+        return id(self.variables)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and other.variables is self.variables
+
+
+@functools.lru_cache(maxsize=8)  # asked for again for every variable of a robot
+def _kinds(same: _Same) -> dict[str, str]:
+    declared = {variable.name: variable for variable in same.variables}
     kinds: dict[str, str] = {}
-    for name in _dependence_order(robot):
+    for name in _dependence_order(same.variables):
         variable = declared[name]
         used = _used_variables(variable.equals, declared)
         untyped = variable.equals is not None and variable.type is None
@@ -66,17 +85,17 @@ def _used_variables(equals: str | None, declared: Collection[str]) -> list[str]:
     return [word for word in re.findall(r"[A-Za-z_]\w*", equals or "") if word in declared]
 
 
-def _dependence_order(robot: Robot) -> list[str]:
+def _dependence_order(variables: Sequence[Variable]) -> list[str]:
     """Return all variables, each after those that it is coupled to."""
-    declared = {variable.name for variable in robot.variables}
+    declared = {variable.name for variable in variables}
     sorter = graphlib.TopologicalSorter(
-        {variable.name: _used_variables(variable.equals, declared) for variable in robot.variables}
+        {variable.name: _used_variables(variable.equals, declared) for variable in variables}
     )
     try:
         return list(sorter.static_order())
     except graphlib.CycleError as error:
         cycle: list[str] = error.args[1][::-1]  # graphlib lists a variable after those that need it
-        at = [variable.name for variable in robot.variables].index(cycle[0])
+        at = [variable.name for variable in variables].index(cycle[0])
         message = f"{cycle[0]!r} is coupled to itself: {' -> '.join(cycle[:20])}"
         raise DescriptionError([(("variables", at, "equals"), message)]) from None
 
@@ -96,7 +115,7 @@ def coupling(robot: Robot) -> Coupling:
         name: (row, 0.0) for name, row in zip(free, np.eye(len(free)), strict=True)
     }
 
-    for name in _dependence_order(robot):
+    for name in _dependence_order(robot.variables):
         if name in rows:
             continue
         expression = parse_expression(declared[name].equals or "", kinds[name], kinds)

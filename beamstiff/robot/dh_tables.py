@@ -36,6 +36,7 @@ from beamstiff.errors import BeamstiffError, listed, shown, suggest
 from beamstiff.files import read_text
 from beamstiff.robot.description import Robot
 from beamstiff.robot.expression import parse_expression
+from beamstiff.robot.fields import reads_as_number
 from beamstiff.robot.link_tree import LinkTree, TreeJoint, TreeLink, robot_data, robot_of
 from beamstiff.robot.parts import FRAME_PARAMETERS, STIFFNESS_KINDS
 from beamstiff.robot.yaml_text import parse_yaml
@@ -247,6 +248,11 @@ def _read(row: Row, convention: str, turning: str, sliding: str) -> Row:
         for key in CONVENTIONS[convention]
     }
     for key, variables in found.items():
+        if any(map(reads_as_number, {*variables} - {"pi"})):
+            raise BeamstiffError(
+                f"{row['place']}: {key}: found {shown(row[key])}, expected a finite number, or a variable "
+                "such as q1"
+            )
         if variables and key not in (turning, sliding):
             raise BeamstiffError(
                 f"{row['place']}: {key}: found {shown(row[key])}, expected a number: the joint moves by "

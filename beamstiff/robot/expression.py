@@ -20,7 +20,7 @@ import numpy as np
 
 from beamstiff.errors import BeamstiffError, shown, suggest
 from beamstiff.se3 import Array
-from beamstiff.units import NUMBER, UNITS, in_si, number, unit_factor
+from beamstiff.units import NUMBER, UNITS, check_turn, in_si, number, unit_factor
 
 _NAME = r"[A-Za-z_][A-Za-z0-9_]*"
 _UNSIGNED = NUMBER.removeprefix("[+-]?")
@@ -73,7 +73,7 @@ def parse_expression(text: object, kind: str, variables: Mapping[str, str]) -> E
         When the text does not follow the grammar, is not linear, names an unknown variable or mixes units.
     """
     if not isinstance(text, str):
-        return Expression(number(text))
+        return _checked(Expression(number(text)), text, kind)
     if len(text) > 500:
         raise BeamstiffError(f"found an expression of {len(text)} characters, expected at most 500")
     coefficients: dict[str, float] = {}
@@ -96,7 +96,14 @@ def parse_expression(text: object, kind: str, variables: Mapping[str, str]) -> E
             raise _not_linear(text)
     if not all(map(math.isfinite, [constant, *coefficients.values()])):
         raise BeamstiffError(f"found {shown(text)}, expected finite numbers")
-    return Expression(constant, {name: value for name, value in coefficients.items() if value != 0.0})
+    kept = {name: value for name, value in coefficients.items() if value != 0.0}
+    return _checked(Expression(constant, kept), text, kind)
+
+
+def _checked(expression: Expression, text: object, kind: str) -> Expression:
+    if kind == "angle":
+        check_turn(expression.constant, text)
+    return expression
 
 
 def _term(text: str, at: int, kind: str, variables: Mapping[str, str]) -> tuple[float, str | None, int]:

@@ -114,11 +114,16 @@ def _name(value: Any) -> str:
 
 
 def _identifier(value: Any) -> str:
-    if not isinstance(value, str) or not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]{0,99}", value) or value == "pi":
-        raise BeamstiffError(
-            f"found {shown(value)}, expected a variable name of letters, digits and _, not 'pi'"
-        )
+    if not isinstance(value, str) or not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]{0,99}", value):
+        raise BeamstiffError(f"found {shown(value)}, expected a variable name of letters, digits and _")
+    if reads_as_number(value):
+        raise BeamstiffError(f"found {shown(value)}, which reads as a number, expected a variable name")
     return value
+
+
+def reads_as_number(name: str) -> bool:
+    """Tell whether a word is a number for somebody: no variable is called so."""
+    return name == "pi" or name.lower() in ("nan", "inf", "infinity")
 
 
 def _truth(value: Any) -> bool:

@@ -68,6 +68,13 @@ def load_robot(path: str | os.PathLike[str]) -> Robot:
     return parse_robot(text, str(file))
 
 
+def line_of(file: Path, path: tuple[str | int, ...]) -> str:
+    """Return ``FILE:LINE`` of a key path of a file that was read; of a file that is no YAML its name."""
+    if file.suffix.lower() in (".urdf", ".sdf"):
+        return str(file)
+    return f"{file}:{read_yaml(file)[1].at(path)}"
+
+
 def parse_robot(text: str, name: str = "<text>") -> Robot:
     """Return the robot that a YAML text describes.
 

@@ -8,6 +8,8 @@ from typing import Any
 
 import pytest
 
+from tests.malformed import BROKEN_ROBOTS, BROKEN_TABLES
+
 Run = Callable[..., Any]
 
 IDENTIFY = ("identify", "crane.yaml", "crane.csv")
@@ -119,50 +121,7 @@ def test_outputs_that_cannot_be_are_refused_before_any_is_written(
     assert [(folder / name).read_bytes() for name in ("crane.yaml", "crane.csv")] == before
 
 
-ALIAS_BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
-    f"{new}: &{new} [{', '.join([f'*{old}'] * 9)}]\n" for old, new in zip("abcdefgh", "bcdefghi", strict=True)
-)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "says"),
-    [
-        (None, b"", ["broken.yaml", "empty"]),
-        (None, b"\x00\x01\x02\xff", ["broken.yaml", "binary"]),
-        (None, b"name: \xff\xfe", ["broken.yaml"]),
-        (None, b"beamstiff: 1\nname: [", ["broken.yaml:"]),
-        (None, b"- just\n- a list\n", ["broken.yaml:1"]),
-        (None, b"beamstiff: 1\nname: !!python/object/apply:os.system ['touch pwned']\n", ["broken.yaml:2"]),
-        (None, ALIAS_BOMB.encode(), ["broken.yaml"]),
-        ("beamstiff: 1", "beamstiff: 2", ["broken.yaml:1", "beamstiff", "2"]),
-        ("tcp: tip", "tcq: tip", ["broken.yaml:16", "tcq: unknown key", "did you mean 'tcp'"]),
-        ("tcp: tip\n", "", ["tcp"]),
-        ("tcp: tip", "tcp: top", ["'top'", "did you mean 'tip'"]),
-        ("fixed: [foot]", "fixed: [feet]", ["broken.yaml:15", "unknown node 'feet'"]),
-        ("theta: q1", "theta: q2", ["q2"]),
-        ("name: q1", "name: fx", ["broken.yaml:4", "'fx' is a column", "rename the variable"]),
-        ("theta: q1", "theta: q1 * q1", ["q1 * q1"]),
-        ("theta: q1", "parent: f1, theta: q1", ["f1"]),
-        ("name: hub, frame: f1", "name: foot, frame: f1", ["foot"]),
-        ('["1 m", 0, 0]', '["1 kg", 0, 0]', ["'kg'", "length"]),
-        ('["1 m", 0, 0]', "[.nan, 0, 0]", ["nan"]),
-        ('["1 m", 0, 0]', "[1e999, 0, 0]", ["1e999"]),
-        ('["1 m", 0, 0]', "[1, 0]", ["nodes[2] (tip)"]),
-        ('torsional: "1e6 N*m/rad"', 'torsional: "-1e6 N*m/rad"', ["torsional", "-1e6"]),
-        ('torsional: "1e6 N*m/rad"', 'torsional: "1e6 N*m"', ["N*m/rad"]),
-        ('torsional: "1e6 N*m/rad"', "torsional: stiff", ["'stiff'", "rigid"]),
-        ('torsional: "1e6 N*m/rad"', "torsional: free", ["'J1.torsional' is free"]),
-        ("nodes: [hub, tip]", "nodes: [hub, hub]", ["arm"]),
-        ("rigids: [{name: arm, nodes: [hub, tip]}]", "", ["tip"]),
-        (
-            "rigids: [{name: arm, nodes: [hub, tip]}]",
-            "rigids: [{name: arm, nodes: [hub, tip]}]\nrigids: []",
-            ["rigids"],
-        ),
-        ('["1 m", 0, 0]}', '["1 m", 0, 0]}\n  - {name: far, at: [9, 9, 9]}', ["far"]),
-        ("identify: [J1.torsional]", "identify: [J1.turning]", ["'J1.turning'"]),
-    ],
-)
+@pytest.mark.parametrize(("old", "new", "says"), BROKEN_ROBOTS)
 def test_a_broken_robot_is_refused(
     run: Run, folder: Path, old: str | None, new: str | bytes, says: list[str]
 ) -> None:
@@ -198,34 +157,22 @@ def test_a_beam_of_no_length_and_one_of_a_negative_section_are_refused(run: Run,
 
 @pytest.mark.parametrize(
     ("content", "says"),
-    [
-        (b"", ["broken.csv", "empty"]),
-        (b"\x00\xff\x00", ["broken.csv", "binary"]),
-        (b"q1,fy,dy [mm]\n", ["broken.csv"]),
-        (b"fy,dy [mm]\n1000,1.5\n", ["broken.csv:1", "q1"]),
-        (b"q1,fq,dy [mm]\n0,1000,1.5\n", ["broken.csv:1", "fq"]),
-        (b"q1,fy,dy [mm]\n0,1000\n", ["broken.csv:2"]),
-        (b"q1,fy,dy [mm]\n0,1000,1.5,7\n", ["broken.csv:2"]),
-        (b"q1,fy,dy [mm]\n0,much,1.5\n", ["broken.csv:2", "fy", "'much'"]),
-        (b"q1,fy,dy [mm]\n0,1000,nan\n", ["broken.csv:2", "dy", "nan"]),
-        (b"q1,fy,dy [mm]\n0,inf,1.5\n", ["broken.csv:2", "fy", "inf"]),
-        (b"q1,fy,dy [kg]\n0,1000,1.5\n", ["broken.csv:1", "kg"]),
-        (b"q1,fy,fy,dy [mm]\n0,1000,1000,1.5\n", ["broken.csv:1", "fy"]),
-        (b"q1,fy,dy [mm],x [mm]\n0,1000,1.5,1000\n", ["broken.csv:1"]),
-        (b"# sigma_position: -1 mm\nq1,fy,dy [mm]\n0,1000,1.5\n", ["broken.csv:1", "sigma_position"]),
-        (b"q1,fy,dy [mm],point\n0,1000,1.5,top\n", ["broken.csv:2", "'top'"]),
-        (b"q1,A [deg],B [deg],C [deg],x\n0,1,2,3,1\n", ["broken.csv:1", "Euler"]),
-        (b"q1,fy\n0,1000\n", ["broken.csv", "measured"]),
-        (b"q1,fy,x [mm],y [mm]\n0,1000,1000,1.5\n", ["broken.csv", "absolute"]),
-        (b"q1,fy,dy [mm]\n0,0,0\n", ["broken.csv"]),
-        (b"q1,fy,dy [mm]\n0,1e-300,1\n1,1e-300,1\n", ["broken.csv", "without load"]),
-        (b"q1,fx,dx [mm]\n0,1000,0.5\n", ["J1.torsional"]),
-    ],
+    BROKEN_TABLES,
 )
 def test_broken_measurements_are_refused(run: Run, folder: Path, content: bytes, says: list[str]) -> None:
     (folder / "broken.csv").write_bytes(content)
     line = refused(run, folder, "identify", "crane.yaml", "broken.csv", "--json", "a.json", "--out", "a.yaml")
     assert all(part in line for part in says), line
+
+
+@pytest.mark.parametrize("command", ["identify", "diagnose", "deflect"])
+def test_a_displacement_whose_square_is_no_number_is_refused_where_it_stands(
+    run: Run, folder: Path, command: str
+) -> None:
+    text = (folder / "crane.csv").read_text().replace("0,0,1000,0,1.5", "0,0,1000,-1e308,1.5")
+    (folder / "broken.csv").write_text(text)
+    line = refused(run, folder, command, "crane.yaml", "broken.csv")
+    assert "broken.csv:3: dx: found '-1e308', expected at most 1e+100 in SI" in line
 
 
 def test_a_mechanism_is_refused_and_its_motion_named(run: Run, folder: Path) -> None:

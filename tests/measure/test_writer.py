@@ -23,7 +23,8 @@ from beamstiff.measure import (
 )
 from beamstiff.robot.description import Robot
 
-FLOATS = st.floats(allow_nan=False, allow_infinity=False, min_value=-1e300, max_value=1e300)
+FLOATS = st.floats(-1e100, 1e100)
+ANGLES = st.floats(-1e6, 1e6)
 ARRAYS = ("q", "wrench", "displacement", "position", "rotation", "sigma", "step", "time", "temperature")
 
 
@@ -42,7 +43,7 @@ def tables(draw: st.DrawFn) -> Measurements:
     given: dict[str, Any] = (
         {"position": numbers((n, 3), nan=True), "rotation": turned}
         if absolute
-        else {"displacement": numbers((n, 6), nan=True)}
+        else {"displacement": np.hstack([numbers((n, 3), nan=True), numbers((n, 3), ANGLES, nan=True)])}
     )
     measured = np.hstack(list(given.values()))
     pose = draw(st.lists(st.integers(-9, 9), min_size=n, max_size=n, unique=True))
@@ -50,7 +51,7 @@ def tables(draw: st.DrawFn) -> Measurements:
     text = st.text(st.characters(codec="ascii", exclude_categories=["C"]), max_size=20).map(str.strip)
     return make_measurements(
         ["q1", "d2"],
-        numbers((n, 2)),
+        numbers((n, 2), ANGLES),
         tcp="tip",
         wrench=numbers((n, 6)),
         sigma=sigma,

@@ -1,11 +1,14 @@
 from __future__ import annotations
 
+from unittest import mock
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from beamstiff.errors import BeamstiffError
+from beamstiff.robot import coupling as module
 from beamstiff.robot.coupling import coupling, frame_expressions, variable_kinds
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import Frame, Loop, Node, Rigid, Variable
@@ -119,3 +122,17 @@ def test_frames_have_an_expression_for_each_of_their_parameters() -> None:
     assert expressions["d"].coefficients == {"s": 1.0}
     assert (expressions["r"].constant, expressions["alpha"].constant) == (0.885, 0.5)
     assert expressions["gamma"].constant == expressions["beta"].constant == 0.0
+
+
+def test_what_a_long_chain_of_coupled_variables_costs_grows_with_its_length() -> None:
+    def cost(links: int) -> int:
+        """Return how many expressions are searched for variables while each asks for the kinds of all."""
+        chain = [Variable(name="v0", type="prismatic")]
+        chain += [Variable(name=f"v{k}", equals=f"v{k - 1}") for k in range(1, links)]
+        with mock.patch.object(module, "_used_variables", wraps=module._used_variables) as searched:
+            robot = Robot(name="chain", variables=chain, nodes=[{"name": "n"}], fixed=["n"], tcp="n")
+            for variable in chain:
+                assert variable_kinds(robot)[variable.name] == "length"
+        return searched.call_count
+
+    assert cost(600) <= 2 * cost(300)

@@ -275,3 +275,9 @@ def test_an_unknown_parameter_is_answered_with_a_close_one(everything: str) -> N
         BeamstiffError, match=r"no stiffness parameter 'J2\.tilt'.*expected for instance J12\.torsional"
     ):
         parse_robot(everything).parameter("J2.tilt")
+
+
+@pytest.mark.parametrize("name", ["nan", "NaN", "inf", "Infinity", "pi"])
+def test_no_variable_is_called_like_a_number(name: str) -> None:
+    with pytest.raises(BeamstiffError, match="reads as a number"):
+        Variable(name=name, type="revolute")

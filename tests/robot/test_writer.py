@@ -34,6 +34,7 @@ from beamstiff.robot.sections import Section
 from beamstiff.robot.writer import robot_to_yaml, save_robot
 
 finite = st.floats(-1e300, 1e300)
+some_angle = st.floats(-1e6, 1e6)
 positive = st.floats(1e-300, 1e300)
 ordinary = st.floats(1e-3, 1e3)
 # words that some YAML reader takes for something else
@@ -57,7 +58,7 @@ def robots(draw: st.DrawFn) -> Robot:
     lengths = [f"s{at}" for at in range(draw(st.integers(0, 2)))]
     limits = st.none() | st.tuples(st.floats(-10, 0), st.floats(0.1, 10))
     variables = [
-        Variable(name=name, type=kind, limits=draw(limits), guess=draw(finite))
+        Variable(name=name, type=kind, limits=draw(limits), guess=draw(some_angle))
         for kind, all_of_kind in (("revolute", angles), ("prismatic", lengths))
         for name in all_of_kind
     ]
@@ -67,7 +68,7 @@ def robots(draw: st.DrawFn) -> Robot:
         )
     passive = draw(st.booleans())
     if passive:
-        variables.append(Variable(name="th", type="revolute", passive=True, guess=draw(finite)))
+        variables.append(Variable(name="th", type="revolute", passive=True, guess=draw(some_angle)))
     frame_names = draw(st.lists(names.filter(lambda name: name != "base"), max_size=4, unique=True))
     turns = st.sampled_from(
         ["-90 deg", "pi/2", " 0.5 rad", "1e-05", "5 deg", *angles, *(f"2*{name} - 1 deg" for name in angles)]
@@ -77,10 +78,10 @@ def robots(draw: st.DrawFn) -> Robot:
         Frame(
             name=name,
             parent=draw(st.sampled_from(["base", *frame_names[:at]])),
-            alpha=draw(finite | turns),
+            alpha=draw(some_angle | turns),
             theta=draw(turns),
             d=draw(finite | shifts),
-            beta=draw(st.just(0.0) | finite),
+            beta=draw(st.just(0.0) | some_angle),
         )
         for at, name in enumerate(frame_names)
     ]

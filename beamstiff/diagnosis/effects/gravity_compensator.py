@@ -30,7 +30,7 @@ def _components(baseline: Baseline) -> list[str | None]:
     """Return the level axes that have much to carry; every drive where nothing says which way is down."""
     down = np.array(baseline.nominal.gravity)
     found = drives(baseline)
-    if not down.any():
+    if not down.any() or baseline.stated is not None:  # whoever wrote it into the robot knows better
         return found
     arms: dict[str | None, float] = {}
     for name in found:

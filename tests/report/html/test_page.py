@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import json
 import re
 from dataclasses import replace
@@ -103,6 +105,30 @@ def test_the_page_needs_no_other_file(outline: Outline) -> None:
         assert "src" not in attributes, tag
         if tag == "link":
             assert attributes["href"] == "data:,"
+
+
+def test_the_page_runs_its_own_scripts_and_nothing_else(page: str, outline: Outline) -> None:
+    (policy,) = (
+        str(attributes["content"])
+        for tag, attributes in outline.attributes
+        if tag == "meta" and attributes.get("http-equiv") == "Content-Security-Policy"
+    )
+    rules = {rule.split()[0]: rule.split()[1:] for rule in policy.split(";")}
+    assert rules["default-src"] == ["'none'"]
+    scripts = re.findall(r"<script>(.*?)</script>", page, re.DOTALL)
+    digests = [base64.b64encode(hashlib.sha256(one.encode()).digest()).decode() for one in scripts]
+    assert rules["script-src"] == [f"'sha256-{digest}'" for digest in reversed(digests)]
+    assert len(digests) == 2
+    # before anything that the policy is to hold for
+    assert page.index("Content-Security-Policy") < page.index("<title>") < page.index("<style>")
+
+
+def test_no_attribute_holds_a_script(outline: Outline) -> None:
+    for tag, attributes in outline.attributes:
+        for name, value in attributes.items():
+            assert not name.startswith("on"), tag
+            if name in ("href", "src", "action", "formaction"):
+                assert re.match(r"#|data:,", str(value)), (tag, name, value)
 
 
 def test_hostile_names_stay_text(outline: Outline) -> None:

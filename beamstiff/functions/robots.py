@@ -1,0 +1,73 @@
+"""Robots read with their effects checked: names, places, shapes, parameters and scales.
+
+`robot/` reads effects as plain data, for it cannot know the library of effects; whoever reads a robot
+of a user reads it here, so that every command refuses the same files.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from beamstiff.diagnosis.apply import EffectError, check_effects
+from beamstiff.errors import BeamstiffError
+from beamstiff.robot import coerce, reader
+from beamstiff.robot.coerce import RobotLike
+from beamstiff.robot.description import Robot
+
+
+def as_robot(robot: RobotLike, what: str = "robot") -> Robot:
+    """Return a robot: itself, or read from its file with its effects checked, see `robot.coerce.as_robot`.
+
+    Raises
+    ------
+    BeamstiffError
+        When it is none of these, or the file cannot be used.
+    """
+    if isinstance(robot, Robot):
+        return robot
+    found = coerce.as_robot(robot, what)
+    return check_known(found, Path(robot))
+
+
+def load_robot(path: str | os.PathLike[str]) -> Robot:
+    """Return the robot that a YAML, URDF or SDF file describes, told apart by its ending.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        A file, or the name of a robot that comes with the package, such as ``ir663``.
+
+    Returns
+    -------
+    Robot
+
+    Raises
+    ------
+    BeamstiffError
+        When the file cannot be read or its robot cannot be used, its effects included: one line
+        ``FILE:LINE: key: message``.
+
+    Examples
+    --------
+    >>> load_robot("cantilever").fixed
+    ('root',)
+    """
+    return check_known(reader.load_robot(path), Path(path))
+
+
+def check_known(robot: Robot, file: Path) -> Robot:
+    """Return a robot that was read from a file, if the library knows its effects.
+
+    Raises
+    ------
+    BeamstiffError
+        Otherwise: one line ``FILE:LINE: key: message``.
+    """
+    if robot.effects:
+        try:
+            check_effects(robot)
+        except EffectError as error:
+            line = reader.line_of(file, ("effects", error.at))
+            raise BeamstiffError(f"{line}: {error.where}") from None
+    return robot
