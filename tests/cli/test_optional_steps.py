@@ -124,9 +124,9 @@ MAIN = {
     "exam": "headline",
 }
 STEPS_OF_COMMANDS = [
-    (IDENTIFY, "beamstiff.identification.separate.with_separations", (), True),
-    (IDENTIFY, "beamstiff.identification.bootstrap.bootstrap", ("--bootstrap", "10"), True),
-    (IDENTIFY, "beamstiff.identification.reduce.reduce_model", ("--reduce", "small.yaml"), True),
+    (IDENTIFY, "beamstiff.functions.identify.with_separations", (), True),
+    (IDENTIFY, "beamstiff.functions.identify.draw", ("--bootstrap", "10"), True),
+    (IDENTIFY, "beamstiff.functions.identify.reduce_model", ("--reduce", "small.yaml"), True),
     (IDENTIFY, "beamstiff.report.parity.parity_figure", ("--figure", "a.png"), False),
     (IDENTIFY, "beamstiff.report.html.identification.identification_html", ("--html", "a.html"), False),
     (DIAGNOSE, "beamstiff.diagnosis.apply.extended", ("--apply", "a.yaml"), False),
@@ -136,7 +136,7 @@ STEPS_OF_COMMANDS = [
     (DEFLECT, "beamstiff.report.html.deflection.deflection_html", ("--html", "a.html"), False),
     (MAP, "beamstiff.report.workspace.map_figure", ("--figure", "a.png"), False),
     (CALIBRATE, "beamstiff.calibration.calibrate.held_out", (), True),
-    (CALIBRATE, "beamstiff.calibration.validation.errors_on", ("--test", "fresh.csv"), True),
+    (CALIBRATE, "beamstiff.functions.calibrate.errors_on", ("--test", "fresh.csv"), True),
     (CALIBRATE, "beamstiff.calibration.sensitivity.sensitivity_indices", ("--sensitivity", "a.png"), False),
     (CALIBRATE, "beamstiff.calibration.recursion.recursion", ("--recursion", "a.png"), False),
     (CALIBRATE, "beamstiff.report.html.calibration.calibration_html", ("--html", "a.html"), False),
@@ -152,7 +152,7 @@ STEPS_OF_COMMANDS = [
 @pytest.fixture
 def inputs(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Return the folder with what the commands read, and an exam that is over soon."""
-    monkeypatch.setattr("beamstiff.cli.exam._diagnose", lambda: always_none)
+    monkeypatch.setattr("beamstiff.functions.examine._diagnose", lambda: always_none)
     robot = load_robot("kr500").with_parameters({f"J{k}.torsional": np.inf for k in range(1, 7)})
     save_robot(robot.model_copy(update={"identify": ()}), folder / "arm.yaml")
     for name, count in (("poses", 12), ("fresh", 8)):
