@@ -10,7 +10,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from beamstiff.cli.options import Debug, Html, Json, Quiet, RobotFile, parse_names, robot_file
-from beamstiff.cli.output import check_once, check_outputs, people, say, source_of, working, write_json
+from beamstiff.cli.output import (
+    check_once,
+    check_outputs,
+    people,
+    say,
+    source_of,
+    working,
+    write_figure,
+    write_json,
+)
 from beamstiff.errors import BeamstiffError, suggest
 from beamstiff.units import quantity
 
@@ -136,10 +145,10 @@ def calibrate(
     from beamstiff.calibration.statement import state_calibration
     from beamstiff.calibration.validation import errors_on, in_base_frame
     from beamstiff.cli.data import doubted, read_tables
-    from beamstiff.files import write_whole
     from beamstiff.measure import read_measurements
     from beamstiff.measure.rows import concatenate
     from beamstiff.measure.writer import measurements_to_csv
+    from beamstiff.outputs import write_output
     from beamstiff.report.geometry import calibration_text, dependent_table, errors_table, parameters_table
     from beamstiff.robot.reader import load_robot
     from beamstiff.robot.writer import robot_to_yaml
@@ -188,23 +197,21 @@ def calibrate(
     for line in calibration_text(found):
         console.print(line)
     if out is not None:
-        write_whole(out, f"# {_head(found, data)}\n{robot_to_yaml(found.robot)}")
+        write_output(out, f"# {_head(found, data)}\n{robot_to_yaml(found.robot)}")
     if readings is not None:
-        write_whole(readings, measurements_to_csv(in_base_frame(found, measured), machine))
+        write_output(readings, measurements_to_csv(in_base_frame(found, measured), machine))
     if sensitivity is not None or recursion is not None:
         draw(state_calibration(machine, measured, **said), machine.name, sensitivity, recursion)
     facts = found.to_dict()
     if tests:
         facts["tests"] = {path: one.to_dict() for path, one in tests.items()}
     if figure is not None:
-        from beamstiff.report.figures import save_figure
-
-        save_figure(found.plot(), figure)
+        write_figure(found.plot(), figure)
     if html is not None and source is not None:
         from beamstiff.report.html.calibration import calibration_html
 
         named = {Path(path).name: one for path, one in tests.items()}
-        write_whole(html, calibration_html(found, machine, measured, source, named, facts))
+        write_output(html, calibration_html(found, machine, measured, source, named, facts))
     write_json(facts, json)
 
 
@@ -255,7 +262,6 @@ def draw(statement: Statement, name: str, sensitivity: str | None, recursion: st
     from beamstiff.calibration.parameters import SPARE
     from beamstiff.calibration.recursion import recursion as recur
     from beamstiff.calibration.sensitivity import sensitivity_indices
-    from beamstiff.report.figures import save_figure
     from beamstiff.report.geometry import recursion_figure, sensitivity_figure
 
     problem = statement.problem
@@ -263,13 +269,13 @@ def draw(statement: Statement, name: str, sensitivity: str | None, recursion: st
         indices = sensitivity_indices(problem.geometry, problem.split(statement.begin)[0])
         shown = {item.name for item in problem.geometry.parameters if item.rank != SPARE}
         indices = indices.some(shown | set(statement.identified))
-        save_figure(sensitivity_figure(indices, f"{name}: sensitivity to geometric errors"), sensitivity)
+        write_figure(sensitivity_figure(indices, f"{name}: sensitivity to geometric errors"), sensitivity)
     if recursion is not None:
         ways = {
             "each pose alone": recur(problem, statement.begin, statement.identified),
             "all poses so far": recur(problem, statement.begin, statement.identified, memory=True),
         }
-        save_figure(recursion_figure(ways, f"{name}: calibration pose by pose"), recursion)
+        write_figure(recursion_figure(ways, f"{name}: calibration pose by pose"), recursion)
 
 
 def _head(found: Calibration, data: Sequence[str]) -> BeamstiffError:

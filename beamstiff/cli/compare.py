@@ -15,6 +15,7 @@ from beamstiff.cli.output import (
     say,
     source_of,
     working,
+    write_figure,
     write_json,
 )
 from beamstiff.errors import BeamstiffError
@@ -153,24 +154,22 @@ def compare(
         console.print(f"All beside the robot's effects, as they are: {effects_text(whole.effects)}.")
     if figure is not None:
         from beamstiff.report.compare import models_figure
-        from beamstiff.report.figures import save_figure
 
-        save_figure(models_figure(found, description.name), figure)
+        write_figure(models_figure(found, description.name), figure)
     if rules is not None:
         from beamstiff.model.fuzzy_compliance import FuzzyCompliance
-        from beamstiff.report.figures import save_figure
         from beamstiff.report.fuzzy import rules_figure
 
         model = found["fuzzy"].model
         assert isinstance(model, FuzzyCompliance)
         angles = [variable.name for variable in description.variables if variable.kind == "angle"]
-        save_figure(rules_figure(model, angles=angles), rules)
+        write_figure(rules_figure(model, angles=angles), rules)
     facts = models_facts(found)
     if html is not None and source is not None:
-        from beamstiff.files import write_whole
+        from beamstiff.outputs import write_output
         from beamstiff.report.html.comparison import comparison_html
 
         if whole.effects:
             notes.append(f"All beside the robot's effects, as they are: {effects_text(whole.effects)}.")
-        write_whole(html, comparison_html(found, description, source, facts, notes))
+        write_output(html, comparison_html(found, description, source, facts, notes))
     write_json(facts, json)

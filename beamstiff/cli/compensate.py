@@ -11,9 +11,18 @@ import typer
 from beamstiff.cli.frames import parse_frame
 from beamstiff.cli.identify_options import chosen
 from beamstiff.cli.options import Debug, Html, Json, Quiet, RobotFile, parse_names, robot_file
-from beamstiff.cli.output import check_outputs, effects_text, people, say, source_of, working, write_json
+from beamstiff.cli.output import (
+    check_outputs,
+    effects_text,
+    people,
+    say,
+    source_of,
+    working,
+    write_figure,
+    write_json,
+)
 from beamstiff.errors import BeamstiffError, listed
-from beamstiff.files import write_whole
+from beamstiff.outputs import write_output
 
 if TYPE_CHECKING:
     from beamstiff.compensation.formats import Program
@@ -156,7 +165,7 @@ def compensate(
         compensation_text,
         uncorrected_table,
     )
-    from beamstiff.report.figures import check_format, save_figure
+    from beamstiff.report.figures import check_format
     from beamstiff.robot.kinematics import actuated_values
     from beamstiff.robot.reader import load_robot
 
@@ -190,10 +199,6 @@ def compensate(
     for note in notes:
         say(f"note: {note}", quiet)
     facts = _facts(result, controller) | {"notes": notes}
-    if html is not None and source is not None:
-        from beamstiff.report.html.compensation import compensation_html
-
-        write_whole(html, compensation_html(result, controller, source, facts, notes))
     reasons = result.correction.reasons
     console = people(quiet, json)
     if reasons:
@@ -204,11 +209,15 @@ def compensate(
     console.print(compensation_table(result))
     console.print(compensation_text(result))
     if figure is not None:
-        save_figure(compensation_figure(result, f"{controller.name}: {Path(path).name}"), figure)
+        write_figure(compensation_figure(result, f"{controller.name}: {Path(path).name}"), figure)
     if out is not None:
-        write_whole(out, result.content)
+        write_output(out, result.content, as_it_is=steps is None)
     elif not quiet:
         say("note: --out FILE writes the corrected path", quiet)
+    if html is not None and source is not None:
+        from beamstiff.report.html.compensation import compensation_html
+
+        write_output(html, compensation_html(result, controller, source, facts, notes))
     write_json(facts, json)
 
 

@@ -12,7 +12,7 @@ from beamstiff.cli.data import doubted, read_tables
 from beamstiff.cli.options import DataFile, Debug, Html, Json, Preload, Quiet, RobotFile, robot_file
 from beamstiff.cli.output import check_outputs, effects_text, people, say, source_of, working, write_json
 from beamstiff.errors import BeamstiffError
-from beamstiff.files import write_whole
+from beamstiff.outputs import write_output
 from beamstiff.report.tables import add_rows, number, table
 
 if TYPE_CHECKING:
@@ -110,7 +110,7 @@ def deflect(
         said.append(f"With the robot's effects: {effects_text(description.effects)}.")
     console.print("\n".join(said))
     if out is not None:
-        write_whole(out, _csv(description, loads, predicted, preload))
+        write_output(out, _csv(description, loads, predicted, preload))
     if vtu is not None:
         most = (predicted[:, :3] ** 2).sum(axis=1).argmax()
         console.print(_write_shape(description, loads, int(most) if shape_of is None else shape_of, vtu))
@@ -120,7 +120,7 @@ def deflect(
 
         if preload:
             said.append("With gravity and K_C; the shape that is drawn is the linear one, without them.")
-        write_whole(html, deflection_html(description, loads, predicted, source, facts, notes, said))
+        write_output(html, deflection_html(description, loads, predicted, source, facts, notes, said))
     write_json(facts, json)
 
 
@@ -136,9 +136,9 @@ def _row_of(loads: Measurements, line: int) -> int:
 
 def _write_shape(robot: Robot, loads: Measurements, row: int, path: str) -> str:
     """Write the structure as the load of a row deforms it, and return what was written."""
-    from beamstiff.report.vtk import write_vtu
+    from beamstiff.report.vtk import vtu_text
 
-    write_vtu(robot, loads.q[row], loads.wrench[row], path, point=str(loads.load_point[row]))
+    write_output(path, vtu_text(robot, loads.q[row], loads.wrench[row], point=str(loads.load_point[row])))
     where = f"the structure under the load of line {loads.rows[row]}"
     return f"{path}: {where}, linear, without gravity; warp by `displacement`."
 

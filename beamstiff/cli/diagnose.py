@@ -29,6 +29,7 @@ from beamstiff.cli.output import (
     say,
     source_of,
     working,
+    write_figure,
     write_json,
 )
 from beamstiff.errors import BeamstiffError
@@ -94,9 +95,9 @@ def diagnose(
     """  # noqa: D301
     from beamstiff.diagnosis.diagnose import diagnose as run
     from beamstiff.diagnosis.next_measurement.test_plan import programme_csv
-    from beamstiff.files import write_whole
     from beamstiff.measure import concatenate
-    from beamstiff.report.diagnosis import LIKELY, diagnosis_tables, draw_diagnosis
+    from beamstiff.outputs import write_output
+    from beamstiff.report.diagnosis import LIKELY, diagnosis_figure, diagnosis_tables
     from beamstiff.robot.reader import load_robot
 
     file = robot_file(robot)
@@ -127,7 +128,7 @@ def diagnose(
             say(f"note: {note}", quiet)
     write_json(result.to_dict(), json_to)
     if next_to is not None and result.next:
-        write_whole(next_to, programme_csv(result))
+        write_output(next_to, programme_csv(result))
     elif next_to is not None:  # a diagnosis was made all the same
         say(f"note: {next_to} was not written: this diagnosis proposes no states to measure", quiet)
     if apply is not None:
@@ -138,14 +139,14 @@ def diagnose(
         added = effects_text(larger.effects[len(machine.effects) :]) or "no effect"
         names = ", ".join(Path(path).name for path in data)
         head = BeamstiffError(f"Stiffness fitted by beamstiff to {names}, and {added} added.")
-        write_whole(apply, f"# {head}\n{robot_to_yaml(larger)}")  # the error's text is one line
+        write_output(apply, f"# {head}\n{robot_to_yaml(larger)}")  # the error's text is one line
         console.print(f"{apply}: the fitted stiffness, and {added} added.")
         if result.fits and result.verdict.probability < LIKELY:
             share = f"{100 * result.verdict.probability:.0f} %"
             say(f"note: {apply} holds what is no more than the likeliest cause ({share})", quiet)
     if figure is not None:
-        draw_diagnosis(result, figure)
+        write_figure(diagnosis_figure(result), figure)
     if html is not None and source is not None:
         from beamstiff.report.html.diagnosis import diagnosis_html
 
-        write_whole(html, diagnosis_html(result, source))
+        write_output(html, diagnosis_html(result, source))

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from beamstiff.cli.options import Debug, Html, Json, Processes, Quiet, Scheduler, robot_file
-from beamstiff.cli.output import check_outputs, note_effects, people, say, source_of, write_json
+from beamstiff.cli.output import check_outputs, note_effects, people, say, source_of, write_figure, write_json
 from beamstiff.errors import BeamstiffError, listed, suggest
 
 if TYPE_CHECKING:
@@ -103,14 +103,24 @@ def exam(
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
     from beamstiff.exam.blind import Examiner
     from beamstiff.exam.labelled import examine_folder
+    from beamstiff.exam.run import check_results
     from beamstiff.exam.table import by_design, table_dict
+    from beamstiff.files import check_writable
+    from beamstiff.outputs import check_replaceable
     from beamstiff.report.exam import exam_tables, plan_tables, reliability_figure
 
     inputs: list[str | Path] = [] if robot is None else [robot_file(robot)]
     inputs += [] if plan is None else [plan]
-    if sets is not None and (labels := Path(sets, "labels.json")).is_file():
-        inputs.append(labels)
-    check_outputs(inputs, json, out=out, figure=figure, html=html)
+    if sets is not None and Path(sets).is_dir():
+        inputs += [path for path in Path(sets).iterdir() if path.is_file()]
+    written = {} if reports is None else _reports(reports, sets, cases)
+    other = {} if out is None else {"--out": out}
+    check_outputs(inputs, json, other | written, figure=figure, html=html)
+    for path in written.values():
+        check_replaceable(path)
+    if out is not None:
+        check_results(Path(out))
+        check_writable(out)
     source = source_of(context, html, inputs, seed)
     if figure is not None:
         from beamstiff.report.figures import check_format
@@ -131,16 +141,14 @@ def exam(
         console.print(shown)
         console.print()
     if figure is not None:
-        from beamstiff.report.figures import save_figure
-
-        save_figure(reliability_figure(by_design(records)[0]), figure)
+        write_figure(reliability_figure(by_design(records)[0]), figure)
     facts = {"exam": settings, **table_dict(records)}
     if html is not None and source is not None:
-        from beamstiff.files import write_whole
+        from beamstiff.outputs import write_output
         from beamstiff.report.html.exam import exam_html
 
         examined = robot or sets or "Robots of the exam"
-        write_whole(html, exam_html(records, examined, source, facts, plan=plan is not None))
+        write_output(html, exam_html(records, examined, source, facts, plan=plan is not None))
     write_json(facts, json)
 
 
@@ -248,6 +256,18 @@ def parse_classes(texts: Sequence[str]) -> tuple[dict[Kind, int], tuple[str, ...
     if effects:
         shares["single"] = len(effects)
     return shares, effects or EFFECTS
+
+
+def _reports(folder: str, sets: str | None, cases: int) -> dict[str, str]:
+    """Return the files that ``--reports`` will write, by their names."""
+    from beamstiff.exam.blind import report_name
+    from beamstiff.exam.labelled import set_names
+
+    if sets is not None:
+        names = [f"{name}.json" for name in set_names(Path(sets))]
+    else:
+        names = [report_name(case) for case in range(cases)]
+    return {f"--reports {name}": str(Path(folder, name)) for name in names}
 
 
 def _folder(reports: str | None) -> Path | None:

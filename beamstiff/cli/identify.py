@@ -40,10 +40,11 @@ from beamstiff.cli.output import (
     say,
     source_of,
     working,
+    write_figure,
     write_json,
 )
 from beamstiff.errors import BeamstiffError
-from beamstiff.files import write_whole
+from beamstiff.outputs import write_output
 
 if TYPE_CHECKING:
     from beamstiff.identification.bootstrap import Bootstrap
@@ -293,19 +294,18 @@ def identify(
     if reduce is not None:
         reduced = _reduce(description, measured, found, use)
         reduced = replace(reduced, robot=reduced.robot.model_copy(update={"effects": whole.effects}))
-        write_whole(reduce, _yaml(reduced.robot, _reduced_head(reduced, found, data)))
+        write_output(reduce, _yaml(reduced.robot, _reduced_head(reduced, found, data)))
     if out is not None:
-        write_whole(out, _yaml(found.robot, _head(found, data)))
+        write_output(out, _yaml(found.robot, _head(found, data)))
     if figure is not None:
-        from beamstiff.report.figures import save_figure
         from beamstiff.report.parity import parity_figure
 
-        save_figure(parity_figure(measured, found.predicted, description.name), figure)
+        write_figure(parity_figure(measured, found.predicted, description.name), figure)
     facts = _facts(found, drawn, reduced)
     if html is not None and source is not None:
         from beamstiff.report.html.identification import identification_html
 
-        write_whole(html, identification_html(found, description, measured, source, folds, facts))
+        write_output(html, identification_html(found, description, measured, source, folds, facts))
     write_json(facts, json)
     if stopped:
         raise typer.Exit(INTERRUPTED)

@@ -18,7 +18,7 @@ from beamstiff.cli.options import (
     parse_names,
     robot_file,
 )
-from beamstiff.cli.output import check_outputs, note_effects, people, say, working, write_json
+from beamstiff.cli.output import check_outputs, note_effects, people, say, working, write_figure, write_json
 from beamstiff.errors import BeamstiffError
 
 if TYPE_CHECKING:
@@ -126,9 +126,10 @@ def map(
         --orientation b=90deg --out map.nc --processes 4
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
     from beamstiff.cli.variables import parse_variables, parse_wrench
+    from beamstiff.maps.dataset import check_target
     from beamstiff.maps.run import map_workspace
     from beamstiff.maps.summary import summary
-    from beamstiff.report.figures import check_format, save_figure
+    from beamstiff.report.figures import check_format
     from beamstiff.report.html.provenance import provenance
     from beamstiff.report.workspace import map_figure, map_tables
     from beamstiff.robot.reader import load_robot
@@ -147,7 +148,10 @@ def map(
         "length": _length(length),
     }
     file = robot_file(robot)
-    check_outputs([file], json, figure=figure, out=None if out is None or out.endswith(".zarr") else out)
+    kept = {} if out is None else {"--out": out, "the chunks": f"{out}.parts"}
+    check_outputs([file], json, kept, figure=figure)
+    if out is not None:
+        check_target(out)
     if figure is not None:
         check_format(figure)
     note_effects(description, "the map", quiet)
@@ -176,7 +180,7 @@ def map(
     if out is None:
         say("note: --out FILE.nc keeps the map", quiet)
     if figure is not None:
-        save_figure(map_figure(found), figure)
+        write_figure(map_figure(found), figure)
     write_json({**facts, "out": out, "provenance": _plain(found.attrs)}, json)
 
 

@@ -9,6 +9,7 @@ import typer
 from beamstiff.cli.options import Debug, Json, Quiet, Region, RobotFile, parse_names, parse_region, robot_file
 from beamstiff.cli.output import check_outputs, people, say, working, write_json
 from beamstiff.errors import BeamstiffError
+from beamstiff.outputs import write_output
 
 if TYPE_CHECKING:
     from beamstiff.measure.table import Measurements
@@ -107,7 +108,7 @@ def plan(
       beamstiff identify ir663 tests.csv
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
     from beamstiff.planning.at_random import random_designs
-    from beamstiff.planning.campaign import by_pose, campaign_of, write_plan
+    from beamstiff.planning.campaign import by_pose, campaign_of, plan_csv
     from beamstiff.planning.candidates import candidate_poses, candidate_tests, identifiable
     from beamstiff.planning.designs import choose_tests
     from beamstiff.report.campaign import campaign_table, campaign_text
@@ -142,7 +143,7 @@ def plan(
         enough = _enough(tells, found, count, by)
 
     if out is not None:
-        write_plan(campaign, out, description)
+        write_output(out, plan_csv(campaign, description))
     unit = "pose" if whole else "test"
     console = people(quiet, json)
     console.print(campaign_table(campaign, description))
