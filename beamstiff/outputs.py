@@ -1,9 +1,9 @@
 """Whose a file is: outputs carry a seal, and only what beamstiff wrote and nobody has edited is replaced.
 
 The seal is a comment (in JSON the key ``written_by``, in NetCDF and Zarr an attribute, in PNG a text) with
-the SHA-256 of everything else in the file. A file without it, or edited since, is its user's. Robot
-programs and URDF files stay byte for byte as they were but for numbers; of these the SHA-256 is kept beside them, in
-`LEDGER`.
+the SHA-256 of everything else in the file. A file without it, or edited since, is its user's: a robot file
+written by hand, one of ours with a value changed, a plan that was filled in. Robot programs and URDF files
+stay byte for byte as they were but for numbers; the SHA-256 of those is kept beside them, in `LEDGER`.
 """
 
 from __future__ import annotations

@@ -113,7 +113,7 @@ def exam(
     inputs += [] if plan is None else [plan]
     if sets is not None and Path(sets).is_dir():
         inputs += [path for path in Path(sets).iterdir() if path.is_file()]
-    written = {} if reports is None else _reports(reports, sets, cases)
+    written = {} if reports is None or not Path(reports).is_dir() else _reports(reports, sets, cases)
     other = {} if out is None else {"--out": out}
     check_outputs(inputs, json, other | written, figure=figure, html=html)
     for path in written.values():
@@ -273,9 +273,12 @@ def _reports(folder: str, sets: str | None, cases: int) -> dict[str, str]:
 def _folder(reports: str | None) -> Path | None:
     if reports is None:
         return None
+    from beamstiff.files import remove_drafts
+
     folder = Path(reports)
     try:
         folder.mkdir(exist_ok=True)
+        remove_drafts(folder)
     except OSError as error:
         raise BeamstiffError(f"--reports {reports}: cannot be made: {error.strerror or error}") from None
     return folder

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from beamstiff.errors import BeamstiffError, listed
+from beamstiff.files import remove_drafts
 from beamstiff.maps.chunk import Part, compute_chunk, compute_poses
 from beamstiff.maps.dataset import check_format, empty_dataset, put, save_dataset
 from beamstiff.maps.foresee import refuse_unless_it_fits
@@ -121,6 +122,8 @@ def map_workspace(
     refuse_unless_it_fits(job, out, processes)
     _refuse_what_never_works(job)
     with nullcontext() if out is None else Parts(out, job.stated()) as parts:
+        if out is not None:
+            remove_drafts(Path(out).resolve().parent, Path(out).resolve().name)
         dataset = _computed(job, parts, processes, scheduler, progress, attributes)
         if out is not None and parts is not None:
             with _what_is_kept(parts, job.grid.count, job.grid.count):

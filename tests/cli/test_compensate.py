@@ -155,8 +155,8 @@ def test_a_resampled_path_is_a_table(cell: Path, run: Callable[..., Any]) -> Non
     result = run("compensate", "kr500", "cell.src", *load, "--resample", "step=50mm", "--out", "dense.csv")
     assert result.exit_code == 0, result.stderr
     lines = (cell / "dense.csv").read_text().splitlines()
-    assert lines[2].startswith("name,x [mm],y [mm],z [mm],a [deg]")
-    assert len(lines) == 3 + 9
+    assert lines[3].startswith("name,x [mm],y [mm],z [mm],a [deg]")
+    assert len(lines) == 4 + 9
     # the corrected table holds commands: to run it again without load goes there
     refused = run("compensate", "kr500", "cell.src", *load, "--resample", "step=50mm", "--out", "dense.src")
     assert refused.exit_code == 2
