@@ -144,6 +144,29 @@ def test_a_reader_that_goes_away_causes_no_traceback(folder: Path) -> None:
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+@pytest.mark.parametrize(
+    "arguments",
+    [("show",), ("--version",), ("stiffness", "crane.yaml"), ("stiffness", "crane.yaml", "--json", "-")],
+)
+def test_a_stdout_that_takes_nothing_is_told_in_one_line(folder: Path, arguments: tuple[str, ...]) -> None:
+    with open("/dev/full", "w") as full:
+        ended = subprocess.run(
+            [*COMMAND, *arguments], cwd=folder, stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert ended.stderr == "error: stdout: cannot be written: no space left on device\n"
+    assert ended.returncode == 2
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_a_stderr_that_takes_nothing_leaves_the_exit_code(folder: Path) -> None:
+    with open("/dev/full", "w") as full:
+        ended = subprocess.run(
+            [*COMMAND, "show", "none.yaml"], cwd=folder, stdout=subprocess.PIPE, stderr=full, check=False
+        )
+    assert (ended.returncode, ended.stdout) == (2, b"")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 def test_a_full_disk_is_told_in_one_line(run: Run) -> None:
     result = run("stiffness", "crane.yaml", "--quiet", "--json", "/dev/full")
     assert result.exit_code == 2
