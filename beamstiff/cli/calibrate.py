@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from beamstiff.cli.options import Debug, Html, Json, Quiet, RobotFile, parse_names, robot_file
-from beamstiff.cli.output import check_outputs, optional_file, people, say, source_of, working, write_json
+from beamstiff.cli.output import (
+    check_outputs,
+    optional_file,
+    people,
+    say,
+    source_of,
+    working,
+    write_figure,
+    write_json,
+)
 from beamstiff.errors import BeamstiffError
 
 if TYPE_CHECKING:
@@ -130,11 +139,11 @@ def calibrate(
       beamstiff calibrate robot.yaml loaded.csv unloaded.csv --compliances J2.torsional,J3.torsional
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
     from beamstiff.calibration.validation import in_base_frame
-    from beamstiff.files import write_whole
     from beamstiff.functions.calibrate import calibrate as run
     from beamstiff.functions.robots import as_robot
     from beamstiff.measure.coerce import as_tables, refuse_fitted
     from beamstiff.measure.writer import measurements_to_csv
+    from beamstiff.outputs import write_output
     from beamstiff.report.geometry import calibration_text, dependent_table, errors_table, parameters_table
     from beamstiff.robot.yaml_edit import robot_yaml
 
@@ -181,11 +190,11 @@ def calibrate(
     assert found.statement is not None
     write_json(found.to_dict(), json)
     if out is not None:
-        write_whole(
+        write_output(
             out, robot_yaml(found.robot, file, found.written_std(machine), f"# {_head(found, data)}\n")
         )
     if readings is not None:
-        write_whole(readings, measurements_to_csv(in_base_frame(found, found.rows), machine))
+        write_output(readings, measurements_to_csv(in_base_frame(found, found.rows), machine))
     if sensitivity is not None:
         with optional_file(sensitivity, quiet):
             draw(found.statement, machine.name, sensitivity=sensitivity)
@@ -193,15 +202,13 @@ def calibrate(
         with optional_file(recursion, quiet):
             draw(found.statement, machine.name, recursion=recursion)
     if figure is not None:
-        from beamstiff.report.figures import save_figure
-
         with optional_file(figure, quiet):
-            save_figure(found.plot(), figure)
+            write_figure(found.plot(), figure)
     if html is not None and source is not None:
         from beamstiff.report.html.calibration import calibration_html
 
         with optional_file(html, quiet):
-            write_whole(html, calibration_html(found, machine, found.rows, source))
+            write_output(html, calibration_html(found, machine, found.rows, source))
 
 
 def parse_priors(texts: Sequence[str]) -> dict[str, list[str]]:
@@ -228,7 +235,6 @@ def draw(
     from beamstiff.calibration.parameters import SPARE
     from beamstiff.calibration.recursion import recursion as recur
     from beamstiff.calibration.sensitivity import sensitivity_indices
-    from beamstiff.report.figures import save_figure
     from beamstiff.report.geometry import recursion_figure, sensitivity_figure
 
     problem = statement.problem
@@ -236,13 +242,13 @@ def draw(
         indices = sensitivity_indices(problem.geometry, problem.split(statement.begin)[0])
         shown = {item.name for item in problem.geometry.parameters if item.rank != SPARE}
         indices = indices.some(shown | set(statement.identified))
-        save_figure(sensitivity_figure(indices, f"{name}: sensitivity to geometric errors"), sensitivity)
+        write_figure(sensitivity_figure(indices, f"{name}: sensitivity to geometric errors"), sensitivity)
     if recursion is not None:
         ways = {
             "each pose alone": recur(problem, statement.begin, statement.identified),
             "all poses so far": recur(problem, statement.begin, statement.identified, memory=True),
         }
-        save_figure(recursion_figure(ways, f"{name}: calibration pose by pose"), recursion)
+        write_figure(recursion_figure(ways, f"{name}: calibration pose by pose"), recursion)
 
 
 def _head(found: Calibration, data: Sequence[str]) -> BeamstiffError:

@@ -7,7 +7,16 @@ from typing import Annotated
 import typer
 
 from beamstiff.cli.options import Debug, Html, Json, Quiet, RobotFile, parse_names, robot_file
-from beamstiff.cli.output import check_outputs, optional_file, people, say, source_of, working, write_json
+from beamstiff.cli.output import (
+    check_outputs,
+    optional_file,
+    people,
+    say,
+    source_of,
+    working,
+    write_figure,
+    write_json,
+)
 from beamstiff.errors import BeamstiffError
 
 
@@ -132,13 +141,11 @@ def compare(
     write_json(found.to_dict(), json)
     if figure is not None:
         from beamstiff.report.compare import models_figure
-        from beamstiff.report.figures import save_figure
 
         with optional_file(figure, quiet):
-            save_figure(models_figure(found, machine.name), figure)
+            write_figure(models_figure(found, machine.name), figure)
     if rules is not None:
         from beamstiff.model.fuzzy_compliance import FuzzyCompliance
-        from beamstiff.report.figures import save_figure
         from beamstiff.report.fuzzy import rules_figure
 
         with optional_file(f"--rules {rules}", quiet):
@@ -146,10 +153,10 @@ def compare(
             if not isinstance(model, FuzzyCompliance):
                 raise BeamstiffError(f"there is no fuzzy model: {found['fuzzy'].about}")
             angles = [variable.name for variable in machine.variables if variable.kind == "angle"]
-            save_figure(rules_figure(model, angles=angles), rules)
+            write_figure(rules_figure(model, angles=angles), rules)
     if html is not None and source is not None:
-        from beamstiff.files import write_whole
+        from beamstiff.outputs import write_output
         from beamstiff.report.html.comparison import comparison_html
 
         with optional_file(html, quiet):
-            write_whole(html, comparison_html(found, machine, source))
+            write_output(html, comparison_html(found, machine, source))

@@ -9,9 +9,18 @@ import typer
 
 from beamstiff.cli.frames import parse_frame
 from beamstiff.cli.options import Debug, Html, Json, Quiet, RobotFile, parse_names, robot_file
-from beamstiff.cli.output import check_outputs, optional_file, people, say, source_of, working, write_json
+from beamstiff.cli.output import (
+    check_outputs,
+    optional_file,
+    people,
+    say,
+    source_of,
+    working,
+    write_figure,
+    write_json,
+)
 from beamstiff.errors import BeamstiffError, listed
-from beamstiff.files import write_whole
+from beamstiff.outputs import write_output
 
 if TYPE_CHECKING:
     from beamstiff.compensation.rewrite import Compensated
@@ -148,7 +157,7 @@ def compensate(
         compensation_text,
         uncorrected_table,
     )
-    from beamstiff.report.figures import check_format, save_figure
+    from beamstiff.report.figures import check_format
 
     one_of("unreachable", unreachable, (REFUSE, KEEP))
     steps = _steps(resample)
@@ -186,7 +195,7 @@ def compensate(
             from beamstiff.report.html.compensation import compensation_html
 
             with optional_file(html, quiet):
-                write_whole(html, compensation_html(result, controller, source))
+                write_output(html, compensation_html(result, controller, source))
 
     reasons = result.correction.reasons
     console = people(quiet, json)
@@ -200,12 +209,12 @@ def compensate(
     console.print(compensation_text(result))
     write_json(result.to_dict(), json)
     if out is not None:
-        write_whole(out, result.content)
+        write_output(out, result.content, as_it_is=steps is None)
     elif not quiet:
         say("note: --out FILE writes the corrected path", quiet)
     if figure is not None:
         with optional_file(figure, quiet):
-            save_figure(compensation_figure(result, f"{controller.name}: {Path(path).name}"), figure)
+            write_figure(compensation_figure(result, f"{controller.name}: {Path(path).name}"), figure)
     report()
 
 

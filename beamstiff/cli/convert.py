@@ -10,7 +10,8 @@ import typer
 from beamstiff.cli.options import Debug, Json, Quiet, robot_file
 from beamstiff.cli.output import check_outputs, people, say, write_json
 from beamstiff.errors import BeamstiffError, listed, shown
-from beamstiff.files import read_text, write_whole
+from beamstiff.files import read_text
+from beamstiff.outputs import write_output
 
 if TYPE_CHECKING:
     from beamstiff.robot.description import Robot
@@ -145,7 +146,7 @@ def convert(
         text = robot_yaml(robot, robot_file(source))
     if like is not None and ending != ".urdf":
         raise BeamstiffError("--like: goes with an --out that ends in .urdf")
-    write_whole(out, text)
+    write_output(out, text, as_it_is=ending == ".urdf")
     for note in notes:
         say(f"note: {note}", quiet)
     moving = [variable.name for variable in robot.variables]
@@ -284,7 +285,7 @@ def _points(source: str, profile: str, joints: str | None, out: str, json: str |
     from beamstiff.measure.profiles import read_profile
 
     made = convert_points(source, read_profile(profile), joints)
-    write_whole(out, made.text)
+    write_output(out, made.text)
     for note in made.notes:
         say(f"note: {note}", quiet)
     write_json({"points": made.count, "written": out, "notes": list(made.notes)}, json)

@@ -10,7 +10,7 @@ import typer
 from beamstiff.cli.options import DataFile, Debug, Html, Json, Preload, Quiet, RobotFile, robot_file
 from beamstiff.cli.output import check_outputs, optional_file, people, say, source_of, working, write_json
 from beamstiff.errors import BeamstiffError
-from beamstiff.files import write_whole
+from beamstiff.outputs import write_output
 
 if TYPE_CHECKING:
     from beamstiff.measure.table import Measurements
@@ -98,7 +98,7 @@ def deflect(
     console.print("\n".join(said))
     write_json(found.to_dict(), json)
     if out is not None:
-        write_whole(out, measurements_to_csv(found.to_measurements(), machine))
+        write_output(out, measurements_to_csv(found.to_measurements(), machine))
     if vtu is not None:
         most = int((found.displacement[:, :3] ** 2).sum(axis=1).argmax())
         with optional_file(vtu, quiet):
@@ -107,7 +107,7 @@ def deflect(
         from beamstiff.report.html.deflection import deflection_html
 
         with optional_file(html, quiet):
-            write_whole(html, deflection_html(found, source))
+            write_output(html, deflection_html(found, source))
 
 
 def _row_of(loads: Measurements, line: int) -> int:
@@ -122,8 +122,8 @@ def _row_of(loads: Measurements, line: int) -> int:
 
 def _write_shape(robot: Robot, loads: Measurements, row: int, path: str) -> str:
     """Write the structure as the load of a row deforms it, and return what was written."""
-    from beamstiff.report.vtk import write_vtu
+    from beamstiff.report.vtk import vtu_text
 
-    write_vtu(robot, loads.q[row], loads.wrench[row], path, point=str(loads.load_point[row]))
+    write_output(path, vtu_text(robot, loads.q[row], loads.wrench[row], point=str(loads.load_point[row])))
     where = f"the structure under the load of line {loads.rows[row]}"
     return f"{path}: {where}, linear, without gravity; warp by `displacement`."

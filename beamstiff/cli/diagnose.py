@@ -19,7 +19,16 @@ from beamstiff.cli.options import (
     parse_region,
     robot_file,
 )
-from beamstiff.cli.output import check_outputs, optional_file, people, say, source_of, working, write_json
+from beamstiff.cli.output import (
+    check_outputs,
+    optional_file,
+    people,
+    say,
+    source_of,
+    working,
+    write_figure,
+    write_json,
+)
 from beamstiff.errors import BeamstiffError
 
 
@@ -82,12 +91,12 @@ def diagnose(
       beamstiff diagnose robot.yaml data.csv next.csv
     """  # noqa: D301
     from beamstiff.diagnosis.next_measurement.test_plan import programme_csv
-    from beamstiff.files import write_whole
     from beamstiff.functions.checks import effects_text
     from beamstiff.functions.diagnose import diagnose as run
     from beamstiff.functions.robots import as_robot
     from beamstiff.measure.coerce import as_tables
-    from beamstiff.report.diagnosis import LIKELY, diagnosis_tables, draw_diagnosis
+    from beamstiff.outputs import write_output
+    from beamstiff.report.diagnosis import LIKELY, diagnosis_figure, diagnosis_tables
 
     file = robot_file(robot)
     check_outputs([file, *data], json_to, next=next_to, apply=apply, figure=figure, html=html)
@@ -112,7 +121,7 @@ def diagnose(
     write_json(result.to_dict(), json_to)
     if next_to is not None and result.next:
         with optional_file(next_to, quiet):
-            write_whole(next_to, programme_csv(result))
+            write_output(next_to, programme_csv(result))
     elif next_to is not None:  # a diagnosis was made all the same
         say(f"note: {next_to} was not written: this diagnosis proposes no states to measure", quiet)
     if apply is not None:
@@ -124,16 +133,16 @@ def diagnose(
             added = effects_text(larger.effects[len(machine.effects) :]) or "no effect"
             names = ", ".join(Path(path).name for path in data)
             head = BeamstiffError(f"Stiffness fitted by beamstiff to {names}, and {added} added.")
-            write_whole(apply, robot_yaml(larger, file, head=f"# {head}\n"))  # the error's text is one line
+            write_output(apply, robot_yaml(larger, file, head=f"# {head}\n"))  # the error's text is one line
             console.print(f"{apply}: the fitted stiffness, and {added} added.")
             if result.fits and result.verdict.probability < LIKELY:
                 share = f"{100 * result.verdict.probability:.0f} %"
                 say(f"note: {apply} holds what is no more than the likeliest cause ({share})", quiet)
     if figure is not None:
         with optional_file(figure, quiet):
-            draw_diagnosis(result, figure)
+            write_figure(diagnosis_figure(result), figure)
     if html is not None and source is not None:
         from beamstiff.report.html.diagnosis import diagnosis_html
 
         with optional_file(html, quiet):
-            write_whole(html, diagnosis_html(result, source))
+            write_output(html, diagnosis_html(result, source))

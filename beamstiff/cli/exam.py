@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from beamstiff.cli.options import Debug, Html, Json, Processes, Quiet, Scheduler, parse_names, robot_file
-from beamstiff.cli.output import check_outputs, optional_file, people, say, source_of, write_json
+from beamstiff.cli.output import (
+    check_outputs,
+    optional_file,
+    people,
+    say,
+    source_of,
+    write_figure,
+    write_json,
+)
 
 if TYPE_CHECKING:
     from beamstiff.exam.record import Record
@@ -97,14 +105,17 @@ def exam(
       beamstiff exam --cases 2160 --scheduler tcp://10.0.0.5:8786 --out results.jsonl
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
     from beamstiff.exam.table import by_design
-    from beamstiff.functions.examine import examine
+    from beamstiff.functions.examine import check_kept, examine, reports_of
     from beamstiff.report.exam import exam_tables, plan_tables, reliability_figure
 
     inputs: list[str | Path] = [] if robot is None else [robot_file(robot)]
     inputs += [] if plan is None else [plan]
-    if sets is not None and (labels := Path(sets, "labels.json")).is_file():
-        inputs.append(labels)
-    check_outputs(inputs, json, out=out, figure=figure, html=html)
+    if sets is not None and Path(sets).is_dir():
+        inputs += [path for path in Path(sets).iterdir() if path.is_file()]
+    kept = {} if out is None else {"--out": out}
+    kept |= {f"--reports {Path(path).name}": path for path in reports_of(reports, sets, cases)}
+    check_outputs(inputs, json, kept, figure=figure, html=html)
+    check_kept(out, reports, sets, cases)
     source = source_of(context, html, inputs, seed)
     if figure is not None:
         from beamstiff.report.figures import check_format
@@ -134,17 +145,15 @@ def exam(
         console.print()
     write_json(found.to_dict(), json)
     if figure is not None:
-        from beamstiff.report.figures import save_figure
-
         with optional_file(figure, quiet):
-            save_figure(reliability_figure(by_design(records)[0]), figure)
+            write_figure(reliability_figure(by_design(records)[0]), figure)
     if html is not None and source is not None:
-        from beamstiff.files import write_whole
+        from beamstiff.outputs import write_output
         from beamstiff.report.html.exam import exam_html
 
         examined = robot or sets or "Robots of the exam"
         with optional_file(html, quiet):
-            write_whole(html, exam_html(records, examined, source, found.to_dict(), plan=plan is not None))
+            write_output(html, exam_html(records, examined, source, found.to_dict(), plan=plan is not None))
 
 
 @contextmanager

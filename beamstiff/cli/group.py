@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 from typer.core import TyperGroup
 
-from beamstiff.cli.output import say
+from beamstiff.cli.output import say, silence
 from beamstiff.errors import BeamstiffError, OptionError
 
+# of a stream: files that commands write or read say for themselves what is wrong with them
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
 SUCCESS, FAILURE, REFUSED, INTERRUPTED = 0, 1, 2, 130
 # Many small matrices: threads inside the linear algebra get in one another's way, twenty times slower on a
 # busy machine. Read when the library loads, which no command has done yet; what the user has set stays.
@@ -57,15 +61,29 @@ class Commands(TyperGroup):
                 windows_expand_args=windows_expand_args,
                 **extra,
             )
+            sys.stdout.flush()
         except KeyboardInterrupt:
             code = INTERRUPTED
         except Exception as error:  # whatever it is, people get one line
-            code = _explain(error, debug="--debug" in arguments)
-        if code == INTERRUPTED:
-            say("interrupted")
+            with _unless_nobody_can_be_told():
+                code = REFUSED if isinstance(error, BeamstiffError) else FAILURE
+                code = _explain(error, debug="--debug" in arguments)
+        with _unless_nobody_can_be_told():
+            if code == INTERRUPTED:
+                say("interrupted")
+            sys.stderr.flush()
         if not standalone_mode:
             return code
         sys.exit(code if isinstance(code, int) else SUCCESS)
+
+
+@contextmanager
+def _unless_nobody_can_be_told() -> Iterator[None]:
+    """Pass over a stderr that takes nothing (a full disk): the exit code is left to tell."""
+    try:
+        yield
+    except OSError:
+        silence(sys.stderr)
 
 
 def _explain(error: Exception, debug: bool) -> int:
@@ -77,6 +95,10 @@ def _explain(error: Exception, debug: bool) -> int:
         return REFUSED
     if hasattr(error, "format_message"):  # typer's own: what was typed is no valid command
         say(f"error: {_usage(error)}")
+        return REFUSED
+    if isinstance(error, OSError) and error.filename is None and error.errno in NO_ROOM:
+        silence(sys.stdout)  # what is left in its buffer would be tried again at the end
+        say(f"error: stdout: cannot be written: {(error.strerror or str(error)).lower()}")
         return REFUSED
     if isinstance(error, MemoryError):
         say("error: not enough memory for a robot or table of this size")

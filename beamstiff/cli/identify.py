@@ -23,9 +23,18 @@ from beamstiff.cli.options import (
     parse_names,
     robot_file,
 )
-from beamstiff.cli.output import check_outputs, optional_file, people, say, source_of, working, write_json
+from beamstiff.cli.output import (
+    check_outputs,
+    optional_file,
+    people,
+    say,
+    source_of,
+    working,
+    write_figure,
+    write_json,
+)
 from beamstiff.errors import BeamstiffError
-from beamstiff.files import write_whole
+from beamstiff.outputs import write_output
 
 if TYPE_CHECKING:
     from beamstiff.identification.minimise import Progress
@@ -237,21 +246,20 @@ def identify(
         console.print(f"Beside the robot's effects, as they are: {effects_text(machine.effects)}.")
     write_json(found.to_dict(), json)
     if out is not None:
-        write_whole(out, robot_yaml(found.robot, file, found.conditional_std, _head(found, data)))
+        write_output(out, robot_yaml(found.robot, file, found.conditional_std, _head(found, data)))
     if reduce is not None and found.reduced is not None:
         head = _reduced_head(found.reduced, found, data)
-        write_whole(reduce, robot_yaml(found.reduced.robot, file, head=head))
+        write_output(reduce, robot_yaml(found.reduced.robot, file, head=head))
     if figure is not None:
-        from beamstiff.report.figures import save_figure
         from beamstiff.report.parity import parity_figure
 
         with optional_file(figure, quiet):
-            save_figure(parity_figure(fitted, found.predicted, machine.name), figure)
+            write_figure(parity_figure(fitted, found.predicted, machine.name), figure)
     if html is not None and source is not None:
         from beamstiff.report.html.identification import identification_html
 
         with optional_file(html, quiet):
-            write_whole(html, identification_html(found, machine, fitted, source, folds))
+            write_output(html, identification_html(found, machine, fitted, source, folds))
     if found.interrupted:
         raise typer.Exit(INTERRUPTED)
 

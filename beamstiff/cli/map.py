@@ -18,7 +18,7 @@ from beamstiff.cli.options import (
     parse_names,
     robot_file,
 )
-from beamstiff.cli.output import check_outputs, optional_file, people, say, working, write_json
+from beamstiff.cli.output import check_outputs, optional_file, people, say, working, write_figure, write_json
 from beamstiff.errors import BeamstiffError
 
 if TYPE_CHECKING:
@@ -128,9 +128,10 @@ def map(
     from beamstiff.cli.variables import parse_variables, parse_wrench
     from beamstiff.functions.checks import left_out
     from beamstiff.functions.robots import load_robot
+    from beamstiff.maps.dataset import check_target
     from beamstiff.maps.run import map_workspace
     from beamstiff.maps.summary import summary
-    from beamstiff.report.figures import check_format, save_figure
+    from beamstiff.report.figures import check_format
     from beamstiff.report.html.provenance import provenance
     from beamstiff.report.workspace import map_figure, map_tables
 
@@ -148,7 +149,10 @@ def map(
         "length": _length(length),
     }
     file = robot_file(robot)
-    check_outputs([file], json, figure=figure, out=None if out is None or out.endswith(".zarr") else out)
+    kept = {} if out is None else {"--out": out, "the chunks": f"{out}.parts"}
+    check_outputs([file], json, kept, figure=figure)
+    if out is not None:
+        check_target(out)
     if figure is not None:
         check_format(figure)
     for note in left_out(description.effects, "the map"):
@@ -180,7 +184,7 @@ def map(
     write_json({**facts, "out": out, "provenance": _plain(found.attrs)}, json)
     if figure is not None:
         with optional_file(figure, quiet):
-            save_figure(map_figure(found), figure)
+            write_figure(map_figure(found), figure)
 
 
 def parse_grid(robot: Robot, texts: Sequence[str]) -> dict[str, Array]:

@@ -6,17 +6,19 @@ import json
 import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 from rich.console import Console
 
 from beamstiff.errors import BeamstiffError, optional
-from beamstiff.files import check_writable, write_whole
+from beamstiff.files import check_writable, target_of
+from beamstiff.outputs import check_distinct, check_replaceable, write_output
 
 if TYPE_CHECKING:
     import typer
+    from matplotlib.figure import Figure
 
     from beamstiff.report.html.provenance import Provenance
 
@@ -80,8 +82,17 @@ def working(what: str, quiet: bool, still: bool = False) -> Iterator[None]:
         ) from None
 
 
-def check_outputs(inputs: Iterable[str | Path], json_to: str | None, **files: str | None) -> None:
-    """Refuse, before any work, outputs that cannot be written or that fall on an input or on each other.
+def check_outputs(
+    inputs: Iterable[str | Path],
+    json_to: str | None,
+    elsewhere: Mapping[str, str] | None = None,
+    /,
+    **files: str | None,
+) -> None:
+    """Refuse, before any work, outputs that cannot be written or that would cost a file of the user's.
+
+    The one rule for all commands: an output never falls on an input or on another output, and replaces
+    nothing but a file that beamstiff wrote and nobody has edited since (see `beamstiff.outputs`).
 
     Parameters
     ----------
@@ -89,6 +100,8 @@ def check_outputs(inputs: Iterable[str | Path], json_to: str | None, **files: st
         Files that the command reads.
     json_to : str, optional
         Where ``--json`` goes; ``-`` is stdout.
+    elsewhere : mapping of str to str, optional
+        Outputs that are checked elsewhere for what they replace, by what to call them.
     **files : str or None
         The other output files by the name of their option.
 
@@ -97,21 +110,19 @@ def check_outputs(inputs: Iterable[str | Path], json_to: str | None, **files: st
     BeamstiffError
         Naming the option and the path.
     """
-    taken = {Path(path).resolve(): f"the input {path}" for path in inputs if Path(path).exists()}
     wanted = {"json": None if json_to == STDOUT else json_to, **files}
-    for option, path in wanted.items():
-        if path is None:
-            continue
+    named = {f"--{option.replace('_', '-')}": path for option, path in wanted.items() if path is not None}
+    for option, path in named.items():
         if path == STDOUT:
-            raise BeamstiffError(f"--{option}: found -, expected the name of a file")
+            raise BeamstiffError(f"{option}: found -, expected the name of a file")
+        target_of(path)
+    check_distinct(inputs, {**named, **(elsewhere or {})})
+    for option, path in named.items():
+        try:
+            check_replaceable(path)
+        except BeamstiffError as error:
+            raise BeamstiffError(f"{option} {error}") from None
         check_writable(path)
-        target = Path(path).resolve()
-        if target.is_file() or not target.exists():  # /dev/null may take several
-            if target in taken:
-                raise BeamstiffError(
-                    f"--{option} {path}: would overwrite {taken[target]}, expected another file"
-                )
-            taken[target] = f"the output --{option}"
 
 
 def source_of(
@@ -140,7 +151,14 @@ def write_json(value: Mapping[str, Any], json_to: str | None) -> None:
         sys.stdout.write(text)
         sys.stdout.flush()
     else:
-        write_whole(json_to, text)
+        write_output(json_to, text)
+
+
+def write_figure(figure: Figure, path: str) -> None:
+    """Write a figure as an output of a command."""
+    from beamstiff.report.figures import figure_bytes
+
+    write_output(path, figure_bytes(figure, path))
 
 
 def json_text(value: Any, indent: int = 0) -> str:
@@ -181,8 +199,14 @@ class _Console(Console):
 
     def on_broken_pipe(self) -> None:
         self.quiet = True
+        silence(sys.stderr if self.stderr else sys.stdout)
+
+
+def silence(stream: TextIO) -> None:
+    """Send nowhere what a stream still holds, and what comes."""
+    with suppress(OSError, ValueError):  # a stream of a test has no descriptor
         nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, (sys.stderr if self.stderr else sys.stdout).fileno())
+        os.dup2(nowhere, stream.fileno())
         os.close(nowhere)
 
 

@@ -8,6 +8,7 @@ import typer
 
 from beamstiff.cli.options import Debug, Json, Quiet, Region, RobotFile, parse_names, parse_region, robot_file
 from beamstiff.cli.output import check_outputs, people, say, working, write_json
+from beamstiff.outputs import write_output
 
 TESTS = 20  # as of the function, which is not loaded for --help
 
@@ -122,7 +123,7 @@ def plan(
             seed=seed,
         )
     if out is not None:
-        found.write(out)
+        write_output(out, found.to_csv())
     console = people(quiet, json)
     console.print(campaign_table(found))
     console.print(campaign_text(found))

@@ -17,8 +17,8 @@ from beamstiff.exam.cases import Case, Exam, draw_case
 from beamstiff.exam.names import is_named, normal
 from beamstiff.exam.record import Answer, Record, answer_of, failed, sha256
 from beamstiff.exam.simulate import simulate
-from beamstiff.files import write_whole
 from beamstiff.measure.table import Measurements, make_measurements
+from beamstiff.outputs import write_output
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 
@@ -104,7 +104,12 @@ def examine(exam: Exam, case: int, examiner: Examiner, given: Case | None = None
 def keep_report(examiner: Examiner, case: int, report: dict[str, Any]) -> None:
     """Write a report into the examiner's folder, if there is one."""
     if examiner.reports is not None:
-        write_whole(examiner.reports / f"case-{case:06d}.json", json.dumps(report, indent=1) + "\n")
+        write_output(examiner.reports / report_name(case), json.dumps(report, indent=1) + "\n")
+
+
+def report_name(case: int) -> str:
+    """Return the name of the file of a case's report."""
+    return f"case-{case:06d}.json"
 
 
 def examined(exam: Exam, drawn: Case, examiner: Examiner) -> tuple[Record, dict[str, Any]]:

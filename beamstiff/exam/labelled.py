@@ -12,9 +12,10 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.exam.blind import Examiner, control_verdict, diagnosed
 from beamstiff.exam.names import EFFECTS, NONE, key_of
 from beamstiff.exam.record import Kind, Label, Record, sha256
-from beamstiff.files import read_text, write_whole
+from beamstiff.files import read_text
 from beamstiff.measure.reader import read_measurements
 from beamstiff.measure.table import Measurements
+from beamstiff.outputs import write_output
 from beamstiff.parallel import parallel_map
 from beamstiff.robot.description import Robot
 from beamstiff.robot.reader import load_robot
@@ -47,7 +48,7 @@ def examine_folder(
     step = partial(_examined, examiner)
     for at, (record, report) in parallel_map(step, sets, processes=processes, scheduler=scheduler):
         if examiner.reports is not None:
-            write_whole(examiner.reports / f"{names[at]}.json", json.dumps(report, indent=1) + "\n")
+            write_output(examiner.reports / f"{names[at]}.json", json.dumps(report, indent=1) + "\n")
         records[at] = record
         progress(record)
     return [records[at] for at in range(len(names))]
@@ -105,6 +106,17 @@ def _kind(given: dict[str, Any]) -> Kind:
     return "single" if given["effect"] in EFFECTS else "outside"
 
 
+def set_names(folder: Path) -> list[str]:
+    """Return the names of the labelled sets in a folder, in order.
+
+    Raises
+    ------
+    BeamstiffError
+        When ``labels.json`` is missing or cannot be read.
+    """
+    return sorted(_labels(folder))
+
+
 def _labels(folder: Path) -> dict[str, dict[str, Any]]:
     path = folder / "labels.json"
     try:
@@ -113,6 +125,6 @@ def _labels(folder: Path) -> dict[str, dict[str, Any]]:
             for key in ("robot", "effect", "component", "gap_over_noise"):
                 if key not in label:
                     raise BeamstiffError(f"{path}: {name}: found no {key!r}, expected one")
-    except (json.JSONDecodeError, AttributeError, TypeError):
+    except (ValueError, AttributeError, TypeError, RecursionError):
         raise BeamstiffError(f"{path}: expected JSON with an object for each set") from None
     return labels

@@ -5,17 +5,17 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.exam.blind import Examiner, examined, keep_report
 from beamstiff.exam.cases import Case, Exam, draw_case
 from beamstiff.exam.record import Record, record_from
-from beamstiff.files import read_text
+from beamstiff.files import held, is_device, read_text, remove_drafts, target_of, write_new
 from beamstiff.parallel import parallel_map
 
 FORMAT = "beamstiff-exam/2"
@@ -74,13 +74,10 @@ def run_exam(
         raise BeamstiffError(
             f"exam: found {count} cases and {processes} processes, expected 1 or more of each"
         )
-    done = {} if results is None else _resume(results, exam)
-    found: dict[int, Record | Void] = {case: item for case, item in done.items() if case < count}
-    for item in found.values():
-        progress(item)
-    with _writer(results) as write:
-        if results is not None and not results.stat().st_size:
-            write({"format": FORMAT, "exam": exam.settings()})
+    with _resumed(results, exam) as (done, write):
+        found: dict[int, Record | Void] = {case: item for case, item in done.items() if case < count}
+        for item in found.values():
+            progress(item)
         missing = (case for case in range(count) if case not in found)
         for item in _examined(exam, missing, examiner, processes, scheduler, write):
             if isinstance(item, Void):
@@ -147,40 +144,62 @@ def _step(exam: Exam, examiner: Examiner, task: int | Case) -> Case | Void | Ans
     return record, None if examiner.reports is None else report
 
 
+def check_results(path: Path) -> None:
+    """Refuse a file that is there and holds no results of an exam.
+
+    Raises
+    ------
+    BeamstiffError
+        Naming the line that is none.
+    """
+    if path.exists() and not is_device(path):
+        _whole_lines(path)
+
+
 @contextmanager
-def _writer(results: Path | None) -> Iterator[Write]:
-    """Give a function that appends a line to the file and sees it onto the disk; nothing without a file."""
+def _resumed(results: Path | None, exam: Exam) -> Iterator[tuple[dict[int, Record | Void], Write]]:
+    """Give what a file of results holds already, and a function that appends a line and sees it to the disk.
+
+    The file is held meanwhile; nothing of it is changed before all of it is known to be this exam's. Its
+    first line is there as soon as the file is. A last line that a kill cut short goes.
+    """
     if results is None:
-        yield lambda _: None
+        yield {}, lambda _: None
         return
+    head = {"format": FORMAT, "exam": exam.settings()}
+    target = target_of(results)
+    remove_drafts(target.parent, target.name)
+    if not target.exists():
+        write_new(target, _line(head))
+    busy = f"{results}: another exam is writing to it: wait until it ends, or choose another file"
     try:
-        file = results.open("ab")
+        with ExitStack() as stack:
+            number = stack.enter_context(nullcontext(None) if is_device(target) else held(target, busy))
+            items, size = ({}, 0) if number is None else _taken_up(results, exam)
+            file = stack.enter_context(target.open("r+b" if number is not None else "wb"))
+            if number is not None:
+                file.truncate(size)
+                file.seek(size)
+
+            def write(line: dict[str, Any]) -> None:
+                file.write(_line(line).encode("utf-8"))
+                file.flush()
+                if number is not None:
+                    os.fsync(file.fileno())
+
+            yield items, write
     except OSError as error:
         raise BeamstiffError(f"{results}: cannot be written: {error.strerror or error}") from None
-    with file:
-
-        def write(line: dict[str, Any]) -> None:
-            file.write(json.dumps(line, allow_nan=False).encode("utf-8") + b"\n")
-            file.flush()
-            os.fsync(file.fileno())
-
-        yield write
 
 
-def _resume(results: Path, exam: Exam) -> dict[int, Record | Void]:
-    """Return what a file of results holds already, after a line that is not whole was cut off its end."""
-    if not results.exists() or not results.stat().st_size:
-        return {}
-    try:
-        data = results.read_bytes()
-        if not data.endswith(b"\n"):
-            with results.open("r+b") as file:
-                file.truncate(data.rfind(b"\n") + 1)
-    except OSError as error:
-        raise BeamstiffError(f"{results}: cannot be read: {error.strerror or error}") from None
-    if b"\n" not in data:
-        return {}
-    settings, items = _read(results)
+def _line(value: dict[str, Any]) -> str:
+    return json.dumps(value, allow_nan=False) + "\n"
+
+
+def _taken_up(results: Path, exam: Exam) -> tuple[dict[int, Record | Void], int]:
+    """Return what a file holds of this exam, and how many bytes of it are whole lines."""
+    size = _whole_lines(results)
+    settings, items = _read(results, size)
     mine = exam.settings()
     if settings != mine:
         other = next(name for name in mine if settings.get(name) != mine[name])
@@ -188,13 +207,36 @@ def _resume(results: Path, exam: Exam) -> dict[int, Record | Void]:
             f"{results}: holds the results of another exam ({other}: {str(settings.get(other))[:60]} there, "
             f"{str(mine[other])[:60]} asked), expected a new file, or the same settings"
         )
-    return items
+    return items, size
 
 
-def _read(path: Path) -> tuple[dict[str, Any], dict[int, Record | Void]]:
+def _whole_lines(path: Path) -> int:
+    """Return how many bytes of a file are whole lines of results, having checked that it holds such."""
+    read_text(path)
+    data = path.read_bytes()
+    size = data.rfind(b"\n") + 1
+    tail = data[size:]
+    if not size or not any(tail[: len(begin)] == begin[: len(tail)] for begin in _BEGINNINGS):
+        _fail(path, data.count(b"\n") + 1, tail.decode("utf-8", "replace"))
+    _read(path, size)
+    return size
+
+
+# how a line may begin that a kill cut short; the first is written in one step with its file
+_BEGINNINGS = (b'{"sealed": ', b'{"record": ', b'{"void": ')
+
+
+def _fail(path: Path, number: int, text: str) -> NoReturn:
+    raise BeamstiffError(
+        f"{path}:{number}: found {text[:40]!r}, expected a line of the results of an exam ({FORMAT})"
+    ) from None
+
+
+def _read(path: Path, size: int | None = None) -> tuple[dict[str, Any], dict[int, Record | Void]]:
     settings: dict[str, Any] = {}
     items: dict[int, Record | Void] = {}
-    for number, text in enumerate(read_text(path).splitlines(), start=1):
+    whole = read_text(path) if size is None else path.read_bytes()[:size].decode("utf-8-sig")
+    for number, text in enumerate(whole.splitlines(), start=1):
         try:
             line = json.loads(text)
             if number == 1:
@@ -206,8 +248,6 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[int, Record | Void]]:
                 items[record.label.case] = record
             elif "void" in line:
                 items[line["void"]] = Void(line["void"], line["why"])
-        except (ValueError, KeyError, TypeError):
-            raise BeamstiffError(
-                f"{path}:{number}: found {text[:40]!r}, expected a line of the results of an exam ({FORMAT})"
-            ) from None
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+            _fail(path, number, text)
     return settings, items

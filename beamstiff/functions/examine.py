@@ -10,16 +10,18 @@ from pathlib import Path
 from typing import Any
 
 from beamstiff.errors import BeamstiffError, OptionError, listed, suggest
-from beamstiff.exam.blind import Control, Diagnose, Examiner
+from beamstiff.exam.blind import Control, Diagnose, Examiner, report_name
 from beamstiff.exam.cases import PLAN_SHARES, SHARES, Exam, possible_effects
-from beamstiff.exam.labelled import examine_folder
+from beamstiff.exam.labelled import examine_folder, set_names
 from beamstiff.exam.names import EFFECTS
 from beamstiff.exam.record import KINDS, Kind, Record
-from beamstiff.exam.run import Void, run_exam
+from beamstiff.exam.run import Void, check_results, run_exam
 from beamstiff.exam.table import table_dict
+from beamstiff.files import check_writable, remove_drafts
 from beamstiff.functions.checks import left_out, names_of, whole
 from beamstiff.functions.robots import as_robot
 from beamstiff.measure.coerce import TableLike, as_tables
+from beamstiff.outputs import check_replaceable
 from beamstiff.robot.coerce import RobotLike
 
 Path_ = str | os.PathLike[str]
@@ -97,6 +99,7 @@ def examine(
     whole("cases", cases, 1)
     whole("seed", seed, 0)
     names = names_of("classes", classes)
+    check_kept(out, reports, sets, cases)
     examiner = Examiner(_diagnose(), controls=_controls() if compare else {}, reports=_folder(reports))
     if sets is not None:
         if robot is not None or plan is not None or out is not None or names:
@@ -183,12 +186,45 @@ def shares_of(classes: Sequence[str]) -> tuple[dict[Kind, int], tuple[str, ...]]
     return shares, effects or EFFECTS
 
 
+def reports_of(reports: Path_ | None, sets: Path_ | None, cases: int) -> list[str]:
+    """Return the reports that an exam will write into a folder that is there already.
+
+    Raises
+    ------
+    BeamstiffError
+        When the labels of `sets` cannot be read.
+    """
+    if reports is None or not Path(reports).is_dir():
+        return []
+    if sets is not None:
+        files = [f"{name}.json" for name in set_names(Path(sets))]
+    else:
+        files = [report_name(case) for case in range(cases)]
+    return [str(Path(reports, file)) for file in files]
+
+
+def check_kept(out: Path_ | None, reports: Path_ | None, sets: Path_ | None, cases: int) -> None:
+    """Refuse, before any work, to write results or reports over files that are not an exam's.
+
+    Raises
+    ------
+    BeamstiffError
+        Naming the file.
+    """
+    for path in reports_of(reports, sets, cases):
+        check_replaceable(path)
+    if out is not None:
+        check_results(Path(out))
+        check_writable(Path(out))
+
+
 def _folder(reports: Path_ | None) -> Path | None:
     if reports is None:
         return None
     folder = Path(reports)
     try:
         folder.mkdir(exist_ok=True)
+        remove_drafts(folder)
     except OSError as error:
         raise OptionError("reports", f"{folder} cannot be made: {error.strerror or error}") from None
     return folder

@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from beamstiff.errors import BeamstiffError, OptionError, shown
+from beamstiff.files import write_whole
 from beamstiff.functions.checks import names_of, one_of, whole
 from beamstiff.functions.robots import as_robot
 from beamstiff.planning.at_random import AtRandom, random_designs
-from beamstiff.planning.campaign import Campaign, by_pose, campaign_of, write_plan
+from beamstiff.planning.campaign import Campaign, by_pose, campaign_of, plan_csv
 from beamstiff.planning.candidates import Noise, candidate_poses, candidate_tests, force_loads, identifiable
 from beamstiff.planning.designs import CRITERIA, Criterion, choose_tests
 from beamstiff.planning.enough import Enough, how_many
@@ -62,9 +63,13 @@ class MeasurementPlan(Shown):
     unit: str
     seed: int
 
+    def to_csv(self) -> str:
+        """Return the tests as the text of a CSV table to fill in."""
+        return plan_csv(self.campaign, self.robot)
+
     def write(self, path: str | os.PathLike[str]) -> None:
-        """Write the tests as a CSV table to fill in, see `beamstiff.planning.campaign.write_plan`."""
-        write_plan(self.campaign, os.fspath(path), self.robot)
+        """Write the tests as a CSV table to fill in."""
+        write_whole(os.fspath(path), self.to_csv())
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON, SI."""

@@ -5,8 +5,6 @@ from __future__ import annotations
 import importlib.util
 import json
 import os
-import shutil
-import uuid
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,11 +14,14 @@ from numpy.typing import NDArray
 
 from beamstiff._version import __version__
 from beamstiff.errors import BeamstiffError
+from beamstiff.files import draft_of
 from beamstiff.maps.chunk import Part
 from beamstiff.maps.grid import CARTESIAN, Box
 from beamstiff.maps.job import Job, robot_digest, versions
+from beamstiff.maps.names import dimension_names
 from beamstiff.maps.quantities import LOADS, MOTIONS, QUANTITIES
 from beamstiff.maps.reasons import MEANING, Reason
+from beamstiff.outputs import UNSEALED, check_replaceable, is_sealed_folder, seal_folder, seal_in_place
 
 if TYPE_CHECKING:
     import xarray
@@ -48,8 +49,7 @@ def check_format(job: Job, out: str | Path) -> None:
         )
     if not (folder := Path(out).resolve().parent).is_dir():
         raise BeamstiffError(f"{out}: cannot be written: there is no folder {str(folder)!r}")
-    if (target := Path(out)).is_dir() and not any((target / name).exists() for name in ZARR):
-        raise BeamstiffError(f"{out}: is a folder and no Zarr, expected the name of a new one")
+    check_target(out)
     largest = 8 * job.grid.count * max(QUANTITIES[name].size for name in job.quantities)
     if ending == ".nc" and largest > LARGEST:
         raise BeamstiffError(
@@ -65,11 +65,16 @@ def empty_dataset(job: Job, attributes: Mapping[str, str] | None = None) -> xarr
     grid, robot = job.grid, job.robot
     kinds = {variable.name: variable.kind for variable in robot.actuated}
     coordinates: dict[str, Any] = {}
+    called = dimension_names(grid.names)
+    dimensions = tuple(called.values())
     for name, axis in zip(grid.names, grid.axes, strict=True):
         over_joints = grid.target is None
         unit = "rad" if over_joints and kinds[name] == "angle" else "m"
         long_name = f"joint variable {name}" if over_joints else f"{name} of the TCP, base frame"
-        coordinates[name] = (name, axis, {"units": unit, "long_name": long_name})
+        told = {"units": unit, "long_name": long_name}
+        if called[name] != name:
+            told["variable"] = name
+        coordinates[called[name]] = (called[name], axis, told)
     variables: dict[str, Any] = {}
     for name in job.quantities:
         known = QUANTITIES[name]
@@ -78,13 +83,13 @@ def empty_dataset(job: Job, attributes: Mapping[str, str] | None = None) -> xarr
             coordinates[COMPONENTS[names]] = np.array(names, dtype=object)
         values = np.full((*grid.shape, *map(len, known.components)), np.nan)
         told = {"units": known.unit, "long_name": known.long_name, "frame": "base"}
-        variables[name] = ((*grid.names, *extra), values, told)
+        variables[name] = ((*dimensions, *extra), values, told)
     if grid.target is not None:
         coordinates["joint"] = np.array(list(kinds), dtype=object)
         values = np.full((*grid.shape, len(kinds)), np.nan)
         told = {"units": "rad, m", "long_name": "actuated variables that bring the TCP there"}
-        variables["q"] = ((*grid.names, "joint"), values, told)
-    variables["reason"] = (grid.names, np.zeros(grid.shape, dtype=np.int8), _reason_attributes())
+        variables["q"] = ((*dimensions, "joint"), values, told)
+    variables["reason"] = (dimensions, np.zeros(grid.shape, dtype=np.int8), _reason_attributes())
     return xarray.Dataset(variables, coordinates, {**_provenance(job), **(attributes or {})})
 
 
@@ -149,27 +154,53 @@ def save_dataset(dataset: xarray.Dataset, out: str | Path) -> None:
     BeamstiffError
         When there is no room, or another fault of the disk.
     """
-    target = Path(out).resolve()
-    draft = target.with_name(f".beamstiff-{uuid.uuid4().hex}{target.suffix}")
+    check_target(out)
+    target, dataset = Path(out).resolve(), dataset.assign_attrs(written_by=UNSEALED)
     try:
-        if target.suffix == ".zarr":
-            dataset.to_zarr(draft, mode="w", consolidated=False)
-            if target.exists():
-                old = target.with_name(f".beamstiff-{uuid.uuid4().hex}")
-                os.replace(target, old)
-                os.replace(draft, target)
-                shutil.rmtree(old, ignore_errors=True)
+        with draft_of(target) as draft:
+            if target.suffix == ".zarr":
+                dataset.to_zarr(draft, mode="w", consolidated=False)
+                seal_folder(draft, draft / _zarr_holder(draft))
+                _take_the_place(draft, target)
             else:
+                dataset.to_netcdf(draft, engine="scipy", format="NETCDF3_64BIT")
+                seal_in_place(draft)
                 os.replace(draft, target)
-        else:
-            dataset.to_netcdf(draft, engine="scipy", format="NETCDF3_64BIT")
-            with draft.open("rb+") as file:
-                os.fsync(file.fileno())
-            os.replace(draft, target)
     except OSError as error:
         raise BeamstiffError(f"{out}: cannot be written: {(error.strerror or str(error)).lower()}") from None
-    finally:  # Ctrl-C included
-        if draft.is_dir():
-            shutil.rmtree(draft, ignore_errors=True)
-        else:
-            draft.unlink(missing_ok=True)
+
+
+def check_target(out: str | Path) -> None:
+    """Refuse to put a map where something stands that is no map as beamstiff wrote it.
+
+    Raises
+    ------
+    BeamstiffError
+        Naming it.
+    """
+    target = Path(out).resolve()
+    if not target.is_dir():
+        check_replaceable(out)
+    elif not any((target / name).exists() for name in ZARR):
+        raise BeamstiffError(f"{out}: is a folder and no Zarr, expected the name of a new one")
+    elif not is_sealed_folder(target, target / _zarr_holder(target)):
+        raise BeamstiffError(
+            f"{out}: is not as beamstiff wrote it: it would be lost, expected another name, or move it away"
+        )
+
+
+def _zarr_holder(folder: Path) -> str:
+    """Return the name of the file with the attributes of a Zarr: version 3 or 2."""
+    return "zarr.json" if (folder / "zarr.json").exists() else ".zattrs"
+
+
+def _take_the_place(draft: Path, target: Path) -> None:
+    old = draft.with_name("old")  # goes with the draft's folder
+    if target.exists():
+        os.replace(target, old)
+    try:
+        os.replace(draft, target)
+    except BaseException:
+        if old.exists():
+            os.replace(old, target)
+        raise

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from beamstiff.errors import BeamstiffError, listed
+from beamstiff.files import remove_drafts
 from beamstiff.maps.chunk import Part, compute_chunk, compute_poses
 from beamstiff.maps.dataset import check_format, empty_dataset, put, save_dataset
 from beamstiff.maps.foresee import refuse_unless_it_fits
@@ -120,7 +121,26 @@ def map_workspace(
         check_format(job, out)
     refuse_unless_it_fits(job, out, processes)
     _refuse_what_never_works(job)
-    parts = None if out is None else Parts(out, job.stated())
+    with nullcontext() if out is None else Parts(out, job.stated()) as parts:
+        if out is not None:
+            remove_drafts(Path(out).resolve().parent, Path(out).resolve().name)
+        dataset = _computed(job, parts, processes, scheduler, progress, attributes)
+        if out is not None and parts is not None:
+            with _what_is_kept(parts, job.grid.count, job.grid.count):
+                save_dataset(dataset, out)
+            parts.remove()
+    return dataset
+
+
+def _computed(
+    job: Job,
+    parts: Parts | None,
+    processes: int,
+    scheduler: str | None,
+    progress: Progress | None,
+    attributes: Mapping[str, str] | None,
+) -> xarray.Dataset:
+    """Return the map of a job; chunks are read from parts, and kept there."""
     dataset, total, done = empty_dataset(job, attributes), job.grid.count, 0
     examples: dict[int, tuple[int, str]] = {}
 
@@ -152,10 +172,6 @@ def map_workspace(
         if parts is not None:
             parts.remove()
         raise BeamstiffError(f"no pose of the map has a value: {_why_not(dataset)}")
-    if out is not None and parts is not None:
-        with _what_is_kept(parts, done, total):
-            save_dataset(dataset, out)
-        parts.remove()
     return dataset
 
 

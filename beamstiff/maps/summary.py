@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from beamstiff.maps.names import variable_of
 from beamstiff.maps.quantities import QUANTITIES
 from beamstiff.maps.reasons import Reason
 
@@ -56,7 +57,7 @@ def summary(dataset: xarray.Dataset) -> dict[str, Any]:
     return {
         "robot": dataset.attrs["robot"],
         "axes": {
-            name: {
+            variable_of(dataset, name): {
                 "unit": dataset[name].attrs["units"],
                 "from": float(dataset[name][0]),
                 "to": float(dataset[name][-1]),
@@ -86,7 +87,10 @@ def _of_quantity(dataset: xarray.Dataset, name: str) -> dict[str, Any]:
     told |= {label: _finite(float(end)) for label, end in zip(labels, ends, strict=True)}
     worst: dict[str, Any] = {
         "value": _finite(float(dataset[name].values[place])),
-        "at": {axis: float(dataset[axis][at]) for axis, at in zip(axes_of(dataset), place, strict=True)},
+        "at": {
+            variable_of(dataset, axis): float(dataset[axis][at])
+            for axis, at in zip(axes_of(dataset), place, strict=True)
+        },
     }
     if "q" in dataset:
         worst["q"] = dict(

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from beamstiff.errors import BeamstiffError
+from beamstiff.files import write_whole
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements
-from beamstiff.measure.writer import write_measurements
+from beamstiff.measure.writer import measurements_to_csv
 from beamstiff.planning.candidates import Noise, candidate_poses, candidate_tests, information
 from beamstiff.planning.designs import Criterion, Design, choose_tests
 from beamstiff.planning.poses import rounded_postures
@@ -160,6 +161,17 @@ def write_plan(campaign: Campaign, path: str | Path, robot: Robot) -> None:
     BeamstiffError
         When the file cannot be written, or the campaign is another robot's.
     """
+    write_whole(path, plan_csv(campaign, robot))
+
+
+def plan_csv(campaign: Campaign, robot: Robot) -> str:
+    """Return the text of the file that `write_plan` writes.
+
+    Raises
+    ------
+    BeamstiffError
+        When the campaign is another robot's, or measured already.
+    """
     design, count = campaign.design, len(campaign.tests)
     efficient = np.floor(1000 * design.efficiency) / 10
     says = {
@@ -170,7 +182,7 @@ def write_plan(campaign: Campaign, path: str | Path, robot: Robot) -> None:
         ),
     }
     if (campaign.tests.displacement == campaign.tests.displacement).any():
-        raise BeamstiffError(f"{path}: the tests of this campaign are measured already, expected a plan")
+        raise BeamstiffError("the tests of this campaign are measured already, expected a plan")
     units = {item.name: "deg" if item.kind == "angle" else "mm" for item in robot.actuated}
     q = rounded_postures(robot, campaign.tests.q, units)
-    write_measurements(replace(campaign.tests, q=q, units=units, metadata=says), path, robot)
+    return measurements_to_csv(replace(campaign.tests, q=q, units=units, metadata=says), robot)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -277,19 +276,6 @@ def _row(one: Candidate, result: Diagnosis) -> list[str]:
         f"{100 * one.shrink.shrink:.0f} %",
         f"{100 * low:.0f} to {100 * high:.0f} %",
     ]
-
-
-def draw_diagnosis(result: Diagnosis, path: str | Path) -> None:
-    """Draw a diagnosis to a file.
-
-    Raises
-    ------
-    BeamstiffError
-        When the file cannot be written or its kind is not known.
-    """
-    from beamstiff.report.figures import save_figure
-
-    save_figure(diagnosis_figure(result), path)
 
 
 def diagnosis_figure(result: Diagnosis) -> Figure:

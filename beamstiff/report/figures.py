@@ -73,10 +73,21 @@ def save_figure(figure: Figure, path: str | Path, dpi: int = 150) -> None:
     BeamstiffError
         When the ending is unknown or the file cannot be written.
     """
+    write_whole(path, figure_bytes(figure, path, dpi))
+
+
+def figure_bytes(figure: Figure, path: str | Path, dpi: int = 150) -> bytes:
+    """Return the content of the file that `save_figure` writes.
+
+    Raises
+    ------
+    BeamstiffError
+        When the ending is unknown.
+    """
     ending = check_format(path)
     data = io.BytesIO()
     # no date and no random ids: the same figure gives the same file
     metadata = {"png": {}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}[ending]
     with rc_context({"svg.hashsalt": "beamstiff"}):
         figure.savefig(data, format=ending, dpi=dpi, metadata=metadata)
-    write_whole(path, data.getvalue())
+    return data.getvalue()

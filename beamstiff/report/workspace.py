@@ -13,6 +13,7 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 
 from beamstiff.errors import BeamstiffError
+from beamstiff.maps.names import variable_of
 from beamstiff.maps.quantities import QUANTITIES
 from beamstiff.maps.summary import PERCENTILES, axes_of, ordered_quantities, worst_pose
 from beamstiff.report.figures import BLUE, ORANGE, new_figure, plain
@@ -216,9 +217,11 @@ def _scaled(dataset: xarray.Dataset, axis: str) -> Array:
 
 
 def _label(dataset: xarray.Dataset, axis: str) -> str:
-    return f"{axis}, {SHOWN[dataset[axis].attrs['units']][1]}".replace("$", r"\$")
+    return f"{variable_of(dataset, axis)}, {SHOWN[dataset[axis].attrs['units']][1]}".replace("$", r"\$")
 
 
 def _where(dataset: xarray.Dataset, axis: str, at: int) -> str:
     unit = SHOWN[dataset[axis].attrs["units"]][1]
-    return f"{axis} = {number(float(_scaled(dataset, axis)[at]))} {unit}".replace("$", r"\$")
+    return f"{variable_of(dataset, axis)} = {number(float(_scaled(dataset, axis)[at]))} {unit}".replace(
+        "$", r"\$"
+    )

@@ -74,13 +74,14 @@ def test_json_tells_every_target(run: Callable[..., Any]) -> None:
 
 
 def test_a_target_out_of_reach_leaves_nothing_written(cell: Path, run: Callable[..., Any]) -> None:
-    figure = ("--figure", "p.png")
+    figure = ("--figure", "p.png", "--html", "p.html")
     result = run("compensate", "kr500", "far.src", "--out", "new.src", "--json", "r.json", *figure)
     assert result.exit_code == 2
     assert result.stderr.count("error:") == 1
     assert "far.src: 1 of 3 targets cannot be corrected: line 5 LIN (out of reach by" in result.stderr
     assert not (cell / "new.src").exists()
     assert not (cell / "p.png").exists()
+    assert not (cell / "p.html").exists()
     [lost] = json.loads((cell / "r.json").read_text())["unreachable"]
     assert (lost["line"], lost["name"]) == (5, "LIN")
     assert lost["reason"].startswith("out of reach by")
@@ -155,8 +156,8 @@ def test_a_resampled_path_is_a_table(cell: Path, run: Callable[..., Any]) -> Non
     result = run("compensate", "kr500", "cell.src", *load, "--resample", "step=50mm", "--out", "dense.csv")
     assert result.exit_code == 0, result.stderr
     lines = (cell / "dense.csv").read_text().splitlines()
-    assert lines[2].startswith("name,x [mm],y [mm],z [mm],a [deg]")
-    assert len(lines) == 3 + 9
+    assert lines[3].startswith("name,x [mm],y [mm],z [mm],a [deg]")
+    assert len(lines) == 4 + 9
     # the corrected table holds commands: to run it again without load goes there
     refused = run("compensate", "kr500", "cell.src", *load, "--resample", "step=50mm", "--out", "dense.src")
     assert refused.exit_code == 2

@@ -47,6 +47,7 @@ def test_json_goes_to_a_file_or_to_stdout_alone(run: Run, folder: Path) -> None:
     written = json.loads((folder / "out.json").read_text(), parse_constant=pytest.fail)
     assert written["format"] == "beamstiff-diagnosis/1"
     piped = run("diagnose", "crane.yaml", "crane.csv", "--json", "-")
+    assert written.pop("written_by").startswith("beamstiff-output sha256=")
     assert json.loads(piped.stdout, parse_constant=pytest.fail) == written
 
 

@@ -77,8 +77,8 @@ def test_debug_shows_where_bad_input_was_found(run: Run) -> None:
 def test_ctrl_c_while_a_file_is_written_leaves_the_old_one(
     run: Run, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (folder / "out.json").write_text("old")
-    before = sorted(folder.iterdir())
+    assert run("stiffness", "crane.yaml", "--q", "q1=1", "--json", "out.json").exit_code == 0
+    before, old = sorted(folder.iterdir()), (folder / "out.json").read_bytes()
 
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
@@ -86,7 +86,7 @@ def test_ctrl_c_while_a_file_is_written_leaves_the_old_one(
     monkeypatch.setattr("beamstiff.files.os.replace", interrupt)
     result = run("stiffness", "crane.yaml", "--json", "out.json")
     assert (result.exit_code, result.stderr) == (130, "interrupted\n")
-    assert (folder / "out.json").read_text() == "old"
+    assert (folder / "out.json").read_bytes() == old
     assert sorted(folder.iterdir()) == before
 
 
@@ -141,6 +141,29 @@ def test_a_reader_that_goes_away_causes_no_traceback(folder: Path) -> None:
         line = f"'{sys.executable}' -m beamstiff {arguments} | true"
         result = subprocess.run(line, shell=True, capture_output=True, text=True, timeout=120, check=False)
         assert result.stderr == ""
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+@pytest.mark.parametrize(
+    "arguments",
+    [("show",), ("--version",), ("stiffness", "crane.yaml"), ("stiffness", "crane.yaml", "--json", "-")],
+)
+def test_a_stdout_that_takes_nothing_is_told_in_one_line(folder: Path, arguments: tuple[str, ...]) -> None:
+    with open("/dev/full", "w") as full:
+        ended = subprocess.run(
+            [*COMMAND, *arguments], cwd=folder, stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert ended.stderr == "error: stdout: cannot be written: no space left on device\n"
+    assert ended.returncode == 2
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_a_stderr_that_takes_nothing_leaves_the_exit_code(folder: Path) -> None:
+    with open("/dev/full", "w") as full:
+        ended = subprocess.run(
+            [*COMMAND, "show", "none.yaml"], cwd=folder, stdout=subprocess.PIPE, stderr=full, check=False
+        )
+    assert (ended.returncode, ended.stdout) == (2, b"")
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")

@@ -184,7 +184,7 @@ def test_a_scheduler_that_does_not_answer_is_refused_before_any_work(run: Run, f
 def test_chunks_of_another_map_are_named(run: Run, folder: Path) -> None:
     parts = folder / "map.nc.parts"
     parts.mkdir()
-    (parts / "job.json").write_text('{"format": "beamstiff-map-parts/1", "robot": "another"}')
+    (parts / "job.json").write_text('{"format": "beamstiff-map-parts/2", "robot": "another"}')
     result = run(*CRANE, "--out", "map.nc")
     assert result.exit_code == 2
     assert 'map.nc.parts: holds chunks of another map: robot was "another", now' in result.stderr

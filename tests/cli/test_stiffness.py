@@ -71,7 +71,9 @@ def test_json_goes_to_a_file_beside_the_tables(run: Run, folder: Path) -> None:
     result = run("stiffness", "crane.yaml", "--json", "out.json")
     assert "Compliance" in result.stdout
     printed = run("stiffness", "crane.yaml", "--json", "-").stdout
-    assert (folder / "out.json").read_text(encoding="utf-8") == printed
+    *lines, seal, end = (folder / "out.json").read_text(encoding="utf-8").splitlines()
+    assert "\n".join([*lines, end, ""]).replace("},\n}", "}\n}") == printed
+    assert seal.startswith('  "written_by": "beamstiff-output sha256=')
 
 
 def test_quiet_prints_nothing(run: Run, folder: Path) -> None:

@@ -215,6 +215,52 @@ def test_what_are_no_results_is_said(tmp_path: Path) -> None:
         run_exam(EXAM, 1, Examiner(always_none), results=results)
 
 
+@pytest.mark.parametrize(
+    "content",
+    [
+        "",
+        '{"precious": 1}',
+        '{"precious": 1}\n',
+        '{"format": "beamstiff-exam/1", "exam": {}}',
+        '{"format": "beamstiff-exam/1", "exam": {}}\nmine',
+        "[" * 100_000,
+        "mine",
+    ],
+)
+def test_a_file_of_the_users_is_refused_and_stays(tmp_path: Path, content: str) -> None:
+    results = tmp_path / "results.jsonl"
+    results.write_text(content)
+    with pytest.raises(BeamstiffError, match=r"results.jsonl"):
+        run_exam(EXAM, 1, Examiner(always_none), results=results)
+    assert results.read_text() == content
+    assert [path.name for path in tmp_path.iterdir()] == ["results.jsonl"]
+
+
+def test_a_line_that_was_cut_short_anywhere_is_taken_up(tmp_path: Path) -> None:
+    results = tmp_path / "results.jsonl"
+    run_exam(EXAM, 2, Examiner(always_none), results=results)
+    whole = results.read_bytes()
+    first = whole.index(b"\n") + 1
+    for size in (first, first + 1, first + 7, first + 13, len(whole) - 2, len(whole) - 1):
+        results.write_bytes(whole[:size])
+        assert len(run_exam(EXAM, 2, Examiner(always_none), results=results)) == 2
+        assert len(read_results(results)[1]) == 2
+
+
+def test_of_two_exams_to_one_file_the_second_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("beamstiff.files.PATIENCE", 0.1)
+    results = tmp_path / "results.jsonl"
+
+    def meanwhile(*arguments: object, **more: object) -> object:
+        with pytest.raises(BeamstiffError, match="another exam is writing to it: wait until it ends"):
+            run_exam(EXAM, 2, Examiner(always_none), results=results)
+        return always_none(*arguments, **more)  # type: ignore[arg-type]
+
+    assert [one.error for one in run_exam(EXAM, 1, Examiner(meanwhile), results=results)] == [None]  # type: ignore[arg-type]
+
+
 def test_blocks_hold_every_kind_in_its_share_and_effects_in_turn() -> None:
     exam = Exam(seed=3)
     kinds = [kind_of(exam, case) for case in range(300)]

@@ -140,7 +140,7 @@ def stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, after: int) -> Path
         patched.setattr(run, "compute_chunk", stop)
         with pytest.raises(KeyboardInterrupt):
             mapped(tmp_path / "map.nc")
-    assert len(list((tmp_path / "map.nc.parts").glob("*.npz"))) == after
+    assert len(list((tmp_path / "map.nc.parts").glob("*.chunk"))) == after
     return tmp_path / "map.nc"
 
 
@@ -174,11 +174,11 @@ def test_a_damaged_chunk_is_computed_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, computed: Counter[int]
 ) -> None:
     out = stopped(tmp_path, monkeypatch, 4)
-    whole = (tmp_path / "map.nc.parts" / "000001.npz").read_bytes()
-    (tmp_path / "map.nc.parts" / "000001.npz").write_bytes(whole[:-200])
+    whole = (tmp_path / "map.nc.parts" / "000001.chunk").read_bytes()
+    (tmp_path / "map.nc.parts" / "000001.chunk").write_bytes(whole[:-200])
     flipped = bytearray(whole)
     flipped[len(flipped) // 2] ^= 0xFF
-    (tmp_path / "map.nc.parts" / "000002.npz").write_bytes(flipped)
+    (tmp_path / "map.nc.parts" / "000002.chunk").write_bytes(flipped)
     found = mapped(out)
     assert sorted(computed) == [1, 2, 4, 5, 6, 7, 8]
     assert same(found, mapped())
@@ -190,7 +190,7 @@ def test_a_full_disk_loses_no_finished_chunk(
     write = parts.write_whole
 
     def full(path: Path, content: Any) -> None:
-        if path.name == "000003.npz":
+        if path.name == "000003.chunk":
             raise BeamstiffError(f"{path}: cannot be written: {os.strerror(errno.ENOSPC).lower()}")
         write(path, content)
 

@@ -1,0 +1,260 @@
+"""No command changes a file that it did not make, whatever the file is, whatever becomes of the command."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import chdir
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+from hypothesis import HealthCheck, event, given, settings
+from hypothesis import strategies as st
+from typer.testing import CliRunner
+
+from beamstiff.cli.main import app
+from beamstiff.outputs import LEDGER
+from tests.cli.conftest import CRANE, CRANE_DATA
+from tests.cli.test_compensate import PROGRAM
+from tests.exam.standins import always_none
+
+POINTS = """\
+# sigma_position: 0.01 mm
+q1 [deg],x,y,z
+0,1,0,0
+30,0.866,0.5,0
+60,0.5,0.866,0
+90,0,1,0
+-40,0.766,-0.643,0
+120,-0.5,0.866,0
+"""
+INPUTS = {
+    "crane.yaml": CRANE,
+    "crane.csv": CRANE_DATA,
+    "points.csv": POINTS,
+    "cell.src": PROGRAM,
+    "plan.csv": "q1 [deg],fy,dx,dy,dz\n0,900,,,\n0,-900,,,\n60,900,,,\n",
+}
+# each command with all of its outputs, an option and the name of a file each
+COMMANDS: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
+    "show": (("crane.yaml", "--samples", "5"), {}),
+    "stiffness": (("crane.yaml",), {}),
+    "deflect": (("crane.yaml", "crane.csv"), {"out": "o.csv", "vtu": "o.vtu", "html": "o.html"}),
+    "identify": (
+        ("crane.yaml", "crane.csv", "--folds", "0"),
+        {"out": "o.yaml", "reduce": "small.yaml", "figure": "o.png", "html": "o.html"},
+    ),
+    "calibrate": (
+        ("crane.yaml", "points.csv", "--fix", "base", "--parameters", "q1", "--folds", "0"),
+        {
+            "out": "o.yaml", "readings": "r.csv", "sensitivity": "s.svg", "recursion": "r.pdf",
+            "figure": "o.png", "html": "o.html",
+        },
+    ),
+    "compare": (
+        ("crane.yaml", "crane.csv", "--models", "rigid,nominal,fuzzy"),
+        {"figure": "o.png", "rules": "r.svg", "html": "o.html"},
+    ),
+    "diagnose": (
+        ("crane.yaml", "crane.csv"),
+        {"next": "next.csv", "apply": "o.yaml", "figure": "o.pdf", "html": "o.html"},
+    ),
+    "plan": (("crane.yaml", "--candidates", "20", "--tests", "3"), {"out": "o.csv"}),
+    "map": (("crane.yaml", "--grid", "q1=-1:1:5"), {"out": "o.nc", "figure": "o.png"}),
+    "compensate": (
+        ("kr500", "cell.src", "--wrench", "fz=-900N"),
+        {"out": "o.src", "figure": "o.png", "html": "o.html"},
+    ),
+    "convert": (("crane.yaml",), {"out": "o.urdf"}),
+    "exam": (
+        ("crane.yaml", "--plan", "plan.csv", "--cases", "1", "--classes", "null", "--no-compare"),
+        {"out": "o.jsonl", "reports": "reports", "figure": "o.png", "html": "o.html"},
+    ),
+    "doctor": (("--no-check",), {}),
+}  # fmt: skip
+# other names in a folder that commands know
+OTHERS = (
+    LEDGER, "o.nc.parts/job.json", "o.nc.parts/000000.chunk", "o.nc.parts/lock", "o.nc.parts/mine.txt",
+    "reports/case-000000.json", ".beamstiff-mine", f".beamstiff-{12 * '0'}-{32 * '0'}",
+)  # fmt: skip
+INPUT_OPTIONS = {
+    "region", "plan", "sets", "process", "actual", "profile", "joints", "like", "test", "scheduler",
+    "orientation",
+}  # fmt: skip
+
+
+def outputs_of(name: str) -> dict[str, str]:
+    return {"json": "o.json", **COMMANDS[name][1]}
+
+
+def typed(name: str) -> list[str]:
+    return [name, *COMMANDS[name][0], *(word for o, f in outputs_of(name).items() for word in (f"--{o}", f))]
+
+
+def test_every_output_of_every_command_is_tried() -> None:
+    """What takes the name of a file and is no input is in the table above."""
+    group: Any = typer.main.get_command(app)
+    assert set(group.commands) == set(COMMANDS)
+    for name, command in group.commands.items():
+        named = {
+            option.opts[0].removeprefix("--")
+            for option in command.params
+            if option.param_type_name == "option"
+            and any(word in (option.metavar or "") for word in ("FILE", "FOLDER", "CSV", "YAML", "URDF"))
+        }
+        assert named - INPUT_OPTIONS == set(outputs_of(name)), name
+
+
+@pytest.fixture(scope="module", autouse=True)
+def quick() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr("beamstiff.cli.exam._diagnose", lambda: always_none)
+        yield
+
+
+@pytest.fixture(scope="module")
+def earlier(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Return folders with the inputs and what each command wrote there."""
+    folders = {}
+    for name in COMMANDS:
+        folder = folders[name] = tmp_path_factory.mktemp(name)
+        lay_out(folder)
+        result = run(name, folder)
+        assert result.exit_code in (0, 2 if name == "doctor" else 0), result.output
+    return folders
+
+
+def lay_out(folder: Path) -> None:
+    for name, text in INPUTS.items():
+        (folder / name).write_bytes(text.encode("latin-1"))
+
+
+def run(name: str, folder: Path) -> Any:
+    with chdir(folder):
+        return CliRunner().invoke(app, typed(name), prog_name="beamstiff")
+
+
+def state(folder: Path, outside: Path) -> dict[str, Any]:
+    """Return all there is to know of the files below two folders."""
+    found: dict[str, Any] = {}
+    for path in sorted([*folder.rglob("*"), *outside.rglob("*")]):
+        kind = "link" if path.is_symlink() else "folder" if path.is_dir() else "file"
+        said: Any = os.readlink(path) if kind == "link" else None
+        if kind == "file":
+            said = path.read_bytes(), path.stat().st_mtime_ns, path.stat().st_ino
+        found[str(path)] = kind, said
+    return found
+
+
+LOOKALIKES = (
+    b"", b"\n", b"mine\n", b'{"precious": 1}', b'{"format": "beamstiff-diagnosis/1", "gap": {}}',
+    b"\x89PNG\r\n\x1a\nmine",
+    b"CDF\x02mine", b"%PDF-1.4 mine", b"<!DOCTYPE html><html>mine</html>", b"beamstiff: 1\nname: mine\n",
+    b'{"format": "beamstiff-exam/1", "exam": {}}\nmine', b'{"format": "beamstiff-exam/1", "exam": {}}',
+    b"# beamstiff-output sha256=" + 64 * b"0" + b"\nmine\n", b"# beamstiff-output sha256=" + 64 * b"a",
+    CRANE.encode(), CRANE_DATA.encode(), PROGRAM.encode("latin-1"), b'{"format": "beamstiff-map-parts/2"}',
+    b"# SHA-256 of files in this folder that beamstiff wrote, and may replace while they are unchanged\n",
+)  # fmt: skip
+KINDS = ("absent", "earlier", "edited", "text", "bytes", "folder", "link", "hard link", "input")
+content = st.sampled_from(LOOKALIKES) | st.binary(max_size=40)
+edits = st.tuples(st.sampled_from(("append", "flip", "cut")), st.integers(0, 10**6))
+
+
+def edited(data: bytes, how: str, at: int) -> bytes:
+    """Return a file that its user has changed."""
+    at %= len(data)
+    if how == "append":
+        return data + b"\n"
+    if how == "cut":
+        return data[:at]
+    return data[:at] + bytes([data[at] ^ 1]) + data[at + 1 :]
+
+
+def put(
+    folder: Path, file: str, kind: str, data: bytes, edit: tuple[str, int], made: Path, outside: Path
+) -> bool:
+    """Put something of the user's under a name; return whether it is the user's."""
+    where = folder / file
+    where.parent.mkdir(exist_ok=True)
+    if kind in ("earlier", "edited"):
+        if not made.is_file():
+            return False
+        shutil.copy2(made, where)
+        if kind == "earlier":
+            return False
+        old = where.read_bytes()
+        where.write_bytes(edited(old, *edit))
+        return True
+    if kind == "folder":
+        where.mkdir()
+        (where / "mine.txt").write_bytes(data)
+    elif kind in ("link", "hard link"):
+        other = outside / f"{where.name}.mine"
+        other.write_bytes(data)
+        where.symlink_to(other) if kind == "link" else where.hardlink_to(other)
+    elif kind == "input":
+        where.symlink_to(folder / "crane.yaml")
+    elif kind in ("text", "bytes"):
+        where.write_bytes(data)
+    return kind != "absent"
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+@settings(max_examples=25, suppress_health_check=list(HealthCheck))
+@given(data=st.data())
+def test_what_a_command_did_not_write_stays(name: str, data: st.DataObject, earlier: dict[str, Path]) -> None:
+    files = [file if file != "reports" else "reports/case-000000.json" for file in outputs_of(name).values()]
+    with tempfile.TemporaryDirectory() as root:
+        folder, outside = Path(root, "here"), Path(root, "there")
+        folder.mkdir()
+        outside.mkdir()
+        lay_out(folder)
+        if (made := earlier[name] / LEDGER).exists():
+            shutil.copy2(made, folder / LEDGER)
+        mine, blocked, log = {}, False, None
+        for file in files:
+            kind = data.draw(st.sampled_from(KINDS), label=file)
+            theirs = put(
+                folder, file, kind, data.draw(content), data.draw(edits), earlier[name] / file, outside
+            )
+            if file == "o.jsonl" and kind == "edited":  # may be what a kill left: added to, never replaced
+                log, theirs = folder / file, False
+            blocked |= theirs
+            mine[str(folder / file)] = theirs
+        for other in data.draw(st.sets(st.sampled_from(OTHERS), max_size=3), label="others"):
+            if not (folder / other).exists() and not (folder / other).parent.is_file():
+                (folder / other).parent.mkdir(exist_ok=True)
+                (folder / other).write_bytes(data.draw(content))
+        ours = {path for path, theirs in mine.items() if not theirs} | {str(folder / LEDGER)}
+        before = state(folder, outside)
+        if (folder / LEDGER).exists() and not (earlier[name] / LEDGER).exists():
+            ours.discard(str(folder / LEDGER))
+        result = run(name, folder)
+        after = state(folder, outside)
+        event(f"{name}: exit {result.exit_code}")
+        assert result.exit_code in (0, 2), result.output
+        for path, was in before.items():
+            if path not in ours:
+                assert after.get(path) == was, (path, result.stderr)
+        if log is not None:
+            whole = before[str(log)][1][0].rpartition(b"\n")
+            assert log.read_bytes().startswith(whole[0] + whole[1])
+        if blocked:
+            assert result.exit_code == 2
+            assert result.stderr.splitlines()[-1].startswith("error: ")
+            assert after.keys() - {str(folder / "reports")} <= before.keys(), "nothing is written then"
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_the_same_command_again_replaces_its_own(name: str, earlier: dict[str, Path]) -> None:
+    before = {file: (earlier[name] / file).stat().st_mtime_ns for file in outputs_of(name).values()
+              if (earlier[name] / file).is_file()}  # fmt: skip
+    again = run(name, earlier[name])
+    assert again.exit_code in (0, 2 if name == "doctor" else 0), again.output
+    for file, when in before.items():
+        if file != "o.jsonl":  # which had nothing to add
+            assert (earlier[name] / file).stat().st_mtime_ns > when
