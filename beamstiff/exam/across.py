@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.effect import in_the_middle
 from beamstiff.exam.laws import Law
-from beamstiff.exam.machine import Machine, Rod
+from beamstiff.exam.machine import Machine, Rod, joints_of
 from beamstiff.exam.pedestal import free_name
 from beamstiff.robot.parts import Node
 
@@ -71,3 +72,13 @@ def with_rod(
         rigids=((f"{a} {before.name}", (a, before.name)), (f"{b} {behind.name}", (b, behind.name))),
         rods=(Rod(name, (before.name, behind.name), stiffness, law),),
     )
+
+
+def with_balancer(
+    machine: Machine, variable: str, p: Mapping[str, float], stiffness: float, law: Law
+) -> Machine:
+    """Return the machine with a rod across each joint of a variable: `crank`, `frame` and `angle` of p."""
+    for name, _ in joints_of(machine.robot, variable):
+        place = Across(variable, p["crank"], p["frame"], p["angle"])
+        machine = with_rod(machine, across(machine, name, place), stiffness, law)
+    return machine

@@ -104,7 +104,8 @@ def test_a_drive_is_as_stiff_as_its_lever_makes_it(
     p = truth.parameters
     share = stiffness(p, p["start"] + p["way"] * p["gear"] * q) / stiffness(p, p["start"])
     found = turned_about_its_axis(arm(), 5.0, truth, q=q)[0]
-    assert found == pytest.approx(5.0 / (STIFF * share), rel=1e-6 if form == "screw" else 1e-4)
+    tolerance = {"screw": 1e-6, "cylinder": 1e-5}.get(form, 1e-4)
+    assert found == pytest.approx(5.0 / (STIFF * share), rel=tolerance)
 
 
 # --- balancers: how far the spring is drawn at a turn, m, and its force, N, there
@@ -173,8 +174,11 @@ def coupled(truth: Truth, robot: Robot, q: Array, load: float) -> Array:
     left = np.linalg.pinv(pair)
     more = left @ (added / (load * np.array([20.0] * 3 + [5.0] * 3))[:, None]).T @ left.T
     # the two axes explain all that is added, to first order
+    tolerance = 1e-3 if truth.form in ("compliance", "gear") else 2e-3
     if load <= 1.0:
-        np.testing.assert_allclose(pair @ more @ pair.T @ loads.T, added.T, atol=2e-3 * np.abs(added).max())
+        np.testing.assert_allclose(
+            pair @ more @ pair.T @ loads.T, added.T, atol=tolerance * np.abs(added).max()
+        )
     k = np.array([robot.parameter(robot.identify[axis]) for axis in (i, j)])
     return np.asarray(more + np.diag(1.0 / k))
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from beamstiff.exam.across import Across, across, with_rod
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import DrawRequest, Effect, stiffness_of, stroke, turning_drives
+from beamstiff.exam.effect import DrawRequest, Effect, at_joints, stiffness_of, stroke, turning_drives
 from beamstiff.exam.laws import Situation, Stiffness
 from beamstiff.exam.machine import joints_of
 from beamstiff.exam.reality import Reality
@@ -82,9 +82,7 @@ def impose(truth: Truth, reality: Reality) -> Reality:
         k: Array = joint_stiffness * (lever / arm) ** 2
         return k
 
-    for name, own in joints_of(machine.robot, variable):
-        machine = machine.with_law(name, own, Stiffness(stiffness))
-    return reality.with_machine(machine)
+    return at_joints(truth, reality, lambda _: Stiffness(stiffness))
 
 
 EFFECT = Effect("actuator-lever", ("rod", "geared"), places, draw, impose)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from beamstiff.exam.machine import Hinge, joints_of, own_stiffness
 from beamstiff.exam.reality import Reality
 from beamstiff.robot.description import Robot
 
+Curved = tuple[Array, Array]
 TILT = (4e-8, 6e-7)  # rad/(N m)
 RADIAL = 4e-2  # m^2: radial compliance over tilting compliance, of rollers on a ring of 0.3 m
 
@@ -64,6 +66,17 @@ def impose(truth: Truth, reality: Reality) -> Reality:
             stiffer = {d: Curve(_contact(float(k[d]), p["strain"])) for d in others if d >= 4}
             hinge = dataclasses.replace(hinge, laws={**hinge.laws, **stiffer})
         machine = machine.with_hinge(hinge)
+    return reality.with_machine(machine)
+
+
+def with_tilting(truth: Truth, reality: Reality, curve: Callable[[Array, float], Curved]) -> Reality:
+    """Return the reality with soft bearings whose tilting follows a curve of the strain and the stiffness."""
+    machine = impose(truth, reality).machine
+    for name, own in joints_of(machine.robot, str(truth.component)):
+        for d in (4, 5):
+            k = float(machine.hinge(name).stiffness[d])
+            if d != own and 0.0 < k < math.inf:
+                machine = machine.with_law(name, d, Curve(lambda e, k=k: curve(e, k)))  # type: ignore[misc]
     return reality.with_machine(machine)
 
 

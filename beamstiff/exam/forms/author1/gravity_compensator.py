@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from beamstiff.exam.across import Across, across, axis_in_the_middle, with_rod
+from beamstiff.exam.across import axis_in_the_middle, with_balancer
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, in_the_middle, stiffness_of, stroke, turning_drives
 from beamstiff.exam.laws import Situation, Stiffness
@@ -93,11 +93,8 @@ def impose(truth: Truth, reality: Reality) -> Reality:
             return strong * pull(situation) / p["pull"]
         return np.full(len(situation.time), strong)
 
-    for name, _ in joints_of(machine.robot, variable):
-        place = Across(variable, p["crank"], p["frame"], p["angle"])
-        ends = across(machine, name, place)
-        machine = with_rod(machine, ends, strong, Stiffness(stiffness, pull))
-    return reality.with_machine(machine)
+    law = Stiffness(stiffness, pull)
+    return reality.with_machine(with_balancer(machine, variable, p, strong, law))
 
 
 EFFECT = Effect("gravity-compensator", ("coil", "gas"), places, draw, impose)

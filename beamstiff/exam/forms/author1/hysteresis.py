@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import DrawRequest, Effect, drives, turns
+from beamstiff.exam.effect import DrawRequest, Effect, at_joints, drives, turns
 from beamstiff.exam.laws import Law, Memory, Situation
-from beamstiff.exam.machine import joints_of, own_stiffness
 from beamstiff.exam.reality import Reality
 
 LOST = (3e-5, 5e-4)  # rad: friction torque over stiffness; m / 10 for slides
@@ -29,16 +28,14 @@ def draw(request: DrawRequest) -> dict[str, float]:
 
 def impose(truth: Truth, reality: Reality) -> Reality:
     """Return the reality with friction in the drive."""
-    p, machine = truth.parameters, reality.machine
-    law: Law
-    for name, own in joints_of(machine.robot, str(truth.component)):
-        k = own_stiffness(machine.robot, name, own)
+    p = truth.parameters
+
+    def law(k: float) -> Law:
         if truth.form == "iwan":
-            law = Iwan(k, k * p["friction"], p["sliding"])
-        else:
-            law = BoucWen(k, k * p["friction"], p["sliding"], p["arrived"])
-        machine = machine.with_law(name, own, law)
-    return reality.with_machine(machine)
+            return Iwan(k, k * p["friction"], p["sliding"])
+        return BoucWen(k, k * p["friction"], p["sliding"], p["arrived"])
+
+    return at_joints(truth, reality, law)
 
 
 @dataclass(frozen=True)

@@ -7,17 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import DrawRequest, Effect, drives, stiffness_of, turns
-from beamstiff.exam.laws import Law, Memory, Situation, Stiffness
-from beamstiff.exam.machine import joints_of
+from beamstiff.exam.effect import DrawRequest, Effect, at_joints, drives, stiffness_of, turns
+from beamstiff.exam.laws import Memory, Situation, Stiffness
 from beamstiff.exam.reality import Reality
-
-
-def _with(truth: Truth, reality: Reality, law: Law) -> Reality:
-    machine = reality.machine
-    for name, own in joints_of(machine.robot, str(truth.component)):
-        machine = machine.with_law(name, own, law)
-    return reality.with_machine(machine)
 
 
 def _draw_ripple(request: DrawRequest) -> dict[str, float]:
@@ -39,7 +31,7 @@ def _ripple(truth: Truth, reality: Reality) -> Reality:
         wave = wave if truth.form == "sine" else np.tanh(3.0 * wave)
         return np.asarray(k * np.exp(p["depth"] * wave))
 
-    return _with(truth, reality, Stiffness(stiffness))
+    return at_joints(truth, reality, lambda _: Stiffness(stiffness))
 
 
 def _draw_warm_up(request: DrawRequest) -> dict[str, float]:
@@ -57,7 +49,7 @@ def _warm_up(truth: Truth, reality: Reality) -> Reality:
         warm = 1.0 - np.exp(-time / p["lag"]) if truth.form == "lagged" else time / (time + p["lag"])
         return np.asarray(k / (1.0 + p["softer"] * warm))
 
-    return _with(truth, reality, Stiffness(stiffness, changes=True))
+    return at_joints(truth, reality, lambda _: Stiffness(stiffness, changes=True))
 
 
 def _draw_transmission(request: DrawRequest) -> dict[str, float]:
@@ -97,7 +89,7 @@ class Toothed:
 def _transmission(truth: Truth, reality: Reality) -> Reality:
     p, k = truth.parameters, stiffness_of(reality.machine.robot, truth.component)
     law = Toothed(k, p["teeth"], p["depth"], p["phase"], str(truth.component))
-    return _with(truth, reality, law)
+    return at_joints(truth, reality, lambda _: law)
 
 
 def _draw_creep(request: DrawRequest) -> dict[str, float]:
@@ -133,7 +125,7 @@ class Creeping:
 
 def _creep(truth: Truth, reality: Reality) -> Reality:
     p, k = truth.parameters, stiffness_of(reality.machine.robot, truth.component)
-    return _with(truth, reality, Creeping(k, p["creep"], p["time"]))
+    return at_joints(truth, reality, lambda _: Creeping(k, p["creep"], p["time"]))
 
 
 EFFECTS = (

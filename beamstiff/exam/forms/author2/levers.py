@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from beamstiff.exam.across import Across, across, with_rod
+from beamstiff.exam.across import with_balancer
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, at_joints, stiffness_of, stroke
 from beamstiff.exam.forms.author1 import actuator_lever, gravity_compensator
 from beamstiff.exam.laws import Situation, Stiffness
-from beamstiff.exam.machine import joints_of
 from beamstiff.exam.reality import Reality
 
 REACH = np.deg2rad([12.0, 45.0])  # half the turn that a four-bar linkage serves; gears beyond it
@@ -122,10 +121,8 @@ def _balancer(truth: Truth, reality: Reality) -> Reality:
             z = longer(situation) - p["engages"]
             return np.asarray(strong * (1.0 + 0.5 * p["second"] * (1.0 + z / np.hypot(z, BLUNT))))
 
-        for name, _ in joints_of(machine.robot, variable):
-            place = Across(variable, p["crank"], p["frame"], p["angle"])
-            machine = with_rod(machine, across(machine, name, place), strong, Stiffness(rate, pull))
-        return reality.with_machine(machine)
+        law = Stiffness(rate, pull)
+        return reality.with_machine(with_balancer(machine, variable, p, strong, law))
 
     # a strap over a disc that turns with the joint about a point beside its middle
     def arm(situation: Situation) -> Array:

@@ -107,16 +107,7 @@ def _draw_bearing(request: DrawRequest) -> dict[str, float]:
 def _bearing(truth: Truth, reality: Reality) -> Reality:
     p = truth.parameters
     if truth.form == "hertz":
-        machine = bearing_tilt.impose(truth, reality).machine
-        for name, own in joints_of(machine.robot, str(truth.component)):
-            hinge = machine.hinge(name)
-            laws = dict(hinge.laws)
-            for d in (4, 5):
-                k = float(hinge.stiffness[d])
-                if d != own and 0.0 < k < math.inf:
-                    laws[d] = Curve(lambda e, k=k: _hertz(e, k, p["moment"] * p["tilt"]))  # type: ignore[misc]
-            machine = machine.with_hinge(dataclasses.replace(hinge, laws=laws))
-        return reality.with_machine(machine)
+        return bearing_tilt.with_tilting(truth, reality, lambda e, k: _hertz(e, k, p["moment"] * p["tilt"]))
     machine = reality.machine
     for name, own in joints_of(machine.robot, str(truth.component)):
         machine = machine.with_hinge(_pair(machine.hinge(name), own, p))

@@ -11,7 +11,6 @@ from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, in_the_middle, nowhere, slender
 from beamstiff.exam.forms.author1 import base_compliance, bearing_tilt, link_bending
 from beamstiff.exam.forms.author2.springs import slackening
-from beamstiff.exam.laws import Curve
 from beamstiff.exam.layout import tip_stiffness
 from beamstiff.exam.machine import Bar, Hinge, Machine, Profile, joints_of, tapered
 from beamstiff.exam.pedestal import free_name, on_pedestal
@@ -116,16 +115,9 @@ def _bearing(truth: Truth, reality: Reality) -> Reality:
     """
     p, machine = truth.parameters, reality.machine
     if truth.form == "unloading":
-        machine = bearing_tilt.impose(truth, reality).machine
-        for name, own in joints_of(machine.robot, str(truth.component)):
-            hinge = machine.hinge(name)
-            laws = dict(hinge.laws)
-            for d in (4, 5):
-                k = float(hinge.stiffness[d])
-                if d != own and 0.0 < k < math.inf:
-                    laws[d] = Curve(lambda e, k=k: slackening(e, k, p["loose"], p["strain"]))  # type: ignore[misc]
-            machine = machine.with_hinge(dataclasses.replace(hinge, laws=laws))
-        return reality.with_machine(machine)
+        return bearing_tilt.with_tilting(
+            truth, reality, lambda e, k: slackening(e, k, p["loose"], p["strain"])
+        )
     for name, own in joints_of(machine.robot, str(truth.component)):
         machine = _seated(machine, name, own, dict(p))
     return reality.with_machine(machine)
