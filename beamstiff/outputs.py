@@ -26,6 +26,7 @@ _LEDGER_HEAD = (
 )
 UNSEALED = "beamstiff-output sha256=" + 64 * "0"
 _SEAL = re.compile(rb"beamstiff-output sha256=([0-9a-f]{64})")
+_SEAL_LINE = re.compile(rb"^# beamstiff-output sha256=[0-9a-f]{64}\r?\n", re.MULTILINE)
 _PNG, _PDF, _PNG_END = b"\x89PNG\r\n\x1a\n", b"%PDF", 12  # the last chunk of a PNG, IEND, has 12 bytes
 _MOST_SEALS = 16  # that are tried: a page may show a text that was sealed itself
 
@@ -36,11 +37,12 @@ def sealed(content: str | bytes) -> bytes:
     Parameters
     ----------
     content : str or bytes
-        JSON (an object), XML, HTML, SVG, PDF or PNG, or a text whose comments begin with ``#``.
+        JSON (an object), XML, HTML, SVG, PDF or PNG, or a text whose comments begin with ``#``; in the
+        head of such a text, where it was an output itself, the new seal takes the place of the old one.
 
     Examples
     --------
-    >>> sealed("a,b\n")[:25]
+    >>> sealed("a,b\n")[:26]
     b'# beamstiff-output sha256='
     """
     data = content.encode("utf-8") if isinstance(content, str) else content
@@ -57,12 +59,11 @@ def sealed(content: str | bytes) -> bytes:
     elif data.lstrip().startswith(b"<"):
         data += b"<!-- " + mark + b" -->\n"
     else:
-        at = 0
-        while data.startswith(b"#", at) and (end := data.find(b"\n", at)) >= 0:
-            at = end + 1  # the head stays above
-        data = data[:at] + b"# " + mark + b"\n" + data[at:]
-    at = data.rindex(mark) if not data.startswith(b"#") else data.index(mark)
-    return _filled(data, at + len(mark) - 64)
+        head = re.match(rb"(?:#.*\n)*", data)[0]  # type: ignore[index] # which stays above
+        end = b"\r\n" if b"\r\n" in data else b"\n"
+        above = _SEAL_LINE.sub(b"", head) + b"# "
+        return _filled(above + mark + end + data[len(head) :], len(above + mark) - 64)
+    return _filled(data, data.rindex(mark) + len(mark) - 64)
 
 
 def _filled(data: bytes, at: int) -> bytes:
@@ -146,6 +147,8 @@ def _folder_digest(folder: Path, holder: Path) -> str:
 def check_replaceable(path: str | Path) -> None:
     """Refuse to replace a file that beamstiff did not write, or that was edited since.
 
+    An empty file, as ``mktemp`` makes one, holds nothing that could be lost.
+
     Raises
     ------
     BeamstiffError
@@ -155,7 +158,7 @@ def check_replaceable(path: str | Path) -> None:
     if not target.exists() or is_device(target):
         return
     with suppress(OSError):
-        if is_sealed(target) or _in_ledger(target):
+        if not target.stat().st_size or is_sealed(target) or _in_ledger(target):
             return
     raise BeamstiffError(
         f"{path}: exists, and is not as beamstiff wrote it: it would be lost, expected another name, or "

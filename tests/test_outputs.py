@@ -71,7 +71,7 @@ def test_every_format_is_still_read(tmp_path: Path) -> None:
     assert load_robot(tmp_path / "a.yaml") == load_robot("ir663")
     assert (tmp_path / "a.yaml").read_text().startswith("# The head.\n")
     rows = read_measurements(tmp_path / "a.csv", load_robot("ir663"))
-    assert (len(rows), rows.sigma_position, dict(rows.metadata)) == (1, 1e-5, {})
+    assert (len(rows), rows.sigma_position, dict(rows.metadata)) == (1, 1e-5, {"sigma_position": "0.01 mm"})
     assert imread(tmp_path / "a.png").shape[:2] == (150, 150)
     assert (tmp_path / "a.pdf").read_bytes().rpartition(b"%%EOF\n")[2].startswith(b"%beamstiff-output")
 
@@ -103,6 +103,26 @@ def test_an_output_is_replaced_until_it_is_edited(tmp_path: Path) -> None:
     with pytest.raises(BeamstiffError, match=r"plan.csv: exists, and is not as beamstiff wrote it"):
         write_output(path, CSV)
     assert path.read_text().endswith("-1.2\n")
+
+
+def test_an_empty_file_holds_nothing_to_lose(tmp_path: Path) -> None:
+    path = tmp_path / "tmp.x1"
+    path.touch()
+    write_output(path, CSV)
+    assert is_sealed(path)
+    path.write_bytes(b"\n")
+    with pytest.raises(BeamstiffError, match="not as beamstiff wrote it"):
+        write_output(path, CSV)
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_what_was_an_output_and_is_written_again_has_one_seal(end: str) -> None:
+    once = sealed(f"# head{end}name: x{end}")
+    again = sealed(b"# above" + end.encode() + once)
+    assert again.count(b"beamstiff-output") == 1
+    assert [line for line in again.decode().split(end) if "beamstiff-output" not in line] == [
+        *("# above", "# head", "name: x", "")
+    ]
 
 
 def test_what_must_stay_byte_for_byte_is_known_by_the_ledger_beside_it(tmp_path: Path) -> None:

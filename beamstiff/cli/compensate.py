@@ -131,8 +131,8 @@ def compensate(
     for byte. The error after correction is that of the numbers as they are written.
 
     Loads add up: columns fx to mz of a path table, --wrench, --process. A target that cannot be
-    reached or corrected is listed with its line; unless --unreachable keep, no path is written
-    then and the exit code is 2.
+    reached or corrected is listed with its line; unless --unreachable keep, neither path nor page
+    is written then and the exit code is 2.
 
     \b
     Examples:
@@ -190,20 +190,12 @@ def compensate(
     for note in result.notes:
         say(f"note: {note}", quiet)
 
-    def report() -> None:
-        if html is not None and source is not None:
-            from beamstiff.report.html.compensation import compensation_html
-
-            with optional_file(html, quiet):
-                write_output(html, compensation_html(result, controller, source))
-
     reasons = result.correction.reasons
     console = people(quiet, json)
     if reasons:
         console.print(uncorrected_table(result))
     if reasons and unreachable == REFUSE:
         write_json(result.to_dict(), json)
-        report()
         raise _refusal(result)
     console.print(compensation_table(result))
     console.print(compensation_text(result))
@@ -215,7 +207,11 @@ def compensate(
     if figure is not None:
         with optional_file(figure, quiet):
             write_figure(compensation_figure(result, f"{controller.name}: {Path(path).name}"), figure)
-    report()
+    if html is not None and source is not None:
+        from beamstiff.report.html.compensation import compensation_html
+
+        with optional_file(html, quiet):
+            write_output(html, compensation_html(result, controller, source))
 
 
 def _check_format(path: str, out: str) -> None:

@@ -152,7 +152,7 @@ def check_results(path: Path) -> None:
     BeamstiffError
         Naming the line that is none.
     """
-    if path.exists() and not is_device(path):
+    if path.exists() and not is_device(path) and path.stat().st_size:
         _whole_lines(path)
 
 
@@ -175,7 +175,8 @@ def _resumed(results: Path | None, exam: Exam) -> Iterator[tuple[dict[int, Recor
     try:
         with ExitStack() as stack:
             number = stack.enter_context(nullcontext(None) if is_device(target) else held(target, busy))
-            items, size = ({}, 0) if number is None else _taken_up(results, exam)
+            empty = number is not None and not target.stat().st_size
+            items, size = ({}, 0) if number is None or empty else _taken_up(results, exam)
             file = stack.enter_context(target.open("r+b" if number is not None else "wb"))
             if number is not None:
                 file.truncate(size)
@@ -187,6 +188,8 @@ def _resumed(results: Path | None, exam: Exam) -> Iterator[tuple[dict[int, Recor
                 if number is not None:
                     os.fsync(file.fileno())
 
+            if empty:
+                write(head)
             yield items, write
     except OSError as error:
         raise BeamstiffError(f"{results}: cannot be written: {error.strerror or error}") from None

@@ -267,7 +267,8 @@ def _condense_chunk(
         port_stiffness=port_stiffness,
         port_map=(watch_p - watch_r @ to_ports).swapaxes(-1, -2),
         clamped=_symmetric(watch_r @ to_watch),
-        port_dead=dead_p - (k_pr @ to_dead[..., None])[..., 0],
+        # by `to_ports`, as the map above: it is the one that was refined
+        port_dead=dead_p - (dead_r[:, None] @ to_ports)[:, 0],
         clamped_dead=(watch_r @ to_dead[..., None])[..., 0],
     )
     if rest.ndim == 1:

@@ -195,7 +195,6 @@ def test_ctrl_c_after_the_fit_leaves_the_fit(run: Run, monkeypatch: pytest.Monke
         (["--folds", "1"], ["--folds: found 1", "2 or more, or 0"]),
         (["--seed", "-1"], ["--seed: found -1"]),
         (["--bootstrap", "-3"], ["--bootstrap: found -3"]),
-        (["--bootstrap", "20"], ["crane.csv", "poses"]),
         (["--evaluations", "0"], ["--evaluations: found 0", "1 or more"]),
         (["--population", "2"], ["--population: found 2", "5 or more"]),
         (["--fix", "J1.torsional"], ["all parameters (J1.torsional) are fixed"]),

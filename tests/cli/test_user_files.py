@@ -63,6 +63,7 @@ COMMANDS: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
         ("crane.yaml", "crane.csv"),
         {"next": "next.csv", "apply": "o.yaml", "figure": "o.pdf", "html": "o.html"},
     ),
+    "verify": (("crane.yaml", "crane.csv"), {}),
     "plan": (("crane.yaml", "--candidates", "20", "--tests", "3"), {"out": "o.csv"}),
     "map": (("crane.yaml", "--grid", "q1=-1:1:5"), {"out": "o.nc", "figure": "o.png"}),
     "compensate": (
@@ -112,7 +113,7 @@ def test_every_output_of_every_command_is_tried() -> None:
 @pytest.fixture(scope="module", autouse=True)
 def quick() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr("beamstiff.cli.exam._diagnose", lambda: always_none)
+        patched.setattr("beamstiff.functions.examine._diagnose", lambda: always_none)
         yield
 
 
@@ -177,7 +178,10 @@ def edited(data: bytes, how: str, at: int) -> bytes:
 def put(
     folder: Path, file: str, kind: str, data: bytes, edit: tuple[str, int], made: Path, outside: Path
 ) -> bool:
-    """Put something of the user's under a name; return whether it is the user's."""
+    """Put something under a name; return whether the user would lose something by its change.
+
+    Empty files hold nothing to lose.
+    """
     where = folder / file
     where.parent.mkdir(exist_ok=True)
     if kind in ("earlier", "edited"):
@@ -188,7 +192,7 @@ def put(
             return False
         old = where.read_bytes()
         where.write_bytes(edited(old, *edit))
-        return True
+        return where.stat().st_size > 0
     if kind == "folder":
         where.mkdir()
         (where / "mine.txt").write_bytes(data)
@@ -200,7 +204,7 @@ def put(
         where.symlink_to(folder / "crane.yaml")
     elif kind in ("text", "bytes"):
         where.write_bytes(data)
-    return kind != "absent"
+    return kind in ("folder", "input") or (kind != "absent" and data != b"")
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -224,12 +228,16 @@ def test_what_a_command_did_not_write_stays(name: str, data: st.DataObject, earl
             if file == "o.jsonl" and kind == "edited":  # may be what a kill left: added to, never replaced
                 log, theirs = folder / file, False
             blocked |= theirs
+            mine[str((folder / file).resolve())] = theirs
             mine[str(folder / file)] = theirs
         for other in data.draw(st.sets(st.sampled_from(OTHERS), max_size=3), label="others"):
             if not (folder / other).exists() and not (folder / other).parent.is_file():
                 (folder / other).parent.mkdir(exist_ok=True)
                 (folder / other).write_bytes(data.draw(content))
         ours = {path for path, theirs in mine.items() if not theirs} | {str(folder / LEDGER)}
+        reads = [word for word in COMMANDS[name][0] if word in INPUTS]
+        if broken := bool(reads) and data.draw(st.integers(0, 4), label="a broken input at 0") == 0:
+            (folder / reads[0]).write_bytes(data.draw(st.sampled_from((b"", b"beamstiff: 2\n", b"\0"))))
         before = state(folder, outside)
         if (folder / LEDGER).exists() and not (earlier[name] / LEDGER).exists():
             ours.discard(str(folder / LEDGER))
@@ -243,10 +251,11 @@ def test_what_a_command_did_not_write_stays(name: str, data: st.DataObject, earl
         if log is not None:
             whole = before[str(log)][1][0].rpartition(b"\n")
             assert log.read_bytes().startswith(whole[0] + whole[1])
-        if blocked:
+        if blocked or broken:
             assert result.exit_code == 2
             assert result.stderr.splitlines()[-1].startswith("error: ")
             assert after.keys() - {str(folder / "reports")} <= before.keys(), "nothing is written then"
+            assert all(after[path] == was for path, was in before.items())
 
 
 @pytest.mark.parametrize("name", COMMANDS)
