@@ -18,6 +18,7 @@ from beamstiff.diagnosis.decomposition.selection import (
     Step,
     causes_of,
     fit_step,
+    forms_in,
     select,
     state_choice,
 )
@@ -174,7 +175,7 @@ def decompose(
         )
     step = select(choice) if _more_than_noise(choice, model) else fit_step(choice, ())
     for _ in range(ROUNDS):
-        chosen = [choice.forms[number] for number in step.chosen]
+        chosen = list(forms_in(choice, step).values())
         if not chosen:
             break
         model = open_geometry(robot, model.baseline.rows, moved_by(model, chosen))
@@ -216,9 +217,10 @@ def moved_by(model: OpenModel, chosen: Sequence[Form]) -> Array:
 
 def _told(model: OpenModel, choice: Choice, step: Step, seed: int) -> Decomposition:
     folds, least, robot = folds_of(model, seed), step.bic, model.baseline.nominal
-    order, errors = ordered(folds, choice, causes_of(choice, _kept(folds, choice, step)))
+    step = _kept(folds, choice, step)
+    order, errors = ordered(folds, forms_in(choice, step), causes_of(choice, step))
     step = fit_step(choice, tuple(number for cause in order for number in cause))
-    forms = [choice.forms[number] for number in step.chosen]
+    forms = list(forms_in(choice, step).values())
     noise2 = float((model.baseline.sigma[:, :3][model.used[:, :3]] ** 2).sum())
     total = float(errors[0].sum())
     theta, covariance = solved(model, forms)
@@ -266,11 +268,11 @@ def _kept(folds: Folds, choice: Choice, step: Step) -> Step:
     """
     while step.chosen:
         causes = causes_of(choice, step)
-        errors = folds.squared_errors([choice.forms[number] for number in step.chosen])
+        errors = folds.squared_errors(list(forms_in(choice, step).values()))
         fits = [fit_step(choice, [k for k in step.chosen if k not in cause]) for cause in causes]
         gain = [
             np.quantile(
-                _resampled(folds.squared_errors([choice.forms[k] for k in fit.chosen]) - errors), DOUBT
+                _resampled(folds.squared_errors(list(forms_in(choice, fit).values())) - errors), DOUBT
             )
             for fit in fits
         ]

@@ -11,6 +11,8 @@ import numpy as np
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
 from beamstiff.diagnosis.effects import EFFECTS, Shape
 from beamstiff.diagnosis.inference.library import key_of
+from beamstiff.fem.geometry import SHORTEST
+from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.se3 import Array
 
 MOST_PARAMETERS = 8  # of a form: freer ones explain whatever is left, see DIAGNOSIS "very free shapes"
@@ -70,18 +72,31 @@ def forms_of(model: OpenModel, without: Sequence[str] = ()) -> list[Form]:
     baseline = model.baseline
     skipped = {*without, *(OF_GEOMETRY if model.problem is not None else ()), "outliers"}
     found: list[Form] = []
-    brackets = {part.name for part in baseline.nominal.rigids} - {part.name for part in model.given.rigids}
+    absent = _no_links(model)
     for effect in EFFECTS.values():
         if effect.name in skipped:
             continue
         for component in effect.components(baseline):
-            # a calibration that moves an axis bears its joint on a bracket, which no machine has
-            if key_of(effect.name, component) in skipped or component in brackets:
+            # a calibration that moves an axis puts brackets between its parts, which no machine has
+            if key_of(effect.name, component) in skipped or component in absent:
                 continue
             shapes = [shape for shape in effect.shapes(baseline, component) if _fits(effect.name, shape)]
             total = sum(shape.weight for shape in shapes)
             found += _weighed(model, effect.name, component, shapes, total)
     return found
+
+
+def _no_links(model: OpenModel) -> set[str]:
+    """Return the rigids of the calibrated robot that are no links of the described one, or had no length."""
+    given = model.given
+    kinematics = compile_kinematics(given)
+    at = posture(kinematics, model.baseline.rows.q[:1]).node_positions[0]
+    ends = {
+        part.name: at[kinematics.node_index[part.nodes[1]]] - at[kinematics.node_index[part.nodes[0]]]
+        for part in given.rigids
+    }
+    links = {name for name, along in ends.items() if np.linalg.norm(along) > SHORTEST}
+    return {part.name for part in model.baseline.nominal.rigids} - links
 
 
 def _fits(effect: str, shape: Shape) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from beamstiff.diagnosis.decomposition.forms import Form, stacked
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
-from beamstiff.diagnosis.decomposition.selection import Choice
 from beamstiff.measure.arrays import Integers
 from beamstiff.se3 import Array
 
@@ -76,12 +75,12 @@ def folds_of(model: OpenModel, seed: int) -> Folds:
 
 
 def ordered(
-    folds: Folds, choice: Choice, causes: Sequence[tuple[int, ...]]
+    folds: Folds, forms: Mapping[int, Form], causes: Sequence[tuple[int, ...]]
 ) -> tuple[list[tuple[int, ...]], list[Array]]:
     """Return causes in the order of what they close after those before, and the errors (P,) from none on."""
 
     def errors_with(some: Sequence[tuple[int, ...]]) -> Array:
-        return folds.squared_errors([choice.forms[number] for cause in some for number in cause])
+        return folds.squared_errors([forms[number] for cause in some for number in cause])
 
     errors = [errors_with(())]
     order: list[tuple[int, ...]] = []

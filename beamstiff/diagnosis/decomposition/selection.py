@@ -11,10 +11,11 @@ the scatter of the machine about any smooth law, not what the tracker reads to.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
 
 from beamstiff.diagnosis.decomposition.forms import REPEATED, Form
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, orthonormal
@@ -26,6 +27,7 @@ ENOUGH = (
 )
 MOST = 100  # forms
 ROUNDS = 20  # of revising a fit
+TRIED = 5  # forms, best first, of which one has to help where no parameter may get a sign that it cannot have
 SHOWS = 0.5  # parameters that the data determine, below which a form does not show
 
 
@@ -72,6 +74,8 @@ class Step:
     ----------
     chosen : tuple of int
         Numbers of their forms.
+    free : tuple of (c,) bool array
+        Of each form, which parameters the fit uses; the others would be negative, which they cannot be.
     basis : (n, c) array
         Of their columns, orthonormal together with what is known of their parameters beforehand.
     left : (n,) array
@@ -84,6 +88,7 @@ class Step:
     """
 
     chosen: tuple[int, ...]
+    free: tuple[NDArray[np.bool_], ...]
     basis: Array
     left: Array
     squares: float
@@ -122,20 +127,44 @@ def state_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
 
 
 def fit_step(choice: Choice, chosen: Sequence[int]) -> Step:
-    """Return the fit with some forms."""
+    """Return the fit with some forms, in which no parameter is negative that cannot be."""
     n = len(choice.residual)
     at = np.concatenate(
         [np.zeros(0, dtype=int), *(np.arange(len(choice.precision))[choice.at[k]] for k in chosen)]
     )
-    known = np.diag(np.sqrt(choice.precision[at]))
-    basis = np.linalg.qr(np.concatenate([choice.columns[:, at], known]))[0]
+    free = np.ones(at.size, dtype=bool)
+    basis, triangle = _factor(choice, at)
+    pull = basis[:n].T @ choice.residual
+    if (np.linalg.solve(triangle, pull)[choice.positive[at]] < 0).any():
+        least = np.where(choice.positive[at], 0.0, -np.inf)
+        free = np.asarray(lsq_linear(triangle, pull, (least, np.inf), method="bvls").x) > least
+        basis, _ = _factor(choice, at[free])
     fitted = basis @ (basis[:n].T @ choice.residual)
     left = choice.residual - fitted[:n]
     squares = float(left @ left + fitted[n:] @ fitted[n:])
     determined = float((basis[:n] ** 2).sum())
     prior = sum(choice.forms[number].log_prior for number in chosen)
     value = bic(squares, choice.open_count + determined, choice.count, prior)
-    return Step(tuple(chosen), basis[:n], left, squares, determined, value)
+    sizes = np.cumsum([choice.at[k].stop - choice.at[k].start for k in chosen], dtype=int)
+    each = tuple(np.split(free, sizes[:-1])) if len(sizes) else ()
+    return Step(tuple(chosen), each, basis[:n], left, squares, determined, value)
+
+
+def _factor(choice: Choice, at: Integers) -> tuple[Array, Array]:
+    """Return the QR factors of some columns with what is known of their parameters below them."""
+    known = np.diag(np.sqrt(choice.precision[at]))
+    basis, triangle = np.linalg.qr(np.concatenate([choice.columns[:, at], known]))
+    return np.asarray(basis), np.asarray(triangle)
+
+
+def forms_in(choice: Choice, step: Step) -> dict[int, Form]:
+    """Return the forms of a fit by number; columns of parameters that it does not use are 0."""
+    return {
+        number: replace(form, columns=form.columns * free)
+        for number, form, free in zip(
+            step.chosen, (choice.forms[k] for k in step.chosen), step.free, strict=True
+        )
+    }
 
 
 def bic(squares: float, parameters: float, values: int, log_prior: float) -> float:
@@ -187,15 +216,24 @@ def select(choice: Choice) -> Step:
     """
     step = fit_step(choice, ())
     while len(step.chosen) < MOST and choice.forms:
-        after = with_each(choice, step)
-        if after.min() > step.bic - ENOUGH:
+        larger = _larger(choice, step)
+        if larger is None:
             break
-        new = int(after.argmin())
-        again = choice.forms[new].key in {choice.forms[number].key for number in step.chosen}
-        step = fit_step(choice, (*step.chosen, new))
-        if not again:
-            step = _revised(choice, step)
+        again = choice.forms[larger.chosen[-1]].key in {choice.forms[number].key for number in step.chosen}
+        step = larger if again else _revised(choice, larger)
     return _revised(choice, step)
+
+
+def _larger(choice: Choice, step: Step) -> Step | None:
+    """Return a fit with the form more that helps most; None where none helps enough."""
+    after = with_each(choice, step)
+    for new in np.argsort(after, kind="stable")[:TRIED].tolist():
+        if after[new] > step.bic - ENOUGH:
+            break
+        larger = fit_step(choice, (*step.chosen, new))
+        if larger.bic <= step.bic - ENOUGH:
+            return larger
+    return None
 
 
 def _revised(choice: Choice, step: Step) -> Step:
@@ -211,7 +249,8 @@ def _revised(choice: Choice, step: Step) -> Step:
             elif len(best.chosen) == len(step.chosen) and choice.forms[number].effect not in REPEATED:
                 after = with_each(choice, without)
                 if after.min() < best.bic - 1e-6:
-                    best = fit_step(choice, (*others, int(after.argmin())))
+                    other = fit_step(choice, (*others, int(after.argmin())))
+                    best = other if other.bic < best.bic - 1e-6 else best
         if best is step:
             return step
         step = best

@@ -35,7 +35,7 @@ from beamstiff.robot.kinematics import Posture, compile_kinematics, posture
 from beamstiff.robot.parts import STIFFNESS_KINDS, Joint, JointStiffness
 from beamstiff.se3 import Array, displacement_transport, rotate_screw
 
-DIGITS = 9  # of a direction: what is less is rounding
+ASIDE = 0.65  # of a unit vector: at least one of its three components is smaller
 SAME = 1e-7  # share of the largest entry within which changes of axes are the same
 NAME = re.compile(r"[A-Za-z_]\w*")  # in an expression
 CUT = " cut"  # what is added to the name of a link's end to name its other side; no name of a file ends so
@@ -302,7 +302,8 @@ def _turned(there: Place, along: Array) -> Place:
     """Return a place in axes whose first is along a vector (N, 3), the others held in its own frame."""
     length = np.linalg.norm(along, axis=1)
     own = (there.turn.swapaxes(-1, -2) @ along[..., None])[..., 0]
-    across = np.eye(3)[np.argmin(np.round(np.abs(own[0]) / length[0], DIGITS))]
+    # not the axis farthest from the link: of a link along one of them, any change of it would swap the others
+    across = np.eye(3)[np.argmax(np.abs(own[0]) < ASIDE * length[0])]
     turn = there.turn @ beam_axes(own, across)
     change = rotate_screw(turn.swapaxes(-1, -2) @ there.turn)  # components in new axes from those in old
     return Place(
