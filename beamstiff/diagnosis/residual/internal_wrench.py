@@ -302,9 +302,7 @@ def _turned(there: Place, along: Array) -> Place:
     """Return a place in axes whose first is along a vector (N, 3), the others held in its own frame."""
     length = np.linalg.norm(along, axis=1)
     own = (there.turn.swapaxes(-1, -2) @ along[..., None])[..., 0]
-    # not the axis farthest from the link: of a link along one of them, any change of it would swap the others
-    across = np.eye(3)[np.argmax(np.abs(own[0]) < ASIDE * length[0])]
-    turn = there.turn @ beam_axes(own, across)
+    turn = there.turn @ beam_axes(own, across(own[0] / length[0]))
     change = rotate_screw(turn.swapaxes(-1, -2) @ there.turn)  # components in new axes from those in old
     return Place(
         load=(change @ there.load[..., None])[..., 0],
@@ -313,6 +311,20 @@ def _turned(there: Place, along: Array) -> Place:
         turn=turn,
         length=float(length[0]),
     )
+
+
+def across(direction: Array) -> Array:
+    """Return the coordinate axis (3,) that fixes the turn of axes about a direction (3,) of length 1.
+
+    Not the axis farthest from it: of a direction along one axis, the least change would swap the two others.
+
+    Examples
+    --------
+    >>> across(np.array([0.6, 0.8, 0.0])), across(np.array([0.8, 0.6, 0.0]))
+    (array([1., 0., 0.]), array([0., 1., 0.]))
+    """
+    axis: Array = np.eye(3)[np.argmax(np.abs(direction) < ASIDE)]
+    return axis
 
 
 def _base(
