@@ -14,6 +14,7 @@ from beamstiff.diagnosis.decomposition.look_alikes import rival_of
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, open_geometry, open_stiffness
 from beamstiff.diagnosis.decomposition.remainder import Remainder, remainder_of
 from beamstiff.diagnosis.decomposition.selection import (
+    ENOUGH,
     Choice,
     Step,
     causes_of,
@@ -21,6 +22,7 @@ from beamstiff.diagnosis.decomposition.selection import (
     forms_in,
     select,
     state_choice,
+    with_each,
 )
 from beamstiff.diagnosis.effects.target_slip import slip_row
 from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline
@@ -264,24 +266,53 @@ def _told(model: OpenModel, choice: Choice, step: Step, seed: int) -> Decomposit
 def _kept(folds: Folds, choice: Choice, step: Step) -> Step:
     """Return a fit without causes that are not sure enough, or that do not help on held-out postures.
 
-    The least sure goes first; the others are judged again without it.
+    The least sure goes first; the others are judged again without it. A cause whose form does not help is
+    tried in its other forms before it goes: the criterion takes forms for exact, and prefers free ones.
     """
+    tried: set[int] = set()
     while step.chosen:
         causes = causes_of(choice, step)
-        errors = folds.squared_errors(list(forms_in(choice, step).values()))
+        errors = _errors(folds, choice, step)
         fits = [fit_step(choice, [k for k in step.chosen if k not in cause]) for cause in causes]
-        gain = [
-            np.quantile(
-                _resampled(folds.squared_errors(list(forms_in(choice, fit).values())) - errors), DOUBT
-            )
-            for fit in fits
-        ]
+        gain = [_gain(_errors(folds, choice, fit), errors) for fit in fits]
         sure = [rival_of(choice, step, cause, folds.model.baseline.nominal).present for cause in causes]
         weak = [at for at in range(len(causes)) if sure[at] < PRESENT or gain[at] <= 0.0]
         if not weak:
             break
-        step = fits[min(weak, key=lambda at: (gain[at] > 0.0, sure[at]))]
+        worst = min(weak, key=lambda at: (gain[at] > 0.0, sure[at]))
+        tried |= set(causes[worst])
+        other = (
+            None if gain[worst] > 0.0 else _in_other_form(folds, choice, fits[worst], causes[worst], tried)
+        )
+        step = other or fits[worst]
     return step
+
+
+def _in_other_form(
+    folds: Folds, choice: Choice, without: Step, cause: tuple[int, ...], tried: set[int]
+) -> Step | None:
+    """Return a fit with a cause in the first of its forms that helps on held-out postures."""
+    key, errors = choice.forms[cause[0]].key, _errors(folds, choice, without)
+    after = with_each(choice, without)
+    for number in np.argsort(after, kind="stable").tolist():
+        if after[number] > without.bic - ENOUGH:
+            break
+        if choice.forms[number].key == key and number not in tried:
+            tried.add(number)
+            step = fit_step(choice, (*without.chosen, number))
+            if step.bic < without.bic - ENOUGH and _gain(errors, _errors(folds, choice, step)) > 0.0:
+                return step
+    return None
+
+
+def _errors(folds: Folds, choice: Choice, step: Step) -> Array:
+    """Return the sums of squared position errors (P,) of the held-out postures of a fit."""
+    return folds.squared_errors(list(forms_in(choice, step).values()))
+
+
+def _gain(without: Array, errors: Array) -> float:
+    """Return what a cause takes from the squared errors, at the bad end of postures drawn anew."""
+    return float(np.quantile(_resampled(without - errors), DOUBT))
 
 
 def _resampled(gain: Array) -> Array:
