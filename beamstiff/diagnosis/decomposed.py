@@ -11,6 +11,7 @@ import numpy as np
 from beamstiff.diagnosis.decision.where import where
 from beamstiff.diagnosis.decomposition.decompose import Cause, Decomposition, decompose
 from beamstiff.diagnosis.decomposition.forms import forms_of
+from beamstiff.diagnosis.decomposition.held_out import folds_of
 from beamstiff.diagnosis.decomposition.open_model import open_stiffness
 from beamstiff.diagnosis.decomposition.plain import parameters_of
 from beamstiff.diagnosis.decomposition.selection import select, state_choice
@@ -44,7 +45,7 @@ def beside_calibration(
     except BeamstiffError:  # stiffness that makes up for the geometry may let the machine buckle
         return diagnosis_of(found)
     choice = state_choice(closed, forms_of(closed, without))
-    step = select(choice)
+    step = select(choice, folds_of(closed, choice, seed).squared_errors)
     freedom = max(choice.count - choice.open_count - step.determined, 1.0)
     left = float(np.sqrt(step.squares / freedom))
     return None if left < AS_DESCRIBED * max(found.scatter, 1.0) else diagnosis_of(found)

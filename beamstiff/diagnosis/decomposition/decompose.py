@@ -14,15 +14,15 @@ from beamstiff.diagnosis.decomposition.look_alikes import rival_of
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, open_geometry, open_stiffness
 from beamstiff.diagnosis.decomposition.remainder import Remainder, remainder_of
 from beamstiff.diagnosis.decomposition.selection import (
-    ENOUGH,
     Choice,
     Step,
     causes_of,
     fit_step,
     forms_in,
+    gain,
+    resampled,
     select,
     state_choice,
-    with_each,
 )
 from beamstiff.diagnosis.effects.target_slip import slip_row
 from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline
@@ -36,7 +36,6 @@ CHANCE = 0.01  # of so large a residual under the stated noise, below which caus
 ROUNDS = 3  # of calibrating beside the causes that were found
 PRESENT = 0.95  # probability that there is a cause, this one or a look-alike, from which it counts
 NAMED = 0.5  # probability that it is this one, from which it is named
-DOUBT = 0.2  # of postures drawn anew, in which a cause may make held-out postures worse
 NOISE = 1.5  # times the stated noise, from which there is a gap: stated noise is seldom known better
 HALF, QUARTER = 0.5, 0.25  # shares of the gap from which a cause is the verdict: FORMATS, `verdict`
 
@@ -166,8 +165,8 @@ def decompose(
     """
     if rows.kind != "absolute":
         model = open_stiffness(baseline or fit_baseline(robot, rows))
-        choice = state_choice(model, forms_of(model, without))
-        return _told(model, choice, select(choice), seed)
+        folds = folds_of(model, state_choice(model, forms_of(model, without)), seed)
+        return _told(folds, select(folds.choice, folds.squared_errors), seed)
     model = open_geometry(robot, rows)
     choice = state_choice(model, forms_of(model, without))
     if model.count < VALUES_A_PARAMETER * choice.open_count:
@@ -175,17 +174,21 @@ def decompose(
             f"{rows.source}: {model.count} measured values for {choice.open_count} open parameters of the "
             "geometry: measure more poses"
         )
-    step = select(choice) if _more_than_noise(choice, model) else fit_step(choice, ())
+    folds = folds_of(model, choice, seed)
+    step = fit_step(choice, ())
+    if _more_than_noise(choice, model):
+        step = select(choice, folds.squared_errors)
     for _ in range(ROUNDS):
         chosen = list(forms_in(choice, step).values())
         if not chosen:
             break
         model = open_geometry(robot, model.baseline.rows, moved_by(model, chosen))
         choice = state_choice(model, forms_of(model, without))
-        step = select(choice)
+        folds = folds_of(model, choice, seed)
+        step = select(choice, folds.squared_errors)
         if {choice.forms[number].key for number in step.chosen} == {form.key for form in chosen}:
             break
-    return _told(model, choice, step, seed)
+    return _told(folds, step, seed)
 
 
 def _more_than_noise(choice: Choice, model: OpenModel) -> bool:
@@ -217,10 +220,11 @@ def moved_by(model: OpenModel, chosen: Sequence[Form]) -> Array:
     return moved
 
 
-def _told(model: OpenModel, choice: Choice, step: Step, seed: int) -> Decomposition:
-    folds, least, robot = folds_of(model, seed), step.bic, model.baseline.nominal
-    step = _kept(folds, choice, step)
-    order, errors = ordered(folds, forms_in(choice, step), causes_of(choice, step))
+def _told(folds: Folds, step: Step, seed: int) -> Decomposition:
+    model, choice, least = folds.model, folds.choice, step.bic
+    robot = model.baseline.nominal
+    step = _kept(folds, step)
+    order, errors = ordered(folds, causes_of(choice, step))
     step = fit_step(choice, tuple(number for cause in order for number in cause))
     forms = list(forms_in(choice, step).values())
     noise2 = float((model.baseline.sigma[:, :3][model.used[:, :3]] ** 2).sum())
@@ -263,63 +267,23 @@ def _told(model: OpenModel, choice: Choice, step: Step, seed: int) -> Decomposit
     )
 
 
-def _kept(folds: Folds, choice: Choice, step: Step) -> Step:
+def _kept(folds: Folds, step: Step) -> Step:
     """Return a fit without causes that are not sure enough, or that do not help on held-out postures.
 
-    The least sure goes first; the others are judged again without it. A cause whose form does not help is
-    tried in its other forms before it goes: the criterion takes forms for exact, and prefers free ones.
+    The least sure goes first; the others are judged again without it.
     """
-    tried: set[int] = set()
+    choice, robot = folds.choice, folds.model.baseline.nominal
     while step.chosen:
         causes = causes_of(choice, step)
-        errors = _errors(folds, choice, step)
+        errors = folds.squared_errors(step)
         fits = [fit_step(choice, [k for k in step.chosen if k not in cause]) for cause in causes]
-        gain = [_gain(_errors(folds, choice, fit), errors) for fit in fits]
-        sure = [rival_of(choice, step, cause, folds.model.baseline.nominal).present for cause in causes]
-        weak = [at for at in range(len(causes)) if sure[at] < PRESENT or gain[at] <= 0.0]
+        gains = [gain(folds.squared_errors(fit), errors) for fit in fits]
+        sure = [rival_of(choice, step, cause, robot).present for cause in causes]
+        weak = [at for at in range(len(causes)) if sure[at] < PRESENT or gains[at] <= 0.0]
         if not weak:
             break
-        worst = min(weak, key=lambda at: (gain[at] > 0.0, sure[at]))
-        tried |= set(causes[worst])
-        other = (
-            None if gain[worst] > 0.0 else _in_other_form(folds, choice, fits[worst], causes[worst], tried)
-        )
-        step = other or fits[worst]
+        step = fits[min(weak, key=lambda at: (gains[at] > 0.0, sure[at]))]
     return step
-
-
-def _in_other_form(
-    folds: Folds, choice: Choice, without: Step, cause: tuple[int, ...], tried: set[int]
-) -> Step | None:
-    """Return a fit with a cause in the first of its forms that helps on held-out postures."""
-    key, errors = choice.forms[cause[0]].key, _errors(folds, choice, without)
-    after = with_each(choice, without)
-    for number in np.argsort(after, kind="stable").tolist():
-        if after[number] > without.bic - ENOUGH:
-            break
-        if choice.forms[number].key == key and number not in tried:
-            tried.add(number)
-            step = fit_step(choice, (*without.chosen, number))
-            if step.bic < without.bic - ENOUGH and _gain(errors, _errors(folds, choice, step)) > 0.0:
-                return step
-    return None
-
-
-def _errors(folds: Folds, choice: Choice, step: Step) -> Array:
-    """Return the sums of squared position errors (P,) of the held-out postures of a fit."""
-    return folds.squared_errors(list(forms_in(choice, step).values()))
-
-
-def _gain(without: Array, errors: Array) -> float:
-    """Return what a cause takes from the squared errors, at the bad end of postures drawn anew."""
-    return float(np.quantile(_resampled(without - errors), DOUBT))
-
-
-def _resampled(gain: Array) -> Array:
-    """Return sums of gains (P,) over postures drawn anew, (200,)."""
-    drawn = np.random.default_rng(0).integers(len(gain), size=(200, len(gain)))
-    result: Array = gain[drawn].sum(axis=1)
-    return result
 
 
 def _largest(errors: Sequence[Array]) -> float:
@@ -327,4 +291,4 @@ def _largest(errors: Sequence[Array]) -> float:
     if len(errors) < 3:
         return 1.0
     first, second = errors[0] - errors[1], errors[1] - errors[2]
-    return float((_resampled(first - second) > 0.0).mean())
+    return float((resampled(first - second) > 0.0).mean())

@@ -10,7 +10,7 @@ the scatter of the machine about any smooth law, not what the tracker reads to.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,8 +27,12 @@ ENOUGH = (
 )
 MOST = 100  # forms
 ROUNDS = 20  # of revising a fit
-TRIED = 5  # forms, best first, of which one has to help where no parameter may get a sign that it cannot have
+TRIED = 30  # forms, best first, of which one has to help on held-out postures
+DOUBT = 0.2  # of postures drawn anew, in which a cause may make held-out postures worse
 SHOWS = 0.5  # parameters that the data determine, below which a form does not show
+
+
+HeldOut = Callable[["Step"], Array]  # squared errors (P,) of postures, each held out
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +42,8 @@ class Choice:
     Attributes
     ----------
     forms : tuple of Form (f)
+    open_basis : (n, t) array
+        Of the open parameters, orthonormal.
     residual : (n,) array
     columns : (n, C) array
         Of all forms, one after another, of unit length before the projection.
@@ -56,6 +62,7 @@ class Choice:
     """
 
     forms: tuple[Form, ...]
+    open_basis: Array
     residual: Array
     columns: Array
     precision: Array
@@ -115,6 +122,7 @@ def state_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
         groups.append((some, at, own @ own.swapaxes(1, 2)))
     return Choice(
         tuple(forms),
+        basis,
         residual,
         every,
         1.0 / np.maximum(spread * size, 1e-9) ** 2,
@@ -208,35 +216,48 @@ def with_each(choice: Choice, step: Step) -> Array:
     return result
 
 
-def select(choice: Choice) -> Step:
-    """Return the fit with the causes that the criterion asks for.
+def select(choice: Choice, held_out: HeldOut) -> Step:
+    """Return the fit with the causes that the criterion and held-out postures ask for.
 
     After every cause that comes in, causes that are not needed any more go out, and one that another explains
     better is exchanged.
     """
     step = fit_step(choice, ())
     while len(step.chosen) < MOST and choice.forms:
-        larger = _larger(choice, step)
+        larger = _larger(choice, step, held_out)
         if larger is None:
             break
         again = choice.forms[larger.chosen[-1]].key in {choice.forms[number].key for number in step.chosen}
-        step = larger if again else _revised(choice, larger)
-    return _revised(choice, step)
+        step = larger if again else _revised(choice, larger, held_out)
+    return _revised(choice, step, held_out)
 
 
-def _larger(choice: Choice, step: Step) -> Step | None:
+def _larger(choice: Choice, step: Step, held_out: HeldOut) -> Step | None:
     """Return a fit with the form more that helps most; None where none helps enough."""
     after = with_each(choice, step)
+    before = held_out(step)
     for new in np.argsort(after, kind="stable")[:TRIED].tolist():
         if after[new] > step.bic - ENOUGH:
             break
         larger = fit_step(choice, (*step.chosen, new))
-        if larger.bic <= step.bic - ENOUGH:
+        if larger.bic <= step.bic - ENOUGH and gain(before, held_out(larger)) > 0.0:
             return larger
     return None
 
 
-def _revised(choice: Choice, step: Step) -> Step:
+def gain(before: Array, after: Array) -> float:
+    """Return what a cause takes from squared errors (P,), at the bad end of postures drawn anew."""
+    return float(np.quantile(resampled(before - after), DOUBT))
+
+
+def resampled(values: Array) -> Array:
+    """Return sums of values (P,) over postures drawn anew, (200,)."""
+    drawn = np.random.default_rng(0).integers(len(values), size=(200, len(values)))
+    result: Array = values[drawn].sum(axis=1)
+    return result
+
+
+def _revised(choice: Choice, step: Step, held_out: HeldOut) -> Step:
     """Return a fit whose causes are all needed, each in the form, and at the place, that explains most."""
     for _ in range(ROUNDS):
         best = step
@@ -250,7 +271,9 @@ def _revised(choice: Choice, step: Step) -> Step:
                 after = with_each(choice, without)
                 if after.min() < best.bic - 1e-6:
                     other = fit_step(choice, (*others, int(after.argmin())))
-                    best = other if other.bic < best.bic - 1e-6 else best
+                    better = other.bic < best.bic - 1e-6
+                    if better and held_out(other).sum() <= held_out(best).sum():
+                        best = other
         if best is step:
             return step
         step = best
