@@ -240,7 +240,7 @@ def _told(folds: Folds, step: Step, seed: int) -> Decomposition:
     }
     causes = []
     for cause, before, after in zip(order, errors[:-1], errors[1:], strict=True):
-        rival = rival_of(choice, step, cause, robot)
+        rival = rival_of(choice, step, cause, robot, folds.squared_errors)
         causes.append(
             Cause(
                 forms=tuple(choice.forms[number] for number in cause),

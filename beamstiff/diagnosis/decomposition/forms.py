@@ -12,6 +12,7 @@ from beamstiff.diagnosis.decomposition.open_model import OpenModel
 from beamstiff.diagnosis.effects import EFFECTS, Shape
 from beamstiff.diagnosis.inference.library import key_of
 from beamstiff.fem.geometry import SHORTEST
+from beamstiff.measure.arrays import Integers
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.se3 import Array
 
@@ -60,6 +61,17 @@ class Form:
         """Standard deviation of each parameter before the data, in realistic sizes, (c,)."""
         known = np.array([quantity.unit in KNOWN_UNITS for quantity in self.shape.parameters])
         return np.where(known, self.shape.spread, UNKNOWN_SCALE * self.shape.spread)
+
+    @cached_property
+    def couplings(self) -> Integers:
+        """Numbers of the parameters that couple two others, and of these, (k, 3).
+
+        Of a machine that gives back no more work than was done on it ``c_ab^2 <= c_aa c_bb``.
+        """
+        names = [quantity.name for quantity in self.shape.parameters]
+        pairs = [(at, item.within) for at, item in enumerate(self.shape.parameters) if item.within]
+        found = [(at, names.index(a), names.index(b)) for at, (a, b) in pairs if a in names and b in names]
+        return np.array(found, dtype=np.intp).reshape(-1, 3)
 
     @cached_property
     def positive(self) -> Array:

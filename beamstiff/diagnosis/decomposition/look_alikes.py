@@ -6,13 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from beamstiff.diagnosis.decomposition.selection import Choice, Step, fit_step, with_each
+from beamstiff.diagnosis.decomposition.selection import Choice, HeldOut, Step, fit_step, gain, with_each
 from beamstiff.robot.description import Robot
 
 # The criterion takes the forms for exact. Forms of other authors leave a part of what they should explain, so
 # that a difference of BIC says less than it seems. To be fitted on an exam of crowded machines; until then a
 # quarter, the order of what was found for single causes (log odds by 1 + E / 60 at E of some hundred).
 TEMPERING = 4.0
+MOST_RIVALS = 12  # that are looked at: the best by the criterion
 PLAUSIBLE = 0.05  # of the likeliest: less is told from it
 
 
@@ -35,16 +36,40 @@ class Rival:
     indistinguishable: tuple[str, ...]
 
 
-def rival_of(choice: Choice, step: Step, cause: tuple[int, ...], robot: Robot) -> Rival:
-    """Return how sure a cause of a fit is; `cause` is its forms."""
+def rival_of(
+    choice: Choice, step: Step, cause: tuple[int, ...], robot: Robot, held_out: HeldOut | None = None
+) -> Rival:
+    """Return how sure a cause of a fit is.
+
+    Parameters
+    ----------
+    choice : Choice
+    step : Step
+    cause : tuple of int
+        Its forms.
+    robot : Robot
+    held_out : function, optional
+        Forms of others count only where they help on held-out postures. Without it all count.
+    """
     own = choice.forms[cause[0]].key
     others = tuple(number for number in step.chosen if number not in cause)
     taken = {choice.forms[number].key for number in others}
     without = fit_step(choice, others)
     best: dict[str, float] = {own: step.bic, "none:null": without.bic}
-    for form, value in zip(choice.forms, with_each(choice, without).tolist(), strict=True):
-        if form.key != own:
-            best[form.key] = min(value, best.get(form.key, np.inf))
+    after = with_each(choice, without)
+    before = None if held_out is None else held_out(without)
+    for number in np.argsort(after, kind="stable").tolist():
+        key = choice.forms[number].key
+        if after[number] > without.bic or len(best) > MOST_RIVALS:
+            break
+        if key in best:
+            continue
+        if (
+            held_out is None
+            or before is None
+            or gain(before, held_out(fit_step(choice, (*others, number)))) > 0.0
+        ):
+            best[key] = after[number]
     least = min(best.values())
     weight = {key: float(np.exp(-(value - least) / (2.0 * TEMPERING))) for key, value in best.items()}
     alike = [

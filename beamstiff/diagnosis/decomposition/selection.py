@@ -49,6 +49,8 @@ class Choice:
         Of all forms, one after another, of unit length before the projection.
     precision : (C,) array
         1 / variance of each parameter before the data, in units of the columns.
+    units : (C,) array
+        SI of each parameter's unit.
     at : tuple of slice (f)
         Where each form's columns stand.
     positive : (C,) bool array
@@ -66,6 +68,7 @@ class Choice:
     residual: Array
     columns: Array
     precision: Array
+    units: Array
     at: tuple[slice, ...]
     positive: NDArray[np.bool_]
     groups: tuple[tuple[Integers, Integers, Array], ...]
@@ -126,6 +129,7 @@ def state_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
         residual,
         every,
         1.0 / np.maximum(spread * size, 1e-9) ** 2,
+        np.concatenate([np.zeros(0), *(form.sizes for form in forms)]) / np.where(size > 0, size, 1.0),
         tuple(slice(a, b) for a, b in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True)),
         np.concatenate([np.zeros(0, dtype=bool), *(form.positive for form in forms)]),
         tuple(groups),
@@ -140,12 +144,10 @@ def fit_step(choice: Choice, chosen: Sequence[int]) -> Step:
     at = np.concatenate(
         [np.zeros(0, dtype=int), *(np.arange(len(choice.precision))[choice.at[k]] for k in chosen)]
     )
-    free = np.ones(at.size, dtype=bool)
+    sizes = np.cumsum([choice.at[k].stop - choice.at[k].start for k in chosen], dtype=int)
     basis, triangle = _factor(choice, at)
-    pull = basis[:n].T @ choice.residual
-    if (np.linalg.solve(triangle, pull)[choice.positive[at]] < 0).any():
-        least = np.where(choice.positive[at], 0.0, -np.inf)
-        free = np.asarray(lsq_linear(triangle, pull, (least, np.inf), method="bvls").x) > least
+    free = _allowed(choice, chosen, at, sizes, triangle, basis[:n].T @ choice.residual)
+    if not free.all():
         basis, _ = _factor(choice, at[free])
     fitted = basis @ (basis[:n].T @ choice.residual)
     left = choice.residual - fitted[:n]
@@ -153,9 +155,34 @@ def fit_step(choice: Choice, chosen: Sequence[int]) -> Step:
     determined = float((basis[:n] ** 2).sum())
     prior = sum(choice.forms[number].log_prior for number in chosen)
     value = bic(squares, choice.open_count + determined, choice.count, prior)
-    sizes = np.cumsum([choice.at[k].stop - choice.at[k].start for k in chosen], dtype=int)
     each = tuple(np.split(free, sizes[:-1])) if len(sizes) else ()
     return Step(tuple(chosen), each, basis[:n], left, squares, determined, value)
+
+
+def _allowed(
+    choice: Choice, chosen: Sequence[int], at: Integers, ends: Integers, triangle: Array, pull: Array
+) -> NDArray[np.bool_]:
+    """Return which parameters (c,) a fit may use: 0 are those that would be negative, or give work away."""
+    least = np.where(choice.positive[at], 0.0, -np.inf)
+    starts = np.concatenate([[0], ends]).astype(int)
+    couplings = np.concatenate(
+        [np.zeros((0, 3), dtype=int)]
+        + [start + choice.forms[k].couplings for k, start in zip(chosen, starts[:-1], strict=True)]
+    )
+    used = np.arange(at.size)
+    for _ in range(1 + len(couplings)):
+        found = np.zeros(at.size)
+        found[used] = np.linalg.solve(triangle[:, used], pull) if used.size == at.size else 0.0
+        if used.size < at.size or (found < least).any():
+            found[used] = lsq_linear(triangle[:, used], pull, (least[used], np.inf), method="bvls").x
+        value = found * choice.units[at]
+        c, a, b = couplings.T
+        wrong = couplings[value[c] ** 2 > value[a] * value[b], 0]
+        used = np.setdiff1d(used, wrong)
+        if not wrong.size:
+            break
+    result: NDArray[np.bool_] = np.isin(np.arange(at.size), used) & (found > least)
+    return result
 
 
 def _factor(choice: Choice, at: Integers) -> tuple[Array, Array]:

@@ -51,7 +51,8 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     radial = by_compliance(baseline, place, [(1, 1), (2, 2)])
     axial = by_compliance(baseline, place, [(0, 0)])
     by_axis = [by_compliance(baseline, place, [pair]) for pair in ((4, 4), (5, 5), (4, 5))]
-    skew = Quantity("tilting_compliance_yz", "rad/(N*m)", 0.5 * size)
+    pair = ("tilting_compliance_y", "tilting_compliance_z")
+    skew = Quantity("tilting_compliance_yz", "rad/(N*m)", 0.5 * size, within=pair)
     two = (
         Quantity("tilting_compliance_y", "rad/(N*m)", size, positive=True),
         Quantity("tilting_compliance_z", "rad/(N*m)", size, positive=True),
