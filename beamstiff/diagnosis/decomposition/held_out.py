@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,8 @@ from beamstiff.measure.arrays import Integers
 from beamstiff.se3 import Array
 
 FOLDS = 10
-ALONE = 1e-9  # least share of a direction that other folds determine; below it the prediction has no bound
+ALONE = 1e-2  # variance of a reading over that of its prediction, below which other folds do not tell it
+ROUNDING = 1e-9  # of 1: what only the fold itself determines
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,13 +49,27 @@ class Folds:
         """Return the sum of squared position errors of each posture, (P,), m^2, in fits without its fold."""
         basis = np.concatenate([self.choice.open_basis, step.basis], axis=1)
         left = np.zeros(self.model.count)
-        for one in range(int(self.fold.max()) + 1):
-            out = np.flatnonzero(self.fold == one)
-            own = basis[out]
-            values, vectors = np.linalg.eigh(np.eye(len(out)) - own @ own.T)
-            left[out] = vectors @ ((vectors.T @ step.left[out]) / np.maximum(values, ALONE))
+        for out, told in self.parts:
+            own = told.T @ basis[out]
+            values, vectors = np.linalg.eigh(np.eye(len(own)) - own @ own.T)
+            seen = vectors.T @ (told.T @ step.left[out])
+            left[out] = told @ (vectors @ (seen / np.maximum(values, ROUNDING)))
         error = unweighed(self.model, left)
         return np.bincount(self.posture[self.position], weights=error[self.position] ** 2).astype(np.float64)
+
+    @cached_property
+    def parts(self) -> list[tuple[Integers, Array]]:
+        """Return the values of each fold, and an orthonormal basis of what other folds can tell of them.
+
+        What they cannot is not held out: a reflector that was read in one fold alone has to be found there.
+        """
+        result = []
+        for one in range(int(self.fold.max()) + 1):
+            out = np.flatnonzero(self.fold == one)
+            own = self.choice.open_basis[out]
+            values, vectors = np.linalg.eigh(np.eye(len(out)) - own @ own.T)
+            result.append((out, vectors[:, values > ALONE]))
+        return result
 
     @property
     def rows(self) -> int:
