@@ -19,8 +19,8 @@ from beamstiff.se3 import Array
 MOST_PARAMETERS = 8  # of a form: freer ones explain whatever is left, see DIAGNOSIS "very free shapes"
 SERIES, SLIP = "angle-curve", "target-slip"
 REPEATED = (SERIES, SLIP)  # whose forms may stand beside one another: orders of a curve, moments of a slip
-KNOWN_UNITS = ("rad", "m")  # of lengths and angles, whose size does not depend on that of the robot
-UNKNOWN_SCALE = 1e3  # of compliances and the like: a service robot's are as many times an industrial one's
+COMPLIANCE_UNITS = ("rad/(N*m)", "rad/N", "m/N", "1/N", "1/(N*m^2)")
+UNKNOWN_SCALE = 1e3  # of compliances: a service robot's are as many times an industrial one's
 # what a calibration beside it takes up, or finds by itself
 OF_GEOMETRY = ("geometry-error", "frame-misalignment", "tool-offset")
 
@@ -59,8 +59,8 @@ class Form:
     @property
     def spread(self) -> Array:
         """Standard deviation of each parameter before the data, in realistic sizes, (c,)."""
-        known = np.array([quantity.unit in KNOWN_UNITS for quantity in self.shape.parameters])
-        return np.where(known, self.shape.spread, UNKNOWN_SCALE * self.shape.spread)
+        compliant = np.array([quantity.unit in COMPLIANCE_UNITS for quantity in self.shape.parameters])
+        return np.where(compliant, UNKNOWN_SCALE * self.shape.spread, self.shape.spread)
 
     @cached_property
     def couplings(self) -> Integers:
