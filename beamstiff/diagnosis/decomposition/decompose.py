@@ -10,7 +10,7 @@ from scipy import stats
 
 from beamstiff.diagnosis.decomposition.forms import SLIP, Form, forms_of, stacked
 from beamstiff.diagnosis.decomposition.held_out import Folds, folds_of, interval, ordered
-from beamstiff.diagnosis.decomposition.look_alikes import rival_of
+from beamstiff.diagnosis.decomposition.look_alikes import rival_of, with_usual_name
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, open_geometry, open_stiffness
 from beamstiff.diagnosis.decomposition.remainder import Remainder, remainder_of
 from beamstiff.diagnosis.decomposition.selection import (
@@ -223,7 +223,7 @@ def moved_by(model: OpenModel, chosen: Sequence[Form]) -> Array:
 def _told(folds: Folds, step: Step, seed: int) -> Decomposition:
     model, choice, least = folds.model, folds.choice, step.bic
     robot = model.baseline.nominal
-    step = _kept(folds, step)
+    step = with_usual_name(choice, _kept(folds, step), robot)
     order, errors = ordered(folds, causes_of(choice, step))
     step = fit_step(choice, tuple(number for cause in order for number in cause))
     forms = list(forms_in(choice, step).values())

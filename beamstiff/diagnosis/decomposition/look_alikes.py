@@ -13,6 +13,7 @@ from beamstiff.robot.description import Robot
 # that a difference of BIC says less than it seems. To be fitted on an exam of crowded machines; until then a
 # quarter, the order of what was found for single causes (log odds by 1 + E / 60 at E of some hundred).
 TEMPERING = 4.0
+TOOL = "tool-compliance:null"
 MOST_RIVALS = 12  # that are looked at: the best by the criterion
 PLAUSIBLE = 0.05  # of the likeliest: less is told from it
 
@@ -64,12 +65,9 @@ def rival_of(
             break
         if key in best:
             continue
-        if (
-            held_out is None
-            or before is None
-            or gain(before, held_out(fit_step(choice, (*others, number)))) > 0.0
-        ):
-            best[key] = after[number]
+        other = fit_step(choice, (*others, number))
+        if held_out is None or before is None or gain(before, held_out(other)) > 0.0:
+            best[key] = other.bic
     least = min(best.values())
     weight = {key: float(np.exp(-(value - least) / (2.0 * TEMPERING))) for key, value in best.items()}
     alike = [
@@ -82,6 +80,24 @@ def rival_of(
         alike += [key for key in same if key != own and key not in alike and key not in taken]
     total = sum(weight.values())
     return Rival(weight[own] / total, 1.0 - weight["none:null"] / total, tuple(alike))
+
+
+def with_usual_name(choice: Choice, step: Step, robot: Robot) -> Step:
+    """Return a fit in which what is one mechanics with a compliant tool is called so, where it fits as well.
+
+    Adapters, force sensors and grippers are more compliant than the last bearing and link usually.
+    """
+    same = at_the_end(robot)
+    for number in step.chosen:
+        keys = {choice.forms[k].key for k in step.chosen}
+        if choice.forms[number].key not in same or TOOL in keys:
+            continue
+        others = tuple(k for k in step.chosen if k != number)
+        tools = [at for at, form in enumerate(choice.forms) if form.key == TOOL]
+        named = min((fit_step(choice, (*others, at)) for at in tools), key=lambda fit: fit.bic, default=step)
+        if named.bic <= step.bic - 2.0 * TEMPERING * np.log(PLAUSIBLE):
+            return named
+    return step
 
 
 def at_the_end(robot: Robot) -> tuple[str, ...]:
@@ -107,4 +123,4 @@ def at_the_end(robot: Robot) -> tuple[str, ...]:
         return names
 
     links = [f"link-bending:{name}" for node in last.nodes[::-1] for name in joined(node)]
-    return ("tool-compliance:null", f"bearing-tilt:{last.variable or last.name}", *links)
+    return (TOOL, f"bearing-tilt:{last.variable or last.name}", *links)

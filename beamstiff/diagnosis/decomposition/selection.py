@@ -215,9 +215,9 @@ def bic(squares: float, parameters: float, values: int, log_prior: float) -> flo
 
 
 def with_each(choice: Choice, step: Step) -> Array:
-    """Return the BIC (f,) of a fit with each form added to it.
+    """Return the BIC (f,) of a fit with each form added to it, whatever the signs of its parameters.
 
-    inf where a form does not show, stands there already, or a parameter that cannot be negative would be.
+    It is not above that of `fit_step`; inf where a form does not show or stands there already.
     """
     result = np.full(len(choice.forms), np.inf)
     known = sum(choice.forms[number].log_prior for number in step.chosen)
@@ -232,7 +232,7 @@ def with_each(choice: Choice, step: Step) -> Array:
         theta = (inverse @ pull[at][:, :, None])[:, :, 0]
         squares = step.squares - (theta * pull[at]).sum(axis=1)
         determined = np.einsum("gij,gji->g", inverse, gram)
-        wrong = ((theta < 0) & choice.positive[at]).any(axis=1) | (determined < SHOWS)
+        wrong = determined < SHOWS
         for number, sum_of_squares, rank, bad in zip(
             numbers.tolist(), squares.tolist(), determined.tolist(), wrong.tolist(), strict=True
         ):

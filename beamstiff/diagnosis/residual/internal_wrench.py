@@ -139,6 +139,7 @@ def find_places(robot: Robot, rows: Measurements) -> Places:
             else:
                 found[name] = there
     tcp_frame = compile_kinematics(cut).node_frame[index[robot.tcp]]
+    points = [index[name] for name in rows.point.tolist()]
     structure = compile_structure(cut)
     geometry = place(structure, where)
     weight, hung = gravity_wrenches(structure, geometry), mass_wrenches(structure, geometry)
@@ -148,7 +149,11 @@ def find_places(robot: Robot, rows: Measurements) -> Places:
         links=links_found,
         base=base,
         flange=_flange(
-            robot, rows, where.transforms[:, tcp_frame, :3, :3][pose], hung[pose, index[robot.tcp]]
+            robot,
+            rows,
+            where.transforms[:, tcp_frame, :3, :3][pose],
+            hung[pose, index[robot.tcp]],
+            (where.node_positions - where.node_positions[:, [index[robot.tcp]]])[pose, points],
         ),
         held=held,
         standing=tuple(
@@ -157,6 +162,13 @@ def find_places(robot: Robot, rows: Measurements) -> Places:
             if name in links_found and _is_base(links_found[name], base)
         ),
     )
+
+
+def _body(robot: Robot) -> list[str]:
+    """Return the nodes that rigids join to the TCP."""
+    graph = nx.Graph(part.nodes for part in robot.rigids)
+    graph.add_node(robot.tcp)
+    return list(nx.node_connected_component(graph, robot.tcp))
 
 
 def _on_the_ground(robot: Robot) -> set[str]:
@@ -339,14 +351,27 @@ def _base(
     return Place(passed, dead[pose], carry[pose, points], axes)
 
 
-def _flange(robot: Robot, rows: Measurements, turn: Array, weight: Array) -> Place:
+def _flange(robot: Robot, rows: Measurements, turn: Array, weight: Array, offset: Array) -> Place:
     """Return the flange: what loads, hangs or is seen at the TCP passes through it, the rest does not.
 
-    The `weight` (N, 6) is that of masses: a beam that ends at the TCP carries its own by itself.
+    Where nothing is read at the TCP, the reflectors of its body are on the tool: they move with it.
+
+    Parameters
+    ----------
+    robot : Robot
+    rows : Measurements
+    turn : (N, 3, 3) array
+        Axes of the TCP's frame.
+    weight : (N, 6) array
+        Of masses at the TCP: a beam that ends there carries its own by itself.
+    offset : (N, 3) array
+        From the TCP to the measured point.
     """
-    axes = rotate_screw(turn)
-    loaded, seen = ((names == robot.tcp).astype(np.float64) for names in (rows.load_point, rows.point))
-    inside = axes.swapaxes(-1, -2)
+    behind = [robot.tcp] if (rows.point == robot.tcp).any() else _body(robot)
+    axes = displacement_transport(offset) @ rotate_screw(turn)
+    loaded = (rows.load_point == robot.tcp).astype(np.float64)
+    seen = np.isin(rows.point, behind).astype(np.float64)
+    inside = rotate_screw(turn).swapaxes(-1, -2)
     passed = (inside @ rows.wrench[..., None])[..., 0] * loaded[:, None]
     dead = (inside @ weight[..., None])[..., 0]
     return Place(passed, dead, axes * seen[:, None, None], turn)
