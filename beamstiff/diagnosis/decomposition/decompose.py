@@ -36,6 +36,9 @@ CHANCE = 0.01  # of so large a residual under the stated noise, below which caus
 ROUNDS = 3  # of calibrating beside the causes that were found
 PRESENT = 0.95  # probability that there is a cause, this one or a look-alike, from which it counts
 NAMED = 0.5  # probability that it is this one, from which it is named
+MINOR = (
+    0.03  # share of the gap: forms are right to some 15 %, and what that leaves of others looks like causes
+)
 NOISE = 1.5  # times the stated noise, from which there is a gap: stated noise is seldom known better
 HALF, QUARTER = 0.5, 0.25  # shares of the gap from which a cause is the verdict: FORMATS, `verdict`
 
@@ -74,6 +77,11 @@ class Cause:
     def key(self) -> str:
         """``effect:component``."""
         return self.forms[0].key
+
+    @property
+    def named(self) -> bool:
+        """Whether it is surely this cause, and more than what the form of another may leave."""
+        return self.probability >= NAMED and self.closes >= MINOR
 
     @property
     def rows(self) -> tuple[int, ...]:
@@ -255,8 +263,8 @@ def _told(folds: Folds, step: Step, seed: int) -> Decomposition:
         )
     return Decomposition(
         model=model,
-        causes=tuple(cause for cause in causes if cause.probability >= NAMED),
-        unclear=tuple(cause for cause in causes if cause.probability < NAMED),
+        causes=tuple(cause for cause in causes if cause.named),
+        unclear=tuple(cause for cause in causes if not cause.named),
         remainder=remainder_of(model, forms, noise2, total, folds.rows),
         rms=float(np.sqrt(total / folds.rows)),
         noise=float(np.sqrt(noise2 / folds.rows)),

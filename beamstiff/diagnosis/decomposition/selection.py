@@ -146,13 +146,13 @@ def fit_step(choice: Choice, chosen: Sequence[int]) -> Step:
     )
     sizes = np.cumsum([choice.at[k].stop - choice.at[k].start for k in chosen], dtype=int)
     basis, triangle = _factor(choice, at)
+    determined = float((basis[:n] ** 2).sum())  # a sign that was left out is a choice too, and costs as much
     free = _allowed(choice, chosen, at, sizes, triangle, basis[:n].T @ choice.residual)
     if not free.all():
         basis, _ = _factor(choice, at[free])
     fitted = basis @ (basis[:n].T @ choice.residual)
     left = choice.residual - fitted[:n]
     squares = float(left @ left + fitted[n:] @ fitted[n:])
-    determined = float((basis[:n] ** 2).sum())
     prior = sum(choice.forms[number].log_prior for number in chosen)
     value = bic(squares, choice.open_count + determined, choice.count, prior)
     each = tuple(np.split(free, sizes[:-1])) if len(sizes) else ()
@@ -215,9 +215,10 @@ def bic(squares: float, parameters: float, values: int, log_prior: float) -> flo
 
 
 def with_each(choice: Choice, step: Step) -> Array:
-    """Return the BIC (f,) of a fit with each form added to it, whatever the signs of its parameters.
+    """Return the BIC (f,) of a fit with each form added to it.
 
-    It is not above that of `fit_step`; inf where a form does not show or stands there already.
+    inf where a form does not show, stands there already, or asks for a sign that a parameter cannot have:
+    such a form is not what is there.
     """
     result = np.full(len(choice.forms), np.inf)
     known = sum(choice.forms[number].log_prior for number in step.chosen)
@@ -232,7 +233,7 @@ def with_each(choice: Choice, step: Step) -> Array:
         theta = (inverse @ pull[at][:, :, None])[:, :, 0]
         squares = step.squares - (theta * pull[at]).sum(axis=1)
         determined = np.einsum("gij,gji->g", inverse, gram)
-        wrong = determined < SHOWS
+        wrong = ((theta < 0) & choice.positive[at]).any(axis=1) | (determined < SHOWS)
         for number, sum_of_squares, rank, bad in zip(
             numbers.tolist(), squares.tolist(), determined.tolist(), wrong.tolist(), strict=True
         ):
@@ -295,16 +296,25 @@ def _revised(choice: Choice, step: Step, held_out: HeldOut) -> Step:
                 if without.bic < best.bic + ENOUGH and len(best.chosen) == len(step.chosen):
                     best = without
             elif len(best.chosen) == len(step.chosen) and choice.forms[number].effect not in REPEATED:
-                after = with_each(choice, without)
-                if after.min() < best.bic - 1e-6:
-                    other = fit_step(choice, (*others, int(after.argmin())))
-                    better = other.bic < best.bic - 1e-6
-                    if better and held_out(other).sum() <= held_out(best).sum():
-                        best = other
+                best = _exchanged(choice, number, without, best, held_out)
         if best is step:
             return step
         step = best
     return step
+
+
+def _exchanged(choice: Choice, number: int, without: Step, best: Step, held_out: HeldOut) -> Step:
+    """Return a fit with another form in the place of one, or two, if it is better than the best so far."""
+    before, step = held_out(without), without
+    for _ in range(2):
+        after = with_each(choice, step)
+        after[number] = np.inf
+        if after.min() >= step.bic - ENOUGH:
+            break
+        step = fit_step(choice, (*step.chosen, int(after.argmin())))
+        if step.bic < best.bic - 1e-6 and gain(before, held_out(step)) > 0.0:
+            return step
+    return best
 
 
 def causes_of(choice: Choice, step: Step) -> list[tuple[int, ...]]:
