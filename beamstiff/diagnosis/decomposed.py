@@ -45,7 +45,8 @@ def beside_calibration(
         closed = open_stiffness(fit_baseline(robot, rows))
     except BeamstiffError:  # stiffness that makes up for the geometry may let the machine buckle
         return diagnosis_of(found)
-    choice = state_choice(closed, forms_of(closed, without))
+    found_here = {form.effect for cause in (*found.causes, *found.unclear) for form in cause.forms}
+    choice = state_choice(closed, forms_of(closed, without, {*OF_GEOMETRY, *found_here}))
     step = select(choice, folds_of(closed, choice, seed).squared_errors)
     freedom = max(choice.count - choice.open_count - step.determined, 1.0)
     left = float(np.sqrt(step.squares / freedom))

@@ -36,9 +36,7 @@ CHANCE = 0.01  # of so large a residual under the stated noise, below which caus
 ROUNDS = 3  # of calibrating beside the causes that were found
 PRESENT = 0.95  # probability that there is a cause, this one or a look-alike, from which it counts
 NAMED = 0.5  # probability that it is this one, from which it is named
-MINOR = (
-    0.03  # share of the gap: forms are right to some 15 %, and what that leaves of others looks like causes
-)
+MINOR = 0.03  # share of the gap; forms are right to some 15 %, and what that leaves may look like a cause
 NOISE = 1.5  # times the stated noise, from which there is a gap: stated noise is seldom known better
 HALF, QUARTER = 0.5, 0.25  # shares of the gap from which a cause is the verdict: FORMATS, `verdict`
 

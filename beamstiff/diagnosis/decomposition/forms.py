@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -79,14 +79,14 @@ class Form:
         return np.array([quantity.positive for quantity in self.shape.parameters])
 
 
-def forms_of(model: OpenModel, without: Sequence[str] = ()) -> list[Form]:
-    """Return the forms of every effect at every component that the open model does not hold already."""
+def forms_of(model: OpenModel, without: Sequence[str] = (), effects: Collection[str] = EFFECTS) -> list[Form]:
+    """Return the forms of some effects at every component that the open model does not hold already."""
     baseline = model.baseline
     skipped = {*without, *(OF_GEOMETRY if model.problem is not None else ()), "outliers"}
     found: list[Form] = []
     absent = _no_links(model)
     for effect in EFFECTS.values():
-        if effect.name in skipped:
+        if effect.name in skipped or effect.name not in effects:
             continue
         for component in effect.components(baseline):
             # a calibration that moves an axis puts brackets between its parts, which no machine has

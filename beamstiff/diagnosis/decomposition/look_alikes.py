@@ -79,7 +79,8 @@ def rival_of(
     if own in same:  # whatever the forms of the model say: the flange is where the maker says
         alike += [key for key in same if key != own and key not in alike and key not in taken]
     total = sum(weight.values())
-    return Rival(weight[own] / total, 1.0 - weight["none:null"] / total, tuple(alike))
+    named = sum(value for key, value in weight.items() if key == own or (own in same and key in same))
+    return Rival(named / total, 1.0 - weight["none:null"] / total, tuple(alike))
 
 
 def with_usual_name(choice: Choice, step: Step, robot: Robot) -> Step:

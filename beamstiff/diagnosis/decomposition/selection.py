@@ -154,7 +154,7 @@ def fit_step(choice: Choice, chosen: Sequence[int]) -> Step:
     left = choice.residual - fitted[:n]
     squares = float(left @ left + fitted[n:] @ fitted[n:])
     prior = sum(choice.forms[number].log_prior for number in chosen)
-    value = bic(squares, choice.open_count + determined, choice.count, prior)
+    value = float(bic(squares, choice.open_count + determined, choice.count, prior))
     each = tuple(np.split(free, sizes[:-1])) if len(sizes) else ()
     return Step(tuple(chosen), each, basis[:n], left, squares, determined, value)
 
@@ -202,16 +202,17 @@ def forms_in(choice: Choice, step: Step) -> dict[int, Form]:
     }
 
 
-def bic(squares: float, parameters: float, values: int, log_prior: float) -> float:
-    """Return the criterion of a fit.
+def bic(squares: Array | float, parameters: Array | float, values: int, log_prior: Array | float) -> Array:
+    """Return the criterion of fits.
 
     Examples
     --------
-    >>> round(bic(100.0, 2, 100, 0.0), 3)  # noise as stated: the cost of two parameters alone
+    >>> round(float(bic(100.0, 2, 100, 0.0)), 3)  # noise as stated: the cost of two parameters alone
     9.21
     """
     n = max(values, 1)
-    return float(n * np.log(max(squares, 1e-12) / n) + parameters * np.log(n) - 2.0 * log_prior)
+    result: Array = n * np.log(np.maximum(squares, 1e-12) / n) + parameters * np.log(n) - 2.0 * log_prior
+    return result
 
 
 def with_each(choice: Choice, step: Step) -> Array:
@@ -221,7 +222,8 @@ def with_each(choice: Choice, step: Step) -> Array:
     such a form is not what is there.
     """
     result = np.full(len(choice.forms), np.inf)
-    known = sum(choice.forms[number].log_prior for number in step.chosen)
+    log_prior = np.array([form.log_prior for form in choice.forms])
+    known = float(log_prior[list(step.chosen)].sum())
     inside = step.basis.T @ choice.columns
     pull = step.left @ choice.columns
     forms = [choice.forms[number] for number in step.chosen]
@@ -234,30 +236,31 @@ def with_each(choice: Choice, step: Step) -> Array:
         squares = step.squares - (theta * pull[at]).sum(axis=1)
         determined = np.einsum("gij,gji->g", inverse, gram)
         wrong = ((theta < 0) & choice.positive[at]).any(axis=1) | (determined < SHOWS)
-        for number, sum_of_squares, rank, bad in zip(
-            numbers.tolist(), squares.tolist(), determined.tolist(), wrong.tolist(), strict=True
-        ):
-            form = choice.forms[number]
-            if not bad and form.key not in taken and number not in step.chosen:
-                parameters = choice.open_count + step.determined + rank
-                result[number] = bic(sum_of_squares, parameters, choice.count, known + form.log_prior)
+        parameters = choice.open_count + step.determined + determined
+        values = bic(squares, parameters, choice.count, known + log_prior[numbers])
+        result[numbers] = np.where(wrong, np.inf, values)
+    result[[form.key in taken for form in choice.forms]] = np.inf
+    result[list(step.chosen)] = np.inf
     return result
 
 
 def select(choice: Choice, held_out: HeldOut) -> Step:
     """Return the fit with the causes that the criterion and held-out postures ask for.
 
-    After every cause that comes in, causes that are not needed any more go out, and one that another explains
-    better is exchanged.
+    After every cause that comes in, causes that are not needed any more go out. Where no other comes in, one
+    that another explains better, or two others, is exchanged.
     """
     step = fit_step(choice, ())
-    while len(step.chosen) < MOST and choice.forms:
-        larger = _larger(choice, step, held_out)
-        if larger is None:
+    for _ in range(ROUNDS):
+        larger = _larger(choice, step, held_out) if len(step.chosen) < MOST and choice.forms else None
+        while larger is not None:
+            step = _needed(choice, larger)
+            larger = _larger(choice, step, held_out) if len(step.chosen) < MOST else None
+        other = _exchanged(choice, step, held_out)
+        if other is None:
             break
-        again = choice.forms[larger.chosen[-1]].key in {choice.forms[number].key for number in step.chosen}
-        step = larger if again else _revised(choice, larger, held_out)
-    return _revised(choice, step, held_out)
+        step = _needed(choice, other)
+    return step
 
 
 def _larger(choice: Choice, step: Step, held_out: HeldOut) -> Step | None:
@@ -285,36 +288,34 @@ def resampled(values: Array) -> Array:
     return result
 
 
-def _revised(choice: Choice, step: Step, held_out: HeldOut) -> Step:
-    """Return a fit whose causes are all needed, each in the form, and at the place, that explains most."""
-    for _ in range(ROUNDS):
-        best = step
-        for at, number in enumerate(step.chosen):
-            others = (*step.chosen[:at], *step.chosen[at + 1 :])
-            without = fit_step(choice, others)
-            if without.bic < step.bic + ENOUGH:
-                if without.bic < best.bic + ENOUGH and len(best.chosen) == len(step.chosen):
-                    best = without
-            elif len(best.chosen) == len(step.chosen) and choice.forms[number].effect not in REPEATED:
-                best = _exchanged(choice, number, without, best, held_out)
-        if best is step:
-            return step
-        step = best
+def _needed(choice: Choice, step: Step) -> Step:
+    """Return a fit without the forms that it does not need, the least needed first."""
+    while step.chosen:
+        others = [[k for k in step.chosen if k != number] for number in step.chosen]
+        least = min((fit_step(choice, some) for some in others), key=lambda fit: fit.bic)
+        if least.bic >= step.bic + ENOUGH:
+            break
+        step = least
     return step
 
 
-def _exchanged(choice: Choice, number: int, without: Step, best: Step, held_out: HeldOut) -> Step:
-    """Return a fit with another form in the place of one, or two, if it is better than the best so far."""
-    before, step = held_out(without), without
-    for _ in range(2):
-        after = with_each(choice, step)
-        after[number] = np.inf
-        if after.min() >= step.bic - ENOUGH:
-            break
-        step = fit_step(choice, (*step.chosen, int(after.argmin())))
-        if step.bic < best.bic - 1e-6 and gain(before, held_out(step)) > 0.0:
-            return step
-    return best
+def _exchanged(choice: Choice, step: Step, held_out: HeldOut) -> Step | None:
+    """Return the best fit with another form, or two, in the place of one; None where none is better."""
+    best = step
+    for number in step.chosen:
+        if choice.forms[number].effect in REPEATED:
+            continue
+        other = without = fit_step(choice, [k for k in step.chosen if k != number])
+        for _ in range(2):
+            after = with_each(choice, other)
+            after[number] = np.inf
+            if after.min() >= other.bic - ENOUGH:
+                break
+            other = fit_step(choice, (*other.chosen, int(after.argmin())))
+            if other.bic < best.bic - 1e-6 and gain(held_out(without), held_out(other)) > 0.0:
+                best = other
+                break
+    return None if best is step else best
 
 
 def causes_of(choice: Choice, step: Step) -> list[tuple[int, ...]]:
