@@ -10,7 +10,8 @@ import numpy as np
 
 from beamstiff.diagnosis.decision.where import where
 from beamstiff.diagnosis.decomposition.decompose import Cause, Decomposition, decompose
-from beamstiff.diagnosis.decomposition.forms import forms_of
+from beamstiff.diagnosis.decomposition.forms import OF_GEOMETRY, forms_of
+from beamstiff.diagnosis.decomposition.held_out import folds_of
 from beamstiff.diagnosis.decomposition.open_model import open_stiffness
 from beamstiff.diagnosis.decomposition.plain import parameters_of
 from beamstiff.diagnosis.decomposition.selection import select, state_choice
@@ -24,6 +25,7 @@ from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 
 AS_DESCRIBED = 2.0  # times what is left beside a calibration: forms of causes are not exact either
+SINGLE_ERRORS = 2  # of a geometry as described: its causes come alone or in pairs
 LEAST_UNKNOWN = 0.02  # probability that a cause outside the library stands in for the verdict
 
 
@@ -32,8 +34,8 @@ def beside_calibration(
 ) -> Diagnosis | None:
     """Return the diagnosis of absolute readings with all that a calibration fits left open; None if needless.
 
-    Needless is a calibration where causes, errors of the geometry among them, leave hardly more without one:
-    then the geometry is what the robot's description says.
+    Needless is a calibration where causes, a few errors of the geometry among them, leave hardly more without
+    one: then the geometry is what the robot's description says.
     """
     try:
         found = decompose(robot, rows, without=without, seed=seed)
@@ -43,11 +45,14 @@ def beside_calibration(
         closed = open_stiffness(fit_baseline(robot, rows))
     except BeamstiffError:  # stiffness that makes up for the geometry may let the machine buckle
         return diagnosis_of(found)
-    choice = state_choice(closed, forms_of(closed, without))
-    step = select(choice)
+    found_here = {form.effect for cause in (*found.causes, *found.unclear) for form in cause.forms}
+    choice = state_choice(closed, forms_of(closed, without, {*OF_GEOMETRY, *found_here}))
+    step = select(choice, folds_of(closed, choice, seed).squared_errors)
     freedom = max(choice.count - choice.open_count - step.determined, 1.0)
     left = float(np.sqrt(step.squares / freedom))
-    return None if left < AS_DESCRIBED * max(found.scatter, 1.0) else diagnosis_of(found)
+    errors = sum(choice.forms[number].effect in OF_GEOMETRY for number in step.chosen)
+    needless = left < AS_DESCRIBED * max(found.scatter, 1.0) and errors <= SINGLE_ERRORS
+    return None if needless else diagnosis_of(found)
 
 
 def diagnosis_of(found: Decomposition, notes: tuple[str, ...] = ()) -> Diagnosis:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 
 import numpy as np
 
+from beamstiff.calibration.calibrate import calibrate
 from beamstiff.calibration.corrected import corrected
 from beamstiff.diagnosis.decomposition.decompose import Cause, Decomposition
 from beamstiff.diagnosis.effects import EFFECTS
@@ -14,22 +16,38 @@ from beamstiff.robot.parts import AddedEffect
 
 
 def applied(found: Decomposition) -> Robot:
-    """Return the robot with the open parameters as fitted beside the causes, and the causes as its effects.
+    """Return the robot calibrated beside the causes, and the causes as its effects.
 
-    A target that slipped stands where it came to rest; what else is of the measured campaign alone is no part
+    The geometry is fitted once more, in full: the step from where the causes were linear may be long. A
+    target that slipped stands where it came to rest; what else is of the measured campaign alone is no part
     of the robot.
     """
-    robot = found.model.robot(found.change)
+    causes = (*found.causes, *found.unclear)
+    robot = _calibrated(found, causes)
     slips: dict[str, float] = {}
-    for cause in (*found.causes, *found.unclear):
+    for cause in causes:
         for form, theta in zip(cause.forms, cause.theta, strict=True) if cause.rows else ():
             for axis, by in zip("xyz", (theta * form.sizes).tolist(), strict=True):
                 name = f"{form.component or robot.tcp}.{axis}"
                 slips[name] = slips.get(name, 0.0) + by
     robot = corrected(robot, slips, found.model.baseline.rows.q[:1]) if slips else robot
-    causes = (*found.causes, *found.unclear)
     added = [effect for cause in causes for effect in _added(found, cause)]
     return robot.model_copy(update={"effects": (*robot.effects, *added)})
+
+
+def _calibrated(found: Decomposition, causes: Iterable[Cause]) -> Robot:
+    model = found.model
+    linear = model.robot(found.change)
+    if model.problem is None:
+        return linear
+    moved, rows = np.zeros_like(model.baseline.rows.position), model.baseline.rows
+    for cause in causes:
+        for form, theta in zip(cause.forms, cause.theta, strict=True):
+            moved += (form.shape.columns @ (theta * form.sizes))[:, :3]
+    bare = model.given.model_copy(update={"identify": ()})
+    beside = replace(rows, position=rows.position - moved)
+    robot = calibrate(bare, beside, compliances=model.given.identify, folds=0).robot
+    return robot.model_copy(update={"identify": linear.identify})
 
 
 def _added(found: Decomposition, cause: Cause) -> Iterator[AddedEffect]:

@@ -10,7 +10,7 @@ from scipy import stats
 
 from beamstiff.diagnosis.decomposition.forms import SLIP, Form, forms_of, stacked
 from beamstiff.diagnosis.decomposition.held_out import Folds, folds_of, interval, ordered
-from beamstiff.diagnosis.decomposition.look_alikes import rival_of
+from beamstiff.diagnosis.decomposition.look_alikes import rival_of, with_usual_name
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, open_geometry, open_stiffness
 from beamstiff.diagnosis.decomposition.remainder import Remainder, remainder_of
 from beamstiff.diagnosis.decomposition.selection import (
@@ -18,6 +18,9 @@ from beamstiff.diagnosis.decomposition.selection import (
     Step,
     causes_of,
     fit_step,
+    forms_in,
+    gain,
+    resampled,
     select,
     state_choice,
 )
@@ -33,7 +36,7 @@ CHANCE = 0.01  # of so large a residual under the stated noise, below which caus
 ROUNDS = 3  # of calibrating beside the causes that were found
 PRESENT = 0.95  # probability that there is a cause, this one or a look-alike, from which it counts
 NAMED = 0.5  # probability that it is this one, from which it is named
-DOUBT = 0.2  # of postures drawn anew, in which a cause may make held-out postures worse
+MINOR = 0.03  # share of the gap; forms are right to some 15 %, and what that leaves may look like a cause
 NOISE = 1.5  # times the stated noise, from which there is a gap: stated noise is seldom known better
 HALF, QUARTER = 0.5, 0.25  # shares of the gap from which a cause is the verdict: FORMATS, `verdict`
 
@@ -72,6 +75,11 @@ class Cause:
     def key(self) -> str:
         """``effect:component``."""
         return self.forms[0].key
+
+    @property
+    def named(self) -> bool:
+        """Whether it is surely this cause, and more than what the form of another may leave."""
+        return self.probability >= NAMED and self.closes >= MINOR
 
     @property
     def rows(self) -> tuple[int, ...]:
@@ -163,8 +171,8 @@ def decompose(
     """
     if rows.kind != "absolute":
         model = open_stiffness(baseline or fit_baseline(robot, rows))
-        choice = state_choice(model, forms_of(model, without))
-        return _told(model, choice, select(choice), seed)
+        folds = folds_of(model, state_choice(model, forms_of(model, without)), seed)
+        return _told(folds, select(folds.choice, folds.squared_errors), seed)
     model = open_geometry(robot, rows)
     choice = state_choice(model, forms_of(model, without))
     if model.count < VALUES_A_PARAMETER * choice.open_count:
@@ -172,17 +180,21 @@ def decompose(
             f"{rows.source}: {model.count} measured values for {choice.open_count} open parameters of the "
             "geometry: measure more poses"
         )
-    step = select(choice) if _more_than_noise(choice, model) else fit_step(choice, ())
+    folds = folds_of(model, choice, seed)
+    step = fit_step(choice, ())
+    if _more_than_noise(choice, model):
+        step = select(choice, folds.squared_errors)
     for _ in range(ROUNDS):
-        chosen = [choice.forms[number] for number in step.chosen]
+        chosen = list(forms_in(choice, step).values())
         if not chosen:
             break
         model = open_geometry(robot, model.baseline.rows, moved_by(model, chosen))
         choice = state_choice(model, forms_of(model, without))
-        step = select(choice)
+        folds = folds_of(model, choice, seed)
+        step = select(choice, folds.squared_errors)
         if {choice.forms[number].key for number in step.chosen} == {form.key for form in chosen}:
             break
-    return _told(model, choice, step, seed)
+    return _told(folds, step, seed)
 
 
 def _more_than_noise(choice: Choice, model: OpenModel) -> bool:
@@ -214,11 +226,13 @@ def moved_by(model: OpenModel, chosen: Sequence[Form]) -> Array:
     return moved
 
 
-def _told(model: OpenModel, choice: Choice, step: Step, seed: int) -> Decomposition:
-    folds, least, robot = folds_of(model, seed), step.bic, model.baseline.nominal
-    order, errors = ordered(folds, choice, causes_of(choice, _kept(folds, choice, step)))
+def _told(folds: Folds, step: Step, seed: int) -> Decomposition:
+    model, choice, least = folds.model, folds.choice, step.bic
+    robot = model.baseline.nominal
+    step = with_usual_name(choice, _kept(folds, step), robot)
+    order, errors = ordered(folds, causes_of(choice, step))
     step = fit_step(choice, tuple(number for cause in order for number in cause))
-    forms = [choice.forms[number] for number in step.chosen]
+    forms = list(forms_in(choice, step).values())
     noise2 = float((model.baseline.sigma[:, :3][model.used[:, :3]] ** 2).sum())
     total = float(errors[0].sum())
     theta, covariance = solved(model, forms)
@@ -232,7 +246,7 @@ def _told(model: OpenModel, choice: Choice, step: Step, seed: int) -> Decomposit
     }
     causes = []
     for cause, before, after in zip(order, errors[:-1], errors[1:], strict=True):
-        rival = rival_of(choice, step, cause, robot)
+        rival = rival_of(choice, step, cause, robot, folds.squared_errors)
         causes.append(
             Cause(
                 forms=tuple(choice.forms[number] for number in cause),
@@ -247,8 +261,8 @@ def _told(model: OpenModel, choice: Choice, step: Step, seed: int) -> Decomposit
         )
     return Decomposition(
         model=model,
-        causes=tuple(cause for cause in causes if cause.probability >= NAMED),
-        unclear=tuple(cause for cause in causes if cause.probability < NAMED),
+        causes=tuple(cause for cause in causes if cause.named),
+        unclear=tuple(cause for cause in causes if not cause.named),
         remainder=remainder_of(model, forms, noise2, total, folds.rows),
         rms=float(np.sqrt(total / folds.rows)),
         noise=float(np.sqrt(noise2 / folds.rows)),
@@ -259,34 +273,23 @@ def _told(model: OpenModel, choice: Choice, step: Step, seed: int) -> Decomposit
     )
 
 
-def _kept(folds: Folds, choice: Choice, step: Step) -> Step:
+def _kept(folds: Folds, step: Step) -> Step:
     """Return a fit without causes that are not sure enough, or that do not help on held-out postures.
 
     The least sure goes first; the others are judged again without it.
     """
+    choice, robot = folds.choice, folds.model.baseline.nominal
     while step.chosen:
         causes = causes_of(choice, step)
-        errors = folds.squared_errors([choice.forms[number] for number in step.chosen])
+        errors = folds.squared_errors(step)
         fits = [fit_step(choice, [k for k in step.chosen if k not in cause]) for cause in causes]
-        gain = [
-            np.quantile(
-                _resampled(folds.squared_errors([choice.forms[k] for k in fit.chosen]) - errors), DOUBT
-            )
-            for fit in fits
-        ]
-        sure = [rival_of(choice, step, cause, folds.model.baseline.nominal).present for cause in causes]
-        weak = [at for at in range(len(causes)) if sure[at] < PRESENT or gain[at] <= 0.0]
+        gains = [gain(folds.squared_errors(fit), errors) for fit in fits]
+        sure = [rival_of(choice, step, cause, robot).present for cause in causes]
+        weak = [at for at in range(len(causes)) if sure[at] < PRESENT or gains[at] <= 0.0]
         if not weak:
             break
-        step = fits[min(weak, key=lambda at: (gain[at] > 0.0, sure[at]))]
+        step = fits[min(weak, key=lambda at: (gains[at] > 0.0, sure[at]))]
     return step
-
-
-def _resampled(gain: Array) -> Array:
-    """Return sums of gains (P,) over postures drawn anew, (200,)."""
-    drawn = np.random.default_rng(0).integers(len(gain), size=(200, len(gain)))
-    result: Array = gain[drawn].sum(axis=1)
-    return result
 
 
 def _largest(errors: Sequence[Array]) -> float:
@@ -294,4 +297,4 @@ def _largest(errors: Sequence[Array]) -> float:
     if len(errors) < 3:
         return 1.0
     first, second = errors[0] - errors[1], errors[1] - errors[2]
-    return float((_resampled(first - second) > 0.0).mean())
+    return float((resampled(first - second) > 0.0).mean())

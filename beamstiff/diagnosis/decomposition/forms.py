@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,13 +11,16 @@ import numpy as np
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
 from beamstiff.diagnosis.effects import EFFECTS, Shape
 from beamstiff.diagnosis.inference.library import key_of
+from beamstiff.fem.geometry import SHORTEST
+from beamstiff.measure.arrays import Integers
+from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.se3 import Array
 
 MOST_PARAMETERS = 8  # of a form: freer ones explain whatever is left, see DIAGNOSIS "very free shapes"
 SERIES, SLIP = "angle-curve", "target-slip"
 REPEATED = (SERIES, SLIP)  # whose forms may stand beside one another: orders of a curve, moments of a slip
-KNOWN_UNITS = ("rad", "m")  # of lengths and angles, whose size does not depend on that of the robot
-UNKNOWN_SCALE = 1e3  # of compliances and the like: a service robot's are as many times an industrial one's
+COMPLIANCE_UNITS = ("rad/(N*m)", "rad/N", "m/N", "1/N", "1/(N*m^2)")
+UNKNOWN_SCALE = 1e3  # of compliances: a service robot's are as many times an industrial one's
 # what a calibration beside it takes up, or finds by itself
 OF_GEOMETRY = ("geometry-error", "frame-misalignment", "tool-offset")
 
@@ -56,8 +59,19 @@ class Form:
     @property
     def spread(self) -> Array:
         """Standard deviation of each parameter before the data, in realistic sizes, (c,)."""
-        known = np.array([quantity.unit in KNOWN_UNITS for quantity in self.shape.parameters])
-        return np.where(known, self.shape.spread, UNKNOWN_SCALE * self.shape.spread)
+        compliant = np.array([quantity.unit in COMPLIANCE_UNITS for quantity in self.shape.parameters])
+        return np.where(compliant, UNKNOWN_SCALE * self.shape.spread, self.shape.spread)
+
+    @cached_property
+    def couplings(self) -> Integers:
+        """Numbers of the parameters that couple two others, and of these, (k, 3).
+
+        Of a machine that gives back no more work than was done on it ``c_ab^2 <= c_aa c_bb``.
+        """
+        names = [quantity.name for quantity in self.shape.parameters]
+        pairs = [(at, item.within) for at, item in enumerate(self.shape.parameters) if item.within]
+        found = [(at, names.index(a), names.index(b)) for at, (a, b) in pairs if a in names and b in names]
+        return np.array(found, dtype=np.intp).reshape(-1, 3)
 
     @cached_property
     def positive(self) -> Array:
@@ -65,23 +79,36 @@ class Form:
         return np.array([quantity.positive for quantity in self.shape.parameters])
 
 
-def forms_of(model: OpenModel, without: Sequence[str] = ()) -> list[Form]:
-    """Return the forms of every effect at every component that the open model does not hold already."""
+def forms_of(model: OpenModel, without: Sequence[str] = (), effects: Collection[str] = EFFECTS) -> list[Form]:
+    """Return the forms of some effects at every component that the open model does not hold already."""
     baseline = model.baseline
     skipped = {*without, *(OF_GEOMETRY if model.problem is not None else ()), "outliers"}
     found: list[Form] = []
-    brackets = {part.name for part in baseline.nominal.rigids} - {part.name for part in model.given.rigids}
+    absent = _no_links(model)
     for effect in EFFECTS.values():
-        if effect.name in skipped:
+        if effect.name in skipped or effect.name not in effects:
             continue
         for component in effect.components(baseline):
-            # a calibration that moves an axis bears its joint on a bracket, which no machine has
-            if key_of(effect.name, component) in skipped or component in brackets:
+            # a calibration that moves an axis puts brackets between its parts, which no machine has
+            if key_of(effect.name, component) in skipped or component in absent:
                 continue
             shapes = [shape for shape in effect.shapes(baseline, component) if _fits(effect.name, shape)]
             total = sum(shape.weight for shape in shapes)
             found += _weighed(model, effect.name, component, shapes, total)
     return found
+
+
+def _no_links(model: OpenModel) -> set[str]:
+    """Return the rigids of the calibrated robot that are no links of the described one, or had no length."""
+    given = model.given
+    kinematics = compile_kinematics(given)
+    at = posture(kinematics, model.baseline.rows.q[:1]).node_positions[0]
+    ends = {
+        part.name: at[kinematics.node_index[part.nodes[1]]] - at[kinematics.node_index[part.nodes[0]]]
+        for part in given.rigids
+    }
+    links = {name for name, along in ends.items() if np.linalg.norm(along) > SHORTEST}
+    return {part.name for part in model.baseline.nominal.rigids} - links
 
 
 def _fits(effect: str, shape: Shape) -> bool:

@@ -1,21 +1,27 @@
-"""What causes explain of postures that were held out: one least squares fit for each fold of the postures."""
+"""What causes explain of postures that were held out, each fold of the postures by the fit without it.
+
+Of a least squares fit with an orthonormal basis Q and residuals e the residuals of the rows F, predicted by
+the fit without them, are ``(1 - Q_F Q_F^T)^-1 e_F`` (Cook and Weisberg, Residuals and Influence, 1982,
+eq. 2.2.7, for several rows): one fit tells all folds.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from beamstiff.diagnosis.decomposition.forms import Form, stacked
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
-from beamstiff.diagnosis.decomposition.selection import Choice
+from beamstiff.diagnosis.decomposition.selection import Choice, Step, fit_step
 from beamstiff.measure.arrays import Integers
 from beamstiff.se3 import Array
 
 FOLDS = 10
-RANK = 1e-9  # singular value of unit columns, of the largest, below which a direction is rounding
+ALONE = 1e-2  # variance of a reading over that of its prediction, below which other folds do not tell it
+ROUNDING = 1e-9  # of 1: what only the fold itself determines
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +31,7 @@ class Folds:
     Attributes
     ----------
     model : OpenModel
+    choice : Choice
     fold : (n,) int array
     posture : (n,) int array
         Number of the posture of each value, from 0.
@@ -33,25 +40,36 @@ class Folds:
     """
 
     model: OpenModel
+    choice: Choice
     fold: Integers
     posture: Integers
     position: NDArray[np.bool_]
 
-    def squared_errors(self, chosen: Sequence[Form]) -> Array:
+    def squared_errors(self, step: Step) -> Array:
         """Return the sum of squared position errors of each posture, (P,), m^2, in fits without its fold."""
-        model = self.model
-        matrix, right = stacked(model, chosen)
-        size = np.linalg.norm(matrix, axis=0)
-        matrix = matrix / np.where(size > 0, size, 1.0)
-        left = np.zeros(model.count)
-        # what is known beforehand belongs to every fit
-        fold = np.concatenate([self.fold, np.full(len(right) - model.count, -1)])
-        for one in range(int(self.fold.max()) + 1):
-            fitted, out = fold != one, fold == one
-            theta, *_ = np.linalg.lstsq(matrix[fitted], right[fitted], rcond=RANK)
-            left[out[: model.count]] = right[out] - matrix[out] @ theta
-        error = unweighed(model, left)
+        basis = np.concatenate([self.choice.open_basis, step.basis], axis=1)
+        left = np.zeros(self.model.count)
+        for out, told in self.parts:
+            own = told.T @ basis[out]
+            values, vectors = np.linalg.eigh(np.eye(len(own)) - own @ own.T)
+            seen = vectors.T @ (told.T @ step.left[out])
+            left[out] = told @ (vectors @ (seen / np.maximum(values, ROUNDING)))
+        error = unweighed(self.model, left)
         return np.bincount(self.posture[self.position], weights=error[self.position] ** 2).astype(np.float64)
+
+    @cached_property
+    def parts(self) -> list[tuple[Integers, Array]]:
+        """Return the values of each fold, and an orthonormal basis of what other folds can tell of them.
+
+        What they cannot is not held out: a reflector that was read in one fold alone has to be found there.
+        """
+        result = []
+        for one in range(int(self.fold.max()) + 1):
+            out = np.flatnonzero(self.fold == one)
+            own = self.choice.open_basis[out]
+            values, vectors = np.linalg.eigh(np.eye(len(out)) - own @ own.T)
+            result.append((out, vectors[:, values > ALONE]))
+        return result
 
     @property
     def rows(self) -> int:
@@ -66,22 +84,20 @@ def unweighed(model: OpenModel, values: Array) -> Array:
     return model.weigh.solve(values)
 
 
-def folds_of(model: OpenModel, seed: int) -> Folds:
+def folds_of(model: OpenModel, choice: Choice, seed: int) -> Folds:
     """Return folds of whole postures, drawn at random."""
     _, posture = np.unique(model.pose, return_inverse=True)
     count = int(posture.max()) + 1
     fold = np.random.default_rng(seed).permutation(count) % min(FOLDS, count)
     position = np.nonzero(model.used)[1] < 3
-    return Folds(model, fold[posture], posture, position)
+    return Folds(model, choice, fold[posture], posture, position)
 
 
-def ordered(
-    folds: Folds, choice: Choice, causes: Sequence[tuple[int, ...]]
-) -> tuple[list[tuple[int, ...]], list[Array]]:
+def ordered(folds: Folds, causes: Sequence[tuple[int, ...]]) -> tuple[list[tuple[int, ...]], list[Array]]:
     """Return causes in the order of what they close after those before, and the errors (P,) from none on."""
 
     def errors_with(some: Sequence[tuple[int, ...]]) -> Array:
-        return folds.squared_errors([choice.forms[number] for cause in some for number in cause])
+        return folds.squared_errors(fit_step(folds.choice, [number for cause in some for number in cause]))
 
     errors = [errors_with(())]
     order: list[tuple[int, ...]] = []

@@ -10,11 +10,12 @@ the scatter of the machine about any smooth law, not what the tracker reads to.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
 
 from beamstiff.diagnosis.decomposition.forms import REPEATED, Form
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, orthonormal
@@ -26,7 +27,12 @@ ENOUGH = (
 )
 MOST = 100  # forms
 ROUNDS = 20  # of revising a fit
+TRIED = 30  # forms, best first, of which one has to help on held-out postures
+DOUBT = 0.2  # of postures drawn anew, in which a cause may make held-out postures worse
 SHOWS = 0.5  # parameters that the data determine, below which a form does not show
+
+
+HeldOut = Callable[["Step"], Array]  # squared errors (P,) of postures, each held out
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,11 +42,15 @@ class Choice:
     Attributes
     ----------
     forms : tuple of Form (f)
+    open_basis : (n, t) array
+        Of the open parameters, orthonormal.
     residual : (n,) array
     columns : (n, C) array
         Of all forms, one after another, of unit length before the projection.
     precision : (C,) array
         1 / variance of each parameter before the data, in units of the columns.
+    units : (C,) array
+        SI of each parameter's unit.
     at : tuple of slice (f)
         Where each form's columns stand.
     positive : (C,) bool array
@@ -54,9 +64,11 @@ class Choice:
     """
 
     forms: tuple[Form, ...]
+    open_basis: Array
     residual: Array
     columns: Array
     precision: Array
+    units: Array
     at: tuple[slice, ...]
     positive: NDArray[np.bool_]
     groups: tuple[tuple[Integers, Integers, Array], ...]
@@ -72,6 +84,8 @@ class Step:
     ----------
     chosen : tuple of int
         Numbers of their forms.
+    free : tuple of (c,) bool array
+        Of each form, which parameters the fit uses; the others would be negative, which they cannot be.
     basis : (n, c) array
         Of their columns, orthonormal together with what is known of their parameters beforehand.
     left : (n,) array
@@ -84,6 +98,7 @@ class Step:
     """
 
     chosen: tuple[int, ...]
+    free: tuple[NDArray[np.bool_], ...]
     basis: Array
     left: Array
     squares: float
@@ -110,9 +125,11 @@ def state_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
         groups.append((some, at, own @ own.swapaxes(1, 2)))
     return Choice(
         tuple(forms),
+        basis,
         residual,
         every,
         1.0 / np.maximum(spread * size, 1e-9) ** 2,
+        np.concatenate([np.zeros(0), *(form.sizes for form in forms)]) / np.where(size > 0, size, 1.0),
         tuple(slice(a, b) for a, b in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True)),
         np.concatenate([np.zeros(0, dtype=bool), *(form.positive for form in forms)]),
         tuple(groups),
@@ -122,41 +139,91 @@ def state_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
 
 
 def fit_step(choice: Choice, chosen: Sequence[int]) -> Step:
-    """Return the fit with some forms."""
+    """Return the fit with some forms, in which no parameter is negative that cannot be."""
     n = len(choice.residual)
     at = np.concatenate(
         [np.zeros(0, dtype=int), *(np.arange(len(choice.precision))[choice.at[k]] for k in chosen)]
     )
-    known = np.diag(np.sqrt(choice.precision[at]))
-    basis = np.linalg.qr(np.concatenate([choice.columns[:, at], known]))[0]
+    sizes = np.cumsum([choice.at[k].stop - choice.at[k].start for k in chosen], dtype=int)
+    basis, triangle = _factor(choice, at)
+    determined = float((basis[:n] ** 2).sum())  # a sign that was left out is a choice too, and costs as much
+    free = _allowed(choice, chosen, at, sizes, triangle, basis[:n].T @ choice.residual)
+    if not free.all():
+        basis, _ = _factor(choice, at[free])
     fitted = basis @ (basis[:n].T @ choice.residual)
     left = choice.residual - fitted[:n]
     squares = float(left @ left + fitted[n:] @ fitted[n:])
-    determined = float((basis[:n] ** 2).sum())
     prior = sum(choice.forms[number].log_prior for number in chosen)
-    value = bic(squares, choice.open_count + determined, choice.count, prior)
-    return Step(tuple(chosen), basis[:n], left, squares, determined, value)
+    value = float(bic(squares, choice.open_count + determined, choice.count, prior))
+    each = tuple(np.split(free, sizes[:-1])) if len(sizes) else ()
+    return Step(tuple(chosen), each, basis[:n], left, squares, determined, value)
 
 
-def bic(squares: float, parameters: float, values: int, log_prior: float) -> float:
-    """Return the criterion of a fit.
+def _allowed(
+    choice: Choice, chosen: Sequence[int], at: Integers, ends: Integers, triangle: Array, pull: Array
+) -> NDArray[np.bool_]:
+    """Return which parameters (c,) a fit may use: 0 are those that would be negative, or give work away."""
+    least = np.where(choice.positive[at], 0.0, -np.inf)
+    starts = np.concatenate([[0], ends]).astype(int)
+    couplings = np.concatenate(
+        [np.zeros((0, 3), dtype=int)]
+        + [start + choice.forms[k].couplings for k, start in zip(chosen, starts[:-1], strict=True)]
+    )
+    used = np.arange(at.size)
+    for _ in range(1 + len(couplings)):
+        found = np.zeros(at.size)
+        found[used] = np.linalg.solve(triangle[:, used], pull) if used.size == at.size else 0.0
+        if used.size < at.size or (found < least).any():
+            found[used] = lsq_linear(triangle[:, used], pull, (least[used], np.inf), method="bvls").x
+        value = found * choice.units[at]
+        c, a, b = couplings.T
+        wrong = couplings[value[c] ** 2 > value[a] * value[b], 0]
+        used = np.setdiff1d(used, wrong)
+        if not wrong.size:
+            break
+    result: NDArray[np.bool_] = np.isin(np.arange(at.size), used) & (found > least)
+    return result
+
+
+def _factor(choice: Choice, at: Integers) -> tuple[Array, Array]:
+    """Return the QR factors of some columns with what is known of their parameters below them."""
+    known = np.diag(np.sqrt(choice.precision[at]))
+    basis, triangle = np.linalg.qr(np.concatenate([choice.columns[:, at], known]))
+    return np.asarray(basis), np.asarray(triangle)
+
+
+def forms_in(choice: Choice, step: Step) -> dict[int, Form]:
+    """Return the forms of a fit by number; columns of parameters that it does not use are 0."""
+    return {
+        number: replace(form, columns=form.columns * free)
+        for number, form, free in zip(
+            step.chosen, (choice.forms[k] for k in step.chosen), step.free, strict=True
+        )
+    }
+
+
+def bic(squares: Array | float, parameters: Array | float, values: int, log_prior: Array | float) -> Array:
+    """Return the criterion of fits.
 
     Examples
     --------
-    >>> round(bic(100.0, 2, 100, 0.0), 3)  # noise as stated: the cost of two parameters alone
+    >>> round(float(bic(100.0, 2, 100, 0.0)), 3)  # noise as stated: the cost of two parameters alone
     9.21
     """
     n = max(values, 1)
-    return float(n * np.log(max(squares, 1e-12) / n) + parameters * np.log(n) - 2.0 * log_prior)
+    result: Array = n * np.log(np.maximum(squares, 1e-12) / n) + parameters * np.log(n) - 2.0 * log_prior
+    return result
 
 
 def with_each(choice: Choice, step: Step) -> Array:
     """Return the BIC (f,) of a fit with each form added to it.
 
-    inf where a form does not show, stands there already, or a parameter that cannot be negative would be.
+    inf where a form does not show, stands there already, or asks for a sign that a parameter cannot have:
+    such a form is not what is there.
     """
     result = np.full(len(choice.forms), np.inf)
-    known = sum(choice.forms[number].log_prior for number in step.chosen)
+    log_prior = np.array([form.log_prior for form in choice.forms])
+    known = float(log_prior[list(step.chosen)].sum())
     inside = step.basis.T @ choice.columns
     pull = step.left @ choice.columns
     forms = [choice.forms[number] for number in step.chosen]
@@ -169,53 +236,86 @@ def with_each(choice: Choice, step: Step) -> Array:
         squares = step.squares - (theta * pull[at]).sum(axis=1)
         determined = np.einsum("gij,gji->g", inverse, gram)
         wrong = ((theta < 0) & choice.positive[at]).any(axis=1) | (determined < SHOWS)
-        for number, sum_of_squares, rank, bad in zip(
-            numbers.tolist(), squares.tolist(), determined.tolist(), wrong.tolist(), strict=True
-        ):
-            form = choice.forms[number]
-            if not bad and form.key not in taken and number not in step.chosen:
-                parameters = choice.open_count + step.determined + rank
-                result[number] = bic(sum_of_squares, parameters, choice.count, known + form.log_prior)
+        parameters = choice.open_count + step.determined + determined
+        values = bic(squares, parameters, choice.count, known + log_prior[numbers])
+        result[numbers] = np.where(wrong, np.inf, values)
+    result[[form.key in taken for form in choice.forms]] = np.inf
+    result[list(step.chosen)] = np.inf
     return result
 
 
-def select(choice: Choice) -> Step:
-    """Return the fit with the causes that the criterion asks for.
+def select(choice: Choice, held_out: HeldOut) -> Step:
+    """Return the fit with the causes that the criterion and held-out postures ask for.
 
-    After every cause that comes in, causes that are not needed any more go out, and one that another explains
-    better is exchanged.
+    After every cause that comes in, causes that are not needed any more go out. Where no other comes in, one
+    that another explains better, or two others, is exchanged.
     """
     step = fit_step(choice, ())
-    while len(step.chosen) < MOST and choice.forms:
-        after = with_each(choice, step)
-        if after.min() > step.bic - ENOUGH:
-            break
-        new = int(after.argmin())
-        again = choice.forms[new].key in {choice.forms[number].key for number in step.chosen}
-        step = fit_step(choice, (*step.chosen, new))
-        if not again:
-            step = _revised(choice, step)
-    return _revised(choice, step)
-
-
-def _revised(choice: Choice, step: Step) -> Step:
-    """Return a fit whose causes are all needed, each in the form, and at the place, that explains most."""
     for _ in range(ROUNDS):
-        best = step
-        for at, number in enumerate(step.chosen):
-            others = (*step.chosen[:at], *step.chosen[at + 1 :])
-            without = fit_step(choice, others)
-            if without.bic < step.bic + ENOUGH:
-                if without.bic < best.bic + ENOUGH and len(best.chosen) == len(step.chosen):
-                    best = without
-            elif len(best.chosen) == len(step.chosen) and choice.forms[number].effect not in REPEATED:
-                after = with_each(choice, without)
-                if after.min() < best.bic - 1e-6:
-                    best = fit_step(choice, (*others, int(after.argmin())))
-        if best is step:
-            return step
-        step = best
+        larger = _larger(choice, step, held_out) if len(step.chosen) < MOST and choice.forms else None
+        while larger is not None:
+            step = _needed(choice, larger)
+            larger = _larger(choice, step, held_out) if len(step.chosen) < MOST else None
+        other = _exchanged(choice, step, held_out)
+        if other is None:
+            break
+        step = _needed(choice, other)
     return step
+
+
+def _larger(choice: Choice, step: Step, held_out: HeldOut) -> Step | None:
+    """Return a fit with the form more that helps most; None where none helps enough."""
+    after = with_each(choice, step)
+    before = held_out(step)
+    for new in np.argsort(after, kind="stable")[:TRIED].tolist():
+        if after[new] > step.bic - ENOUGH:
+            break
+        larger = fit_step(choice, (*step.chosen, new))
+        if larger.bic <= step.bic - ENOUGH and gain(before, held_out(larger)) > 0.0:
+            return larger
+    return None
+
+
+def gain(before: Array, after: Array) -> float:
+    """Return what a cause takes from squared errors (P,), at the bad end of postures drawn anew."""
+    return float(np.quantile(resampled(before - after), DOUBT))
+
+
+def resampled(values: Array) -> Array:
+    """Return sums of values (P,) over postures drawn anew, (200,)."""
+    drawn = np.random.default_rng(0).integers(len(values), size=(200, len(values)))
+    result: Array = values[drawn].sum(axis=1)
+    return result
+
+
+def _needed(choice: Choice, step: Step) -> Step:
+    """Return a fit without the forms that it does not need, the least needed first."""
+    while step.chosen:
+        others = [[k for k in step.chosen if k != number] for number in step.chosen]
+        least = min((fit_step(choice, some) for some in others), key=lambda fit: fit.bic)
+        if least.bic >= step.bic + ENOUGH:
+            break
+        step = least
+    return step
+
+
+def _exchanged(choice: Choice, step: Step, held_out: HeldOut) -> Step | None:
+    """Return the best fit with another form, or two, in the place of one; None where none is better."""
+    best = step
+    for number in step.chosen:
+        if choice.forms[number].effect in REPEATED:
+            continue
+        other = without = fit_step(choice, [k for k in step.chosen if k != number])
+        for _ in range(2):
+            after = with_each(choice, other)
+            after[number] = np.inf
+            if after.min() >= other.bic - ENOUGH:
+                break
+            other = fit_step(choice, (*other.chosen, int(after.argmin())))
+            if other.bic < best.bic - 1e-6 and gain(held_out(without), held_out(other)) > 0.0:
+                best = other
+                break
+    return None if best is step else best
 
 
 def causes_of(choice: Choice, step: Step) -> list[tuple[int, ...]]:

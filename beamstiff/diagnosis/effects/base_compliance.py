@@ -28,13 +28,25 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
         Quantity(f"rotational_compliance_{axis}", "rad/(N*m)", rotation, positive=True) for axis in "xyz"
     )
     skews = tuple(
-        Quantity(f"rotational_compliance_{pair}", "rad/(N*m)", 0.3 * rotation) for pair in ("xy", "xz", "yz")
+        Quantity(
+            f"rotational_compliance_{a}{b}",
+            "rad/(N*m)",
+            0.3 * rotation,
+            within=(f"rotational_compliance_{a}", f"rotational_compliance_{b}"),
+        )
+        for a, b in ("xy", "xz", "yz")
     )
     slides = tuple(
         Quantity(f"translational_compliance_{axis}", "m/N", translation, positive=True) for axis in "xyz"
     )
     slants = tuple(
-        Quantity(f"translational_compliance_{pair}", "m/N", 0.3 * translation) for pair in ("xy", "xz", "yz")
+        Quantity(
+            f"translational_compliance_{a}{b}",
+            "m/N",
+            0.3 * translation,
+            within=(f"translational_compliance_{a}", f"translational_compliance_{b}"),
+        )
+        for a, b in ("xy", "xz", "yz")
     )
     couplings = tuple(Quantity(f"coupling_{pair}", "1/N", coupling) for pair in ("x_ry", "y_rx"))
     others = tuple(

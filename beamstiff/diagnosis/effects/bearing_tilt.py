@@ -19,7 +19,7 @@ from beamstiff.diagnosis.effects.torque_laws import (
     softness,
 )
 from beamstiff.diagnosis.residual.baseline import Baseline, own_direction
-from beamstiff.diagnosis.residual.internal_wrench import DIGITS, Place
+from beamstiff.diagnosis.residual.internal_wrench import Place, across
 from beamstiff.fem.beam import beam_axes
 from beamstiff.robot.fields import FREE, RIGID
 from beamstiff.robot.kinematics import compile_kinematics, posture
@@ -51,7 +51,8 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     radial = by_compliance(baseline, place, [(1, 1), (2, 2)])
     axial = by_compliance(baseline, place, [(0, 0)])
     by_axis = [by_compliance(baseline, place, [pair]) for pair in ((4, 4), (5, 5), (4, 5))]
-    skew = Quantity("tilting_compliance_yz", "rad/(N*m)", 0.5 * size)
+    pair = ("tilting_compliance_y", "tilting_compliance_z")
+    skew = Quantity("tilting_compliance_yz", "rad/(N*m)", 0.5 * size, within=pair)
     two = (
         Quantity("tilting_compliance_y", "rad/(N*m)", size, positive=True),
         Quantity("tilting_compliance_z", "rad/(N*m)", size, positive=True),
@@ -132,8 +133,7 @@ def _seat(baseline: Baseline, joint: Joint) -> Place:
     at = kinematics.node_frame[[node.name for node in robot.nodes].index(carrier)]
     part = posture(kinematics, poses).transforms[number.reshape(-1), at, :3, :3]
     axis = (part.swapaxes(-1, -2) @ place.turn[:, :, :1])[..., 0]
-    across = np.eye(3)[np.argmin(np.round(np.abs(axis[0]), DIGITS))]
-    turn = part @ beam_axes(axis, across)
+    turn = part @ beam_axes(axis, across(axis[0]))
     change = rotate_screw(turn.swapaxes(-1, -2) @ place.turn)  # components there from those here
     return Place(
         load=(change @ place.load[..., None])[..., 0],

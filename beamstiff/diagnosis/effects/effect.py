@@ -22,6 +22,8 @@ class Quantity:
         Whether it cannot be negative: nothing gives way against its load.
     passing : bool
         Whether it is of the postures at hand alone: it says nothing of others, and is not told.
+    within : pair of str, optional
+        Of a compliance that couples two directions, the names of theirs: their product bounds its square.
     """
 
     name: str
@@ -29,6 +31,7 @@ class Quantity:
     size: float
     positive: bool = False
     passing: bool = False
+    within: tuple[str, str] | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -91,7 +91,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     other = Quantity("bending_flexibility_tip", "1/(N*m^2)", 0.7 * soft / EI, positive=True)
     sheer = Quantity("stretch_flexibility", "1/N", soft * STRETCH, positive=True)
     y, z = (Quantity(f"bending_flexibility_{axis}", "1/(N*m^2)", soft / EI, positive=True) for axis in "yz")
-    yz = Quantity("bending_flexibility_yz", "1/(N*m^2)", 0.3 * soft / EI)
+    yz = Quantity("bending_flexibility_yz", "1/(N*m^2)", 0.3 * soft / EI, within=(y.name, z.name))
     names = [
         ("uniform", ("uniform",), (bend,)),
         ("tapered", ("root", "tip", "twist"), (half, other, turn)),
@@ -110,6 +110,9 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
             "rad/(N*m)",
             soft * SEAM * (1.0 if a == b else 0.3),
             positive=a == b,
+            within=None
+            if a == b
+            else (f"section_compliance_{2 * 'xyz'[a]}", f"section_compliance_{2 * 'xyz'[b]}"),
         )
         for a, b in PAIRS
     )

@@ -149,12 +149,17 @@ def any_symmetric(baseline: Baseline, place: Place, sizes: Array, name: str) -> 
     pairs = [pair for pair in PAIRS if sizes[pair] > 0]
     columns = np.stack([by_compliance(baseline, place, [pair]) for pair in pairs], -1)
     units = ("m/N", "rad/N", "rad/(N*m)")
+
+    def name_of(i: int, j: int) -> str:
+        return f"compliance_{DIRECTIONS[i]}_{DIRECTIONS[j]}"
+
     quantities = tuple(
         Quantity(
-            f"compliance_{DIRECTIONS[i]}_{DIRECTIONS[j]}",
+            name_of(i, j),
             units[(i > 2) + (j > 2)],
             float(sizes[i, j]),
             positive=i == j,
+            within=None if i == j else (name_of(i, i), name_of(j, j)),
         )
         for i, j in pairs
     )

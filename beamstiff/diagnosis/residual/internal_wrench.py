@@ -35,7 +35,7 @@ from beamstiff.robot.kinematics import Posture, compile_kinematics, posture
 from beamstiff.robot.parts import STIFFNESS_KINDS, Joint, JointStiffness
 from beamstiff.se3 import Array, displacement_transport, rotate_screw
 
-DIGITS = 9  # of a direction: what is less is rounding
+ASIDE = 0.65  # of a unit vector: at least one of its three components is smaller
 SAME = 1e-7  # share of the largest entry within which changes of axes are the same
 NAME = re.compile(r"[A-Za-z_]\w*")  # in an expression
 CUT = " cut"  # what is added to the name of a link's end to name its other side; no name of a file ends so
@@ -139,6 +139,7 @@ def find_places(robot: Robot, rows: Measurements) -> Places:
             else:
                 found[name] = there
     tcp_frame = compile_kinematics(cut).node_frame[index[robot.tcp]]
+    points = [index[name] for name in rows.point.tolist()]
     structure = compile_structure(cut)
     geometry = place(structure, where)
     weight, hung = gravity_wrenches(structure, geometry), mass_wrenches(structure, geometry)
@@ -148,7 +149,11 @@ def find_places(robot: Robot, rows: Measurements) -> Places:
         links=links_found,
         base=base,
         flange=_flange(
-            robot, rows, where.transforms[:, tcp_frame, :3, :3][pose], hung[pose, index[robot.tcp]]
+            robot,
+            rows,
+            where.transforms[:, tcp_frame, :3, :3][pose],
+            hung[pose, index[robot.tcp]],
+            (where.node_positions - where.node_positions[:, [index[robot.tcp]]])[pose, points],
         ),
         held=held,
         standing=tuple(
@@ -157,6 +162,13 @@ def find_places(robot: Robot, rows: Measurements) -> Places:
             if name in links_found and _is_base(links_found[name], base)
         ),
     )
+
+
+def _body(robot: Robot) -> list[str]:
+    """Return the nodes that rigids join to the TCP."""
+    graph = nx.Graph(part.nodes for part in robot.rigids)
+    graph.add_node(robot.tcp)
+    return list(nx.node_connected_component(graph, robot.tcp))
 
 
 def _on_the_ground(robot: Robot) -> set[str]:
@@ -302,8 +314,7 @@ def _turned(there: Place, along: Array) -> Place:
     """Return a place in axes whose first is along a vector (N, 3), the others held in its own frame."""
     length = np.linalg.norm(along, axis=1)
     own = (there.turn.swapaxes(-1, -2) @ along[..., None])[..., 0]
-    across = np.eye(3)[np.argmin(np.round(np.abs(own[0]) / length[0], DIGITS))]
-    turn = there.turn @ beam_axes(own, across)
+    turn = there.turn @ beam_axes(own, across(own[0] / length[0]))
     change = rotate_screw(turn.swapaxes(-1, -2) @ there.turn)  # components in new axes from those in old
     return Place(
         load=(change @ there.load[..., None])[..., 0],
@@ -312,6 +323,20 @@ def _turned(there: Place, along: Array) -> Place:
         turn=turn,
         length=float(length[0]),
     )
+
+
+def across(direction: Array) -> Array:
+    """Return the coordinate axis (3,) that fixes the turn of axes about a direction (3,) of length 1.
+
+    Not the axis farthest from it: of a direction along one axis, the least change would swap the two others.
+
+    Examples
+    --------
+    >>> across(np.array([0.6, 0.8, 0.0])), across(np.array([0.8, 0.6, 0.0]))
+    (array([1., 0., 0.]), array([0., 1., 0.]))
+    """
+    axis: Array = np.eye(3)[np.argmax(np.abs(direction) < ASIDE)]
+    return axis
 
 
 def _base(
@@ -326,14 +351,27 @@ def _base(
     return Place(passed, dead[pose], carry[pose, points], axes)
 
 
-def _flange(robot: Robot, rows: Measurements, turn: Array, weight: Array) -> Place:
+def _flange(robot: Robot, rows: Measurements, turn: Array, weight: Array, offset: Array) -> Place:
     """Return the flange: what loads, hangs or is seen at the TCP passes through it, the rest does not.
 
-    The `weight` (N, 6) is that of masses: a beam that ends at the TCP carries its own by itself.
+    Where nothing is read at the TCP, the reflectors of its body are on the tool: they move with it.
+
+    Parameters
+    ----------
+    robot : Robot
+    rows : Measurements
+    turn : (N, 3, 3) array
+        Axes of the TCP's frame.
+    weight : (N, 6) array
+        Of masses at the TCP: a beam that ends there carries its own by itself.
+    offset : (N, 3) array
+        From the TCP to the measured point.
     """
-    axes = rotate_screw(turn)
-    loaded, seen = ((names == robot.tcp).astype(np.float64) for names in (rows.load_point, rows.point))
-    inside = axes.swapaxes(-1, -2)
+    behind = [robot.tcp] if (rows.point == robot.tcp).any() else _body(robot)
+    axes = displacement_transport(offset) @ rotate_screw(turn)
+    loaded = (rows.load_point == robot.tcp).astype(np.float64)
+    seen = np.isin(rows.point, behind).astype(np.float64)
+    inside = rotate_screw(turn).swapaxes(-1, -2)
     passed = (inside @ rows.wrench[..., None])[..., 0] * loaded[:, None]
     dead = (inside @ weight[..., None])[..., 0]
     return Place(passed, dead, axes * seen[:, None, None], turn)
