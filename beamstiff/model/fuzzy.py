@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,33 +22,6 @@ from beamstiff.measure.arrays import finite
 from beamstiff.se3 import Array
 
 SLACK = 1e-9  # share of a range that rounding may leave it by
-
-
-class Premises(Protocol):
-    """The if-part of rules: how much each fires."""
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """Names of the inputs (n)."""
-        ...
-
-    @property
-    def trained(self) -> Array:
-        """Least and largest value of each input in training, (n, 2)."""
-        ...
-
-    @property
-    def count(self) -> int:
-        """Number of rules R."""
-        ...
-
-    def firing(self, x: Array) -> Array:
-        """Return the firing strengths (N, R) at inputs (N, n): not negative, a row sums to one."""
-        ...
-
-    def differences(self) -> Array:
-        """Return rows (K, R) of differences between conclusions that vanish where these vary smoothly."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +117,10 @@ class Partition:
         return np.stack([axis.ravel() for axis in lattice], axis=1)
 
     def differences(self) -> Array:
-        """Return second differences along each input over its modal values (first ones where it has two)."""
+        """Return rows (K, R) of differences between conclusions that vanish where these vary smoothly.
+
+        Second differences along each input over its modal values; first ones where it has two.
+        """
         rows = [np.zeros((0, self.count))]
         for at, modal in enumerate(self.modal_values):
             along = _bends(modal)
@@ -171,7 +146,7 @@ class FuzzySystem:
 
     Attributes
     ----------
-    premises : Premises
+    premises : Partition
         R rules.
     conclusions : (R, ...) array
         Numbers, vectors or matrices b.
@@ -189,7 +164,7 @@ class FuzzySystem:
     beamstiff.errors.BeamstiffError: row 0: found q = 2, outside the trained range 0 to 1 ...
     """
 
-    premises: Premises
+    premises: Partition
     conclusions: Array
     support: Array | None = None
 
@@ -258,7 +233,7 @@ class FuzzySystem:
 LEAST_SUPPORT = 0.05  # firing strength below which readings hardly touch a rule
 
 
-def out_of_range(premises: Premises, x: Array) -> NDArray[np.bool_]:
+def out_of_range(premises: Partition, x: Array) -> NDArray[np.bool_]:
     """Return which inputs (N, n) leave their trained range, (N, n)."""
     low, high = premises.trained.T
     slack = SLACK * (np.abs(low) + np.abs(high) + (high - low))

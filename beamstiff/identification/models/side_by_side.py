@@ -14,7 +14,6 @@ from beamstiff.errors import BeamstiffError, listed, suggest
 from beamstiff.identification.identify import identify
 from beamstiff.identification.models.fuzzy import fit_fuzzy
 from beamstiff.identification.models.fuzzy_correction import fit_fuzzy_correction
-from beamstiff.identification.models.fuzzy_tree import fit_fuzzy_tree
 from beamstiff.identification.models.gaussian_process import fit_gaussian_process
 from beamstiff.identification.models.grid import cubes_about, fit_grid
 from beamstiff.identification.models.split import KINDS, Split, position_errors
@@ -235,13 +234,6 @@ def _fuzzy(robot: Robot, table: Measurements, options: Options) -> Fitted:
     return Fitted(fit.model.extrapolating(), about, fit.model.outside)
 
 
-def _tree(robot: Robot, table: Measurements, options: Options) -> Fitted:
-    fit = fit_fuzzy_tree(robot, table, seed=options.seed)
-    leaves = fit.model.system.premises.count
-    about = "1 leaf: no split" if leaves == 1 else f"{leaves} leaves"
-    return Fitted(fit.model.extrapolating(), about, fit.model.outside)
-
-
 def _grid(robot: Robot, table: Measurements, options: Options) -> Fitted:
     at = tcp_positions(robot, table.q)
     size = options.cube or max(float(np.ptp(at, axis=0).max()) / CUBES_ALONG, 1e-3)
@@ -275,7 +267,6 @@ FITS: Mapping[str, Callable[[Robot, Measurements, Options], Fitted]] = {
     "nominal": _nominal,
     "parametric": _parametric,
     "fuzzy": _fuzzy,
-    "fuzzy tree": _tree,
     "grid": _grid,
     "gray box": _gray,
     "gaussian process": _process,
