@@ -131,14 +131,3 @@ def _cross(vectors: NDArray[Any], arm: NDArray[Any]) -> NDArray[Any]:
     """Return the cross product of vectors (B, 3, c) and arms (B, 3)."""
     (x, y, z), (u, v, w) = vectors.swapaxes(0, 1), arm.T[:, :, None]
     return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=1)
-
-
-def rigid_motions(frame: Frame) -> Array:
-    """Return the six motions of the free nodes as one rigid body, (n, 6): what a multigrid has to keep."""
-    points = frame.points[~frame.fixed]
-    arms = points - points.mean(axis=0)
-    motions = np.zeros((len(points), 6, 6))
-    motions[:, range(6), range(6)] = 1.0
-    for turn in range(3):
-        motions[:, :3, 3 + turn] = np.cross(np.eye(3)[turn], arms)
-    return motions.reshape(-1, 6)

@@ -113,15 +113,12 @@ class Factor:
     plan : Plan
     rest : (k, k) array
         Stiffness of the unknowns that stand last, all others eliminated.
-    loads : (k, c) array
-        The same of right sides that went along.
     blocks : list of (L11, L21)
         The factor group by group; empty where it was not kept.
     """
 
     plan: Plan
     rest: Array
-    loads: Array
     blocks: list[tuple[Array, Array]]
 
     def solve(self, right: Array) -> Array:
@@ -142,7 +139,7 @@ class Factor:
         return result
 
 
-def factorise(matrix: sparse.csc_array, plan: Plan, keep: bool = True, right: Array | None = None) -> Factor:
+def factorise(matrix: sparse.csc_array, plan: Plan, keep: bool = True) -> Factor:
     """Factorise a symmetric positive definite matrix by its plan.
 
     Parameters
@@ -151,8 +148,6 @@ def factorise(matrix: sparse.csc_array, plan: Plan, keep: bool = True, right: Ar
     plan : Plan
     keep : bool
         Keep the factor, for `Factor.solve`; without it only the rest is left.
-    right : (n, c) array, optional
-        Right sides to eliminate along with the unknowns.
 
     Raises
     ------
@@ -169,7 +164,6 @@ def factorise(matrix: sparse.csc_array, plan: Plan, keep: bool = True, right: Ar
     del entries, rows, columns, lower
     pointers, indices, data = below.indptr.astype(np.int64), below.indices.astype(np.int64), below.data
     size = matrix.diagonal()[plan.order]
-    loads = np.asfortranarray(np.zeros((len(size), 0)) if right is None else right[plan.order])
     handed: dict[int, Array] = {}
     pool = _Pool()
     blocks: list[tuple[Array, Array]] = []
@@ -207,9 +201,6 @@ def factorise(matrix: sparse.csc_array, plan: Plan, keep: bool = True, right: Ar
                 raise Softness(int(plan.order[group.start + worst]))
             if len(side):
                 _divide(side, root)
-            if loads.size:
-                loads[group.start : group.stop] = dtrsm(1.0, root, loads[group.start : group.stop], lower=1)
-                loads[group.boundary] -= side @ loads[group.start : group.stop]
             if len(rest):
                 rest = dsyrk(-1.0, side, beta=1.0, c=rest, lower=1, overwrite_c=1)
             first = root
@@ -220,7 +211,7 @@ def factorise(matrix: sparse.csc_array, plan: Plan, keep: bool = True, right: Ar
         handed[number] = rest
     kept = len(plan.order) - plan.kept
     last, _, _ = gathered(kept, len(plan.order), np.zeros(0, dtype=np.int64), tuple(handed))
-    return Factor(plan, np.tril(last) + np.tril(last, -1).T, loads[kept:], blocks)
+    return Factor(plan, np.tril(last) + np.tril(last, -1).T, blocks)
 
 
 class _Pool:
