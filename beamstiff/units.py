@@ -214,12 +214,6 @@ def quantity(value: object, kind: str) -> float:
     kind : str
         A key of `UNITS`, for instance ``"length"``.
 
-    Raises
-    ------
-    BeamstiffError
-        When it is not a number, not finite, or its unit is unknown or of the wrong dimension; or for an
-        angle beyond `MOST_TURN`.
-
     Examples
     --------
     >>> quantity("1047 mm", "length")
@@ -248,11 +242,6 @@ def _quantity(value: object, kind: str) -> float:
 
 def in_si(magnitude: float, unit: str, kind: str) -> float:
     """Return a magnitude with its unit in SI, as exact as decimals are: ``473 mm`` is ``0.473``.
-
-    Raises
-    ------
-    BeamstiffError
-        When the unit is unknown or of the wrong dimension, or the result is not finite.
 
     Examples
     --------
@@ -316,11 +305,6 @@ def in_unit(value: object, unit: str) -> float:
 
 def unit_size(unit: str) -> float:
     """Return how many of the coherent SI unit one of a unit is, whatever its dimension.
-
-    Raises
-    ------
-    BeamstiffError
-        When the unit is unknown.
 
     Examples
     --------

@@ -133,7 +133,6 @@ def compile_program(recorder: Recorder, inputs: int, outputs: Sequence[Expressio
         Its first steps are the inputs.
     inputs : int
         How many those are.
-    outputs : sequence of expressions or numbers
     """
     needed = _needed(recorder, [item.at for item in outputs if isinstance(item, Expression)])
     uses = np.zeros(len(recorder.steps), dtype=np.int64)

@@ -110,7 +110,6 @@ def condense(
 
     Parameters
     ----------
-    structure : Structure
     posture : Posture
         P poses with closed loops.
     observed : sequence of str

@@ -54,7 +54,6 @@ def loaded_compliance(
 
     Parameters
     ----------
-    structure : Structure
     posture : Posture
         P poses with closed loops.
     loads : (P, N, 6) array, N and N m
@@ -66,12 +65,6 @@ def loaded_compliance(
     -------
     (P, 6, 6) array
         ``[d, r] = C [f, m]``, base frame; not symmetric when moments are among the loads (seed 000, eq. 10).
-
-    Raises
-    ------
-    BeamstiffError
-        When the structure is a mechanism, or the loads make it buckle: a motion, which is named, meets no
-        resistance. Where moments act, the symmetric part of the stiffness decides.
 
     Examples
     --------
@@ -111,11 +104,6 @@ def loaded_displacement(
     -------
     (P, N, 6) array
         ``[d, r]`` of every node, base frame, m and rad.
-
-    Raises
-    ------
-    BeamstiffError
-        When the structure is a mechanism, or the loads make it buckle.
     """
     parts = []
     for geometry, some in _chunks(structure, posture, loads, chunk):
@@ -350,7 +338,6 @@ def complementary_stiffness(structure: Structure, posture: Posture, wrench: Arra
 
     Parameters
     ----------
-    structure : Structure
     posture : Posture
         P poses.
     wrench : (6,) or (P, 6) array, N and N m

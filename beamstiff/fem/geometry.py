@@ -23,7 +23,6 @@ class Geometry:
 
     Attributes
     ----------
-    posture : Posture
     joint_rotation : (P, J, 3, 3) array
         Base frame from joint frame (first axis along the joint).
     terms : (P, T, 6, 6) array
@@ -53,7 +52,6 @@ def place(structure: Structure, posture: Posture, number: Index | None = None) -
 
     Parameters
     ----------
-    structure : Structure
     posture : Posture
         P poses with closed loops.
     number : (P,) int array, optional

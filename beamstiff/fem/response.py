@@ -96,18 +96,12 @@ def respond(structure: Structure, posture: Posture, loads: Array, gravity: bool 
 
     Parameters
     ----------
-    structure : Structure
     posture : Posture
         P poses with closed loops.
     loads : (P, N, 6) array
         Wrench ``[f, m]`` on every node, base frame.
     gravity : bool
         Add the dead weight.
-
-    Raises
-    ------
-    BeamstiffError
-        When the structure is a mechanism, or a moment acts on a node that has no rotation.
     """
     geometry = place(structure, posture)
     check_moments(structure, loads)
@@ -141,13 +135,7 @@ def _joint_displacement(
 
 
 def solve_unknowns(structure: Structure, geometry: Geometry, force: Array) -> Array:
-    """Return the unknowns z (P, n) of ``K z = f`` under the constraints of rigid loops.
-
-    Raises
-    ------
-    BeamstiffError
-        When the structure is a mechanism; the free motion is named.
-    """
+    """Return the unknowns z (P, n) of ``K z = f`` under the constraints of rigid loops."""
     return _solve(structure, geometry, force)[0]
 
 
@@ -159,13 +147,7 @@ def _solve(structure: Structure, geometry: Geometry, force: Array) -> tuple[Arra
 
 
 def solve_elements(structure: Structure, geometry: Geometry, force: Array) -> tuple[Array, Array, Array]:
-    """Return the unknowns (P, n), the wrenches on the elements' ends (P, E, 2, 6) and their energy (P, E).
-
-    Raises
-    ------
-    BeamstiffError
-        When the structure is a mechanism; the free motion is named.
-    """
+    """Return the unknowns (P, n), the wrenches on the elements' ends (P, E, 2, 6) and their energy (P, E)."""
     unknowns, strains = _solve(structure, geometry, force)
     forces, energy = element_forces(structure, geometry, gather(structure, geometry, unknowns))
     for pose, some in strains.items():  # differences of displacements would be rounding
@@ -194,12 +176,6 @@ def solve_constrained(
     solution : (P, n, c) array
     strains : dict of (m, c) arrays
         Of the poses that went by the factor of the strains.
-
-    Raises
-    ------
-    BeamstiffError
-        When the structure is a mechanism, buckles under its loads (the symmetric part of the stiffness
-        decides), or rounding shows in the answer; the motion, or the part, is named.
     """
     stiffness, size = assemble(structure, geometry)
     if by_load is not None:
@@ -258,7 +234,6 @@ def transmitted_wrenches(response: Response, loads: Array) -> Array:
 
     Parameters
     ----------
-    response : Response
     loads : (P, N, 6) array
         All nodal wrenches that act, dead weight included.
 

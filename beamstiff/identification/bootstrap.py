@@ -100,14 +100,10 @@ def bootstrap(
 
     Parameters
     ----------
-    statement : Statement
     theta : (t,) array
         Its optimum.
-    repetitions : int
-    seed : int
     progress : callable, optional
         Called with the number of draws that are fitted, after every 25 of them.
-    processes : int
     scheduler : str, optional
         Of dask, ``tcp://host:port``; see `beamstiff.parallel`. The draws, and what is found, are the same.
 
@@ -206,7 +202,6 @@ def without_leverage(objective: Objective, theta: Array, group: Integers) -> Obj
 
     Parameters
     ----------
-    objective : Objective
     theta : (t,) array
         Its optimum.
     group : (n,) int array

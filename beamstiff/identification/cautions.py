@@ -88,8 +88,6 @@ def cautions(problem: Problem, parameters: Parameters, theta: Array, rms: float)
 
     Parameters
     ----------
-    problem : Problem
-    parameters : Parameters
     theta : (t,) array
         The optimum.
     rms : float, m

@@ -30,10 +30,8 @@ class Score:
 
     Attributes
     ----------
-    name : str
     count : int
         Values fitted; of parameters that only act together, the combinations that are known.
-    log_likelihood : float
     aic, aicc, bic : float
         AICc is infinite where there are too few measured components for it.
     weight : float
@@ -221,7 +219,6 @@ def log_likelihood(problem: Problem, stiffness: Array, variance: float = 1.0) ->
 
     Parameters
     ----------
-    problem : Problem
     stiffness : (m,) array
     variance : float
         Of the whitened residuals: 1 where the noise is as stated.

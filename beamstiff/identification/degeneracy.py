@@ -63,10 +63,8 @@ class Degeneracy:
 
     Attributes
     ----------
-    silent : tuple of Silent
     joined : tuple of Joined
         Springs in series or in parallel.
-    mixed : tuple of Mixed
     """
 
     silent: tuple[Silent, ...]
@@ -88,7 +86,6 @@ def find_degeneracy(problem: Problem, seed: int = 0) -> Degeneracy:
 
     Parameters
     ----------
-    problem : Problem
     seed : int
         Of the random stiffness values.
 

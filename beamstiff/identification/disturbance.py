@@ -57,7 +57,6 @@ def disturbed_covariance(
     sharing : (N,) int array
         Number of a shared unloaded reading, -1 for none: half of the variance is that reading's.
     pose : (N,) int array
-    disturbance : Disturbance
 
     Returns
     -------

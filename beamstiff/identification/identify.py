@@ -87,15 +87,6 @@ def identify(
     progress : callable, optional
         Called with the number of evaluations and the least cost.
 
-    Returns
-    -------
-    Identification
-
-    Raises
-    ------
-    BeamstiffError
-        When the data cannot carry the identification; the message says what is missing.
-
     Examples
     --------
     >>> from beamstiff import load_robot, tcp_compliance
@@ -173,8 +164,6 @@ def conclude(statement: Statement, found: Minimum, method: str, folds: int = 5) 
 
     Parameters
     ----------
-    statement : Statement
-    found : Minimum
     method : str
         By which it was found.
     folds : int
@@ -226,10 +215,8 @@ class Estimates:
     Attributes
     ----------
     parameters : tuple of Parameter (m)
-    combinations : tuple of Combination
     covariance : (m, m) array
         Of the logarithms; infinite variance of what is not identifiable by itself.
-    chi_square : float
     """
 
     parameters: tuple[Parameter, ...]

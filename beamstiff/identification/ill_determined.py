@@ -32,7 +32,6 @@ def find_ill_determined(
 
     Parameters
     ----------
-    robot : Robot
     names : sequence of str (m)
     stiffness : (m,) array
         Values at the optimum.

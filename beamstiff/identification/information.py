@@ -32,7 +32,6 @@ class Uncertainty:
         Infinite variance where the data say nothing.
     chi_square : float
         Sum of squared whitened residuals over the degrees of freedom.
-    freedom : int
     quantile : float
         By how many standard deviations the 95 % interval reaches.
     profile : Profile
@@ -69,7 +68,6 @@ class Uncertainty:
             At the optimum.
         direction : (t,) array
             Its derivatives by theta.
-        std : float
         """
         down, up = self.profile.interval(-direction, std)
         return value + down, value + up
@@ -118,7 +116,6 @@ def huber_factor(objective: Objective, residuals: Array, count: int) -> float:
 
     Parameters
     ----------
-    objective : Objective
     residuals : (n + m,) array
     count : int
         Number t of free values.

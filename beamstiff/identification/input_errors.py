@@ -119,16 +119,8 @@ def state_response(
 
     Parameters
     ----------
-    robot : Robot
-    measurements : Measurements
-    errors : InputErrors
     parameters : tuple of str
         The open stiffness values.
-
-    Raises
-    ------
-    BeamstiffError
-        When a loop does not close beside a pose.
     """
     own = _wrenches(robot, measurements, errors)
     spread = errors.of_variables(robot)

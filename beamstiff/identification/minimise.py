@@ -51,7 +51,6 @@ class Minimum:
     Attributes
     ----------
     theta : (t,) array
-    cost : float
     evaluations : int
         Of all residuals; one with derivatives counts as one.
     message : str
@@ -172,8 +171,6 @@ def minimise(
 
     Parameters
     ----------
-    objective : Objective
-    method : str
     begin : (t,) array, optional
         Where to start, logarithms; default the start values.
     effort : Effort, optional

@@ -96,14 +96,12 @@ def number_of_tests(
 
     Parameters
     ----------
-    statement : Statement
     theta : (t,) array
         Its optimum.
     counts : sequence of int, optional
         Numbers of tests, growing; default all, or thirty of them.
     orders : int
         Random orders of the tests.
-    seed : int
     by : "pose" or "row"
         What a test is: a pose with all its loads, or a row.
     progress : callable, optional

@@ -54,8 +54,6 @@ class Objective:
 
     Attributes
     ----------
-    problem : Problem
-    parameters : Parameters
     loss : str
         "linear" (least squares), "soft_l1", "huber" or "cauchy".
     scale : float

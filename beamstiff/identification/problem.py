@@ -144,7 +144,6 @@ def state_problem(
 
     Parameters
     ----------
-    robot : Robot
     data : Measurements, or several
         Displacements, loaded minus unloaded.
     parameters : sequence of str, optional

@@ -23,7 +23,6 @@ class Lumped:
     ----------
     kept : str
         The parameter that carries all, as stiff as the whole group.
-    value : float, SI
     gone : mapping of str to float
         The others: infinite where they are rigid now (in series), 0 where they are free (in parallel).
     """
@@ -46,7 +45,6 @@ class Reduced:
     ----------
     robot : Robot
         Lists under `identify` what is left to identify.
-    lumped : tuple of Lumped
     held : tuple of str
         Parameters that stay at their value, since they are never loaded or others make up for them.
     """
@@ -67,7 +65,6 @@ def reduce_model(
 
     Parameters
     ----------
-    robot : Robot
     degeneracy : Degeneracy
         From `find_degeneracy`.
     values : mapping of str to float, SI

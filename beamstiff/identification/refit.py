@@ -26,7 +26,6 @@ def refit(objective: Objective, begin: Array, counts: Array | None = None) -> Ar
 
     Parameters
     ----------
-    objective : Objective
     begin : (t,) array
     counts : (n,) array, optional
         How often each whitened residual counts; default once.

@@ -27,10 +27,8 @@ class Parameter:
 
     Attributes
     ----------
-    name, unit : str
     value, std : float or None, in `unit`
         None where the data do not bound the stiffness from above, or tell only a combination of it.
-    identifiable : bool
     interval : (low, high) or None
         95 %.
     lower_bound : float or None
@@ -61,14 +59,12 @@ class Combination:
 
     Attributes
     ----------
-    parameters : tuple of str
     relation : str
         ``"1/J12.radial + 1/J33.radial"``, or nothing where the combination is no sum.
     value, std : float or None, SI
         Of the relation.
     kind : str
         "series", "parallel", "sum" or "mixed"; "ill-determined" where only noise hides the terms.
-    unit : str
     separate : str
         What measurement would tell them apart, in words; empty where none was sought.
     interval : (low, high) or None

@@ -76,7 +76,6 @@ def sensitivity(
 
     Parameters
     ----------
-    statement : Statement
     measurements : Measurements
         The table it states.
     theta : (t,) array
@@ -85,7 +84,6 @@ def sensitivity(
         Of the loads and joint values. Those of the readings are the table's.
     repetitions : int
         For each source.
-    seed : int
     progress : callable, optional
         Called with the number of refits made.
 

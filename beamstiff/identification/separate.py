@@ -73,7 +73,6 @@ def find_separations(
 
     Parameters
     ----------
-    robot : Robot
     measurements : Measurements, or several
         What was measured.
     groups : sequence of sequences of str
@@ -175,7 +174,6 @@ def with_separations(
 
     Parameters
     ----------
-    found : Identification
     robot, measurements, components
         Of which it was made.
     seed : int

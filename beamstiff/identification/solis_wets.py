@@ -32,7 +32,6 @@ def solis_wets(
         Standard deviation of the first steps.
     evaluations : int
         At most.
-    random : Generator
 
     Examples
     --------

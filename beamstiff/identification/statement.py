@@ -60,11 +60,6 @@ class Statement:
 
     Attributes
     ----------
-    robot : Robot
-    problem : Problem
-    parameters : Parameters
-    plan : Plan
-    loss : str
     response : Response or None
         What errors of the inputs do; None where there are none.
     """

@@ -75,7 +75,6 @@ def held_out(objective: Objective, groups: Integers, folds: int, begin: Array) -
 
     Parameters
     ----------
-    objective : Objective
     groups : (N,) array of int
         Rows of one group are left out together: poses, or loads.
     folds : int

@@ -184,11 +184,6 @@ class FuzzySystem:
         x : (N, n) array
         extrapolate : bool
             Answer outside what was trained too, as at the nearest rules; `outside` says where.
-
-        Raises
-        ------
-        BeamstiffError
-            When an input lies outside what was trained.
         """
         values = finite(x, "inputs of the fuzzy system", -1, len(self.premises.inputs))
         if not extrapolate:
@@ -246,7 +241,6 @@ def equal_parts(inputs: Sequence[str], trained: Array, sets: Sequence[int]) -> P
 
     Parameters
     ----------
-    inputs : sequence of str
     trained : (n, 2) array
     sets : sequence of int
         Number of sets of each input; one where it shall play no part or has no range.

@@ -51,11 +51,6 @@ class FuzzyCompliance:
         q : (N, A) array, rad or m
         wrench : (N, 6) array, optional
             N and N m; default none.
-
-        Raises
-        ------
-        BeamstiffError
-            When a row lies outside what was trained, unless the model extrapolates.
         """
         x = inputs_of(self.system.premises.inputs, self.variables, q, wrench)
         return self.system(x, self.extrapolate)

@@ -24,7 +24,6 @@ class FuzzyCorrection:
 
     Attributes
     ----------
-    robot : Robot
     parameters : tuple of str
         m springs that vary.
     compliance : (m,) array
@@ -55,13 +54,7 @@ class FuzzyCorrection:
         return self.system.outside(self._inputs(q))
 
     def predict(self, q: Array, wrench: Array) -> Array:
-        """Return displacements (N, 6), base frame, m and rad.
-
-        Raises
-        ------
-        BeamstiffError
-            When a row lies outside what was trained, unless the model extrapolates.
-        """
+        """Return displacements (N, 6), base frame, m and rad."""
         compliances = self.compliances(q)
         return displaced(ports_at(self.robot, self.parameters, q, wrench), compliances)
 

@@ -89,12 +89,10 @@ class GaussianProcessStiffness:
 
     Attributes
     ----------
-    robot : Robot
     parameters : tuple of str
         m springs that vary.
     compliance : (m,) array
         About which they do, m/N or rad/(N m).
-    covariance : Covariance
     postures : (P, A) array
         That were measured.
     posture_of : (n,) int array

@@ -28,7 +28,6 @@ class Cubes:
     ----------
     low : (3,) array, m
         Least corner, base frame.
-    size : float, m
     counts : tuple of int
         Number of cubes along x, y and z; C in all.
 
@@ -110,10 +109,8 @@ class GriddedStiffness:
 
     Attributes
     ----------
-    robot : Robot
     parameters : tuple of str
         m springs that vary.
-    cubes : Cubes
     compliance : (C, m) array
         m/N or rad/(N m).
     rows : (C,) int array
@@ -146,13 +143,7 @@ class GriddedStiffness:
         return np.asarray(~known.any(axis=1))
 
     def compliances(self, q: ArrayLike) -> Array:
-        """Return the compliances (N, m) of the springs in postures (N, A).
-
-        Raises
-        ------
-        BeamstiffError
-            When a TCP is beyond the grid or in a cube without data, unless the model extrapolates.
-        """
+        """Return the compliances (N, m) of the springs in postures (N, A)."""
         at = tcp_positions(self.robot, q)
         if not self.extrapolate:
             self._refuse(at)
@@ -161,13 +152,7 @@ class GriddedStiffness:
         return result
 
     def predict(self, q: Array, wrench: Array) -> Array:
-        """Return displacements (N, 6), base frame, m and rad.
-
-        Raises
-        ------
-        BeamstiffError
-            As `compliances`.
-        """
+        """Return displacements (N, 6), base frame, m and rad."""
         compliances = self.compliances(q)
         return displaced(ports_at(self.robot, self.parameters, q, wrench), compliances)
 

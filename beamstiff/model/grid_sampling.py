@@ -68,14 +68,12 @@ def sample(
 
     Parameters
     ----------
-    kinematics : Kinematics
     positions : (S, 3) array, m
     rotation : (3, 3) array
         Of the TCP's frame where it is not turned.
     turns : (T,) array, deg
     start : (A,) array, optional
         Configuration to start from: neighbouring targets get neighbouring configurations.
-    seed : int
 
     Returns
     -------

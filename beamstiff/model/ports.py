@@ -93,11 +93,6 @@ class PortModel:
         stiffness : (..., m) array
             Values of `parameters`, N/m, N m/rad or Pa; zero is free. Several candidates at once along the
             leading axes.
-
-        Raises
-        ------
-        BeamstiffError
-            When a value is negative or not finite, or so small that the robot is a mechanism.
         """
         if (compliance := self._in_series(stiffness)) is not None:
             shares = self.by_compliance
@@ -363,7 +358,6 @@ def reduce_to_ports(
 
     Parameters
     ----------
-    robot : Robot
     measurements : Measurements
         N rows: joint values, wrench, measured point and point of load.
     parameters : sequence of str, optional

@@ -33,7 +33,6 @@ def close_at_once(system: LoopSystem, assembly: Assembly, start: Array) -> tuple
 
     Parameters
     ----------
-    system : LoopSystem
     assembly : Assembly
         Whose branch it is to be.
     start : (P, A + Q) array

@@ -46,7 +46,6 @@ def close_loops(kinematics: Kinematics, q: Array, strict: bool = True) -> Closur
 
     Parameters
     ----------
-    kinematics : Kinematics
     q : (P, A) array, rad or m
         Actuated variables.
     strict : bool
@@ -87,7 +86,6 @@ def closure_rates(kinematics: Kinematics, values: Array, transforms: Array) -> A
 
     Parameters
     ----------
-    kinematics : Kinematics
     values : (P, V) array
         With the loops closed.
     transforms : (P, F + 1, 4, 4) array
@@ -129,13 +127,7 @@ def closure_rates(kinematics: Kinematics, values: Array, transforms: Array) -> A
 
 
 def find_assembly(kinematics: Kinematics) -> Assembly | None:
-    """Return where the loops close near the declared guess, or None if they do not close there.
-
-    Raises
-    ------
-    BeamstiffError
-        When there are passive variables that the loops do not determine in any posture.
-    """
+    """Return where the loops close near the declared guess, or None if they do not close there."""
     system, start = loop_system(kinematics), declared_start(kinematics)
     _check_determined(system, start)
     return _assembly_near(system, start[None])

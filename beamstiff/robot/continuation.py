@@ -110,8 +110,6 @@ def close_in_branch(
 
     Parameters
     ----------
-    system : LoopSystem
-    assembly : Assembly
     free : (P, A + Q) array
         The passive part is not used.
     starts : Starts, optional

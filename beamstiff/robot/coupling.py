@@ -46,13 +46,7 @@ class Coupling:
 
 
 def variable_kinds(robot: Robot) -> dict[str, str]:
-    """Return the kind, ``"angle"`` or ``"length"``, of every variable; a coupled one has that of its source.
-
-    Raises
-    ------
-    BeamstiffError
-        When a coupled variable follows itself or nothing.
-    """
+    """Return the kind, ``"angle"`` or ``"length"``, of every variable; of a coupled one, its source's."""
     return dict(_kinds(_Same(robot.variables)))  # a caller's own
 
 

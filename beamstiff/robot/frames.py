@@ -59,26 +59,21 @@ class Kinematics:
 
     Attributes
     ----------
-    robot : Robot
     coupling : Coupling
         How all variables follow from the actuated and the passive ones.
     prismatic : (V,) bool array
         Whether a variable is a length, in the order of ``coupling.names``.
     frame_names : tuple of str
         ``"base"`` first, every frame after its parent (F + 1).
-    frame_index : mapping of str to int
     parents : (F + 1,) int array
         Index of each frame's parent; -1 for the base.
     constants : (F + 1, 7) array, rad or m
         Constant part of the parameters, in the order of `MOTIONS`.
     coefficients : (F + 1, 7, V) array
         Their linear part: ``parameters = constants + coefficients @ values``.
-    node_names : tuple of str
-    node_index : mapping of str to int
     node_frame : (N,) int array
     node_at : (N, 3) array, m
         Position in the node's frame.
-    loops : tuple of LoopEnds
     size : float, m
         Size of the machine: how far its longest chain of frames could reach.
     assembly : Assembly or None

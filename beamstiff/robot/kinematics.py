@@ -125,7 +125,6 @@ def actuated_values(robot: Robot, q: Mapping[str, ArrayLike] | ArrayLike) -> Arr
 
     Parameters
     ----------
-    robot : Robot
     q : mapping or array
         By name, each a number or P of them (variables not named are 0); or an array (A,) or (P, A) in the
         order of ``robot.actuated``. rad or m.
@@ -234,21 +233,10 @@ def twist_jacobian(kinematics: Kinematics, posture: Posture, node: str) -> Array
     ``J = T_a - T_p J_p^+ J_a``, with T the twists for unit rates of the actuated and passive variables and J
     the derivatives of the loops' gaps.
 
-    Parameters
-    ----------
-    kinematics : Kinematics
-    posture : Posture
-    node : str
-
     Returns
     -------
     (P, 6, A) array
         ``[v; w]`` at the node in the base frame, per rad (or m) of each of ``robot.actuated``.
-
-    Raises
-    ------
-    BeamstiffError
-        When there is no such node, or a loop leaves passive variables undetermined at a pose.
     """
     at = node_at(kinematics, node)
     chain = chain_to(kinematics, int(kinematics.node_frame[at]))

@@ -38,8 +38,6 @@ class TreeLink:
 
     Attributes
     ----------
-    name : str
-    mass : float, kg
     centre : (3,) tuple, m
         Centre of mass in the link's frame.
     fail : callable
@@ -67,14 +65,11 @@ class TreeJoint:
 
     Attributes
     ----------
-    name, parent, child : str
     kind : "fixed", "revolute" or "prismatic"
     placed : (4, 4) array
         Child's frame in the parent's, the joint at 0.
     axis : (3,) array
         Direction of the axis, in the child's frame.
-    limits : tuple of two float, rad or m, or None
-    mimic : Mimic or None
     stiffness : mapping of str to float or str
         As in a robot file: ``{"torsional": "1e6 N*m/rad"}``.
     variable : str
@@ -111,14 +106,8 @@ def robot_data(tree: LinkTree, tcp: str | None = None) -> dict[str, Any]:
 
     Parameters
     ----------
-    tree : LinkTree
     tcp : str, optional
         Link whose origin is the TCP; without it the only link at the end of what moves.
-
-    Raises
-    ------
-    BeamstiffError
-        When names are doubled or unknown, the links are no tree, or it has several ends and no `tcp`.
     """
     root, joints = _ordered(tree)
     variables = variable_names(joints)

@@ -30,7 +30,6 @@ class LoopSystem:
 
     Attributes
     ----------
-    kinematics : Kinematics
     frames : tuple of int
         Frames between the ends of the loops, the last one that all share first.
     rows : tuple of slice
@@ -107,7 +106,6 @@ def loop_equations(system: LoopSystem, free: Array) -> tuple[Array, Array]:
 
     Parameters
     ----------
-    system : LoopSystem
     free : (P, A + Q) array, rad or m
         Actuated and passive variables.
 

@@ -80,14 +80,8 @@ def parse_robot(text: str, name: str = "<text>") -> Robot:
 
     Parameters
     ----------
-    text : str
     name : str
         What messages call the text: its file.
-
-    Raises
-    ------
-    BeamstiffError
-        When its robot cannot be used: one line ``NAME:LINE: key: message``.
     """
     with _collector_paused():
         return _parsed(text, name)
@@ -112,13 +106,7 @@ def _parsed(text: str, name: str) -> Robot:
 
 
 def read_yaml(path_or_text: Path | str) -> tuple[Any, Lines]:
-    """Return the plain data of a YAML file (a `Path`) or text (a `str`), and the line of every key.
-
-    Raises
-    ------
-    BeamstiffError
-        See `parse_yaml` and `read_text`.
-    """
+    """Return the plain data of a YAML file (a `Path`) or text (a `str`), and the line of every key."""
     if isinstance(path_or_text, Path):
         return parse_yaml(read_text(path_or_text), str(path_or_text))
     return parse_yaml(path_or_text)

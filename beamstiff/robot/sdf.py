@@ -38,14 +38,8 @@ def read_sdf(path: str | os.PathLike[str], *, tcp: str | None = None) -> Robot:
 
     Parameters
     ----------
-    path : str or os.PathLike
     tcp : str, optional
         Link whose origin is the TCP; by default the only end of the tree.
-
-    Raises
-    ------
-    BeamstiffError
-        When the file cannot be read or its robot cannot be used: ``FILE:LINE: <joint elbow>: message``.
     """
     return parse_sdf(read_text(os.fspath(path)), str(path), tcp=tcp)
 

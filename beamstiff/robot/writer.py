@@ -29,11 +29,6 @@ _ESCAPES = {'"': '\\"', "\\": "\\\\"}
 def robot_to_yaml(robot: Robot) -> str:
     """Return the YAML text of a robot; `parse_robot` makes the same robot of it.
 
-    Raises
-    ------
-    BeamstiffError
-        When the robot holds a number that is none, such as NaN.
-
     Examples
     --------
     >>> from beamstiff.robot.parts import Node

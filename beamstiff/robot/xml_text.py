@@ -28,14 +28,10 @@ class Element:
 
     Attributes
     ----------
-    name : str
-    attributes : dict of str to str
-    children : list of Element
     text : str
         What stands in it beside its children.
     source : str
         File, for messages.
-    line : int
     start, inside, close, end : int
         Bytes: of ``<``, after the start tag's ``>``, of ``</`` (of the end of ``<.../>``), after its end.
     """

@@ -64,7 +64,6 @@ def parse_yaml(text: str, name: str = "<text>") -> tuple[Any, Lines]:
 
     Parameters
     ----------
-    text : str
     name : str
         What messages call the text: its file.
 

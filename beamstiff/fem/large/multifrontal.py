@@ -110,7 +110,6 @@ class Factor:
 
     Attributes
     ----------
-    plan : Plan
     rest : (k, k) array
         Stiffness of the unknowns that stand last, all others eliminated.
     blocks : list of (L11, L21)
@@ -145,7 +144,6 @@ def factorise(matrix: sparse.csc_array, plan: Plan, keep: bool = True) -> Factor
     Parameters
     ----------
     matrix : (n, n) sparse array
-    plan : Plan
     keep : bool
         Keep the factor, for `Factor.solve`; without it only the rest is left.
 

@@ -37,7 +37,6 @@ def solve_frame(frame: Frame, loads: Array) -> Solution:
 
     Parameters
     ----------
-    frame : Frame
     loads : (N, 6, c) array
         Wrenches ``[f, m]`` on the nodes, N and N m.
 

@@ -76,7 +76,6 @@ class Begin:
         The m springs that the readings feel.
     compliance : (m,) array
         Theirs, about one over the stiffness.
-    problem : Problem
     """
 
     robot: Robot
@@ -89,11 +88,6 @@ def begin_with(robot: Robot, table: Measurements, parameters: Sequence[str] | No
     """Identify one stiffness for all configurations, and keep the springs that the readings feel.
 
     One that fits best as good as rigid begins where a reading would just show it: in places it may give way.
-
-    Raises
-    ------
-    BeamstiffError
-        As `identify`.
     """
     found = identify(robot, table, parameters, folds=0)
     felt = [not item.silent for item in found.parameters]
@@ -189,7 +183,6 @@ class _Fit:
 
     Attributes
     ----------
-    problem : Problem
     weights : (N, R + 1) array
         Of g and x in every row, equal in those of a pose.
     compliance : (m,) array

@@ -53,7 +53,6 @@ class Evidence:
 
     Attributes
     ----------
-    readings : LinearReadings
     postures : (P, A) array
     covariance : Covariance
         Says what drives what; its spreads and lengths are left open.
@@ -167,9 +166,7 @@ def most_evident(
 
     Parameters
     ----------
-    readings : LinearReadings
     postures : (P, A) array
-    begin : Covariance
     noise : float
         To begin with.
     sigma_known : bool

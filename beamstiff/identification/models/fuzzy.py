@@ -50,8 +50,6 @@ class FuzzyFit:
 
     Attributes
     ----------
-    model : FuzzyCompliance
-    steps : tuple of Step
     test_rows : (N,) bool array
         The test set; its rows chose the structure, and count in the conclusions.
     """
@@ -83,11 +81,6 @@ def fit_fuzzy(
         How the conclusions are fitted in the end.
     seed : int
         Of the test set and of the random search.
-
-    Raises
-    ------
-    BeamstiffError
-        When the rows are no displacements of the TCP, or too few to hold a test set out.
 
     Examples
     --------

@@ -27,7 +27,6 @@ class CorrectionFit:
 
     Attributes
     ----------
-    model : FuzzyCorrection
     varying : Varying
         What the fit says of the conclusions.
     sets : tuple of (tuple of int, float)
@@ -54,19 +53,12 @@ def fit_fuzzy_correction(
 
     Parameters
     ----------
-    robot : Robot
     table : Measurements
         Displacements, loaded minus unloaded.
     parameters : sequence of str, optional
         Springs that may vary; default ``robot.identify``.
     inputs : sequence of str, optional
         Actuated variables that they may follow; default those that vary in the table.
-    most_rules : int
-
-    Raises
-    ------
-    BeamstiffError
-        When the data cannot carry the identification of the parametric model.
     """
     start = begin_with(robot, table, parameters)
     names = tuple(inputs) if inputs is not None else table.variables

@@ -87,7 +87,6 @@ def state_readings(table: Measurements, length: float, tcp: str) -> Readings:
         Displacements of the TCP under loads there.
     length : float, m
         Of the machine: makes moments compare with forces and rotations with displacements.
-    tcp : str
 
     Raises
     ------
@@ -171,7 +170,6 @@ def fit_conclusions(
     ----------
     readings : Readings
         N rows.
-    premises : Partition
     firing : (N, R) array
     method : "exact" or "gradient"
         Least squares by a direct solution, or descent from the rapid prototype.

@@ -38,7 +38,6 @@ class GaussianProcessFit:
 
     Attributes
     ----------
-    model : GaussianProcessStiffness
     noise : float
         Standard deviation of the whitened readings; 1 where they are as stated.
     evidence : float
@@ -57,18 +56,12 @@ def fit_gaussian_process(
 
     Parameters
     ----------
-    robot : Robot
     table : Measurements
         Displacements, loaded minus unloaded.
     parameters : sequence of str, optional
         Springs that may vary; default ``robot.identify``.
     seed : int
         Of the choice of readings that spreads and lengths are found from, where there are very many.
-
-    Raises
-    ------
-    BeamstiffError
-        When the data cannot carry the identification of the parametric model.
 
     Examples
     --------

@@ -26,7 +26,6 @@ class GridFit:
 
     Attributes
     ----------
-    model : GriddedStiffness
     varying : Varying or None
         What the hierarchical fit says; None where each cube was fitted for itself.
     notes : tuple of str
@@ -70,10 +69,8 @@ def fit_grid(
 
     Parameters
     ----------
-    robot : Robot
     table : Measurements
         Displacements, loaded minus unloaded; rows on the face of cubes count for all that meet there.
-    cubes : Cubes
     parameters : sequence of str, optional
         Springs that may vary; default ``robot.identify``.
     shrink : bool
@@ -146,7 +143,6 @@ def with_offsets(model: GriddedStiffness, table: Measurements) -> GriddedStiffne
 
     Parameters
     ----------
-    model : GriddedStiffness
     table : Measurements
         Absolute positions of the unloaded TCP.
 

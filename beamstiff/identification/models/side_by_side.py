@@ -38,7 +38,6 @@ class Options:
         Springs that are fitted, and may vary; default ``robot.identify``.
     cube : float or None, m
         Side of the cubes; default a third of the longest side of where the TCP was.
-    seed : int
     """
 
     parameters: tuple[str, ...] | None = None
@@ -52,7 +51,6 @@ class Fitted:
 
     Attributes
     ----------
-    model : Model
     about : str
         What came out, in a few words.
     outside : callable or None
@@ -70,7 +68,6 @@ class Judged:
 
     Attributes
     ----------
-    name : str
     about : str
         What came out, in a few words; or why there is no such model.
     model : Model or None
@@ -110,9 +107,6 @@ class Models(Shown):
 
     Attributes
     ----------
-    judged : tuple of Judged
-    table : Measurements
-    split : Split
     position : (N, 3) array, m
         Nominal TCP of every row.
     robot : Robot or None
@@ -285,10 +279,8 @@ def fit_models(
 
     Parameters
     ----------
-    robot : Robot
     table : Measurements
         Displacements of the TCP under loads there, N rows.
-    split : Split
     names : sequence of str
         Of the models, among `FITS`.
     options : Options, optional

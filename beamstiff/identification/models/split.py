@@ -57,13 +57,11 @@ def split_rows(
 
     Parameters
     ----------
-    table : Measurements
     share : float
         Of the poses that are held out, drawn at random.
     fit_load : float, optional
         Size of the load to fit, N (N m where loads are moments only): all others are held out, as in seed
         003. Default: the largest is held out.
-    seed : int
 
     Raises
     ------

@@ -47,16 +47,10 @@ def read_urdf(
 
     Parameters
     ----------
-    path : str or os.PathLike
     tcp : str, optional
         Link whose origin is the TCP; by default what the extension names, else the only end of the tree.
     stiffness : mapping of str to float or str, optional
         Stiffness along or about the axis by joint, for joints that the file gives none.
-
-    Raises
-    ------
-    BeamstiffError
-        When the file cannot be read or its robot cannot be used: ``FILE:LINE: <joint elbow>: message``.
     """
     return parse_urdf(read_text(os.fspath(path)), str(path), tcp=tcp, stiffness=stiffness)
 

@@ -39,13 +39,7 @@ _NUMBER = re.compile(f"({NUMBER})")
 
 
 def save_urdf(robot: Robot, path: str | os.PathLike[str], like: str | None = None) -> None:
-    """Write a robot to a URDF file, whole or not at all; see `robot_to_urdf`.
-
-    Raises
-    ------
-    BeamstiffError
-        When the file cannot be written, or the URDF text is of another machine.
-    """
+    """Write a robot to a URDF file, whole or not at all; see `robot_to_urdf`."""
     write_whole(Path(path), robot_to_urdf(robot, like))
 
 
@@ -54,7 +48,6 @@ def robot_to_urdf(robot: Robot, like: str | None = None) -> str:
 
     Parameters
     ----------
-    robot : Robot
     like : str, optional
         URDF text that it is written into; by default the text that it was read from. A robot that never was a
         URDF gets links and joints of its frames: loops are then cut, and only the extension knows them.
