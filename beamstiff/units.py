@@ -125,11 +125,6 @@ def unit_factor(unit: str, kind: str) -> tuple[float, float]:
     kind : str
         A key of `UNITS`.
 
-    Raises
-    ------
-    BeamstiffError
-        When the unit is not known or has another dimension.
-
     Examples
     --------
     >>> unit_factor("mm", "length")
@@ -175,13 +170,7 @@ def _without_rounding(factor: float) -> float:
 
 
 def number(value: object) -> float:
-    """Return a finite float from a number or from text that YAML or CSV left as text, such as ``2e11``.
-
-    Raises
-    ------
-    BeamstiffError
-        When it is not a number, or is NaN or infinite.
-    """
+    """Return a finite float from a number or from text that YAML or CSV left as text, such as ``2e11``."""
     if type(value) is float and math.isfinite(value):  # most values of a large file
         return value
     if isinstance(value, bool) or not isinstance(value, Real | str):
@@ -261,11 +250,6 @@ def in_si(magnitude: float, unit: str, kind: str) -> float:
 def with_unit(text: object) -> tuple[float, str]:
     """Return magnitude and unit of a quantity of any dimension.
 
-    Raises
-    ------
-    BeamstiffError
-        When it is no number with a unit, or the unit is unknown.
-
     Examples
     --------
     >>> with_unit("2e-7 rad/(N*m)")
@@ -282,11 +266,6 @@ def with_unit(text: object) -> tuple[float, str]:
 
 def in_unit(value: object, unit: str) -> float:
     """Return a quantity in a coherent SI unit: a plain number is in it already, text carries its unit.
-
-    Raises
-    ------
-    BeamstiffError
-        When the unit of the text is unknown or of another dimension.
 
     Examples
     --------

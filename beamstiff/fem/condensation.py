@@ -120,12 +120,6 @@ def condense(
         How many poses at a time.
     dead : bool
         Whether what the dead weight does is wanted; without it those parts may be zero.
-
-    Raises
-    ------
-    BeamstiffError
-        When the structure, with its ports held, is a mechanism at a pose; the motion is named. When there is
-        no such node, or a port cannot move.
     """
     index = structure.kinematics.node_index
     for name in observed:
@@ -390,28 +384,12 @@ def _symmetric(matrix: Array) -> Array:
 
 
 def tcp_compliance(structure: Structure, posture: Posture, chunk: int = CHUNK) -> Array:
-    """Return the compliance at the TCP of every pose, (P, 6, 6), base frame: ``[d, r] = C [f, m]``.
-
-    Examples
-    --------
-    >>> from beamstiff import load_robot
-    >>> from beamstiff.fem.structure import compile_structure
-    >>> from beamstiff.robot.kinematics import posture
-    >>> structure = compile_structure(load_robot("cantilever"))
-    >>> tcp_compliance(structure, posture(structure.kinematics, np.zeros((1, 0)))).shape
-    (1, 6, 6)
-    """
+    """Return the compliance at the TCP of every pose, (P, 6, 6), base frame: ``[d, r] = C [f, m]``."""
     return condense(structure, posture, [structure.robot.tcp], chunk=chunk, dead=False).clamped
 
 
 def tcp_stiffness(compliance: Array, robot: str = "robot") -> Array:
-    """Return the stiffness at the TCP, (..., 6, 6), the inverse of its compliance (seed 003, eq. 27).
-
-    Raises
-    ------
-    BeamstiffError
-        When the compliance is singular: some direction of the TCP does not give way at all.
-    """
+    """Return the stiffness at the TCP, (..., 6, 6), the inverse of its compliance (seed 003, eq. 27)."""
     flat = compliance.reshape(-1, 6, 6)
     inverse, unstable = solve_stable(flat, np.broadcast_to(np.eye(6), flat.shape), softest=STIFFEST)
     if unstable is not None:

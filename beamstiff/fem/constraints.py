@@ -100,11 +100,6 @@ def null_space(rows: Array, scale: Array, what: str) -> Array:
         Size of a unit of each unknown, so that metres and radians compare.
     what : str
         What the rows stand for, for the message.
-
-    Raises
-    ------
-    BeamstiffError
-        When the rank differs between poses: some of them are singular positions of a rigid loop.
     """
     _, singular, right = np.linalg.svd(rows * scale, full_matrices=True)
     rank = _count_ranks(singular, scale)
@@ -121,13 +116,7 @@ def null_space(rows: Array, scale: Array, what: str) -> Array:
 
 
 def imposed(rows: Array, basis: Array, names: list[str]) -> Array:
-    """Return W with ``rows @ W = I`` inside the span of `basis`, (P, n, p): unit motion of each row.
-
-    Raises
-    ------
-    BeamstiffError
-        When a row cannot move without the others because rigid parts hold it.
-    """
+    """Return W with ``rows @ W = I`` inside the span of `basis`, (P, n, p): unit motion of each row."""
     inside = rows @ basis
     size = np.linalg.norm(inside, axis=2, keepdims=True)
     stuck = (size[..., 0] <= RANK_TOLERANCE * np.linalg.norm(basis, axis=(1, 2))[:, None]).any(axis=0)

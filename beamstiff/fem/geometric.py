@@ -65,18 +65,6 @@ def loaded_compliance(
     -------
     (P, 6, 6) array
         ``[d, r] = C [f, m]``, base frame; not symmetric when moments are among the loads (seed 000, eq. 10).
-
-    Examples
-    --------
-    >>> from beamstiff.fem.response import nodal_loads
-    >>> from beamstiff.fem.structure import compile_structure
-    >>> from beamstiff.robot.kinematics import posture
-    >>> from beamstiff.robot.reader import load_robot
-    >>> structure = compile_structure(load_robot("cantilever"))
-    >>> pose, push = posture(structure.kinematics, np.zeros((1, 0))), [-1e4, 0, 0, 0, 0, 0]
-    >>> softer = loaded_compliance(structure, pose, nodal_loads(structure, 1, {structure.robot.tcp: push}))
-    >>> bool(softer[0, 1, 1] > loaded_compliance(structure, pose, nodal_loads(structure, 1, {}))[0, 1, 1])
-    True
     """
     tcp, parts = structure.kinematics.node_index[structure.robot.tcp], []
     for geometry, some in _chunks(structure, posture, loads, chunk):
@@ -134,13 +122,7 @@ def _chunks(
 
 
 def loaded_stiffness(compliance: Array, robot: str = "robot") -> Array:
-    """Return the stiffness at the TCP, (..., 6, 6), from the compliance of the loaded machine.
-
-    Raises
-    ------
-    BeamstiffError
-        When the compliance is singular: some direction of the TCP does not give way at all.
-    """
+    """Return the stiffness at the TCP, (..., 6, 6), from the compliance of the loaded machine."""
     symmetric = 0.5 * (compliance + compliance.swapaxes(-1, -2))
     if (stuck := unstable_pose(symmetric.reshape(-1, 6, 6))) is not None:
         raise BeamstiffError(
@@ -347,11 +329,6 @@ def complementary_stiffness(structure: Structure, posture: Posture, wrench: Arra
     -------
     (P, A, A) array, N m/rad
         In the order of ``robot.actuated``. Not symmetric when a moment acts.
-
-    Raises
-    ------
-    BeamstiffError
-        When the robot has closed loops: `loaded_compliance` is for all robots.
     """
     kinematics = structure.kinematics
     if kinematics.loops:

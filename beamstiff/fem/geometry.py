@@ -56,12 +56,6 @@ def place(structure: Structure, posture: Posture, number: Index | None = None) -
         P poses with closed loops.
     number : (P,) int array, optional
         Number of each of them in the whole list, for messages; default 0, 1, 2...
-
-    Raises
-    ------
-    BeamstiffError
-        When a position is not finite, the nodes of a joint do not coincide, a beam has zero length, or `up`
-        is parallel to its beam.
     """
     robot, unknowns, positions = structure.robot, structure.unknowns, posture.node_positions
     rotations = posture.transforms[:, :, :3, :3]
@@ -121,13 +115,7 @@ def _check_joints(structure: Structure, positions: Array, number: Index) -> None
 
 
 def strut_directions(structure: Structure, geometry: Geometry, struts: Index) -> Array:
-    """Return the unit vectors along struts, first to second node, (P, S, 3), base frame.
-
-    Raises
-    ------
-    BeamstiffError
-        When a strut has zero length.
-    """
+    """Return the unit vectors along struts, first to second node, (P, S, 3), base frame."""
     index = structure.kinematics.node_index
     pairs = [[index[name] for name in structure.robot.struts[at].nodes] for at in struts]
     ends = np.array(pairs, dtype=np.int64).reshape(-1, 2)

@@ -26,13 +26,7 @@ def gravity_wrenches(structure: Structure, geometry: Geometry) -> Array:
 
 
 def mass_wrenches(structure: Structure, geometry: Geometry) -> Array:
-    """Return the wrench of what masses weigh on every node, (P, N, 6), base frame, N and N m.
-
-    Raises
-    ------
-    BeamstiffError
-        See `gravity_wrenches`.
-    """
+    """Return the wrench of what masses weigh on every node, (P, N, 6), base frame, N and N m."""
     robot, positions = structure.robot, geometry.posture.node_positions
     gravity = np.array(robot.gravity)
     result = np.zeros((positions.shape[0], len(robot.nodes), 6))

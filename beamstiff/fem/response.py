@@ -75,13 +75,7 @@ class Response:
 
 
 def nodal_loads(structure: Structure, poses: int, wrenches: dict[str, Array]) -> Array:
-    """Return nodal wrenches (P, N, 6) from wrenches by node name, (6,) or (P, 6), base frame.
-
-    Raises
-    ------
-    BeamstiffError
-        When a node does not exist.
-    """
+    """Return nodal wrenches (P, N, 6) from wrenches by node name, (6,) or (P, 6), base frame."""
     index = structure.kinematics.node_index
     loads = np.zeros((poses, len(structure.robot.nodes), 6))
     for name, wrench in wrenches.items():
@@ -242,11 +236,6 @@ def transmitted_wrenches(response: Response, loads: Array) -> Array:
     (P, J, 6) array
         Wrench of the second node's side on the first's, joint frame; rigid directions included, and equal to
         stiffness times relative displacement in the finite ones.
-
-    Raises
-    ------
-    BeamstiffError
-        When a loop of rigid parts makes the inner forces indeterminate.
     """
     structure, geometry = response.structure, response.geometry
     unknowns = structure.unknowns

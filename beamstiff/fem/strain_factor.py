@@ -188,13 +188,7 @@ def factored_at(
     by_load: Array | None = None,
     works: bool = False,
 ) -> Factored:
-    """Return `factored` at one of many poses.
-
-    Raises
-    ------
-    BeamstiffError
-        When there is no answer; the motion, or the part that is lost, is named.
-    """
+    """Return `factored` at one of many poses."""
     try:
         return factored(structure, geometry.only(np.array([pose])), rest, loads, moved, by_load, works)
     except Doubtful as doubt:

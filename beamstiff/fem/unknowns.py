@@ -92,13 +92,7 @@ def joint_unknowns(unknowns: Unknowns) -> dict[tuple[int, int], int]:
 
 
 def number_unknowns(robot: Robot) -> Unknowns:
-    """Return the numbering of the unknowns of a robot's structure.
-
-    Raises
-    ------
-    BeamstiffError
-        When the TCP is held by struts alone, so that it has no rotation.
-    """
+    """Return the numbering of the unknowns of a robot's structure."""
     index = {node.name: at for at, node in enumerate(robot.nodes)}
     fixed = {index[name] for name in robot.fixed}
     tree, tree_joints, chord_rigids, chord_joints = _spanning_forest(robot, index)

@@ -106,32 +106,6 @@ def bootstrap(
         Called with the number of draws that are fitted, after every 25 of them.
     scheduler : str, optional
         Of dask, ``tcp://host:port``; see `beamstiff.parallel`. The draws, and what is found, are the same.
-
-    Raises
-    ------
-    BeamstiffError
-        When there are fewer than four poses, most draws leave a parameter open, or a process or the scheduler
-        fails.
-
-    Examples
-    --------
-    >>> from beamstiff import identify, load_robot
-    >>> from beamstiff.identification.statement import state_identification
-    >>> from beamstiff.measure import make_measurements
-    >>> from beamstiff.model.linear import predict_displacements
-    >>> robot, random = load_robot("kr240-2"), np.random.default_rng(0)
-    >>> q, wrench = random.uniform(-1, 1, (12, 6)), random.normal(size=(12, 6)) * 800
-    >>> names = [variable.name for variable in robot.actuated]
-    >>> noise = {"tcp": robot.tcp, "sigma_position": 3e-5}
-    >>> still = make_measurements(names, q, wrench=wrench, **noise)
-    >>> seen = predict_displacements(robot, still)[:, :3] + 3e-5 * random.normal(size=(12, 3))
-    >>> table = make_measurements(names, q, wrench=wrench, displacement=seen, **noise)
-    >>> statement = state_identification(robot, table, robot.identify[:5])  # 6 passes through the TCP
-    >>> theta = statement.theta(identify(robot, table, robot.identify[:5]).stiffness)
-    >>> drawn = bootstrap(statement, theta, 50)
-    >>> low, high = drawn.intervals["J2.torsional"]
-    >>> low < robot.parameter("J2.torsional") < high
-    True
     """
     objective = statement.objective
     group, poses = blocks_of(objective, statement.problem.pose)

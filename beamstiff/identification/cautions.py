@@ -27,11 +27,6 @@ def check_units(table: Measurements, size: float) -> None:
         Rows of several files.
     size : float, m
         Of the machine: moments compare with forces by it.
-
-    Raises
-    ------
-    BeamstiffError
-        Naming both files and what differs.
     """
     if len(table.sources) < 2:
         return

@@ -79,13 +79,7 @@ class Comparison:
     source: str
 
     def __getitem__(self, name: str) -> Score:
-        """Return the score of a model.
-
-        Raises
-        ------
-        BeamstiffError
-            When there is no such model.
-        """
+        """Return the score of a model."""
         by_name = {score.name: score for score in self.scores}
         if name not in by_name:
             raise BeamstiffError(f"there is no model {name!r}{suggest(name, by_name)}")
@@ -109,11 +103,6 @@ def compare(models: Mapping[str, Statement], folds: int = 5) -> Comparison:
         ties, or errors of the inputs.
     folds : int
         Of the poses, and of the loads, held out.
-
-    Raises
-    ------
-    BeamstiffError
-        When there is no model, they are of different data, or one has a robust loss, which has no likelihood.
 
     Examples
     --------

@@ -25,14 +25,6 @@ class Compliances:
         Compliance that counts as one.
     lower, upper : (t,) arrays
         Bounds of theta.
-
-    Examples
-    --------
-    >>> one = Compliances(np.array([0.5]), np.log([1.0]), np.log([8.0]))
-    >>> [side.tolist() for side in one.bounds]
-    [[0.25], [2.0]]
-    >>> one.theta(one.at(np.log([4.0]))).tolist() == np.log([4.0]).tolist()
-    True
     """
 
     unit: Array

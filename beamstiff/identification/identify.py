@@ -86,26 +86,6 @@ def identify(
         Limits, seed and population of the method.
     progress : callable, optional
         Called with the number of evaluations and the least cost.
-
-    Examples
-    --------
-    >>> from beamstiff import load_robot, tcp_compliance
-    >>> from beamstiff.measure import make_measurements
-    >>> robot = load_robot("kr240-2")
-    >>> names = [variable.name for variable in robot.actuated]
-    >>> poses = np.random.default_rng(0).uniform(-1, 1, (8, 6))
-    >>> loads = np.tile([300.0, 400.0, -500.0, 0, 0, 0], (8, 1))
-    >>> from beamstiff.model.linear import predict_displacements
-    >>> table = make_measurements(names, poses, tcp=robot.tcp, wrench=loads, sigma_position=3e-5)
-    >>> seen = predict_displacements(robot, table)
-    >>> seen[:, 3:] = np.nan
-    >>> table = make_measurements(
-    ...     names, poses, tcp=robot.tcp, wrench=loads, displacement=seen, sigma_position=3e-5
-    ... )
-    >>> start = robot.with_parameters({"J2.torsional": 2 * robot.parameter("J2.torsional")})
-    >>> found = identify(start, table)
-    >>> round(found["J2.torsional"].value / robot.parameter("J2.torsional"), 6)
-    1.0
     """
     statement = state_identification(
         robot,

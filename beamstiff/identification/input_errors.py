@@ -37,11 +37,6 @@ class InputErrors:
         itself. Where it does not, the tool moves by ``J dq`` more: 0.01 deg are 0.3 mm at 2 m, while the same
         error of the posture alone changes the displacement by some ten-thousandths.
 
-    Raises
-    ------
-    BeamstiffError
-        When one of them is negative or not finite.
-
     Examples
     --------
     A spring balance to 0.1 kg and encoders to 0.01 deg, as in seed 000, section 5.2:

@@ -123,11 +123,6 @@ class Effort:
         That do the searches.
     scheduler : str or None
         Of dask, ``tcp://host:port``, whose workers do them; see `beamstiff.parallel`.
-
-    Raises
-    ------
-    BeamstiffError
-        When one of them makes no sense.
     """
 
     evaluations: int = 20_000
@@ -179,11 +174,6 @@ def minimise(
     polish : bool
         Let the trust region finish what a method of `POLISHED` found, and, where no `begin` is given, try
         again from balanced values if some value ended as good as rigid or free: that may be another minimum.
-
-    Raises
-    ------
-    BeamstiffError
-        When there is no such method, it cannot do what is asked, or nothing was found.
 
     Notes
     -----

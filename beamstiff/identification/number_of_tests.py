@@ -106,31 +106,6 @@ def number_of_tests(
         What a test is: a pose with all its loads, or a row.
     progress : callable, optional
         Called with the number of each order.
-
-    Raises
-    ------
-    BeamstiffError
-        When the numbers make no sense, or rows that share a reading would be torn apart.
-
-    Examples
-    --------
-    >>> from beamstiff import identify, load_robot
-    >>> from beamstiff.identification.statement import state_identification
-    >>> from beamstiff.measure import make_measurements
-    >>> from beamstiff.model.linear import predict_displacements
-    >>> robot, random = load_robot("kr240-2"), np.random.default_rng(0)
-    >>> q, wrench = random.uniform(-1, 1, (12, 6)), random.normal(size=(12, 6)) * 800
-    >>> names = [variable.name for variable in robot.actuated]
-    >>> noise = {"tcp": robot.tcp, "sigma_position": 3e-5}
-    >>> still = make_measurements(names, q, wrench=wrench, **noise)
-    >>> seen = predict_displacements(robot, still)[:, :3] + 3e-5 * random.normal(size=(12, 3))
-    >>> table = make_measurements(names, q, wrench=wrench, displacement=seen, **noise)
-    >>> statement = state_identification(robot, table, robot.identify[:5])  # 6 passes through the TCP
-    >>> theta = statement.theta(identify(robot, table, robot.identify[:5]).stiffness)
-    >>> found = number_of_tests(statement, theta)
-    >>> low, middle, high = found.band()[3, :, 1]  # of J2.torsional, from four tests
-    >>> bool(0.5 < low < middle < high < 2.0)
-    True
     """
     problem, objective = statement.problem, statement.objective
     torn = (problem.sharing >= 0).any() or (

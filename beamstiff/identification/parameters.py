@@ -99,17 +99,6 @@ def state_parameters(
         Known beforehand: the value, and the factor (above 1) by which one standard deviation is off.
     held : collection of str
         Parameters that stay at their start.
-
-    Raises
-    ------
-    BeamstiffError
-        When a parameter does not exist or is tied twice, or a bound or prior makes no sense.
-
-    Examples
-    --------
-    >>> two = state_parameters(["a", "b"], np.array([1.0, 2.0]), ties=[["a", "b"]])
-    >>> two.stiffness(np.log([10.0])).round(6).tolist()
-    [10.0, 20.0]
     """
     number = {name: at for at, name in enumerate(names)}
 

@@ -150,12 +150,6 @@ def state_problem(
         Stiffness values to identify; default ``robot.identify``.
     components : "position", "rotation" or "both"
         Which measured components count; each by its noise.
-
-    Raises
-    ------
-    BeamstiffError
-        When the rows are absolute positions, carry no load, state noise for some values only, or are fewer
-        than the parameters; when the robot has effects.
     """
     measurements = data if isinstance(data, Measurements) else concatenate(data)
     source = measurements.source

@@ -73,25 +73,10 @@ def reduce_model(
     parameters : sequence of str, optional
         All that were to be identified; default ``robot.identify``.
 
-    Raises
-    ------
-    BeamstiffError
-        When a beam in a group would have to become rigid or free.
-
     Notes
     -----
     In series the most compliant spring is kept, in parallel the stiffest: it is the most like the whole.
     Under other loads than those of the rows the reduced robot may differ.
-
-    Examples
-    --------
-    >>> from beamstiff import load_robot
-    >>> two = Joined("series", (Spring("J99.radial"), Spring("J1010.radial")), (1.0, 1.0))
-    >>> values = {"J99.radial": 3e7, "J1010.radial": 1.5e7, "J12.torsional": 1.7e6}
-    >>> found = reduce_model(load_robot("ir663"), Degeneracy((), (two,), ()), values, list(values))
-    >>> found.lumped, found.robot.identify
-    ((Lumped(kept='J1010.radial', value=10000000.0, gone={'J99.radial': inf}),),
-     ('J1010.radial', 'J12.torsional'))
     """
     names = list(robot.identify if parameters is None else parameters)
     lumped = tuple(_lump(group, values) for group in degeneracy.joined)

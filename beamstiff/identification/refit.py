@@ -29,11 +29,6 @@ def refit(objective: Objective, begin: Array, counts: Array | None = None) -> Ar
     begin : (t,) array
     counts : (n,) array, optional
         How often each whitened residual counts; default once.
-
-    Raises
-    ------
-    BeamstiffError
-        When it does not converge.
     """
     if begin.size == 0:
         return begin

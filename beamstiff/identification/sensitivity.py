@@ -86,33 +86,6 @@ def sensitivity(
         For each source.
     progress : callable, optional
         Called with the number of refits made.
-
-    Raises
-    ------
-    BeamstiffError
-        When the table is another one, states no noise, or the repetitions are fewer than two.
-
-    Examples
-    --------
-    >>> from beamstiff import identify, load_robot
-    >>> from beamstiff.identification.statement import state_identification
-    >>> from beamstiff.measure import make_measurements
-    >>> from beamstiff.model.linear import predict_displacements
-    >>> robot, random = load_robot("kr240-2"), np.random.default_rng(0)
-    >>> q, wrench = random.uniform(-1, 1, (12, 6)), random.normal(size=(12, 6)) * 800
-    >>> names = [variable.name for variable in robot.actuated]
-    >>> noise = {"tcp": robot.tcp, "sigma_position": 3e-5}
-    >>> still = make_measurements(names, q, wrench=wrench, **noise)
-    >>> seen = predict_displacements(robot, still)[:, :3] + 3e-5 * random.normal(size=(12, 3))
-    >>> table = make_measurements(names, q, wrench=wrench, displacement=seen, **noise)
-    >>> statement = state_identification(robot, table, robot.identify[:5])  # 6 passes through the TCP
-    >>> theta = statement.theta(identify(robot, table, robot.identify[:5]).stiffness)
-    >>> paper = InputErrors(load=0.1 * 9.81, angle=np.radians(0.01))
-    >>> found = sensitivity(statement, table, theta, paper, 50)
-    >>> found.sources
-    ('readings', 'load', 'angle', 'all')
-    >>> bool((found.spread[0] > found.spread[1:3]).all())  # the tracker matters most
-    True
     """
     problem = statement.problem
     if len(measurements) != len(problem.measured):

@@ -85,25 +85,6 @@ def find_separations(
         Values at which to judge how well; default the robot's.
     seed : int
         Of other postures.
-
-    Examples
-    --------
-    Bearings in series of a four-bar are in series whatever pulls at the tool; reflectors between them help:
-
-    >>> from beamstiff import load_robot
-    >>> from beamstiff.measure import make_measurements
-    >>> robot, names = load_robot("ir663"), ["J12.radial", "J33.radial"]
-    >>> table = make_measurements(
-    ...     ["q2", "q8"],
-    ...     [[0.1, 0.8], [0.3, 0.9]],
-    ...     tcp="n7",
-    ...     wrench=[[900, 0, 0, 0, 0, 0]] * 2,
-    ...     displacement=[[1e-3, 0, 0]] * 2,
-    ...     sigma_position=3e-5,
-    ... )
-    >>> ([best, *_],) = find_separations(robot, table, [names], names)
-    >>> best.measure, best.parts
-    ('the displacement of n2 under the same loads', (('J12.radial',), ('J33.radial',)))
     """
     table = measurements if isinstance(measurements, Measurements) else concatenate(measurements)
     table = subset(table, _spread(len(table), MOST_ROWS))

@@ -116,11 +116,6 @@ def state_identification(
     ----------
     robot, measurements, parameters, fixed, ties, bounds, priors, loss, components, errors
         As of `identify`.
-
-    Raises
-    ------
-    BeamstiffError
-        When the data cannot carry the identification; the message says what is missing.
     """
     if loss not in LOSSES:
         raise BeamstiffError(f"there is no loss {loss!r}; known: {listed(LOSSES)}")

@@ -100,13 +100,7 @@ def held_out(objective: Objective, groups: Integers, folds: int, begin: Array) -
 def without_folds(
     objective: Objective, groups: Integers, folds: int, begin: Array
 ) -> Iterator[tuple[NDArray[np.bool_], Problem, Array]]:
-    """Fit with every fold left out in turn; yield its rows (N,), its problem, and the optimum without it.
-
-    Raises
-    ------
-    BeamstiffError
-        When there are fewer than three groups, or what is left cannot carry the fit.
-    """
+    """Fit with every fold left out in turn; yield its rows (N,), its problem, and the optimum without it."""
     problem, names = objective.problem, np.unique(groups)
     if names.size < 3 or folds < 2:
         raise BeamstiffError(
@@ -148,11 +142,6 @@ def repeatability(measurements: Measurements) -> Repeatability:
     """Return how well repeats of the same state, pose and load, agree.
 
     Hysteresis counts as scatter. Where the rows of a pose share an unloaded reading, its error does not show.
-
-    Raises
-    ------
-    BeamstiffError
-        When no displacement was measured twice.
     """
     group = repeated_states(measurements)
     sigma, freedom = pooled_sigma(measurements.measured, group)

@@ -38,11 +38,6 @@ class Partition:
     limits : (n, 2) array, optional
         Least and largest value of each input in training; default the outer modal values.
 
-    Raises
-    ------
-    BeamstiffError
-        When modal values do not increase, are not finite, or are not one sequence an input.
-
     Examples
     --------
     >>> degrees = Partition(("q2", "q8"), (np.array([0.0, 1.0, 4.0]), np.array([0.0, 1.0])))

@@ -60,13 +60,7 @@ class FuzzyCompliance:
         return self.system.outside(inputs_of(self.system.premises.inputs, self.variables, q, wrench))
 
     def predict(self, q: Array, wrench: Array) -> Array:
-        """Return displacements (N, 6), base frame, m and rad; NaN for components that were never measured.
-
-        Raises
-        ------
-        BeamstiffError
-            When a row lies outside what was trained, or is loaded in a direction that never was.
-        """
+        """Return displacements (N, 6), base frame, m and rad; NaN for components that were never measured."""
         load = finite(wrench, "wrench", -1, 6)
         known = self.known
         idle = ~known.any(axis=0) & (load != 0)
@@ -85,13 +79,7 @@ class FuzzyCompliance:
 def inputs_of(
     inputs: Sequence[str], variables: Sequence[str], q: ArrayLike, wrench: ArrayLike | None = None
 ) -> Array:
-    """Return the inputs (N, n) of fuzzy rules, by name from joint values (N, A) and wrenches (N, 6).
-
-    Raises
-    ------
-    BeamstiffError
-        When there is no such variable, or no input at all.
-    """
+    """Return the inputs (N, n) of fuzzy rules, by name from joint values (N, A) and wrenches (N, 6)."""
     if not inputs:
         raise BeamstiffError("found no inputs for fuzzy rules, expected joint variables that they may follow")
     values = finite(q, "joint values", -1, len(variables))
@@ -119,11 +107,6 @@ def rules_from_table(table: Measurements, inputs: Sequence[str]) -> FuzzyComplia
     -------
     FuzzyCompliance
         Exactly as in the table at the modal values.
-
-    Raises
-    ------
-    BeamstiffError
-        When the rows are not every combination of the modal values once, or are loaded along several axes.
 
     Examples
     --------

@@ -157,13 +157,7 @@ class GriddedStiffness:
         return displaced(ports_at(self.robot, self.parameters, q, wrench), compliances)
 
     def offsets(self, q: ArrayLike) -> Array:
-        """Return what the unloaded TCP is off the nominal kinematics, (N, 6): ``[d, r]``, m and rad.
-
-        Raises
-        ------
-        BeamstiffError
-            When no offsets were fitted, or as `compliances`.
-        """
+        """Return what the unloaded TCP is off the nominal kinematics, (N, 6): ``[d, r]``, m and rad."""
         if self.offset is None:
             raise BeamstiffError("gridded stiffness: found no offsets, expected them from absolute positions")
         at = tcp_positions(self.robot, q)

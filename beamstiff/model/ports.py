@@ -117,11 +117,6 @@ class PortModel:
         by : "stiffness", "log" or "compliance"
             What the derivatives are by: the values k, their logarithms, or their inverses ``c = 1/k``;
             ``dd/dlog k = k dd/dk``, ``dd/dc = -k^2 dd/dk``.
-
-        Raises
-        ------
-        BeamstiffError
-            As `predict`, or when the parametrisation is unknown.
         """
         if by not in PARAMETRISATIONS:
             raise BeamstiffError(
@@ -271,13 +266,7 @@ def _factor(values: Array, power: int, by: Parametrisation) -> Array:
 
 
 def find_ports(robot: Robot, parameters: Sequence[str]) -> tuple[list[Port], Index]:
-    """Return the ports that belong to stiffness parameters, and the parameter of each.
-
-    Raises
-    ------
-    BeamstiffError
-        When a parameter does not exist or is named twice.
-    """
+    """Return the ports that belong to stiffness parameters, and the parameter of each."""
     known = stiffness_parameters(robot)
     struts = {strut.name: at for at, strut in enumerate(robot.struts)}
     joints = {joint.name: at for at, joint in enumerate(robot.joints)}
@@ -364,11 +353,6 @@ def reduce_to_ports(
         Stiffness values to leave open; default ``robot.identify``.
     gravity : bool, optional
         Add the dead weight; default: for absolute positions, not for displacements (loaded minus unloaded).
-
-    Raises
-    ------
-    BeamstiffError
-        When a parameter does not exist, a pose cannot close its loops or the structure is a mechanism.
     """
     names = tuple(parameters if parameters is not None else robot.identify)
     if not names:

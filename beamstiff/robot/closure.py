@@ -50,11 +50,6 @@ def close_loops(kinematics: Kinematics, q: Array, strict: bool = True) -> Closur
         Actuated variables.
     strict : bool
         Whether a pose that cannot close is an error (default) or a reason.
-
-    Raises
-    ------
-    BeamstiffError
-        When `strict` and a pose cannot close: names the loop, the gap that remains and the pose.
     """
     joined, poses = kinematics.coupling, len(q)
     passive = len(joined.free) - joined.actuated
@@ -93,11 +88,6 @@ def closure_rates(kinematics: Kinematics, values: Array, transforms: Array) -> A
     Returns
     -------
     (P, Q, A) array
-
-    Raises
-    ------
-    BeamstiffError
-        When passive variables are undetermined at a pose, or a loop holds an actuated one: names the loop.
     """
     joined = kinematics.coupling
     if not kinematics.loops or not len(values):

@@ -95,13 +95,7 @@ def _dependence_order(variables: Sequence[Variable]) -> list[str]:
 
 
 def coupling(robot: Robot) -> Coupling:
-    """Return how all variables of a robot follow from the actuated and passive ones.
-
-    Raises
-    ------
-    BeamstiffError
-        When a coupled variable follows itself, or its expression is not linear.
-    """
+    """Return how all variables of a robot follow from the actuated and passive ones."""
     kinds = variable_kinds(robot)
     declared = {variable.name: variable for variable in robot.variables}
     free = [v.name for v in robot.variables if v.actuated] + [v.name for v in robot.variables if v.passive]

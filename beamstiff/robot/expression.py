@@ -66,11 +66,6 @@ def parse_expression(text: object, kind: str, variables: Mapping[str, str]) -> E
         ``"angle"`` or ``"length"``: what the expression's value is.
     variables : mapping
         Kind (``"angle"`` or ``"length"``) of every variable that may be used.
-
-    Raises
-    ------
-    BeamstiffError
-        When the text does not follow the grammar, is not linear, names an unknown variable or mixes units.
     """
     if not isinstance(text, str):
         return _checked(Expression(number(text)), text, kind)

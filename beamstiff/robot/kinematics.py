@@ -98,24 +98,7 @@ class ClosedPosture(Posture):
 
 
 def compile_kinematics(robot: Robot) -> Kinematics:
-    """Return the kinematics of a robot: everything that is the same for all poses.
-
-    Examples
-    --------
-    >>> from beamstiff.robot.description import Robot
-    >>> from beamstiff.robot.parts import Frame, Node, Variable
-    >>> arm = Robot(
-    ...     name="arm",
-    ...     variables=[Variable(name="q1", type="revolute")],
-    ...     frames=[Frame(name="f1", theta="q1")],
-    ...     nodes=[Node(name="hand", frame="f1", at=("2 m", 0, 0))],
-    ...     fixed=["hand"],
-    ...     tcp="hand",
-    ... )
-    >>> kinematics = compile_kinematics(arm)
-    >>> posture(kinematics, [[0.0], [np.pi / 2]]).node_positions.round(9)[:, 0]
-    array([[2., 0., 0.], [0., 2., 0.]])
-    """
+    """Return the kinematics of a robot: everything that is the same for all poses."""
     kinematics = compile_frames(robot)
     return dataclasses.replace(kinematics, assembly=find_assembly(kinematics)) if robot.loops else kinematics
 
@@ -132,11 +115,6 @@ def actuated_values(robot: Robot, q: Mapping[str, ArrayLike] | ArrayLike) -> Arr
     Returns
     -------
     (P, A) array
-
-    Raises
-    ------
-    BeamstiffError
-        When a name is not that of an actuated variable, a value is not a finite number or shapes disagree.
     """
     names = [variable.name for variable in robot.actuated]
     if isinstance(q, Mapping):

@@ -37,11 +37,6 @@ def robot_path(name: str) -> Path:
     -------
     pathlib.Path
         The existing file.
-
-    Raises
-    ------
-    BeamstiffError
-        If there is no robot of this name; the message suggests a close one and lists all.
     """
     names = robot_names()
     if name not in names:

@@ -42,23 +42,7 @@ class Written:
 
 
 def robot_to_sdf(robot: Robot) -> Written:
-    """Return the SDF text of a robot, and what is lost in it.
-
-    Raises
-    ------
-    BeamstiffError
-        When its links would stand elsewhere than its frames.
-
-    Examples
-    --------
-    >>> from beamstiff.robot.reader import load_robot
-    >>> from beamstiff.robot.sdf import parse_sdf
-    >>> arm = load_robot("kr240-2")
-    >>> written = robot_to_sdf(arm)
-    >>> again = parse_sdf(written.text)
-    >>> again.tcp == arm.tcp, again.parameter("q2.torsional") == arm.parameter("J2.torsional")
-    (True, True)
-    """
+    """Return the SDF text of a robot, and what is lost in it."""
     root = parse_xml(urdf_skeleton(robot) if robot.urdf is None else robot_to_urdf(robot), "<urdf>")
     tree = read_tree(root)
     links = {item.attributes["name"]: item for item in root.all("link")}

@@ -47,11 +47,6 @@ def section_from_analysis(analysed: AnalysedSection | Any, unit: float, *, shear
     shear : bool
         Take over the shear areas, for a Timoshenko beam.
 
-    Raises
-    ------
-    BeamstiffError
-        When it has not been analysed, holds several materials, or its principal axes are not x and y.
-
     Examples
     --------
     ::

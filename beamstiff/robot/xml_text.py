@@ -93,13 +93,7 @@ def _shown_name(name: str | None) -> str:
 
 
 def parse_xml(text: str, source: str) -> Element:
-    """Return the root element of an XML text.
-
-    Raises
-    ------
-    BeamstiffError
-        When it is not well-formed, has a document type, or is nested more than a hundred deep.
-    """
+    """Return the root element of an XML text."""
     data = text.encode("utf-8")
     parser = expat.ParserCreate(encoding="utf-8")
     parser.buffer_text = True

@@ -67,12 +67,6 @@ def parse_yaml(text: str, name: str = "<text>") -> tuple[Any, Lines]:
     name : str
         What messages call the text: its file.
 
-    Raises
-    ------
-    BeamstiffError
-        When it is not valid YAML, holds a tag, a duplicate or unusable key, several documents, an alias that
-        holds itself, or is larger or deeper than a robot may be.
-
     Examples
     --------
     >>> data, lines = parse_yaml("gravity: [0, 0, -9.81]\nstart: 1:30\nE: 2e11")

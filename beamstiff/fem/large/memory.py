@@ -28,13 +28,7 @@ def free_bytes() -> float:
 
 
 def refuse_unless_fits(what: str, needed: float, unknowns: int, instead: str = "") -> None:
-    """Refuse work that needs more memory than is free.
-
-    Raises
-    ------
-    BeamstiffError
-        Says what is needed, what is free and about how many unknowns would fit.
-    """
+    """Refuse work that needs more memory than is free."""
     free = SHARE * free_bytes()
     if needed <= free:
         return

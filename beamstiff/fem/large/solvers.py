@@ -39,11 +39,6 @@ def solve_frame(frame: Frame, loads: Array) -> Solution:
     ----------
     loads : (N, 6, c) array
         Wrenches ``[f, m]`` on the nodes, N and N m.
-
-    Raises
-    ------
-    BeamstiffError
-        When the frame is a mechanism or does not fit into memory.
     """
     if loads.shape[:2] != (len(frame.points), 6) or not np.isfinite(loads).all():
         raise BeamstiffError(
@@ -77,12 +72,6 @@ def interface_compliance(frame: Frame, nodes: Index) -> tuple[Array, float]:
     By refined solutions for unit wrenches if the factor fits into memory. Else by the Schur complement
     ``K_ii - K_ir K_rr^-1 K_ri`` without a factor, which cannot be refined: it is done twice, once with all
     entries off in their last digit, and what that changes is the error.
-
-    Raises
-    ------
-    BeamstiffError
-        When the frame is a mechanism, does not fit into memory or is so slender that the error shows in the
-        sixth digit, or a node is fixed.
     """
     wanted = np.asarray(nodes, dtype=np.int64)
     if frame.fixed[wanted].any():

@@ -120,11 +120,6 @@ def fit_varying(
         Of the changes by weight, positive definite; default none.
     spread : (m,) array, optional
         tau; default by evidence.
-
-    Raises
-    ------
-    BeamstiffError
-        When weights do not fit.
     """
     rows, m = problem.used.shape[0], len(problem.model.parameters)
     if weights.shape[0] != rows or np.abs(weights.sum(axis=1) - 1).max(initial=0.0) > 1e-9:

@@ -81,22 +81,6 @@ def fit_fuzzy(
         How the conclusions are fitted in the end.
     seed : int
         Of the test set and of the random search.
-
-    Examples
-    --------
-    >>> from beamstiff import load_robot
-    >>> from beamstiff.measure import make_measurements
-    >>> from beamstiff.model.linear import predict_displacements
-    >>> robot, random = load_robot("ir663"), np.random.default_rng(0)
-    >>> q = random.uniform([-0.2, 0.6], [0.4, 0.9], (60, 2))
-    >>> wrench = np.tile([[900.0, 0, 0, 0, 0, 0], [0, 0, -900.0, 0, 0, 0]], (30, 1))
-    >>> still = make_measurements(["q2", "q8"], q, tcp="n7", wrench=wrench)
-    >>> seen = predict_displacements(robot, still)[:, :3]
-    >>> rows = make_measurements(["q2", "q8"], q, tcp="n7", wrench=wrench, displacement=seen)
-    >>> fit = fit_fuzzy(robot, rows)
-    >>> gap = fit.model.predict(q, wrench)[:, :3] - seen
-    >>> bool(np.abs(gap[:, [0, 2]]).max() < 0.02 * np.abs(seen).max())
-    True
     """
     task = _state_task(robot, table, inputs, seed)
     random = np.random.default_rng([seed, 1])

@@ -87,11 +87,6 @@ def state_readings(table: Measurements, length: float, tcp: str) -> Readings:
         Displacements of the TCP under loads there.
     length : float, m
         Of the machine: makes moments compare with forces and rotations with displacements.
-
-    Raises
-    ------
-    BeamstiffError
-        When the rows are absolute positions, measured or loaded elsewhere, or nothing is loaded or measured.
     """
     if table.kind != "displacement":
         raise BeamstiffError(

@@ -62,24 +62,6 @@ def fit_gaussian_process(
         Springs that may vary; default ``robot.identify``.
     seed : int
         Of the choice of readings that spreads and lengths are found from, where there are very many.
-
-    Examples
-    --------
-    >>> from beamstiff import load_robot
-    >>> from beamstiff.measure import make_measurements
-    >>> from beamstiff.model.linear import predict_displacements
-    >>> robot, random = load_robot("kr240-2"), np.random.default_rng(0)
-    >>> names = [variable.name for variable in robot.actuated]
-    >>> q, wrench = random.uniform(-1, 1, (20, 6)), 800 * random.normal(size=(20, 6))
-    >>> still = make_measurements(names, q, tcp=robot.tcp, wrench=wrench)
-    >>> seen = predict_displacements(robot, still)[:, :3] + 3e-5 * random.normal(size=(20, 3))
-    >>> rows = make_measurements(
-    ...     names, q, tcp=robot.tcp, wrench=wrench, displacement=seen, sigma_position=3e-5
-    ... )
-    >>> model = fit_gaussian_process(robot, rows).model
-    >>> far, near = (model.logarithms(q[:1] + turn)[1][0] for turn in (3.0, 0.0))
-    >>> bool((np.diag(far) > np.diag(near)).all())
-    True
     """
     start = begin_with(robot, table, parameters)
     problem = start.problem

@@ -38,13 +38,7 @@ class GridFit:
 
 
 def cubes_about(robot: Robot, table: Measurements, size: float) -> Cubes:
-    """Return cubes of a size, m, centred about the TCP positions of a table, enough to hold all.
-
-    Raises
-    ------
-    BeamstiffError
-        When they would be more than `MOST_CUBES`.
-    """
+    """Return cubes of a size, m, centred about the TCP positions of a table, enough to hold all."""
     at = tcp_positions(robot, table.q)
     low, high = at.min(axis=0), at.max(axis=0)
     counts = np.maximum(np.ceil((high - low) / size - 1e-6), 1)
@@ -79,11 +73,6 @@ def fit_grid(
         springs that only act together there keep their ratio.
     interpolate : bool
         Between the centres of neighbouring cubes.
-
-    Raises
-    ------
-    BeamstiffError
-        When rows lie beyond the grid; without shrinking, when a cube holds too few rows.
     """
     at = tcp_positions(robot, table.q)
     inside = cubes.inside(at)
@@ -145,11 +134,6 @@ def with_offsets(model: GriddedStiffness, table: Measurements) -> GriddedStiffne
     ----------
     table : Measurements
         Absolute positions of the unloaded TCP.
-
-    Raises
-    ------
-    BeamstiffError
-        When the table holds displacements, or a cube fewer than three positions.
     """
     if table.kind != "absolute":
         raise BeamstiffError(

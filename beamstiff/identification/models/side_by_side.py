@@ -123,13 +123,7 @@ class Models(Shown):
     notes: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> Judged:
-        """Return a model by name.
-
-        Raises
-        ------
-        BeamstiffError
-            When there is no such model.
-        """
+        """Return a model by name."""
         by_name = {one.name: one for one in self.judged}
         if name not in by_name:
             raise BeamstiffError(f"there is no model {name!r}{suggest(name, by_name)}")
@@ -291,12 +285,6 @@ def fit_models(
     -------
     Models
         A model that these rows cannot carry is there without answers, and says why.
-
-    Raises
-    ------
-    BeamstiffError
-        When there is no such model or parameter, the rows are no displacements of the TCP, or they carry no
-        model at all.
     """
     for name in names:
         if name not in FITS:

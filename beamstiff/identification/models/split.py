@@ -63,23 +63,10 @@ def split_rows(
         Size of the load to fit, N (N m where loads are moments only): all others are held out, as in seed
         003. Default: the largest is held out.
 
-    Raises
-    ------
-    BeamstiffError
-        When there are too few poses to hold some out, or there is no such load.
-
     Notes
     -----
     What is held out is where the robot stood: rows of equal joint values leave together, in whatever table
     and under whatever pose id they are.
-
-    Examples
-    --------
-    >>> from beamstiff.measure import make_measurements
-    >>> push = [[load, 0, 0, 0, 0, 0] for load in (300.0, 900.0)] * 8
-    >>> table = make_measurements(["q1"], np.repeat(np.arange(8.0), 2)[:, None], tcp="n1", wrench=push)
-    >>> np.bincount(split_rows(table).kind).tolist()
-    [6, 2, 6, 2]
     """
     if not 0.0 <= share < 1.0:
         raise BeamstiffError(f"share of poses to hold out: found {share}, expected at least 0, less than 1")

@@ -51,11 +51,6 @@ def robot_to_urdf(robot: Robot, like: str | None = None) -> str:
     like : str, optional
         URDF text that it is written into; by default the text that it was read from. A robot that never was a
         URDF gets links and joints of its frames: loops are then cut, and only the extension knows them.
-
-    Raises
-    ------
-    BeamstiffError
-        When the text is of another machine: it has links or joints that the robot lacks.
     """
     text = like if like is not None else robot.urdf
     text = _written_into(urdf_skeleton(robot) if text is None else text, robot)
