@@ -51,11 +51,6 @@ def _between_ends(block: Array) -> Array:
     return signs[:, :, None, None] * block[:, :, None, None]
 
 
-def stiffness_entries(structure: Structure, geometry: Geometry) -> Array:
-    """Return the entries of the reduced global stiffness in the structure's pattern, (P, nnz)."""
-    return _add_up(structure, _products(structure, geometry, element_blocks(structure, geometry)))
-
-
 def dense_stiffness(structure: Structure, geometry: Geometry) -> Array:
     """Return the reduced global stiffness of every pose, (P, n, n)."""
     return assemble(structure, geometry)[0]
@@ -118,7 +113,8 @@ def sparse_stiffness(structure: Structure, geometry: Geometry) -> sparse.csc_arr
     """Return the reduced global stiffness K_C of the first pose, sparse (seed 003, eqs 21 to 23)."""
     count, pattern = structure.unknowns.count, structure.pattern
     pointers = np.searchsorted(pattern.columns, np.arange(count + 1))
-    entries = stiffness_entries(structure, geometry)[0]
+    products = _products(structure, geometry, element_blocks(structure, geometry))
+    entries = _add_up(structure, products)[0]
     return sparse.csc_array((entries, pattern.rows, pointers), shape=(count, count))
 
 

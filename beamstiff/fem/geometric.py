@@ -21,7 +21,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.fem.assembly import dense_stiffness, gather, node_map, scatter
+from beamstiff.fem.assembly import gather, node_map, scatter
 from beamstiff.fem.beam_column import beam_bending, check_beams, pulled_weight, stability_change
 from beamstiff.fem.condensation import CHUNK
 from beamstiff.fem.constraints import RANK_TOLERANCE, constraint_rows, has_constraints, unknown_sizes
@@ -133,11 +133,6 @@ def loaded_stiffness(compliance: Array, robot: str = "robot") -> Array:
     scaled = np.linalg.inv(compliance / (size[..., :, None] * size[..., None, :]))
     result: Array = scaled / (size[..., :, None] * size[..., None, :])
     return result
-
-
-def tangent_stiffness(structure: Structure, geometry: Geometry, loads: Array, gravity: bool = False) -> Array:
-    """Return K_t (P, n, n) in the unknowns, without the constraints of rigid loops (see the module)."""
-    return dense_stiffness(structure, geometry) + load_stiffness(structure, geometry, loads, gravity)[0]
 
 
 def load_stiffness(

@@ -19,7 +19,7 @@ from beamstiff.fem.structure import Structure
 from beamstiff.fem.unknowns import joint_unknowns, turning_nodes
 from beamstiff.robot.kinematics import Posture
 from beamstiff.robot.parts import JOINT_DIRECTIONS
-from beamstiff.se3 import Array, displacement_transport, rotate_screw
+from beamstiff.se3 import Array, rotate_screw
 
 
 @dataclass(frozen=True)
@@ -128,11 +128,6 @@ def _joint_displacement(
     return local
 
 
-def solve_unknowns(structure: Structure, geometry: Geometry, force: Array) -> Array:
-    """Return the unknowns z (P, n) of ``K z = f`` under the constraints of rigid loops."""
-    return _solve(structure, geometry, force)[0]
-
-
 def _solve(structure: Structure, geometry: Geometry, force: Array) -> tuple[Array, dict[int, Array]]:
     if structure.unknowns.count > MANY_UNKNOWNS and not has_constraints(structure):
         return solve_sparse(structure, geometry, force[..., None])[..., 0], {}
@@ -221,43 +216,3 @@ def _beam_forces(structure: Structure, geometry: Geometry, forces: Array, gravit
     )
     nodal = uniform_load(load, geometry.beam_length)
     return local - nodal.reshape(local.shape)
-
-
-def transmitted_wrenches(response: Response, loads: Array) -> Array:
-    """Return the wrench that each joint passes on, by equilibrium of what hangs on it.
-
-    Parameters
-    ----------
-    loads : (P, N, 6) array
-        All nodal wrenches that act, dead weight included.
-
-    Returns
-    -------
-    (P, J, 6) array
-        Wrench of the second node's side on the first's, joint frame; rigid directions included, and equal to
-        stiffness times relative displacement in the finite ones.
-    """
-    structure, geometry = response.structure, response.geometry
-    unknowns = structure.unknowns
-    if has_constraints(structure):
-        raise BeamstiffError(
-            f"robot {structure.robot.name!r}: rigid parts close a loop, so that equilibrium alone does not "
-            "give the forces of its joints"
-        )
-    forces, rest = response.element_forces, loads.copy()
-    for end in (0, 1):
-        np.subtract.at(rest.swapaxes(0, 1), structure.elements[:, end], forces[:, :, end].swapaxes(0, 1))
-    # what hangs on a joint pulls at it: carry each node's rest to every joint on its way to the root
-    joint = unknowns.block_joint[unknowns.term_block]
-    elastic = np.flatnonzero(joint >= 0)
-    passed = np.array([unknowns.term_node, joint, unknowns.term_origin, unknowns.term_sign])[:, elastic]
-    node, joint, origin, sign = np.concatenate([passed, unknowns.rigid_joint_terms], axis=1)
-    positions = geometry.posture.node_positions
-    carry = displacement_transport(positions[:, node] - positions[:, origin]).swapaxes(-1, -2)
-    pulls = sign[:, None] * (carry @ rest[:, node, :, None])[..., 0]
-    result = np.zeros((positions.shape[0], len(structure.robot.joints), 6))
-    np.add.at(result.swapaxes(0, 1), joint, pulls.swapaxes(0, 1))
-    turn = rotate_screw(geometry.joint_rotation).swapaxes(-1, -2)
-    local: Array = (turn @ result[..., None])[..., 0]
-    local[:, structure.chords] = structure.chord_values * response.joint_displacement[:, structure.chords]
-    return local

@@ -43,9 +43,6 @@ class Unknowns:
     term_node, term_block, term_origin, term_sign : (T,) int arrays
         Terms, sorted by node: the node, the block, the node from which the arm is drawn, and -1 where the way
         to the root passes a joint from its second node to its first.
-    rigid_joint_terms : (4, .) int array
-        The same (node, joint, origin, sign) for joints of the tree that are rigid in all directions, so have
-        no block: what hangs on them.
     tree_joints, chord_joints : (.,) int arrays
         Joints that carry unknowns, and joints that close a loop.
     chord_rigids : (.,) int array
@@ -62,7 +59,6 @@ class Unknowns:
     term_block: Index
     term_origin: Index
     term_sign: Index
-    rigid_joint_terms: Index
     tree_joints: Index
     chord_joints: Index
     chord_rigids: Index
@@ -102,7 +98,6 @@ def number_unknowns(robot: Robot) -> Unknowns:
     labels: list[tuple[str, int]] = []
     # node -> (block, origin, sign) on its way to the root
     paths: dict[int, list[tuple[int, int, int]]] = {}
-    rigid: dict[int, list[tuple[int, int, int]]] = {}  # the same with rigid joints in place of blocks
     held: list[int] = []
 
     def new_block(label: str, directions: list[bool], joint: int) -> int:
@@ -127,30 +122,24 @@ def number_unknowns(robot: Robot) -> Unknowns:
         else:
             six = [True] * 3 + [root in turning] * 3
             paths[root] = [(new_block(robot.nodes[root].name, six, -1), root, 1)]
-        rigid[root] = []
         front = deque([root])
         while front:
             node = front.popleft()
             for neighbour, joint, sign in tree[node]:
                 if neighbour in paths:
                     continue
-                paths[neighbour], rigid[neighbour] = list(paths[node]), list(rigid[node])
+                paths[neighbour] = list(paths[node])
                 if joint >= 0:
                     values = joint_values(robot.joints[joint])
                     if (values != RIGID).any():
                         directions = [bool(value != RIGID) for value in values]
                         block = new_block(robot.joints[joint].name, directions, joint)
                         paths[neighbour].append((block, neighbour, sign))
-                    else:
-                        rigid[neighbour].append((joint, neighbour, sign))
-                if neighbour in fixed:
-                    rigid[neighbour] = []  # the ground takes what hangs here
-                    if paths[neighbour]:
-                        held.append(neighbour)
+                if neighbour in fixed and paths[neighbour]:
+                    held.append(neighbour)
                 front.append(neighbour)
     terms = [(node, *term) for node in range(len(robot.nodes)) for term in paths[node]]
     columns = np.array(terms, dtype=np.int64).reshape(-1, 4).T
-    rigid_terms = [(node, *term) for node in range(len(robot.nodes)) for term in rigid[node]]
     return Unknowns(
         count=len(labels),
         blocks=np.array(blocks, dtype=np.int64).reshape(-1, 6),
@@ -160,7 +149,6 @@ def number_unknowns(robot: Robot) -> Unknowns:
         term_block=columns[1],
         term_origin=columns[2],
         term_sign=columns[3],
-        rigid_joint_terms=np.array(rigid_terms, dtype=np.int64).reshape(-1, 4).T,
         tree_joints=np.array(tree_joints, dtype=np.int64),
         chord_joints=np.array(chord_joints, dtype=np.int64),
         chord_rigids=np.array(chord_rigids, dtype=np.int64),
