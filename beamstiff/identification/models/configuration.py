@@ -49,8 +49,6 @@ class Varying:
         g.
     noise : float
         Standard deviation of the whitened residuals; 1 where they are as stated.
-    effective : float
-        Values that the readings determine (MacKay's gamma).
     evidence : float
         Logarithm of the density of the readings, by Laplace's method: compares weights.
     """
@@ -60,7 +58,6 @@ class Varying:
     spread: Array
     common: Array
     noise: float
-    effective: float
     evidence: float
 
 
@@ -157,7 +154,6 @@ def fit_varying(
         spread=tau,
         common=state[0],
         noise=noise,
-        effective=float(known.sum()),
         evidence=_evidence(residual, state, (prior, noise), factor[0]),
     )
 

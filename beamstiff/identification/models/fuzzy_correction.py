@@ -42,8 +42,6 @@ def fit_fuzzy_correction(
     robot: Robot,
     table: Measurements,
     parameters: Sequence[str] | None = None,
-    inputs: Sequence[str] | None = None,
-    most_rules: int = MOST_RULES,
 ) -> CorrectionFit:
     """Fit fuzzy corrections of joint compliances to measured displacements.
 
@@ -57,12 +55,10 @@ def fit_fuzzy_correction(
         Displacements, loaded minus unloaded.
     parameters : sequence of str, optional
         Springs that may vary; default ``robot.identify``.
-    inputs : sequence of str, optional
-        Actuated variables that they may follow; default those that vary in the table.
     """
     start = begin_with(robot, table, parameters)
-    names = tuple(inputs) if inputs is not None else table.variables
-    x = inputs_of(names, table.variables, table.q)
+    names = table.variables
+    x = inputs_of(names, names, table.q)
     trained = np.stack([x.min(axis=0), x.max(axis=0)], axis=1)
     premises = equal_parts(names, trained, [1] * len(names))
     best = _fit(start, premises, x)
@@ -71,7 +67,7 @@ def fit_fuzzy_correction(
         tried = []
         for at, more in product(np.flatnonzero(np.ptp(trained, axis=1) > 0), (1, 2)):
             sets = [count + more * (one == at) for one, count in enumerate(premises.sets)]
-            if np.prod(sets) <= most_rules:
+            if np.prod(sets) <= MOST_RULES:
                 partition = equal_parts(names, trained, sets)
                 tried.append((_fit(start, partition, x), partition))
         if not tried:
