@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TypedDict
 
 import numpy as np
 
@@ -19,6 +20,18 @@ from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
+
+
+class Options(TypedDict, total=False):
+    """What else may be said of an identification; see `state_identification`."""
+
+    fixed: Sequence[str]
+    ties: Sequence[Sequence[str]]
+    bounds: Mapping[str, tuple[float | None, float | None]] | None
+    priors: Mapping[str, tuple[float, float]] | None
+    loss: Loss
+    components: Components
+    errors: InputErrors | None
 
 
 @dataclass(frozen=True)
@@ -115,7 +128,7 @@ def state_identification(
     Parameters
     ----------
     robot, measurements, parameters, fixed, ties, bounds, priors, loss, components, errors
-        As of `identify`.
+        As of `beamstiff.identify`.
     """
     if loss not in LOSSES:
         raise BeamstiffError(f"there is no loss {loss!r}; known: {listed(LOSSES)}")
