@@ -132,9 +132,7 @@ def unit_factor(unit: str, kind: str) -> tuple[float, float]:
     """
     target = UNITS[kind]
     expected = f"a unit of {kind} such as {target}" if target else "a plain number without a unit"
-    text = unit.strip()
-    for pattern, replacement in _SPELLINGS:
-        text = re.sub(pattern, replacement, text)
+    text = _spelled(unit.strip())
     if len(unit) > _LONGEST or not _UNIT.match(text):
         raise BeamstiffError(f"found the unit {shown(unit)}, expected {expected}")
     registry = _registry()
@@ -161,6 +159,12 @@ def unit_factor(unit: str, kind: str) -> tuple[float, float]:
     if not (math.isfinite(factor) and factor > 0.0):
         raise BeamstiffError(f"found the unit {shown(unit)}, expected {expected}")
     return factor, offset
+
+
+def _spelled(text: str) -> str:
+    for pattern, replacement in _SPELLINGS:
+        text = re.sub(pattern, replacement, text)
+    return text
 
 
 def _without_rounding(factor: float) -> float:
@@ -299,9 +303,7 @@ def _parsed_unit(unit: str) -> Any:
     """Return a unit of any dimension; a divisor in parentheses, and 1 over something, are units too."""
     text = unit.strip().replace("**", "^")
     text = re.sub(r"/\s*\(([^()]*)\)", lambda divisor: "/" + re.sub(r"[*·\s]+", "/", divisor[1]), text)
-    text = re.sub(r"\A1\s*(?=/|\Z)", "count", text)
-    for pattern, replacement in _SPELLINGS:
-        text = re.sub(pattern, replacement, text)
+    text = _spelled(re.sub(r"\A1\s*(?=/|\Z)", "count", text))
     if len(unit) > _LONGEST or not _UNIT.match(text):
         raise BeamstiffError(f"found the unit {shown(unit)}, expected one such as rad/(N*m)")
     try:

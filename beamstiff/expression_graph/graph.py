@@ -26,26 +26,15 @@ Index = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """Steps from inputs to outputs.
+    """Steps from inputs to outputs."""
 
-    Attributes
-    ----------
-    inputs, places : int
-        The first `inputs` of the `places` for numbers are the inputs.
-    steps : (M, 5) int array
-        Instruction, place of the result, places of the operands x, y, z.
-    constants : (M,) array
-    outputs : (O,) int array
-        Place of each output; -1 where it is the number in `offsets`.
-    factors, offsets : (O,) arrays
-        Each output is ``factor * place + offset``.
-    """
-
+    # inputs, places: the first `inputs` of the `places` for numbers are the inputs
     inputs: int
     places: int
-    steps: Index
-    constants: Array
-    outputs: Index
+    steps: Index  # (M, 5): instruction, place of the result, places of the operands x, y, z
+    constants: Array  # (M,)
+    outputs: Index  # (O,): place of each output; -1 where it is the number in `offsets`
+    # factors, offsets, (O,): each output is ``factor * place + offset``
     factors: Array
     offsets: Array
 

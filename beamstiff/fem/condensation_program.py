@@ -49,23 +49,15 @@ Value = Expression | float
 
 @dataclass(frozen=True, eq=False)
 class CondensationProgram:
-    """From the values of all variables to the structure as seen from its ports and observed nodes.
+    """From the values of all variables to the structure as seen from its ports and observed nodes."""
 
-    Attributes
-    ----------
-    program : Program
-        Its outputs are what the arrays below refer to, and last a number that is positive where they are
-        beyond doubt.
-    parts : tuple of int arrays
-        Which output each entry is, of S (p, p), B (p, o), C_clamped (o, o), g (p,) and d_clamped (o,); the
-        last two are all -1 without the dead weight.
-    port_size : (p,) array
-        How large what meets at the ports is.
-    """
-
+    # its outputs are what the arrays below refer to, and last a number that is positive where they are beyond
+    # doubt
     program: Program
+    # which output each entry is, of S (p, p), B (p, o), C_clamped (o, o), g (p,) and d_clamped (o,); the last
+    # two are all -1 without the dead weight
     parts: tuple[Index, ...]
-    port_size: Array
+    port_size: Array  # (p,): how large what meets at the ports is
 
     def run(self, values: Array, compiled: bool | None = None) -> tuple[list[Array], NDArray[np.bool_]]:
         """Return the five parts, (P, ...), for values (P, V), and where they are beyond doubt (P,)."""

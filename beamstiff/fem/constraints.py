@@ -111,8 +111,7 @@ def null_space(rows: Array, scale: Array, what: str) -> Array:
     free = right[:, int(rank[0]) if rank.size else 0 :]
     # rounding errors would carry the stiffness of what does not move into what moves
     free[np.abs(free) < ROUNDING] = 0.0
-    basis: Array = free.swapaxes(-1, -2) * scale[:, None]
-    return basis
+    return free.swapaxes(-1, -2) * scale[:, None]
 
 
 def imposed(rows: Array, basis: Array, names: list[str]) -> Array:
@@ -130,5 +129,4 @@ def imposed(rows: Array, basis: Array, names: list[str]) -> Array:
         raise BeamstiffError(
             f"the directions {listed(dict.fromkeys(which))} {how}: rigid parts of their loops hold them"
         )
-    moved: Array = basis @ np.linalg.pinv(inside)
-    return moved
+    return basis @ np.linalg.pinv(inside)

@@ -19,26 +19,14 @@ SHORTEST = 1e-9  # m: shorter than this, a beam or strut has no direction
 
 @dataclass(frozen=True)
 class Geometry:
-    """What of the structure turns with the pose, batched over P poses.
-
-    Attributes
-    ----------
-    joint_rotation : (P, J, 3, 3) array
-        Base frame from joint frame (first axis along the joint).
-    terms : (P, T, 6, 6) array
-        ``u_node = sum over its terms of terms[t] @ z[block t]``.
-    beam_rotation : (P, B, 3, 3) array
-        Base frame from local beam axes.
-    beam_length : (P, B) array, m
-    number : (P,) int array
-        Number of each pose in the whole list, for messages: long lists are placed in pieces.
-    """
+    """What of the structure turns with the pose, batched over P poses."""
 
     posture: Posture
-    joint_rotation: Array
-    terms: Array
-    beam_rotation: Array
-    beam_length: Array
+    joint_rotation: Array  # (P, J, 3, 3): base frame from joint frame (first axis along the joint)
+    terms: Array  # (P, T, 6, 6): ``u_node = sum over its terms of terms[t] @ z[block t]``
+    beam_rotation: Array  # (P, B, 3, 3): base frame from local beam axes
+    beam_length: Array  # (P, B), m
+    # (P,): number of each pose in the whole list, for messages: long lists are placed in pieces
     number: Index
 
     def only(self, poses: Index) -> Geometry:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg import qr
 
 from beamstiff.errors import BeamstiffError, listed
-from beamstiff.fem.condensation import Port, port_row
+from beamstiff.fem.condensation import Port, port_row, port_unknowns
 from beamstiff.fem.constraints import (
     RANK_TOLERANCE,
     constraint_rows,
@@ -23,7 +23,6 @@ from beamstiff.fem.constraints import (
 )
 from beamstiff.fem.geometry import place
 from beamstiff.fem.structure import Structure
-from beamstiff.fem.unknowns import joint_unknowns
 from beamstiff.robot.kinematics import Posture
 from beamstiff.se3 import Array
 
@@ -43,9 +42,7 @@ def independent_ports(
         What each port moves per unit of the independent ones.
     """
     everything = np.arange(len(ports)), np.eye(len(ports))
-    number = joint_unknowns(structure.unknowns)
-    own = all(port.kind == "joint" and (port.index, port.direction) in number for port in ports)
-    if own and not has_constraints(structure):
+    if -1 not in port_unknowns(structure, ports) and not has_constraints(structure):
         return everything
 
     def found(some: Posture) -> tuple[NDArray[np.int64], Array]:

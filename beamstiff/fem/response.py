@@ -24,32 +24,17 @@ from beamstiff.se3 import Array, rotate_screw
 
 @dataclass(frozen=True)
 class Response:
-    """How a structure deforms under loads at P poses.
-
-    Attributes
-    ----------
-    displacement : (P, N, 6) array
-        ``[d, r]`` of every node, base frame, m and rad.
-    element_forces : (P, E, 2, 6) array
-        Wrench on either end of every element, base frame, N and N m.
-    beam_forces : (P, B, 2, 6) array
-        Wrench on either end of every beam in its local axes, N and N m.
-    joint_displacement : (P, J, 6) array
-        Second node against first in the joint's frame.
-    element_energy : (P, E) array
-        Strain energy of the structure's elements (beams, loop-closing joints, struts), J.
-    spring_energy : (P, S) array
-        Strain energy of the springs of the joints on the tree, J.
-    """
+    """How a structure deforms under loads at P poses."""
 
     structure: Structure
     geometry: Geometry
-    displacement: Array
-    element_forces: Array
-    beam_forces: Array
-    joint_displacement: Array
+    displacement: Array  # (P, N, 6): ``[d, r]`` of every node, base frame, m and rad
+    element_forces: Array  # (P, E, 2, 6): wrench on either end of every element, base frame, N and N m
+    beam_forces: Array  # (P, B, 2, 6): wrench on either end of every beam in its local axes, N and N m
+    joint_displacement: Array  # (P, J, 6): second node against first in the joint's frame
+    # (P, E): strain energy of the structure's elements (beams, loop-closing joints, struts), J
     element_energy: Array
-    spring_energy: Array
+    spring_energy: Array  # (P, S): strain energy of the springs of the joints on the tree, J
 
     def energy_shares(self) -> dict[str, Array]:
         """Return the share of every component in the strain energy, (P,) each; joints by direction kind."""

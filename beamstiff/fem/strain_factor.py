@@ -37,26 +37,13 @@ BUCKLED = 1e-13  # stiffness of the loaded machine, as a share of the unloaded o
 
 @dataclass(frozen=True)
 class Factored:
-    """A structure at one pose under c loads, with p ports held (`condensation` says what ports are).
+    """A structure at one pose under c loads, with p ports held (`condensation` says what ports are)."""
 
-    Attributes
-    ----------
-    port_stiffness : (p, p) array
-    port_force : (p, c) array
-        What the loads do at the ports.
-    work : (c, c) array
-        Of each load on the displacements of each.
-    solution : (n, c) array
-        Unknowns.
-    strains : (m, c) array
-        Deformations of the elements, weighed, in the order of `weighted_strains`.
-    """
-
-    port_stiffness: Array
-    port_force: Array
-    work: Array
-    solution: Array
-    strains: Array
+    port_stiffness: Array  # (p, p)
+    port_force: Array  # (p, c): what the loads do at the ports
+    work: Array  # (c, c): of each load on the displacements of each
+    solution: Array  # (n, c): unknowns
+    strains: Array  # (m, c): deformations of the elements, weighed, in the order of `weighted_strains`
 
 
 class Doubtful(Exception):  # noqa: N818 - caught where pose and robot are known
@@ -336,8 +323,7 @@ def _null_motion(factor: _Factor, rest: Array, at: int) -> Array:
     motion = np.zeros(len(factor.order))
     motion[at] = 1.0
     motion[:at] = -_backward(factor.triangle[:at, :at], factor.triangle[:at, at : at + 1])[:, 0]
-    result: Array = rest[:, factor.order] @ motion
-    return result
+    return rest[:, factor.order] @ motion
 
 
 def _difference(one: Factored, other: Factored, loads: Array, units: Array | None) -> Array | None:

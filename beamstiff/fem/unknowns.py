@@ -28,41 +28,25 @@ Index = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Unknowns:
-    """Numbering of the unknowns ``z`` (n) in blocks of six, and the terms that make nodes of them.
+    """Numbering of the unknowns ``z`` (n) in blocks of six, and the terms that make nodes of them."""
 
-    Attributes
-    ----------
-    count : int
-        Number of unknowns, n.
-    blocks : (K, 6) int array
-        Unknown of each direction of each block; -1 where there is none (rigid).
-    labels : tuple of (str, int)
-        For each unknown: its node or joint, and the direction 0..5.
-    block_joint : (K,) int array
-        Index of the joint whose relative displacement the block is; -1 for a root node.
-    term_node, term_block, term_origin, term_sign : (T,) int arrays
-        Terms, sorted by node: the node, the block, the node from which the arm is drawn, and -1 where the way
-        to the root passes a joint from its second node to its first.
-    tree_joints, chord_joints : (.,) int arrays
-        Joints that carry unknowns, and joints that close a loop.
-    chord_rigids : (.,) int array
-        Rigids that close a loop.
-    held : (.,) int array
-        Nodes that are fixed without being the root of their tree.
-    """
-
-    count: int
-    blocks: Index
-    labels: tuple[tuple[str, int], ...]
+    count: int  # number of unknowns, n
+    blocks: Index  # (K, 6): unknown of each direction of each block; -1 where there is none (rigid)
+    labels: tuple[tuple[str, int], ...]  # for each unknown: its node or joint, and the direction 0..5
+    # (K,): index of the joint whose relative displacement the block is; -1 for a root node
     block_joint: Index
+    # term_node, term_block, term_origin, term_sign, (T,): terms, sorted by node: the node, the block, the
+    # node from which the arm is drawn, and -1 where the way to the root passes a joint from its second node
+    # to its first
     term_node: Index
     term_block: Index
     term_origin: Index
     term_sign: Index
+    # tree_joints, chord_joints: joints that carry unknowns, and joints that close a loop
     tree_joints: Index
     chord_joints: Index
-    chord_rigids: Index
-    held: Index
+    chord_rigids: Index  # rigids that close a loop
+    held: Index  # nodes that are fixed without being the root of their tree
 
 
 def joint_values(joint: Joint) -> NDArray[np.float64]:

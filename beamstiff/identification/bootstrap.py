@@ -36,35 +36,20 @@ BLOCK = 25  # draws in a task: some ten milliseconds at least, beside one that i
 
 @dataclass(frozen=True)
 class Bootstrap:
-    """Values refitted to poses drawn with replacement.
+    """Values refitted to poses drawn with replacement."""
 
-    Attributes
-    ----------
-    names : tuple of str (m)
-    stiffness : (R, m) array, N/m, N m/rad or Pa
-        Of every draw; infinite where it ended at the upper bound, as good as rigid.
-    relations : tuple of str (s)
-        Of the sums that are known though their members are not.
-    sums : (R, s) array
-        Their values, of every draw.
-    intervals : mapping of str to (low, high)
-        95 % percentile interval of every parameter that is identifiable by itself, and of every relation.
-        Next to a spring as good as rigid, whose compliance ends at zero, it holds the truth less often than
-        that (Andrews, "Inconsistency of the bootstrap when a parameter is on the boundary of the parameter
-        space", Econometrica 68, 2000); the intervals of `identify` do not.
-    poses : int
-        How many there are.
-    undetermined : int
-        Draws that left a parameter open, and are not counted.
-    """
-
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # (m)
+    # (R, m), N/m, N m/rad or Pa: of every draw; infinite where it ended at the upper bound, as good as rigid
     stiffness: Array
-    relations: tuple[str, ...]
-    sums: Array
+    relations: tuple[str, ...]  # (s): of the sums that are known though their members are not
+    sums: Array  # (R, s): their values, of every draw
+    # (low, high): 95 % percentile interval of every parameter that is identifiable by itself, and of every
+    # relation. Next to a spring as good as rigid, whose compliance ends at zero, it holds the truth less
+    # often than that (Andrews, "Inconsistency of the bootstrap when a parameter is on the boundary of the
+    # parameter space", Econometrica 68, 2000); the intervals of `identify` do not
     intervals: Mapping[str, tuple[float, float]]
-    poses: int
-    undetermined: int
+    poses: int  # how many there are
+    undetermined: int  # draws that left a parameter open, and are not counted
 
     @property
     def spread(self) -> Array:
@@ -227,8 +212,7 @@ def values_of(statement: Statement, thetas: Array) -> Array:
     farthest = np.log(parameters.start * SPAN)[parameters.first]
     top = thetas >= farthest - AT_BOUND
     rigid = np.concatenate([top, np.zeros((len(thetas), 1), dtype=np.bool_)], axis=1)[:, parameters.tied]
-    result: Array = np.where(rigid, np.inf, stiffness)
-    return result
+    return np.where(rigid, np.inf, stiffness)
 
 
 def sums_of(statement: Statement, thetas: Array) -> Array:

@@ -74,8 +74,7 @@ def check_units(table: Measurements, size: float) -> None:
 
 def _known(sigma: Array) -> Array:
     """Return standard deviations with infinity where none is known."""
-    result: Array = np.where(np.isfinite(sigma), sigma, np.inf)
-    return result
+    return np.where(np.isfinite(sigma), sigma, np.inf)
 
 
 def cautions(problem: Problem, parameters: Parameters, theta: Array, rms: float) -> Iterator[str]:

@@ -140,18 +140,11 @@ def conclude(statement: Statement, found: Minimum, method: str, folds: int = 5) 
 
 @dataclass(frozen=True)
 class Estimates:
-    """Values with their uncertainty.
+    """Values with their uncertainty."""
 
-    Attributes
-    ----------
-    parameters : tuple of Parameter (m)
-    covariance : (m, m) array
-        Of the logarithms; infinite variance of what is not identifiable by itself.
-    """
-
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[Parameter, ...]  # (m)
     combinations: tuple[Combination, ...]
-    covariance: Array
+    covariance: Array  # (m, m): of the logarithms; infinite variance of what is not identifiable by itself
     chi_square: float
 
 

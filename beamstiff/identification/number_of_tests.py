@@ -24,28 +24,14 @@ MOST = 30  # numbers of tests looked at, where the caller names none
 
 @dataclass(frozen=True)
 class NumberOfTests:
-    """Values identified from the first n tests of random orders.
+    """Values identified from the first n tests of random orders."""
 
-    Attributes
-    ----------
-    names : tuple of str (m)
-    relations : tuple of str (s)
-        Sums that are known though their members are not.
-    counts : (c,) int array
-        Numbers n.
-    stiffness : (O, c, m) array
-        By order, NaN where the tests leave a parameter open.
-    sums : (O, c, s) array
-    final : (m,) array
-        From all tests.
-    """
-
-    names: tuple[str, ...]
-    relations: tuple[str, ...]
-    counts: Integers
-    stiffness: Array
-    sums: Array
-    final: Array
+    names: tuple[str, ...]  # (m)
+    relations: tuple[str, ...]  # (s): sums that are known though their members are not
+    counts: Integers  # (c,): numbers n
+    stiffness: Array  # (O, c, m): by order, NaN where the tests leave a parameter open
+    sums: Array  # (O, c, s)
+    final: Array  # (m,): from all tests
 
     def band(self, level: float = 0.9) -> Array:
         """Return low, median and high of the stiffness over its final value, (c, 3, m).
@@ -54,8 +40,7 @@ class NumberOfTests:
         """
         tail = 50 * (1 - level)
         ratio = self.stiffness / self.final
-        result: Array = np.percentile(ratio, [tail, 50, 100 - tail], axis=0, method="nearest").swapaxes(0, 1)
-        return result
+        return np.percentile(ratio, [tail, 50, 100 - tail], axis=0, method="nearest").swapaxes(0, 1)
 
     def enough(self, tolerance: float = 0.1, level: float = 0.9) -> dict[str, int | None]:
         """Return the least number of tests from which on each value stays near the final one.

@@ -17,18 +17,11 @@ from beamstiff.robot.fields import FREE, RIGID
 
 @dataclass(frozen=True)
 class Lumped:
-    """A group that became one spring.
+    """A group that became one spring."""
 
-    Attributes
-    ----------
-    kept : str
-        The parameter that carries all, as stiff as the whole group.
-    gone : mapping of str to float
-        The others: infinite where they are rigid now (in series), 0 where they are free (in parallel).
-    """
-
-    kept: str
+    kept: str  # the parameter that carries all, as stiff as the whole group
     value: float
+    # the others: infinite where they are rigid now (in series), 0 where they are free (in parallel)
     gone: Mapping[str, float]
 
     def to_dict(self) -> dict[str, Any]:
@@ -39,18 +32,11 @@ class Lumped:
 
 @dataclass(frozen=True)
 class Reduced:
-    """A robot without what its measurements cannot tell.
+    """A robot without what its measurements cannot tell."""
 
-    Attributes
-    ----------
-    robot : Robot
-        Lists under `identify` what is left to identify.
-    held : tuple of str
-        Parameters that stay at their value, since they are never loaded or others make up for them.
-    """
-
-    robot: Robot
+    robot: Robot  # lists under `identify` what is left to identify
     lumped: tuple[Lumped, ...]
+    # parameters that stay at their value, since they are never loaded or others make up for them
     held: tuple[str, ...]
 
     def to_dict(self) -> dict[str, Any]:

@@ -26,29 +26,15 @@ READINGS, ALL = "readings", "all"
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """How far each source of errors moves the identified values.
+    """How far each source of errors moves the identified values."""
 
-    Attributes
-    ----------
-    names : tuple of str (m)
-        Parameters.
-    relations : tuple of str (s)
-        Sums that are known though their members are not.
-    sources : tuple of str (S)
-        "readings" (of the tracker), then those of `InputErrors` that are not zero, then "all".
-    stiffness : (S, R, m) array
-        What was found in each repetition.
-    sums : (S, R, s) array
-    true : (m,) array
-        What there was to find.
-    """
-
-    names: tuple[str, ...]
-    relations: tuple[str, ...]
+    names: tuple[str, ...]  # (m): parameters
+    relations: tuple[str, ...]  # (s): sums that are known though their members are not
+    # (S): "readings" (of the tracker), then those of `InputErrors` that are not zero, then "all"
     sources: tuple[str, ...]
-    stiffness: Array
-    sums: Array
-    true: Array
+    stiffness: Array  # (S, R, m): what was found in each repetition
+    sums: Array  # (S, R, s)
+    true: Array  # (m,): what there was to find
 
     @property
     def spread(self) -> Array:

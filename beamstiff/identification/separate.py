@@ -37,21 +37,13 @@ GOOD = 0.5  # relative standard deviation below which a value is bounded on both
 
 @dataclass(frozen=True)
 class Separation:
-    """A measurement that tells parameters apart.
+    """A measurement that tells parameters apart."""
 
-    Attributes
-    ----------
-    measure : str
-        What to measure, in words.
-    parts : tuple of tuples of str
-        What is known then: single parameters, and those that still act together only.
-    std : float
-        Expected relative standard deviation of the worst of the single ones, at the values at hand; NaN where
-        the table states no noise.
-    """
-
-    measure: str
+    measure: str  # what to measure, in words
+    # what is known then: single parameters, and those that still act together only
     parts: tuple[tuple[str, ...], ...]
+    # expected relative standard deviation of the worst of the single ones, at the values at hand; NaN where
+    # the table states no noise
     std: float
 
     @property

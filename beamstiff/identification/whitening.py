@@ -18,16 +18,10 @@ class Whitening:
     """The matrix ``W = blocks + left right^T`` with ``W cov W^T = 1``, for n used components.
 
     A reading that r of them share joins all of these; as a product that takes 2 r numbers instead of r^2.
-
-    Attributes
-    ----------
-    blocks : (n, n) sparse array
-        Diagonal where readings are shared.
-    left, right : (n, s) sparse arrays
-        Of s readings that are shared; none has a component in common with another.
     """
 
-    blocks: sparse.csr_array
+    blocks: sparse.csr_array  # (n, n): diagonal where readings are shared
+    # left, right, (n, s): of s readings that are shared; none has a component in common with another
     left: sparse.csr_array
     right: sparse.csr_array
 
@@ -41,8 +35,7 @@ class Whitening:
     def solve(self, values: Array) -> Array:
         """Return the values (n,) that W turns into these."""
         if not self.left.shape[1]:
-            solved: Array = splu(self.blocks.tocsc()).solve(values)
-            return solved
+            return splu(self.blocks.tocsc()).solve(values)
         own = np.asarray(self.blocks.diagonal())  # Sherman, Morrison and Woodbury
         shared = 1.0 + np.asarray((self.right * self.left).T @ (1.0 / own))
         alone = values / own

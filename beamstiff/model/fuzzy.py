@@ -28,16 +28,6 @@ SLACK = 1e-9  # share of a range that rounding may leave it by
 class Partition:
     """Strong triangular partitions of the inputs; a rule for every combination of their sets.
 
-    Attributes
-    ----------
-    inputs : tuple of str
-        n names.
-    modal_values : tuple of (m_j,) arrays
-        Of the triangles, strictly increasing; beyond the first and the last the outer set holds fully. An
-        input with one set plays no part.
-    limits : (n, 2) array, optional
-        Least and largest value of each input in training; default the outer modal values.
-
     Examples
     --------
     >>> degrees = Partition(("q2", "q8"), (np.array([0.0, 1.0, 4.0]), np.array([0.0, 1.0])))
@@ -47,8 +37,11 @@ class Partition:
     [[0.    0.    0.333 0.333 0.167 0.167]]
     """
 
-    inputs: tuple[str, ...]
+    inputs: tuple[str, ...]  # n names
+    # (m_j,): of the triangles, strictly increasing; beyond the first and the last the outer set holds fully.
+    # An input with one set plays no part
     modal_values: tuple[Array, ...]
+    # (n, 2): least and largest value of each input in training; default the outer modal values
     limits: Array | None = None
 
     def __post_init__(self) -> None:
@@ -75,8 +68,7 @@ class Partition:
         """Least and largest value of each input in training, (n, 2)."""
         if self.limits is not None:
             return self.limits
-        outer: Array = np.array([[row[0], row[-1]] for row in self.modal_values])
-        return outer
+        return np.array([[row[0], row[-1]] for row in self.modal_values])
 
     @property
     def count(self) -> int:
@@ -128,8 +120,7 @@ def _bends(modal: Array) -> Array:
     """Return rows that vanish on straight lines over modal values; of two values, a fainter difference."""
     size = modal.size
     if size < 3:
-        faint: Array = 0.1 * np.diff(np.eye(size), axis=0)
-        return faint
+        return 0.1 * np.diff(np.eye(size), axis=0)
     slopes = np.diff(np.eye(size), axis=0) * ((modal[-1] - modal[0]) / np.diff(modal))[:, None]
     bends: Array = np.diff(slopes, axis=0) / (size - 1)
     return bends
@@ -138,15 +129,6 @@ def _bends(modal: Array) -> Array:
 @dataclass(frozen=True, eq=False)
 class FuzzySystem:
     """Rules: premises and conclusions.
-
-    Attributes
-    ----------
-    premises : Partition
-        R rules.
-    conclusions : (R, ...) array
-        Numbers, vectors or matrices b.
-    support : (R,) array or None
-        How strongly each rule fired, at most, in training; None where the rules were given.
 
     Examples
     --------
@@ -159,8 +141,9 @@ class FuzzySystem:
     beamstiff.errors.BeamstiffError: row 0: found q = 2, outside the trained range 0 to 1 ...
     """
 
-    premises: Partition
-    conclusions: Array
+    premises: Partition  # R rules
+    conclusions: Array  # (R, ...): numbers, vectors or matrices b
+    # (R,): how strongly each rule fired, at most, in training; None where the rules were given
     support: Array | None = None
 
     def __post_init__(self) -> None:
@@ -183,8 +166,7 @@ class FuzzySystem:
         values = finite(x, "inputs of the fuzzy system", -1, len(self.premises.inputs))
         if not extrapolate:
             self.refuse_outside(values)
-        result: Array = np.tensordot(self.premises.firing(values), self.conclusions, 1)
-        return result
+        return np.tensordot(self.premises.firing(values), self.conclusions, 1)
 
     def outside(self, x: ArrayLike) -> NDArray[np.bool_]:
         """Return whether inputs (N, n) are outside what was trained, (N,).

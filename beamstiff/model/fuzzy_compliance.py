@@ -17,21 +17,13 @@ from beamstiff.se3 import Array
 
 @dataclass(frozen=True, eq=False)
 class FuzzyCompliance:
-    """A compliance matrix from fuzzy rules, as a `Model`; it knows nothing of the machine but its readings.
+    """A compliance matrix from fuzzy rules, as a `Model`: of the machine it knows the readings alone."""
 
-    Attributes
-    ----------
-    variables : tuple of str
-        Actuated joint variables, in the order of the columns of `predict`'s q.
-    system : FuzzySystem
-        Its inputs are some of the variables, and of the wrench (``fx`` to ``mz``) where the compliance
-        depends on the load; its conclusions (R, 6, 6) compliance matrices, NaN where nothing was trained.
-    extrapolate : bool
-        Answer outside what was trained too (flagged by `outside`); else such rows are refused.
-    """
-
-    variables: tuple[str, ...]
+    variables: tuple[str, ...]  # actuated joint variables, in the order of the columns of `predict`'s q
+    # its inputs are some of the variables, and of the wrench (``fx`` to ``mz``) where the compliance depends
+    # on the load; its conclusions (R, 6, 6) compliance matrices, NaN where nothing was trained
     system: FuzzySystem
+    # answer outside what was trained too (flagged by `outside`); else such rows are refused
     extrapolate: bool = False
 
     @property

@@ -25,20 +25,11 @@ SCATTERED = 48  # starts where the guess does not lead to a closed posture
 
 
 class Closure(NamedTuple):
-    """Postures with the loops closed where they can be.
+    """Postures with the loops closed where they can be."""
 
-    Attributes
-    ----------
-    values : (P, V) array, rad or m
-        All variables; NaN for those that depend on a loop that is not closed.
-    closed : (P,) bool array
-    reasons : tuple of str
-        Why a pose does not close, empty where it does.
-    """
-
-    values: Array
-    closed: Mask
-    reasons: tuple[str, ...]
+    values: Array  # (P, V), rad or m: all variables; NaN for those that depend on a loop that is not closed
+    closed: Mask  # (P,)
+    reasons: tuple[str, ...]  # why a pose does not close, empty where it does
 
 
 def close_loops(kinematics: Kinematics, q: Array, strict: bool = True) -> Closure:
@@ -58,7 +49,7 @@ def close_loops(kinematics: Kinematics, q: Array, strict: bool = True) -> Closur
         return Closure(all_values(kinematics, free), np.ones(poses, dtype=np.bool_), ("",) * poses)
     system = loop_system(kinematics)
     free[:, joined.actuated :] = declared_start(kinematics)[joined.actuated :]
-    assembly = kinematics.assembly or _assembly_near(system, free) or _any_assembly(free[0], system)
+    assembly = kinematics.assembly or _assembly_near(system, free) or _without_branches(system, free[0])
     starts = None
     if poses >= GRID:
         system = recorded(system)
@@ -156,7 +147,7 @@ def _assembly_near(system: LoopSystem, free: Array) -> Assembly | None:
     return None
 
 
-def _any_assembly(start: Array, system: LoopSystem) -> Assembly:
+def _without_branches(system: LoopSystem, start: Array) -> Assembly:
     """Return an assembly without branches, for poses so singular that they have none."""
     return Assembly(start, np.zeros((system.rows[-1].stop, len(start) - system.actuated)), ())
 

@@ -24,25 +24,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Coupling:
-    """All variables as a linear map of the free ones: ``values = matrix @ free + offset``.
+    """All variables as a linear map of the free ones: ``values = matrix @ free + offset``."""
 
-    Attributes
-    ----------
-    names : tuple of str
-        All variables, in order of declaration (V).
-    free : tuple of str
-        Actuated variables first, then passive ones (A + Q = F).
-    actuated : int
-        Number of actuated variables, A.
-    matrix : (V, F) array
-    offset : (V,) array
-    """
-
-    names: tuple[str, ...]
-    free: tuple[str, ...]
-    actuated: int
-    matrix: Array
-    offset: Array
+    names: tuple[str, ...]  # all variables, in order of declaration (V)
+    free: tuple[str, ...]  # actuated variables first, then passive ones (A + Q = F)
+    actuated: int  # number of actuated variables, A
+    matrix: Array  # (V, F)
+    offset: Array  # (V,)
 
 
 def variable_kinds(robot: Robot) -> dict[str, str]:

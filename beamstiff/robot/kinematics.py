@@ -36,21 +36,11 @@ __all__ = [
 
 @dataclass(frozen=True, eq=False)
 class Posture:
-    """A machine at P poses, its loops closed.
+    """A machine at P poses, its loops closed."""
 
-    Attributes
-    ----------
-    values : (P, V) array, rad or m
-        All variables, in the order of ``kinematics.coupling.names``.
-    transforms : (P, F + 1, 4, 4) array
-        Transform base <- frame, in the order of ``kinematics.frame_names``.
-    node_positions : (P, N, 3) array, m
-        In the base frame, in the order of ``kinematics.node_names``.
-    """
-
-    values: Array
-    transforms: Array
-    node_positions: Array
+    values: Array  # (P, V), rad or m: all variables, in the order of ``kinematics.coupling.names``
+    transforms: Array  # (P, F + 1, 4, 4): transform base <- frame, in the order of ``kinematics.frame_names``
+    node_positions: Array  # (P, N, 3), m: in the base frame, in the order of ``kinematics.node_names``
 
     def only(self, poses: slice | NDArray[np.int64]) -> Posture:
         """Return some of the poses."""
@@ -58,15 +48,9 @@ class Posture:
 
 
 class ClosedPosture(Posture):
-    """A posture that follows from its values: where frames and nodes are is worked out when asked for.
+    """A posture that follows from its values: where frames and nodes are is worked out when asked for."""
 
-    Attributes
-    ----------
-    kinematics : Kinematics or None
-        By which it follows; none where it was changed since.
-    """
-
-    kinematics: Kinematics | None = None
+    kinematics: Kinematics | None = None  # by which it follows; none where it was changed since
 
     @classmethod
     def of(cls, kinematics: Kinematics, values: Array) -> ClosedPosture:
@@ -87,8 +71,7 @@ class ClosedPosture(Posture):
         """Position of every node in the base frame."""
         assert self.kinematics is not None
         at = self.transforms[:, self.kinematics.node_frame]
-        positions: Array = (at[..., :3, :3] @ self.kinematics.node_at[:, :, None])[..., 0] + at[..., :3, 3]
-        return positions
+        return (at[..., :3, :3] @ self.kinematics.node_at[:, :, None])[..., 0] + at[..., :3, 3]
 
     def only(self, poses: slice | NDArray[np.int64]) -> Posture:
         """Return some of the poses."""

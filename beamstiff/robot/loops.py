@@ -26,34 +26,16 @@ ROWS = {"position": 3, "plane": 2, "pose": 6}
 
 @dataclass(frozen=True, eq=False)
 class LoopSystem:
-    """All loops of a robot together.
-
-    Attributes
-    ----------
-    frames : tuple of int
-        Frames between the ends of the loops, the last one that all share first.
-    rows : tuple of slice
-        Rows of each loop.
-    prismatic : (A + Q,) bool array
-        Which free variables are lengths.
-    scale : (A + Q,) array
-        One rad, or one machine size, for each free variable.
-    actuated : int
-        Number of actuated variables A; the passive ones stand behind them.
-    moving : (A,) bool array
-        Which actuated variables move the loops at all.
-    program : Program or None
-        The equations written down, for many poses; see `recorded`.
-    """
+    """All loops of a robot together."""
 
     kinematics: Kinematics
-    frames: tuple[int, ...]
-    rows: tuple[slice, ...]
-    prismatic: NDArray[np.bool_]
-    scale: Array
-    actuated: int
-    moving: NDArray[np.bool_]
-    program: Program | None = None
+    frames: tuple[int, ...]  # frames between the ends of the loops, the last one that all share first
+    rows: tuple[slice, ...]  # rows of each loop
+    prismatic: NDArray[np.bool_]  # (A + Q,): which free variables are lengths
+    scale: Array  # (A + Q,): one rad, or one machine size, for each free variable
+    actuated: int  # number of actuated variables A; the passive ones stand behind them
+    moving: NDArray[np.bool_]  # (A,): which actuated variables move the loops at all
+    program: Program | None = None  # the equations written down, for many poses; see `recorded`
 
 
 @lru_cache(maxsize=32)

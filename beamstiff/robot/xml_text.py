@@ -24,33 +24,25 @@ _TAG_END = re.compile(rb"""(?:"[^"]*"|'[^']*'|[^>"'])*>""")
 
 @dataclass
 class Element:
-    """One element; a text keeps where it came from.
-
-    Attributes
-    ----------
-    text : str
-        What stands in it beside its children.
-    source : str
-        File, for messages.
-    start, inside, close, end : int
-        Bytes: of ``<``, after the start tag's ``>``, of ``</`` (of the end of ``<.../>``), after its end.
-    """
+    """One element; a text keeps where it came from."""
 
     name: str
     attributes: dict[str, str]
-    source: str
+    source: str  # file, for messages
     line: int
+    # start, inside, close, end: bytes: of ``<``, after the start tag's ``>``, of ``</`` (of the end of
+    # ``<.../>``), after its end
     start: int
     inside: int
     close: int = 0
     end: int = 0
-    text: str = ""
+    text: str = ""  # what stands in it beside its children
     children: list[Element] = field(default_factory=list)
 
     def fail(self, message: str) -> NoReturn:
         """Raise the error of this element, with its file, line and name."""
-        name = self.attributes.get("name")
-        raise BeamstiffError(f"{self.source}:{self.line}: <{self.name}{_shown_name(name)}>: {message}")
+        tag = f"{self.name} {self.attributes.get('name', '')[:60]}".strip()
+        raise BeamstiffError(f"{self.source}:{self.line}: <{tag}>: {message}")
 
     def all(self, name: str) -> list[Element]:
         """Return the children of a name."""
@@ -86,10 +78,6 @@ class Element:
             return [number(word) for word in words]
         except BeamstiffError as error:
             self.fail(f"{what}: {error}")
-
-
-def _shown_name(name: str | None) -> str:
-    return f" {name[:60]}" if name else ""
 
 
 def parse_xml(text: str, source: str) -> Element:

@@ -20,26 +20,13 @@ BEAMS = 20_000  # at a time in extended precision
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """A frame of beams, rigidly connected at its nodes.
+    """A frame of beams, rigidly connected at its nodes."""
 
-    Attributes
-    ----------
-    points : (N, 3) array, m
-        Positions of the nodes.
-    beams : (B, 2) int array
-        Nodes of each beam.
-    properties : dict of (B,) arrays
-        ``E G A Iy Iz J Ay Az``, SI, as `beam_stiffness` takes them.
-    up : (B, 3) array
-        Local y lies in the plane of the beam and `up`; NaN for any perpendicular.
-    fixed : (N,) bool array
-    """
-
-    points: Array
-    beams: Index
-    properties: dict[str, Array]
-    up: Array
-    fixed: NDArray[np.bool_]
+    points: Array  # (N, 3), m: positions of the nodes
+    beams: Index  # (B, 2): nodes of each beam
+    properties: dict[str, Array]  # (B,): ``E G A Iy Iz J Ay Az``, SI, as `beam_stiffness` takes them
+    up: Array  # (B, 3): local y lies in the plane of the beam and `up`; NaN for any perpendicular
+    fixed: NDArray[np.bool_]  # (N,)
 
     @property
     def unknowns(self) -> Index:

@@ -36,30 +36,14 @@ class Softness(Exception):  # noqa: N818 - turned into a message where the node 
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """The order of elimination of a frame, and what it takes.
+    """The order of elimination of a frame, and what it takes."""
 
-    Attributes
-    ----------
-    order : (n,) int array
-        Unknowns in the order of elimination.
-    groups : list of Group
-        In places of unknowns.
-    flops : float
-        Floating point operations of the factorisation.
-    factor_bytes : float
-        Size of the factor.
-    peak_bytes : float
-        Most that the dense matrices take at one time without a factor.
-    kept : int
-        How many unknowns stand last, outside all groups.
-    """
-
-    order: Index
-    groups: list[Group]
-    flops: float
-    factor_bytes: float
-    peak_bytes: float
-    kept: int
+    order: Index  # (n,): unknowns in the order of elimination
+    groups: list[Group]  # in places of unknowns
+    flops: float  # floating point operations of the factorisation
+    factor_bytes: float  # size of the factor
+    peak_bytes: float  # most that the dense matrices take at one time without a factor
+    kept: int  # how many unknowns stand last, outside all groups
 
 
 def make_plan(graph: sparse.csr_array, points: Array, last: Index, first: Index) -> Plan:
@@ -106,19 +90,11 @@ def _stretches(starts: Index, sizes: Index) -> Index:
 
 @dataclass(frozen=True, eq=False)
 class Factor:
-    """What a factorisation leaves.
-
-    Attributes
-    ----------
-    rest : (k, k) array
-        Stiffness of the unknowns that stand last, all others eliminated.
-    blocks : list of (L11, L21)
-        The factor group by group; empty where it was not kept.
-    """
+    """What a factorisation leaves."""
 
     plan: Plan
-    rest: Array
-    blocks: list[tuple[Array, Array]]
+    rest: Array  # (k, k): stiffness of the unknowns that stand last, all others eliminated
+    blocks: list[tuple[Array, Array]]  # (L11, L21): the factor group by group; empty where it was not kept
 
     def solve(self, right: Array) -> Array:
         """Return the solution (n, c) for right sides (n, c), in the order of the matrix."""

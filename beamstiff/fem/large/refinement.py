@@ -24,24 +24,13 @@ MOST = 12
 
 @dataclass(frozen=True)
 class Quality:
-    """What is known of a solution.
+    """What is known of a solution."""
 
-    Attributes
-    ----------
-    error : float
-        Largest relative error of a column that is to be expected, in the norm scaled to unit diagonal.
-    residual : float
-        Largest ``|b - K x| / |b|``, likewise.
-    refinements : int
-        How often it was refined.
-    first_error : float
-        Relative error before the refinement.
-    """
-
+    # largest relative error of a column that is to be expected, in the norm scaled to unit diagonal
     error: float
-    residual: float
-    refinements: int
-    first_error: float
+    residual: float  # largest ``|b - K x| / |b|``, likewise
+    refinements: int  # how often it was refined
+    first_error: float  # relative error before the refinement
 
 
 def refined(

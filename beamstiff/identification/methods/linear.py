@@ -76,5 +76,4 @@ def nonnegative_step(compliance: Array, residuals: Array, slopes: Array, low: Ar
     found = lsq_linear(
         slopes / size, target, bounds=(low * size, high * size), method="bvls", tol=1e-15, max_iter=1000
     )
-    result: Array = np.clip(found.x / size, low, high)
-    return result
+    return np.clip(found.x / size, low, high)

@@ -46,16 +46,11 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class FuzzyFit:
-    """A fitted fuzzy model, and how its structure grew.
-
-    Attributes
-    ----------
-    test_rows : (N,) bool array
-        The test set; its rows chose the structure, and count in the conclusions.
-    """
+    """A fitted fuzzy model, and how its structure grew."""
 
     model: FuzzyCompliance
     steps: tuple[Step, ...]
+    # (N,): the test set; its rows chose the structure, and count in the conclusions
     test_rows: NDArray[np.bool_]
 
 

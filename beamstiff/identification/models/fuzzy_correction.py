@@ -23,18 +23,11 @@ NEAR = 0.4  # share of an input's range over which the corrections of rules are 
 
 @dataclass(frozen=True, eq=False)
 class CorrectionFit:
-    """A fitted gray box.
-
-    Attributes
-    ----------
-    varying : Varying
-        What the fit says of the conclusions.
-    sets : tuple of (tuple of int, float)
-        Numbers of sets of the inputs as the structure grew, with the logarithm of the evidence.
-    """
+    """A fitted gray box."""
 
     model: FuzzyCorrection
-    varying: Varying
+    varying: Varying  # what the fit says of the conclusions
+    # numbers of sets of the inputs as the structure grew, with the logarithm of the evidence
     sets: tuple[tuple[tuple[int, ...], float], ...]
 
 

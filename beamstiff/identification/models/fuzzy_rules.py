@@ -28,30 +28,15 @@ STEPS, CLOSE = 20_000, 1e-10  # of the gradient's descent, and the share of the 
 
 @dataclass(frozen=True, eq=False)
 class Readings:
-    """What rules are fitted to: displacements as linear functions of compliance terms, K of them.
+    """What rules are fitted to: displacements as linear functions of compliance terms, K of them."""
 
-    Attributes
-    ----------
-    terms : (K, 2) int array
-        Measured component i and load direction j of each term, ``i <= j``: it stands for C_ji as well.
-    gram : (N, K, K) array
-        ``T^T T`` of every row, T its whitened displacement by each term.
-    moment : (N, K) array
-        ``T^T d`` of the whitened displacement.
-    squares : (N,) array
-        ``d^T d``.
-    count : (N,) int array
-        Measured components of each row.
-    scale : (6, 6) array
-        Unit of each term: with it compliances of forces and moments compare.
-    """
-
+    # (K, 2): measured component i and load direction j of each term, ``i <= j``: it stands for C_ji as well
     terms: NDArray[np.int64]
-    gram: Array
-    moment: Array
-    squares: Array
-    count: NDArray[np.int64]
-    scale: Array
+    gram: Array  # (N, K, K): ``T^T T`` of every row, T its whitened displacement by each term
+    moment: Array  # (N, K): ``T^T d`` of the whitened displacement
+    squares: Array  # (N,): ``d^T d``
+    count: NDArray[np.int64]  # (N,): measured components of each row
+    scale: Array  # (6, 6): unit of each term: with it compliances of forces and moments compare
 
     def rows(self, chosen: NDArray[np.bool_]) -> Readings:
         """Return the readings of some rows."""
@@ -148,8 +133,7 @@ def rapid_prototype(readings: Readings, firing: Array) -> Array:
     gram = gram + 1e-9 * np.maximum(scale, 1e-300)[:, None, None] * np.eye(gram.shape[1])
     own: Array = np.linalg.solve(gram, moment[..., None])[..., 0]
     fired = scale[:-1] > 1e-9 * scale[-1]
-    result: Array = np.where(fired[:, None], own[:-1], own[-1])
-    return result
+    return np.where(fired[:, None], own[:-1], own[-1])
 
 
 def fit_conclusions(
@@ -215,8 +199,7 @@ def _descend(readings: Readings, hessian: Array, slope: Array, begin: Array, pos
         at, momentum = new, following
         if np.abs(moved).max() <= CLOSE * np.abs(at).max():
             break
-    result: Array = (at * size).reshape(begin.shape)
-    return result
+    return (at * size).reshape(begin.shape)
 
 
 def _square(readings: Readings) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:

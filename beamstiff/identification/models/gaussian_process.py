@@ -34,19 +34,11 @@ MOST = 600  # readings that spreads and lengths are found from
 
 @dataclass(frozen=True, eq=False)
 class GaussianProcessFit:
-    """A fitted Gaussian process model.
-
-    Attributes
-    ----------
-    noise : float
-        Standard deviation of the whitened readings; 1 where they are as stated.
-    evidence : float
-        Logarithm of the density of the readings.
-    """
+    """A fitted Gaussian process model."""
 
     model: GaussianProcessStiffness
-    noise: float
-    evidence: float
+    noise: float  # standard deviation of the whitened readings; 1 where they are as stated
+    evidence: float  # logarithm of the density of the readings
 
 
 def fit_gaussian_process(

@@ -22,18 +22,11 @@ LOOSEST = 1e-3  # rad: prior of a cube's rotation, against points that hardly te
 
 @dataclass(frozen=True, eq=False)
 class GridFit:
-    """Fitted gridded stiffness.
-
-    Attributes
-    ----------
-    varying : Varying or None
-        What the hierarchical fit says; None where each cube was fitted for itself.
-    notes : tuple of str
-        Cube by cube, which springs only act together there, and which its rows do not feel.
-    """
+    """Fitted gridded stiffness."""
 
     model: GriddedStiffness
-    varying: Varying | None
+    varying: Varying | None  # what the hierarchical fit says; None where each cube was fitted for itself
+    # cube by cube, which springs only act together there, and which its rows do not feel
     notes: tuple[str, ...] = ()
 
 

@@ -30,65 +30,36 @@ CUBES_ALONG = 3  # the longest side of the workspace, where no size of cubes is 
 
 @dataclass(frozen=True)
 class Options:
-    """How models are fitted.
+    """How models are fitted."""
 
-    Attributes
-    ----------
-    parameters : tuple of str or None
-        Springs that are fitted, and may vary; default ``robot.identify``.
-    cube : float or None, m
-        Side of the cubes; default a third of the longest side of where the TCP was.
-    """
-
+    # springs that are fitted, and may vary; default ``robot.identify``
     parameters: tuple[str, ...] | None = None
+    # m: side of the cubes; default a third of the longest side of where the TCP was
     cube: float | None = None
     seed: int = 0
 
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """A fitted model, ready to predict.
-
-    Attributes
-    ----------
-    about : str
-        What came out, in a few words.
-    outside : callable or None
-        Which postures (N, A) lie outside what was trained.
-    """
+    """A fitted model, ready to predict."""
 
     model: Model
-    about: str = ""
+    about: str = ""  # what came out, in a few words
+    # which postures (N, A) lie outside what was trained
     outside: Callable[[Array], NDArray[np.bool_]] | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """How a model does, N rows.
-
-    Attributes
-    ----------
-    about : str
-        What came out, in a few words; or why there is no such model.
-    model : Model or None
-        None where these rows cannot carry it.
-    predicted : (N, 6) array
-        NaN where the model has no answer.
-    error : (N,) array, m
-        Norm of the position error; NaN where it has no answer.
-    outside : (N,) bool array
-        Rows outside what the model was trained on.
-    seconds : float
-        That the fit took.
-    """
+    """How a model does, N rows."""
 
     name: str
-    about: str
-    model: Model | None
-    predicted: Array
-    error: Array
-    outside: NDArray[np.bool_]
-    seconds: float
+    about: str  # what came out, in a few words; or why there is no such model
+    model: Model | None  # None where these rows cannot carry it
+    predicted: Array  # (N, 6): NaN where the model has no answer
+    error: Array  # (N,), m: norm of the position error; NaN where it has no answer
+    outside: NDArray[np.bool_]  # (N,): rows outside what the model was trained on
+    seconds: float  # that the fit took
 
     def rms(self, rows: NDArray[np.bool_]) -> float | None:
         """Return the root mean square of the error over some rows, m; None without an answer for any."""
@@ -103,24 +74,14 @@ class Judged:
 
 @dataclass(frozen=True, eq=False)
 class Models(Shown):
-    """Models side by side.
-
-    Attributes
-    ----------
-    position : (N, 3) array, m
-        Nominal TCP of every row.
-    robot : Robot or None
-        As it was given.
-    notes : tuple of str
-        About the data.
-    """
+    """Models side by side."""
 
     judged: tuple[Judged, ...]
     table: Measurements
     split: Split
-    position: Array
-    robot: Robot | None = None
-    notes: tuple[str, ...] = ()
+    position: Array  # (N, 3), m: nominal TCP of every row
+    robot: Robot | None = None  # as it was given
+    notes: tuple[str, ...] = ()  # about the data
 
     def __getitem__(self, name: str) -> Judged:
         """Return a model by name."""

@@ -19,25 +19,14 @@ KINDS = ("fitted", "new pose", "new load", "new pose and load")
 
 @dataclass(frozen=True, eq=False)
 class Split:
-    """What is fitted and what is not, N rows.
+    """What is fitted and what is not, N rows."""
 
-    Attributes
-    ----------
-    new_pose, new_load : (N,) bool arrays
-        Whether the row's pose, and its load, are held out.
-    level : (N,) int array
-        Load of each row, by size.
-    loads : tuple of float
-        Mean size of each level, N; N m where loads are moments only.
-    unit : str
-        Of `loads`.
-    """
-
+    # new_pose, new_load, (N,): whether the row's pose, and its load, are held out
     new_pose: NDArray[np.bool_]
     new_load: NDArray[np.bool_]
-    level: NDArray[np.int64]
-    loads: tuple[float, ...]
-    unit: str
+    level: NDArray[np.int64]  # (N,): load of each row, by size
+    loads: tuple[float, ...]  # mean size of each level, N; N m where loads are moments only
+    unit: str  # of `loads`
 
     @property
     def fitted(self) -> NDArray[np.bool_]:
@@ -124,5 +113,4 @@ def position_errors(table: Measurements, predicted: Array) -> Array:
     """
     seen = table.measured_mask[:, :3]
     gap = np.where(seen, table.displacement[:, :3] - predicted[:, :3], 0.0)
-    result: Array = np.where(seen.any(axis=1), np.linalg.norm(gap, axis=1), np.nan)
-    return result
+    return np.where(seen.any(axis=1), np.linalg.norm(gap, axis=1), np.nan)
