@@ -25,7 +25,7 @@ Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
-class Program:
+class ExpressionGraph:
     """Steps from inputs to outputs."""
 
     # inputs, places: the first `inputs` of the `places` for numbers are the inputs
@@ -113,7 +113,7 @@ class Program:
         return calls
 
 
-def compile_program(recorder: Recorder, inputs: int, outputs: Sequence[Expression | float]) -> Program:
+def compile_graph(recorder: Recorder, inputs: int, outputs: Sequence[Expression | float]) -> ExpressionGraph:
     """Return the program that makes the outputs of a record.
 
     Parameters
@@ -153,7 +153,7 @@ def compile_program(recorder: Recorder, inputs: int, outputs: Sequence[Expressio
     where = {row[0]: int(step[1]) for row, step in zip(rows, steps, strict=True)}
     where |= {at: at for at in range(inputs)}
     made = [item if isinstance(item, Expression) else None for item in outputs]
-    return Program(
+    return ExpressionGraph(
         inputs=inputs,
         places=places,
         steps=np.array(steps, dtype=np.int64).reshape(-1, 5),

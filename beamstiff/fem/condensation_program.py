@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.expression_graph.expression import Expression, Recorder
-from beamstiff.expression_graph.graph import Program, compile_program
+from beamstiff.expression_graph.graph import ExpressionGraph, compile_graph
 from beamstiff.fem.assembly import assemble
 from beamstiff.fem.constraints import has_constraints
 from beamstiff.fem.elimination import eliminate, elimination_order
@@ -53,7 +53,7 @@ class CondensationProgram:
 
     # its outputs are what the arrays below refer to, and last a number that is positive where they are beyond
     # doubt
-    program: Program
+    program: ExpressionGraph
     # which output each entry is, of S (p, p), B (p, o), C_clamped (o, o), g (p,) and d_clamped (o,); the last
     # two are all -1 without the dead weight
     parts: tuple[Index, ...]
@@ -148,7 +148,7 @@ def _written(
     p, o = len(ports), 6 * len(observed)
     if not dead:
         parts += [np.full((count,), -1, dtype=np.int64) for count in (p, o)]
-    program = compile_program(recorder, len(values), [*outputs, firm])
+    program = compile_graph(recorder, len(values), [*outputs, firm])
     return CondensationProgram(program, tuple(parts), sizes[list(ports)])
 
 

@@ -175,28 +175,10 @@ def factored_at(
     by_load: Array | None = None,
     works: bool = False,
 ) -> Factored:
-    """Return `factored` at one of many poses."""
-    try:
-        return factored(structure, geometry.only(np.array([pose])), rest, loads, moved, by_load, works)
-    except Doubtful as doubt:
-        raise mechanism_error(structure, geometry, pose, doubt.motion, doubt.what) from None
-
-
-def factored(
-    structure: Structure,
-    geometry: Geometry,
-    rest: Array,
-    loads: Array,
-    moved: Array | None = None,
-    by_load: Array | None = None,
-    works: bool = False,
-) -> Factored:
-    """Return the answer at one pose from the strains.
+    """Return the answer at one of many poses from the strains.
 
     Parameters
     ----------
-    geometry : Geometry
-        One pose.
     rest : (n, r) array
         Motions that are possible with the ports held, ``z = rest y + moved e``.
     loads : (n, c) array
@@ -207,13 +189,23 @@ def factored(
         What loads add to the stiffness; then there are no ports.
     works : bool
         Whether the works are asked (a compliance), and not the solution.
-
-    Raises
-    ------
-    Doubtful
-        When the structure is a mechanism, buckles, or rounding shows in the answer.
     """
-    moved = np.zeros((len(rest), 0)) if moved is None else moved
+    moved, one = np.zeros((len(rest), 0)) if moved is None else moved, geometry.only(np.array([pose]))
+    try:
+        return _factored(structure, one, rest, loads, moved, by_load, works)
+    except Doubtful as doubt:
+        raise mechanism_error(structure, geometry, pose, doubt.motion, doubt.what) from None
+
+
+def _factored(
+    structure: Structure,
+    geometry: Geometry,
+    rest: Array,
+    loads: Array,
+    moved: Array,
+    by_load: Array | None,
+    works: bool,
+) -> Factored:
     (strains,), (size,) = weighted_strains(structure, geometry)
     units = unknown_sizes(structure)
     if not np.isfinite(strains).all():

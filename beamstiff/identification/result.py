@@ -207,36 +207,24 @@ class Identification(Shown):
 
 
 def _parameter(item: Parameter) -> dict[str, Any]:
-    result: dict[str, Any] = {
-        "value": item.value,
-        "std": item.std,
-        "unit": item.unit,
-        "identifiable": item.identifiable,
+    known = {name: getattr(item, name) for name in ("value", "std", "unit", "identifiable")}
+    more = {
+        "interval": _interval(item.interval),
+        "lower_bound": item.lower_bound,
+        "reason": item.reason or None,
+        "separate": item.separate or None,
     }
-    if item.interval is not None:
-        result["interval"] = [_plain(limit) for limit in item.interval]
-    if item.lower_bound is not None:
-        result["lower_bound"] = item.lower_bound
-    if item.reason:
-        result["reason"] = item.reason
-    if item.separate:
-        result["separate"] = item.separate
-    return result
+    return known | {name: value for name, value in more.items() if value is not None}
 
 
 def _combination(item: Combination) -> dict[str, Any]:
-    result: dict[str, Any] = {
-        "parameters": list(item.parameters),
-        "relation": item.relation,
-        "value": item.value,
-        "std": item.std,
-        "kind": item.kind,
-        "unit": item.unit,
-        "separate": item.separate,
-    }
-    if item.interval is not None:
-        result["interval"] = [_plain(limit) for limit in item.interval]
-    return result
+    names = ("relation", "value", "std", "kind", "unit", "separate")
+    known = {"parameters": list(item.parameters)} | {name: getattr(item, name) for name in names}
+    return known if item.interval is None else known | {"interval": _interval(item.interval)}
+
+
+def _interval(ends: tuple[float, float] | None) -> list[float | None] | None:
+    return None if ends is None else [_plain(end) for end in ends]
 
 
 def _plain(value: float) -> float | None:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.expression_graph.expression import Recorder
-from beamstiff.expression_graph.graph import Program, compile_program
+from beamstiff.expression_graph.graph import ExpressionGraph, compile_graph
 from beamstiff.robot.forward import Body, Screw, chain_to, place, twists_at
 from beamstiff.robot.frames import Kinematics, all_values
 from beamstiff.se3 import Array, skew, vector_from_rotation
@@ -35,7 +35,7 @@ class LoopSystem:
     scale: Array  # (A + Q,): one rad, or one machine size, for each free variable
     actuated: int  # number of actuated variables A; the passive ones stand behind them
     moving: NDArray[np.bool_]  # (A,): which actuated variables move the loops at all
-    program: Program | None = None  # the equations written down, for many poses; see `recorded`
+    program: ExpressionGraph | None = None  # the equations written down, for many poses; see `recorded`
 
 
 @lru_cache(maxsize=32)
@@ -65,7 +65,7 @@ def recorded(system: LoopSystem) -> LoopSystem:
     recorder = Recorder()
     free = recorder.inputs(len(system.scale))
     gaps, jacobian = loop_equations(system, free[None])
-    program = compile_program(recorder, len(free), [*gaps.ravel(), *jacobian.ravel()])
+    program = compile_graph(recorder, len(free), [*gaps.ravel(), *jacobian.ravel()])
     return replace(system, program=program)
 
 
