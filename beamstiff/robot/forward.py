@@ -7,8 +7,8 @@ near-parallel axes)::
 
 Each of them moves along or about one axis of the frame reached so far: a screw. Positions, orientations and
 twists all follow from one walk along the chain, looping over frames only. Inside, the pose is the last axis,
-so that every operation runs over all poses at a stretch; and with expressions (`tape`) in place of the values
-of one pose the walk writes itself down.
+so that every operation runs over all poses at a stretch; and with expressions
+(`expression_graph`) in place of the values of one pose the walk writes itself down.
 """
 
 from __future__ import annotations
