@@ -39,7 +39,6 @@ class OptionError(BeamstiffError):
 
     Attributes
     ----------
-    option : str
     what : str
         What was found, and what would be right.
 

@@ -67,7 +67,6 @@ def parallel_map(
     function : callable
         Of one task. With several processes or a scheduler it is pickled, once for all tasks: a function of a
         module, or a `functools.partial` of one, which holds what all tasks share.
-    tasks : iterable
     processes : int
         Above 1, that many new ones; a script then needs ``if __name__ == "__main__":``. On Linux they are
         copies of this one, if it has no threads of its own.
@@ -77,12 +76,6 @@ def parallel_map(
     then : callable, optional
         Tasks that a result brings with it. It is called here, before the result is yielded; they go before
         others and have the same number.
-
-    Raises
-    ------
-    BeamstiffError
-        When a number is not positive, a process dies, or the scheduler does not answer within 10 s, has no
-        workers, or has other versions.
 
     Examples
     --------
@@ -117,13 +110,7 @@ def parallel_map(
 
 
 def check_places(processes: int = 1, scheduler: str | None = None) -> None:
-    """Refuse, before any work, places where tasks could not be done.
-
-    Raises
-    ------
-    BeamstiffError
-        As `parallel_map` does.
-    """
+    """Refuse, before any work, places where tasks could not be done."""
     _check_numbers(processes, scheduler)
     if scheduler is not None:
         with _connected(_distributed(scheduler), scheduler):

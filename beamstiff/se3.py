@@ -37,7 +37,6 @@ def rotation_about(axis: int, angle: Array) -> Array:
 
     Parameters
     ----------
-    axis : int
     angle : (...) array, rad
 
     Returns

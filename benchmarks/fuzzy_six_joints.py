@@ -1,7 +1,7 @@
 """Fuzzy rules of all six joints and the wrench for all six components, against the machine's own structure.
 
 The machine is the KR240-2 as its file says: six constant springs. So the parametric model is right, and what
-fuzzy rules leave is the price of knowing nothing of it (seed 003, 3.3.3, proposes trees, or a gray box).
+fuzzy rules leave is the price of knowing nothing of it (seed 003, 3.3.3, proposes a gray box instead).
 """
 
 from __future__ import annotations
@@ -14,8 +14,7 @@ from beamstiff import Robot, load_robot
 from beamstiff.identification.identify import identify
 from beamstiff.identification.models.fuzzy import fit_fuzzy
 from beamstiff.identification.models.fuzzy_correction import fit_fuzzy_correction
-from beamstiff.identification.models.fuzzy_tree import fit_fuzzy_tree
-from beamstiff.measure.table import WRENCH, Measurements, make_measurements
+from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.model.protocol import Model, StructuralModel
 
@@ -49,16 +48,13 @@ def rows(robot: Robot, count: int, seed: int, noise: float = SIGMA) -> Measureme
 def study(counts: tuple[int, ...] = (200, 600)) -> list[Left]:
     """Return what each model leaves."""
     robot = load_robot("kr240-2")
-    names = [variable.name for variable in robot.actuated]
     fresh, found = rows(robot, 500, 99, noise=0.0), []
     for count in counts:
         table = rows(robot, count, 1)
-        tree = fit_fuzzy_tree(robot, table, [*names, *WRENCH], most_rules=32).model
         fuzzy = fit_fuzzy(robot, table).model
         gray = fit_fuzzy_correction(robot, table).model
         models: list[tuple[str, Model, int]] = [
             ("fuzzy", fuzzy.extrapolating(), fuzzy.system.premises.count),
-            ("fuzzy tree", tree.extrapolating(), tree.system.premises.count),
             ("gray box", gray.extrapolating(), gray.system.premises.count),
             ("parametric", StructuralModel(identify(robot, table, folds=0).robot), 0),
         ]

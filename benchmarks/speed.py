@@ -25,7 +25,7 @@ import numpy as np
 from beamstiff import Robot, compile_structure, load_robot, posture
 from beamstiff.expression_graph import compiled
 from beamstiff.expression_graph.expression import Op
-from beamstiff.expression_graph.graph import Program
+from beamstiff.expression_graph.graph import ExpressionGraph
 from beamstiff.fem.condensation import CHUNK, condense_by_matrices, tcp_compliance
 from beamstiff.fem.condensation_program import condensation_program
 from beamstiff.fem.geometry import place
@@ -75,7 +75,7 @@ def general(structure: Structure, poses: Posture) -> Array:
     return condense_by_matrices(structure, poses, tcp, (), CHUNK, number).clamped
 
 
-def flops(program: Program) -> int:
+def flops(program: ExpressionGraph) -> int:
     """Return the floating point operations of a program for one pose."""
     double = (Op.MUL_ADD, Op.MUL_SUB, Op.SUB_FROM_MUL)
     return int(len(program.steps) + np.isin(program.steps[:, 0], double).sum())

@@ -36,8 +36,7 @@ def compare(
         typer.Option(
             "--models",
             metavar="NAME,...",
-            help="rigid, nominal, parametric, fuzzy, fuzzy tree, grid, gray box, gaussian process; "
-            "default all.",
+            help="rigid, nominal, parametric, fuzzy, grid, gray box, gaussian process; default all.",
         ),
     ] = None,
     parameters: Annotated[
@@ -87,7 +86,7 @@ def compare(
     """Fit every model of elasticity to the same rows, and judge each by rows that none saw.
 
     rigid and nominal are the robot that does not give way and the one in the file; parametric has
-    its stiffness identified; fuzzy rules, and a fuzzy tree, know nothing but the readings; grid,
+    its stiffness identified; fuzzy rules know nothing but the readings; grid,
     gray box and gaussian process let the identified springs vary: by cubes of the workspace, by
     fuzzy rules of the joint values, smoothly over these. Poses are held out at random, and the
     largest load where there are several. "outside" counts rows beyond what a model was trained on.

@@ -39,19 +39,10 @@ C = (
 )
 
 # plain numbers, which numba takes for constants
-_ADD = int(Op.ADD)
-_SUB = int(Op.SUB)
-_MUL = int(Op.MUL)
-_DIV = int(Op.DIV)
-_MIN = int(Op.MIN)
-_ADD_CONSTANT = int(Op.ADD_CONSTANT)
-_MUL_CONSTANT = int(Op.MUL_CONSTANT)
-_DIV_CONSTANT = int(Op.DIV_CONSTANT)
-_SQRT = int(Op.SQRT)
-_COS = int(Op.COS)
-_MUL_ADD = int(Op.MUL_ADD)
-_MUL_SUB = int(Op.MUL_SUB)
-_SUB_FROM_MUL = int(Op.SUB_FROM_MUL)
+_ADD, _SUB, _MUL, _DIV, _MIN = map(int, (Op.ADD, Op.SUB, Op.MUL, Op.DIV, Op.MIN))
+_ADD_CONSTANT, _MUL_CONSTANT, _DIV_CONSTANT = map(int, (Op.ADD_CONSTANT, Op.MUL_CONSTANT, Op.DIV_CONSTANT))
+_MUL_ADD, _MUL_SUB, _SUB_FROM_MUL = map(int, (Op.MUL_ADD, Op.MUL_SUB, Op.SUB_FROM_MUL))
+_SQRT, _COS = int(Op.SQRT), int(Op.COS)
 
 
 def kernel() -> Callable[..., None] | None:

@@ -25,27 +25,16 @@ Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
-class Program:
-    """Steps from inputs to outputs.
+class ExpressionGraph:
+    """Steps from inputs to outputs."""
 
-    Attributes
-    ----------
-    inputs, places : int
-        The first `inputs` of the `places` for numbers are the inputs.
-    steps : (M, 5) int array
-        Instruction, place of the result, places of the operands x, y, z.
-    constants : (M,) array
-    outputs : (O,) int array
-        Place of each output; -1 where it is the number in `offsets`.
-    factors, offsets : (O,) arrays
-        Each output is ``factor * place + offset``.
-    """
-
+    # inputs, places: the first `inputs` of the `places` for numbers are the inputs
     inputs: int
     places: int
-    steps: Index
-    constants: Array
-    outputs: Index
+    steps: Index  # (M, 5): instruction, place of the result, places of the operands x, y, z
+    constants: Array  # (M,)
+    outputs: Index  # (O,): place of each output; -1 where it is the number in `offsets`
+    # factors, offsets, (O,): each output is ``factor * place + offset``
     factors: Array
     offsets: Array
 
@@ -124,7 +113,7 @@ class Program:
         return calls
 
 
-def compile_program(recorder: Recorder, inputs: int, outputs: Sequence[Expression | float]) -> Program:
+def compile_graph(recorder: Recorder, inputs: int, outputs: Sequence[Expression | float]) -> ExpressionGraph:
     """Return the program that makes the outputs of a record.
 
     Parameters
@@ -133,7 +122,6 @@ def compile_program(recorder: Recorder, inputs: int, outputs: Sequence[Expressio
         Its first steps are the inputs.
     inputs : int
         How many those are.
-    outputs : sequence of expressions or numbers
     """
     needed = _needed(recorder, [item.at for item in outputs if isinstance(item, Expression)])
     uses = np.zeros(len(recorder.steps), dtype=np.int64)
@@ -165,7 +153,7 @@ def compile_program(recorder: Recorder, inputs: int, outputs: Sequence[Expressio
     where = {row[0]: int(step[1]) for row, step in zip(rows, steps, strict=True)}
     where |= {at: at for at in range(inputs)}
     made = [item if isinstance(item, Expression) else None for item in outputs]
-    return Program(
+    return ExpressionGraph(
         inputs=inputs,
         places=places,
         steps=np.array(steps, dtype=np.int64).reshape(-1, 5),

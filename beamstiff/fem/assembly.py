@@ -51,11 +51,6 @@ def _between_ends(block: Array) -> Array:
     return signs[:, :, None, None] * block[:, :, None, None]
 
 
-def stiffness_entries(structure: Structure, geometry: Geometry) -> Array:
-    """Return the entries of the reduced global stiffness in the structure's pattern, (P, nnz)."""
-    return _add_up(structure, _products(structure, geometry, element_blocks(structure, geometry)))
-
-
 def dense_stiffness(structure: Structure, geometry: Geometry) -> Array:
     """Return the reduced global stiffness of every pose, (P, n, n)."""
     return assemble(structure, geometry)[0]
@@ -99,8 +94,7 @@ def _products(structure: Structure, geometry: Geometry, blocks: Array) -> Array:
     pattern = structure.pattern
     between = blocks[:, pattern.element, pattern.end_i, pattern.end_j]
     left = geometry.terms[:, pattern.term_i].swapaxes(-1, -2)
-    result: Array = left @ between @ geometry.terms[:, pattern.term_j]
-    return result
+    return left @ between @ geometry.terms[:, pattern.term_j]
 
 
 def _add_up(structure: Structure, products: Array) -> Array:
@@ -110,15 +104,15 @@ def _add_up(structure: Structure, products: Array) -> Array:
     springs = np.broadcast_to(structure.spring_values, (poses, structure.springs.size))
     diagonal = np.zeros((poses, structure.unknowns.count))
     values = np.concatenate([products.reshape(poses, -1), springs, diagonal], axis=1)
-    result: Array = np.add.reduceat(values[:, pattern.order], pattern.starts, axis=1)
-    return result
+    return np.add.reduceat(values[:, pattern.order], pattern.starts, axis=1)
 
 
 def sparse_stiffness(structure: Structure, geometry: Geometry) -> sparse.csc_array:
     """Return the reduced global stiffness K_C of the first pose, sparse (seed 003, eqs 21 to 23)."""
     count, pattern = structure.unknowns.count, structure.pattern
     pointers = np.searchsorted(pattern.columns, np.arange(count + 1))
-    entries = stiffness_entries(structure, geometry)[0]
+    products = _products(structure, geometry, element_blocks(structure, geometry))
+    entries = _add_up(structure, products)[0]
     return sparse.csc_array((entries, pattern.rows, pointers), shape=(count, count))
 
 
@@ -190,8 +184,7 @@ def _deformation(structure: Structure, geometry: Geometry, displacement: Array) 
     beams = len(structure.robot.beams)
     arm[:, beams:] = 0.0  # joints have none, and struts no stiffness against rotation
     carried = (displacement_transport(arm) @ displacement[:, first, :, None])[..., 0]
-    deformation: Array = displacement[:, second] - carried
-    return deformation
+    return displacement[:, second] - carried
 
 
 def gather(structure: Structure, geometry: Geometry, unknowns: Array) -> Array:

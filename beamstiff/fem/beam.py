@@ -36,7 +36,7 @@ def beam_axes(axis: Array, up: Array) -> Array:
 
 
 def _length(vector: Array) -> Array:
-    # by hand, so that expressions (`tape`) pass too
+    # by hand, so that expressions (`expression_graph`) pass too
     squares: Array = np.sqrt((vector * vector).sum(axis=-1, keepdims=True))
     return squares
 
@@ -65,7 +65,7 @@ def beam_stiffness(
     >>> beam_stiffness(*map(np.float64, (2.0, 6.0, 1.0, 1.0, 1.0, 1.0, 1.0, np.inf, np.inf)))[1, 1]
     np.float64(9.0)
     """
-    length = np.asarray(length)  # numbers, or expressions (`tape`)
+    length = np.asarray(length)  # numbers, or expressions (`expression_graph`)
     k = np.zeros((*length.shape, 12, 12), dtype=np.result_type(length, np.float64))
     axial, torsion = E * A / length, G * J / length
     for i, value in ((0, axial), (3, torsion)):

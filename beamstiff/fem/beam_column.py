@@ -113,8 +113,7 @@ def _ratio(square: Array) -> Array:
     h = sum(2 * k * near ** (k - 1) / math.factorial(2 * k + 1) for k in range(1, TERMS))
     v = np.sqrt(np.maximum(np.abs(square), 1.0))
     far = np.where(square > 0.0, v / np.tanh(v), v / np.tan(v))
-    result: Array = np.where(np.abs(square) < 1.0, h / g, (far - 1) / np.where(square > 0.0, v**2, -(v**2)))
-    return result
+    return np.where(np.abs(square) < 1.0, h / g, (far - 1) / np.where(square > 0.0, v**2, -(v**2)))
 
 
 def coarse_beams(response: Response) -> list[str]:

@@ -53,44 +53,24 @@ CHUNK = 128  # poses at a time: the matrices of a chunk stay in the processor's 
 
 @dataclass(frozen=True)
 class Port:
-    """A direction whose stiffness is left open.
+    """A direction whose stiffness is left open."""
 
-    Attributes
-    ----------
-    name : str
-        Of the stiffness parameter it belongs to.
-    kind : "joint", "strut" or "beam"
-    index : int
-        Of the joint, strut or beam in the robot.
-    direction : int
-        0..5: of the joint's frame, or of the beam's local axes (second end against the first carried along).
-    """
-
-    name: str
+    name: str  # of the stiffness parameter it belongs to
     kind: Literal["joint", "strut", "beam"]
-    index: int
+    index: int  # of the joint, strut or beam in the robot
+    # 0..5: of the joint's frame, or of the beam's local axes (second end against the first carried along)
     direction: int = 0
 
 
 @dataclass(frozen=True)
 class Condensed:
-    """The structure seen from its ports and observed nodes, batched over P poses.
+    """The structure seen from its ports and observed nodes, batched over P poses."""
 
-    Attributes
-    ----------
-    port_stiffness : (P, p, p) array
-        S: what the rest of the structure adds to the ports' own springs.
-    port_map : (P, p, o) array
-        B: force at the ports per wrench at the observed nodes (o = 6 times their number).
-    clamped : (P, o, o) array
-        Compliance at the observed nodes with all ports held.
-    port_dead, clamped_dead : (P, p), (P, o) arrays
-        g and d_clamped: what the dead weight does.
-    """
-
-    port_stiffness: Array
+    port_stiffness: Array  # (P, p, p): S: what the rest of the structure adds to the ports' own springs
+    # (P, p, o): B: force at the ports per wrench at the observed nodes (o = 6 times their number)
     port_map: Array
-    clamped: Array
+    clamped: Array  # (P, o, o): compliance at the observed nodes with all ports held
+    # port_dead, clamped_dead, (P, p), (P, o): g and d_clamped: what the dead weight does
     port_dead: Array
     clamped_dead: Array
 
@@ -110,7 +90,6 @@ def condense(
 
     Parameters
     ----------
-    structure : Structure
     posture : Posture
         P poses with closed loops.
     observed : sequence of str
@@ -121,12 +100,6 @@ def condense(
         How many poses at a time.
     dead : bool
         Whether what the dead weight does is wanted; without it those parts may be zero.
-
-    Raises
-    ------
-    BeamstiffError
-        When the structure, with its ports held, is a mechanism at a pose; the motion is named. When there is
-        no such node, or a port cannot move.
     """
     index = structure.kinematics.node_index
     for name in observed:
@@ -162,8 +135,7 @@ def _program(
         return None
     if not same_geometry(posture.kinematics, structure.kinematics):
         return None
-    number = joint_unknowns(structure.unknowns)
-    own = [number.get((port.index, port.direction), -1) if port.kind == "joint" else -1 for port in ports]
+    own = port_unknowns(structure, ports)
     if -1 in own:
         return None
     index = structure.kinematics.node_index
@@ -356,8 +328,7 @@ def _split(
     constrains them, `rest` and `moved` are plain index arrays.
     """
     unknowns, what = structure.unknowns, f"robot {structure.robot.name!r}"
-    number = joint_unknowns(unknowns)
-    own = [number.get((port.index, port.direction), -1) if port.kind == "joint" else -1 for port in ports]
+    own = port_unknowns(structure, ports)
     constrained = has_constraints(structure)
     if not constrained and all(at >= 0 for at in own):
         moved = np.array(own, dtype=np.int64)
@@ -371,6 +342,12 @@ def _split(
         basis = null_space(fixed_rows, scale, what)
     moved_basis = imposed(port_rows, basis, [port.name for port in ports])
     return null_space(np.concatenate([fixed_rows, port_rows], axis=1), scale, what), moved_basis
+
+
+def port_unknowns(structure: Structure, ports: Sequence[Port]) -> list[int]:
+    """Return the unknown that each port is; -1 where it is none by itself."""
+    number = joint_unknowns(structure.unknowns)
+    return [number.get((port.index, port.direction), -1) if port.kind == "joint" else -1 for port in ports]
 
 
 def port_row(structure: Structure, geometry: Geometry, port: Port) -> Array:
@@ -392,28 +369,12 @@ def _symmetric(matrix: Array) -> Array:
 
 
 def tcp_compliance(structure: Structure, posture: Posture, chunk: int = CHUNK) -> Array:
-    """Return the compliance at the TCP of every pose, (P, 6, 6), base frame: ``[d, r] = C [f, m]``.
-
-    Examples
-    --------
-    >>> from beamstiff import load_robot
-    >>> from beamstiff.fem.structure import compile_structure
-    >>> from beamstiff.robot.kinematics import posture
-    >>> structure = compile_structure(load_robot("cantilever"))
-    >>> tcp_compliance(structure, posture(structure.kinematics, np.zeros((1, 0)))).shape
-    (1, 6, 6)
-    """
+    """Return the compliance at the TCP of every pose, (P, 6, 6), base frame: ``[d, r] = C [f, m]``."""
     return condense(structure, posture, [structure.robot.tcp], chunk=chunk, dead=False).clamped
 
 
 def tcp_stiffness(compliance: Array, robot: str = "robot") -> Array:
-    """Return the stiffness at the TCP, (..., 6, 6), the inverse of its compliance (seed 003, eq. 27).
-
-    Raises
-    ------
-    BeamstiffError
-        When the compliance is singular: some direction of the TCP does not give way at all.
-    """
+    """Return the stiffness at the TCP, (..., 6, 6), the inverse of its compliance (seed 003, eq. 27)."""
     flat = compliance.reshape(-1, 6, 6)
     inverse, unstable = solve_stable(flat, np.broadcast_to(np.eye(6), flat.shape), softest=STIFFEST)
     if unstable is not None:

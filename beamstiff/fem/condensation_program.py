@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.expression_graph.expression import Expression, Recorder
-from beamstiff.expression_graph.graph import Program, compile_program
+from beamstiff.expression_graph.graph import ExpressionGraph, compile_graph
 from beamstiff.fem.assembly import assemble
 from beamstiff.fem.constraints import has_constraints
 from beamstiff.fem.elimination import eliminate, elimination_order
@@ -49,23 +49,15 @@ Value = Expression | float
 
 @dataclass(frozen=True, eq=False)
 class CondensationProgram:
-    """From the values of all variables to the structure as seen from its ports and observed nodes.
+    """From the values of all variables to the structure as seen from its ports and observed nodes."""
 
-    Attributes
-    ----------
-    program : Program
-        Its outputs are what the arrays below refer to, and last a number that is positive where they are
-        beyond doubt.
-    parts : tuple of int arrays
-        Which output each entry is, of S (p, p), B (p, o), C_clamped (o, o), g (p,) and d_clamped (o,); the
-        last two are all -1 without the dead weight.
-    port_size : (p,) array
-        How large what meets at the ports is.
-    """
-
-    program: Program
+    # its outputs are what the arrays below refer to, and last a number that is positive where they are beyond
+    # doubt
+    program: ExpressionGraph
+    # which output each entry is, of S (p, p), B (p, o), C_clamped (o, o), g (p,) and d_clamped (o,); the last
+    # two are all -1 without the dead weight
     parts: tuple[Index, ...]
-    port_size: Array
+    port_size: Array  # (p,): how large what meets at the ports is
 
     def run(self, values: Array, compiled: bool | None = None) -> tuple[list[Array], NDArray[np.bool_]]:
         """Return the five parts, (P, ...), for values (P, V), and where they are beyond doubt (P,)."""
@@ -156,7 +148,7 @@ def _written(
     p, o = len(ports), 6 * len(observed)
     if not dead:
         parts += [np.full((count,), -1, dtype=np.int64) for count in (p, o)]
-    program = compile_program(recorder, len(values), [*outputs, firm])
+    program = compile_graph(recorder, len(values), [*outputs, firm])
     return CondensationProgram(program, tuple(parts), sizes[list(ports)])
 
 

@@ -100,11 +100,6 @@ def null_space(rows: Array, scale: Array, what: str) -> Array:
         Size of a unit of each unknown, so that metres and radians compare.
     what : str
         What the rows stand for, for the message.
-
-    Raises
-    ------
-    BeamstiffError
-        When the rank differs between poses: some of them are singular positions of a rigid loop.
     """
     _, singular, right = np.linalg.svd(rows * scale, full_matrices=True)
     rank = _count_ranks(singular, scale)
@@ -116,18 +111,11 @@ def null_space(rows: Array, scale: Array, what: str) -> Array:
     free = right[:, int(rank[0]) if rank.size else 0 :]
     # rounding errors would carry the stiffness of what does not move into what moves
     free[np.abs(free) < ROUNDING] = 0.0
-    basis: Array = free.swapaxes(-1, -2) * scale[:, None]
-    return basis
+    return free.swapaxes(-1, -2) * scale[:, None]
 
 
 def imposed(rows: Array, basis: Array, names: list[str]) -> Array:
-    """Return W with ``rows @ W = I`` inside the span of `basis`, (P, n, p): unit motion of each row.
-
-    Raises
-    ------
-    BeamstiffError
-        When a row cannot move without the others because rigid parts hold it.
-    """
+    """Return W with ``rows @ W = I`` inside the span of `basis`, (P, n, p): unit motion of each row."""
     inside = rows @ basis
     size = np.linalg.norm(inside, axis=2, keepdims=True)
     stuck = (size[..., 0] <= RANK_TOLERANCE * np.linalg.norm(basis, axis=(1, 2))[:, None]).any(axis=0)
@@ -141,5 +129,4 @@ def imposed(rows: Array, basis: Array, names: list[str]) -> Array:
         raise BeamstiffError(
             f"the directions {listed(dict.fromkeys(which))} {how}: rigid parts of their loops hold them"
         )
-    moved: Array = basis @ np.linalg.pinv(inside)
-    return moved
+    return basis @ np.linalg.pinv(inside)

@@ -21,7 +21,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.fem.assembly import dense_stiffness, gather, node_map, scatter
+from beamstiff.fem.assembly import gather, node_map, scatter
 from beamstiff.fem.beam_column import beam_bending, check_beams, pulled_weight, stability_change
 from beamstiff.fem.condensation import CHUNK
 from beamstiff.fem.constraints import RANK_TOLERANCE, constraint_rows, has_constraints, unknown_sizes
@@ -54,7 +54,6 @@ def loaded_compliance(
 
     Parameters
     ----------
-    structure : Structure
     posture : Posture
         P poses with closed loops.
     loads : (P, N, 6) array, N and N m
@@ -66,24 +65,6 @@ def loaded_compliance(
     -------
     (P, 6, 6) array
         ``[d, r] = C [f, m]``, base frame; not symmetric when moments are among the loads (seed 000, eq. 10).
-
-    Raises
-    ------
-    BeamstiffError
-        When the structure is a mechanism, or the loads make it buckle: a motion, which is named, meets no
-        resistance. Where moments act, the symmetric part of the stiffness decides.
-
-    Examples
-    --------
-    >>> from beamstiff.fem.response import nodal_loads
-    >>> from beamstiff.fem.structure import compile_structure
-    >>> from beamstiff.robot.kinematics import posture
-    >>> from beamstiff.robot.reader import load_robot
-    >>> structure = compile_structure(load_robot("cantilever"))
-    >>> pose, push = posture(structure.kinematics, np.zeros((1, 0))), [-1e4, 0, 0, 0, 0, 0]
-    >>> softer = loaded_compliance(structure, pose, nodal_loads(structure, 1, {structure.robot.tcp: push}))
-    >>> bool(softer[0, 1, 1] > loaded_compliance(structure, pose, nodal_loads(structure, 1, {}))[0, 1, 1])
-    True
     """
     tcp, parts = structure.kinematics.node_index[structure.robot.tcp], []
     for geometry, some in _chunks(structure, posture, loads, chunk):
@@ -111,11 +92,6 @@ def loaded_displacement(
     -------
     (P, N, 6) array
         ``[d, r]`` of every node, base frame, m and rad.
-
-    Raises
-    ------
-    BeamstiffError
-        When the structure is a mechanism, or the loads make it buckle.
     """
     parts = []
     for geometry, some in _chunks(structure, posture, loads, chunk):
@@ -146,13 +122,7 @@ def _chunks(
 
 
 def loaded_stiffness(compliance: Array, robot: str = "robot") -> Array:
-    """Return the stiffness at the TCP, (..., 6, 6), from the compliance of the loaded machine.
-
-    Raises
-    ------
-    BeamstiffError
-        When the compliance is singular: some direction of the TCP does not give way at all.
-    """
+    """Return the stiffness at the TCP, (..., 6, 6), from the compliance of the loaded machine."""
     symmetric = 0.5 * (compliance + compliance.swapaxes(-1, -2))
     if (stuck := unstable_pose(symmetric.reshape(-1, 6, 6))) is not None:
         raise BeamstiffError(
@@ -163,11 +133,6 @@ def loaded_stiffness(compliance: Array, robot: str = "robot") -> Array:
     scaled = np.linalg.inv(compliance / (size[..., :, None] * size[..., None, :]))
     result: Array = scaled / (size[..., :, None] * size[..., None, :])
     return result
-
-
-def tangent_stiffness(structure: Structure, geometry: Geometry, loads: Array, gravity: bool = False) -> Array:
-    """Return K_t (P, n, n) in the unknowns, without the constraints of rigid loops (see the module)."""
-    return dense_stiffness(structure, geometry) + load_stiffness(structure, geometry, loads, gravity)[0]
 
 
 def load_stiffness(
@@ -350,7 +315,6 @@ def complementary_stiffness(structure: Structure, posture: Posture, wrench: Arra
 
     Parameters
     ----------
-    structure : Structure
     posture : Posture
         P poses.
     wrench : (6,) or (P, 6) array, N and N m
@@ -360,11 +324,6 @@ def complementary_stiffness(structure: Structure, posture: Posture, wrench: Arra
     -------
     (P, A, A) array, N m/rad
         In the order of ``robot.actuated``. Not symmetric when a moment acts.
-
-    Raises
-    ------
-    BeamstiffError
-        When the robot has closed loops: `loaded_compliance` is for all robots.
     """
     kinematics = structure.kinematics
     if kinematics.loops:

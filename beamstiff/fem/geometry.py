@@ -19,27 +19,14 @@ SHORTEST = 1e-9  # m: shorter than this, a beam or strut has no direction
 
 @dataclass(frozen=True)
 class Geometry:
-    """What of the structure turns with the pose, batched over P poses.
-
-    Attributes
-    ----------
-    posture : Posture
-    joint_rotation : (P, J, 3, 3) array
-        Base frame from joint frame (first axis along the joint).
-    terms : (P, T, 6, 6) array
-        ``u_node = sum over its terms of terms[t] @ z[block t]``.
-    beam_rotation : (P, B, 3, 3) array
-        Base frame from local beam axes.
-    beam_length : (P, B) array, m
-    number : (P,) int array
-        Number of each pose in the whole list, for messages: long lists are placed in pieces.
-    """
+    """What of the structure turns with the pose, batched over P poses."""
 
     posture: Posture
-    joint_rotation: Array
-    terms: Array
-    beam_rotation: Array
-    beam_length: Array
+    joint_rotation: Array  # (P, J, 3, 3): base frame from joint frame (first axis along the joint)
+    terms: Array  # (P, T, 6, 6): ``u_node = sum over its terms of terms[t] @ z[block t]``
+    beam_rotation: Array  # (P, B, 3, 3): base frame from local beam axes
+    beam_length: Array  # (P, B), m
+    # (P,): number of each pose in the whole list, for messages: long lists are placed in pieces
     number: Index
 
     def only(self, poses: Index) -> Geometry:
@@ -53,17 +40,10 @@ def place(structure: Structure, posture: Posture, number: Index | None = None) -
 
     Parameters
     ----------
-    structure : Structure
     posture : Posture
         P poses with closed loops.
     number : (P,) int array, optional
         Number of each of them in the whole list, for messages; default 0, 1, 2...
-
-    Raises
-    ------
-    BeamstiffError
-        When a position is not finite, the nodes of a joint do not coincide, a beam has zero length, or `up`
-        is parallel to its beam.
     """
     robot, unknowns, positions = structure.robot, structure.unknowns, posture.node_positions
     rotations = posture.transforms[:, :, :3, :3]
@@ -123,13 +103,7 @@ def _check_joints(structure: Structure, positions: Array, number: Index) -> None
 
 
 def strut_directions(structure: Structure, geometry: Geometry, struts: Index) -> Array:
-    """Return the unit vectors along struts, first to second node, (P, S, 3), base frame.
-
-    Raises
-    ------
-    BeamstiffError
-        When a strut has zero length.
-    """
+    """Return the unit vectors along struts, first to second node, (P, S, 3), base frame."""
     index = structure.kinematics.node_index
     pairs = [[index[name] for name in structure.robot.struts[at].nodes] for at in struts]
     ends = np.array(pairs, dtype=np.int64).reshape(-1, 2)

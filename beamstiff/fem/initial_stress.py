@@ -176,8 +176,7 @@ def arm_initial_stress(force: Array, arm: Array) -> Array:
 
 def _triple(vector: Array, left: Array, right: Array) -> Array:
     """Return the quadratic form of ``vector . (left u x right u)``."""
-    result: Array = -_transpose(left) @ skew(vector) @ right
-    return result
+    return -_transpose(left) @ skew(vector) @ right
 
 
 def _outer(left: Array, right: Array) -> Array:

@@ -16,11 +16,6 @@ def gravity_wrenches(structure: Structure, geometry: Geometry) -> Array:
     """Return the wrench of the dead weight on every node, (P, N, 6), base frame, N and N m.
 
     Beams carry ``rho A g`` a metre (seed 003: equivalent nodal loads); a mass off its node adds ``at x m g``.
-
-    Raises
-    ------
-    BeamstiffError
-        When a mass is off a node that only struts hold and that has no rotation.
     """
     result = mass_wrenches(structure, geometry)
     beams = beam_weight(structure, geometry)
@@ -31,13 +26,7 @@ def gravity_wrenches(structure: Structure, geometry: Geometry) -> Array:
 
 
 def mass_wrenches(structure: Structure, geometry: Geometry) -> Array:
-    """Return the wrench of what masses weigh on every node, (P, N, 6), base frame, N and N m.
-
-    Raises
-    ------
-    BeamstiffError
-        See `gravity_wrenches`.
-    """
+    """Return the wrench of what masses weigh on every node, (P, N, 6), base frame, N and N m."""
     robot, positions = structure.robot, geometry.posture.node_positions
     gravity = np.array(robot.gravity)
     result = np.zeros((positions.shape[0], len(robot.nodes), 6))

@@ -82,11 +82,6 @@ def solve_stable(
         Not to be used if there is an unstable pose.
     unstable : None or (pose, motion)
         The first pose whose stiffness is not positive definite, and its softest motion (n,).
-
-    Raises
-    ------
-    BeamstiffError
-        When a stiffness is not finite.
     """
     solution, firm = _solve(matrix, right, np.diagonal(matrix, axis1=-2, axis2=-1), True, softest)
     if firm.all():

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg import qr
 
 from beamstiff.errors import BeamstiffError, listed
-from beamstiff.fem.condensation import Port, port_row
+from beamstiff.fem.condensation import Port, port_row, port_unknowns
 from beamstiff.fem.constraints import (
     RANK_TOLERANCE,
     constraint_rows,
@@ -23,7 +23,6 @@ from beamstiff.fem.constraints import (
 )
 from beamstiff.fem.geometry import place
 from beamstiff.fem.structure import Structure
-from beamstiff.fem.unknowns import joint_unknowns
 from beamstiff.robot.kinematics import Posture
 from beamstiff.se3 import Array
 
@@ -41,61 +40,9 @@ def independent_ports(
         Of `ports`.
     share : (p, r) array
         What each port moves per unit of the independent ones.
-
-    Raises
-    ------
-    BeamstiffError
-        When those shares change from pose to pose.
-
-    Examples
-    --------
-    Two springs side by side, of which one reaches twice as far as the other:
-
-    >>> from beamstiff.fem.structure import compile_structure
-    >>> from beamstiff.robot.description import Robot
-    >>> from beamstiff.robot.kinematics import posture
-    >>> robot = Robot(
-    ...     name="lever",
-    ...     fixed=["a", "b", "c"],
-    ...     tcp="tip",
-    ...     nodes=[
-    ...         {"name": name, "at": [x, y, 0]}
-    ...         for name, x, y in (
-    ...             ("a", 0, 0),
-    ...             ("hub", 0, 0),
-    ...             ("b", 1, 1),
-    ...             ("c", 2, 1),
-    ...             ("mid", 1, 0),
-    ...             ("tip", 2, 0),
-    ...         )
-    ...     ],
-    ...     rigids=[{"name": "r1", "nodes": ["hub", "mid"]}, {"name": "r2", "nodes": ["hub", "tip"]}],
-    ...     joints=[
-    ...         {
-    ...             "name": "J",
-    ...             "nodes": ["a", "hub"],
-    ...             "frame": "base",
-    ...             "axis": [0, 0, 1],
-    ...             "stiffness": {"torsional": 1.0},
-    ...         }
-    ...     ],
-    ...     struts=[
-    ...         {"name": "s1", "nodes": ["b", "mid"], "stiffness": 1.0},
-    ...         {"name": "s2", "nodes": ["c", "tip"], "stiffness": 1.0},
-    ...     ],
-    ... )
-    >>> structure = compile_structure(robot)
-    >>> where = posture(structure.kinematics, np.zeros((1, 0)))
-    >>> independent, share = independent_ports(
-    ...     structure, where, [Port("s1", "strut", 0), Port("s2", "strut", 1)]
-    ... )
-    >>> independent.tolist(), np.abs(share / share[0]).round(6).ravel().tolist()
-    ([0], [1.0, 2.0])
     """
     everything = np.arange(len(ports)), np.eye(len(ports))
-    number = joint_unknowns(structure.unknowns)
-    own = all(port.kind == "joint" and (port.index, port.direction) in number for port in ports)
-    if own and not has_constraints(structure):
+    if -1 not in port_unknowns(structure, ports) and not has_constraints(structure):
         return everything
 
     def found(some: Posture) -> tuple[NDArray[np.int64], Array]:

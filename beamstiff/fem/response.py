@@ -19,37 +19,22 @@ from beamstiff.fem.structure import Structure
 from beamstiff.fem.unknowns import joint_unknowns, turning_nodes
 from beamstiff.robot.kinematics import Posture
 from beamstiff.robot.parts import JOINT_DIRECTIONS
-from beamstiff.se3 import Array, displacement_transport, rotate_screw
+from beamstiff.se3 import Array, rotate_screw
 
 
 @dataclass(frozen=True)
 class Response:
-    """How a structure deforms under loads at P poses.
-
-    Attributes
-    ----------
-    displacement : (P, N, 6) array
-        ``[d, r]`` of every node, base frame, m and rad.
-    element_forces : (P, E, 2, 6) array
-        Wrench on either end of every element, base frame, N and N m.
-    beam_forces : (P, B, 2, 6) array
-        Wrench on either end of every beam in its local axes, N and N m.
-    joint_displacement : (P, J, 6) array
-        Second node against first in the joint's frame.
-    element_energy : (P, E) array
-        Strain energy of the structure's elements (beams, loop-closing joints, struts), J.
-    spring_energy : (P, S) array
-        Strain energy of the springs of the joints on the tree, J.
-    """
+    """How a structure deforms under loads at P poses."""
 
     structure: Structure
     geometry: Geometry
-    displacement: Array
-    element_forces: Array
-    beam_forces: Array
-    joint_displacement: Array
+    displacement: Array  # (P, N, 6): ``[d, r]`` of every node, base frame, m and rad
+    element_forces: Array  # (P, E, 2, 6): wrench on either end of every element, base frame, N and N m
+    beam_forces: Array  # (P, B, 2, 6): wrench on either end of every beam in its local axes, N and N m
+    joint_displacement: Array  # (P, J, 6): second node against first in the joint's frame
+    # (P, E): strain energy of the structure's elements (beams, loop-closing joints, struts), J
     element_energy: Array
-    spring_energy: Array
+    spring_energy: Array  # (P, S): strain energy of the springs of the joints on the tree, J
 
     def energy_shares(self) -> dict[str, Array]:
         """Return the share of every component in the strain energy, (P,) each; joints by direction kind."""
@@ -75,13 +60,7 @@ class Response:
 
 
 def nodal_loads(structure: Structure, poses: int, wrenches: dict[str, Array]) -> Array:
-    """Return nodal wrenches (P, N, 6) from wrenches by node name, (6,) or (P, 6), base frame.
-
-    Raises
-    ------
-    BeamstiffError
-        When a node does not exist.
-    """
+    """Return nodal wrenches (P, N, 6) from wrenches by node name, (6,) or (P, 6), base frame."""
     index = structure.kinematics.node_index
     loads = np.zeros((poses, len(structure.robot.nodes), 6))
     for name, wrench in wrenches.items():
@@ -96,18 +75,12 @@ def respond(structure: Structure, posture: Posture, loads: Array, gravity: bool 
 
     Parameters
     ----------
-    structure : Structure
     posture : Posture
         P poses with closed loops.
     loads : (P, N, 6) array
         Wrench ``[f, m]`` on every node, base frame.
     gravity : bool
         Add the dead weight.
-
-    Raises
-    ------
-    BeamstiffError
-        When the structure is a mechanism, or a moment acts on a node that has no rotation.
     """
     geometry = place(structure, posture)
     check_moments(structure, loads)
@@ -140,17 +113,6 @@ def _joint_displacement(
     return local
 
 
-def solve_unknowns(structure: Structure, geometry: Geometry, force: Array) -> Array:
-    """Return the unknowns z (P, n) of ``K z = f`` under the constraints of rigid loops.
-
-    Raises
-    ------
-    BeamstiffError
-        When the structure is a mechanism; the free motion is named.
-    """
-    return _solve(structure, geometry, force)[0]
-
-
 def _solve(structure: Structure, geometry: Geometry, force: Array) -> tuple[Array, dict[int, Array]]:
     if structure.unknowns.count > MANY_UNKNOWNS and not has_constraints(structure):
         return solve_sparse(structure, geometry, force[..., None])[..., 0], {}
@@ -159,13 +121,7 @@ def _solve(structure: Structure, geometry: Geometry, force: Array) -> tuple[Arra
 
 
 def solve_elements(structure: Structure, geometry: Geometry, force: Array) -> tuple[Array, Array, Array]:
-    """Return the unknowns (P, n), the wrenches on the elements' ends (P, E, 2, 6) and their energy (P, E).
-
-    Raises
-    ------
-    BeamstiffError
-        When the structure is a mechanism; the free motion is named.
-    """
+    """Return the unknowns (P, n), the wrenches on the elements' ends (P, E, 2, 6) and their energy (P, E)."""
     unknowns, strains = _solve(structure, geometry, force)
     forces, energy = element_forces(structure, geometry, gather(structure, geometry, unknowns))
     for pose, some in strains.items():  # differences of displacements would be rounding
@@ -194,12 +150,6 @@ def solve_constrained(
     solution : (P, n, c) array
     strains : dict of (m, c) arrays
         Of the poses that went by the factor of the strains.
-
-    Raises
-    ------
-    BeamstiffError
-        When the structure is a mechanism, buckles under its loads (the symmetric part of the stiffness
-        decides), or rounding shows in the answer; the motion, or the part, is named.
     """
     stiffness, size = assemble(structure, geometry)
     if by_load is not None:
@@ -251,49 +201,3 @@ def _beam_forces(structure: Structure, geometry: Geometry, forces: Array, gravit
     )
     nodal = uniform_load(load, geometry.beam_length)
     return local - nodal.reshape(local.shape)
-
-
-def transmitted_wrenches(response: Response, loads: Array) -> Array:
-    """Return the wrench that each joint passes on, by equilibrium of what hangs on it.
-
-    Parameters
-    ----------
-    response : Response
-    loads : (P, N, 6) array
-        All nodal wrenches that act, dead weight included.
-
-    Returns
-    -------
-    (P, J, 6) array
-        Wrench of the second node's side on the first's, joint frame; rigid directions included, and equal to
-        stiffness times relative displacement in the finite ones.
-
-    Raises
-    ------
-    BeamstiffError
-        When a loop of rigid parts makes the inner forces indeterminate.
-    """
-    structure, geometry = response.structure, response.geometry
-    unknowns = structure.unknowns
-    if has_constraints(structure):
-        raise BeamstiffError(
-            f"robot {structure.robot.name!r}: rigid parts close a loop, so that equilibrium alone does not "
-            "give the forces of its joints"
-        )
-    forces, rest = response.element_forces, loads.copy()
-    for end in (0, 1):
-        np.subtract.at(rest.swapaxes(0, 1), structure.elements[:, end], forces[:, :, end].swapaxes(0, 1))
-    # what hangs on a joint pulls at it: carry each node's rest to every joint on its way to the root
-    joint = unknowns.block_joint[unknowns.term_block]
-    elastic = np.flatnonzero(joint >= 0)
-    passed = np.array([unknowns.term_node, joint, unknowns.term_origin, unknowns.term_sign])[:, elastic]
-    node, joint, origin, sign = np.concatenate([passed, unknowns.rigid_joint_terms], axis=1)
-    positions = geometry.posture.node_positions
-    carry = displacement_transport(positions[:, node] - positions[:, origin]).swapaxes(-1, -2)
-    pulls = sign[:, None] * (carry @ rest[:, node, :, None])[..., 0]
-    result = np.zeros((positions.shape[0], len(structure.robot.joints), 6))
-    np.add.at(result.swapaxes(0, 1), joint, pulls.swapaxes(0, 1))
-    turn = rotate_screw(geometry.joint_rotation).swapaxes(-1, -2)
-    local: Array = (turn @ result[..., None])[..., 0]
-    local[:, structure.chords] = structure.chord_values * response.joint_displacement[:, structure.chords]
-    return local

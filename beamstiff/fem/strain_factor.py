@@ -37,26 +37,13 @@ BUCKLED = 1e-13  # stiffness of the loaded machine, as a share of the unloaded o
 
 @dataclass(frozen=True)
 class Factored:
-    """A structure at one pose under c loads, with p ports held (`condensation` says what ports are).
+    """A structure at one pose under c loads, with p ports held (`condensation` says what ports are)."""
 
-    Attributes
-    ----------
-    port_stiffness : (p, p) array
-    port_force : (p, c) array
-        What the loads do at the ports.
-    work : (c, c) array
-        Of each load on the displacements of each.
-    solution : (n, c) array
-        Unknowns.
-    strains : (m, c) array
-        Deformations of the elements, weighed, in the order of `weighted_strains`.
-    """
-
-    port_stiffness: Array
-    port_force: Array
-    work: Array
-    solution: Array
-    strains: Array
+    port_stiffness: Array  # (p, p)
+    port_force: Array  # (p, c): what the loads do at the ports
+    work: Array  # (c, c): of each load on the displacements of each
+    solution: Array  # (n, c): unknowns
+    strains: Array  # (m, c): deformations of the elements, weighed, in the order of `weighted_strains`
 
 
 class Doubtful(Exception):  # noqa: N818 - caught where pose and robot are known
@@ -188,34 +175,10 @@ def factored_at(
     by_load: Array | None = None,
     works: bool = False,
 ) -> Factored:
-    """Return `factored` at one of many poses.
-
-    Raises
-    ------
-    BeamstiffError
-        When there is no answer; the motion, or the part that is lost, is named.
-    """
-    try:
-        return factored(structure, geometry.only(np.array([pose])), rest, loads, moved, by_load, works)
-    except Doubtful as doubt:
-        raise mechanism_error(structure, geometry, pose, doubt.motion, doubt.what) from None
-
-
-def factored(
-    structure: Structure,
-    geometry: Geometry,
-    rest: Array,
-    loads: Array,
-    moved: Array | None = None,
-    by_load: Array | None = None,
-    works: bool = False,
-) -> Factored:
-    """Return the answer at one pose from the strains.
+    """Return the answer at one of many poses from the strains.
 
     Parameters
     ----------
-    geometry : Geometry
-        One pose.
     rest : (n, r) array
         Motions that are possible with the ports held, ``z = rest y + moved e``.
     loads : (n, c) array
@@ -226,13 +189,23 @@ def factored(
         What loads add to the stiffness; then there are no ports.
     works : bool
         Whether the works are asked (a compliance), and not the solution.
-
-    Raises
-    ------
-    Doubtful
-        When the structure is a mechanism, buckles, or rounding shows in the answer.
     """
-    moved = np.zeros((len(rest), 0)) if moved is None else moved
+    moved, one = np.zeros((len(rest), 0)) if moved is None else moved, geometry.only(np.array([pose]))
+    try:
+        return _factored(structure, one, rest, loads, moved, by_load, works)
+    except Doubtful as doubt:
+        raise mechanism_error(structure, geometry, pose, doubt.motion, doubt.what) from None
+
+
+def _factored(
+    structure: Structure,
+    geometry: Geometry,
+    rest: Array,
+    loads: Array,
+    moved: Array,
+    by_load: Array | None,
+    works: bool,
+) -> Factored:
     (strains,), (size,) = weighted_strains(structure, geometry)
     units = unknown_sizes(structure)
     if not np.isfinite(strains).all():
@@ -342,8 +315,7 @@ def _null_motion(factor: _Factor, rest: Array, at: int) -> Array:
     motion = np.zeros(len(factor.order))
     motion[at] = 1.0
     motion[:at] = -_backward(factor.triangle[:at, :at], factor.triangle[:at, at : at + 1])[:, 0]
-    result: Array = rest[:, factor.order] @ motion
-    return result
+    return rest[:, factor.order] @ motion
 
 
 def _difference(one: Factored, other: Factored, loads: Array, units: Array | None) -> Array | None:

@@ -21,50 +21,34 @@ Index = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Pattern:
-    """Where the contributions of the elements go in the reduced global stiffness, found once per graph.
+    """Where the contributions of the elements go in the reduced global stiffness, found once per graph."""
 
-    Attributes
-    ----------
-    element, end_i, end_j, term_i, term_j : (M,) int arrays
-        One 6x6 product each: block (end_i, end_j) of an element between two terms.
-    order, starts : int arrays
-        Sort the kept entries of all products, and where each entry of the matrix begins in that order.
-    rows, columns : (nnz,) int arrays
-        Position of each entry, by column, then row.
-    """
-
+    # element, end_i, end_j, term_i, term_j, (M,): one 6x6 product each: block (end_i, end_j) of an element
+    # between two terms
     element: Index
     end_i: Index
     end_j: Index
     term_i: Index
     term_j: Index
+    # order, starts: sort the kept entries of all products, and where each entry of the matrix begins in that
+    # order
     order: Index
     starts: Index
+    # rows, columns, (nnz,): position of each entry, by column, then row
     rows: Index
     columns: Index
 
 
 @dataclass(frozen=True, eq=False)
 class Structure:
-    """A robot's elements as arrays, and how its unknowns are numbered.
-
-    Attributes
-    ----------
-    elements : (E, 2) int array
-        Nodes of the elements that carry stiffness between nodes: the beams, then the joints `chords` that
-        close loops (their finite directions), then the `struts`.
-    chords, struts : int arrays
-        Which joints and struts of the robot these are.
-    springs : (S,) int array, spring_values : (S,) array
-        Unknowns that carry a spring of their own (finite directions of joints on the tree), N/m or N m/rad.
-    joint_axes : (J, 3, 3) array
-        Rotation of each joint's frame (first axis along the joint) against its robot frame.
-    """
+    """A robot's elements as arrays, and how its unknowns are numbered."""
 
     robot: Robot
     kinematics: Kinematics
     unknowns: Unknowns
     pattern: Pattern
+    # (E, 2): nodes of the elements that carry stiffness between nodes: the beams, then the joints `chords`
+    # that close loops (their finite directions), then the `struts`
     elements: Index
     beam_properties: dict[str, Array]
     beam_up: Array
@@ -74,10 +58,10 @@ class Structure:
     chord_values: Array
     struts: Index
     strut_values: Array
-    springs: Index
-    spring_values: Array
+    springs: Index  # (S,): unknowns with a spring of their own: finite directions of joints on the tree
+    spring_values: Array  # (S,), N/m or N m/rad
     spring_joint: Index
-    joint_axes: Array
+    joint_axes: Array  # (J, 3, 3): each joint's frame (first axis along the joint) against its robot frame
     joint_frame: Index
     joint_nodes: Index
 

@@ -28,45 +28,25 @@ Index = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Unknowns:
-    """Numbering of the unknowns ``z`` (n) in blocks of six, and the terms that make nodes of them.
+    """Numbering of the unknowns ``z`` (n) in blocks of six, and the terms that make nodes of them."""
 
-    Attributes
-    ----------
-    count : int
-        Number of unknowns, n.
-    blocks : (K, 6) int array
-        Unknown of each direction of each block; -1 where there is none (rigid).
-    labels : tuple of (str, int)
-        For each unknown: its node or joint, and the direction 0..5.
-    block_joint : (K,) int array
-        Index of the joint whose relative displacement the block is; -1 for a root node.
-    term_node, term_block, term_origin, term_sign : (T,) int arrays
-        Terms, sorted by node: the node, the block, the node from which the arm is drawn, and -1 where the way
-        to the root passes a joint from its second node to its first.
-    rigid_joint_terms : (4, .) int array
-        The same (node, joint, origin, sign) for joints of the tree that are rigid in all directions, so have
-        no block: what hangs on them.
-    tree_joints, chord_joints : (.,) int arrays
-        Joints that carry unknowns, and joints that close a loop.
-    chord_rigids : (.,) int array
-        Rigids that close a loop.
-    held : (.,) int array
-        Nodes that are fixed without being the root of their tree.
-    """
-
-    count: int
-    blocks: Index
-    labels: tuple[tuple[str, int], ...]
+    count: int  # number of unknowns, n
+    blocks: Index  # (K, 6): unknown of each direction of each block; -1 where there is none (rigid)
+    labels: tuple[tuple[str, int], ...]  # for each unknown: its node or joint, and the direction 0..5
+    # (K,): index of the joint whose relative displacement the block is; -1 for a root node
     block_joint: Index
+    # term_node, term_block, term_origin, term_sign, (T,): terms, sorted by node: the node, the block, the
+    # node from which the arm is drawn, and -1 where the way to the root passes a joint from its second node
+    # to its first
     term_node: Index
     term_block: Index
     term_origin: Index
     term_sign: Index
-    rigid_joint_terms: Index
+    # tree_joints, chord_joints: joints that carry unknowns, and joints that close a loop
     tree_joints: Index
     chord_joints: Index
-    chord_rigids: Index
-    held: Index
+    chord_rigids: Index  # rigids that close a loop
+    held: Index  # nodes that are fixed without being the root of their tree
 
 
 def joint_values(joint: Joint) -> NDArray[np.float64]:
@@ -92,13 +72,7 @@ def joint_unknowns(unknowns: Unknowns) -> dict[tuple[int, int], int]:
 
 
 def number_unknowns(robot: Robot) -> Unknowns:
-    """Return the numbering of the unknowns of a robot's structure.
-
-    Raises
-    ------
-    BeamstiffError
-        When the TCP is held by struts alone, so that it has no rotation.
-    """
+    """Return the numbering of the unknowns of a robot's structure."""
     index = {node.name: at for at, node in enumerate(robot.nodes)}
     fixed = {index[name] for name in robot.fixed}
     tree, tree_joints, chord_rigids, chord_joints = _spanning_forest(robot, index)
@@ -108,7 +82,6 @@ def number_unknowns(robot: Robot) -> Unknowns:
     labels: list[tuple[str, int]] = []
     # node -> (block, origin, sign) on its way to the root
     paths: dict[int, list[tuple[int, int, int]]] = {}
-    rigid: dict[int, list[tuple[int, int, int]]] = {}  # the same with rigid joints in place of blocks
     held: list[int] = []
 
     def new_block(label: str, directions: list[bool], joint: int) -> int:
@@ -133,30 +106,24 @@ def number_unknowns(robot: Robot) -> Unknowns:
         else:
             six = [True] * 3 + [root in turning] * 3
             paths[root] = [(new_block(robot.nodes[root].name, six, -1), root, 1)]
-        rigid[root] = []
         front = deque([root])
         while front:
             node = front.popleft()
             for neighbour, joint, sign in tree[node]:
                 if neighbour in paths:
                     continue
-                paths[neighbour], rigid[neighbour] = list(paths[node]), list(rigid[node])
+                paths[neighbour] = list(paths[node])
                 if joint >= 0:
                     values = joint_values(robot.joints[joint])
                     if (values != RIGID).any():
                         directions = [bool(value != RIGID) for value in values]
                         block = new_block(robot.joints[joint].name, directions, joint)
                         paths[neighbour].append((block, neighbour, sign))
-                    else:
-                        rigid[neighbour].append((joint, neighbour, sign))
-                if neighbour in fixed:
-                    rigid[neighbour] = []  # the ground takes what hangs here
-                    if paths[neighbour]:
-                        held.append(neighbour)
+                if neighbour in fixed and paths[neighbour]:
+                    held.append(neighbour)
                 front.append(neighbour)
     terms = [(node, *term) for node in range(len(robot.nodes)) for term in paths[node]]
     columns = np.array(terms, dtype=np.int64).reshape(-1, 4).T
-    rigid_terms = [(node, *term) for node in range(len(robot.nodes)) for term in rigid[node]]
     return Unknowns(
         count=len(labels),
         blocks=np.array(blocks, dtype=np.int64).reshape(-1, 6),
@@ -166,7 +133,6 @@ def number_unknowns(robot: Robot) -> Unknowns:
         term_block=columns[1],
         term_origin=columns[2],
         term_sign=columns[3],
-        rigid_joint_terms=np.array(rigid_terms, dtype=np.int64).reshape(-1, 4).T,
         tree_joints=np.array(tree_joints, dtype=np.int64),
         chord_joints=np.array(chord_joints, dtype=np.int64),
         chord_rigids=np.array(chord_rigids, dtype=np.int64),

@@ -39,7 +39,7 @@ def compare(
     parameters : sequence of str, optional
         Stiffness values that are fitted, and may vary; default ``robot.identify``.
     models : sequence of str, optional
-        "rigid", "nominal", "parametric", "fuzzy", "fuzzy tree", "grid", "gray box", "gaussian process";
+        "rigid", "nominal", "parametric", "fuzzy", "grid", "gray box", "gaussian process";
         default all.
     share : float
         Of the poses to hold out.

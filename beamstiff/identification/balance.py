@@ -13,24 +13,6 @@ def balanced_stiffness(model: PortModel) -> Array:
 
     A spring beside elastic parts gets the stiffness that these have at its port; one that carries all of the
     load gets a stiffness in proportion to what it would move the measured points by.
-
-    Examples
-    --------
-    The joints of a serial robot, in proportion to load times lever arm:
-
-    >>> from beamstiff import load_robot
-    >>> from beamstiff.measure import make_measurements
-    >>> from beamstiff.model.ports import reduce_to_ports
-    >>> robot = load_robot("kr240-2")
-    >>> push = make_measurements(
-    ...     [variable.name for variable in robot.actuated],
-    ...     [[0, 0.5, -1, 0, 0.5, 0]],
-    ...     tcp=robot.tcp,
-    ...     wrench=[[0, 500, -1000, 0, 0, 0]],
-    ... )
-    >>> balanced = balanced_stiffness(reduce_to_ports(robot, push))
-    >>> bool((balanced > 0).all()), int(np.argmax(balanced))
-    (True, 1)
     """
     lever = model.lever
     both = np.outer(lever, lever)

@@ -36,35 +36,20 @@ BLOCK = 25  # draws in a task: some ten milliseconds at least, beside one that i
 
 @dataclass(frozen=True)
 class Bootstrap:
-    """Values refitted to poses drawn with replacement.
+    """Values refitted to poses drawn with replacement."""
 
-    Attributes
-    ----------
-    names : tuple of str (m)
-    stiffness : (R, m) array, N/m, N m/rad or Pa
-        Of every draw; infinite where it ended at the upper bound, as good as rigid.
-    relations : tuple of str (s)
-        Of the sums that are known though their members are not.
-    sums : (R, s) array
-        Their values, of every draw.
-    intervals : mapping of str to (low, high)
-        95 % percentile interval of every parameter that is identifiable by itself, and of every relation.
-        Next to a spring as good as rigid, whose compliance ends at zero, it holds the truth less often than
-        that (Andrews, "Inconsistency of the bootstrap when a parameter is on the boundary of the parameter
-        space", Econometrica 68, 2000); the intervals of `identify` do not.
-    poses : int
-        How many there are.
-    undetermined : int
-        Draws that left a parameter open, and are not counted.
-    """
-
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # (m)
+    # (R, m), N/m, N m/rad or Pa: of every draw; infinite where it ended at the upper bound, as good as rigid
     stiffness: Array
-    relations: tuple[str, ...]
-    sums: Array
+    relations: tuple[str, ...]  # (s): of the sums that are known though their members are not
+    sums: Array  # (R, s): their values, of every draw
+    # (low, high): 95 % percentile interval of every parameter that is identifiable by itself, and of every
+    # relation. Next to a spring as good as rigid, whose compliance ends at zero, it holds the truth less
+    # often than that (Andrews, "Inconsistency of the bootstrap when a parameter is on the boundary of the
+    # parameter space", Econometrica 68, 2000); the intervals of `identify` do not
     intervals: Mapping[str, tuple[float, float]]
-    poses: int
-    undetermined: int
+    poses: int  # how many there are
+    undetermined: int  # draws that left a parameter open, and are not counted
 
     @property
     def spread(self) -> Array:
@@ -100,42 +85,12 @@ def bootstrap(
 
     Parameters
     ----------
-    statement : Statement
     theta : (t,) array
         Its optimum.
-    repetitions : int
-    seed : int
     progress : callable, optional
         Called with the number of draws that are fitted, after every 25 of them.
-    processes : int
     scheduler : str, optional
         Of dask, ``tcp://host:port``; see `beamstiff.parallel`. The draws, and what is found, are the same.
-
-    Raises
-    ------
-    BeamstiffError
-        When there are fewer than four poses, most draws leave a parameter open, or a process or the scheduler
-        fails.
-
-    Examples
-    --------
-    >>> from beamstiff import identify, load_robot
-    >>> from beamstiff.identification.statement import state_identification
-    >>> from beamstiff.measure import make_measurements
-    >>> from beamstiff.model.linear import predict_displacements
-    >>> robot, random = load_robot("kr240-2"), np.random.default_rng(0)
-    >>> q, wrench = random.uniform(-1, 1, (12, 6)), random.normal(size=(12, 6)) * 800
-    >>> names = [variable.name for variable in robot.actuated]
-    >>> noise = {"tcp": robot.tcp, "sigma_position": 3e-5}
-    >>> still = make_measurements(names, q, wrench=wrench, **noise)
-    >>> seen = predict_displacements(robot, still)[:, :3] + 3e-5 * random.normal(size=(12, 3))
-    >>> table = make_measurements(names, q, wrench=wrench, displacement=seen, **noise)
-    >>> statement = state_identification(robot, table, robot.identify[:5])  # 6 passes through the TCP
-    >>> theta = statement.theta(identify(robot, table, robot.identify[:5]).stiffness)
-    >>> drawn = bootstrap(statement, theta, 50)
-    >>> low, high = drawn.intervals["J2.torsional"]
-    >>> low < robot.parameter("J2.torsional") < high
-    True
     """
     objective = statement.objective
     group, poses = blocks_of(objective, statement.problem.pose)
@@ -206,7 +161,6 @@ def without_leverage(objective: Objective, theta: Array, group: Integers) -> Obj
 
     Parameters
     ----------
-    objective : Objective
     theta : (t,) array
         Its optimum.
     group : (n,) int array
@@ -258,8 +212,7 @@ def values_of(statement: Statement, thetas: Array) -> Array:
     farthest = np.log(parameters.start * SPAN)[parameters.first]
     top = thetas >= farthest - AT_BOUND
     rigid = np.concatenate([top, np.zeros((len(thetas), 1), dtype=np.bool_)], axis=1)[:, parameters.tied]
-    result: Array = np.where(rigid, np.inf, stiffness)
-    return result
+    return np.where(rigid, np.inf, stiffness)
 
 
 def sums_of(statement: Statement, thetas: Array) -> Array:

@@ -27,11 +27,6 @@ def check_units(table: Measurements, size: float) -> None:
         Rows of several files.
     size : float, m
         Of the machine: moments compare with forces by it.
-
-    Raises
-    ------
-    BeamstiffError
-        Naming both files and what differs.
     """
     if len(table.sources) < 2:
         return
@@ -79,8 +74,7 @@ def check_units(table: Measurements, size: float) -> None:
 
 def _known(sigma: Array) -> Array:
     """Return standard deviations with infinity where none is known."""
-    result: Array = np.where(np.isfinite(sigma), sigma, np.inf)
-    return result
+    return np.where(np.isfinite(sigma), sigma, np.inf)
 
 
 def cautions(problem: Problem, parameters: Parameters, theta: Array, rms: float) -> Iterator[str]:
@@ -88,8 +82,6 @@ def cautions(problem: Problem, parameters: Parameters, theta: Array, rms: float)
 
     Parameters
     ----------
-    problem : Problem
-    parameters : Parameters
     theta : (t,) array
         The optimum.
     rms : float, m

@@ -41,36 +41,21 @@ class Silent:
 
 @dataclass(frozen=True)
 class Mixed:
-    """Parameters of which fewer combinations act than there are parameters.
+    """Parameters of which fewer combinations act than there are parameters."""
 
-    Attributes
-    ----------
-    members : tuple of str (g)
-    held : tuple of str (h)
-        Those whose value makes no difference: whatever it is, the others make up for it.
-    sums : tuple of Sum (g - h)
-        The combinations that act, where they are sums of compliances; else empty.
-    """
-
-    members: tuple[str, ...]
+    members: tuple[str, ...]  # (g)
+    # (h): those whose value makes no difference: whatever it is, the others make up for it
     held: tuple[str, ...]
+    # (g - h): the combinations that act, where they are sums of compliances; else empty
     sums: tuple[Sum, ...] = ()
 
 
 @dataclass(frozen=True)
 class Degeneracy:
-    """What cannot be identified one by one from the rows of a problem.
-
-    Attributes
-    ----------
-    silent : tuple of Silent
-    joined : tuple of Joined
-        Springs in series or in parallel.
-    mixed : tuple of Mixed
-    """
+    """What cannot be identified one by one from the rows of a problem."""
 
     silent: tuple[Silent, ...]
-    joined: tuple[Joined, ...]
+    joined: tuple[Joined, ...]  # springs in series or in parallel
     mixed: tuple[Mixed, ...]
 
 
@@ -88,7 +73,6 @@ def find_degeneracy(problem: Problem, seed: int = 0) -> Degeneracy:
 
     Parameters
     ----------
-    problem : Problem
     seed : int
         Of the random stiffness values.
 

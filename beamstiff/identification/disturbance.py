@@ -20,18 +20,10 @@ from beamstiff.se3 import Array
 
 @dataclass(frozen=True)
 class Disturbance:
-    """How the rows move by one standard deviation of each input's error.
+    """How the rows move by one standard deviation of each input's error."""
 
-    Attributes
-    ----------
-    own : (N, 6, a) array, m and rad
-        By errors that every row has for itself: of its load.
-    common : (N, 6, b) array, m and rad
-        By errors that the rows of one pose share: of the joint readings.
-    """
-
-    own: Array
-    common: Array
+    own: Array  # (N, 6, a), m and rad: by errors that every row has for itself: of its load
+    common: Array  # (N, 6, b), m and rad: by errors that the rows of one pose share: of the joint readings
 
     def rows(self, chosen: ArrayLike) -> Disturbance:
         """Return that of some rows: a mask or indices."""
@@ -57,7 +49,6 @@ def disturbed_covariance(
     sharing : (N,) int array
         Number of a shared unloaded reading, -1 for none: half of the variance is that reading's.
     pose : (N,) int array
-    disturbance : Disturbance
 
     Returns
     -------

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Unpack
 
 import numpy as np
 
@@ -11,19 +12,12 @@ from beamstiff.errors import listed
 from beamstiff.identification.cautions import cautions, check_units
 from beamstiff.identification.degeneracy import Mixed
 from beamstiff.identification.ill_determined import find_ill_determined
-from beamstiff.identification.information import (
-    Uncertainty,
-    spread_over,
-    uncertainty,
-)
-from beamstiff.identification.input_errors import InputErrors
+from beamstiff.identification.information import Uncertainty, spread_over, uncertainty
 from beamstiff.identification.minimise import Effort, Minimum, Progress, minimise
-from beamstiff.identification.objective import Loss
 from beamstiff.identification.parameters import Parameters, state_parameters
-from beamstiff.identification.problem import Components
 from beamstiff.identification.relations import INVERSE_UNITS, Joined, Sum
 from beamstiff.identification.result import Combination, Identification, Parameter
-from beamstiff.identification.statement import Plan, Statement, state_identification
+from beamstiff.identification.statement import Options, Plan, Statement, state_identification
 from beamstiff.identification.validation import held_out, position_rms
 from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements
@@ -41,16 +35,10 @@ def identify(
     parameters: Sequence[str] | None = None,
     method: str = "trust-region",
     *,
-    fixed: Sequence[str] = (),
-    ties: Sequence[Sequence[str]] = (),
-    bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
-    priors: Mapping[str, tuple[float, float]] | None = None,
-    loss: Loss = "linear",
-    components: Components = "both",
-    errors: InputErrors | None = None,
     folds: int = 5,
     effort: Effort | None = None,
     progress: Progress | None = None,
+    **options: Unpack[Options],
 ) -> Identification:
     """Identify stiffness values from measured displacements.
 
@@ -58,82 +46,18 @@ def identify(
     ----------
     robot : Robot
         Its present stiffness values are the start; all that is not among the parameters stays as it is.
-    measurements : Measurements, or several
-        Displacements, loaded minus unloaded.
-    parameters : sequence of str, optional
-        Stiffness values to identify: a joint's ``"J12.torsional"``, a strut ``"screw2"``, a beam's modulus
-        ``"arm.E"``; default ``robot.identify``.
-    method : str
-        One of `minimise.METHODS`: "trust-region" (default), "levenberg-marquardt", "linear" (in compliances),
-        "slsqp", "mma", "lbfgs", "bobyqa"; and the global "isres", "crs2", "esch", "mlsl", "genetic".
-    fixed : sequence of str
-        Parameters that stay as they are in the robot.
-    ties : sequence of sequences of str
-        Parameters that keep the ratio of their starts.
-    bounds : mapping of str to (low, high), optional
-        SI; None for no bound.
-    priors : mapping of str to (value, factor), optional
-        Known beforehand: value, and the factor by which one standard deviation is off.
-    loss : "linear", "soft_l1", "huber" or "cauchy"
-        How residuals count: squared, or less where they are beyond two standard deviations.
-    components : "position", "rotation" or "both"
-        Which readings count; each by its noise.
-    errors : InputErrors, optional
-        Of the loads and of the joint values in the table: they add to the noise of the readings.
-    folds : int
-        Folds of the held-out errors; 0 for none.
+    measurements, parameters, method, folds, progress, options
+        As of `beamstiff.identify`.
     effort : Effort, optional
         Limits, seed and population of the method.
-    progress : callable, optional
-        Called with the number of evaluations and the least cost.
-
-    Returns
-    -------
-    Identification
-
-    Raises
-    ------
-    BeamstiffError
-        When the data cannot carry the identification; the message says what is missing.
-
-    Examples
-    --------
-    >>> from beamstiff import load_robot, tcp_compliance
-    >>> from beamstiff.measure import make_measurements
-    >>> robot = load_robot("kr240-2")
-    >>> names = [variable.name for variable in robot.actuated]
-    >>> poses = np.random.default_rng(0).uniform(-1, 1, (8, 6))
-    >>> loads = np.tile([300.0, 400.0, -500.0, 0, 0, 0], (8, 1))
-    >>> from beamstiff.model.linear import predict_displacements
-    >>> table = make_measurements(names, poses, tcp=robot.tcp, wrench=loads, sigma_position=3e-5)
-    >>> seen = predict_displacements(robot, table)
-    >>> seen[:, 3:] = np.nan
-    >>> table = make_measurements(
-    ...     names, poses, tcp=robot.tcp, wrench=loads, displacement=seen, sigma_position=3e-5
-    ... )
-    >>> start = robot.with_parameters({"J2.torsional": 2 * robot.parameter("J2.torsional")})
-    >>> found = identify(start, table)
-    >>> round(found["J2.torsional"].value / robot.parameter("J2.torsional"), 6)
-    1.0
     """
-    statement = state_identification(
-        robot,
-        measurements,
-        parameters,
-        fixed=fixed,
-        ties=ties,
-        bounds=bounds,
-        priors=priors,
-        loss=loss,
-        components=components,
-        errors=errors,
-    )
+    statement = state_identification(robot, measurements, parameters, **options)
     table = measurements if isinstance(measurements, Measurements) else concatenate(measurements)
     require_usable(table)
     check_units(table, float(statement.problem.model.lever.max(initial=1.0)))
     first = None
     if statement.plan.held - set(statement.plan.silent):
-        loose = _loose(statement, bounds, priors)
+        loose = _loose(statement, options)
         first = minimise(loose.objective, effort=effort, progress=progress)
         stiffness = loose.parameters.stiffness(first.theta)
         statement = statement.holding(stiffness)
@@ -153,17 +77,14 @@ def identify(
     return conclude(statement, replace(found, evaluations=spent), method, folds)
 
 
-def _loose(
-    statement: Statement,
-    bounds: Mapping[str, tuple[float | None, float | None]] | None,
-    priors: Mapping[str, tuple[float, float]] | None,
-) -> Statement:
+def _loose(statement: Statement, options: Options) -> Statement:
     """Return the statement with nothing held that is felt.
 
     Where the others of a group can make up for one of them, they must stay positive: a start that is too soft
     for that would spoil the fit. Its optimum says where to hold it.
     """
     stated, plan = statement.parameters, statement.plan
+    bounds, priors = options.get("bounds"), options.get("priors")
     loose = state_parameters(stated.names, stated.start, plan.ties, bounds, priors, plan.silent)
     return replace(statement, parameters=loose)
 
@@ -173,8 +94,6 @@ def conclude(statement: Statement, found: Minimum, method: str, folds: int = 5) 
 
     Parameters
     ----------
-    statement : Statement
-    found : Minimum
     method : str
         By which it was found.
     folds : int
@@ -221,20 +140,11 @@ def conclude(statement: Statement, found: Minimum, method: str, folds: int = 5) 
 
 @dataclass(frozen=True)
 class Estimates:
-    """Values with their uncertainty.
+    """Values with their uncertainty."""
 
-    Attributes
-    ----------
-    parameters : tuple of Parameter (m)
-    combinations : tuple of Combination
-    covariance : (m, m) array
-        Of the logarithms; infinite variance of what is not identifiable by itself.
-    chi_square : float
-    """
-
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[Parameter, ...]  # (m)
     combinations: tuple[Combination, ...]
-    covariance: Array
+    covariance: Array  # (m, m): of the logarithms; infinite variance of what is not identifiable by itself
     chi_square: float
 
 

@@ -32,23 +32,11 @@ def find_ill_determined(
 
     Parameters
     ----------
-    robot : Robot
     names : sequence of str (m)
     stiffness : (m,) array
         Values at the optimum.
     covariance : (m, m) array
         Of their logarithms; infinite variance of what is not identifiable at all, which is left aside.
-
-    Examples
-    --------
-    Two equal joints of which only the sum of the compliances is known, to 1 %:
-
-    >>> from beamstiff import load_robot
-    >>> robot, names = load_robot("kr240-2"), ["J4.torsional", "J6.torsional"]
-    >>> covariance = np.array([[1.0, -0.9998], [-0.9998, 1.0]])
-    >>> [only] = find_ill_determined(robot, names, np.array([2e6, 2e6]), covariance)
-    >>> only.relation, only.value, round(only.std / only.value, 4)
-    ('1/J4.torsional + 1/J6.torsional', 1e-06, 0.01)
     """
     std = np.sqrt(np.diagonal(covariance))
     bad = np.flatnonzero(np.isfinite(std) & (std > BADLY))

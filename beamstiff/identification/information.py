@@ -24,26 +24,13 @@ CHANCE = 0.05  # of so large a residual, below which the stated noise is not bel
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """Of the free values theta at an optimum.
+    """Of the free values theta at an optimum."""
 
-    Attributes
-    ----------
-    covariance : (t, t) array
-        Infinite variance where the data say nothing.
-    chi_square : float
-        Sum of squared whitened residuals over the degrees of freedom.
-    freedom : int
-    quantile : float
-        By how many standard deviations the 95 % interval reaches.
-    profile : Profile
-        The likelihood around the optimum, from which intervals come.
-    """
-
-    covariance: Array
-    chi_square: float
+    covariance: Array  # (t, t): infinite variance where the data say nothing
+    chi_square: float  # sum of squared whitened residuals over the degrees of freedom
     freedom: int
-    quantile: float
-    profile: Profile
+    quantile: float  # by how many standard deviations the 95 % interval reaches
+    profile: Profile  # the likelihood around the optimum, from which intervals come
 
     def stiffness_interval(self, value: float, direction: Array, std: float) -> tuple[float, float]:
         """Return the 95 % interval of a stiffness.
@@ -69,7 +56,6 @@ class Uncertainty:
             At the optimum.
         direction : (t,) array
             Its derivatives by theta.
-        std : float
         """
         down, up = self.profile.interval(-direction, std)
         return value + down, value + up
@@ -118,7 +104,6 @@ def huber_factor(objective: Objective, residuals: Array, count: int) -> float:
 
     Parameters
     ----------
-    objective : Objective
     residuals : (n + m,) array
     count : int
         Number t of free values.
@@ -170,5 +155,4 @@ def spread_over(covariance: Array, tied: Integers) -> Array:
     free = len(covariance)
     padded = np.zeros((free + 1, free + 1))
     padded[:free, :free] = covariance
-    result: Array = padded[np.ix_(tied, tied)]  # -1 is the last
-    return result
+    return padded[np.ix_(tied, tied)]  # -1 is the last

@@ -23,25 +23,6 @@ STEP = 1e-4  # rad or m, of the central difference by a joint value
 class InputErrors:
     """Standard deviations of what a table says of its rows' loads and joint values; independent.
 
-    Attributes
-    ----------
-    load : float, N
-        Of the size of the load, as read from a spring balance: force and moment are wrong in proportion.
-    force, moment : float, N and N m
-        Of each component of the wrench, as read from a force sensor.
-    angle, length : float, rad and m
-        Of the reading of each actuated variable, of a revolute joint or of a slide; the rows of a pose share
-        it.
-    hold_angle, hold_length : float, rad and m
-        Of how well each drive holds its position from the unloaded reading to the loaded one, every row for
-        itself. Where it does not, the tool moves by ``J dq`` more: 0.01 deg are 0.3 mm at 2 m, while the same
-        error of the posture alone changes the displacement by some ten-thousandths.
-
-    Raises
-    ------
-    BeamstiffError
-        When one of them is negative or not finite.
-
     Examples
     --------
     A spring balance to 0.1 kg and encoders to 0.01 deg, as in seed 000, section 5.2:
@@ -51,11 +32,19 @@ class InputErrors:
     (True, False)
     """
 
+    # N: of the size of the load, as read from a spring balance: force and moment are wrong in proportion
     load: float = 0.0
+    # force, moment, N and N m: of each component of the wrench, as read from a force sensor
     force: float = 0.0
     moment: float = 0.0
+    # angle, length, rad and m: of the reading of each actuated variable, of a revolute joint or of a slide;
+    # the rows of a pose share it
     angle: float = 0.0
     length: float = 0.0
+    # hold_angle, hold_length, rad and m: of how well each drive holds its position from the unloaded reading
+    # to the loaded one, every row for itself. Where it does not, the tool moves by ``J dq`` more: 0.01 deg
+    # are 0.3 mm at 2 m, while the same error of the posture alone changes the displacement by some
+    # ten-thousandths
     hold_angle: float = 0.0
     hold_length: float = 0.0
 
@@ -82,25 +71,16 @@ class InputErrors:
 
 @dataclass(frozen=True)
 class Response:
-    """What errors of the inputs do, for any stiffness values.
+    """What errors of the inputs do, for any stiffness values."""
 
-    Attributes
-    ----------
-    model : PortModel
-        Of ``N (a + 2 b)`` rows: each row under every wrench of one standard deviation, then with every joint
-        value a little more and a little less.
-    own, common : int
-        Numbers a and b.
-    spread : (b,) array
-        Standard deviations of the joint values over twice the step.
-    held : (N, 6, A) array, m and rad
-        How far each drive that does not hold moves the row, whatever the stiffness.
-    """
-
+    # of ``N (a + 2 b)`` rows: each row under every wrench of one standard deviation, then with every joint
+    # value a little more and a little less
     model: PortModel
+    # own, common: numbers a and b
     own: int
     common: int
-    spread: Array
+    spread: Array  # (b,): standard deviations of the joint values over twice the step
+    # (N, 6, A), m and rad: how far each drive that does not hold moves the row, whatever the stiffness
     held: Array
 
     def disturbance(self, stiffness: Array) -> Disturbance:
@@ -119,16 +99,8 @@ def state_response(
 
     Parameters
     ----------
-    robot : Robot
-    measurements : Measurements
-    errors : InputErrors
     parameters : tuple of str
         The open stiffness values.
-
-    Raises
-    ------
-    BeamstiffError
-        When a loop does not close beside a pose.
     """
     own = _wrenches(robot, measurements, errors)
     spread = errors.of_variables(robot)

@@ -46,25 +46,13 @@ FACTOR = 1e3  # the global methods search this far from the start, either way, w
 
 @dataclass(frozen=True)
 class Minimum:
-    """Where a search ended.
+    """Where a search ended."""
 
-    Attributes
-    ----------
-    theta : (t,) array
-    cost : float
-    evaluations : int
-        Of all residuals; one with derivatives counts as one.
-    message : str
-        Why it stopped.
-    interrupted : bool
-        Stopped by Ctrl-C: the best values so far.
-    """
-
-    theta: Array
+    theta: Array  # (t,)
     cost: float
-    evaluations: int
-    message: str
-    interrupted: bool = False
+    evaluations: int  # of all residuals; one with derivatives counts as one
+    message: str  # why it stopped
+    interrupted: bool = False  # stopped by Ctrl-C: the best values so far
 
 
 @dataclass
@@ -108,34 +96,16 @@ class Search:
 
 @dataclass(frozen=True)
 class Effort:
-    """How hard a method may try, and where.
+    """How hard a method may try, and where."""
 
-    Attributes
-    ----------
-    evaluations : int
-        At most; the trust region that polishes, or tries again, may take as many each time.
-    seed : int
-        Of the global methods.
-    population : int or None
-        Of the global methods; default theirs.
-    searches : int
-        Of the global methods: so many, with `seed` and those that follow it; the best of them counts.
-    processes : int
-        That do the searches.
-    scheduler : str or None
-        Of dask, ``tcp://host:port``, whose workers do them; see `beamstiff.parallel`.
-
-    Raises
-    ------
-    BeamstiffError
-        When one of them makes no sense.
-    """
-
+    # at most; the trust region that polishes, or tries again, may take as many each time
     evaluations: int = 20_000
-    seed: int = 0
-    population: int | None = None
+    seed: int = 0  # of the global methods
+    population: int | None = None  # of the global methods; default theirs
+    # of the global methods: so many, with `seed` and those that follow it; the best of them counts
     searches: int = 1
-    processes: int = 1
+    processes: int = 1  # that do the searches
+    # of dask, ``tcp://host:port``, whose workers do them; see `beamstiff.parallel`
     scheduler: str | None = None
 
     def __post_init__(self) -> None:
@@ -172,8 +142,6 @@ def minimise(
 
     Parameters
     ----------
-    objective : Objective
-    method : str
     begin : (t,) array, optional
         Where to start, logarithms; default the start values.
     effort : Effort, optional
@@ -182,11 +150,6 @@ def minimise(
     polish : bool
         Let the trust region finish what a method of `POLISHED` found, and, where no `begin` is given, try
         again from balanced values if some value ended as good as rigid or free: that may be another minimum.
-
-    Raises
-    ------
-    BeamstiffError
-        When there is no such method, it cannot do what is asked, or nothing was found.
 
     Notes
     -----

@@ -24,28 +24,14 @@ MOST = 30  # numbers of tests looked at, where the caller names none
 
 @dataclass(frozen=True)
 class NumberOfTests:
-    """Values identified from the first n tests of random orders.
+    """Values identified from the first n tests of random orders."""
 
-    Attributes
-    ----------
-    names : tuple of str (m)
-    relations : tuple of str (s)
-        Sums that are known though their members are not.
-    counts : (c,) int array
-        Numbers n.
-    stiffness : (O, c, m) array
-        By order, NaN where the tests leave a parameter open.
-    sums : (O, c, s) array
-    final : (m,) array
-        From all tests.
-    """
-
-    names: tuple[str, ...]
-    relations: tuple[str, ...]
-    counts: Integers
-    stiffness: Array
-    sums: Array
-    final: Array
+    names: tuple[str, ...]  # (m)
+    relations: tuple[str, ...]  # (s): sums that are known though their members are not
+    counts: Integers  # (c,): numbers n
+    stiffness: Array  # (O, c, m): by order, NaN where the tests leave a parameter open
+    sums: Array  # (O, c, s)
+    final: Array  # (m,): from all tests
 
     def band(self, level: float = 0.9) -> Array:
         """Return low, median and high of the stiffness over its final value, (c, 3, m).
@@ -54,8 +40,7 @@ class NumberOfTests:
         """
         tail = 50 * (1 - level)
         ratio = self.stiffness / self.final
-        result: Array = np.percentile(ratio, [tail, 50, 100 - tail], axis=0, method="nearest").swapaxes(0, 1)
-        return result
+        return np.percentile(ratio, [tail, 50, 100 - tail], axis=0, method="nearest").swapaxes(0, 1)
 
     def enough(self, tolerance: float = 0.1, level: float = 0.9) -> dict[str, int | None]:
         """Return the least number of tests from which on each value stays near the final one.
@@ -96,43 +81,16 @@ def number_of_tests(
 
     Parameters
     ----------
-    statement : Statement
     theta : (t,) array
         Its optimum.
     counts : sequence of int, optional
         Numbers of tests, growing; default all, or thirty of them.
     orders : int
         Random orders of the tests.
-    seed : int
     by : "pose" or "row"
         What a test is: a pose with all its loads, or a row.
     progress : callable, optional
         Called with the number of each order.
-
-    Raises
-    ------
-    BeamstiffError
-        When the numbers make no sense, or rows that share a reading would be torn apart.
-
-    Examples
-    --------
-    >>> from beamstiff import identify, load_robot
-    >>> from beamstiff.identification.statement import state_identification
-    >>> from beamstiff.measure import make_measurements
-    >>> from beamstiff.model.linear import predict_displacements
-    >>> robot, random = load_robot("kr240-2"), np.random.default_rng(0)
-    >>> q, wrench = random.uniform(-1, 1, (12, 6)), random.normal(size=(12, 6)) * 800
-    >>> names = [variable.name for variable in robot.actuated]
-    >>> noise = {"tcp": robot.tcp, "sigma_position": 3e-5}
-    >>> still = make_measurements(names, q, wrench=wrench, **noise)
-    >>> seen = predict_displacements(robot, still)[:, :3] + 3e-5 * random.normal(size=(12, 3))
-    >>> table = make_measurements(names, q, wrench=wrench, displacement=seen, **noise)
-    >>> statement = state_identification(robot, table, robot.identify[:5])  # 6 passes through the TCP
-    >>> theta = statement.theta(identify(robot, table, robot.identify[:5]).stiffness)
-    >>> found = number_of_tests(statement, theta)
-    >>> low, middle, high = found.band()[3, :, 1]  # of J2.torsional, from four tests
-    >>> bool(0.5 < low < middle < high < 2.0)
-    True
     """
     problem, objective = statement.problem, statement.objective
     torn = (problem.sharing >= 0).any() or (

@@ -50,22 +50,12 @@ LOSSES: dict[str, Callable[[Array], Array]] = {
 
 @dataclass(frozen=True)
 class Objective:
-    """A problem in its free values theta (t,), ready to be minimised.
-
-    Attributes
-    ----------
-    problem : Problem
-    parameters : Parameters
-    loss : str
-        "linear" (least squares), "soft_l1", "huber" or "cauchy".
-    scale : float
-        Residual, in standard deviations, from which on it counts for less; not for "linear".
-    """
+    """A problem in its free values theta (t,), ready to be minimised."""
 
     problem: Problem
     parameters: Parameters
-    loss: Loss = "linear"
-    scale: float = 2.0
+    loss: Loss = "linear"  # "linear" (least squares), "soft_l1", "huber" or "cauchy"
+    scale: float = 2.0  # residual, in standard deviations, from which on it counts for less; not for "linear"
 
     def residuals(self, theta: Array) -> Array:
         """Return the whitened residuals and then the priors', (..., n + m), at theta (..., t)."""

@@ -21,24 +21,17 @@ class Parameters:
 
     ``log k_j = log start_j + theta_i - log start_first(i)``: values that are tied keep the ratio of their
     starts.
-
-    Attributes
-    ----------
-    names : tuple of str (m)
-    start : (m,) array, N/m, N m/rad or Pa
-    tied : (m,) int array
-        Which free value moves each stiffness, 0..t-1; -1 where none does and it stays at its start.
-    lower, upper : (t,) arrays
-        Bounds of theta.
-    known, known_std : (m,) arrays
-        Prior: mean and standard deviation of log k; infinite standard deviation for none.
     """
 
-    names: tuple[str, ...]
-    start: Array
+    names: tuple[str, ...]  # (m)
+    start: Array  # (m,), N/m, N m/rad or Pa
+    # (m,): which free value moves each stiffness, 0..t-1; -1 where none does and it stays at its start
     tied: Integers
+    # lower, upper, (t,): bounds of theta
     lower: Array
     upper: Array
+    # known, known_std, (m,): prior: mean and standard deviation of log k; infinite standard deviation for
+    # none
     known: Array
     known_std: Array
 
@@ -51,8 +44,7 @@ class Parameters:
     @property
     def begin(self) -> Array:
         """Theta at the start, (t,), within the bounds."""
-        result: Array = np.clip(np.log(self.start)[self.first], self.lower, self.upper)
-        return result
+        return np.clip(np.log(self.start)[self.first], self.lower, self.upper)
 
     @cached_property
     def sums(self) -> Array:
@@ -67,13 +59,11 @@ class Parameters:
         log_start = np.log(self.start)
         shift = theta - log_start[self.first]
         shift = np.concatenate([shift, np.zeros((*shift.shape[:-1], 1))], axis=-1)  # for those that stay
-        result: Array = self.start * np.exp(shift[..., self.tied])
-        return result
+        return self.start * np.exp(shift[..., self.tied])
 
     def prior(self, stiffness: Array) -> Array:
         """Return how far the values (..., m) are from what was known, in standard deviations."""
-        result: Array = (self.known - np.log(stiffness)) / self.known_std
-        return result
+        return (self.known - np.log(stiffness)) / self.known_std
 
 
 def state_parameters(
@@ -99,17 +89,6 @@ def state_parameters(
         Known beforehand: the value, and the factor (above 1) by which one standard deviation is off.
     held : collection of str
         Parameters that stay at their start.
-
-    Raises
-    ------
-    BeamstiffError
-        When a parameter does not exist or is tied twice, or a bound or prior makes no sense.
-
-    Examples
-    --------
-    >>> two = state_parameters(["a", "b"], np.array([1.0, 2.0]), ties=[["a", "b"]])
-    >>> two.stiffness(np.log([10.0])).round(6).tolist()
-    [10.0, 20.0]
     """
     number = {name: at for at, name in enumerate(names)}
 

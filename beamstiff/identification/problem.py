@@ -28,45 +28,22 @@ LEAST_LOAD = 1e-50  # N or N m; below, squares leave the range of numbers
 
 @dataclass(frozen=True)
 class Problem:
-    """Residuals ``W (measured - predicted)`` over the measured components.
+    """Residuals ``W (measured - predicted)`` over the measured components."""
 
-    Attributes
-    ----------
-    model : PortModel
-        m open stiffness values, N rows.
-    measured : (N, 6) array
-        Displacement ``[d, r]``.
-    used : (N, 6) bool array
-        Which of them count; n in all.
-    sigma : (N, 6) array
-        Standard deviation of each, m and rad.
-    sigma_known : bool
-        Whether the noise was stated; if not, it is estimated from the residual.
-    sharing : (N,) int array
-        Rows that share one unloaded reading have one number; -1 where a row has its own.
-    pose, load : (N,) int arrays
-        Rows of one pose, and of one load whatever its pose, have one number.
-    whitening : Whitening
-        W, with ``W cov W^T = 1``, (n, n).
-    source : str
-        Where the rows come from, for messages.
-    notes : tuple of str
-        What was left aside, in sentences.
-    disturbance : Disturbance or None
-        What errors of the loads and of the joint readings add to the noise.
-    """
-
-    model: PortModel
-    measured: Array
-    used: NDArray[np.bool_]
-    sigma: Array
-    sigma_known: bool
+    model: PortModel  # m open stiffness values, N rows
+    measured: Array  # (N, 6): displacement ``[d, r]``
+    used: NDArray[np.bool_]  # (N, 6): which of them count; n in all
+    sigma: Array  # (N, 6): standard deviation of each, m and rad
+    sigma_known: bool  # whether the noise was stated; if not, it is estimated from the residual
+    # (N,): rows that share one unloaded reading have one number; -1 where a row has its own
     sharing: Integers
+    # pose, load, (N,): rows of one pose, and of one load whatever its pose, have one number
     pose: Integers
     load: Integers
-    whitening: Whitening
-    source: str
-    notes: tuple[str, ...] = ()
+    whitening: Whitening  # W, with ``W cov W^T = 1``, (n, n)
+    source: str  # where the rows come from, for messages
+    notes: tuple[str, ...] = ()  # what was left aside, in sentences
+    # what errors of the loads and of the joint readings add to the noise
     disturbance: Disturbance | None = None
 
     @property
@@ -77,8 +54,7 @@ class Problem:
     def residuals(self, stiffness: Array) -> Array:
         """Return the whitened residuals, (..., n), for stiffness values (..., m)."""
         gap = (self.measured - self.model.predict(stiffness))[..., self.used]
-        result: Array = (self.whitening @ gap.T).T
-        return result
+        return (self.whitening @ gap.T).T
 
     def jacobian(self, stiffness: Array, by: Parametrisation = "log") -> tuple[Array, Array]:
         """Return whitened residuals (n,) and their derivatives (n, m).
@@ -144,19 +120,12 @@ def state_problem(
 
     Parameters
     ----------
-    robot : Robot
     data : Measurements, or several
         Displacements, loaded minus unloaded.
     parameters : sequence of str, optional
         Stiffness values to identify; default ``robot.identify``.
     components : "position", "rotation" or "both"
         Which measured components count; each by its noise.
-
-    Raises
-    ------
-    BeamstiffError
-        When the rows are absolute positions, carry no load, state noise for some values only, or are fewer
-        than the parameters; when the robot has effects.
     """
     measurements = data if isinstance(data, Measurements) else concatenate(data)
     source = measurements.source

@@ -28,25 +28,15 @@ STILL = 1e-3  # gradient, in standard deviations, that counts as none
 
 @dataclass(frozen=True)
 class Profile:
-    """Twice the negative logarithm of the likelihood around an optimum, in compliances over those there.
+    """Twice the negative logarithm of the likelihood around an optimum, in compliances over those there."""
 
-    Attributes
-    ----------
-    information : (t, t) array
-        Second derivatives of half of it.
-    gradient : (t,) array
-        First derivatives of half of it, where x = 1: not zero for compliances that a bound holds.
-    low, high : (t,) arrays
-        Bounds of x.
-    quantile : float
-        Standard deviations that an interval reaches.
-    """
-
-    information: Array
+    information: Array  # (t, t): second derivatives of half of it
+    # (t,): first derivatives of half of it, where x = 1: not zero for compliances that a bound holds
     gradient: Array
+    # low, high, (t,): bounds of x
     low: Array
     high: Array
-    quantile: float
+    quantile: float  # standard deviations that an interval reaches
 
     def interval(self, direction: Array, std: float) -> tuple[float, float]:
         """Return how far ``a x`` reaches below and above its value at the optimum.
@@ -108,15 +98,13 @@ class Profile:
     @cached_property
     def _root(self) -> Array:
         unit = self.information / np.outer(self._size, self._size)
-        result: Array = cholesky(unit + RIDGE * np.eye(len(unit)), lower=False)
-        return result
+        return cholesky(unit + RIDGE * np.eye(len(unit)), lower=False)
 
     @cached_property
     def _free(self) -> Array:
         """The optimum if there were no bounds, y."""
         half = solve_triangular(self._root, self.gradient / self._size, trans="T")
-        result: Array = self._size - solve_triangular(self._root, half)
-        return result
+        return self._size - solve_triangular(self._root, half)
 
     @cached_property
     def _least(self) -> float:

@@ -17,19 +17,11 @@ from beamstiff.robot.fields import FREE, RIGID
 
 @dataclass(frozen=True)
 class Lumped:
-    """A group that became one spring.
+    """A group that became one spring."""
 
-    Attributes
-    ----------
-    kept : str
-        The parameter that carries all, as stiff as the whole group.
-    value : float, SI
-    gone : mapping of str to float
-        The others: infinite where they are rigid now (in series), 0 where they are free (in parallel).
-    """
-
-    kept: str
+    kept: str  # the parameter that carries all, as stiff as the whole group
     value: float
+    # the others: infinite where they are rigid now (in series), 0 where they are free (in parallel)
     gone: Mapping[str, float]
 
     def to_dict(self) -> dict[str, Any]:
@@ -40,19 +32,11 @@ class Lumped:
 
 @dataclass(frozen=True)
 class Reduced:
-    """A robot without what its measurements cannot tell.
+    """A robot without what its measurements cannot tell."""
 
-    Attributes
-    ----------
-    robot : Robot
-        Lists under `identify` what is left to identify.
-    lumped : tuple of Lumped
-    held : tuple of str
-        Parameters that stay at their value, since they are never loaded or others make up for them.
-    """
-
-    robot: Robot
+    robot: Robot  # lists under `identify` what is left to identify
     lumped: tuple[Lumped, ...]
+    # parameters that stay at their value, since they are never loaded or others make up for them
     held: tuple[str, ...]
 
     def to_dict(self) -> dict[str, Any]:
@@ -67,7 +51,6 @@ def reduce_model(
 
     Parameters
     ----------
-    robot : Robot
     degeneracy : Degeneracy
         From `find_degeneracy`.
     values : mapping of str to float, SI
@@ -76,25 +59,10 @@ def reduce_model(
     parameters : sequence of str, optional
         All that were to be identified; default ``robot.identify``.
 
-    Raises
-    ------
-    BeamstiffError
-        When a beam in a group would have to become rigid or free.
-
     Notes
     -----
     In series the most compliant spring is kept, in parallel the stiffest: it is the most like the whole.
     Under other loads than those of the rows the reduced robot may differ.
-
-    Examples
-    --------
-    >>> from beamstiff import load_robot
-    >>> two = Joined("series", (Spring("J99.radial"), Spring("J1010.radial")), (1.0, 1.0))
-    >>> values = {"J99.radial": 3e7, "J1010.radial": 1.5e7, "J12.torsional": 1.7e6}
-    >>> found = reduce_model(load_robot("ir663"), Degeneracy((), (two,), ()), values, list(values))
-    >>> found.lumped, found.robot.identify
-    ((Lumped(kept='J1010.radial', value=10000000.0, gone={'J99.radial': inf}),),
-     ('J1010.radial', 'J12.torsional'))
     """
     names = list(robot.identify if parameters is None else parameters)
     lumped = tuple(_lump(group, values) for group in degeneracy.joined)

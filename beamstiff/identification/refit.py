@@ -26,15 +26,9 @@ def refit(objective: Objective, begin: Array, counts: Array | None = None) -> Ar
 
     Parameters
     ----------
-    objective : Objective
     begin : (t,) array
     counts : (n,) array, optional
         How often each whitened residual counts; default once.
-
-    Raises
-    ------
-    BeamstiffError
-        When it does not converge.
     """
     if begin.size == 0:
         return begin

@@ -23,66 +23,35 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Parameter:
-    """An identified stiffness.
-
-    Attributes
-    ----------
-    name, unit : str
-    value, std : float or None, in `unit`
-        None where the data do not bound the stiffness from above, or tell only a combination of it.
-    identifiable : bool
-    interval : (low, high) or None
-        95 %.
-    lower_bound : float or None
-        Of a stiffness without value: with 97.5 % it is above; 0 where nothing is known.
-    reason : str
-        Why there is no value; else empty.
-    silent : bool
-        No measured row feels it.
-    separate : str
-        What measurement would make it felt, in words; empty where none was sought.
-    """
+    """An identified stiffness."""
 
     name: str
     unit: str
+    # value, std: None where the data do not bound the stiffness from above, or tell only a combination of it
     value: float | None
     std: float | None
     identifiable: bool
-    interval: tuple[float, float] | None = None
+    interval: tuple[float, float] | None = None  # (low, high): 95 %
+    # of a stiffness without value: with 97.5 % it is above; 0 where nothing is known
     lower_bound: float | None = None
-    reason: str = ""
-    silent: bool = False
-    separate: str = ""
+    reason: str = ""  # why there is no value; else empty
+    silent: bool = False  # no measured row feels it
+    separate: str = ""  # what measurement would make it felt, in words; empty where none was sought
 
 
 @dataclass(frozen=True)
 class Combination:
-    """Parameters that only act together, and the sum of theirs that is known.
-
-    Attributes
-    ----------
-    parameters : tuple of str
-    relation : str
-        ``"1/J12.radial + 1/J33.radial"``, or nothing where the combination is no sum.
-    value, std : float or None, SI
-        Of the relation.
-    kind : str
-        "series", "parallel", "sum" or "mixed"; "ill-determined" where only noise hides the terms.
-    unit : str
-    separate : str
-        What measurement would tell them apart, in words; empty where none was sought.
-    interval : (low, high) or None
-        95 %, of the value.
-    """
+    """Parameters that only act together, and the sum of theirs that is known."""
 
     parameters: tuple[str, ...]
-    relation: str
+    relation: str  # ``"1/J12.radial + 1/J33.radial"``, or nothing where the combination is no sum
+    # value, std: of the relation
     value: float | None
     std: float | None
-    kind: str
+    kind: str  # "series", "parallel", "sum" or "mixed"; "ill-determined" where only noise hides the terms
     unit: str
-    separate: str = ""
-    interval: tuple[float, float] | None = None
+    separate: str = ""  # what measurement would tell them apart, in words; empty where none was sought
+    interval: tuple[float, float] | None = None  # (low, high): 95 %, of the value
 
 
 @dataclass(frozen=True)
@@ -238,36 +207,24 @@ class Identification(Shown):
 
 
 def _parameter(item: Parameter) -> dict[str, Any]:
-    result: dict[str, Any] = {
-        "value": item.value,
-        "std": item.std,
-        "unit": item.unit,
-        "identifiable": item.identifiable,
+    known = {name: getattr(item, name) for name in ("value", "std", "unit", "identifiable")}
+    more = {
+        "interval": _interval(item.interval),
+        "lower_bound": item.lower_bound,
+        "reason": item.reason or None,
+        "separate": item.separate or None,
     }
-    if item.interval is not None:
-        result["interval"] = [_plain(limit) for limit in item.interval]
-    if item.lower_bound is not None:
-        result["lower_bound"] = item.lower_bound
-    if item.reason:
-        result["reason"] = item.reason
-    if item.separate:
-        result["separate"] = item.separate
-    return result
+    return known | {name: value for name, value in more.items() if value is not None}
 
 
 def _combination(item: Combination) -> dict[str, Any]:
-    result: dict[str, Any] = {
-        "parameters": list(item.parameters),
-        "relation": item.relation,
-        "value": item.value,
-        "std": item.std,
-        "kind": item.kind,
-        "unit": item.unit,
-        "separate": item.separate,
-    }
-    if item.interval is not None:
-        result["interval"] = [_plain(limit) for limit in item.interval]
-    return result
+    names = ("relation", "value", "std", "kind", "unit", "separate")
+    known = {"parameters": list(item.parameters)} | {name: getattr(item, name) for name in names}
+    return known if item.interval is None else known | {"interval": _interval(item.interval)}
+
+
+def _interval(ends: tuple[float, float] | None) -> list[float | None] | None:
+    return None if ends is None else [_plain(end) for end in ends]
 
 
 def _plain(value: float) -> float | None:

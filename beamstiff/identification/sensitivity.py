@@ -26,29 +26,15 @@ READINGS, ALL = "readings", "all"
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """How far each source of errors moves the identified values.
+    """How far each source of errors moves the identified values."""
 
-    Attributes
-    ----------
-    names : tuple of str (m)
-        Parameters.
-    relations : tuple of str (s)
-        Sums that are known though their members are not.
-    sources : tuple of str (S)
-        "readings" (of the tracker), then those of `InputErrors` that are not zero, then "all".
-    stiffness : (S, R, m) array
-        What was found in each repetition.
-    sums : (S, R, s) array
-    true : (m,) array
-        What there was to find.
-    """
-
-    names: tuple[str, ...]
-    relations: tuple[str, ...]
+    names: tuple[str, ...]  # (m): parameters
+    relations: tuple[str, ...]  # (s): sums that are known though their members are not
+    # (S): "readings" (of the tracker), then those of `InputErrors` that are not zero, then "all"
     sources: tuple[str, ...]
-    stiffness: Array
-    sums: Array
-    true: Array
+    stiffness: Array  # (S, R, m): what was found in each repetition
+    sums: Array  # (S, R, s)
+    true: Array  # (m,): what there was to find
 
     @property
     def spread(self) -> Array:
@@ -76,7 +62,6 @@ def sensitivity(
 
     Parameters
     ----------
-    statement : Statement
     measurements : Measurements
         The table it states.
     theta : (t,) array
@@ -85,36 +70,8 @@ def sensitivity(
         Of the loads and joint values. Those of the readings are the table's.
     repetitions : int
         For each source.
-    seed : int
     progress : callable, optional
         Called with the number of refits made.
-
-    Raises
-    ------
-    BeamstiffError
-        When the table is another one, states no noise, or the repetitions are fewer than two.
-
-    Examples
-    --------
-    >>> from beamstiff import identify, load_robot
-    >>> from beamstiff.identification.statement import state_identification
-    >>> from beamstiff.measure import make_measurements
-    >>> from beamstiff.model.linear import predict_displacements
-    >>> robot, random = load_robot("kr240-2"), np.random.default_rng(0)
-    >>> q, wrench = random.uniform(-1, 1, (12, 6)), random.normal(size=(12, 6)) * 800
-    >>> names = [variable.name for variable in robot.actuated]
-    >>> noise = {"tcp": robot.tcp, "sigma_position": 3e-5}
-    >>> still = make_measurements(names, q, wrench=wrench, **noise)
-    >>> seen = predict_displacements(robot, still)[:, :3] + 3e-5 * random.normal(size=(12, 3))
-    >>> table = make_measurements(names, q, wrench=wrench, displacement=seen, **noise)
-    >>> statement = state_identification(robot, table, robot.identify[:5])  # 6 passes through the TCP
-    >>> theta = statement.theta(identify(robot, table, robot.identify[:5]).stiffness)
-    >>> paper = InputErrors(load=0.1 * 9.81, angle=np.radians(0.01))
-    >>> found = sensitivity(statement, table, theta, paper, 50)
-    >>> found.sources
-    ('readings', 'load', 'angle', 'all')
-    >>> bool((found.spread[0] > found.spread[1:3]).all())  # the tracker matters most
-    True
     """
     problem = statement.problem
     if len(measurements) != len(problem.measured):

@@ -37,21 +37,13 @@ GOOD = 0.5  # relative standard deviation below which a value is bounded on both
 
 @dataclass(frozen=True)
 class Separation:
-    """A measurement that tells parameters apart.
+    """A measurement that tells parameters apart."""
 
-    Attributes
-    ----------
-    measure : str
-        What to measure, in words.
-    parts : tuple of tuples of str
-        What is known then: single parameters, and those that still act together only.
-    std : float
-        Expected relative standard deviation of the worst of the single ones, at the values at hand; NaN where
-        the table states no noise.
-    """
-
-    measure: str
+    measure: str  # what to measure, in words
+    # what is known then: single parameters, and those that still act together only
     parts: tuple[tuple[str, ...], ...]
+    # expected relative standard deviation of the worst of the single ones, at the values at hand; NaN where
+    # the table states no noise
     std: float
 
     @property
@@ -73,7 +65,6 @@ def find_separations(
 
     Parameters
     ----------
-    robot : Robot
     measurements : Measurements, or several
         What was measured.
     groups : sequence of sequences of str
@@ -86,25 +77,6 @@ def find_separations(
         Values at which to judge how well; default the robot's.
     seed : int
         Of other postures.
-
-    Examples
-    --------
-    Bearings in series of a four-bar are in series whatever pulls at the tool; reflectors between them help:
-
-    >>> from beamstiff import load_robot
-    >>> from beamstiff.measure import make_measurements
-    >>> robot, names = load_robot("ir663"), ["J12.radial", "J33.radial"]
-    >>> table = make_measurements(
-    ...     ["q2", "q8"],
-    ...     [[0.1, 0.8], [0.3, 0.9]],
-    ...     tcp="n7",
-    ...     wrench=[[900, 0, 0, 0, 0, 0]] * 2,
-    ...     displacement=[[1e-3, 0, 0]] * 2,
-    ...     sigma_position=3e-5,
-    ... )
-    >>> ([best, *_],) = find_separations(robot, table, [names], names)
-    >>> best.measure, best.parts
-    ('the displacement of n2 under the same loads', (('J12.radial',), ('J33.radial',)))
     """
     table = measurements if isinstance(measurements, Measurements) else concatenate(measurements)
     table = subset(table, _spread(len(table), MOST_ROWS))
@@ -175,7 +147,6 @@ def with_separations(
 
     Parameters
     ----------
-    found : Identification
     robot, measurements, components
         Of which it was made.
     seed : int

@@ -28,20 +28,12 @@ def as_they_were(
 
     Parameters
     ----------
-    robot : Robot
     rows : Measurements
         N rows; those of a pose share the error of the joint values.
-    errors : InputErrors
     parameters : tuple of str
         The open stiffness values.
     count : int
         How many times.
-    random : Generator
-
-    Raises
-    ------
-    BeamstiffError
-        When a loop does not close beside a pose.
     """
     n = len(rows)
     pose = np.unique(rows.pose, return_inverse=True)[1].reshape(-1)

@@ -32,15 +32,6 @@ def solis_wets(
         Standard deviation of the first steps.
     evaluations : int
         At most.
-    random : Generator
-
-    Examples
-    --------
-    >>> found, least = solis_wets(
-    ...     lambda x: float((x - 1) @ (x - 1)), np.zeros(2), 0.5, 2000, np.random.default_rng(0)
-    ... )
-    >>> bool(least < 1e-6)
-    True
     """
     at, best, bias = np.array(begin, dtype=np.float64), cost(begin), np.zeros(len(begin))
     good = bad = 0

@@ -22,8 +22,6 @@ def start_values(robot: Robot, problem: Problem, held: Collection[str] = ()) -> 
 
     Parameters
     ----------
-    robot : Robot
-    problem : Problem
     held : collection of str
         Parameters that will stay at their start: those stay as good as rigid, or free.
     """

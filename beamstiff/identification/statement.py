@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TypedDict
 
 import numpy as np
 
@@ -21,26 +22,27 @@ from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 
 
+class Options(TypedDict, total=False):
+    """What else may be said of an identification; see `state_identification`."""
+
+    fixed: Sequence[str]
+    ties: Sequence[Sequence[str]]
+    bounds: Mapping[str, tuple[float | None, float | None]] | None
+    priors: Mapping[str, tuple[float, float]] | None
+    loss: Loss
+    components: Components
+    errors: InputErrors | None
+
+
 @dataclass(frozen=True)
 class Plan:
-    """What is fitted: by name, which parameters stay, which move together, which only groups are known of.
+    """What is fitted: by name, which parameters stay, which move together, which only groups are known of."""
 
-    Attributes
-    ----------
-    silent : dict of str to str
-        Parameters that the rows do not feel, each with the reason.
-    groups : tuple of Joined or Mixed
-        Parameters that only act together.
-    ties : tuple of sequences of str
-        Parameters that keep the ratio of their starts: the user's, and those of a group.
-    held : frozenset of str
-        Parameters that stay at their start.
-    """
-
-    silent: dict[str, str]
-    groups: tuple[Joined | Mixed, ...]
+    silent: dict[str, str]  # parameters that the rows do not feel, each with the reason
+    groups: tuple[Joined | Mixed, ...]  # parameters that only act together
+    # parameters that keep the ratio of their starts: the user's, and those of a group
     ties: tuple[Sequence[str], ...]
-    held: frozenset[str]
+    held: frozenset[str]  # parameters that stay at their start
 
     @property
     def grouped(self) -> frozenset[str]:
@@ -56,25 +58,14 @@ class Plan:
 
 @dataclass(frozen=True)
 class Statement:
-    """An identification, ready to be minimised, and to be minimised again with other readings.
-
-    Attributes
-    ----------
-    robot : Robot
-    problem : Problem
-    parameters : Parameters
-    plan : Plan
-    loss : str
-    response : Response or None
-        What errors of the inputs do; None where there are none.
-    """
+    """An identification, ready to be minimised, and to be minimised again with other readings."""
 
     robot: Robot
     problem: Problem
     parameters: Parameters
     plan: Plan
     loss: Loss = "linear"
-    response: Response | None = None
+    response: Response | None = None  # what errors of the inputs do; None where there are none
 
     @property
     def objective(self) -> Objective:
@@ -83,8 +74,7 @@ class Statement:
 
     def theta(self, stiffness: Array) -> Array:
         """Return the free values theta (t,) of stiffness values (m,), as in `Identification.stiffness`."""
-        result: Array = np.log(stiffness)[self.parameters.first]
-        return result
+        return np.log(stiffness)[self.parameters.first]
 
     def weighed(self, stiffness: Array) -> Statement:
         """Return the statement with the errors of its inputs as they are at stiffness values (m,)."""
@@ -120,12 +110,7 @@ def state_identification(
     Parameters
     ----------
     robot, measurements, parameters, fixed, ties, bounds, priors, loss, components, errors
-        As of `identify`.
-
-    Raises
-    ------
-    BeamstiffError
-        When the data cannot carry the identification; the message says what is missing.
+        As of `beamstiff.identify`.
     """
     if loss not in LOSSES:
         raise BeamstiffError(f"there is no loss {loss!r}; known: {listed(LOSSES)}")

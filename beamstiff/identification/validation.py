@@ -33,26 +33,17 @@ def position_rms(problem: Problem, stiffness: Array) -> float:
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Errors on rows while they were left out of the fit.
+    """Errors on rows while they were left out of the fit."""
 
-    Attributes
-    ----------
-    groups : (N,) int array
-        Rows of one group were left out together: a pose, or a load.
-    residual : (N, 6) array, m and rad
-        Measured less predicted; NaN where not measured.
-    """
-
-    groups: Integers
-    residual: Array
+    groups: Integers  # (N,): rows of one group were left out together: a pose, or a load
+    residual: Array  # (N, 6), m and rad: measured less predicted; NaN where not measured
 
     @property
     def gap(self) -> Array:
         """Norm of the position residual of every row, (N,), m; NaN where no position was measured."""
         seen = ~np.isnan(self.residual[:, :3])
         size = np.linalg.norm(np.where(seen, self.residual[:, :3], 0.0), axis=1)
-        result: Array = np.where(seen.any(axis=1), size, np.nan)
-        return result
+        return np.where(seen.any(axis=1), size, np.nan)
 
     @property
     def rms(self) -> float | None:
@@ -75,7 +66,6 @@ def held_out(objective: Objective, groups: Integers, folds: int, begin: Array) -
 
     Parameters
     ----------
-    objective : Objective
     groups : (N,) array of int
         Rows of one group are left out together: poses, or loads.
     folds : int
@@ -101,13 +91,7 @@ def held_out(objective: Objective, groups: Integers, folds: int, begin: Array) -
 def without_folds(
     objective: Objective, groups: Integers, folds: int, begin: Array
 ) -> Iterator[tuple[NDArray[np.bool_], Problem, Array]]:
-    """Fit with every fold left out in turn; yield its rows (N,), its problem, and the optimum without it.
-
-    Raises
-    ------
-    BeamstiffError
-        When there are fewer than three groups, or what is left cannot carry the fit.
-    """
+    """Fit with every fold left out in turn; yield its rows (N,), its problem, and the optimum without it."""
     problem, names = objective.problem, np.unique(groups)
     if names.size < 3 or folds < 2:
         raise BeamstiffError(
@@ -124,24 +108,13 @@ def without_folds(
 
 @dataclass(frozen=True)
 class Repeatability:
-    """How well repeats of a state agree (seed 000, section 5.1).
+    """How well repeats of a state agree (seed 000, section 5.1)."""
 
-    Attributes
-    ----------
-    states : int
-        That were measured more than once.
-    sigma : (6,) array, m and rad
-        Standard deviation of a reading, pooled over the states; NaN where none was repeated.
-    freedom : (6,) int array
-        Degrees of freedom of each.
-    share : float
-        Three standard deviations of the displacement, along itself and over its size; the mean over the
-        states.
-    """
-
-    states: int
+    states: int  # that were measured more than once
+    # (6,), m and rad: standard deviation of a reading, pooled over the states; NaN where none was repeated
     sigma: Array
-    freedom: Integers
+    freedom: Integers  # (6,): degrees of freedom of each
+    # three standard deviations of the displacement, along itself and over its size; the mean over the states
     share: float
 
 
@@ -149,11 +122,6 @@ def repeatability(measurements: Measurements) -> Repeatability:
     """Return how well repeats of the same state, pose and load, agree.
 
     Hysteresis counts as scatter. Where the rows of a pose share an unloaded reading, its error does not show.
-
-    Raises
-    ------
-    BeamstiffError
-        When no displacement was measured twice.
     """
     group = repeated_states(measurements)
     sigma, freedom = pooled_sigma(measurements.measured, group)

@@ -18,16 +18,10 @@ class Whitening:
     """The matrix ``W = blocks + left right^T`` with ``W cov W^T = 1``, for n used components.
 
     A reading that r of them share joins all of these; as a product that takes 2 r numbers instead of r^2.
-
-    Attributes
-    ----------
-    blocks : (n, n) sparse array
-        Diagonal where readings are shared.
-    left, right : (n, s) sparse arrays
-        Of s readings that are shared; none has a component in common with another.
     """
 
-    blocks: sparse.csr_array
+    blocks: sparse.csr_array  # (n, n): diagonal where readings are shared
+    # left, right, (n, s): of s readings that are shared; none has a component in common with another
     left: sparse.csr_array
     right: sparse.csr_array
 
@@ -41,23 +35,12 @@ class Whitening:
     def solve(self, values: Array) -> Array:
         """Return the values (n,) that W turns into these."""
         if not self.left.shape[1]:
-            solved: Array = splu(self.blocks.tocsc()).solve(values)
-            return solved
-        own, shared = self._diagonals()  # Sherman, Morrison and Woodbury
+            return splu(self.blocks.tocsc()).solve(values)
+        own = np.asarray(self.blocks.diagonal())  # Sherman, Morrison and Woodbury
+        shared = 1.0 + np.asarray((self.right * self.left).T @ (1.0 / own))
         alone = values / own
         result: Array = alone - (self.left @ ((self.right.T @ alone) / shared)) / own
         return result
-
-    def log_determinant(self) -> float:
-        """Return the logarithm of the determinant's size."""
-        if not self.left.shape[1]:  # the lower factor has a diagonal of ones
-            return float(np.log(np.abs(splu(self.blocks.tocsc()).U.diagonal())).sum())
-        return float(sum(np.log(np.abs(some)).sum() for some in self._diagonals()))
-
-    def scaled(self, scale: Array) -> Whitening:
-        """Return it with each whitened value times a factor (n,)."""
-        rows = sparse.diags_array(scale)
-        return Whitening((rows @ self.blocks).tocsr(), (rows @ self.left).tocsr(), self.right)
 
     def among(self, at: NDArray[np.intp]) -> Array:
         """Return the entries (B, m, m) of W among each of B groups of m components (B, m)."""
@@ -73,12 +56,6 @@ class Whitening:
     def toarray(self) -> Array:
         """Return all of W, (n, n)."""
         return self @ np.eye(self.blocks.shape[0])
-
-    def _diagonals(self) -> tuple[Array, Array]:
-        """Return the diagonal of the blocks (n,), and that of ``1 + right^T blocks^-1 left`` (s,)."""
-        own = np.asarray(self.blocks.diagonal())
-        both = self.right * self.left
-        return own, 1.0 + np.asarray(both.T @ (1.0 / own))
 
 
 def whitening(sigma: Array, used: NDArray[np.bool_], sharing: Integers) -> Whitening:

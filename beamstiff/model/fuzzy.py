@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,51 +24,9 @@ from beamstiff.se3 import Array
 SLACK = 1e-9  # share of a range that rounding may leave it by
 
 
-class Premises(Protocol):
-    """The if-part of rules: how much each fires."""
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """Names of the inputs (n)."""
-        ...
-
-    @property
-    def trained(self) -> Array:
-        """Least and largest value of each input in training, (n, 2)."""
-        ...
-
-    @property
-    def count(self) -> int:
-        """Number of rules R."""
-        ...
-
-    def firing(self, x: Array) -> Array:
-        """Return the firing strengths (N, R) at inputs (N, n): not negative, a row sums to one."""
-        ...
-
-    def differences(self) -> Array:
-        """Return rows (K, R) of differences between conclusions that vanish where these vary smoothly."""
-        ...
-
-
 @dataclass(frozen=True, eq=False)
 class Partition:
     """Strong triangular partitions of the inputs; a rule for every combination of their sets.
-
-    Attributes
-    ----------
-    inputs : tuple of str
-        n names.
-    modal_values : tuple of (m_j,) arrays
-        Of the triangles, strictly increasing; beyond the first and the last the outer set holds fully. An
-        input with one set plays no part.
-    limits : (n, 2) array, optional
-        Least and largest value of each input in training; default the outer modal values.
-
-    Raises
-    ------
-    BeamstiffError
-        When modal values do not increase, are not finite, or are not one sequence an input.
 
     Examples
     --------
@@ -80,8 +37,11 @@ class Partition:
     [[0.    0.    0.333 0.333 0.167 0.167]]
     """
 
-    inputs: tuple[str, ...]
+    inputs: tuple[str, ...]  # n names
+    # (m_j,): of the triangles, strictly increasing; beyond the first and the last the outer set holds fully.
+    # An input with one set plays no part
     modal_values: tuple[Array, ...]
+    # (n, 2): least and largest value of each input in training; default the outer modal values
     limits: Array | None = None
 
     def __post_init__(self) -> None:
@@ -108,8 +68,7 @@ class Partition:
         """Least and largest value of each input in training, (n, 2)."""
         if self.limits is not None:
             return self.limits
-        outer: Array = np.array([[row[0], row[-1]] for row in self.modal_values])
-        return outer
+        return np.array([[row[0], row[-1]] for row in self.modal_values])
 
     @property
     def count(self) -> int:
@@ -145,7 +104,10 @@ class Partition:
         return np.stack([axis.ravel() for axis in lattice], axis=1)
 
     def differences(self) -> Array:
-        """Return second differences along each input over its modal values (first ones where it has two)."""
+        """Return rows (K, R) of differences between conclusions that vanish where these vary smoothly.
+
+        Second differences along each input over its modal values; first ones where it has two.
+        """
         rows = [np.zeros((0, self.count))]
         for at, modal in enumerate(self.modal_values):
             along = _bends(modal)
@@ -158,8 +120,7 @@ def _bends(modal: Array) -> Array:
     """Return rows that vanish on straight lines over modal values; of two values, a fainter difference."""
     size = modal.size
     if size < 3:
-        faint: Array = 0.1 * np.diff(np.eye(size), axis=0)
-        return faint
+        return 0.1 * np.diff(np.eye(size), axis=0)
     slopes = np.diff(np.eye(size), axis=0) * ((modal[-1] - modal[0]) / np.diff(modal))[:, None]
     bends: Array = np.diff(slopes, axis=0) / (size - 1)
     return bends
@@ -168,15 +129,6 @@ def _bends(modal: Array) -> Array:
 @dataclass(frozen=True, eq=False)
 class FuzzySystem:
     """Rules: premises and conclusions.
-
-    Attributes
-    ----------
-    premises : Premises
-        R rules.
-    conclusions : (R, ...) array
-        Numbers, vectors or matrices b.
-    support : (R,) array or None
-        How strongly each rule fired, at most, in training; None where the rules were given.
 
     Examples
     --------
@@ -189,8 +141,9 @@ class FuzzySystem:
     beamstiff.errors.BeamstiffError: row 0: found q = 2, outside the trained range 0 to 1 ...
     """
 
-    premises: Premises
-    conclusions: Array
+    premises: Partition  # R rules
+    conclusions: Array  # (R, ...): numbers, vectors or matrices b
+    # (R,): how strongly each rule fired, at most, in training; None where the rules were given
     support: Array | None = None
 
     def __post_init__(self) -> None:
@@ -209,17 +162,11 @@ class FuzzySystem:
         x : (N, n) array
         extrapolate : bool
             Answer outside what was trained too, as at the nearest rules; `outside` says where.
-
-        Raises
-        ------
-        BeamstiffError
-            When an input lies outside what was trained.
         """
         values = finite(x, "inputs of the fuzzy system", -1, len(self.premises.inputs))
         if not extrapolate:
             self.refuse_outside(values)
-        result: Array = np.tensordot(self.premises.firing(values), self.conclusions, 1)
-        return result
+        return np.tensordot(self.premises.firing(values), self.conclusions, 1)
 
     def outside(self, x: ArrayLike) -> NDArray[np.bool_]:
         """Return whether inputs (N, n) are outside what was trained, (N,).
@@ -258,7 +205,7 @@ class FuzzySystem:
 LEAST_SUPPORT = 0.05  # firing strength below which readings hardly touch a rule
 
 
-def out_of_range(premises: Premises, x: Array) -> NDArray[np.bool_]:
+def out_of_range(premises: Partition, x: Array) -> NDArray[np.bool_]:
     """Return which inputs (N, n) leave their trained range, (N, n)."""
     low, high = premises.trained.T
     slack = SLACK * (np.abs(low) + np.abs(high) + (high - low))
@@ -271,7 +218,6 @@ def equal_parts(inputs: Sequence[str], trained: Array, sets: Sequence[int]) -> P
 
     Parameters
     ----------
-    inputs : sequence of str
     trained : (n, 2) array
     sets : sequence of int
         Number of sets of each input; one where it shall play no part or has no range.

@@ -17,21 +17,13 @@ from beamstiff.se3 import Array
 
 @dataclass(frozen=True, eq=False)
 class FuzzyCompliance:
-    """A compliance matrix from fuzzy rules, as a `Model`; it knows nothing of the machine but its readings.
+    """A compliance matrix from fuzzy rules, as a `Model`: of the machine it knows the readings alone."""
 
-    Attributes
-    ----------
-    variables : tuple of str
-        Actuated joint variables, in the order of the columns of `predict`'s q.
-    system : FuzzySystem
-        Its inputs are some of the variables, and of the wrench (``fx`` to ``mz``) where the compliance
-        depends on the load; its conclusions (R, 6, 6) compliance matrices, NaN where nothing was trained.
-    extrapolate : bool
-        Answer outside what was trained too (flagged by `outside`); else such rows are refused.
-    """
-
-    variables: tuple[str, ...]
+    variables: tuple[str, ...]  # actuated joint variables, in the order of the columns of `predict`'s q
+    # its inputs are some of the variables, and of the wrench (``fx`` to ``mz``) where the compliance depends
+    # on the load; its conclusions (R, 6, 6) compliance matrices, NaN where nothing was trained
     system: FuzzySystem
+    # answer outside what was trained too (flagged by `outside`); else such rows are refused
     extrapolate: bool = False
 
     @property
@@ -51,11 +43,6 @@ class FuzzyCompliance:
         q : (N, A) array, rad or m
         wrench : (N, 6) array, optional
             N and N m; default none.
-
-        Raises
-        ------
-        BeamstiffError
-            When a row lies outside what was trained, unless the model extrapolates.
         """
         x = inputs_of(self.system.premises.inputs, self.variables, q, wrench)
         return self.system(x, self.extrapolate)
@@ -65,13 +52,7 @@ class FuzzyCompliance:
         return self.system.outside(inputs_of(self.system.premises.inputs, self.variables, q, wrench))
 
     def predict(self, q: Array, wrench: Array) -> Array:
-        """Return displacements (N, 6), base frame, m and rad; NaN for components that were never measured.
-
-        Raises
-        ------
-        BeamstiffError
-            When a row lies outside what was trained, or is loaded in a direction that never was.
-        """
+        """Return displacements (N, 6), base frame, m and rad; NaN for components that were never measured."""
         load = finite(wrench, "wrench", -1, 6)
         known = self.known
         idle = ~known.any(axis=0) & (load != 0)
@@ -90,13 +71,7 @@ class FuzzyCompliance:
 def inputs_of(
     inputs: Sequence[str], variables: Sequence[str], q: ArrayLike, wrench: ArrayLike | None = None
 ) -> Array:
-    """Return the inputs (N, n) of fuzzy rules, by name from joint values (N, A) and wrenches (N, 6).
-
-    Raises
-    ------
-    BeamstiffError
-        When there is no such variable, or no input at all.
-    """
+    """Return the inputs (N, n) of fuzzy rules, by name from joint values (N, A) and wrenches (N, 6)."""
     if not inputs:
         raise BeamstiffError("found no inputs for fuzzy rules, expected joint variables that they may follow")
     values = finite(q, "joint values", -1, len(variables))
@@ -124,11 +99,6 @@ def rules_from_table(table: Measurements, inputs: Sequence[str]) -> FuzzyComplia
     -------
     FuzzyCompliance
         Exactly as in the table at the modal values.
-
-    Raises
-    ------
-    BeamstiffError
-        When the rows are not every combination of the modal values once, or are loaded along several axes.
 
     Examples
     --------

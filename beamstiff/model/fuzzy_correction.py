@@ -20,25 +20,14 @@ from beamstiff.se3 import Array
 
 @dataclass(frozen=True, eq=False)
 class FuzzyCorrection:
-    """A robot whose springs follow fuzzy rules, as a `Model`.
-
-    Attributes
-    ----------
-    robot : Robot
-    parameters : tuple of str
-        m springs that vary.
-    compliance : (m,) array
-        Theirs without correction, m/N or rad/(N m).
-    system : FuzzySystem
-        Of joint variables; conclusions (R, m): logarithms of the factors on the compliances.
-    extrapolate : bool
-        Answer outside what was trained too (flagged by `outside`); else such rows are refused.
-    """
+    """A robot whose springs follow fuzzy rules, as a `Model`."""
 
     robot: Robot
-    parameters: tuple[str, ...]
-    compliance: Array
+    parameters: tuple[str, ...]  # m springs that vary
+    compliance: Array  # (m,): theirs without correction, m/N or rad/(N m)
+    # of joint variables; conclusions (R, m): logarithms of the factors on the compliances
     system: FuzzySystem
+    # answer outside what was trained too (flagged by `outside`); else such rows are refused
     extrapolate: bool = False
 
     def extrapolating(self) -> FuzzyCorrection:
@@ -47,21 +36,14 @@ class FuzzyCorrection:
 
     def compliances(self, q: ArrayLike) -> Array:
         """Return the compliances (N, m) of the springs in postures (N, A)."""
-        result: Array = self.compliance * np.exp(self.system(self._inputs(q), self.extrapolate))
-        return result
+        return self.compliance * np.exp(self.system(self._inputs(q), self.extrapolate))
 
     def outside(self, q: ArrayLike) -> NDArray[np.bool_]:
         """Return which postures (N, A) lie outside what was trained, (N,)."""
         return self.system.outside(self._inputs(q))
 
     def predict(self, q: Array, wrench: Array) -> Array:
-        """Return displacements (N, 6), base frame, m and rad.
-
-        Raises
-        ------
-        BeamstiffError
-            When a row lies outside what was trained, unless the model extrapolates.
-        """
+        """Return displacements (N, 6), base frame, m and rad."""
         compliances = self.compliances(q)
         return displaced(ports_at(self.robot, self.parameters, q, wrench), compliances)
 

@@ -42,26 +42,13 @@ def matern(distance: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Covariance:
-    """Prior of the logarithms of m compliances over A joint values.
+    """Prior of the logarithms of m compliances over A joint values."""
 
-    Attributes
-    ----------
-    own : (m,) int array
-        Joint value that each spring turns or slides with; -1 where it has none.
-    scale : (A,) array, rad or m
-        What joint values are divided by first: 1 for angles.
-    own_length : float
-        Over which the part of the own angle varies.
-    lengths : (A,) array
-        Over which the part of the posture varies, by each joint value.
-    own_spread, spread : (m,) arrays
-        a and b.
-    """
-
-    own: NDArray[np.int64]
-    scale: Array
-    own_length: float
-    lengths: Array
+    own: NDArray[np.int64]  # (m,): joint value that each spring turns or slides with; -1 where it has none
+    scale: Array  # (A,), rad or m: what joint values are divided by first: 1 for angles
+    own_length: float  # over which the part of the own angle varies
+    lengths: Array  # (A,): over which the part of the posture varies, by each joint value
+    # own_spread, spread, (m,): a and b
     own_spread: Array
     spread: Array
 
@@ -79,45 +66,23 @@ class Covariance:
     @property
     def variance(self) -> Array:
         """Prior variance of each logarithm, (m,)."""
-        result: Array = COMMON**2 + self.spread**2 + np.where(self.own >= 0, self.own_spread**2, 0.0)
-        return result
+        return COMMON**2 + self.spread**2 + np.where(self.own >= 0, self.own_spread**2, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
 class GaussianProcessStiffness:
-    """A robot whose compliances follow Gaussian processes that readings have taught, as a `Model`.
-
-    Attributes
-    ----------
-    robot : Robot
-    parameters : tuple of str
-        m springs that vary.
-    compliance : (m,) array
-        About which they do, m/N or rad/(N m).
-    covariance : Covariance
-    postures : (P, A) array
-        That were measured.
-    posture_of : (n,) int array
-        Posture of each reading.
-    slopes : (n, m) array
-        Of the readings, by the logarithms.
-    root : (n, n) array
-        Lower Cholesky factor of the readings' covariance.
-    weights : (n,) array
-        Its inverse times the readings.
-    misfit : (6,) array
-        Standard deviation, m and rad, of what the readings scatter beyond their stated noise.
-    """
+    """A robot whose compliances follow Gaussian processes that readings have taught, as a `Model`."""
 
     robot: Robot
-    parameters: tuple[str, ...]
-    compliance: Array
+    parameters: tuple[str, ...]  # m springs that vary
+    compliance: Array  # (m,): about which they do, m/N or rad/(N m)
     covariance: Covariance
-    postures: Array
-    posture_of: NDArray[np.int64]
-    slopes: Array
-    root: Array
-    weights: Array
+    postures: Array  # (P, A): that were measured
+    posture_of: NDArray[np.int64]  # (n,): posture of each reading
+    slopes: Array  # (n, m): of the readings, by the logarithms
+    root: Array  # (n, n): Lower Cholesky factor of the readings' covariance
+    weights: Array  # (n,): its inverse times the readings
+    # (6,): standard deviation, m and rad, of what the readings scatter beyond their stated noise
     misfit: Array
 
     def logarithms(self, q: ArrayLike) -> tuple[Array, Array]:
@@ -133,8 +98,7 @@ class GaussianProcessStiffness:
 
     def compliances(self, q: ArrayLike) -> Array:
         """Return the compliances (N, m) of the springs in postures (N, A), the median of each."""
-        result: Array = self.compliance * np.exp(self.logarithms(q)[0])
-        return result
+        return self.compliance * np.exp(self.logarithms(q)[0])
 
     def predict(self, q: Array, wrench: Array) -> Array:
         """Return displacements (N, 6), base frame, m and rad."""

@@ -24,14 +24,6 @@ AXES = ("x", "y", "z")
 class Cubes:
     """Cubes of one size side by side, numbered with the last axis fastest.
 
-    Attributes
-    ----------
-    low : (3,) array, m
-        Least corner, base frame.
-    size : float, m
-    counts : tuple of int
-        Number of cubes along x, y and z; C in all.
-
     Examples
     --------
     >>> two = Cubes(np.array([1.0, -0.6, 1.0]), 0.6, (1, 2, 1))
@@ -41,9 +33,9 @@ class Cubes:
            [False, False]])
     """
 
-    low: Array
+    low: Array  # (3,), m: least corner, base frame
     size: float
-    counts: tuple[int, int, int]
+    counts: tuple[int, int, int]  # number of cubes along x, y and z; C in all
 
     def __post_init__(self) -> None:
         """Check the cubes."""
@@ -60,15 +52,13 @@ class Cubes:
     @property
     def high(self) -> Array:
         """Largest corner, (3,), m."""
-        result: Array = self.low + self.size * np.array(self.counts)
-        return result
+        return self.low + self.size * np.array(self.counts)
 
     @property
     def centres(self) -> Array:
         """Return the centres (C, 3), m."""
         steps = np.array(list(product(*(range(count) for count in self.counts))), dtype=np.float64)
-        result: Array = self.low + self.size * (steps + 0.5)
-        return result
+        return self.low + self.size * (steps + 0.5)
 
     def name(self, cube: int) -> str:
         """Return a cube's place along x, y and z, counted from 1: ``"2.1.1"``."""
@@ -106,34 +96,19 @@ class Cubes:
 
 @dataclass(frozen=True, eq=False)
 class GriddedStiffness:
-    """A robot whose springs change from cube to cube, as a `Model`.
-
-    Attributes
-    ----------
-    robot : Robot
-    parameters : tuple of str
-        m springs that vary.
-    cubes : Cubes
-    compliance : (C, m) array
-        m/N or rad/(N m).
-    rows : (C,) int array
-        Measured rows in each cube.
-    interpolate : bool
-        Between cubes, the logarithm of the compliance linearly; else every cube for itself.
-    extrapolate : bool
-        Answer in cubes without data (as the fit left them), and beyond the grid as at its rim; else such rows
-        are refused.
-    offset : (C, 6) array or None
-        What the unloaded TCP is off the nominal kinematics at the centre of each cube, ``[d, r]``.
-    """
+    """A robot whose springs change from cube to cube, as a `Model`."""
 
     robot: Robot
-    parameters: tuple[str, ...]
+    parameters: tuple[str, ...]  # m springs that vary
     cubes: Cubes
-    compliance: Array
-    rows: NDArray[np.int64]
+    compliance: Array  # (C, m): m/N or rad/(N m)
+    rows: NDArray[np.int64]  # (C,): measured rows in each cube
+    # between cubes, the logarithm of the compliance linearly; else every cube for itself
     interpolate: bool = False
+    # answer in cubes without data (as the fit left them), and beyond the grid as at its rim; else such rows
+    # are refused
     extrapolate: bool = False
+    # (C, 6): what the unloaded TCP is off the nominal kinematics at the centre of each cube, ``[d, r]``
     offset: Array | None = None
 
     def extrapolating(self) -> GriddedStiffness:
@@ -146,39 +121,20 @@ class GriddedStiffness:
         return np.asarray(~known.any(axis=1))
 
     def compliances(self, q: ArrayLike) -> Array:
-        """Return the compliances (N, m) of the springs in postures (N, A).
-
-        Raises
-        ------
-        BeamstiffError
-            When a TCP is beyond the grid or in a cube without data, unless the model extrapolates.
-        """
+        """Return the compliances (N, m) of the springs in postures (N, A)."""
         at = tcp_positions(self.robot, q)
         if not self.extrapolate:
             self._refuse(at)
         at = np.clip(at, self.cubes.low, self.cubes.high)
-        result: Array = np.exp(self.cubes.weights(at, self.interpolate) @ np.log(self.compliance))
-        return result
+        return np.exp(self.cubes.weights(at, self.interpolate) @ np.log(self.compliance))
 
     def predict(self, q: Array, wrench: Array) -> Array:
-        """Return displacements (N, 6), base frame, m and rad.
-
-        Raises
-        ------
-        BeamstiffError
-            As `compliances`.
-        """
+        """Return displacements (N, 6), base frame, m and rad."""
         compliances = self.compliances(q)
         return displaced(ports_at(self.robot, self.parameters, q, wrench), compliances)
 
     def offsets(self, q: ArrayLike) -> Array:
-        """Return what the unloaded TCP is off the nominal kinematics, (N, 6): ``[d, r]``, m and rad.
-
-        Raises
-        ------
-        BeamstiffError
-            When no offsets were fitted, or as `compliances`.
-        """
+        """Return what the unloaded TCP is off the nominal kinematics, (N, 6): ``[d, r]``, m and rad."""
         if self.offset is None:
             raise BeamstiffError("gridded stiffness: found no offsets, expected them from absolute positions")
         at = tcp_positions(self.robot, q)
@@ -187,8 +143,7 @@ class GriddedStiffness:
         weights = self.cubes.weights(np.clip(at, self.cubes.low, self.cubes.high), self.interpolate)
         turned = weights @ self.offset[:, 3:]
         lever = at - weights @ self.cubes.centres
-        result: Array = np.hstack([weights @ self.offset[:, :3] + np.cross(turned, lever), turned])
-        return result
+        return np.hstack([weights @ self.offset[:, :3] + np.cross(turned, lever), turned])
 
     def _refuse(self, at: Array) -> None:
         inside = self.cubes.inside(at)

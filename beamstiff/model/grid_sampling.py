@@ -20,20 +20,11 @@ TOLERANCE = 1e-7  # m and rad
 
 @dataclass(frozen=True, eq=False)
 class Sampling:
-    """Configurations to measure, S of them.
+    """Configurations to measure, S of them."""
 
-    Attributes
-    ----------
-    q : (S, A) array
-        Actuated variables, rad or m.
-    position : (S, 3) array, m
-        Of the TCP.
-    reached : (S,) bool array
-        Whether the robot gets there within its limits; where not, q is the closest approach.
-    """
-
-    q: Array
-    position: Array
+    q: Array  # (S, A): actuated variables, rad or m
+    position: Array  # (S, 3), m: of the TCP
+    # (S,): whether the robot gets there within its limits; where not, q is the closest approach
     reached: NDArray[np.bool_]
 
 
@@ -52,8 +43,7 @@ def sampling_points(cubes: Cubes) -> Array:
 
 def point_in_each(cubes: Cubes, random: np.random.Generator) -> Array:
     """Return one random point in every cube, (C, 3), m: where seed 001 verifies."""
-    result: Array = cubes.centres + cubes.size * random.uniform(-0.5, 0.5, (cubes.count, 3))
-    return result
+    return cubes.centres + cubes.size * random.uniform(-0.5, 0.5, (cubes.count, 3))
 
 
 def sample(
@@ -68,14 +58,12 @@ def sample(
 
     Parameters
     ----------
-    kinematics : Kinematics
     positions : (S, 3) array, m
     rotation : (3, 3) array
         Of the TCP's frame where it is not turned.
     turns : (T,) array, deg
     start : (A,) array, optional
         Configuration to start from: neighbouring targets get neighbouring configurations.
-    seed : int
 
     Returns
     -------

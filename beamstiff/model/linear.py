@@ -74,8 +74,7 @@ def _by_compliance(structure: Structure, where: Posture, pose: Integers, loads: 
     seen = np.stack([at[name] for name in loads.point.tolist()])
     loaded = np.stack([at[name] for name in loads.load_point.tolist()])
     own = compliance[pose[:, None, None], seen[:, :, None], loaded[:, None, :]]
-    result: Array = (own @ loads.wrench[..., None])[..., 0]
-    return result
+    return (own @ loads.wrench[..., None])[..., 0]
 
 
 def _with_preload(structure: Structure, where: Posture, pose: Integers, loads: Measurements) -> Array:
@@ -90,8 +89,7 @@ def _with_preload(structure: Structure, where: Posture, pose: Integers, loads: M
     except BeamstiffError as error:
         raise BeamstiffError(f"{loads.source}: {error} (poses are the rows here, the first is 0)") from None
     seen = [index[name] for name in loads.point.tolist()]
-    result: Array = (loaded - unloaded)[rows, seen]
-    return result
+    return (loaded - unloaded)[rows, seen]
 
 
 def preload_notes(robot: Robot, loads: Measurements) -> list[str]:

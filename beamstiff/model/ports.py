@@ -51,38 +51,18 @@ SMALLEST = 1e-290  # its inverse is still a number
 
 @dataclass(frozen=True)
 class PortModel:
-    """A robot reduced to its open stiffness values, for the rows of a measurement table.
+    """A robot reduced to its open stiffness values, for the rows of a measurement table."""
 
-    Attributes
-    ----------
-    parameters : tuple of str
-        Names of the open stiffness values (m), such as ``"J12.torsional"``.
-    start : (m,) array
-        Their values in the robot, N/m, N m/rad or Pa; 1 where the robot says rigid or free.
-    springs : (m, p, p) array
-        Phi: stiffness at the ports per unit of each value.
-    port_stiffness : (P, p, p) array
-        S, by pose.
-    pose : (N,) int array
-        Pose of each row.
-    force : (N, p) array
-        B w (+ g): what the row's load does at the ports.
-    motion : (N, p, 6) array
-        B at the row's measured point.
-    clamped : (N, 6) array
-        Displacement of the row with all ports held.
-    lever : (p,) array, m
-        The machine's size for ports that turn, 1 for those that slide: by it moments compare with forces.
-    """
-
-    parameters: tuple[str, ...]
-    start: Array
-    springs: Array
-    port_stiffness: Array
-    pose: Index
-    force: Array
-    motion: Array
-    clamped: Array
+    parameters: tuple[str, ...]  # names of the open stiffness values (m), such as ``"J12.torsional"``
+    start: Array  # (m,): their values in the robot, N/m, N m/rad or Pa; 1 where the robot says rigid or free
+    springs: Array  # (m, p, p): Phi: stiffness at the ports per unit of each value
+    port_stiffness: Array  # (P, p, p): S, by pose
+    pose: Index  # (N,): pose of each row
+    force: Array  # (N, p): B w (+ g): what the row's load does at the ports
+    motion: Array  # (N, p, 6): B at the row's measured point
+    clamped: Array  # (N, 6): displacement of the row with all ports held
+    # (p,), m: the machine's size for ports that turn, 1 for those that slide: by it moments compare with
+    # forces
     lever: Array
 
     def predict(self, stiffness: Array) -> Array:
@@ -93,11 +73,6 @@ class PortModel:
         stiffness : (..., m) array
             Values of `parameters`, N/m, N m/rad or Pa; zero is free. Several candidates at once along the
             leading axes.
-
-        Raises
-        ------
-        BeamstiffError
-            When a value is negative or not finite, or so small that the robot is a mechanism.
         """
         if (compliance := self._in_series(stiffness)) is not None:
             shares = self.by_compliance
@@ -122,11 +97,6 @@ class PortModel:
         by : "stiffness", "log" or "compliance"
             What the derivatives are by: the values k, their logarithms, or their inverses ``c = 1/k``;
             ``dd/dlog k = k dd/dk``, ``dd/dc = -k^2 dd/dk``.
-
-        Raises
-        ------
-        BeamstiffError
-            As `predict`, or when the parametrisation is unknown.
         """
         if by not in PARAMETRISATIONS:
             raise BeamstiffError(
@@ -154,16 +124,14 @@ class PortModel:
 
     def _displaced(self, opened: Array) -> Array:
         """Return the displacements (..., N, 6) where the ports open by (..., N, p)."""
-        result: Array = self.clamped + (self.motion.swapaxes(-1, -2) @ opened[..., None])[..., 0]
-        return result
+        return self.clamped + (self.motion.swapaxes(-1, -2) @ opened[..., None])[..., 0]
 
     def _opened(self, stiffness: Array) -> Array:
         """Return by how much the ports open in every row, ``M^-1 (B_w w + g)``, (..., N, p)."""
         slot, columns = self._columns
         if columns.shape[-1] > columns.shape[-2]:
             inverse = self.inverse(stiffness)[..., self.pose, :, :]
-            result: Array = (inverse @ self.force[..., None])[..., 0]
-            return result
+            return (inverse @ self.force[..., None])[..., 0]
         solved: Array = self._solve(stiffness, columns)[..., self.pose, :, slot]
         return np.moveaxis(solved, 0, -2) if solved.ndim > 2 else solved
 
@@ -200,8 +168,7 @@ class PortModel:
             return None
         if not ((values > SMALLEST) & np.isfinite(values)).all():
             return None
-        compliance: Array = 1.0 / values
-        return compliance
+        return 1.0 / values
 
     def rows(self, chosen: ArrayLike) -> PortModel:
         """Return the model of some rows: a mask or indices."""
@@ -253,8 +220,7 @@ class PortModel:
             size = 1.0 / np.sqrt(diagonal)
             matrix *= size[..., :, None]
             matrix *= size[..., None, :]
-            solved: Array = size[..., None] * np.linalg.solve(matrix, size[..., None] * right)
-            return solved
+            return size[..., None] * np.linalg.solve(matrix, size[..., None] * right)
         if values.ndim > 1:
             return np.stack([self._solve(candidate, right) for candidate in values])
         solution, unstable = solve_stable(matrix, right)
@@ -276,13 +242,7 @@ def _factor(values: Array, power: int, by: Parametrisation) -> Array:
 
 
 def find_ports(robot: Robot, parameters: Sequence[str]) -> tuple[list[Port], Index]:
-    """Return the ports that belong to stiffness parameters, and the parameter of each.
-
-    Raises
-    ------
-    BeamstiffError
-        When a parameter does not exist or is named twice.
-    """
+    """Return the ports that belong to stiffness parameters, and the parameter of each."""
     known = stiffness_parameters(robot)
     struts = {strut.name: at for at, strut in enumerate(robot.struts)}
     joints = {joint.name: at for at, joint in enumerate(robot.joints)}
@@ -363,18 +323,12 @@ def reduce_to_ports(
 
     Parameters
     ----------
-    robot : Robot
     measurements : Measurements
         N rows: joint values, wrench, measured point and point of load.
     parameters : sequence of str, optional
         Stiffness values to leave open; default ``robot.identify``.
     gravity : bool, optional
         Add the dead weight; default: for absolute positions, not for displacements (loaded minus unloaded).
-
-    Raises
-    ------
-    BeamstiffError
-        When a parameter does not exist, a pose cannot close its loops or the structure is a mechanism.
     """
     names = tuple(parameters if parameters is not None else robot.identify)
     if not names:

@@ -72,5 +72,4 @@ class RigidModel:
 
     def predict(self, q: Array, wrench: Array) -> Array:  # noqa: ARG002 (the protocol's)
         """Return zeros, one row each wrench."""
-        result: Array = 0.0 * wrench
-        return result
+        return 0.0 * wrench

@@ -29,11 +29,9 @@ def displaced(model: PortModel, compliance: Array) -> Array:
         Of the springs, one over stiffness, positive; equal in rows of one pose.
     """
     if model.by_compliance is not None:
-        series: Array = model.clamped + (model.by_compliance @ compliance[..., None])[..., 0]
-        return series
+        return model.clamped + (model.by_compliance @ compliance[..., None])[..., 0]
     opened = (_inverse(model, compliance)[model.pose] @ model.force[..., None])[..., 0]
-    result: Array = model.clamped + (model.motion.swapaxes(-1, -2) @ opened[..., None])[..., 0]
-    return result
+    return model.clamped + (model.motion.swapaxes(-1, -2) @ opened[..., None])[..., 0]
 
 
 def displaced_with_slopes(model: PortModel, compliance: Array) -> tuple[Array, Array]:
@@ -57,8 +55,7 @@ def _inverse(model: PortModel, compliance: Array) -> Array:
     matrix = model.port_stiffness + np.tensordot(1.0 / compliance[first], model.springs, 1)
     size = 1.0 / np.sqrt(np.diagonal(matrix, axis1=-2, axis2=-1))
     scaled = np.linalg.inv(matrix * size[:, :, None] * size[:, None, :])
-    result: Array = scaled * size[:, :, None] * size[:, None, :]
-    return result
+    return scaled * size[:, :, None] * size[:, None, :]
 
 
 def ports_at(robot: Robot, parameters: Sequence[str], q: ArrayLike, wrench: ArrayLike) -> PortModel:

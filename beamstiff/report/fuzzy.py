@@ -38,11 +38,9 @@ def rules_figure(
     Raises
     ------
     BeamstiffError
-        When the rules are those of a tree, or a term was not trained.
+        When a term was not trained.
     """
     premises = model.system.premises
-    if not isinstance(premises, Partition):
-        raise BeamstiffError("the rules of a tree have no membership functions to draw")
     known = model.known
     chosen = list(terms) if terms is not None else _largest(model)
     for i, j in chosen:

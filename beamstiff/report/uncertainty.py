@@ -1,11 +1,10 @@
-"""Uncertainty told to people: sources of errors, rows left out, number of tests, models side by side."""
+"""Uncertainty told to people: sources of errors, rows left out, number of tests."""
 
 from __future__ import annotations
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from beamstiff.identification.compare import Comparison
 from beamstiff.identification.number_of_tests import NumberOfTests
 from beamstiff.identification.sensitivity import Sensitivity
 from beamstiff.identification.validation import HeldOut, Repeatability
@@ -25,43 +24,6 @@ SOURCES = {
     "hold_length": "slides that do not hold",
     "all": "all",
 }
-
-
-def comparison_table(found: Comparison, title: str = "Models of the same data") -> Table:
-    """Return a table of models: criteria less the best one's, held-out likelihood and errors.
-
-    Parameters
-    ----------
-    found : Comparison
-    title : str
-    """
-    result = table(
-        f"{title}: {found.source}, {found.components} measured values",
-        "model",
-        "values",
-        "AICc - best",
-        "weight",
-        "BIC - best",
-        "held-out log L - best",
-        "RMS, mm",
-        "poses left out, mm",
-        "loads left out, mm",
-    )
-    scores = found.scores
-    aicc, bic = min(score.aicc for score in scores), min(score.bic for score in scores)
-    unseen = [score.held_out for score in scores if score.held_out is not None]
-    for score in scores:
-        behind = None if score.held_out is None else score.held_out - max(unseen)
-        result.add_row(
-            score.name,
-            str(score.count),
-            "-" if np.isinf(score.aicc) else f"{score.aicc - aicc:.1f}",
-            "-" if np.isnan(score.weight) else f"{score.weight:.2f}",
-            f"{score.bic - bic:.1f}",
-            "-" if behind is None else f"{behind:.1f}",
-            *(_mm(value) for value in (score.rms, score.rms_held_out, score.rms_held_out_load)),
-        )
-    return result
 
 
 def sensitivity_table(found: Sensitivity, title: str = "Scatter by source of errors") -> Table:

@@ -27,20 +27,11 @@ _ZERO = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Assembly:
-    """Where the loops close, as the reference of the assembly branch.
+    """Where the loops close, as the reference of the assembly branch."""
 
-    Attributes
-    ----------
-    free : (A + Q,) array, rad or m
-        Actuated and passive variables there.
-    jacobian : (M, Q) array
-        Derivative of the gaps by the passive variables there, scaled.
-    blocks : tuple of (rows, columns)
-        Parts of the Jacobian that have a branch of their own; none where any branch will do.
-    """
-
-    free: Array
-    jacobian: Array
+    free: Array  # (A + Q,), rad or m: actuated and passive variables there
+    jacobian: Array  # (M, Q): derivative of the gaps by the passive variables there, scaled
+    # (rows, columns): parts of the Jacobian that have a branch of their own; none where any branch will do
     blocks: tuple[Block, ...]
 
     def same_branch(self, jacobian: Array, reference: Array | None = None) -> NDArray[np.bool_]:
@@ -69,8 +60,7 @@ def assembly_at(system: LoopSystem, free: Array) -> Assembly | None:
 
 def scattered(system: LoopSystem, free: Array) -> Array:
     """Return eight open postures (8, A + Q) around one (A + Q,): what holds at all of them holds always."""
-    around: Array = free + 0.1 * system.scale * np.random.default_rng(0).standard_normal((8, len(free)))
-    return around
+    return free + 0.1 * system.scale * np.random.default_rng(0).standard_normal((8, len(free)))
 
 
 def _blocks(system: LoopSystem, free: Array, jacobian: Array) -> tuple[Block, ...]:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.expression_graph.expression import Expression, Recorder
-from beamstiff.expression_graph.graph import Program, compile_program
+from beamstiff.expression_graph.graph import ExpressionGraph, compile_graph
 from beamstiff.robot.branch import Assembly
 from beamstiff.robot.loops import LoopSystem, loop_equations
 from beamstiff.robot.newton import LARGEST_SHIFT, LARGEST_STEP, Mask
@@ -33,7 +33,6 @@ def close_at_once(system: LoopSystem, assembly: Assembly, start: Array) -> tuple
 
     Parameters
     ----------
-    system : LoopSystem
     assembly : Assembly
         Whose branch it is to be.
     start : (P, A + Q) array
@@ -48,7 +47,7 @@ def close_at_once(system: LoopSystem, assembly: Assembly, start: Array) -> tuple
 
 
 @lru_cache(maxsize=32)
-def closing_program(system: LoopSystem, assembly: Assembly) -> Program | None:
+def closing_program(system: LoopSystem, assembly: Assembly) -> ExpressionGraph | None:
     """Return the program: passive variables, and last a number that is positive where they are closed.
 
     None where the equations of the loops cannot be written down, or are too many.
@@ -80,7 +79,7 @@ def closing_program(system: LoopSystem, assembly: Assembly) -> Program | None:
     limit = np.where(system.prismatic, LARGEST_SHIFT, LARGEST_STEP) * system.scale
     sure += list(limit[first:] ** 2 - (now - free)[first:] * (now - free)[first:])
     least = reduce(Expression.least, [item for item in sure if isinstance(item, Expression)])
-    return compile_program(recorder, len(free), [*now[first:], least])
+    return compile_graph(recorder, len(free), [*now[first:], least])
 
 
 def _solved(matrix: Entries, right: Entries | None = None) -> tuple[Entries, Any]:

@@ -25,20 +25,11 @@ SCATTERED = 48  # starts where the guess does not lead to a closed posture
 
 
 class Closure(NamedTuple):
-    """Postures with the loops closed where they can be.
+    """Postures with the loops closed where they can be."""
 
-    Attributes
-    ----------
-    values : (P, V) array, rad or m
-        All variables; NaN for those that depend on a loop that is not closed.
-    closed : (P,) bool array
-    reasons : tuple of str
-        Why a pose does not close, empty where it does.
-    """
-
-    values: Array
-    closed: Mask
-    reasons: tuple[str, ...]
+    values: Array  # (P, V), rad or m: all variables; NaN for those that depend on a loop that is not closed
+    closed: Mask  # (P,)
+    reasons: tuple[str, ...]  # why a pose does not close, empty where it does
 
 
 def close_loops(kinematics: Kinematics, q: Array, strict: bool = True) -> Closure:
@@ -46,16 +37,10 @@ def close_loops(kinematics: Kinematics, q: Array, strict: bool = True) -> Closur
 
     Parameters
     ----------
-    kinematics : Kinematics
     q : (P, A) array, rad or m
         Actuated variables.
     strict : bool
         Whether a pose that cannot close is an error (default) or a reason.
-
-    Raises
-    ------
-    BeamstiffError
-        When `strict` and a pose cannot close: names the loop, the gap that remains and the pose.
     """
     joined, poses = kinematics.coupling, len(q)
     passive = len(joined.free) - joined.actuated
@@ -64,7 +49,7 @@ def close_loops(kinematics: Kinematics, q: Array, strict: bool = True) -> Closur
         return Closure(all_values(kinematics, free), np.ones(poses, dtype=np.bool_), ("",) * poses)
     system = loop_system(kinematics)
     free[:, joined.actuated :] = declared_start(kinematics)[joined.actuated :]
-    assembly = kinematics.assembly or _assembly_near(system, free) or _any_assembly(free[0], system)
+    assembly = kinematics.assembly or _assembly_near(system, free) or _without_branches(system, free[0])
     starts = None
     if poses >= GRID:
         system = recorded(system)
@@ -87,7 +72,6 @@ def closure_rates(kinematics: Kinematics, values: Array, transforms: Array) -> A
 
     Parameters
     ----------
-    kinematics : Kinematics
     values : (P, V) array
         With the loops closed.
     transforms : (P, F + 1, 4, 4) array
@@ -95,11 +79,6 @@ def closure_rates(kinematics: Kinematics, values: Array, transforms: Array) -> A
     Returns
     -------
     (P, Q, A) array
-
-    Raises
-    ------
-    BeamstiffError
-        When passive variables are undetermined at a pose, or a loop holds an actuated one: names the loop.
     """
     joined = kinematics.coupling
     if not kinematics.loops or not len(values):
@@ -129,13 +108,7 @@ def closure_rates(kinematics: Kinematics, values: Array, transforms: Array) -> A
 
 
 def find_assembly(kinematics: Kinematics) -> Assembly | None:
-    """Return where the loops close near the declared guess, or None if they do not close there.
-
-    Raises
-    ------
-    BeamstiffError
-        When there are passive variables that the loops do not determine in any posture.
-    """
+    """Return where the loops close near the declared guess, or None if they do not close there."""
     system, start = loop_system(kinematics), declared_start(kinematics)
     _check_determined(system, start)
     return _assembly_near(system, start[None])
@@ -174,7 +147,7 @@ def _assembly_near(system: LoopSystem, free: Array) -> Assembly | None:
     return None
 
 
-def _any_assembly(start: Array, system: LoopSystem) -> Assembly:
+def _without_branches(system: LoopSystem, start: Array) -> Assembly:
     """Return an assembly without branches, for poses so singular that they have none."""
     return Assembly(start, np.zeros((system.rows[-1].stop, len(start) - system.actuated)), ())
 

@@ -19,20 +19,6 @@ def as_robot(robot: RobotLike, what: str = "robot") -> Robot:
         A path, or the name of a bundled robot such as ``"ir663"``, is read with `load_robot`.
     what : str
         The argument, for messages.
-
-    Raises
-    ------
-    BeamstiffError
-        When it is none of these, or the file cannot be used.
-
-    Examples
-    --------
-    >>> as_robot("ir663").name
-    'ir663'
-    >>> as_robot(5)
-    Traceback (most recent call last):
-    ...
-    beamstiff.errors.BeamstiffError: robot: found 5, expected a Robot, the path of a robot file, or the ...
     """
     if isinstance(robot, Robot):
         return robot

@@ -36,25 +36,15 @@ class Attempt(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Starts:
-    """Closed postures on a grid over the actuated variables, to start from where there are many poses.
+    """Closed postures on a grid over the actuated variables, to start from where there are many poses."""
 
-    Attributes
-    ----------
-    low, width : (A,) arrays, rad or m
-        Where the first cell begins, and how wide a cell is.
-    counts : (A,) int array
-        Cells along each variable; one where it moves no loop.
-    free : (G, Q) array
-        Passive variables at the middle of each cell; those of the assembly where the loops do not close.
-    rates : (G, Q, A) array
-        How the passive variables follow there; zero where the loops do not close.
-    """
-
+    # low, width, (A,), rad or m: where the first cell begins, and how wide a cell is
     low: Array
     width: Array
-    counts: NDArray[np.int64]
+    counts: NDArray[np.int64]  # (A,): cells along each variable; one where it moves no loop
+    # (G, Q): passive variables at the middle of each cell; those of the assembly where the loops do not close
     free: Array
-    rates: Array
+    rates: Array  # (G, Q, A): how the passive variables follow there; zero where the loops do not close
 
     def passive(self, q: Array) -> Array:
         """Return passive variables (P, Q) near those at actuated ones (P, A)."""
@@ -110,8 +100,6 @@ def close_in_branch(
 
     Parameters
     ----------
-    system : LoopSystem
-    assembly : Assembly
     free : (P, A + Q) array
         The passive part is not used.
     starts : Starts, optional
@@ -148,8 +136,7 @@ def _in_branch(assembly: Assembly, jacobian: Array, closed: Mask) -> Mask:
     same = assembly.same_branch(jacobian)
     others = np.flatnonzero(closed & ~same)
     same[others] = _meeting(jacobian[others])
-    inside: Mask = closed & same
-    return inside
+    return closed & same
 
 
 def _meeting(jacobian: Array) -> Mask:
@@ -157,8 +144,7 @@ def _meeting(jacobian: Array) -> Mask:
     s = np.linalg.svd(jacobian, compute_uv=False)
     if not s.shape[1]:
         return np.ones(len(jacobian), dtype=np.bool_)
-    meeting: Mask = s[:, -1] < NEAR_SINGULAR * s[:, 0]
-    return meeting
+    return s[:, -1] < NEAR_SINGULAR * s[:, 0]
 
 
 def _nearest(
@@ -172,8 +158,7 @@ def _nearest(
         return np.repeat(assembly.free[None], len(todo), axis=0)
     tree = KDTree(origins[:, :first][:, moving] / scale)
     _, nearest = tree.query(free[todo, :first][:, moving] / scale)
-    chosen: Array = origins[nearest]
-    return chosen
+    return origins[nearest]
 
 
 def continuation(system: LoopSystem, assembly: Assembly, origin: Array, target: Array) -> tuple[Array, Mask]:

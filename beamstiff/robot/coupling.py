@@ -24,35 +24,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Coupling:
-    """All variables as a linear map of the free ones: ``values = matrix @ free + offset``.
+    """All variables as a linear map of the free ones: ``values = matrix @ free + offset``."""
 
-    Attributes
-    ----------
-    names : tuple of str
-        All variables, in order of declaration (V).
-    free : tuple of str
-        Actuated variables first, then passive ones (A + Q = F).
-    actuated : int
-        Number of actuated variables, A.
-    matrix : (V, F) array
-    offset : (V,) array
-    """
-
-    names: tuple[str, ...]
-    free: tuple[str, ...]
-    actuated: int
-    matrix: Array
-    offset: Array
+    names: tuple[str, ...]  # all variables, in order of declaration (V)
+    free: tuple[str, ...]  # actuated variables first, then passive ones (A + Q = F)
+    actuated: int  # number of actuated variables, A
+    matrix: Array  # (V, F)
+    offset: Array  # (V,)
 
 
 def variable_kinds(robot: Robot) -> dict[str, str]:
-    """Return the kind, ``"angle"`` or ``"length"``, of every variable; a coupled one has that of its source.
-
-    Raises
-    ------
-    BeamstiffError
-        When a coupled variable follows itself or nothing.
-    """
+    """Return the kind, ``"angle"`` or ``"length"``, of every variable; of a coupled one, its source's."""
     return dict(_kinds(_Same(robot.variables)))  # a caller's own
 
 
@@ -101,13 +83,7 @@ def _dependence_order(variables: Sequence[Variable]) -> list[str]:
 
 
 def coupling(robot: Robot) -> Coupling:
-    """Return how all variables of a robot follow from the actuated and passive ones.
-
-    Raises
-    ------
-    BeamstiffError
-        When a coupled variable follows itself, or its expression is not linear.
-    """
+    """Return how all variables of a robot follow from the actuated and passive ones."""
     kinds = variable_kinds(robot)
     declared = {variable.name: variable for variable in robot.variables}
     free = [v.name for v in robot.variables if v.actuated] + [v.name for v in robot.variables if v.passive]

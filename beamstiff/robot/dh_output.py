@@ -62,13 +62,7 @@ def robot_to_table(robot: Robot, convention: str) -> Table:
 
     Parameters
     ----------
-    robot : Robot
     convention : "classic", "modified" or "khalil-kleinfinger"
-
-    Raises
-    ------
-    BeamstiffError
-        When a variable moves a frame along or about its x axis, or a frame has both theta and r moved.
     """
     convention = known_convention(convention, "convention")
     rows = _chain(robot)

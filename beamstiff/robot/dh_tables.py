@@ -78,11 +78,6 @@ def read_table(path: str | os.PathLike[str], convention: str | None = None) -> R
         CSV, or YAML by its ending.
     convention : str, optional
         One of `CONVENTIONS`, for a file that does not say.
-
-    Raises
-    ------
-    BeamstiffError
-        When the file cannot be read or used: ``FILE:LINE: column: message``.
     """
     file = Path(path)
     if file.suffix.lower() in (".yaml", ".yml"):

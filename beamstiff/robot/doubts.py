@@ -18,23 +18,6 @@ def robot_doubts(robot: Robot) -> tuple[str, ...]:
     """Return, one sentence each, what in a robot looks like a mistake; mostly nothing.
 
     These are no errors: a plain number is SI, and strange machines are built.
-
-    Examples
-    --------
-    >>> from beamstiff.robot.reader import parse_robot
-    >>> text = '''
-    ... beamstiff: 1
-    ... name: crane
-    ... variables: [{name: q1, type: revolute, limits: [-170, 170]}]
-    ... frames: [{name: f1, theta: q1}]
-    ... nodes: [{name: foot}, {name: hub, frame: f1}, {name: tip, frame: f1, at: [1, 0, 0]}]
-    ... rigids: [{name: arm, nodes: [hub, tip]}]
-    ... joints: [{name: J1, nodes: [foot, hub], frame: f1, variable: q1, stiffness: {torsional: 1e6}}]
-    ... fixed: [foot]
-    ... tcp: tip
-    ... '''
-    >>> robot_doubts(parse_robot(text))[0][:59]
-    "robot 'crane': limits of q1: -170 to 170 rad are 54 turns; "
     """
     return (*_of_limits(robot), *_of_joints(robot))
 

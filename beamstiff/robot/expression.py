@@ -16,10 +16,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from beamstiff.errors import BeamstiffError, shown, suggest
-from beamstiff.se3 import Array
 from beamstiff.units import NUMBER, UNITS, check_turn, in_si, number, unit_factor
 
 _NAME = r"[A-Za-z_][A-Za-z0-9_]*"
@@ -43,13 +40,6 @@ class Expression:
     constant: float = 0.0
     coefficients: Mapping[str, float] = field(default_factory=dict)
 
-    def evaluate(self, values: Mapping[str, Array], poses: int) -> Array:
-        """Return the value for each pose, (P,), from the values (P,) of the variables."""
-        result = np.full(poses, self.constant)
-        for name, coefficient in self.coefficients.items():
-            result = result + coefficient * values[name]
-        return result
-
     def __str__(self) -> str:
         parts = [f"{coefficient!r}*{name}" for name, coefficient in self.coefficients.items()]
         return " + ".join([*parts, repr(self.constant)] if self.constant or not parts else parts)
@@ -66,11 +56,6 @@ def parse_expression(text: object, kind: str, variables: Mapping[str, str]) -> E
         ``"angle"`` or ``"length"``: what the expression's value is.
     variables : mapping
         Kind (``"angle"`` or ``"length"``) of every variable that may be used.
-
-    Raises
-    ------
-    BeamstiffError
-        When the text does not follow the grammar, is not linear, names an unknown variable or mixes units.
     """
     if not isinstance(text, str):
         return _checked(Expression(number(text)), text, kind)

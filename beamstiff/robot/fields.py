@@ -136,11 +136,6 @@ def described(value: Any, kind: str) -> float:
     """Return a quantity in SI; quoted numbers, which hold no unit though text carries one, are refused.
 
     ``2e11`` is no such text: YAML 1.1 makes text of a plain number that is written so.
-
-    Raises
-    ------
-    BeamstiffError
-        When it is no quantity of this kind.
     """
     check_has_unit(value, UNITS[kind])
     return quantity(value, kind)

@@ -7,8 +7,8 @@ near-parallel axes)::
 
 Each of them moves along or about one axis of the frame reached so far: a screw. Positions, orientations and
 twists all follow from one walk along the chain, looping over frames only. Inside, the pose is the last axis,
-so that every operation runs over all poses at a stretch; and with expressions (`tape`) in place of the values
-of one pose the walk writes itself down.
+so that every operation runs over all poses at a stretch; and with expressions
+(`expression_graph`) in place of the values of one pose the walk writes itself down.
 """
 
 from __future__ import annotations
@@ -45,7 +45,6 @@ def forward(kinematics: Kinematics, values: Array) -> Array:
 
     Parameters
     ----------
-    kinematics : Kinematics
     values : (P, V) array, rad or m
         All variables in the order of ``kinematics.coupling.names``; loops are not closed here.
 
@@ -67,7 +66,6 @@ def frame_twists(kinematics: Kinematics, values: Array, transforms: Array) -> Ar
 
     Parameters
     ----------
-    kinematics : Kinematics
     values : (P, V) array
     transforms : (P, F + 1, 4, 4) array
         From `forward` with the same values.
@@ -101,7 +99,6 @@ def place(kinematics: Kinematics, values: Array, frames: Sequence[int]) -> tuple
 
     Parameters
     ----------
-    kinematics : Kinematics
     values : (P, V) array
     frames : sequence of int
         A root, then frames each of whose parents stands before it.
@@ -167,7 +164,6 @@ def twists_at(
 
     Parameters
     ----------
-    kinematics : Kinematics
     screws : iterable of Screw
         Those that move the body.
     point : (3, P) array, m

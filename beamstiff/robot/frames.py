@@ -31,75 +31,39 @@ MOTIONS: tuple[tuple[str, Literal["turn", "shift"], int], ...] = (
 
 @dataclass(frozen=True)
 class LoopEnds:
-    """A loop with its two ends as points of frames.
-
-    Attributes
-    ----------
-    name, a, b, constrain
-        As declared.
-    frame_a, frame_b : int
-        Index of the frame that holds the end.
-    at_a, at_b : (3,) array, m
-        The end in its frame.
-    """
+    """A loop with its two ends as points of frames."""
 
     name: str
     a: str
     b: str
     constrain: Literal["position", "pose", "plane"]
-    frame_a: int
-    at_a: Array
+    frame_a: int  # that holds the end
+    at_a: Array  # (3,), m: in that frame
     frame_b: int
     at_b: Array
 
 
 @dataclass(frozen=True, eq=False)
 class Kinematics:
-    """The geometry of a robot, compiled once; V variables, A actuated, Q passive, F frames, N nodes.
-
-    Attributes
-    ----------
-    robot : Robot
-    coupling : Coupling
-        How all variables follow from the actuated and the passive ones.
-    prismatic : (V,) bool array
-        Whether a variable is a length, in the order of ``coupling.names``.
-    frame_names : tuple of str
-        ``"base"`` first, every frame after its parent (F + 1).
-    frame_index : mapping of str to int
-    parents : (F + 1,) int array
-        Index of each frame's parent; -1 for the base.
-    constants : (F + 1, 7) array, rad or m
-        Constant part of the parameters, in the order of `MOTIONS`.
-    coefficients : (F + 1, 7, V) array
-        Their linear part: ``parameters = constants + coefficients @ values``.
-    node_names : tuple of str
-    node_index : mapping of str to int
-    node_frame : (N,) int array
-    node_at : (N, 3) array, m
-        Position in the node's frame.
-    loops : tuple of LoopEnds
-    size : float, m
-        Size of the machine: how far its longest chain of frames could reach.
-    assembly : Assembly or None
-        Where the loops close and in which assembly branch; None without loops, or when the declared guess
-        does not close and the poses have to tell.
-    """
+    """The geometry of a robot, compiled once; V variables, A actuated, Q passive, F frames, N nodes."""
 
     robot: Robot
-    coupling: Coupling
-    prismatic: NDArray[np.bool_]
-    frame_names: tuple[str, ...]
+    coupling: Coupling  # how all variables follow from the actuated and the passive ones
+    prismatic: NDArray[np.bool_]  # (V,): whether a variable is a length, in the order of ``coupling.names``
+    frame_names: tuple[str, ...]  # ``"base"`` first, every frame after its parent (F + 1)
     frame_index: Mapping[str, int]
-    parents: NDArray[np.intp]
-    constants: Array
+    parents: NDArray[np.intp]  # (F + 1,): index of each frame's parent; -1 for the base
+    constants: Array  # (F + 1, 7), rad or m: constant part of the parameters, in the order of `MOTIONS`
+    # (F + 1, 7, V): their linear part: ``parameters = constants + coefficients @ values``
     coefficients: Array
     node_names: tuple[str, ...]
     node_index: Mapping[str, int]
-    node_frame: NDArray[np.intp]
-    node_at: Array
+    node_frame: NDArray[np.intp]  # (N,)
+    node_at: Array  # (N, 3), m: position in the node's frame
     loops: tuple[LoopEnds, ...]
-    size: float
+    size: float  # m: size of the machine: how far its longest chain of frames could reach
+    # where the loops close and in which assembly branch; None without loops, or when the declared guess does
+    # not close and the poses have to tell
     assembly: Assembly | None = None
 
 
@@ -182,5 +146,4 @@ def _size(parents: NDArray[np.intp], constants: Array, node_frame: NDArray[np.in
 def all_values(kinematics: Kinematics, free: Array) -> Array:
     """Return the values of all variables (P, V) from those of the free ones (P, A + Q)."""
     joined = kinematics.coupling
-    values: Array = free @ joined.matrix.T + joined.offset
-    return values
+    return free @ joined.matrix.T + joined.offset

@@ -18,18 +18,7 @@ GROUND = ""  # no node is called so
 
 
 def structure_graph(robot: Robot) -> Structure:
-    """Return the structure as a multigraph: an edge an element, with its ``kind`` and ``name``.
-
-    Examples
-    --------
-    >>> from beamstiff.robot.reader import parse_robot
-    >>> robot = parse_robot(
-    ...     "{beamstiff: 1, name: link, nodes: [{name: root}, {name: tip}],"
-    ...     " rigids: [{name: arm, nodes: [root, tip]}], fixed: [root], tcp: tip}"
-    ... )
-    >>> list(structure_graph(robot).edges(data="kind"))
-    [('root', 'tip', 'rigid')]
-    """
+    """Return the structure as a multigraph: an edge an element, with its ``kind`` and ``name``."""
     graph: Structure = nx.MultiGraph(name=robot.name)
     fixed = set(robot.fixed)
     for node in robot.nodes:

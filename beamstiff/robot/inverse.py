@@ -26,23 +26,12 @@ ITERATIONS = 60
 
 @dataclass(frozen=True, eq=False)
 class InverseResult:
-    """What inverse geometry found for P targets.
+    """What inverse geometry found for P targets."""
 
-    Attributes
-    ----------
-    q : (P, A) array, rad or m
-        Actuated variables of the closest approach, within their limits.
-    reached : (P,) bool array
-        Whether both errors are within the tolerance.
-    position_error : (P,) array, m
-    rotation_error : (P,) array, rad
-        Zero where only positions were asked for.
-    """
-
-    q: Array
-    reached: NDArray[np.bool_]
-    position_error: Array
-    rotation_error: Array
+    q: Array  # (P, A), rad or m: actuated variables of the closest approach, within their limits
+    reached: NDArray[np.bool_]  # (P,): whether both errors are within the tolerance
+    position_error: Array  # (P,), m
+    rotation_error: Array  # (P,), rad: zero where only positions were asked for
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,8 +203,7 @@ def _turned_within(task: _Task, free: Array) -> Array:
     limited = np.isfinite(task.lower) & np.isfinite(task.upper)
     middle = 0.5 * (np.where(limited, task.lower, 0.0) + np.where(limited, task.upper, 0.0))
     turns = np.where(task.system.prismatic[: len(middle)], 0.0, np.round((free - middle) / (2 * np.pi)))
-    within: Array = np.clip(free - 2 * np.pi * turns, task.lower, task.upper)
-    return within
+    return np.clip(free - 2 * np.pi * turns, task.lower, task.upper)
 
 
 def _name(task: _Task) -> str:

@@ -36,21 +36,11 @@ __all__ = [
 
 @dataclass(frozen=True, eq=False)
 class Posture:
-    """A machine at P poses, its loops closed.
+    """A machine at P poses, its loops closed."""
 
-    Attributes
-    ----------
-    values : (P, V) array, rad or m
-        All variables, in the order of ``kinematics.coupling.names``.
-    transforms : (P, F + 1, 4, 4) array
-        Transform base <- frame, in the order of ``kinematics.frame_names``.
-    node_positions : (P, N, 3) array, m
-        In the base frame, in the order of ``kinematics.node_names``.
-    """
-
-    values: Array
-    transforms: Array
-    node_positions: Array
+    values: Array  # (P, V), rad or m: all variables, in the order of ``kinematics.coupling.names``
+    transforms: Array  # (P, F + 1, 4, 4): transform base <- frame, in the order of ``kinematics.frame_names``
+    node_positions: Array  # (P, N, 3), m: in the base frame, in the order of ``kinematics.node_names``
 
     def only(self, poses: slice | NDArray[np.int64]) -> Posture:
         """Return some of the poses."""
@@ -58,15 +48,9 @@ class Posture:
 
 
 class ClosedPosture(Posture):
-    """A posture that follows from its values: where frames and nodes are is worked out when asked for.
+    """A posture that follows from its values: where frames and nodes are is worked out when asked for."""
 
-    Attributes
-    ----------
-    kinematics : Kinematics or None
-        By which it follows; none where it was changed since.
-    """
-
-    kinematics: Kinematics | None = None
+    kinematics: Kinematics | None = None  # by which it follows; none where it was changed since
 
     @classmethod
     def of(cls, kinematics: Kinematics, values: Array) -> ClosedPosture:
@@ -87,8 +71,7 @@ class ClosedPosture(Posture):
         """Position of every node in the base frame."""
         assert self.kinematics is not None
         at = self.transforms[:, self.kinematics.node_frame]
-        positions: Array = (at[..., :3, :3] @ self.kinematics.node_at[:, :, None])[..., 0] + at[..., :3, 3]
-        return positions
+        return (at[..., :3, :3] @ self.kinematics.node_at[:, :, None])[..., 0] + at[..., :3, 3]
 
     def only(self, poses: slice | NDArray[np.int64]) -> Posture:
         """Return some of the poses."""
@@ -98,24 +81,7 @@ class ClosedPosture(Posture):
 
 
 def compile_kinematics(robot: Robot) -> Kinematics:
-    """Return the kinematics of a robot: everything that is the same for all poses.
-
-    Examples
-    --------
-    >>> from beamstiff.robot.description import Robot
-    >>> from beamstiff.robot.parts import Frame, Node, Variable
-    >>> arm = Robot(
-    ...     name="arm",
-    ...     variables=[Variable(name="q1", type="revolute")],
-    ...     frames=[Frame(name="f1", theta="q1")],
-    ...     nodes=[Node(name="hand", frame="f1", at=("2 m", 0, 0))],
-    ...     fixed=["hand"],
-    ...     tcp="hand",
-    ... )
-    >>> kinematics = compile_kinematics(arm)
-    >>> posture(kinematics, [[0.0], [np.pi / 2]]).node_positions.round(9)[:, 0]
-    array([[2., 0., 0.], [0., 2., 0.]])
-    """
+    """Return the kinematics of a robot: everything that is the same for all poses."""
     kinematics = compile_frames(robot)
     return dataclasses.replace(kinematics, assembly=find_assembly(kinematics)) if robot.loops else kinematics
 
@@ -125,7 +91,6 @@ def actuated_values(robot: Robot, q: Mapping[str, ArrayLike] | ArrayLike) -> Arr
 
     Parameters
     ----------
-    robot : Robot
     q : mapping or array
         By name, each a number or P of them (variables not named are 0); or an array (A,) or (P, A) in the
         order of ``robot.actuated``. rad or m.
@@ -133,11 +98,6 @@ def actuated_values(robot: Robot, q: Mapping[str, ArrayLike] | ArrayLike) -> Arr
     Returns
     -------
     (P, A) array
-
-    Raises
-    ------
-    BeamstiffError
-        When a name is not that of an actuated variable, a value is not a finite number or shapes disagree.
     """
     names = [variable.name for variable in robot.actuated]
     if isinstance(q, Mapping):
@@ -234,21 +194,10 @@ def twist_jacobian(kinematics: Kinematics, posture: Posture, node: str) -> Array
     ``J = T_a - T_p J_p^+ J_a``, with T the twists for unit rates of the actuated and passive variables and J
     the derivatives of the loops' gaps.
 
-    Parameters
-    ----------
-    kinematics : Kinematics
-    posture : Posture
-    node : str
-
     Returns
     -------
     (P, 6, A) array
         ``[v; w]`` at the node in the base frame, per rad (or m) of each of ``robot.actuated``.
-
-    Raises
-    ------
-    BeamstiffError
-        When there is no such node, or a loop leaves passive variables undetermined at a pose.
     """
     at = node_at(kinematics, node)
     chain = chain_to(kinematics, int(kinematics.node_frame[at]))

@@ -10,39 +10,12 @@ _PACKAGE = Path(__file__).resolve().parents[1]
 
 
 def robot_names() -> list[str]:
-    """Return the names of the robots that come with the package, sorted.
-
-    Returns
-    -------
-    list of str
-        Names that `robot_path` accepts: the files' names without ``.yaml``.
-
-    Raises
-    ------
-    BeamstiffError
-        If the installation carries no robots folder.
-    """
+    """Return the names of the robots that come with the package, sorted: what `load_robot` takes."""
     return sorted(path.stem for path in _robots_folder(_PACKAGE).glob("*.yaml"))
 
 
 def robot_path(name: str) -> Path:
-    """Return the YAML file of a robot that comes with the package.
-
-    Parameters
-    ----------
-    name : str
-        One of `robot_names`.
-
-    Returns
-    -------
-    pathlib.Path
-        The existing file.
-
-    Raises
-    ------
-    BeamstiffError
-        If there is no robot of this name; the message suggests a close one and lists all.
-    """
+    """Return the YAML file of a robot that comes with the package, one of `robot_names`."""
     names = robot_names()
     if name not in names:
         raise BeamstiffError(

@@ -17,14 +17,20 @@ import numpy as np
 from beamstiff.errors import BeamstiffError, listed, shown, suggest
 from beamstiff.robot.checks import TABLE_COLUMNS
 from beamstiff.robot.description import Robot
-from beamstiff.robot.fields import DescriptionError, path_text
-from beamstiff.robot.parts import STIFFNESS_KINDS
+from beamstiff.robot.fields import DescriptionError, path_text, stiffness_text
+from beamstiff.robot.parts import STIFFNESS_KINDS, JointStiffness
 from beamstiff.robot.placement import frame_parameters, turned_to
 from beamstiff.robot.xml_text import Element
 from beamstiff.se3 import Array, transform
 
 Kind = Literal["fixed", "revolute", "prismatic"]
 EXTENSION = "beamstiff"  # the element of ours, which other readers pass over
+KINDS: dict[str, Kind] = {
+    "fixed": "fixed",
+    "revolute": "revolute",
+    "continuous": "revolute",
+    "prismatic": "prismatic",
+}
 ALONG = {"revolute": "torsional", "prismatic": "axial"}
 
 
@@ -34,21 +40,12 @@ def _raise(message: str) -> NoReturn:
 
 @dataclass(frozen=True)
 class TreeLink:
-    """A body.
-
-    Attributes
-    ----------
-    name : str
-    mass : float, kg
-    centre : (3,) tuple, m
-        Centre of mass in the link's frame.
-    fail : callable
-        Raises an error at the link's place in its file.
-    """
+    """A body."""
 
     name: str
     mass: float = 0.0
-    centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    centre: tuple[float, float, float] = (0.0, 0.0, 0.0)  # (3,), m: centre of mass in the link's frame
+    # raises an error at the link's place in its file
     fail: Callable[[str], NoReturn] = field(default=_raise, compare=False)
 
 
@@ -63,37 +60,21 @@ class Mimic:
 
 @dataclass(frozen=True, eq=False)
 class TreeJoint:
-    """A joint of a link with its parent.
-
-    Attributes
-    ----------
-    name, parent, child : str
-    kind : "fixed", "revolute" or "prismatic"
-    placed : (4, 4) array
-        Child's frame in the parent's, the joint at 0.
-    axis : (3,) array
-        Direction of the axis, in the child's frame.
-    limits : tuple of two float, rad or m, or None
-    mimic : Mimic or None
-    stiffness : mapping of str to float or str
-        As in a robot file: ``{"torsional": "1e6 N*m/rad"}``.
-    variable : str
-        What the joint's variable is called; by default after the joint.
-    fail : callable
-        Raises an error at the joint's place in its file.
-    """
+    """A joint of a link with its parent."""
 
     name: str
     parent: str
     child: str
     kind: Kind
-    placed: Array
+    placed: Array  # (4, 4): child's frame in the parent's, the joint at 0
+    # (3,): direction of the axis, in the child's frame
     axis: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     limits: tuple[float, float] | None = None
     mimic: Mimic | None = None
+    # as in a robot file: ``{"torsional": "1e6 N*m/rad"}``
     stiffness: Mapping[str, Any] = field(default_factory=dict)
-    variable: str = ""
-    fail: Callable[[str], NoReturn] = _raise
+    variable: str = ""  # what the joint's variable is called; by default after the joint
+    fail: Callable[[str], NoReturn] = _raise  # raises an error at the joint's place in its file
 
 
 @dataclass(frozen=True)
@@ -111,14 +92,8 @@ def robot_data(tree: LinkTree, tcp: str | None = None) -> dict[str, Any]:
 
     Parameters
     ----------
-    tree : LinkTree
     tcp : str, optional
         Link whose origin is the TCP; without it the only link at the end of what moves.
-
-    Raises
-    ------
-    BeamstiffError
-        When names are doubled or unknown, the links are no tree, or it has several ends and no `tcp`.
     """
     root, joints = _ordered(tree)
     variables = variable_names(joints)
@@ -137,7 +112,7 @@ def robot_data(tree: LinkTree, tcp: str | None = None) -> dict[str, Any]:
         frames += made
         # the frame that the joint turns or slides: its z axis is the joint's
         turned = joint.kind != "fixed" and bool(np.any(joint.axis[:2]))
-        held, axis = (made[-2]["name"], [0.0, 0.0, 1.0]) if turned else (own, _axis(joint.axis))
+        held, axis = (made[-2]["name"], [0.0, 0.0, 1.0]) if turned else (own, joint.axis.tolist())
         nodes.append({"name": joint.child, "frame": own})
         start, end = joint.parent, joint.child
         if joint.kind != "fixed" or joint.stiffness:
@@ -208,6 +183,48 @@ def stiffness_of(item: Element) -> dict[str, Any]:
                 f"{listed(STIFFNESS_KINDS)}"
             )
     return dict(extension.attributes)
+
+
+def kind_of(item: Element) -> str:
+    """Return the type of a joint, one of `KINDS`."""
+    kind = item.attribute("type")
+    if kind not in KINDS:
+        item.fail(
+            f"type: found {shown(kind)}{suggest(kind, KINDS)}, expected fixed, revolute, continuous or "
+            "prismatic"
+        )
+    return kind
+
+
+def mass_of(item: Element, text: str, what: str) -> float:
+    """Return the mass, kg, that an element gives."""
+    mass = item.numbers(text, 1, what)[0]
+    if mass < 0:
+        item.fail(f"found {mass:g} kg, expected a mass of 0 or more")
+    return mass
+
+
+def check_limits(item: Element, low: float, high: float) -> None:
+    """Refuse a lower limit above the upper one."""
+    if low > high:
+        item.fail(f"found lower {low:g} above upper {high:g}, expected the lower limit below the upper one")
+
+
+def stiffness_attributes(stiffness: JointStiffness) -> str:
+    """Return what is not rigid in a stiffness as attributes of `<beamstiff>`, with units."""
+    said = []
+    for kind in STIFFNESS_KINDS:
+        value = stiffness_text(getattr(stiffness, kind))
+        unit = "N*m/rad" if kind in ("torsional", "tilting") else "N/m"
+        if value != "rigid":
+            said.append(f'{kind}="{value if isinstance(value, str) else f"{short_number(value)} {unit}"}"')
+    return " ".join(said)
+
+
+def short_number(value: float) -> str:
+    """Return the shortest text of a number that is read back the same."""
+    value += 0.0
+    return str(int(value)) if value == int(value) and abs(value) < 1e15 else repr(value)
 
 
 def robot_of(fail: Callable[[str], NoReturn], data: Mapping[str, Any]) -> Robot:
@@ -313,10 +330,6 @@ def _free(name: str, taken: set[str], suffix: str = "", *, number_first: bool = 
         tried = f"{name}{suffix}{'' if count == 1 else count}"
     taken.add(tried)
     return tried
-
-
-def _axis(axis: Array) -> list[float]:
-    return [float(value) for value in axis]
 
 
 def _frames(

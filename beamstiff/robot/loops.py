@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.expression_graph.expression import Recorder
-from beamstiff.expression_graph.graph import Program, compile_program
+from beamstiff.expression_graph.graph import ExpressionGraph, compile_graph
 from beamstiff.robot.forward import Body, Screw, chain_to, place, twists_at
 from beamstiff.robot.frames import Kinematics, all_values
 from beamstiff.se3 import Array, skew, vector_from_rotation
@@ -26,35 +26,16 @@ ROWS = {"position": 3, "plane": 2, "pose": 6}
 
 @dataclass(frozen=True, eq=False)
 class LoopSystem:
-    """All loops of a robot together.
-
-    Attributes
-    ----------
-    kinematics : Kinematics
-    frames : tuple of int
-        Frames between the ends of the loops, the last one that all share first.
-    rows : tuple of slice
-        Rows of each loop.
-    prismatic : (A + Q,) bool array
-        Which free variables are lengths.
-    scale : (A + Q,) array
-        One rad, or one machine size, for each free variable.
-    actuated : int
-        Number of actuated variables A; the passive ones stand behind them.
-    moving : (A,) bool array
-        Which actuated variables move the loops at all.
-    program : Program or None
-        The equations written down, for many poses; see `recorded`.
-    """
+    """All loops of a robot together."""
 
     kinematics: Kinematics
-    frames: tuple[int, ...]
-    rows: tuple[slice, ...]
-    prismatic: NDArray[np.bool_]
-    scale: Array
-    actuated: int
-    moving: NDArray[np.bool_]
-    program: Program | None = None
+    frames: tuple[int, ...]  # frames between the ends of the loops, the last one that all share first
+    rows: tuple[slice, ...]  # rows of each loop
+    prismatic: NDArray[np.bool_]  # (A + Q,): which free variables are lengths
+    scale: Array  # (A + Q,): one rad, or one machine size, for each free variable
+    actuated: int  # number of actuated variables A; the passive ones stand behind them
+    moving: NDArray[np.bool_]  # (A,): which actuated variables move the loops at all
+    program: ExpressionGraph | None = None  # the equations written down, for many poses; see `recorded`
 
 
 @lru_cache(maxsize=32)
@@ -84,7 +65,7 @@ def recorded(system: LoopSystem) -> LoopSystem:
     recorder = Recorder()
     free = recorder.inputs(len(system.scale))
     gaps, jacobian = loop_equations(system, free[None])
-    program = compile_program(recorder, len(free), [*gaps.ravel(), *jacobian.ravel()])
+    program = compile_graph(recorder, len(free), [*gaps.ravel(), *jacobian.ravel()])
     return replace(system, program=program)
 
 
@@ -107,7 +88,6 @@ def loop_equations(system: LoopSystem, free: Array) -> tuple[Array, Array]:
 
     Parameters
     ----------
-    system : LoopSystem
     free : (P, A + Q) array, rad or m
         Actuated and passive variables.
 

@@ -33,7 +33,6 @@ def _newton(system: LoopSystem, free: Array, iterations: int) -> tuple[Array, Ar
 
     Parameters
     ----------
-    system : LoopSystem
     free : (P, A + Q) array
         Where to start.
 

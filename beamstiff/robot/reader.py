@@ -72,28 +72,30 @@ def line_of(file: Path, path: tuple[str | int, ...]) -> str:
     """Return ``FILE:LINE`` of a key path of a file that was read; of a file that is no YAML its name."""
     if file.suffix.lower() in (".urdf", ".sdf"):
         return str(file)
-    return f"{file}:{read_yaml(file)[1].at(path)}"
+    return f"{file}:{parse_yaml(read_text(file), str(file))[1].at(path)}"
 
 
+@contextlib.contextmanager
+def _collector_paused() -> Iterator[None]:
+    """Keep the garbage collector from walking a large file's values again and again: half the time."""
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            gc.enable()
+
+
+@_collector_paused()
 def parse_robot(text: str, name: str = "<text>") -> Robot:
     """Return the robot that a YAML text describes.
 
     Parameters
     ----------
-    text : str
     name : str
         What messages call the text: its file.
-
-    Raises
-    ------
-    BeamstiffError
-        When its robot cannot be used: one line ``NAME:LINE: key: message``.
     """
-    with _collector_paused():
-        return _parsed(text, name)
-
-
-def _parsed(text: str, name: str) -> Robot:
     data, lines = parse_yaml(text, name)
     if not isinstance(data, dict):
         expected = f"keys with values, the first `beamstiff: {VERSION}`"
@@ -109,31 +111,6 @@ def _parsed(text: str, name: str) -> Robot:
         return Robot(**{key: value for key, value in data.items() if key != "beamstiff"})
     except DescriptionError as error:
         raise BeamstiffError(_told(error.problems, data, lines, name)) from None
-
-
-def read_yaml(path_or_text: Path | str) -> tuple[Any, Lines]:
-    """Return the plain data of a YAML file (a `Path`) or text (a `str`), and the line of every key.
-
-    Raises
-    ------
-    BeamstiffError
-        See `parse_yaml` and `read_text`.
-    """
-    if isinstance(path_or_text, Path):
-        return parse_yaml(read_text(path_or_text), str(path_or_text))
-    return parse_yaml(path_or_text)
-
-
-@contextlib.contextmanager
-def _collector_paused() -> Iterator[None]:
-    """Keep the garbage collector from walking a large file's values again and again: half the time."""
-    was_enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_enabled:
-            gc.enable()
 
 
 def _library() -> list[str]:

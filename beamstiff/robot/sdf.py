@@ -10,24 +10,29 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
-from beamstiff.errors import listed, shown, suggest
+from beamstiff.errors import shown, suggest
 from beamstiff.files import read_text
 from beamstiff.robot.description import Robot
-from beamstiff.robot.link_tree import LinkTree, Mimic, TreeJoint, TreeLink, stiffness_of, tree_robot
+from beamstiff.robot.link_tree import (
+    KINDS,
+    LinkTree,
+    Mimic,
+    TreeJoint,
+    TreeLink,
+    check_limits,
+    kind_of,
+    mass_of,
+    stiffness_of,
+    tree_robot,
+)
 from beamstiff.robot.placement import from_roll_pitch_yaw
 from beamstiff.robot.xml_text import Element, parse_xml
 from beamstiff.se3 import Array
 
-KINDS: dict[str, Literal["fixed", "revolute", "prismatic"]] = {
-    "fixed": "fixed",
-    "revolute": "revolute",
-    "continuous": "revolute",
-    "prismatic": "prismatic",
-}
 UNLIMITED = 1e16  # limits of this size and more are SDF's way to say that there are none
 ON_AXIS = 1e-12  # m
 REFUSED = ("include", "model")
@@ -38,14 +43,8 @@ def read_sdf(path: str | os.PathLike[str], *, tcp: str | None = None) -> Robot:
 
     Parameters
     ----------
-    path : str or os.PathLike
     tcp : str, optional
         Link whose origin is the TCP; by default the only end of the tree.
-
-    Raises
-    ------
-    BeamstiffError
-        When the file cannot be read or its robot cannot be used: ``FILE:LINE: <joint elbow>: message``.
     """
     return parse_sdf(read_text(os.fspath(path)), str(path), tcp=tcp)
 
@@ -118,11 +117,7 @@ class _Poses:
         return self.known[name]
 
     def _joints(self, item: Element) -> Iterator[TreeJoint]:
-        name, kind = item.attribute("name"), item.attribute("type")
-        if kind not in KINDS:
-            item.fail(
-                f"type: found {shown(kind)}{suggest(kind, KINDS)}, expected {listed(dict.fromkeys(KINDS))}"
-            )
+        name, kind = item.attribute("name"), kind_of(item)
         parent, child = _text(item, "parent"), _text(item, "child")
         joint = self.at(name, item)
         body = self.at(child, item)
@@ -183,9 +178,7 @@ def _link(item: Element) -> TreeLink:
     mass = inertial.one("mass") if inertial is not None else None
     if inertial is None or mass is None:
         return TreeLink(item.attribute("name"), fail=item.fail)
-    value = mass.numbers(mass.text, 1, "mass")[0]
-    if value < 0:
-        mass.fail(f"found {value:g} kg, expected a mass of 0 or more")
+    value = mass_of(mass, mass.text, "mass")
     x, y, z = _pose(inertial, "")[0][:3, 3].tolist()
     return TreeLink(item.attribute("name"), value, (x, y, z), fail=item.fail)
 
@@ -201,10 +194,7 @@ def _limits(axis: Element) -> tuple[float, float] | None:
         if item is None or text.lstrip("+-") in ("inf", "infinity"):
             return None
         ends.append(item.numbers(text, 1, name)[0])
-    if ends[0] > ends[1]:
-        limit.fail(
-            f"found lower {ends[0]:g} above upper {ends[1]:g}, expected the lower limit below the upper one"
-        )
+    check_limits(limit, *ends)
     return (ends[0], ends[1]) if max(map(abs, ends)) < UNLIMITED else None
 
 

@@ -9,22 +9,27 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.robot.description import Robot
-from beamstiff.robot.fields import RIGID, stiffness_text
-from beamstiff.robot.link_tree import EXTENSION, LinkTree, TreeJoint, variable_names
-from beamstiff.robot.parts import STIFFNESS_KINDS, JointStiffness
+from beamstiff.robot.link_tree import (
+    EXTENSION,
+    LinkTree,
+    TreeJoint,
+    short_number,
+    stiffness_attributes,
+    variable_names,
+)
+from beamstiff.robot.parts import JointStiffness
 from beamstiff.robot.placement import from_roll_pitch_yaw, roll_pitch_yaw
 from beamstiff.robot.sdf import parse_sdf
 from beamstiff.robot.urdf.agreement import disagreement
 from beamstiff.robot.urdf.export import numbers_text, urdf_skeleton
 from beamstiff.robot.urdf.reader import read_tree
-from beamstiff.robot.urdf.writer import differences, robot_to_urdf, stiffness_attribute
+from beamstiff.robot.urdf.writer import differences, robot_to_urdf
 from beamstiff.robot.xml_text import Element, parse_xml
 from beamstiff.se3 import Array, transform
 
@@ -42,23 +47,7 @@ class Written:
 
 
 def robot_to_sdf(robot: Robot) -> Written:
-    """Return the SDF text of a robot, and what is lost in it.
-
-    Raises
-    ------
-    BeamstiffError
-        When its links would stand elsewhere than its frames.
-
-    Examples
-    --------
-    >>> from beamstiff.robot.reader import load_robot
-    >>> from beamstiff.robot.sdf import parse_sdf
-    >>> arm = load_robot("kr240-2")
-    >>> written = robot_to_sdf(arm)
-    >>> again = parse_sdf(written.text)
-    >>> again.tcp == arm.tcp, again.parameter("q2.torsional") == arm.parameter("J2.torsional")
-    (True, True)
-    """
+    """Return the SDF text of a robot, and what is lost in it."""
     root = parse_xml(urdf_skeleton(robot) if robot.urdf is None else robot_to_urdf(robot), "<urdf>")
     tree = read_tree(root)
     links = {item.attributes["name"]: item for item in root.all("link")}
@@ -139,25 +128,17 @@ def _joint(joint: TreeJoint, stiffness: JointStiffness) -> list[str]:
     if joint.kind != "fixed":
         lines += ["      <axis>", f"        <xyz>{numbers_text(joint.axis)}</xyz>"]
         if joint.limits is not None:
-            low, high = (numbers_text(np.array([value])) for value in joint.limits)
+            low, high = map(short_number, joint.limits)
             lines.append(f"        <limit><lower>{low}</lower><upper>{high}</upper></limit>")
         if joint.mimic is not None:
-            factor, offset = (
-                numbers_text(np.array([value])) for value in (joint.mimic.multiplier, joint.mimic.offset)
-            )
+            factor, offset = map(short_number, (joint.mimic.multiplier, joint.mimic.offset))
             lines.append(
                 f"        <mimic joint={quoteattr(joint.mimic.joint)}><multiplier>{factor}</multiplier>"
                 f"<offset>{offset}</offset></mimic>"
             )
         lines.append("      </axis>")
-    said: dict[str, Any] = {
-        name: stiffness_text(getattr(stiffness, name))
-        for name in STIFFNESS_KINDS
-        if getattr(stiffness, name) != RIGID
-    }
-    if said:
-        words = " ".join(f'{name}="{stiffness_attribute(name, value)}"' for name, value in said.items())
-        lines.append(f"      <{EXTENSION} {words}/>")
+    if said := stiffness_attributes(stiffness):
+        lines.append(f"      <{EXTENSION} {said}/>")
     return [*lines, "    </joint>"]
 
 

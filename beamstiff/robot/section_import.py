@@ -7,7 +7,7 @@ commercial use. Its x is our local y, its y our local z: Iy = ixx_c (bending in 
 from __future__ import annotations
 
 import math
-from typing import Any, Protocol
+from typing import Any
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.robot.sections import Section
@@ -15,27 +15,7 @@ from beamstiff.robot.sections import Section
 ALIGNED = 1e-3  # of the smaller second moment: a product of inertia below is rounding of the mesh
 
 
-class AnalysedSection(Protocol):
-    """What is asked of `sectionproperties.analysis.Section`."""
-
-    def get_area(self) -> float:
-        """Return the area."""
-        ...
-
-    def get_ic(self) -> tuple[float, float, float]:
-        """Return ixx_c, iyy_c, ixy_c."""
-        ...
-
-    def get_j(self) -> float:
-        """Return the torsion constant."""
-        ...
-
-    def get_as(self) -> tuple[float, float]:
-        """Return the shear areas for forces along x and y."""
-        ...
-
-
-def section_from_analysis(analysed: AnalysedSection | Any, unit: float, *, shear: bool = False) -> Section:
+def section_from_analysis(analysed: Any, unit: float, *, shear: bool = False) -> Section:
     """Return the beam section of a cross-section that sectionproperties has analysed.
 
     Parameters
@@ -46,11 +26,6 @@ def section_from_analysis(analysed: AnalysedSection | Any, unit: float, *, shear
         Length of its unit: ``1e-3`` where its coordinates are in mm.
     shear : bool
         Take over the shear areas, for a Timoshenko beam.
-
-    Raises
-    ------
-    BeamstiffError
-        When it has not been analysed, holds several materials, or its principal axes are not x and y.
 
     Examples
     --------

@@ -41,13 +41,7 @@ def missing_stiffness(robot: Robot) -> list[str]:
 
 
 def check_stiffness(robot: Robot) -> None:
-    """Refuse a robot in which nothing gives way, such as one from a URDF that says no stiffness.
-
-    Raises
-    ------
-    BeamstiffError
-        Naming the joints, and how to give them a stiffness.
-    """
+    """Refuse a robot in which nothing gives way, such as one from a URDF that says no stiffness."""
     if missing := missing_stiffness(robot):
         raise BeamstiffError(
             f"robot {robot.name!r}: nothing gives way, the joints {listed(missing, 12)} are rigid: expected "

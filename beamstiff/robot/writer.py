@@ -27,28 +27,7 @@ _ESCAPES = {'"': '\\"', "\\": "\\\\"}
 
 
 def robot_to_yaml(robot: Robot) -> str:
-    """Return the YAML text of a robot; `parse_robot` makes the same robot of it.
-
-    Raises
-    ------
-    BeamstiffError
-        When the robot holds a number that is none, such as NaN.
-
-    Examples
-    --------
-    >>> from beamstiff.robot.parts import Node
-    >>> print(
-    ...     robot_to_yaml(
-    ...         Robot(name="point", nodes=[Node(name="n0", at=[1e-5, 0, 1])], fixed=["n0"], tcp="n0")
-    ...     )
-    ... )
-    beamstiff: 1
-    name: point
-    nodes:
-      - {name: n0, at: [1.0e-05, 0, 1]}
-    fixed: [n0]
-    tcp: n0
-    """
+    """Return the YAML text of a robot; `parse_robot` makes the same robot of it."""
     return "\n".join([f"beamstiff: {VERSION}", *rows_of(_written_fields(robot))]) + "\n"
 
 

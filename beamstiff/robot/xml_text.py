@@ -24,37 +24,25 @@ _TAG_END = re.compile(rb"""(?:"[^"]*"|'[^']*'|[^>"'])*>""")
 
 @dataclass
 class Element:
-    """One element; a text keeps where it came from.
-
-    Attributes
-    ----------
-    name : str
-    attributes : dict of str to str
-    children : list of Element
-    text : str
-        What stands in it beside its children.
-    source : str
-        File, for messages.
-    line : int
-    start, inside, close, end : int
-        Bytes: of ``<``, after the start tag's ``>``, of ``</`` (of the end of ``<.../>``), after its end.
-    """
+    """One element; a text keeps where it came from."""
 
     name: str
     attributes: dict[str, str]
-    source: str
+    source: str  # file, for messages
     line: int
+    # start, inside, close, end: bytes: of ``<``, after the start tag's ``>``, of ``</`` (of the end of
+    # ``<.../>``), after its end
     start: int
     inside: int
     close: int = 0
     end: int = 0
-    text: str = ""
+    text: str = ""  # what stands in it beside its children
     children: list[Element] = field(default_factory=list)
 
     def fail(self, message: str) -> NoReturn:
         """Raise the error of this element, with its file, line and name."""
-        name = self.attributes.get("name")
-        raise BeamstiffError(f"{self.source}:{self.line}: <{self.name}{_shown_name(name)}>: {message}")
+        tag = f"{self.name} {self.attributes.get('name', '')[:60]}".strip()
+        raise BeamstiffError(f"{self.source}:{self.line}: <{tag}>: {message}")
 
     def all(self, name: str) -> list[Element]:
         """Return the children of a name."""
@@ -92,18 +80,8 @@ class Element:
             self.fail(f"{what}: {error}")
 
 
-def _shown_name(name: str | None) -> str:
-    return f" {name[:60]}" if name else ""
-
-
 def parse_xml(text: str, source: str) -> Element:
-    """Return the root element of an XML text.
-
-    Raises
-    ------
-    BeamstiffError
-        When it is not well-formed, has a document type, or is nested more than a hundred deep.
-    """
+    """Return the root element of an XML text."""
     data = text.encode("utf-8")
     parser = expat.ParserCreate(encoding="utf-8")
     parser.buffer_text = True

@@ -49,7 +49,6 @@ def robot_yaml(
 
     Parameters
     ----------
-    robot : Robot
     source : str or pathlib.Path
         File that it was read from. Of a file that is not YAML nothing can be kept.
     std : mapping of str to float, optional

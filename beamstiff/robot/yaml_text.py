@@ -64,15 +64,8 @@ def parse_yaml(text: str, name: str = "<text>") -> tuple[Any, Lines]:
 
     Parameters
     ----------
-    text : str
     name : str
         What messages call the text: its file.
-
-    Raises
-    ------
-    BeamstiffError
-        When it is not valid YAML, holds a tag, a duplicate or unusable key, several documents, an alias that
-        holds itself, or is larger or deeper than a robot may be.
 
     Examples
     --------

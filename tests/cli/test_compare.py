@@ -46,7 +46,7 @@ def test_models_are_shown_by_what_was_held_out_and_by_load(run: Run, data: str) 
     assert (result.exit_code, result.stderr) == (0, "")
     for text in ("fitted (36)", "new pose (12)", "new load (36)", "new pose and load (12)", "300 N", "900 N"):
         assert text in result.stdout
-    for name in ("rigid", "nominal", "parametric", "fuzzy tree", "grid", "gray box", "gaussian process"):
+    for name in ("rigid", "nominal", "parametric", "fuzzy", "grid", "gray box", "gaussian process"):
         assert f"\n{name} " in result.stdout
     assert "The stated noise alone leaves 0.0173 mm RMS." in result.stdout
 

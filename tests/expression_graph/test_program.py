@@ -11,16 +11,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from beamstiff.expression_graph.expression import Expression, Op, Recorder, square_root
-from beamstiff.expression_graph.graph import WIDTH, Program, compile_program
+from beamstiff.expression_graph.graph import WIDTH, ExpressionGraph, compile_graph
 
 WAYS = [False] + [True] * (importlib.util.find_spec("numba") is not None)
 compiled = pytest.mark.skipif(len(WAYS) == 1, reason="numba is not installed (extra `fast`)")
 
 
-def recorded(formula, count: int) -> Program:
+def recorded(formula, count: int) -> ExpressionGraph:
     recorder = Recorder()
     outputs = formula(recorder.inputs(count))
-    return compile_program(recorder, count, list(np.asarray(outputs, dtype=object).ravel()))
+    return compile_graph(recorder, count, list(np.asarray(outputs, dtype=object).ravel()))
 
 
 def messy(x: np.ndarray) -> list:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from beamstiff.fem.assembly import dense_stiffness
 from beamstiff.fem.condensation import Condensed, Port, condense, tcp_compliance
 from beamstiff.fem.geometry import place
-from beamstiff.fem.response import nodal_loads, respond, transmitted_wrenches
+from beamstiff.fem.response import nodal_loads, respond
 from beamstiff.fem.structure import compile_structure
 from beamstiff.model.ports import find_ports
 from beamstiff.robot.kinematics import Posture, posture
@@ -91,17 +91,6 @@ def test_matrices_of_all_poses_at_once() -> None:
     K = dense_stiffness(structure, place(structure, poses))
     for at in range(7):
         assert np.abs(K[at] - dense_stiffness(structure, place(structure, one(poses, at)))[0]).max() == 0.0
-
-
-def test_joint_wrenches_of_all_poses_at_once() -> None:
-    structure, poses = some_poses("kr240-2")
-    loads = nodal_loads(structure, 7, {structure.robot.tcp: np.arange(42.0).reshape(7, 6)})
-    together = transmitted_wrenches(respond(structure, poses, loads), loads)
-    for at in range(7):
-        alone = transmitted_wrenches(
-            respond(structure, one(poses, at), loads[at : at + 1]), loads[at : at + 1]
-        )
-        assert np.abs(together[at] - alone[0]).max() <= TOLERANCE * np.abs(alone).max()
 
 
 def test_open_ports_of_a_random_machine_in_pieces() -> None:

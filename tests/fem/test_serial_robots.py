@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.fem.condensation import tcp_compliance, tcp_stiffness
-from beamstiff.fem.response import nodal_loads, respond, transmitted_wrenches
+from beamstiff.fem.response import nodal_loads, respond
 from beamstiff.fem.structure import Structure, compile_structure
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import posture, twist_jacobian
@@ -175,31 +175,30 @@ def test_stiffness_is_the_congruence_of_the_drive_springs(seed: int) -> None:
 def test_joint_torques_are_the_transposed_jacobian_of_the_wrench(
     seed: int, turned_round: bool, heavy: bool
 ) -> None:
-    """tau = J^T w; and in directions that are rigid or free as well, tau_i = J_i^T w by equilibrium alone."""
+    """tau = J^T w, in all directions that give way."""
     parameters, prismatic, tool, q, rng = drawn(seed, joints=4, poses=2)
     values = 10.0 ** rng.uniform(4, 9, (4, 4))
     values[rng.random((4, 4)) < 0.5] = np.inf
     if heavy:
-        values[1] = np.inf  # a joint that is rigid in all directions passes its wrench on as well
+        values[1] = np.inf  # a joint that is rigid in all directions
     structure = compile_structure(serial_robot(parameters, prismatic, values, tool, turned_round))
     wrench = rng.normal(size=6) * 100
     loads = nodal_loads(structure, 2, {"tool": wrench})
     response = respond(structure, posture(structure.kinematics, q), loads)
-    passed = transmitted_wrenches(response, loads)
     sign = -1.0 if turned_round else 1.0
     for pose in range(2):
         frames, point = multiplied_out(parameters, prismatic, q[pose], tool)
         for at in range(4):
-            along, radial, tilting = passed[pose, at, [0, 3]], passed[pose, at, 1:3], passed[pose, at, 4:]
             expected = sign * six_directions(frames[at], point).T @ wrench
             size = np.abs(expected).max()
-            assert np.abs(along - expected[[0, 3]]).max() <= TOLERANCE * size
-            # the two axes across are any two: compare sizes
-            assert abs(np.linalg.norm(radial) - np.linalg.norm(expected[1:3])) <= TOLERANCE * size
-            assert abs(np.linalg.norm(tilting) - np.linalg.norm(expected[4:])) <= TOLERANCE * size
             finite = np.isfinite(values[at, KINDS])
-            spring = values[at, KINDS][finite] * response.joint_displacement[pose, at, finite]
-            assert np.abs(spring - passed[pose, at, finite]).max(initial=0.0) <= 1e-8 * size
+            spring = np.where(finite, values[at, KINDS], 0.0) * response.joint_displacement[pose, at]
+            along = finite & (np.array(KINDS) % 2 == 0)
+            assert np.abs(spring - expected)[along].max(initial=0.0) <= 1e-8 * size
+            for across in ([1, 2], [4, 5]):  # any two axes: compare sizes
+                if finite[across].all():
+                    gap = np.linalg.norm(spring[across]) - np.linalg.norm(expected[across])
+                    assert abs(gap) <= 1e-8 * size
 
 
 def test_a_free_direction_of_a_serial_robot_is_a_mechanism_in_that_direction() -> None:

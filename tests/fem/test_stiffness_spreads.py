@@ -10,7 +10,7 @@ import pytest
 from beamstiff.errors import BeamstiffError
 from beamstiff.fem.condensation import condense
 from beamstiff.fem.geometric import loaded_compliance
-from beamstiff.fem.response import nodal_loads, respond, transmitted_wrenches
+from beamstiff.fem.response import nodal_loads, respond
 from beamstiff.fem.structure import compile_structure
 from beamstiff.model.ports import find_ports
 from tests.fem.builders import SECTION, STEEL, at_rest, frame
@@ -69,11 +69,6 @@ def test_what_a_chain_passes_on_is_its_load_whatever_the_spread(powers: int) -> 
         ]
         ends = [carried[max(pair)] if pair[1] > pair[0] else -carried[pair[1]] for pair in structure.elements]
         assert np.abs(response.element_forces[0, :, 1] - ends).max(initial=0.0) <= 1e-6 * np.abs(load).max()
-        passed = transmitted_wrenches(response, loads)[0]
-        turn = response.geometry.joint_rotation[0]
-        for at, (a, b) in enumerate(structure.joint_nodes):
-            local = np.concatenate([turn[at].T @ part for part in np.split(carried[a], 2)])
-            assert np.abs(passed[at] - local * (1 if b > a else -1)).max() <= 1e-6 * np.abs(load).max()
 
 
 @pytest.mark.parametrize("make", [chain, with_loops])

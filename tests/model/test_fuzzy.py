@@ -1,4 +1,4 @@
-"""Strong partitions, firing strengths, trees and fuzzy compliance: what eqs 33 to 38 of seed 003 say."""
+"""Strong partitions, firing strengths and fuzzy compliance: what eqs 33 to 38 of seed 003 say."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from beamstiff import BeamstiffError, load_robot, read_measurements
 from beamstiff.measure import make_measurements
 from beamstiff.model.fuzzy import FuzzySystem, Partition, equal_parts
 from beamstiff.model.fuzzy_compliance import FuzzyCompliance, inputs_of, rules_from_table
-from beamstiff.model.fuzzy_tree import Split, Tree
 
 # seed 003, table 4: modal values in deg, conclusions in mm
 THETA2 = (-24.15, 1.37, 12.54, 36.83)
@@ -37,14 +36,6 @@ def table_4() -> FuzzyCompliance:
 def random_partition(random: np.random.Generator, inputs: int) -> Partition:
     modal = tuple(np.cumsum(random.uniform(0.1, 1.0, int(random.integers(1, 5)))) for _ in range(inputs))
     return Partition(tuple(f"q{at}" for at in range(inputs)), modal)
-
-
-def random_tree(random: np.random.Generator, leaves: int) -> Tree:
-    splits = []
-    for count in range(1, leaves):
-        low, width = random.uniform(-1, 1), random.uniform(0.1, 1)
-        splits.append(Split(int(random.integers(count)), int(random.integers(3)), low, low + width))
-    return Tree(("q1", "q2", "q3"), tuple(splits), np.array([[-1.0, 2.0]] * 3))
 
 
 @given(st.integers(0, 10_000), st.integers(1, 4))
@@ -89,22 +80,6 @@ def test_differences_vanish_where_conclusions_are_a_plane_over_the_modal_values(
     plane = 2.0 + partition.corners() @ [3.0, -1.0]
     assert np.abs(partition.differences() @ plane).max() < 1e-12
     assert np.abs(partition.differences() @ plane**2).max() > 0.1
-
-
-@given(st.integers(0, 10_000), st.integers(1, 8))
-def test_the_leaves_of_a_tree_share_what_holds(seed: int, leaves: int) -> None:
-    random = np.random.default_rng(seed)
-    tree = random_tree(random, leaves)
-    firing = tree.firing(random.uniform(-3, 4, (30, 3)))
-    assert firing.shape == (30, leaves)
-    assert (firing >= 0).all()
-    assert np.abs(firing.sum(axis=1) - 1).max() < 1e-12
-
-
-def test_a_tree_of_one_split_is_a_partition_of_two_sets() -> None:
-    x = np.linspace(-1, 2, 20)[:, None]
-    tree = Tree(("q",), (Split(0, 0, 0.0, 1.0),), np.array([[-1.0, 2.0]]))
-    assert np.abs(tree.firing(x) - Partition(("q",), (np.array([0.0, 1.0]),)).firing(x)).max() < 1e-15
 
 
 def test_a_mean_of_positive_definite_conclusions_is_positive_definite() -> None:
@@ -164,8 +139,6 @@ def test_rules_that_hardly_fired_in_training_do_not_answer() -> None:
         (lambda: Partition(("q",), (np.array([0.0, np.nan]),)), r"modal values of q: found nan"),
         (lambda: Partition(("a", "b"), (np.array([0.0]),)), r"found 1 sequences of modal values for 2"),
         (lambda: FuzzySystem(Partition(("q",), (np.arange(3.0),)), np.zeros(2)), r"found 2 conclusions, exp"),
-        (lambda: Tree(("q",), (Split(1, 0, 0, 1),), np.zeros((1, 2))), r"split 0: found leaf 1"),
-        (lambda: Tree(("q",), (Split(0, 0, 1, 1),), np.zeros((1, 2))), r"split 0: found 1 to 1"),
         (lambda: inputs_of([], ["q2", "q8"], [[0.0, 1.0]]), r"found no inputs for fuzzy rules"),
         (lambda: inputs_of(["qq2"], ["q2", "q8"], [[0.0, 1.0]]), r"no input 'qq2' \(did you mean 'q2'"),
         (lambda: table_4().system([[np.nan, 0.0]]), r"inputs of the fuzzy system: found nan"),

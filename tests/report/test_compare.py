@@ -11,9 +11,7 @@ from beamstiff import BeamstiffError, load_robot, read_measurements
 from beamstiff.identification.models.side_by_side import Models, fit_models
 from beamstiff.identification.models.split import split_rows
 from beamstiff.measure import make_measurements
-from beamstiff.model.fuzzy import FuzzySystem
 from beamstiff.model.fuzzy_compliance import FuzzyCompliance, rules_from_table
-from beamstiff.model.fuzzy_tree import Tree
 from beamstiff.model.linear import predict_displacements
 from beamstiff.report.check_points import check_points_figure
 from beamstiff.report.compare import models_figure, models_table
@@ -88,9 +86,6 @@ def test_the_rule_surface_passes_through_the_conclusions() -> None:
 def test_rules_that_cannot_be_drawn_are_refused() -> None:
     with pytest.raises(BeamstiffError, match=r"the compliance dz per fz was not trained"):
         rules_figure(table_4(), [(2, 2)])
-    tree = FuzzySystem(Tree(("q2",), (), np.array([[0.0, 1.0]])), np.zeros((1, 6, 6)))
-    with pytest.raises(BeamstiffError, match=r"a tree have no membership functions"):
-        rules_figure(FuzzyCompliance(("q2",), tree))
 
 
 def test_check_points_are_drawn_in_one_order_and_sizes_from_large_to_small() -> None:

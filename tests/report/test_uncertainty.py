@@ -7,14 +7,12 @@ import io
 import numpy as np
 from rich.console import Console
 
-from beamstiff.identification.compare import Comparison, Score
 from beamstiff.identification.number_of_tests import NumberOfTests
 from beamstiff.identification.sensitivity import Sensitivity
 from beamstiff.identification.validation import HeldOut, Repeatability
 from beamstiff.measure.table import make_measurements
 from beamstiff.report.tables import Table
 from beamstiff.report.uncertainty import (
-    comparison_table,
     held_out_table,
     number_of_tests_figure,
     repeatability_text,
@@ -27,24 +25,6 @@ def shown(table: Table) -> list[list[str]]:
     console = Console(width=200, file=io.StringIO(), record=True)
     console.print(table)
     return [line.split() for line in console.export_text().splitlines() if line.strip()]
-
-
-def score(name: str, aicc: float, bic: float, held_out: float | None) -> Score:
-    return Score(name, 3, -10.0, 20.0, aicc, bic, 0.5, held_out, 1e-4, 1.5e-4, None, np.ones(3))
-
-
-def test_models_are_compared_with_the_best_one() -> None:
-    scores = (score("rigid", 30.0, 33.0, -12.0), score("bending", 24.5, 34.0, -9.5))
-    lines = shown(comparison_table(Comparison(scores, 48, "campaign.csv")))
-    assert "campaign.csv," in lines[0]
-    assert lines[-2] == ["rigid", "3", "5.5", "0.50", "0.0", "-2.5", "0.1000", "0.1500", "-"]
-    assert lines[-1] == ["bending", "3", "0.0", "0.50", "1.0", "0.0", "0.1000", "0.1500", "-"]
-
-
-def test_what_could_not_be_computed_is_a_dash() -> None:
-    one = Score("one", 3, -10.0, 20.0, np.inf, 33.0, np.nan, None, 1e-4, None, None, np.ones(3))
-    lines = shown(comparison_table(Comparison((one,), 4, "campaign.csv")))
-    assert lines[-1] == ["one", "3", "-", "-", "0.0", "-", "0.1000", "-", "-"]
 
 
 def test_scatter_is_shown_by_parameter_and_source() -> None:

@@ -12,7 +12,8 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.robot import library, reader
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import Beam, Frame, Joint, JointStiffness, Loop, Mass, Node, Rigid, Strut, Variable
-from beamstiff.robot.reader import load_robot, parse_robot, read_yaml
+from beamstiff.robot.reader import load_robot, parse_robot
+from beamstiff.robot.yaml_text import parse_yaml
 
 POINT = "beamstiff: 1\nname: point\nnodes: [{name: n0}]\nfixed: [n0]\ntcp: n0\n"
 
@@ -72,7 +73,7 @@ def test_the_fragment_of_the_format_description_means_what_it_says(
         BeamstiffError, match=r"FORMATS:\d+: beams\[0\] \(arm\)\.nodes\[0\]: unknown node 'n3b'"
     ):
         parse_robot(fragment, "FORMATS")
-    data, _ = read_yaml(fragment)
+    data, _ = parse_yaml(fragment)
     assert data["variables"][3] == {"name": "th6", "equals": "-q5"}
     assert data["joints"][0]["stiffness"]["tilting"] == "rigid"
     assert Joint(**data["joints"][0]).stiffness.torsional == 1.7e6
@@ -134,14 +135,6 @@ def test_texts_are_called_what_the_caller_calls_them() -> None:
         with pytest.raises(BeamstiffError) as error:
             parse_robot("beamstiff: 2", **called)
         assert str(error.value) == f"{name}:1: beamstiff: found version 2, expected 1"
-
-
-def test_text_and_path_are_told_apart_by_type(tmp_path: Path) -> None:
-    path = tmp_path / "robot.yaml"
-    path.write_text("a: 1\n", encoding="utf-8")
-    assert read_yaml(path)[0] == {"a": 1}
-    assert read_yaml("a: 1\n")[0] == {"a": 1}
-    assert read_yaml(str(path))[0] == str(path), "a text is never taken for a path"
 
 
 @pytest.mark.parametrize("kind", [str, Path])

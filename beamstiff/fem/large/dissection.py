@@ -31,22 +31,13 @@ DIAGONALS = np.array([[1.0, 1, 1], [1, 1, -1], [1, -1, 1], [-1, 1, 1]])
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Nodes that are eliminated together.
+    """Nodes that are eliminated together."""
 
-    Attributes
-    ----------
-    start, stop : int
-        Places of its nodes in the order.
-    boundary : (b,) int array
-        Places of the later nodes that it meets, ascending.
-    children : tuple of int
-        Groups that hand their rest on to this one.
-    """
-
+    # start, stop: places of its nodes in the order
     start: int
     stop: int
-    boundary: Index
-    children: tuple[int, ...]
+    boundary: Index  # (b,): places of the later nodes that it meets, ascending
+    children: tuple[int, ...]  # groups that hand their rest on to this one
 
 
 def _middle(values: Array) -> float:
@@ -103,8 +94,7 @@ def _in_pitches(points: Array, pointers: Index, neighbours: Index) -> Array:
     if len(axes) < 3:
         return points
     basis = directions[axes] * pitches[axes, None]
-    found: Array = np.linalg.solve(basis.T, points.T).T
-    return found
+    return np.linalg.solve(basis.T, points.T).T
 
 
 def _folded(nodes: Index, points: Array) -> Index:

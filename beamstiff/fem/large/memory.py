@@ -21,21 +21,14 @@ def free_bytes() -> float:
                 found.append(1024.0 * float(line.split()[1]))
     elif hasattr(os, "sysconf") and "SC_AVPHYS_PAGES" in os.sysconf_names:
         found.append(float(os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")))
-    for limit, used in (("memory.max", "memory.current"),):  # of a container
-        one, other = Path("/sys/fs/cgroup") / limit, Path("/sys/fs/cgroup") / used
-        if one.exists() and other.exists() and (text := one.read_text().strip()).isdigit():
-            found.append(float(text) - float(other.read_text()))
+    limit, used = (Path("/sys/fs/cgroup") / name for name in ("memory.max", "memory.current"))
+    if limit.exists() and used.exists() and (text := limit.read_text().strip()).isdigit():  # a container's
+        found.append(float(text) - float(used.read_text()))
     return max(0.0, min(found))
 
 
 def refuse_unless_fits(what: str, needed: float, unknowns: int, instead: str = "") -> None:
-    """Refuse work that needs more memory than is free.
-
-    Raises
-    ------
-    BeamstiffError
-        Says what is needed, what is free and about how many unknowns would fit.
-    """
+    """Refuse work that needs more memory than is free."""
     free = SHARE * free_bytes()
     if needed <= free:
         return

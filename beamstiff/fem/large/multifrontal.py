@@ -36,30 +36,14 @@ class Softness(Exception):  # noqa: N818 - turned into a message where the node 
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """The order of elimination of a frame, and what it takes.
+    """The order of elimination of a frame, and what it takes."""
 
-    Attributes
-    ----------
-    order : (n,) int array
-        Unknowns in the order of elimination.
-    groups : list of Group
-        In places of unknowns.
-    flops : float
-        Floating point operations of the factorisation.
-    factor_bytes : float
-        Size of the factor.
-    peak_bytes : float
-        Most that the dense matrices take at one time without a factor.
-    kept : int
-        How many unknowns stand last, outside all groups.
-    """
-
-    order: Index
-    groups: list[Group]
-    flops: float
-    factor_bytes: float
-    peak_bytes: float
-    kept: int
+    order: Index  # (n,): unknowns in the order of elimination
+    groups: list[Group]  # in places of unknowns
+    flops: float  # floating point operations of the factorisation
+    factor_bytes: float  # size of the factor
+    peak_bytes: float  # most that the dense matrices take at one time without a factor
+    kept: int  # how many unknowns stand last, outside all groups
 
 
 def make_plan(graph: sparse.csr_array, points: Array, last: Index, first: Index) -> Plan:
@@ -106,23 +90,11 @@ def _stretches(starts: Index, sizes: Index) -> Index:
 
 @dataclass(frozen=True, eq=False)
 class Factor:
-    """What a factorisation leaves.
-
-    Attributes
-    ----------
-    plan : Plan
-    rest : (k, k) array
-        Stiffness of the unknowns that stand last, all others eliminated.
-    loads : (k, c) array
-        The same of right sides that went along.
-    blocks : list of (L11, L21)
-        The factor group by group; empty where it was not kept.
-    """
+    """What a factorisation leaves."""
 
     plan: Plan
-    rest: Array
-    loads: Array
-    blocks: list[tuple[Array, Array]]
+    rest: Array  # (k, k): stiffness of the unknowns that stand last, all others eliminated
+    blocks: list[tuple[Array, Array]]  # (L11, L21): the factor group by group; empty where it was not kept
 
     def solve(self, right: Array) -> Array:
         """Return the solution (n, c) for right sides (n, c), in the order of the matrix."""
@@ -142,17 +114,14 @@ class Factor:
         return result
 
 
-def factorise(matrix: sparse.csc_array, plan: Plan, keep: bool = True, right: Array | None = None) -> Factor:
+def factorise(matrix: sparse.csc_array, plan: Plan, keep: bool = True) -> Factor:
     """Factorise a symmetric positive definite matrix by its plan.
 
     Parameters
     ----------
     matrix : (n, n) sparse array
-    plan : Plan
     keep : bool
         Keep the factor, for `Factor.solve`; without it only the rest is left.
-    right : (n, c) array, optional
-        Right sides to eliminate along with the unknowns.
 
     Raises
     ------
@@ -169,7 +138,6 @@ def factorise(matrix: sparse.csc_array, plan: Plan, keep: bool = True, right: Ar
     del entries, rows, columns, lower
     pointers, indices, data = below.indptr.astype(np.int64), below.indices.astype(np.int64), below.data
     size = matrix.diagonal()[plan.order]
-    loads = np.asfortranarray(np.zeros((len(size), 0)) if right is None else right[plan.order])
     handed: dict[int, Array] = {}
     pool = _Pool()
     blocks: list[tuple[Array, Array]] = []
@@ -207,9 +175,6 @@ def factorise(matrix: sparse.csc_array, plan: Plan, keep: bool = True, right: Ar
                 raise Softness(int(plan.order[group.start + worst]))
             if len(side):
                 _divide(side, root)
-            if loads.size:
-                loads[group.start : group.stop] = dtrsm(1.0, root, loads[group.start : group.stop], lower=1)
-                loads[group.boundary] -= side @ loads[group.start : group.stop]
             if len(rest):
                 rest = dsyrk(-1.0, side, beta=1.0, c=rest, lower=1, overwrite_c=1)
             first = root
@@ -220,7 +185,7 @@ def factorise(matrix: sparse.csc_array, plan: Plan, keep: bool = True, right: Ar
         handed[number] = rest
     kept = len(plan.order) - plan.kept
     last, _, _ = gathered(kept, len(plan.order), np.zeros(0, dtype=np.int64), tuple(handed))
-    return Factor(plan, np.tril(last) + np.tril(last, -1).T, loads[kept:], blocks)
+    return Factor(plan, np.tril(last) + np.tril(last, -1).T, blocks)
 
 
 class _Pool:

@@ -1,4 +1,4 @@
-"""How good a solution is: refinement by residuals in extended precision, condition.
+"""How good a solution is: refinement by residuals in extended precision.
 
 A factor in double precision leaves an error of condition times 1e-16: at a million unknowns one of 1e-3. With
 better residuals (Wilkinson; Higham, Accuracy and Stability of Numerical Algorithms, ch. 12) some more
@@ -14,8 +14,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.sparse.linalg import LinearOperator, onenormest
 
 from beamstiff.se3 import Array
 
@@ -26,24 +24,13 @@ MOST = 12
 
 @dataclass(frozen=True)
 class Quality:
-    """What is known of a solution.
+    """What is known of a solution."""
 
-    Attributes
-    ----------
-    error : float
-        Largest relative error of a column that is to be expected, in the norm scaled to unit diagonal.
-    residual : float
-        Largest ``|b - K x| / |b|``, likewise.
-    refinements : int
-        How often it was refined.
-    first_error : float
-        Relative error before the refinement.
-    """
-
+    # largest relative error of a column that is to be expected, in the norm scaled to unit diagonal
     error: float
-    residual: float
-    refinements: int
-    first_error: float
+    residual: float  # largest ``|b - K x| / |b|``, likewise
+    refinements: int  # how often it was refined
+    first_error: float  # relative error before the refinement
 
 
 def refined(
@@ -86,23 +73,3 @@ def refined(
 
 def _norms(columns: Array) -> Array:
     return np.asarray(np.sqrt((columns * columns).sum(axis=0)))
-
-
-def condition_estimate(matrix: sparse.csc_array, solve: Solve) -> float:
-    """Return an estimate of the condition of a symmetric matrix scaled to unit diagonal, in the 1-norm.
-
-    Higham and Tisseur, SIAM J. Matrix Anal. Appl. 21 (2000) 1185; some ten solutions.
-    """
-    scale = np.sqrt(matrix.diagonal())
-    inverse = sparse.diags_array(1.0 / scale)
-    scaled = inverse @ matrix @ inverse
-
-    def apply(right: Array) -> Array:
-        columns = right.reshape(len(scale), -1)
-        solved: Array = scale[:, None] * solve(scale[:, None] * columns)
-        return solved.reshape(right.shape)
-
-    operator = LinearOperator(
-        scaled.shape, matvec=apply, rmatvec=apply, matmat=apply, rmatmat=apply, dtype=float
-    )
-    return float(abs(scaled).sum(axis=0).max() * onenormest(operator))

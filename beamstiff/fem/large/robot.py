@@ -33,11 +33,6 @@ def solve_sparse(structure: Structure, geometry: Geometry, right: Array, rest: I
     right : (P, n, c) array
     rest : int array, optional
         Unknowns that may move; default all.
-
-    Raises
-    ------
-    BeamstiffError
-        When the structure is a mechanism, so badly conditioned that it shows, or does not fit into memory.
     """
     some = np.arange(structure.unknowns.count) if rest is None else np.sort(rest)
     result = np.zeros(right.shape)

@@ -4,8 +4,9 @@ Johnson, "The NLopt nonlinear-optimization package"; SLSQP: Kraft (1994); MMA: S
 Nocedal (1980), Luksan's code; BOBYQA: Powell (2009); ISRES: Runarsson & Yao (2005); CRS2: Kaelo & Ali (2006);
 ESCH: Santos, Goncalves & Hernandez-Figueroa (2010); MLSL: Kucherenko & Sytsko (2005), here with L-BFGS.
 
-SLSQP, L-BFGS and BOBYQA search in compliances (`coordinates`); MMA, whose own model of the cost is convex in
-the values and in their inverses, and the global methods in logarithms.
+SLSQP, L-BFGS and BOBYQA search in compliances, in units of their standard deviations: the cost is close to a
+parabola there, also where a spring is as good as rigid and its logarithm says nothing. MMA, whose own model
+of the cost is convex in the values and in their inverses, and the global methods search in logarithms.
 """
 
 from __future__ import annotations
@@ -16,7 +17,6 @@ import nlopt
 import numpy as np
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.identification.coordinates import compliances
 from beamstiff.identification.minimise import GLOBAL, Effort, Search, searched
 from beamstiff.se3 import Array
 
@@ -62,11 +62,11 @@ def run(method: str, search: Search, begin: Array, effort: Effort) -> str:
         try:
             if search.evaluations >= last:
                 raise _UsedUpError
-            theta = x if places is None else places.theta(x)
+            theta = x if unit is None else np.clip(-np.log(x * unit), parameters.lower, parameters.upper)
             if not slopes.size:
                 return search.cost(theta)
             cost, by_theta = search.gradient(theta)
-            slopes[:] = by_theta if places is None else places.slopes(x, by_theta)
+            slopes[:] = by_theta if unit is None else -by_theta / x
             return cost
         except BaseException as error:
             raised.append(error)
@@ -76,9 +76,12 @@ def run(method: str, search: Search, begin: Array, effort: Effort) -> str:
     last = search.evaluations + effort.evaluations
     optimiser = _optimiser(method, begin.size, effort)
     begin = np.clip(begin, parameters.lower, parameters.upper)
-    places = compliances(search.objective, begin) if method in IN_COMPLIANCES else None
-    if places is not None:
-        (low, high), start = places.bounds, places.at(begin)
+    unit = None
+    if method in IN_COMPLIANCES:
+        told = np.linalg.norm(search.objective.jacobian(begin)[1], axis=0)
+        unit = np.exp(-begin) / np.where(told > 0, told, 1.0)
+        low, high = np.exp(-parameters.upper) / unit, np.exp(-parameters.lower) / unit
+        start = np.exp(-begin) / unit
     else:
         low, high = searched(parameters, begin) if method in GLOBAL else (parameters.lower, parameters.upper)
         start = begin

@@ -35,53 +35,23 @@ LARGEST = 3.0  # of a step, in logarithms
 
 @dataclass(frozen=True, eq=False)
 class Varying:
-    """Compliances by weight, R weights and m springs.
+    """Compliances by weight, R weights and m springs."""
 
-    Attributes
-    ----------
-    change : (R, m) array
-        Logarithms of the factors on the start, ``g_j + x_jr``.
-    std : (R, m) array
-        Standard deviations of them.
-    spread : (m,) array
-        tau: how much the logarithms differ between weights.
-    common : (m,) array
-        g.
-    noise : float
-        Standard deviation of the whitened residuals; 1 where they are as stated.
-    effective : float
-        Values that the readings determine (MacKay's gamma).
-    evidence : float
-        Logarithm of the density of the readings, by Laplace's method: compares weights.
-    """
-
-    change: Array
-    std: Array
-    spread: Array
-    common: Array
-    noise: float
-    effective: float
-    evidence: float
+    change: Array  # (R, m): logarithms of the factors on the start, ``g_j + x_jr``
+    std: Array  # (R, m): standard deviations of them
+    spread: Array  # (m,): tau: how much the logarithms differ between weights
+    common: Array  # (m,): g
+    noise: float  # standard deviation of the whitened residuals; 1 where they are as stated
+    evidence: float  # logarithm of the density of the readings, by Laplace's method: compares weights
 
 
 @dataclass(frozen=True, eq=False)
 class Begin:
-    """Where corrections of a parametric model begin.
+    """Where corrections of a parametric model begin."""
 
-    Attributes
-    ----------
-    robot : Robot
-        With the stiffness that fits best everywhere.
-    parameters : tuple of str
-        The m springs that the readings feel.
-    compliance : (m,) array
-        Theirs, about one over the stiffness.
-    problem : Problem
-    """
-
-    robot: Robot
-    parameters: tuple[str, ...]
-    compliance: Array
+    robot: Robot  # with the stiffness that fits best everywhere
+    parameters: tuple[str, ...]  # the m springs that the readings feel
+    compliance: Array  # (m,): theirs, about one over the stiffness
     problem: Problem
 
 
@@ -89,11 +59,6 @@ def begin_with(robot: Robot, table: Measurements, parameters: Sequence[str] | No
     """Identify one stiffness for all configurations, and keep the springs that the readings feel.
 
     One that fits best as good as rigid begins where a reading would just show it: in places it may give way.
-
-    Raises
-    ------
-    BeamstiffError
-        As `identify`.
     """
     found = identify(robot, table, parameters, folds=0)
     felt = [not item.silent for item in found.parameters]
@@ -126,11 +91,6 @@ def fit_varying(
         Of the changes by weight, positive definite; default none.
     spread : (m,) array, optional
         tau; default by evidence.
-
-    Raises
-    ------
-    BeamstiffError
-        When weights do not fit.
     """
     rows, m = problem.used.shape[0], len(problem.model.parameters)
     if weights.shape[0] != rows or np.abs(weights.sum(axis=1) - 1).max(initial=0.0) > 1e-9:
@@ -168,7 +128,6 @@ def fit_varying(
         spread=tau,
         common=state[0],
         noise=noise,
-        effective=float(known.sum()),
         evidence=_evidence(residual, state, (prior, noise), factor[0]),
     )
 
@@ -185,25 +144,16 @@ def _std(covariance: Array, turn: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """Residuals, and their normal equations in g and x, spring by spring: m (R + 1) values.
-
-    Attributes
-    ----------
-    problem : Problem
-    weights : (N, R + 1) array
-        Of g and x in every row, equal in those of a pose.
-    compliance : (m,) array
-    """
+    """Residuals, and their normal equations in g and x, spring by spring: m (R + 1) values."""
 
     problem: Problem
-    weights: Array
-    compliance: Array
+    weights: Array  # (N, R + 1): of g and x in every row, equal in those of a pose
+    compliance: Array  # (m,)
 
     def residual(self, state: Array) -> Array:
         """Return the whitened residuals (n,) at g and x (R + 1, m)."""
         predicted = displaced(self.problem.model, self._compliances(state))
-        result: Array = self.problem.whitening @ (self.problem.measured - predicted)[self.problem.used]
-        return result
+        return self.problem.whitening @ (self.problem.measured - predicted)[self.problem.used]
 
     def normal_equations(self, state: Array) -> tuple[Array, Array]:
         """Return ``J^T J`` and ``J^T r``, J the derivatives of the whitened predictions."""
@@ -244,8 +194,7 @@ class _Fit:
         return state, residual, 0.0
 
     def _compliances(self, state: Array) -> Array:
-        result: Array = self.compliance * np.exp(self.weights @ state)
-        return result
+        return self.compliance * np.exp(self.weights @ state)
 
 
 def _evidence(residual: Array, state: Array, weights: tuple[Array, float], root: Array) -> float:

@@ -26,42 +26,22 @@ ROUNDING = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class LinearReadings:
-    """Whitened readings, linear in the logarithms of their posture, noise of unit variance.
+    """Whitened readings, linear in the logarithms of their posture, noise of unit variance."""
 
-    Attributes
-    ----------
-    value : (n,) array
-    slopes : (n, m) array
-    posture : (n,) int array
-        Ascending.
-    rest : float
-        Sum of squares that no change of the posture's compliances could explain.
-    lost : int
-        Readings that these squares are of.
-    """
-
-    value: Array
-    slopes: Array
-    posture: NDArray[np.int64]
-    rest: float
-    lost: int
+    value: Array  # (n,)
+    slopes: Array  # (n, m)
+    posture: NDArray[np.int64]  # (n,): ascending
+    rest: float  # sum of squares that no change of the posture's compliances could explain
+    lost: int  # readings that these squares are of
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """Minus the logarithm of the evidence, and of the priors, as a function of logarithms.
-
-    Attributes
-    ----------
-    readings : LinearReadings
-    postures : (P, A) array
-    covariance : Covariance
-        Says what drives what; its spreads and lengths are left open.
-    """
+    """Minus the logarithm of the evidence, and of the priors, as a function of logarithms."""
 
     readings: LinearReadings
-    postures: Array
-    covariance: Covariance
+    postures: Array  # (P, A)
+    covariance: Covariance  # says what drives what; its spreads and lengths are left open
 
     @property
     def priors(self) -> Array:
@@ -138,8 +118,7 @@ def prior_of_readings(covariances: Array, slopes: Array, of: NDArray[np.intp]) -
 
 def _summed(values: Array, first: NDArray[np.intp]) -> Array:
     """Return the sums of blocks of a matrix, (P, P), that begin at rows and columns `first`."""
-    result: Array = np.add.reduceat(np.add.reduceat(values, first, axis=0), first, axis=1)
-    return result
+    return np.add.reduceat(np.add.reduceat(values, first, axis=0), first, axis=1)
 
 
 def readings_root(total: Array, noise: float) -> Array:
@@ -149,8 +128,7 @@ def readings_root(total: Array, noise: float) -> Array:
     """
     n = len(total)
     variance = noise**2 + ROUNDING * float(np.trace(total)) / n
-    result: Array = cholesky(total + variance * np.eye(n), lower=True)
-    return result
+    return cholesky(total + variance * np.eye(n), lower=True)
 
 
 def _by_log_length(distance: Array) -> Array:
@@ -167,9 +145,7 @@ def most_evident(
 
     Parameters
     ----------
-    readings : LinearReadings
     postures : (P, A) array
-    begin : Covariance
     noise : float
         To begin with.
     sigma_known : bool

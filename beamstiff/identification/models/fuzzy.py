@@ -9,25 +9,25 @@ set, which is none: of six joints those that count come in by themselves.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from beamstiff.identification.models.fuzzy_rules import Method, fit_conclusions
-from beamstiff.identification.models.fuzzy_task import (
-    BETTER,
-    PATIENCE,
-    FuzzyFit,
-    Task,
-    conclude,
-    state_task,
-    step_of,
-)
+from beamstiff.errors import BeamstiffError
+from beamstiff.identification.models.fuzzy_rules import Method, Readings, fit_conclusions, state_readings
+from beamstiff.identification.models.split import configurations
 from beamstiff.identification.solis_wets import solis_wets
 from beamstiff.measure.table import Measurements
-from beamstiff.model.fuzzy import Partition, equal_parts
+from beamstiff.model.fuzzy import FuzzySystem, Partition, equal_parts
+from beamstiff.model.fuzzy_compliance import FuzzyCompliance, inputs_of
 from beamstiff.robot.description import Robot
+from beamstiff.robot.kinematics import compile_kinematics
 from beamstiff.se3 import Array
 
+TEST_SHARE = 0.3  # of the poses, that choose the structure; 36 of 126 rows in the paper
+BETTER = 0.03  # share of the test error that one more set must take away
+PATIENCE = 2  # steps that may be for nothing: two sets may help where one does not
 EVALUATIONS, LEAST_EVALUATIONS = 120, 20  # of the random search, a partition
 MANY = 300  # unknown conclusions from which on fewer evaluations are spent
 MOST_RULES = 64
@@ -35,17 +35,30 @@ CLOSEST = 0.02  # share of an input's range that modal values keep apart
 CLOSER_LOOK = 2  # inputs whose one more set is placed by random search: those that equal parts favour
 
 
+@dataclass(frozen=True)
+class Step:
+    """A structure that was taken: numbers of sets of the inputs, and its root mean square residuals."""
+
+    sets: tuple[int, ...]
+    train: float
+    test: float
+
+
+@dataclass(frozen=True, eq=False)
+class FuzzyFit:
+    """A fitted fuzzy model, and how its structure grew."""
+
+    model: FuzzyCompliance
+    steps: tuple[Step, ...]
+    # (N,): the test set; its rows chose the structure, and count in the conclusions
+    test_rows: NDArray[np.bool_]
+
+
 def fit_fuzzy(
     robot: Robot,
     table: Measurements,
     inputs: Sequence[str] | None = None,
-    *,
-    symmetric: bool = True,
-    positive: bool = True,
     method: Method = "exact",
-    test_share: float = 0.3,
-    most_rules: int = MOST_RULES,
-    evaluations: int = EVALUATIONS,
     seed: int = 0,
 ) -> FuzzyFit:
     """Fit fuzzy compliance rules on a partition of the inputs to measured displacements.
@@ -59,84 +72,95 @@ def fit_fuzzy(
     inputs : sequence of str, optional
         What the compliance may depend on: actuated variables, and components of the wrench; default the
         actuated variables that vary.
-    symmetric, positive : bool
-        The compliance is symmetric; and positive definite, as far as force and displacement are known in the
-        same directions.
     method : "exact" or "gradient"
         How the conclusions are fitted in the end.
-    test_share : float
-        Share of the poses that choose the structure (36 of 126 rows in the paper).
-    most_rules, evaluations, seed : int
-        Limits of the structure and of the random search, and the seed of both.
-
-    Returns
-    -------
-    FuzzyFit
-
-    Raises
-    ------
-    BeamstiffError
-        When the rows are no displacements of the TCP, or too few to hold a test set out.
-
-    Examples
-    --------
-    >>> from beamstiff import load_robot
-    >>> from beamstiff.measure import make_measurements
-    >>> from beamstiff.model.linear import predict_displacements
-    >>> robot, random = load_robot("ir663"), np.random.default_rng(0)
-    >>> q = random.uniform([-0.2, 0.6], [0.4, 0.9], (60, 2))
-    >>> wrench = np.tile([[900.0, 0, 0, 0, 0, 0], [0, 0, -900.0, 0, 0, 0]], (30, 1))
-    >>> still = make_measurements(["q2", "q8"], q, tcp="n7", wrench=wrench)
-    >>> seen = predict_displacements(robot, still)[:, :3]
-    >>> rows = make_measurements(["q2", "q8"], q, tcp="n7", wrench=wrench, displacement=seen)
-    >>> fit = fit_fuzzy(robot, rows)
-    >>> gap = fit.model.predict(q, wrench)[:, :3] - seen
-    >>> bool(np.abs(gap[:, [0, 2]]).max() < 0.02 * np.abs(seen).max())
-    True
+    seed : int
+        Of the test set and of the random search.
     """
-    task = state_task(robot, table, inputs, symmetric, positive, method, test_share, seed)
+    task = _state_task(robot, table, inputs, seed)
     random = np.random.default_rng([seed, 1])
     variable = np.ptp(task.trained, axis=1) > 0
     partition = best = equal_parts(task.names, task.trained, [1] * len(task.names))
-    train, test = task.errors(partition)
-    steps = [step_of(partition, train, test)]
+    most_rules = min(MOST_RULES, int(task.training.count.sum()) // len(task.training.terms))
+    steps = [task.step(partition)]
     for_nothing = 0
     while for_nothing <= PATIENCE:
         equal = [_with_one_more(task, partition, int(at)) for at in np.flatnonzero(variable)]
-        equal = [one for one in equal if one.count <= min(most_rules, task.most_rules)]
+        equal = [one for one in equal if one.count <= most_rules]
         if not equal:
             break
         equal.sort(key=lambda one: task.errors(one)[1])
-        placed = [_placed(task, one, evaluations, random) for one in equal[:CLOSER_LOOK]]
+        placed = [_placed(task, one, random) for one in equal[:CLOSER_LOOK]]
         partition = min(placed, key=lambda one: task.errors(one)[1])
-        train, test = task.errors(partition)
-        if test < (1 - BETTER) ** 2 * steps[-1].test ** 2:
+        step = task.step(partition)
+        if step.test**2 < (1 - BETTER) ** 2 * steps[-1].test ** 2:
             best, for_nothing = partition, 0
-            steps.append(step_of(partition, train, test))
+            steps.append(step)
         else:
             for_nothing += 1
-    return conclude(task, best, steps, table)
+    firing = best.firing(task.x)
+    found = fit_conclusions(task.readings, best, firing, method, positive=True)
+    system = FuzzySystem(best, task.readings.matrices(found), firing.max(axis=0))
+    return FuzzyFit(FuzzyCompliance(table.variables, system), tuple(steps), ~task.train)
 
 
-def _with_one_more(task: Task, partition: Partition, at: int) -> Partition:
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """What is fitted to what: inputs (N, n) of the readings, and which rows are the training set."""
+
+    names: tuple[str, ...]
+    x: Array
+    trained: Array
+    readings: Readings
+    train: NDArray[np.bool_]
+    training: Readings
+    test: Readings
+
+    def errors(self, premises: Partition) -> tuple[float, float]:
+        """Return the mean squares over the training and the test set, rules fitted to the first."""
+        firing = premises.firing(self.x)
+        found = fit_conclusions(self.training, premises, firing[self.train])
+        return self.training.cost(firing[self.train], found), self.test.cost(firing[~self.train], found)
+
+    def step(self, premises: Partition) -> Step:
+        train, test = np.sqrt(self.errors(premises))
+        return Step(premises.sets, float(train), float(test))
+
+
+def _state_task(robot: Robot, table: Measurements, inputs: Sequence[str] | None, seed: int) -> _Task:
+    names = tuple(inputs) if inputs is not None else table.variables
+    x = inputs_of(names, table.variables, table.q, table.wrench)
+    if inputs is None and (varying := np.ptp(x, axis=0) > 0).any():
+        names = tuple(name for name, varies in zip(names, varying, strict=True) if varies)
+        x = x[:, varying]
+    readings = state_readings(table, compile_kinematics(robot).size, robot.tcp)
+    stood = configurations(table)
+    poses = np.unique(stood)
+    held = round(TEST_SHARE * len(poses))
+    if not 0 < held < len(poses):
+        raise BeamstiffError(
+            f"{table.source}: found {len(poses)} poses, expected enough to hold a share of {TEST_SHARE:.2g} "
+            "out as a test set of the fuzzy model"
+        )
+    train = ~np.isin(stood, np.random.default_rng(seed).permutation(poses)[:held])
+    trained = np.stack([x.min(axis=0), x.max(axis=0)], axis=1)
+    return _Task(names, x, trained, readings, train, readings.rows(train), readings.rows(~train))
+
+
+def _with_one_more(task: _Task, partition: Partition, at: int) -> Partition:
     """Return the partition with one more set of an input, its modal values in equal parts."""
-    fresh = equal_parts(task.names, task.trained, [len(modal) for modal in partition.modal_values])
-    more = equal_parts(task.names, task.trained, [count + 1 for count in fresh.sets])
+    more = equal_parts(task.names, task.trained, [count + 1 for count in partition.sets])
     modal = list(partition.modal_values)
     modal[at] = more.modal_values[at]
     return Partition(task.names, tuple(modal), task.trained)
 
 
-def _placed(task: Task, partition: Partition, evaluations: int, random: np.random.Generator) -> Partition:
+def _placed(task: _Task, partition: Partition, random: np.random.Generator) -> Partition:
     """Return the partition with its inner modal values where the training set is fitted best."""
     low, high = task.trained.T
     span = np.where(high > low, high - low, 1.0)
-    inner = [slice(1, -1)] * len(partition.sets)
     begin = np.concatenate(
-        [
-            (modal[part] - a) / s
-            for modal, part, a, s in zip(partition.modal_values, inner, low, span, strict=True)
-        ]
+        [(modal[1:-1] - a) / s for modal, a, s in zip(partition.modal_values, low, span, strict=True)]
     )
     ends = np.cumsum([max(count - 2, 0) for count in partition.sets])[:-1]
 
@@ -149,7 +173,6 @@ def _placed(task: Task, partition: Partition, evaluations: int, random: np.rando
             modal.append(placed)
         return Partition(task.names, tuple(modal), task.trained)
 
-    training = task.readings.rows(task.train)
     x = task.x[task.train]
 
     def cost(at: Array) -> float:
@@ -157,10 +180,8 @@ def _placed(task: Task, partition: Partition, evaluations: int, random: np.rando
         if tried is None:
             return np.inf
         firing = tried.firing(x)
-        return training.cost(firing, fit_conclusions(training, tried, firing))
+        return task.training.cost(firing, fit_conclusions(task.training, tried, firing))
 
     unknowns = partition.count * len(task.readings.terms)
-    spent = max(int(evaluations * min(1.0, (MANY / unknowns) ** 2)), LEAST_EVALUATIONS)
-    found, _ = solis_wets(cost, begin, 0.15, spent, random)
-    result = moved(found)
-    return partition if result is None else result
+    spent = max(int(EVALUATIONS * min(1.0, (MANY / unknowns) ** 2)), LEAST_EVALUATIONS)
+    return moved(solis_wets(cost, begin, 0.15, spent, random)[0]) or partition

@@ -23,19 +23,11 @@ NEAR = 0.4  # share of an input's range over which the corrections of rules are 
 
 @dataclass(frozen=True, eq=False)
 class CorrectionFit:
-    """A fitted gray box.
-
-    Attributes
-    ----------
-    model : FuzzyCorrection
-    varying : Varying
-        What the fit says of the conclusions.
-    sets : tuple of (tuple of int, float)
-        Numbers of sets of the inputs as the structure grew, with the logarithm of the evidence.
-    """
+    """A fitted gray box."""
 
     model: FuzzyCorrection
-    varying: Varying
+    varying: Varying  # what the fit says of the conclusions
+    # numbers of sets of the inputs as the structure grew, with the logarithm of the evidence
     sets: tuple[tuple[tuple[int, ...], float], ...]
 
 
@@ -43,8 +35,6 @@ def fit_fuzzy_correction(
     robot: Robot,
     table: Measurements,
     parameters: Sequence[str] | None = None,
-    inputs: Sequence[str] | None = None,
-    most_rules: int = MOST_RULES,
 ) -> CorrectionFit:
     """Fit fuzzy corrections of joint compliances to measured displacements.
 
@@ -54,23 +44,14 @@ def fit_fuzzy_correction(
 
     Parameters
     ----------
-    robot : Robot
     table : Measurements
         Displacements, loaded minus unloaded.
     parameters : sequence of str, optional
         Springs that may vary; default ``robot.identify``.
-    inputs : sequence of str, optional
-        Actuated variables that they may follow; default those that vary in the table.
-    most_rules : int
-
-    Raises
-    ------
-    BeamstiffError
-        When the data cannot carry the identification of the parametric model.
     """
     start = begin_with(robot, table, parameters)
-    names = tuple(inputs) if inputs is not None else table.variables
-    x = inputs_of(names, table.variables, table.q)
+    names = table.variables
+    x = inputs_of(names, names, table.q)
     trained = np.stack([x.min(axis=0), x.max(axis=0)], axis=1)
     premises = equal_parts(names, trained, [1] * len(names))
     best = _fit(start, premises, x)
@@ -79,7 +60,7 @@ def fit_fuzzy_correction(
         tried = []
         for at, more in product(np.flatnonzero(np.ptp(trained, axis=1) > 0), (1, 2)):
             sets = [count + more * (one == at) for one, count in enumerate(premises.sets)]
-            if np.prod(sets) <= most_rules:
+            if np.prod(sets) <= MOST_RULES:
                 partition = equal_parts(names, trained, sets)
                 tried.append((_fit(start, partition, x), partition))
         if not tried:

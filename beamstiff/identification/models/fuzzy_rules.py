@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.table import Measurements
-from beamstiff.model.fuzzy import Premises
+from beamstiff.model.fuzzy import Partition
 from beamstiff.se3 import Array
 
 Method = Literal["exact", "gradient"]
@@ -28,33 +28,15 @@ STEPS, CLOSE = 20_000, 1e-10  # of the gradient's descent, and the share of the 
 
 @dataclass(frozen=True, eq=False)
 class Readings:
-    """What rules are fitted to: displacements as linear functions of compliance terms, K of them.
+    """What rules are fitted to: displacements as linear functions of compliance terms, K of them."""
 
-    Attributes
-    ----------
-    terms : (K, 2) int array
-        Measured component i and load direction j of each term; of a symmetric pair the one with ``i <= j``.
-    symmetric : bool
-        Terms stand for C_ji as well.
-    gram : (N, K, K) array
-        ``T^T T`` of every row, T its whitened displacement by each term.
-    moment : (N, K) array
-        ``T^T d`` of the whitened displacement.
-    squares : (N,) array
-        ``d^T d``.
-    count : (N,) int array
-        Measured components of each row.
-    scale : (6, 6) array
-        Unit of each term: with it compliances of forces and moments compare.
-    """
-
+    # (K, 2): measured component i and load direction j of each term, ``i <= j``: it stands for C_ji as well
     terms: NDArray[np.int64]
-    symmetric: bool
-    gram: Array
-    moment: Array
-    squares: Array
-    count: NDArray[np.int64]
-    scale: Array
+    gram: Array  # (N, K, K): ``T^T T`` of every row, T its whitened displacement by each term
+    moment: Array  # (N, K): ``T^T d`` of the whitened displacement
+    squares: Array  # (N,): ``d^T d``
+    count: NDArray[np.int64]  # (N,): measured components of each row
+    scale: Array  # (6, 6): unit of each term: with it compliances of forces and moments compare
 
     def rows(self, chosen: NDArray[np.bool_]) -> Readings:
         """Return the readings of some rows."""
@@ -77,14 +59,12 @@ class Readings:
         result = np.full((len(conclusions), 6, 6), np.nan)
         i, j = self.terms.T
         values = conclusions * self.scale[i, j]
-        result[:, i, j] = values
-        if self.symmetric:
-            result[:, j, i] = values
+        result[:, i, j] = result[:, j, i] = values
         return result
 
 
-def state_readings(table: Measurements, length: float, tcp: str, symmetric: bool = True) -> Readings:
-    """Return what a table says of compliance terms.
+def state_readings(table: Measurements, length: float, tcp: str) -> Readings:
+    """Return what a table says of compliance terms; the compliance is symmetric (Maxwell and Betti).
 
     Parameters
     ----------
@@ -92,14 +72,6 @@ def state_readings(table: Measurements, length: float, tcp: str, symmetric: bool
         Displacements of the TCP under loads there.
     length : float, m
         Of the machine: makes moments compare with forces and rotations with displacements.
-    tcp : str
-    symmetric : bool
-        The compliance is symmetric (Maxwell and Betti).
-
-    Raises
-    ------
-    BeamstiffError
-        When the rows are absolute positions, measured or loaded elsewhere, or nothing is loaded or measured.
     """
     if table.kind != "displacement":
         raise BeamstiffError(
@@ -115,10 +87,9 @@ def state_readings(table: Measurements, length: float, tcp: str, symmetric: bool
     used, whitened = _used(table, length)
     unit = np.array([1.0] * 3 + [length] * 3)
     loaded = (table.wrench != 0).any(axis=0)
-    terms = [(i, j) for i in range(6) for j in range(6) if used[:, i].any() and loaded[j]]
-    if symmetric:
-        # of a pair that is felt both ways, or one way only, one term is left
-        terms = sorted({(min(i, j), max(i, j)) for i, j in terms})
+    # of a pair that is felt both ways, or one way only, one term is left
+    felt = ((i, j) for i in range(6) for j in range(6) if used[:, i].any() and loaded[j])
+    terms = sorted({(min(i, j), max(i, j)) for i, j in felt})
     if not terms:
         raise BeamstiffError(f"{table.source}: found no loaded row with a measured displacement")
     force = float(np.linalg.norm(table.wrench / unit, axis=1).max())
@@ -127,13 +98,12 @@ def state_readings(table: Measurements, length: float, tcp: str, symmetric: bool
     slopes = np.zeros((len(table), 6, len(terms)))
     for at, (i, j) in enumerate(terms):
         slopes[:, i, at] += table.wrench[:, j] * scale[i, j]
-        if symmetric and i != j:
+        if i != j:
             slopes[:, j, at] += table.wrench[:, i] * scale[i, j]
     slopes *= whitened[:, :, None]
     seen = np.where(used, table.displacement, 0.0) * whitened
     return Readings(
         terms=np.array(terms, dtype=np.int64),
-        symmetric=symmetric,
         gram=slopes.swapaxes(1, 2) @ slopes,
         moment=(slopes.swapaxes(1, 2) @ seen[..., None])[..., 0],
         squares=(seen**2).sum(axis=1),
@@ -163,13 +133,12 @@ def rapid_prototype(readings: Readings, firing: Array) -> Array:
     gram = gram + 1e-9 * np.maximum(scale, 1e-300)[:, None, None] * np.eye(gram.shape[1])
     own: Array = np.linalg.solve(gram, moment[..., None])[..., 0]
     fired = scale[:-1] > 1e-9 * scale[-1]
-    result: Array = np.where(fired[:, None], own[:-1], own[-1])
-    return result
+    return np.where(fired[:, None], own[:-1], own[-1])
 
 
 def fit_conclusions(
     readings: Readings,
-    premises: Premises,
+    premises: Partition,
     firing: Array,
     method: Method = "exact",
     positive: bool = False,
@@ -180,21 +149,12 @@ def fit_conclusions(
     ----------
     readings : Readings
         N rows.
-    premises : Premises
     firing : (N, R) array
     method : "exact" or "gradient"
         Least squares by a direct solution, or descent from the rapid prototype.
     positive : bool
-        Every rule's compliance is positive definite, hence that of every mean of them; where the readings are
-        of a symmetric compliance.
-
-    Raises
-    ------
-    BeamstiffError
-        When positive definite conclusions are asked for of a compliance that is not symmetric.
+        Every rule's compliance is positive definite, hence that of every mean of them.
     """
-    if positive and not readings.symmetric:
-        raise BeamstiffError("a compliance that is not symmetric cannot be fitted positive definite")
     hessian, slope = _normal_equations(readings, premises, firing)
     if method == "gradient":
         return _descend(readings, hessian, slope, rapid_prototype(readings, firing), positive)
@@ -204,7 +164,7 @@ def fit_conclusions(
     return _descend(readings, hessian, slope, _made_definite(readings, found), positive)
 
 
-def _normal_equations(readings: Readings, premises: Premises, firing: Array) -> tuple[Array, Array]:
+def _normal_equations(readings: Readings, premises: Partition, firing: Array) -> tuple[Array, Array]:
     rules, terms = firing.shape[1], readings.moment.shape[1]
     flat = readings.gram.reshape(len(firing), -1)
     blocks = np.stack([firing.T @ (strength[:, None] * flat) for strength in firing.T])
@@ -239,8 +199,7 @@ def _descend(readings: Readings, hessian: Array, slope: Array, begin: Array, pos
         at, momentum = new, following
         if np.abs(moved).max() <= CLOSE * np.abs(at).max():
             break
-    result: Array = (at * size).reshape(begin.shape)
-    return result
+    return (at * size).reshape(begin.shape)
 
 
 def _square(readings: Readings) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:

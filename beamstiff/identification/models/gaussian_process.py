@@ -34,20 +34,11 @@ MOST = 600  # readings that spreads and lengths are found from
 
 @dataclass(frozen=True, eq=False)
 class GaussianProcessFit:
-    """A fitted Gaussian process model.
-
-    Attributes
-    ----------
-    model : GaussianProcessStiffness
-    noise : float
-        Standard deviation of the whitened readings; 1 where they are as stated.
-    evidence : float
-        Logarithm of the density of the readings.
-    """
+    """A fitted Gaussian process model."""
 
     model: GaussianProcessStiffness
-    noise: float
-    evidence: float
+    noise: float  # standard deviation of the whitened readings; 1 where they are as stated
+    evidence: float  # logarithm of the density of the readings
 
 
 def fit_gaussian_process(
@@ -57,36 +48,12 @@ def fit_gaussian_process(
 
     Parameters
     ----------
-    robot : Robot
     table : Measurements
         Displacements, loaded minus unloaded.
     parameters : sequence of str, optional
         Springs that may vary; default ``robot.identify``.
     seed : int
         Of the choice of readings that spreads and lengths are found from, where there are very many.
-
-    Raises
-    ------
-    BeamstiffError
-        When the data cannot carry the identification of the parametric model.
-
-    Examples
-    --------
-    >>> from beamstiff import load_robot
-    >>> from beamstiff.measure import make_measurements
-    >>> from beamstiff.model.linear import predict_displacements
-    >>> robot, random = load_robot("kr240-2"), np.random.default_rng(0)
-    >>> names = [variable.name for variable in robot.actuated]
-    >>> q, wrench = random.uniform(-1, 1, (20, 6)), 800 * random.normal(size=(20, 6))
-    >>> still = make_measurements(names, q, tcp=robot.tcp, wrench=wrench)
-    >>> seen = predict_displacements(robot, still)[:, :3] + 3e-5 * random.normal(size=(20, 3))
-    >>> rows = make_measurements(
-    ...     names, q, tcp=robot.tcp, wrench=wrench, displacement=seen, sigma_position=3e-5
-    ... )
-    >>> model = fit_gaussian_process(robot, rows).model
-    >>> far, near = (model.logarithms(q[:1] + turn)[1][0] for turn in (3.0, 0.0))
-    >>> bool((np.diag(far) > np.diag(near)).all())
-    True
     """
     start = begin_with(robot, table, parameters)
     problem = start.problem

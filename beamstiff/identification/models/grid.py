@@ -22,30 +22,16 @@ LOOSEST = 1e-3  # rad: prior of a cube's rotation, against points that hardly te
 
 @dataclass(frozen=True, eq=False)
 class GridFit:
-    """Fitted gridded stiffness.
-
-    Attributes
-    ----------
-    model : GriddedStiffness
-    varying : Varying or None
-        What the hierarchical fit says; None where each cube was fitted for itself.
-    notes : tuple of str
-        Cube by cube, which springs only act together there, and which its rows do not feel.
-    """
+    """Fitted gridded stiffness."""
 
     model: GriddedStiffness
-    varying: Varying | None
+    varying: Varying | None  # what the hierarchical fit says; None where each cube was fitted for itself
+    # cube by cube, which springs only act together there, and which its rows do not feel
     notes: tuple[str, ...] = ()
 
 
 def cubes_about(robot: Robot, table: Measurements, size: float) -> Cubes:
-    """Return cubes of a size, m, centred about the TCP positions of a table, enough to hold all.
-
-    Raises
-    ------
-    BeamstiffError
-        When they would be more than `MOST_CUBES`.
-    """
+    """Return cubes of a size, m, centred about the TCP positions of a table, enough to hold all."""
     at = tcp_positions(robot, table.q)
     low, high = at.min(axis=0), at.max(axis=0)
     counts = np.maximum(np.ceil((high - low) / size - 1e-6), 1)
@@ -70,10 +56,8 @@ def fit_grid(
 
     Parameters
     ----------
-    robot : Robot
     table : Measurements
         Displacements, loaded minus unloaded; rows on the face of cubes count for all that meet there.
-    cubes : Cubes
     parameters : sequence of str, optional
         Springs that may vary; default ``robot.identify``.
     shrink : bool
@@ -82,11 +66,6 @@ def fit_grid(
         springs that only act together there keep their ratio.
     interpolate : bool
         Between the centres of neighbouring cubes.
-
-    Raises
-    ------
-    BeamstiffError
-        When rows lie beyond the grid; without shrinking, when a cube holds too few rows.
     """
     at = tcp_positions(robot, table.q)
     inside = cubes.inside(at)
@@ -146,14 +125,8 @@ def with_offsets(model: GriddedStiffness, table: Measurements) -> GriddedStiffne
 
     Parameters
     ----------
-    model : GriddedStiffness
     table : Measurements
         Absolute positions of the unloaded TCP.
-
-    Raises
-    ------
-    BeamstiffError
-        When the table holds displacements, or a cube fewer than three positions.
     """
     if table.kind != "absolute":
         raise BeamstiffError(

@@ -14,7 +14,6 @@ from beamstiff.errors import BeamstiffError, listed, suggest
 from beamstiff.identification.identify import identify
 from beamstiff.identification.models.fuzzy import fit_fuzzy
 from beamstiff.identification.models.fuzzy_correction import fit_fuzzy_correction
-from beamstiff.identification.models.fuzzy_tree import fit_fuzzy_tree
 from beamstiff.identification.models.gaussian_process import fit_gaussian_process
 from beamstiff.identification.models.grid import cubes_about, fit_grid
 from beamstiff.identification.models.split import KINDS, Split, position_errors
@@ -31,68 +30,36 @@ CUBES_ALONG = 3  # the longest side of the workspace, where no size of cubes is 
 
 @dataclass(frozen=True)
 class Options:
-    """How models are fitted.
+    """How models are fitted."""
 
-    Attributes
-    ----------
-    parameters : tuple of str or None
-        Springs that are fitted, and may vary; default ``robot.identify``.
-    cube : float or None, m
-        Side of the cubes; default a third of the longest side of where the TCP was.
-    seed : int
-    """
-
+    # springs that are fitted, and may vary; default ``robot.identify``
     parameters: tuple[str, ...] | None = None
+    # m: side of the cubes; default a third of the longest side of where the TCP was
     cube: float | None = None
     seed: int = 0
 
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """A fitted model, ready to predict.
-
-    Attributes
-    ----------
-    model : Model
-    about : str
-        What came out, in a few words.
-    outside : callable or None
-        Which postures (N, A) lie outside what was trained.
-    """
+    """A fitted model, ready to predict."""
 
     model: Model
-    about: str = ""
+    about: str = ""  # what came out, in a few words
+    # which postures (N, A) lie outside what was trained
     outside: Callable[[Array], NDArray[np.bool_]] | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """How a model does, N rows.
-
-    Attributes
-    ----------
-    name : str
-    about : str
-        What came out, in a few words; or why there is no such model.
-    model : Model or None
-        None where these rows cannot carry it.
-    predicted : (N, 6) array
-        NaN where the model has no answer.
-    error : (N,) array, m
-        Norm of the position error; NaN where it has no answer.
-    outside : (N,) bool array
-        Rows outside what the model was trained on.
-    seconds : float
-        That the fit took.
-    """
+    """How a model does, N rows."""
 
     name: str
-    about: str
-    model: Model | None
-    predicted: Array
-    error: Array
-    outside: NDArray[np.bool_]
-    seconds: float
+    about: str  # what came out, in a few words; or why there is no such model
+    model: Model | None  # None where these rows cannot carry it
+    predicted: Array  # (N, 6): NaN where the model has no answer
+    error: Array  # (N,), m: norm of the position error; NaN where it has no answer
+    outside: NDArray[np.bool_]  # (N,): rows outside what the model was trained on
+    seconds: float  # that the fit took
 
     def rms(self, rows: NDArray[np.bool_]) -> float | None:
         """Return the root mean square of the error over some rows, m; None without an answer for any."""
@@ -107,36 +74,17 @@ class Judged:
 
 @dataclass(frozen=True, eq=False)
 class Models(Shown):
-    """Models side by side.
-
-    Attributes
-    ----------
-    judged : tuple of Judged
-    table : Measurements
-    split : Split
-    position : (N, 3) array, m
-        Nominal TCP of every row.
-    robot : Robot or None
-        As it was given.
-    notes : tuple of str
-        About the data.
-    """
+    """Models side by side."""
 
     judged: tuple[Judged, ...]
     table: Measurements
     split: Split
-    position: Array
-    robot: Robot | None = None
-    notes: tuple[str, ...] = ()
+    position: Array  # (N, 3), m: nominal TCP of every row
+    robot: Robot | None = None  # as it was given
+    notes: tuple[str, ...] = ()  # about the data
 
     def __getitem__(self, name: str) -> Judged:
-        """Return a model by name.
-
-        Raises
-        ------
-        BeamstiffError
-            When there is no such model.
-        """
+        """Return a model by name."""
         by_name = {one.name: one for one in self.judged}
         if name not in by_name:
             raise BeamstiffError(f"there is no model {name!r}{suggest(name, by_name)}")
@@ -235,13 +183,6 @@ def _fuzzy(robot: Robot, table: Measurements, options: Options) -> Fitted:
     return Fitted(fit.model.extrapolating(), about, fit.model.outside)
 
 
-def _tree(robot: Robot, table: Measurements, options: Options) -> Fitted:
-    fit = fit_fuzzy_tree(robot, table, seed=options.seed)
-    leaves = fit.model.system.premises.count
-    about = "1 leaf: no split" if leaves == 1 else f"{leaves} leaves"
-    return Fitted(fit.model.extrapolating(), about, fit.model.outside)
-
-
 def _grid(robot: Robot, table: Measurements, options: Options) -> Fitted:
     at = tcp_positions(robot, table.q)
     size = options.cube or max(float(np.ptp(at, axis=0).max()) / CUBES_ALONG, 1e-3)
@@ -275,7 +216,6 @@ FITS: Mapping[str, Callable[[Robot, Measurements, Options], Fitted]] = {
     "nominal": _nominal,
     "parametric": _parametric,
     "fuzzy": _fuzzy,
-    "fuzzy tree": _tree,
     "grid": _grid,
     "gray box": _gray,
     "gaussian process": _process,
@@ -294,10 +234,8 @@ def fit_models(
 
     Parameters
     ----------
-    robot : Robot
     table : Measurements
         Displacements of the TCP under loads there, N rows.
-    split : Split
     names : sequence of str
         Of the models, among `FITS`.
     options : Options, optional
@@ -308,12 +246,6 @@ def fit_models(
     -------
     Models
         A model that these rows cannot carry is there without answers, and says why.
-
-    Raises
-    ------
-    BeamstiffError
-        When there is no such model or parameter, the rows are no displacements of the TCP, or they carry no
-        model at all.
     """
     for name in names:
         if name not in FITS:

@@ -19,25 +19,14 @@ KINDS = ("fitted", "new pose", "new load", "new pose and load")
 
 @dataclass(frozen=True, eq=False)
 class Split:
-    """What is fitted and what is not, N rows.
+    """What is fitted and what is not, N rows."""
 
-    Attributes
-    ----------
-    new_pose, new_load : (N,) bool arrays
-        Whether the row's pose, and its load, are held out.
-    level : (N,) int array
-        Load of each row, by size.
-    loads : tuple of float
-        Mean size of each level, N; N m where loads are moments only.
-    unit : str
-        Of `loads`.
-    """
-
+    # new_pose, new_load, (N,): whether the row's pose, and its load, are held out
     new_pose: NDArray[np.bool_]
     new_load: NDArray[np.bool_]
-    level: NDArray[np.int64]
-    loads: tuple[float, ...]
-    unit: str
+    level: NDArray[np.int64]  # (N,): load of each row, by size
+    loads: tuple[float, ...]  # mean size of each level, N; N m where loads are moments only
+    unit: str  # of `loads`
 
     @property
     def fitted(self) -> NDArray[np.bool_]:
@@ -57,31 +46,16 @@ def split_rows(
 
     Parameters
     ----------
-    table : Measurements
     share : float
         Of the poses that are held out, drawn at random.
     fit_load : float, optional
         Size of the load to fit, N (N m where loads are moments only): all others are held out, as in seed
         003. Default: the largest is held out.
-    seed : int
-
-    Raises
-    ------
-    BeamstiffError
-        When there are too few poses to hold some out, or there is no such load.
 
     Notes
     -----
     What is held out is where the robot stood: rows of equal joint values leave together, in whatever table
     and under whatever pose id they are.
-
-    Examples
-    --------
-    >>> from beamstiff.measure import make_measurements
-    >>> push = [[load, 0, 0, 0, 0, 0] for load in (300.0, 900.0)] * 8
-    >>> table = make_measurements(["q1"], np.repeat(np.arange(8.0), 2)[:, None], tcp="n1", wrench=push)
-    >>> np.bincount(split_rows(table).kind).tolist()
-    [6, 2, 6, 2]
     """
     if not 0.0 <= share < 1.0:
         raise BeamstiffError(f"share of poses to hold out: found {share}, expected at least 0, less than 1")
@@ -139,5 +113,4 @@ def position_errors(table: Measurements, predicted: Array) -> Array:
     """
     seen = table.measured_mask[:, :3]
     gap = np.where(seen, table.displacement[:, :3] - predicted[:, :3], 0.0)
-    result: Array = np.where(seen.any(axis=1), np.linalg.norm(gap, axis=1), np.nan)
-    return result
+    return np.where(seen.any(axis=1), np.linalg.norm(gap, axis=1), np.nan)

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import NoReturn
-
 import numpy as np
 
 from beamstiff.errors import BeamstiffError, listed
@@ -15,26 +12,6 @@ from beamstiff.se3 import Array
 
 POSTURES = 5
 SAME = 1e-9  # rad, and of the machine's size
-
-
-def check_agreement(tree: Robot, robot: Robot, fail: Callable[[str], NoReturn]) -> None:
-    """Refuse a robot whose frames stand elsewhere than the links of the same name.
-
-    Parameters
-    ----------
-    tree : Robot
-        As the links and joints tell it.
-    robot : Robot
-        As the extension tells it.
-    fail : callable
-        Raises the error.
-    """
-    far = disagreement(tree, robot)
-    if far:
-        fail(
-            f"frames: {far}, expected the same machine: change both, or take `frames` and `variables` out of "
-            "the extension"
-        )
 
 
 def disagreement(tree: Robot, robot: Robot) -> str:

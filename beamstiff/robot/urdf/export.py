@@ -17,6 +17,7 @@ from beamstiff.robot.coupling import Coupling, coupling, frame_expressions, vari
 from beamstiff.robot.description import Robot
 from beamstiff.robot.expression import Expression
 from beamstiff.robot.frames import MOTIONS, compile_frames
+from beamstiff.robot.link_tree import short_number
 from beamstiff.robot.placement import elementary, roll_pitch_yaw
 from beamstiff.se3 import Array
 
@@ -44,9 +45,7 @@ def numbers_text(values: Array) -> str:
     >>> numbers_text(np.array([0.0, -1.5, 1e-5]))
     '0 -1.5 1e-05'
     """
-    return " ".join(
-        str(int(v)) if v == int(v) and abs(v) < 1e15 else repr(v) for v in (values + 0.0).tolist()
-    )
+    return " ".join(map(short_number, values.tolist()))
 
 
 def urdf_skeleton(robot: Robot) -> str:

@@ -16,27 +16,30 @@ from typing import Any
 
 import numpy as np
 
-from beamstiff.errors import shown, suggest
+from beamstiff.errors import shown
 from beamstiff.files import read_text
 from beamstiff.robot.description import Robot
 from beamstiff.robot.link_tree import (
     EXTENSION,
+    KINDS,
     LinkTree,
     Mimic,
     TreeJoint,
     TreeLink,
+    check_limits,
+    kind_of,
+    mass_of,
     robot_data,
     robot_of,
     stiffness_of,
     with_stiffness,
 )
 from beamstiff.robot.placement import from_roll_pitch_yaw
-from beamstiff.robot.urdf.agreement import check_agreement
+from beamstiff.robot.urdf.agreement import disagreement
 from beamstiff.robot.xml_text import Element, parse_xml
 from beamstiff.robot.yaml_text import parse_yaml
 from beamstiff.se3 import Array
 
-KINDS = {"fixed": "fixed", "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
 UNSAID = ("urdf", "beamstiff")  # keys that an extension may not hold
 
 
@@ -47,16 +50,10 @@ def read_urdf(
 
     Parameters
     ----------
-    path : str or os.PathLike
     tcp : str, optional
         Link whose origin is the TCP; by default what the extension names, else the only end of the tree.
     stiffness : mapping of str to float or str, optional
         Stiffness along or about the axis by joint, for joints that the file gives none.
-
-    Raises
-    ------
-    BeamstiffError
-        When the file cannot be read or its robot cannot be used: ``FILE:LINE: <joint elbow>: message``.
     """
     return parse_urdf(read_text(os.fspath(path)), str(path), tcp=tcp, stiffness=stiffness)
 
@@ -89,7 +86,12 @@ def parse_urdf(
     place = (root if extension is None else extension).fail
     robot = robot_of(place, data | fragment | ({"tcp": tcp} if tcp else {}) | {"urdf": text})
     if fragment.keys() & {"frames", "variables"}:
-        check_agreement(robot_of(root.fail, data | {"tcp": tree.links[0].name}), robot, place)
+        far = disagreement(robot_of(root.fail, data | {"tcp": tree.links[0].name}), robot)
+        if far:
+            place(
+                f"frames: {far}, expected the same machine: change both, or take `frames` and `variables` "
+                "out of the extension"
+            )
     return robot
 
 
@@ -114,20 +116,13 @@ def _link(item: Element) -> TreeLink:
     if inertial is None:
         return TreeLink(name, fail=item.fail)
     value = inertial.need("mass")
-    mass = value.numbers(value.attribute("value"), 1, "value")[0]
-    if mass < 0:
-        value.fail(f"found {mass:g} kg, expected a mass of 0 or more")
+    mass = mass_of(value, value.attribute("value"), "value")
     x, y, z = _origin(inertial)[:3, 3].tolist()
     return TreeLink(name, mass, (x, y, z), fail=item.fail)
 
 
 def _joint(item: Element) -> TreeJoint:
-    name, kind = item.attribute("name"), item.attribute("type")
-    if kind not in KINDS:
-        item.fail(
-            f"type: found {shown(kind)}{suggest(kind, KINDS)}, expected fixed, revolute, continuous or "
-            "prismatic"
-        )
+    name, kind = item.attribute("name"), kind_of(item)
     axis = np.array([1.0, 0.0, 0.0])  # URDF's default
     given = item.one("axis")
     if given is not None:
@@ -144,7 +139,7 @@ def _joint(item: Element) -> TreeJoint:
         name=name,
         parent=item.need("parent").attribute("link"),
         child=item.need("child").attribute("link"),
-        kind=KINDS[kind],  # type: ignore[arg-type]  # one of the three
+        kind=KINDS[kind],
         placed=_origin(item),
         axis=axis + 0.0,
         limits=_limits(item) if kind != "continuous" else None,
@@ -169,8 +164,7 @@ def _limits(item: Element) -> tuple[float, float] | None:
     if limit is None or item.attributes["type"] == "fixed":
         return None
     low, high = (limit.numbers(limit.attributes.get(name, "0"), 1, name)[0] for name in ("lower", "upper"))
-    if low > high:
-        limit.fail(f"found lower {low:g} above upper {high:g}, expected the lower limit below the upper one")
+    check_limits(limit, low, high)
     return low, high
 
 

@@ -7,25 +7,29 @@ and what URDF cannot say into `<beamstiff>` of the robot. The text is read back 
 from __future__ import annotations
 
 import math
-import os
 import re
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
 from beamstiff.errors import BeamstiffError, listed
-from beamstiff.files import write_whole
 from beamstiff.robot.coupling import coupling, frame_expressions
 from beamstiff.robot.description import Robot
-from beamstiff.robot.fields import RIGID, stiffness_text
 from beamstiff.robot.forward import forward
 from beamstiff.robot.frames import compile_frames
-from beamstiff.robot.link_tree import EXTENSION, LinkTree, TreeJoint, robot_data, variable_names
-from beamstiff.robot.parts import STIFFNESS_KINDS, JointStiffness
+from beamstiff.robot.link_tree import (
+    EXTENSION,
+    LinkTree,
+    TreeJoint,
+    robot_data,
+    short_number,
+    stiffness_attributes,
+    variable_names,
+)
+from beamstiff.robot.parts import JointStiffness
 from beamstiff.robot.placement import roll_pitch_yaw
 from beamstiff.robot.urdf.export import numbers_text, urdf_skeleton
 from beamstiff.robot.urdf.reader import parse_urdf, read_tree
@@ -38,31 +42,14 @@ SAME = 1e-12  # m, rad, or relative: nearer, the number in the file stays as it 
 _NUMBER = re.compile(f"({NUMBER})")
 
 
-def save_urdf(robot: Robot, path: str | os.PathLike[str], like: str | None = None) -> None:
-    """Write a robot to a URDF file, whole or not at all; see `robot_to_urdf`.
-
-    Raises
-    ------
-    BeamstiffError
-        When the file cannot be written, or the URDF text is of another machine.
-    """
-    write_whole(Path(path), robot_to_urdf(robot, like))
-
-
 def robot_to_urdf(robot: Robot, like: str | None = None) -> str:
     """Return the URDF text of a robot; `parse_urdf` makes the same robot of it.
 
     Parameters
     ----------
-    robot : Robot
     like : str, optional
         URDF text that it is written into; by default the text that it was read from. A robot that never was a
         URDF gets links and joints of its frames: loops are then cut, and only the extension knows them.
-
-    Raises
-    ------
-    BeamstiffError
-        When the text is of another machine: it has links or joints that the robot lacks.
     """
     text = like if like is not None else robot.urdf
     text = _written_into(urdf_skeleton(robot) if text is None else text, robot)
@@ -256,8 +243,7 @@ def _onto_axis(
     )
     shift = np.eye(4)
     shift[:3, 3] = point
-    result: Array = rest @ shift
-    return result
+    return rest @ shift
 
 
 def _moved_by(robot: Robot, parent: str, child: str) -> set[str] | None:
@@ -281,9 +267,7 @@ def _write_limits(edits: _Edits, robot: Robot, tree: LinkTree, elements: Mapping
         if joint.limits is not None and new is not None and elements[joint.name].one("limit") is not None:
             for name, old, value in zip(("lower", "upper"), joint.limits, new, strict=True):
                 if not _alike(old, value):
-                    edits.child_attribute(
-                        elements[joint.name], "limit", name, numbers_text(np.array([value]))
-                    )
+                    edits.child_attribute(elements[joint.name], "limit", name, short_number(value))
 
 
 def _write_masses(edits: _Edits, robot: Robot, root: Element) -> None:
@@ -314,17 +298,7 @@ def _write_stiffness(edits: _Edits, element: Element, joint: TreeJoint, robot: R
         joint.fail(str(error))
     if old == new:
         return
-    said = {
-        kind: stiffness_text(getattr(new, kind)) for kind in STIFFNESS_KINDS if getattr(new, kind) != RIGID
-    }
     for extension in element.all(EXTENSION):
         edits.remove(extension)
-    if said:
-        text = " ".join(f'{kind}="{stiffness_attribute(kind, value)}"' for kind, value in said.items())
-        edits.child(element, f"<{EXTENSION} {text}/>")
-
-
-def stiffness_attribute(kind: str, value: float | str) -> str:
-    """Return a stiffness as an attribute of `<beamstiff>`, with its unit."""
-    unit = "N*m/rad" if kind in ("torsional", "tilting") else "N/m"
-    return value if isinstance(value, str) else f"{numbers_text(np.array([value]))} {unit}"
+    if said := stiffness_attributes(new):
+        edits.child(element, f"<{EXTENSION} {said}/>")

@@ -1,10 +1,8 @@
-"""Large frames: against the closed form, dense matrices, another solver, and what must be refused."""
+"""Large frames: against the closed form, dense matrices, and what must be refused."""
 
 from __future__ import annotations
 
 import dataclasses
-import gc
-import importlib.util
 
 import numpy as np
 import pytest
@@ -15,23 +13,17 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.fem.condensation import tcp_compliance
 from beamstiff.fem.large import dissection, memory, solvers
 from beamstiff.fem.large.dissection import dissect
-from beamstiff.fem.large.frame import Frame, frame_stiffness, nodal_forces, rigid_motions
+from beamstiff.fem.large.frame import Frame, frame_stiffness, nodal_forces
 from beamstiff.fem.large.multifrontal import Softness, factorise, make_plan
 from beamstiff.fem.large.solvers import frame_plan, interface_compliance, solve_frame
 from beamstiff.fem.structure import compile_structure
 from beamstiff.robot.parts import Material
 from beamstiff.robot.sections import Section
+from beamstiff.se3 import displacement_transport
 from benchmarks.lattice import ROD, STEEL, cube, lattice, slender, tip
 from tests.fem.builders import at_rest
 from tests.fem.builders import frame as robot_frame
 from tests.fem.random_frames import beam_frame
-
-HAS_PARDISO = importlib.util.find_spec("pypardiso") is not None
-PARDISO = pytest.param(
-    "pardiso",
-    marks=pytest.mark.skipif(not HAS_PARDISO, reason="pypardiso is not installed (extra `pardiso`)"),
-)
-DIRECT = ("multifrontal", "splu", PARDISO)
 
 
 def unit_loads(frame: Frame, node: int) -> np.ndarray:
@@ -70,35 +62,28 @@ def tip_of_cantilever(frame: Frame) -> np.ndarray:
     return C
 
 
-@pytest.mark.parametrize("solver", DIRECT)
-def test_a_chain_of_two_thousand_beams_is_the_cantilever_to_the_last_digits(solver: str) -> None:
+def test_a_chain_of_two_thousand_beams_is_the_cantilever_to_the_last_digits() -> None:
     """Its condition is 1e14: what is solved without refinement has lost nearly all digits."""
     frame = chain(2000)
-    found = solve_frame(frame, unit_loads(frame, 2000), solver)
+    found = solve_frame(frame, unit_loads(frame, 2000))
     expected = tip_of_cantilever(frame)
     error = np.abs(found.displacement[-1] - expected)[expected != 0] / np.abs(expected[expected != 0])
     assert error.max() <= 1e-11
     assert found.quality.error <= 1e-10
     assert found.quality.first_error > 1e-7
-    assert found.condition() > 1e11
 
 
-@pytest.mark.parametrize("solver", DIRECT)
 @pytest.mark.parametrize("make", [slender, cube])
-def test_the_solution_is_that_of_the_dense_matrix(make, solver: str) -> None:
+def test_the_solution_is_that_of_the_dense_matrix(make) -> None:
     frame = make(900)
     loads = np.random.default_rng(1).normal(size=(len(frame.points), 6, 3))
     K = frame_stiffness(frame).toarray()
     free = frame.unknowns.ravel() >= 0
     expected = np.zeros((free.size, 3))
     expected[free] = np.linalg.solve(K, loads.reshape(-1, 3)[free])
-    found = solve_frame(frame, loads, solver)
+    found = solve_frame(frame, loads)
     assert np.abs(found.displacement.reshape(-1, 3) - expected).max() <= 1e-8 * np.abs(expected).max()
     assert found.quality.residual <= 1e-12
-    # 1-norm against 2-norm: at most the root of the size apart
-    scale = 1 / np.sqrt(np.diag(K))
-    condition = np.linalg.cond(scale[:, None] * K * scale, 1)
-    assert found.condition() == pytest.approx(condition, rel=0.5)
 
 
 @pytest.mark.parametrize("kept", [True, False])
@@ -167,7 +152,7 @@ def test_elements_and_the_assembled_matrix_meet_the_same_forces() -> None:
     expected = frame_stiffness(frame) @ u[free].reshape(-1, 2)
     assert np.abs(found - expected).max() <= 1e-13 * np.abs(expected).max()
     loose = dataclasses.replace(frame, fixed=np.zeros_like(frame.fixed))
-    motions = rigid_motions(loose).reshape(-1, 6, 6)
+    motions = displacement_transport(frame.points)
     held = np.abs(nodal_forces(loose, motions)).max()
     assert held <= 1e-13 * np.abs(frame_stiffness(loose)).max()
 
@@ -204,20 +189,6 @@ def test_diagonal_cuts_save_work_in_a_cube_wherever_it_stands(monkeypatch: pytes
     assert flops <= 0.55 * frame_plan(frame).flops
 
 
-def test_loads_that_go_along_need_no_factor() -> None:
-    frame = lattice((5, 2, 2))
-    K, node = frame_stiffness(frame), tip(frame)
-    plan = frame_plan(frame, np.array([node]))
-    b = np.random.default_rng(0).normal(size=(K.shape[0], 2))
-    without = factorise(K, plan, keep=False, right=b)
-    assert not without.blocks
-    at = frame.unknowns[node]
-    expected = factorise(K, plan).solve(b)[at]
-    assert (
-        np.abs(np.linalg.solve(without.rest, without.loads) - expected).max() <= 1e-9 * np.abs(expected).max()
-    )
-
-
 def test_nodes_with_unlike_numbers_of_unknowns() -> None:
     rng = np.random.default_rng(5)
     first = np.array([0, 3, 3, 9, 10, 16])
@@ -244,11 +215,10 @@ def loose() -> Frame:
     )
 
 
-@pytest.mark.parametrize("solver", DIRECT)
-def test_a_mechanism_is_refused(solver: str) -> None:
+def test_a_mechanism_is_refused() -> None:
     frame = loose()
     with pytest.raises(BeamstiffError, match="mechanism"):
-        solve_frame(frame, unit_loads(frame, tip(frame)), solver)
+        solve_frame(frame, unit_loads(frame, tip(frame)))
 
 
 def test_the_multifrontal_solver_says_which_node_is_loose() -> None:
@@ -275,8 +245,6 @@ def test_bad_frames_are_refused() -> None:
             solve_frame(dataclasses.replace(frame, **change), loads)
     with pytest.raises(BeamstiffError, match="expected finite numbers of shape"):
         solve_frame(frame, np.full_like(loads, np.nan))
-    with pytest.raises(BeamstiffError, match=r"no solver 'splo' \(did you mean 'splu'\?\)"):
-        solve_frame(frame, loads, "splo")
     with pytest.raises(BeamstiffError, match="node 0 is fixed"):
         interface_compliance(frame, np.array([0]))
 
@@ -288,66 +256,9 @@ def test_what_does_not_fit_into_memory_is_refused_beforehand(monkeypatch: pytest
     with pytest.raises(
         BeamstiffError, match=r"needs .* GB of memory, .* are free: about \d+ unknowns would fit"
     ):
-        solve_frame(frame, unit_loads(frame, tip(frame)), "multifrontal")
+        solve_frame(frame, unit_loads(frame, tip(frame)))
     with pytest.raises(BeamstiffError, match="the condensation of"):
         interface_compliance(frame, np.array([tip(frame)]))
-
-
-def test_what_does_not_fit_goes_to_what_takes_less_if_it_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
-    frame = cube(300)
-    plan = frame_plan(frame)
-    needed = plan.factor_bytes + plan.peak_bytes
-    for free, installed, name in (
-        (2.0, {"pypardiso", "pyamg"}, "multifrontal"),
-        (0.9, {"pypardiso", "pyamg"}, "pardiso"),
-        (0.9, {"pyamg"}, "multigrid"),
-        (0.1, {"pypardiso", "pyamg"}, "multigrid"),
-        (0.1, {"pypardiso"}, "multifrontal"),  # says what would fit
-    ):
-        monkeypatch.setattr(solvers, "free_bytes", lambda free=free: free * needed)
-        monkeypatch.setattr(solvers, "_installed", lambda package, there=installed: package in there)
-        assert solvers._choice(plan) == name
-
-
-@pytest.mark.skipif(not HAS_PARDISO, reason="pypardiso is not installed (extra `pardiso`)")
-def test_pardiso_refuses_beforehand_and_gives_its_memory_back(monkeypatch: pytest.MonkeyPatch) -> None:
-    frame, released = cube(2000), []
-    loads = unit_loads(frame, tip(frame))
-    release = solvers._release
-    monkeypatch.setattr(solvers, "_release", lambda solver: (released.append(1), release(solver)))
-    found = solve_frame(frame, loads, "pardiso")
-    assert not released
-    del found
-    gc.collect()
-    assert released == [1]
-    monkeypatch.setattr(memory, "free_bytes", lambda: 2e5)
-    with pytest.raises(BeamstiffError, match=r"needs .* GB of memory, .* are free"):
-        solve_frame(frame, loads, "pardiso")
-    assert released == [1, 1]
-
-
-def test_solvers_that_are_not_there_are_named_with_what_installs_them(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    frame = cube(300)
-    monkeypatch.setattr(solvers, "_installed", lambda _: False)
-    for solver, extra in (("pardiso", "pardiso"), ("multigrid", "amg")):
-        with pytest.raises(BeamstiffError, match=rf"pip install 'beamstiff\[{extra}\]'"):
-            solve_frame(frame, unit_loads(frame, tip(frame)), solver)
-
-
-@pytest.mark.skipif(importlib.util.find_spec("pyamg") is None, reason="pyamg is not installed (extra `amg`)")
-def test_multigrid_in_a_cube_and_its_stall_in_a_slender_frame(monkeypatch: pytest.MonkeyPatch) -> None:
-    frame = cube(1000)
-    loads = unit_loads(frame, tip(frame))
-    found, expected = solve_frame(frame, loads, "multigrid"), solve_frame(frame, loads)
-    assert (
-        np.abs(found.displacement - expected.displacement).max() <= 1e-9 * np.abs(expected.displacement).max()
-    )
-    monkeypatch.setattr(solvers, "ITERATIONS", 20)
-    long = slender(5e3)
-    with pytest.raises(BeamstiffError, match="the multigrid stalled"):
-        solve_frame(long, unit_loads(long, tip(long)), "multigrid")
 
 
 def test_a_robot_frame_and_a_lattice_are_alike() -> None:

@@ -197,7 +197,7 @@ def compensated(robot: Robot, tmp_path_factory: pytest.TempPathFactory) -> Compe
 @pytest.fixture(scope="session")
 def compared(robot: Robot, rows: Measurements) -> Models:
     some = subset(rows, np.arange(0, len(rows), 2))
-    return fit_models(robot, some, split_rows(some), ("rigid", "nominal", "parametric", "fuzzy tree"))
+    return fit_models(robot, some, split_rows(some), ("rigid", "nominal", "parametric", "fuzzy"))
 
 
 @pytest.fixture(scope="session")
