@@ -49,7 +49,6 @@ def calibrate(
 
     Parameters
     ----------
-    robot : Robot
     measurements : Measurements, or several
         Absolute rows: joint readings, position of a reflector (`point`), or pose; loaded or not.
     parameters : sequence of str, optional
@@ -71,16 +70,6 @@ def calibrate(
     stations : bool
         Every table was measured with the robot, or the tracker, in another place: each has a base of its own,
         ``base1``, ``base2`` and so on.
-
-    Returns
-    -------
-    Calibration
-
-    Raises
-    ------
-    BeamstiffError
-        When the rows hold no absolute readings or too few, a pose cannot close its loops, a parameter is
-        unknown or would open a loop, a compliance is not loaded.
 
     Examples
     --------

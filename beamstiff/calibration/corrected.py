@@ -29,16 +29,11 @@ def corrected(robot: Robot, changes: Mapping[str, float], q: Array) -> Robot:
 
     Parameters
     ----------
-    robot : Robot
     changes : mapping of str to float
         Deviations by parameter, SI: frames' parameters, encoders' zeros, places of measured points. Those of
         the measuring frame and of the target are no part of a robot and left out.
     q : (P, A) array
         Joint readings at which the loops close, one at least.
-
-    Returns
-    -------
-    Robot
 
     Examples
     --------

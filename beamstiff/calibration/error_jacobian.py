@@ -32,48 +32,24 @@ Indices = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """Where the measured points are; N rows.
+    """Where the measured points are; N rows."""
 
-    Attributes
-    ----------
-    posture : Posture
-        Of the distinct poses (P).
-    position : (N, 3) array, m
-    rotation : (N, 3, 3) array
-        Of the TCP's frame (of the target in the measuring frame).
-    """
-
-    posture: Posture
-    position: Array
-    rotation: Array
+    posture: Posture  # of the distinct poses (P)
+    position: Array  # (N, 3), m
+    rotation: Array  # (N, 3, 3): of the TCP's frame (of the target in the measuring frame)
 
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
-    """The rows' points as functions of t parameters of the geometry.
-
-    Attributes
-    ----------
-    robot : Robot
-    parameters : tuple of Parameter (t)
-    kinematics : Kinematics
-        As described.
-    rows : Measurements
-    poses : (P, A) array
-        Distinct joint readings.
-    pose : (N,) array of int
-        Which of them each row has.
-    stations : int
-        Places that the base has in measuring frames: 1, or one for every table of the rows.
-    """
+    """The rows' points as functions of t parameters of the geometry."""
 
     robot: Robot
     parameters: tuple[Parameter, ...]
-    kinematics: Kinematics
+    kinematics: Kinematics  # as described
     rows: Measurements
-    poses: Array
-    pose: Indices
-    stations: int = 1
+    poses: Array  # (P, A): distinct joint readings
+    pose: Indices  # (N,) of int: which of them each row has
+    stations: int = 1  # places that the base has in measuring frames: 1, or one for every table of the rows
 
     @property
     def station(self) -> Indices:
@@ -136,11 +112,6 @@ class Geometry:
         theta : (t,) array
         moved : (N, 6) array, optional
             Elastic displacement ``[d, r]`` of the points, in the base frame.
-
-        Raises
-        ------
-        BeamstiffError
-            When a loop cannot close: names the row.
         """
         kinematics = self.changed(theta)
         posture, position, rotation = self.in_base(kinematics, theta, moved)

@@ -29,20 +29,11 @@ LARGEST = 1e12
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """Where a search ended.
+    """Where a search ended."""
 
-    Attributes
-    ----------
-    theta : (t,) array
-    costs : (iterations + 1,) array
-        Half the sum of squared weighed residuals, from the start on.
-    damping : (iterations,) array
-    converged : bool
-    """
-
-    theta: Array
-    costs: Array
-    damping: Array
+    theta: Array  # (t,)
+    costs: Array  # (iterations + 1,): half the sum of squared weighed residuals, from the start on
+    damping: Array  # (iterations,)
     converged: bool
 
 
@@ -57,17 +48,10 @@ def estimate(
 
     Parameters
     ----------
-    problem : Problem
     begin : (t,) array
-    identified : sequence of str
     method : "levenberg-marquardt" or "gauss-newton"
     iterations : int
         At most.
-
-    Raises
-    ------
-    BeamstiffError
-        When there is no such method, or a loop cannot close at the start.
     """
     if method not in METHODS:
         raise BeamstiffError(

@@ -46,13 +46,7 @@ def opening_parameters(geometry: Geometry) -> dict[str, str]:
 
 
 def refuse_opening(opening: Mapping[str, str], names: Sequence[str]) -> None:
-    """Refuse parameters that were asked for by name and open a loop.
-
-    Raises
-    ------
-    BeamstiffError
-        Naming them and the loop.
-    """
+    """Refuse parameters that were asked for by name and open a loop."""
     if asked := [name for name in names if name in opening]:
         loop = opening[asked[0]]
         raise BeamstiffError(

@@ -212,13 +212,7 @@ def calibrate(
 
 
 def parse_priors(texts: Sequence[str]) -> dict[str, list[str]]:
-    """Return standard deviations by name, from texts such as ``"f3.d=0.2mm"``; a name may have several.
-
-    Raises
-    ------
-    BeamstiffError
-        When a text is no prior.
-    """
+    """Return standard deviations by name, from texts such as ``"f3.d=0.2mm"``; a name may have several."""
     result: dict[str, list[str]] = {}
     for text in texts:
         name, equals, value = (word.strip() for word in text.partition("="))

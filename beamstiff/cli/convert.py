@@ -165,7 +165,6 @@ def read_robot(source: str, tcp: str | None, convention: str | None, written: st
 
     Parameters
     ----------
-    source : str
     tcp : str or None
         Node at the TCP.
     convention : str or None
@@ -205,13 +204,7 @@ def read_robot(source: str, tcp: str | None, convention: str | None, written: st
 
 
 def with_joint_stiffness(robot: Robot, texts: list[str]) -> Robot:
-    """Return the robot with a stiffness about or along the axis of joints that are rigid there.
-
-    Raises
-    ------
-    BeamstiffError
-        When a text is no stiffness with its unit, or fits no joint.
-    """
+    """Return the robot with a stiffness about or along the axis of joints that are rigid there."""
     from beamstiff.robot.coupling import variable_kinds
     from beamstiff.robot.stiffness import stiffness_parameters
     from beamstiff.units import quantity

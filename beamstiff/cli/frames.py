@@ -20,11 +20,6 @@ KINDS = {
 def parse_frame(option: str, text: str | None) -> Array:
     """Return a transform (4, 4) from x, y, z and a, b, c (intrinsic Z-Y-X, KUKA's) or a quaternion qw to qz.
 
-    Raises
-    ------
-    BeamstiffError
-        When a part is not ``name=value``, unknown, given twice, of a wrong unit, or no rotation.
-
     Examples
     --------
     >>> parse_frame("--base", "x=1.2,a=90deg").round(9)[:, [0, 3]].tolist()

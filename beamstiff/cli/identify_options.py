@@ -27,13 +27,7 @@ ERRORS = {
 
 
 def parse_ties(texts: Sequence[str] | None) -> list[list[str]]:
-    """Return groups of parameters from texts such as ``"J1.radial,J2.radial"``.
-
-    Raises
-    ------
-    BeamstiffError
-        When a group has fewer than two names.
-    """
+    """Return groups of parameters from texts such as ``"J1.radial,J2.radial"``."""
     groups = [[name.strip() for name in text.split(",")] for text in texts or ()]
     for text, group in zip(texts or (), groups, strict=True):
         if len(group) < 2 or not all(group):
@@ -42,13 +36,7 @@ def parse_ties(texts: Sequence[str] | None) -> list[list[str]]:
 
 
 def parse_bounds(robot: Robot, texts: Sequence[str] | None) -> dict[str, tuple[float | None, float | None]]:
-    """Return bounds, SI, from texts such as ``"J1.torsional=1e5:2e9 N*mm/rad"``; an end may be empty.
-
-    Raises
-    ------
-    BeamstiffError
-        When a text is no bound, or a parameter or unit is unknown.
-    """
+    """Return bounds, SI, from texts such as ``"J1.torsional=1e5:2e9 N*mm/rad"``; an end may be empty."""
 
     def pair(name: str, low: str, high: str) -> tuple[float | None, float | None]:
         if not (low or high):
@@ -59,13 +47,7 @@ def parse_bounds(robot: Robot, texts: Sequence[str] | None) -> dict[str, tuple[f
 
 
 def parse_priors(robot: Robot, texts: Sequence[str] | None) -> dict[str, tuple[float, float]]:
-    """Return what is known beforehand, SI, from texts such as ``"J1.torsional=2e6:1.5"``: value and factor.
-
-    Raises
-    ------
-    BeamstiffError
-        When a text is no prior, or a parameter or unit is unknown.
-    """
+    """Return value and factor, SI, of what is known beforehand, such as ``"J1.torsional=2e6:1.5"``."""
 
     def pair(name: str, value: str, factor: str) -> tuple[float, float]:
         known = _stiffness(robot, "--prior", name, value)
@@ -81,13 +63,7 @@ def parse_priors(robot: Robot, texts: Sequence[str] | None) -> dict[str, tuple[f
 
 
 def parse_errors(texts: Sequence[str] | None) -> InputErrors | None:
-    """Return errors of loads and joint values from texts such as ``"load=1N,angle=0.01deg"``.
-
-    Raises
-    ------
-    BeamstiffError
-        When a part is not ``name=value``, or a name or unit is unknown.
-    """
+    """Return errors of loads and joint values from texts such as ``"load=1N,angle=0.01deg"``."""
     from beamstiff.identification.input_errors import InputErrors
 
     if not texts:

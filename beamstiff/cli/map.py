@@ -188,13 +188,7 @@ def map(
 
 
 def parse_grid(robot: Robot, texts: Sequence[str]) -> dict[str, Array]:
-    """Return the values on each axis, SI, from texts such as ``"q2=-60deg:60deg:25,q3=..."``.
-
-    Raises
-    ------
-    BeamstiffError
-        When a part is not ``name=from:to:count``, a name is given twice, or values do not grow.
-    """
+    """Return the values on each axis, SI, from texts such as ``"q2=-60deg:60deg:25,q3=..."``."""
     import numpy as np
 
     from beamstiff.robot.coupling import variable_kinds

@@ -88,13 +88,7 @@ def robot_file(robot: str) -> Path:
 def parse_names(
     texts: Sequence[str] | None, option: str = "--parameters", example: str = "J12.torsional,J18.torsional"
 ) -> list[str] | None:
-    """Return the names in texts such as ``"J12.torsional,J18.torsional"``, or None where none were given.
-
-    Raises
-    ------
-    BeamstiffError
-        When a name is empty.
-    """
+    """Return the names in texts such as ``"J12.torsional,J18.torsional"``, or None where none were given."""
     if not texts:
         return None
     names = [name.strip() for text in texts for name in text.split(",")]
@@ -104,13 +98,7 @@ def parse_names(
 
 
 def parse_region(text: str | None) -> tuple[tuple[float, float], ...] | None:
-    """Return least and largest x, y, z, m, from a text such as ``"x=0.5m:2m,z=300mm:1.8m"``.
-
-    Raises
-    ------
-    BeamstiffError
-        When a part is no axis with its two ends.
-    """
+    """Return least and largest x, y, z, m, from a text such as ``"x=0.5m:2m,z=300mm:1.8m"``."""
     from beamstiff.units import quantity
 
     if text is None:

@@ -57,14 +57,8 @@ def working(what: str, quiet: bool, still: bool = False) -> Iterator[None]:
     ----------
     what : str
         The work, such as "identifying".
-    quiet : bool
     still : bool
         Show nothing, since the work shows itself.
-
-    Raises
-    ------
-    BeamstiffError
-        When a number grows beyond what a computer's numbers hold.
     """
     import numpy as np
 
@@ -104,11 +98,6 @@ def check_outputs(
         Outputs that are checked elsewhere for what they replace, by what to call them.
     **files : str or None
         The other output files by the name of their option.
-
-    Raises
-    ------
-    BeamstiffError
-        Naming the option and the path.
     """
     wanted = {"json": None if json_to == STDOUT else json_to, **files}
     named = {f"--{option.replace('_', '-')}": path for option, path in wanted.items() if path is not None}
@@ -128,13 +117,7 @@ def check_outputs(
 def source_of(
     context: typer.Context, html: str | None, inputs: Iterable[str | Path], seed: int = 0
 ) -> Provenance | None:
-    """Return where the report that is asked for comes from, taken before any work; None without a report.
-
-    Raises
-    ------
-    BeamstiffError
-        When an input cannot be read.
-    """
+    """Return where the report that is asked for comes from, taken before any work; None without a report."""
     if html is None:
         return None
     from beamstiff.report.html.provenance import provenance

@@ -16,13 +16,7 @@ from beamstiff.units import quantity
 
 
 def parse_variables(robot: Robot, texts: Sequence[str]) -> dict[str, float]:
-    """Return values of joint variables, SI, from texts such as ``"q1=10deg,q2=0.3"``.
-
-    Raises
-    ------
-    BeamstiffError
-        When a part is not ``name=value``, a name is unknown, passive or given twice, or a unit is wrong.
-    """
+    """Return values of joint variables, SI, from texts such as ``"q1=10deg,q2=0.3"``."""
     kinds = variable_kinds(robot)
     values: dict[str, float] = {}
     for name, value in _parts("--q", texts, "q1=10deg"):
@@ -38,13 +32,7 @@ def parse_variables(robot: Robot, texts: Sequence[str]) -> dict[str, float]:
 
 
 def parse_wrench(texts: Sequence[str], option: str = "--wrench") -> list[float]:
-    """Return a wrench ``[f, m]``, N and N m, from texts such as ``"fz=-900N,mx=20"``; what is not named is 0.
-
-    Raises
-    ------
-    BeamstiffError
-        When a part is not ``name=value``, a name is unknown or given twice, or a unit is wrong.
-    """
+    """Return a wrench ``[f, m]``, SI, from texts such as ``"fz=-900N,mx=20"``; what is not named is 0."""
     wrench = dict.fromkeys(WRENCH, 0.0)
     for name, value in _parts(option, texts, "fz=-900N"):
         if name not in wrench:

@@ -31,24 +31,14 @@ _PARTS = re.compile(
 
 @dataclass(frozen=True)
 class Slot:
-    """A number in a text.
+    """A number in a text."""
 
-    Attributes
-    ----------
-    start, end : int
-        Where it stands.
-    text : str
-    unit : float
-        What 1 is in SI.
-    decimals : int
-        That a corrected number needs at least, in the unit of the file.
-    """
-
+    # start, end: where it stands
     start: int
     end: int
     text: str
-    unit: float
-    decimals: int
+    unit: float  # what 1 is in SI
+    decimals: int  # that a corrected number needs at least, in the unit of the file
 
     @property
     def value(self) -> float:
@@ -59,13 +49,7 @@ class Slot:
 
 
 def read_bytes(path: str | Path) -> str:
-    """Return a file as text of which every byte is a character.
-
-    Raises
-    ------
-    BeamstiffError
-        When it is missing, unreadable, empty, UTF-16 or too large.
-    """
+    """Return a file as text of which every byte is a character."""
     where = Path(path)
     if os.path.isdir(where):
         raise BeamstiffError(f"{path}: is a folder, expected a file")
@@ -176,7 +160,6 @@ def replaced(text: str, changes: Iterable[tuple[Slot, float]]) -> str:
 
     Parameters
     ----------
-    text : str
     changes : iterable of (Slot, float)
         New values in SI.
 

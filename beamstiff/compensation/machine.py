@@ -30,30 +30,15 @@ PROPORTIONAL = 0.02  # share by which what goes with the load may be off it: the
 
 @dataclass(frozen=True, eq=False)
 class Machine:
-    """A controller and the robot that it moves.
+    """A controller and the robot that it moves."""
 
-    Attributes
-    ----------
-    controller : Robot
-        Whose geometry the controller takes for true; its stiffness and masses do not matter.
-    actual : Robot or None
-        The real one, calibrated, with masses, stiffness and `effects`; None: as the controller's.
-    elasticity : Model or None
-        What gives way to the process load in place of the real robot's beams and joints; its weight and its
-        effects still count. Components that the model leaves open (NaN: never measured) are the real robot's.
-    frames : Frames
-        Whose tool the poses are of.
-
-    Raises
-    ------
-    BeamstiffError
-        When the two robots do not have the same actuated variables.
-    """
-
-    controller: Robot
+    controller: Robot  # whose geometry the controller takes for true; its stiffness and masses do not matter
+    # the real one, calibrated, with masses, stiffness and `effects`; None: as the controller's
     actual: Robot | None = None
+    # what gives way to the process load in place of the real robot's beams and joints; its weight and its
+    # effects still count. Components that the model leaves open (NaN: never measured) are the real robot's
     elasticity: Model | None = None
-    frames: Frames = field(default_factory=Frames)
+    frames: Frames = field(default_factory=Frames)  # whose tool the poses are of
 
     def __post_init__(self) -> None:
         names = [[variable.name for variable in robot.actuated] for robot in (self.controller, self.real)]

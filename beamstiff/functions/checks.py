@@ -18,11 +18,6 @@ from beamstiff.se3 import Array
 def one_of(name: str, value: object, known: Sequence[str]) -> None:
     """Refuse a word that is not among those known.
 
-    Raises
-    ------
-    BeamstiffError
-        Naming the option.
-
     Examples
     --------
     >>> one_of("loss", "linaer", ("linear", "huber"))
@@ -36,11 +31,6 @@ def one_of(name: str, value: object, known: Sequence[str]) -> None:
 
 def whole(name: str, value: object, least: int, most: int | None = None) -> None:
     """Refuse what is no whole number between two ends.
-
-    Raises
-    ------
-    BeamstiffError
-        Naming the option.
 
     Examples
     --------
@@ -63,11 +53,6 @@ def effects_text(effects: Iterable[AddedEffect]) -> str:
 def names_of(name: str, value: Sequence[str] | None) -> list[str] | None:
     """Return names as a list; a single text is refused, whose letters would count as names.
 
-    Raises
-    ------
-    BeamstiffError
-        Naming the option.
-
     Examples
     --------
     >>> names_of("parameters", "J1.torsional")
@@ -89,13 +74,7 @@ def left_out(effects: Iterable[AddedEffect], what: str) -> tuple[str, ...]:
 
 
 def six_numbers(name: str, wrench: ArrayLike) -> Array:
-    """Return a wrench ``[f, m]``, (6,).
-
-    Raises
-    ------
-    BeamstiffError
-        Naming the option.
-    """
+    """Return a wrench ``[f, m]``, (6,)."""
     try:
         load = np.asarray(wrench, dtype=np.float64)
     except (TypeError, ValueError):

@@ -31,34 +31,16 @@ UNKNOWNS = 100  # beyond, chunks are smaller: the work at a pose grows
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """A map to be computed.
-
-    Attributes
-    ----------
-    robot : Robot
-    grid : Grid
-    quantities : tuple of str
-        Names in `QUANTITIES`.
-    wrench : (6,) array
-        ``[f, m]`` on the TCP, base frame, N and N m.
-    gravity : bool
-        Whether deflection and displacement contain the sag under dead weight.
-    direction : (3,) array or None
-        Of length 1, base frame.
-    length : float or None, m
-        Characteristic length of the Jacobian, where one is asked for.
-    pool : (K, A) array or None
-        Over positions: postures of the configuration to start from.
-    """
+    """A map to be computed."""
 
     robot: Robot
     grid: Grid
-    quantities: tuple[str, ...]
-    wrench: Array
-    gravity: bool
-    direction: Array | None
-    length: float | None
-    pool: Array | None = None
+    quantities: tuple[str, ...]  # names in `QUANTITIES`
+    wrench: Array  # (6,): ``[f, m]`` on the TCP, base frame, N and N m
+    gravity: bool  # whether deflection and displacement contain the sag under dead weight
+    direction: Array | None  # (3,): of length 1, base frame
+    length: float | None  # m: characteristic length of the Jacobian, where one is asked for
+    pool: Array | None = None  # (K, A): over positions: postures of the configuration to start from
 
     def needs(self, what: str) -> bool:
         """Tell whether some quantity follows from compliance, weight or jacobian."""
@@ -131,13 +113,7 @@ def state_job(
     direction: ArrayLike | None = None,
     length: float | None = None,
 ) -> Job:
-    """Return a map to be computed; the arguments are those of `map_workspace`.
-
-    Raises
-    ------
-    BeamstiffError
-        When grid, quantities or loads cannot be used, or the posture held is of no configuration.
-    """
+    """Return a map to be computed; the arguments are those of `map_workspace`."""
     names = tuple([quantities] if isinstance(quantities, str) else quantities)
     check_quantities(names, wrench is not None, direction is not None, gravity)
     if {"compliance", "weight"} & {need for name in names for need in QUANTITIES[name].needs}:

@@ -42,23 +42,12 @@ AT_LIMIT = 1e-9  # rad, m
 
 @dataclass(frozen=True, eq=False)
 class Reach:
-    """How to get to points in the configuration of a posture.
-
-    Attributes
-    ----------
-    kinematics : Kinematics
-    start : (A,) array, rad or m
-        The posture.
-    turned : bool
-        Whether orientations are to be met.
-    pool : (K, A) array, rad or m
-        Postures of its configuration, from `postures_of_configuration`.
-    """
+    """How to get to points in the configuration of a posture."""
 
     kinematics: Kinematics
-    start: Array
-    turned: bool
-    pool: Array
+    start: Array  # (A,), rad or m: the posture
+    turned: bool  # whether orientations are to be met
+    pool: Array  # (K, A), rad or m: postures of its configuration, from `postures_of_configuration`
 
     def check(self) -> None:
         """Refuse a posture that is of no configuration: outside the limits, or singular."""
@@ -194,13 +183,7 @@ class Reach:
 
 
 def postures_of_configuration(kinematics: Kinematics, start: Array, turned: bool) -> Array:
-    """Return postures (K, A) of the configuration of one (A,), that one first: to start from.
-
-    Raises
-    ------
-    BeamstiffError
-        When it lies outside the limits, or is singular.
-    """
+    """Return postures (K, A) of the configuration of one (A,), that one first: to start from."""
     around = Reach(kinematics, start, turned, start[None])
     around.check()
     robot, size = kinematics.robot, kinematics.size

@@ -36,11 +36,6 @@ def as_tables(
         Refuse tables that hold loads alone.
     what : str
         The argument, for messages.
-
-    Raises
-    ------
-    BeamstiffError
-        When something else is given, the same file twice, or a file cannot be used.
     """
     single = isinstance(data, Measurements | str | os.PathLike)
     if not single and not isinstance(data, Sequence):
@@ -77,13 +72,7 @@ def doubts_of(robot: Robot, tables: Sequence[Measurements]) -> list[str]:
 
 @contextmanager
 def doubted(notes: Sequence[str]) -> Iterator[None]:
-    """Say with an error, in its line, what in the tables may have led to it.
-
-    Raises
-    ------
-    BeamstiffError
-        Also when numbers grow beyond what a computer's numbers hold.
-    """
+    """Say with an error, in its line, what in the tables may have led to it."""
     doubt = f"; it may come from this: {notes[0]}" if notes else ""
     try:
         with np.errstate(over="raise"):
@@ -100,13 +89,7 @@ def doubted(notes: Sequence[str]) -> Iterator[None]:
 
 
 def refuse_fitted(tests: Iterable[object], data: DataLike) -> None:
-    """Refuse files of readings to test on that are fitted too.
-
-    Raises
-    ------
-    BeamstiffError
-        Naming the file.
-    """
+    """Refuse files of readings to test on that are fitted too."""
     given = [data] if isinstance(data, Measurements | str | os.PathLike) else list(data)
     fitted = {Path(one).resolve() for one in given if isinstance(one, str | os.PathLike)}
     for path in tests:

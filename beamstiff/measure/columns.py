@@ -76,11 +76,6 @@ def read_header(
     ----------
     orientation : str or None
         The declared meaning of columns A, B, C (or a, b, c): ``"KUKA ABC"`` or ``"rotation vector"``.
-
-    Raises
-    ------
-    BeamstiffError
-        When a column is unknown, doubled, of a wrong unit, not an input of the robot, or missing.
     """
     declared = {variable.name: variable for variable in robot.variables}
     columns: list[Column] = []
@@ -197,13 +192,7 @@ def _alike(name: str, known: Sequence[str]) -> str:
 
 
 def kind_of(columns: Sequence[Column], source: str, line: int) -> Kind | None:
-    """Return the kind of measurement that the columns hold, or None where they hold none.
-
-    Raises
-    ------
-    BeamstiffError
-        When they hold both, or a standard deviation of the other kind.
-    """
+    """Return the kind of measurement that the columns hold, or None where they hold none."""
     names = [column.name for column in columns]
     found: dict[Kind, list[str]] = {
         kind: [name for name in names if name.removeprefix("sigma_") in MEASURED[kind]] for kind in MEASURED

@@ -181,11 +181,6 @@ def named_orientation(name: str) -> Orientation:
         ``rotation vector``; ``KUKA ABC`` (intrinsic Z-Y-X); ``Euler ZYX`` and the like (intrinsic, in the
         order of the columns); ``fixed XYZ`` and the like (about axes that stand still).
 
-    Raises
-    ------
-    BeamstiffError
-        When it is none of these.
-
     Examples
     --------
     >>> named_orientation("Euler ZYZ").order, named_orientation("fixed XYZ").order

@@ -28,21 +28,11 @@ SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "whitespace": None}
 
 @dataclass(frozen=True)
 class PointTable:
-    """A list of points as a table of measurements.
+    """A list of points as a table of measurements."""
 
-    Attributes
-    ----------
-    text : str
-        CSV, SI.
-    count : int
-        Rows.
-    notes : tuple of str
-        What to know of it.
-    """
-
-    text: str
-    count: int
-    notes: tuple[str, ...]
+    text: str  # CSV, SI
+    count: int  # rows
+    notes: tuple[str, ...]  # what to know of it
 
 
 def convert_points(
@@ -54,15 +44,9 @@ def convert_points(
     ----------
     path : str or os.PathLike
         The list.
-    profile : Profile
     joints : str or os.PathLike, optional
         CSV table of joint values and loads, written beside the points: rows of the same `pose` where both
         have one, else as many rows in the same order.
-
-    Raises
-    ------
-    BeamstiffError
-        When a row does not follow the profile: ``FILE:LINE: column: message``.
     """
     return parse_points(
         read_text(Path(path)),

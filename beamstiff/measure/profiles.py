@@ -82,13 +82,7 @@ class Profile(Described):
 
 
 def read_profile(path: str | os.PathLike[str]) -> Profile:
-    """Return the profile of a YAML file.
-
-    Raises
-    ------
-    BeamstiffError
-        When it cannot be read, names an unknown column or leaves a unit unsaid: ``FILE:LINE: key: message``.
-    """
+    """Return the profile of a YAML file."""
     return parse_profile(read_text(Path(path)), str(path))
 
 

@@ -13,18 +13,10 @@ from beamstiff.se3 import Array
 
 @dataclass(frozen=True, eq=False)
 class AtRandom:
-    """Designs drawn at random.
+    """Designs drawn at random."""
 
-    Attributes
-    ----------
-    values : (d,) array
-        The criterion of each; 0 where the tests do not determine all parameters.
-    worst : (d,) array
-        The largest relative standard error of a parameter; infinite there.
-    """
-
-    values: Array
-    worst: Array
+    values: Array  # (d,): the criterion of each; 0 where the tests do not determine all parameters
+    worst: Array  # (d,): the largest relative standard error of a parameter; infinite there
 
 
 def random_designs(
@@ -39,13 +31,6 @@ def random_designs(
     count : int
         Number of tests of a design, N at most.
     criterion : "D", "A" or "E"
-    draws : int
-    seed : int
-
-    Raises
-    ------
-    BeamstiffError
-        When there are fewer candidates than tests.
 
     Examples
     --------

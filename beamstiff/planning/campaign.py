@@ -24,18 +24,10 @@ from beamstiff.se3 import Array
 
 @dataclass(frozen=True, eq=False)
 class Campaign:
-    """Tests to make.
+    """Tests to make."""
 
-    Attributes
-    ----------
-    tests : Measurements
-        Poses and loads without displacements; the rows of a pose stand together.
-    design : Design
-        What they are expected to tell; `chosen` counts candidates, or poses where whole poses were chosen.
-    noise : Noise
-    """
-
-    tests: Measurements
+    tests: Measurements  # poses and loads without displacements; the rows of a pose stand together
+    # what they are expected to tell; `chosen` counts candidates, or poses where whole poses were chosen
     design: Design
     noise: Noise
 
@@ -65,7 +57,6 @@ def plan_campaign(
         Number of tests, or of poses where `whole_poses`.
     loads : (L, 6) array, N and N m
         Wrenches at the TCP to choose from, as from `candidates.force_loads`.
-    noise : Noise
     parameters : sequence of str, optional
         Stiffness values to find; default ``robot.identify``.
     criterion : "D", "A" or "E"
@@ -81,11 +72,6 @@ def plan_campaign(
         How often a test may be made.
     seed : int
         Of the random poses.
-
-    Raises
-    ------
-    BeamstiffError
-        When there is nothing to choose from, or the tests cannot determine the parameters.
     """
     if poses is None:
         poses = candidate_poses(compile_kinematics(robot), candidates, seed, region)
@@ -112,8 +98,6 @@ def campaign_of(tests: Measurements, design: Design, noise: Noise, whole_poses: 
         The candidates, as from `candidate_tests`.
     design : Design
         What is chosen of them, or of their poses.
-    noise : Noise
-    whole_poses : bool
     """
     rows = design.chosen
     if whole_poses:
@@ -155,23 +139,12 @@ def write_plan(campaign: Campaign, path: str | Path, robot: Robot) -> None:
 
     Postures are in degrees and millimetres, with the digits that a pendant takes. The lines before the header
     say what to expect of it. Filled in, `measure.read_measurements` reads it.
-
-    Raises
-    ------
-    BeamstiffError
-        When the file cannot be written, or the campaign is another robot's.
     """
     write_whole(path, plan_csv(campaign, robot))
 
 
 def plan_csv(campaign: Campaign, robot: Robot) -> str:
-    """Return the text of the file that `write_plan` writes.
-
-    Raises
-    ------
-    BeamstiffError
-        When the campaign is another robot's, or measured already.
-    """
+    """Return the text of the file that `write_plan` writes."""
     design, count = campaign.design, len(campaign.tests)
     efficient = np.floor(1000 * design.efficiency) / 10
     says = {

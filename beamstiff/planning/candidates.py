@@ -27,20 +27,12 @@ SINGULAR = 1e-12
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviations of what a test reads; all independent.
+    """Standard deviations of what a test reads; all independent."""
 
-    Attributes
-    ----------
-    position : float, m
-        Of each component of the measured displacement.
-    rotation : float or None, rad
-        Of each component of the measured rotation; None where it is not measured.
-    force, moment : float, N and N m
-        Of each component of the wrench: they displace the tool unseen.
-    """
-
-    position: float
+    position: float  # m: of each component of the measured displacement
+    # rad: of each component of the measured rotation; None where it is not measured
     rotation: float | None = None
+    # force, moment: N and N m: of each component of the wrench: they displace the tool unseen
     force: float = 0.0
     moment: float = 0.0
 
@@ -187,10 +179,8 @@ def information(
 
     Parameters
     ----------
-    robot : Robot
     tests : Measurements
         N rows, as from `candidate_tests`.
-    noise : Noise
     parameters : sequence of str, optional
         Stiffness values to find; default ``robot.identify``.
 
@@ -198,12 +188,6 @@ def information(
     -------
     names : tuple of str (m)
     information : (N, m, m) array
-
-    Raises
-    ------
-    BeamstiffError
-        When a parameter does not exist or is rigid or free in the robot, or the tests together leave one
-        undetermined: it is named.
     """
     names, found, idle = _information(robot, tests, noise, parameters)
     problem = _undetermined(names, found.sum(axis=0), idle)
@@ -225,11 +209,6 @@ def identifiable(
     information : (N, m, m) array
     left_out : dict of str to str
         Parameters that these tests cannot tell, each with the reason.
-
-    Raises
-    ------
-    BeamstiffError
-        When nothing is left, or a parameter does not exist or is rigid or free in the robot.
     """
     names, found, idle = _information(robot, tests, noise, parameters)
     left_out: dict[str, str] = {}

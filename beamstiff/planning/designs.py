@@ -44,32 +44,16 @@ RIDGE = 1e-9  # of the mean information, so that the first tests have a criterio
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """Tests chosen among candidates.
-
-    Attributes
-    ----------
-    criterion : "D", "A" or "E"
-    chosen : (n,) int array
-        Candidates; one may stand there several times.
-    value : float
-        The criterion.
-    efficiency : float
-        The criterion is at least this share of what any choice of n tests could have: the certificate.
-    names : tuple of str
-    covariance : (m, m) array
-        Of the logarithms of the parameters.
-    sensitivity : (N,) array
-        ``tr(G M_i)`` of every candidate: above 1/n, more of it would help.
-    indices : Observability
-    """
+    """Tests chosen among candidates."""
 
     criterion: Criterion
-    chosen: NDArray[np.int64]
+    chosen: NDArray[np.int64]  # (n,) int: candidates; one may stand there several times
     value: float
+    # the criterion is at least this share of what any choice of n tests could have: the certificate
     efficiency: float
     names: tuple[str, ...]
-    covariance: Array
-    sensitivity: Array
+    covariance: Array  # (m, m): of the logarithms of the parameters
+    sensitivity: Array  # (N,): ``tr(G M_i)`` of every candidate: above 1/n, more of it would help
     indices: Observability
 
     @property
@@ -253,7 +237,6 @@ def upper_bound(information: Array, count: int, criterion: Criterion, repeats: i
     count : int
         Sum of the weights, each between 0 and `repeats`.
     criterion : "D", "A" or "E"
-    repeats : int
     start : (m, m) array
         Information of a design to start from.
     """

@@ -33,18 +33,12 @@ def normalised_jacobian(
 
     Parameters
     ----------
-    kinematics : Kinematics
     posture : Posture
         P poses.
     length : float, m
         Prismatic variables are counted in it too, so that the entries have no unit.
     node : str, optional
         Default: the TCP.
-
-    Raises
-    ------
-    BeamstiffError
-        When the length is not positive, there is no such node or a loop is singular.
     """
     if not (np.isfinite(length) and length > 0):
         raise BeamstiffError(f"characteristic length: found {length}, expected a positive number of metres")
@@ -77,20 +71,11 @@ def inverse_condition(matrix: Array) -> Array:
 
 @dataclass(frozen=True)
 class CharacteristicLength:
-    """The characteristic length of a robot.
+    """The characteristic length of a robot."""
 
-    Attributes
-    ----------
-    length : float, m
-    condition : float
-        The smallest condition number kappa_F that it gives.
-    q : (A,) array, rad or m
-        A pose that has it.
-    """
-
-    length: float
-    condition: float
-    q: Array
+    length: float  # m
+    condition: float  # the smallest condition number kappa_F that it gives
+    q: Array  # (A,), rad or m: a pose that has it
 
 
 def characteristic_length(
@@ -100,18 +85,12 @@ def characteristic_length(
 
     Parameters
     ----------
-    kinematics : Kinematics
     node : str, optional
         Default: the TCP.
     within_limits : bool
         Look at poses within the joint limits only; else angles are free to go all around.
     seed : int
         Of the random starts.
-
-    Raises
-    ------
-    BeamstiffError
-        When the robot has no actuated variable, a prismatic one has no limits, or no pose is regular.
 
     Examples
     --------
@@ -174,36 +153,18 @@ def characteristic_length(
 
 @dataclass(frozen=True, eq=False)
 class DexterityMap:
-    """Dexterity over a grid of poses.
-
-    Attributes
-    ----------
-    grid : Grid
-    length : float, m
-        Characteristic length used.
-    inverse_condition : (n, m) array
-        1/kappa_F; NaN where loops do not close.
-    position : (n, m, 3) array, m
-        Of the node, base frame.
-    determinant : (n, m) array or None
-        Of the normalised Jacobian, for robots of six actuated variables.
-    """
+    """Dexterity over a grid of poses."""
 
     grid: Grid
-    length: float
-    inverse_condition: Array
-    position: Array
+    length: float  # m: characteristic length used
+    inverse_condition: Array  # (n, m): 1/kappa_F; NaN where loops do not close
+    position: Array  # (n, m, 3), m: of the node, base frame
+    # (n, m): of the normalised Jacobian, for robots of six actuated variables
     determinant: Array | None
 
 
 def dexterity_map(kinematics: Kinematics, grid: Grid, length: float, node: str | None = None) -> DexterityMap:
-    """Return the dexterity at every pose of a grid (seed 000, Figure 3).
-
-    Raises
-    ------
-    BeamstiffError
-        As `normalised_jacobian`; or when no pose of the grid closes its loops.
-    """
+    """Return the dexterity at every pose of a grid (seed 000, Figure 3)."""
     name = check_node(kinematics, node)
     posture, closed = closed_posture(kinematics, grid.q)
     if not closed.any():
@@ -222,22 +183,14 @@ def dexterity_map(kinematics: Kinematics, grid: Grid, length: float, node: str |
 
 @dataclass(frozen=True, eq=False)
 class WorkspaceMap:
-    """The best value that poses of a map reach in each cell of a vertical plane.
+    """The best value that poses of a map reach in each cell of a vertical plane."""
 
-    Attributes
-    ----------
-    x, z : (i + 1,), (k + 1,) arrays, m
-        Edges of the cells: distance from axis z of the base frame along the plane, and height.
-    value : (i, k) array
-        NaN where no pose of the map gets.
-    pose : (i, k) int array
-        The pose of the grid that has the value; -1 where there is none.
-    """
-
+    # x, z: (i + 1,), (k + 1,), m: edges of the cells: distance from axis z of the base frame along the plane,
+    # and height
     x: Array
     z: Array
-    value: Array
-    pose: np.ndarray
+    value: Array  # (i, k): NaN where no pose of the map gets
+    pose: np.ndarray  # (i, k) int: the pose of the grid that has the value; -1 where there is none
 
 
 def workspace_map(dexterity: DexterityMap, cell: float, plane: float = 0.0) -> WorkspaceMap:
@@ -245,16 +198,10 @@ def workspace_map(dexterity: DexterityMap, cell: float, plane: float = 0.0) -> W
 
     Parameters
     ----------
-    dexterity : DexterityMap
     cell : float, m
         Size of the square cells.
     plane : float, rad
         Angle of the plane about z of the base frame; positions are projected onto it.
-
-    Raises
-    ------
-    BeamstiffError
-        When the cells are not of a positive size.
     """
     if not (np.isfinite(cell) and cell > 0):
         raise BeamstiffError(

@@ -19,37 +19,20 @@ ONLY_AVERAGING = (
 
 @dataclass(frozen=True, eq=False)
 class Enough:
-    """Optimal designs of growing size.
-
-    Attributes
-    ----------
-    designs : tuple of Design
-    counts : (c,) int array
-        Their numbers of tests.
-    standard_errors : (c, m) array
-        Relative, of each parameter.
-    worst : (c,) array
-        The largest of them.
-    knee : int
-        The number of tests from which on more of them only average the noise: ``worst * sqrt(n)`` is within
-        5 % of the least it gets to. Below, every test also shows directions that were hardly seen before.
-    """
+    """Optimal designs of growing size."""
 
     designs: tuple[Design, ...]
-    counts: NDArray[np.int64]
-    standard_errors: Array
-    worst: Array
+    counts: NDArray[np.int64]  # (c,) int: their numbers of tests
+    standard_errors: Array  # (c, m): relative, of each parameter
+    worst: Array  # (c,): the largest of them
+    # the number of tests from which on more of them only average the noise: ``worst * sqrt(n)`` is within 5 %
+    # of the least it gets to. Below, every test also shows directions that were hardly seen before
     knee: int
 
     def tests_for(self, standard_error: float) -> int:
         """Return how many tests bring the worst relative standard error down to a value.
 
         Past the largest number looked at, the error is taken to fall with the root of the number of tests.
-
-        Raises
-        ------
-        BeamstiffError
-            When the value is not positive.
 
         Examples
         --------
@@ -80,17 +63,11 @@ def how_many(
     ----------
     information : (N, m, m) array
         Of each candidate.
-    names : sequence of str (m)
     counts : sequence of int
         Numbers of tests, growing.
     criterion : "D", "A" or "E"
     repeats : int
         How often a candidate may be taken.
-
-    Raises
-    ------
-    BeamstiffError
-        When the numbers do not grow, there are too few candidates, or the first number cannot determine all.
     """
     numbers = np.asarray(counts, dtype=np.int64)
     if numbers.ndim != 1 or not numbers.size or (np.diff(numbers) <= 0).any():

@@ -23,19 +23,12 @@ NEWTON = 4  # steps
 
 @dataclass(frozen=True, eq=False)
 class SingularLine:
-    """A line of singular poses over a grid.
+    """A line of singular poses over a grid."""
 
-    Attributes
-    ----------
-    points : (p, 2) array, rad or m
-        Values of the grid's two variables.
-    joints : tuple of str
-        Variables that can move together and leave the tool where it is: for a 6R robot with a spherical
-        wrist, q1 and wrist axes where the wrist's centre lies on axis 1, q2, q3 and wrist axes where the arm
-        is folded or stretched, q4 and q6 where they line up.
-    """
-
-    points: Array
+    points: Array  # (p, 2), rad or m: values of the grid's two variables
+    # variables that can move together and leave the tool where it is: for a 6R robot with a spherical wrist,
+    # q1 and wrist axes where the wrist's centre lies on axis 1, q2, q3 and wrist axes where the arm is folded
+    # or stretched, q4 and q6 where they line up
     joints: tuple[str, ...]
 
 
@@ -46,15 +39,8 @@ def singular_lines(
 
     Parameters
     ----------
-    kinematics : Kinematics
-    dexterity : DexterityMap
     node : str, optional
         Default: the TCP.
-
-    Raises
-    ------
-    BeamstiffError
-        When the robot has not six actuated variables, so that its Jacobian has no determinant.
     """
     grid = dexterity.grid
     if dexterity.determinant is None:

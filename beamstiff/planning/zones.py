@@ -16,29 +16,16 @@ FULL_TURN = 2 * np.pi
 
 @dataclass(frozen=True, eq=False)
 class Zone:
-    """A contiguous region of a map.
-
-    Attributes
-    ----------
-    grid : Grid
-    mask : (n, m) bool array
-        Points of the grid that belong to it.
-    ranges : mapping of str to (float, float), rad or m
-        Smallest ranges of both variables that hold it; past a full turn where it runs over the edge.
-    share : float
-        Of the grid's points.
-    best : float
-        Its best value.
-    at : mapping of str to float, rad or m
-        Where that is.
-    """
+    """A contiguous region of a map."""
 
     grid: Grid
-    mask: Mask
+    mask: Mask  # (n, m) bool: points of the grid that belong to it
+    # rad or m: smallest ranges of both variables that hold it; past a full turn where it runs
+    # over the edge
     ranges: dict[str, tuple[float, float]]
-    share: float
-    best: float
-    at: dict[str, float]
+    share: float  # of the grid's points
+    best: float  # its best value
+    at: dict[str, float]  # rad or m: where that is
 
 
 def find_zones(
@@ -51,17 +38,11 @@ def find_zones(
 
     Parameters
     ----------
-    grid : Grid
     values : (n, m) array
     least, most : float
         Give one of them: values of at least `least` are good, or those of at most `most`.
     smallest : int
         Leave out regions of fewer points.
-
-    Raises
-    ------
-    BeamstiffError
-        When not just one threshold is given, or the values are not those of the grid.
 
     Examples
     --------
@@ -89,7 +70,6 @@ def intersect(grid: Grid, values: Array, *masks: Mask, smallest: int = 1) -> lis
 
     Parameters
     ----------
-    grid : Grid
     values : (n, m) array
         What is best where it is largest, such as 1/kappa_F.
     masks : (n, m) bool arrays
@@ -122,13 +102,7 @@ def _zones(grid: Grid, mask: Mask, values: Array, merit: Array, smallest: int) -
 
 
 def in_box(grid: Grid, box: dict[str, tuple[float, float]]) -> Mask:
-    """Return which points (n, m) of a grid lie in ranges of its variables, rad or m; angles modulo a turn.
-
-    Raises
-    ------
-    BeamstiffError
-        When a variable is not on the grid or no point lies in the box.
-    """
+    """Return which points (n, m) of a grid lie in ranges of its variables, rad or m; angles modulo a turn."""
     mask = np.ones(grid.shape, dtype=np.bool_)
     for name, (low, high) in box.items():
         if name not in grid.names:

@@ -25,12 +25,6 @@ def check_points_figure(
         At the same P check points, by model; points are ordered by the first model's.
     by_size : mapping of str to sequence of (size, mean error), m
         By way of fitting; a size of infinity is one model for the whole space.
-    title : str
-
-    Raises
-    ------
-    BeamstiffError
-        When there is nothing to draw, or models have other numbers of points.
     """
     counts = {len(one) for one in errors.values()}
     if len(counts) != 1 or not by_size:

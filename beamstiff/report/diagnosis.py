@@ -79,12 +79,7 @@ def _places(result: Diagnosis) -> Table:
 
 
 def summary(result: Diagnosis) -> str:
-    """Return the verdict in plain words.
-
-    Parameters
-    ----------
-    result : Diagnosis
-    """
+    """Return the verdict in plain words."""
     rms, noise = 1e3 * result.rms, 1e3 * result.noise
     first = (
         f"Gap that remains after the fit, {tested(result)}: {rms:.3f} mm RMS; noise "

@@ -34,11 +34,6 @@ def rules_figure(
         Displacement component and load direction of each term; default the three largest that are known.
     angles : sequence of str
         Inputs that are angles, drawn in degrees.
-
-    Raises
-    ------
-    BeamstiffError
-        When the rules are those of a tree, or a term was not trained.
     """
     premises = model.system.premises
     if not isinstance(premises, Partition):

@@ -14,21 +14,14 @@ from beamstiff.se3 import Array
 
 @dataclass(frozen=True)
 class Panel:
-    """Displacements over one joint variable while the other stands still, mm over deg.
-
-    Attributes
-    ----------
-    title : str
-    at, measured, predicted : (n,) arrays
-        The measured states, and what the model says there.
-    line_at, line : (m,) arrays
-        The model between them.
-    """
+    """Displacements over one joint variable while the other stands still, mm over deg."""
 
     title: str
+    # at, measured, predicted: (n,): the measured states, and what the model says there
     at: Array
     measured: Array
     predicted: Array
+    # line_at, line: (m,): the model between them
     line_at: Array
     line: Array
 
@@ -40,7 +33,6 @@ def figure_over_variables(
 
     Parameters
     ----------
-    panels : list of Panel
     title, variable, displacement : str
         Of the figure, the horizontal and the vertical axis, with units.
     sigma : float, optional

@@ -32,16 +32,10 @@ def describe(robot: Robot, samples: int = 1000, seed: int = 0) -> dict[str, Any]
 
     Parameters
     ----------
-    robot : Robot
     samples : int
         Postures drawn for the reach, evenly within the limits of the actuated variables.
     seed : int
         Of the samples.
-
-    Raises
-    ------
-    BeamstiffError
-        When no posture closes the loops, or the structure is a mechanism.
 
     Examples
     --------
@@ -107,13 +101,7 @@ def describe(robot: Robot, samples: int = 1000, seed: int = 0) -> dict[str, Any]
 
 
 def reference_posture(robot: Robot, samples: int = 1000, seed: int = 0) -> Array:
-    """Return the actuated joint values (A,) of the reference: mid limits, or a sample that closes.
-
-    Raises
-    ------
-    BeamstiffError
-        When no posture closes the loops.
-    """
+    """Return the actuated joint values (A,) of the reference: mid limits, or a sample that closes."""
     kinematics = compile_kinematics(robot)
     q = _samples(robot, samples, seed)
     for some in (q[:1], q):

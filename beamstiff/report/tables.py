@@ -16,47 +16,25 @@ SMALL = {"rad": (1e3, "mrad"), "m": (1e3, "mm")}
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table.
+    """A column of a table."""
 
-    Attributes
-    ----------
-    head : str
-        With its unit.
-    left : bool
-        Aligned left; else right, as numbers are.
-    only : str
-        Where it is drawn alone: "page" or "console"; empty for both.
-    """
-
-    head: str
-    left: bool = False
-    only: str = ""
+    head: str  # with its unit
+    left: bool = False  # aligned left; else right, as numbers are
+    only: str = ""  # where it is drawn alone: "page" or "console"; empty for both
 
 
 @dataclass
 class Table:
-    """A table as text, whoever draws it.
-
-    Attributes
-    ----------
-    title : str
-    columns : sequence of Column
-        Given as text, the first `left` of them are aligned left and the others right.
-    rows : list of lists of str
-        A cell for each column, also for those that are not drawn.
-    left : int
-    open : bool
-        On a page: shown at once; else behind its title.
-    most : int, optional
-        On the console so many rows; a last line says how many are left out.
-    """
+    """A table as text, whoever draws it."""
 
     title: str
+    # given as text, the first `left` of them are aligned left and the others right
     columns: Sequence[Column | str]
+    # a cell for each column, also for those that are not drawn
     rows: list[list[str]] = field(default_factory=list)
     left: int = 1
-    open: bool = True
-    most: int | None = None
+    open: bool = True  # on a page: shown at once; else behind its title
+    most: int | None = None  # on the console so many rows; a last line says how many are left out
 
     @property
     def heads(self) -> list[Column]:

@@ -28,13 +28,7 @@ SOURCES = {
 
 
 def comparison_table(found: Comparison, title: str = "Models of the same data") -> Table:
-    """Return a table of models: criteria less the best one's, held-out likelihood and errors.
-
-    Parameters
-    ----------
-    found : Comparison
-    title : str
-    """
+    """Return a table of models: criteria less the best one's, held-out likelihood and errors."""
     result = table(
         f"{title}: {found.source}, {found.components} measured values",
         "model",
@@ -87,7 +81,6 @@ def held_out_table(
         By pose, or by load.
     measured : Measurements
         The rows.
-    title : str
     """
     result = table(title, "first row", "rows", "RMS, mm", "of the displacement, %")
     size = np.linalg.norm(np.nan_to_num(measured.displacement[:, :3]), axis=1)

@@ -33,11 +33,6 @@ _NUMBER = re.compile(NUMBER)
 def read(text: str, source: str) -> Program:
     r"""Return the targets of an APT text; `text` as of `editing.read_bytes`.
 
-    Raises
-    ------
-    BeamstiffError
-        When a GOTO is broken or there is none.
-
     Examples
     --------
     >>> read("UNITS/INCHES\nGOTO/1.0,0.0,2.0", "part.apt").path.poses[0, :3, 3]

@@ -55,11 +55,6 @@ _BASES = re.compile(r"\bTOOL_NO\s+(\d+)\s*,\s*BASE_NO\s+(\d+)", re.IGNORECASE)
 def read(text: str, source: str) -> Program:
     """Return the targets of a KRL text; `text` as of `editing.read_bytes`.
 
-    Raises
-    ------
-    BeamstiffError
-        When a target is broken or there is none.
-
     Examples
     --------
     >>> read("DECL E6POS XP1={X 1.5,Y 0,Z 900,A 0,B 90,C 0,S 2,T 35}", "cell.dat").path.poses[0, :3, 3]

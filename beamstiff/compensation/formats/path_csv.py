@@ -63,11 +63,6 @@ class _Column:
 def read(text: str, source: str) -> Program:
     r"""Return the targets of a path table; `text` as of `editing.read_bytes`.
 
-    Raises
-    ------
-    BeamstiffError
-        When the header or a row is broken, or there is no row.
-
     Examples
     --------
     >>> read("x [mm],y [mm],z [mm],a,b,c\n1,2,3,0,0,0\n", "path.csv").path.poses[0, :3, 3]

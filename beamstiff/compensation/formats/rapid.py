@@ -37,11 +37,6 @@ _OFFSETS = re.compile(r"\b(?:Offs|RelTool)\s*\(", re.IGNORECASE)
 def read(text: str, source: str) -> Program:
     """Return the targets of a RAPID text; `text` as of `editing.read_bytes`.
 
-    Raises
-    ------
-    BeamstiffError
-        When a target is broken or there is none.
-
     Examples
     --------
     >>> text = "CONST robtarget p10:=[[600,0,900.5],[0,0,1,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];"

@@ -23,27 +23,18 @@ class Cantilever:
 
     The tip is a point. It presses on the face of the beam and slides along it; it slides from target to
     target, and so friction points against the way it came.
-
-    Attributes
-    ----------
-    length, width, thickness : float, m
-    modulus : float, Pa
-        E.
-    clamp : (4, 4) array, m
-        Base frame: origin on the face that the tool touches where the beam leaves the clamp, x along the
-        beam, z out of the face, against the tool.
-    method : "incremental" or "euler-bernoulli"
-    friction : float
-        Coefficient of Coulomb friction.
     """
 
+    # length, width, thickness: m
     length: float
     width: float
     thickness: float
-    modulus: float
+    modulus: float  # Pa: E
+    # (4, 4), m: base frame: origin on the face that the tool touches where the beam leaves the clamp, x along
+    # the beam, z out of the face, against the tool
     clamp: Array
     method: Method = "incremental"
-    friction: float = 0.0
+    friction: float = 0.0  # coefficient of Coulomb friction
 
     @property
     def bending_stiffness(self) -> float:
@@ -51,13 +42,7 @@ class Cantilever:
         return self.modulus * self.width * self.thickness**3 / 12
 
     def wrench(self, tool: Array, path: ToolPath) -> Array:
-        """Return the force of the beam on the tool, (N, 6), base frame.
-
-        Raises
-        ------
-        BeamstiffError
-            Where the tool is beyond the end of the beam, beside it, or has bent it too far.
-        """
+        """Return the force of the beam on the tool, (N, 6), base frame."""
         distance, deflection = self._contact(tool, path)
         touching = deflection > 0
         normal, slope, tangential = np.zeros(len(tool)), np.zeros(len(tool)), np.zeros(len(tool))

@@ -28,11 +28,6 @@ class Process(Protocol):
         -------
         (N, 6) array
             ``[f, m]`` on the tool at its tip, base frame, N and N m.
-
-        Raises
-        ------
-        BeamstiffError
-            Where the model has no answer; naming the target.
         """
         ...
 

@@ -104,11 +104,6 @@ def read_process(path: str | Path) -> Process:
     path : str or pathlib.Path
         Its key `kind` is ``cantilever``, ``cutting-table``, ``constant``, ``path`` (the columns of the path)
         or ``together`` (of `parts`).
-
-    Raises
-    ------
-    BeamstiffError
-        With file, line and key.
     """
     return parse_process(read_text(path), str(path))
 

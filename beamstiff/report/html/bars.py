@@ -24,12 +24,10 @@ def bars(
     ----------
     names : sequence of str
         As people's files say them.
-    values : sequence of float
     colour : str
         Of the theme.
     title : str
         Of the axis of values.
-    intervals : sequence of (low, high), optional
     **more
         Of the axis of values.
     """

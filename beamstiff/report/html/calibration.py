@@ -46,12 +46,10 @@ def calibration_html(
 
     Parameters
     ----------
-    found : Calibration
     robot : Robot
         As it was described.
     measured : Measurements
         The rows that were fitted.
-    provenance : Provenance
     """
     sizes = Sizes(
         found.robot,

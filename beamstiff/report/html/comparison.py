@@ -38,10 +38,8 @@ def comparison_html(
 
     Parameters
     ----------
-    models : Models
     robot : Robot
         As it was given.
-    provenance : Provenance
     """
     answered = ranked(models)
     keys = {f"model{at + 1}": one for at, one in enumerate(answered) if one.name != "rigid"}

@@ -33,10 +33,8 @@ def compensation_html(result: Compensated, robot: Robot, provenance: Provenance)
 
     Parameters
     ----------
-    result : Compensated
     robot : Robot
         That the controller takes for true.
-    provenance : Provenance
     """
     some = shown(len(result.known))
     seen = _view(result, robot, some)

@@ -58,7 +58,6 @@ def along(
 
     Parameters
     ----------
-    key, title, caption : str
     x : (n,) array, or str
         A name of an array that the page holds.
     values : mapping of str to (n,) array

@@ -46,13 +46,7 @@ PARTS_OF_GAP = {
 
 
 def diagnosis_html(result: Diagnosis, provenance: Provenance) -> str:
-    """Return the report of a diagnosis as one HTML page.
-
-    Parameters
-    ----------
-    result : Diagnosis
-    provenance : Provenance
-    """
+    """Return the report of a diagnosis as one HTML page."""
     baseline = result.baseline
     compared = Compared(
         baseline.nominal,

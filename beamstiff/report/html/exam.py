@@ -43,15 +43,12 @@ def exam_html(
 
     Parameters
     ----------
-    records : sequence of Record
     examined : str
         The robot, or what else.
-    provenance : Provenance
     facts : mapping
         What ``--json`` writes.
     plan : bool
         The cases are of one campaign: what could it find?
-    notes : sequence of str
     """
     rich, lean = by_design(records)
     main = rich or lean

@@ -41,12 +41,10 @@ def identification_html(
 
     Parameters
     ----------
-    found : Identification
     robot : Robot
         As it was before: the start.
     measured : Measurements
         The rows that were fitted.
-    provenance : Provenance
     folds : int
         Of the held-out gap that was asked for.
     """

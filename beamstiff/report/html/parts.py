@@ -24,25 +24,14 @@ MARGIN = {"l": 56, "r": 16, "t": 34, "b": 48}
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure of plotly.
+    """A figure of plotly."""
 
-    Attributes
-    ----------
-    key : str
-        Its id in the page.
-    title, caption : str
-    traces : sequence of mapping
-    layout : mapping
-    table : Table or None
-        The numbers that it shows.
-    """
-
-    key: str
+    key: str  # its id in the page
     title: str
     caption: str
     traces: Sequence[Mapping[str, Any]]
     layout: Mapping[str, Any] = field(default_factory=dict)
-    table: Table | None = None
+    table: Table | None = None  # the numbers that it shows
 
     @property
     def height(self) -> int:

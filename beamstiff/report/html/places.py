@@ -39,25 +39,13 @@ BEFORE_AFTER = (("circle-open", "orange"), ("circle", "blue"), ("triangle-up", "
 
 @dataclass(frozen=True)
 class Sizes:
-    """A length of every row, by what it is of.
-
-    Attributes
-    ----------
-    robot : Robot
-    rows : Measurements
-    values : mapping of str to (N,) array
-        By a key for ids, mm; NaN where there is none.
-    names : sequence of str
-        Of the values, as people read them.
-    what : str
-        Such as "gap".
-    """
+    """A length of every row, by what it is of."""
 
     robot: Robot
     rows: Measurements
-    values: Mapping[str, Array]
-    names: Sequence[str]
-    what: str = "gap"
+    values: Mapping[str, Array]  # (N,): by a key for ids, mm; NaN where there is none
+    names: Sequence[str]  # of the values, as people read them
+    what: str = "gap"  # such as "gap"
 
     @property
     def shown(self) -> NDArray[np.intp]:
@@ -99,7 +87,6 @@ def over_places(sizes: Sizes, joints: bool = True, planes: Sequence[tuple[int, i
 
     Parameters
     ----------
-    sizes : Sizes
     joints : bool
         Show them by joint reading.
     planes : sequence of (int, int)

@@ -56,27 +56,17 @@ class Shown:
 
 @dataclass(frozen=True)
 class RobotView:
-    """The figure, and for each posture where its traces are and how they move.
-
-    Attributes
-    ----------
-    figure : Figure
-    views : list of dict
-        ``name``; ``traces``: what differs, with ``dx, dy, dz`` for the way at magnification 1 and ``shares``
-        for the colours; ``labels``; ``ranges`` of the axes.
-    magnification, most : float
-        To begin with, and at most; 0 where nothing moves.
-    cameras : mapping
-        By name, where the robot is seen from.
-    note, slider : str
-        What is to be said, and what the slider magnifies.
-    """
+    """The figure, and for each posture where its traces are and how they move."""
 
     figure: Figure
+    # ``name``; ``traces``: what differs, with ``dx, dy, dz`` for the way at magnification 1 and ``shares``
+    # for the colours; ``labels``; ``ranges`` of the axes
     views: list[dict[str, Any]]
+    # magnification, most: to begin with, and at most; 0 where nothing moves
     magnification: float
     most: float
-    cameras: Mapping[str, Any]
+    cameras: Mapping[str, Any]  # by name, where the robot is seen from
+    # note, slider: what is to be said, and what the slider magnifies
     note: str = ""
     slider: str = "Magnification of the deformed shape"
 
@@ -92,19 +82,12 @@ def robot_view(
 
     Parameters
     ----------
-    robot : Robot
-    shown : sequence of Shown
     share : str
         What the shares are of, such as "share of the gap".
     gravity : bool
         Let the dead weight deform it as well.
     model : str
         Whose deformed shape it is.
-
-    Raises
-    ------
-    BeamstiffError
-        When a posture cannot close its loops.
     """
     if not shown:
         return None

@@ -24,26 +24,16 @@ PARTS = {
 
 @dataclass(frozen=True)
 class Compared:
-    """Rows with what a model says of them.
-
-    Attributes
-    ----------
-    robot : Robot
-    rows : Measurements
-    measured, before : (N, 6) array
-        Displacement, or deviation from the nominal pose, m and rad; and what the model says of it.
-    used : (N, 6) bool array
-        What was measured.
-    after : (N, 6) array or None
-        What the model says with the cause in it.
-    """
+    """Rows with what a model says of them."""
 
     robot: Robot
     rows: Measurements
+    # measured, before: (N, 6): displacement, or deviation from the nominal pose, m and rad; and what the
+    # model says of it
     measured: Array
     before: Array
-    used: NDArray[np.bool_]
-    after: Array | None = None
+    used: NDArray[np.bool_]  # (N, 6) bool: what was measured
+    after: Array | None = None  # (N, 6): what the model says with the cause in it
 
     def gap(self, predicted: Array) -> Array:
         """Return the norm of the position gap of every row, mm; NaN where none was measured."""
@@ -63,7 +53,6 @@ def row_figures(compared: Compared, names: tuple[str, str] = ("the model", "with
 
     Parameters
     ----------
-    compared : Compared
     names : (str, str)
         What the predictions are of, before and after.
     """

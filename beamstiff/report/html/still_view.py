@@ -23,32 +23,17 @@ SMALLEST = 20.0  # times what it begins with at most, to see the smallest deviat
 
 @dataclass(frozen=True)
 class Deviations:
-    """Places and how far each is off: (n, 3), m.
+    """Places and how far each is off: (n, 3), m."""
 
-    Attributes
-    ----------
-    key : str
-        By which the page holds them.
-    name : str
-    colour : str
-        Of the theme.
-    places, away : (n, 3) arrays, m
-    texts : sequence of str
-        What each is.
-    path : bool
-        One line from place to place; else a line from each place to where it went.
-    dash : str
-        Of plotly.
-    """
-
-    key: str
+    key: str  # by which the page holds them
     name: str
-    colour: str
+    colour: str  # of the theme
+    # places, away: (n, 3), m
     places: Array
     away: Array
-    texts: Sequence[str]
-    path: bool = False
-    dash: str = "solid"
+    texts: Sequence[str]  # what each is
+    path: bool = False  # one line from place to place; else a line from each place to where it went
+    dash: str = "solid"  # of plotly
 
     def lines(self) -> tuple[Array, Array, list[str]]:
         """Return the points of the lines (k, 3), how they move (k, 3), and what each is."""
@@ -81,21 +66,14 @@ def still_view(
 
     Parameters
     ----------
-    robot : Robot
     postures : sequence of (str, (A,) array)
         What each is, and its actuated values.
     deviations : sequence of Deviations
         In the base frame.
     slider : str
         What is magnified.
-    caption : str
     table : Table
         The numbers.
-
-    Raises
-    ------
-    BeamstiffError
-        When a posture cannot close its loops.
     """
     if not postures:
         return None
