@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamstiff.cli.options import Debug, Html, Json, Quiet, RobotFile, parse_names, robot_file
+from beamstiff.cli.options import Debug, Html, Json, Quiet, RobotFile, option, parse_names, robot_file
 from beamstiff.cli.output import (
     check_outputs,
     optional_file,
@@ -37,90 +37,36 @@ def calibrate(
             "a b c), the reflector as `point`, wrench; units in the header, SI otherwise.",
         ),
     ],
-    parameters: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--parameters",
-            metavar="NAME,...",
-            help="What to seek: f3.d, q2 (an encoder's zero), n7.x (a reflector's place), a frame, or base, "
-            "target, offsets, frames; default all.",
-        ),
-    ] = None,
-    fix: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--fix",
-            metavar="NAME,...",
-            help="What stays, likewise; `base` where the readings are in the robot's own base frame.",
-        ),
-    ] = None,
-    last: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--last",
-            metavar="NAME,...",
-            help="Of parameters that cannot be told apart, hold these first.",
-        ),
-    ] = None,
-    compliances: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--compliances",
-            metavar="NAME,...",
-            help="Stiffness values to estimate along with the geometry, such as J2.torsional.",
-        ),
-    ] = None,
-    prior: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--prior",
-            metavar="NAME=STD",
-            help="Known to within a standard deviation, such as f3.d=0.2mm; of a group (frames=0.5mm) those "
-            "of the unit; repeatable.",
-        ),
-    ] = None,
-    method: Annotated[
-        str, typer.Option("--method", metavar="NAME", help="levenberg-marquardt or gauss-newton.")
-    ] = "levenberg-marquardt",
-    stations: Annotated[
-        bool,
-        typer.Option(
-            "--stations",
-            help="Every table has a base of its own (base1, base2, ...): robot or tracker were moved.",
-        ),
-    ] = False,
-    folds: Annotated[
-        int, typer.Option("--folds", min=0, metavar="N", help="Folds of the errors held out; 0 for none.")
-    ] = 5,
-    test: Annotated[
-        list[str] | None,
-        typer.Option("--test", metavar="CSV", help="Readings to test the calibrated robot on; repeatable."),
-    ] = None,
-    out: Annotated[
-        str | None, typer.Option("--out", metavar="FILE", help="Write the calibrated robot as YAML.")
-    ] = None,
-    readings: Annotated[
-        str | None,
-        typer.Option(
-            "--readings", metavar="CSV", help="Write the readings in the base frame found, for diagnose."
-        ),
-    ] = None,
-    sensitivity: Annotated[
-        str | None,
-        typer.Option(
-            "--sensitivity", metavar="FILE", help="Draw how far each parameter moves and turns the tool."
-        ),
-    ] = None,
-    recursion: Annotated[
-        str | None,
-        typer.Option("--recursion", metavar="FILE", help="Draw the residual, pose after pose counted in."),
-    ] = None,
-    figure: Annotated[
-        str | None,
-        typer.Option(
-            "--figure", metavar="FILE", help="Draw errors and changes, before and after (.png, .svg or .pdf)."
-        ),
-    ] = None,
+    parameters: list[str] | None = option(
+        "NAME,...",
+        "What to seek: f3.d, q2 (an encoder's zero), n7.x (a reflector's place), a frame, or base, "
+        "target, offsets, frames; default all.",
+    ),
+    fix: list[str] | None = option(
+        "NAME,...", "What stays, likewise; `base` where the readings are in the robot's own base frame."
+    ),
+    last: list[str] | None = option("NAME,...", "Of parameters that cannot be told apart, hold these first."),
+    compliances: list[str] | None = option(
+        "NAME,...", "Stiffness values to estimate along with the geometry, such as J2.torsional."
+    ),
+    prior: list[str] | None = option(
+        "NAME=STD",
+        "Known to within a standard deviation, such as f3.d=0.2mm; of a group (frames=0.5mm) those "
+        "of the unit; repeatable.",
+    ),
+    method: str = option("NAME", "levenberg-marquardt or gauss-newton.", "levenberg-marquardt"),
+    stations: bool = typer.Option(
+        False,
+        "--stations",
+        help="Every table has a base of its own (base1, base2, ...): robot or tracker were moved.",
+    ),
+    folds: int = option("N", "Folds of the errors held out; 0 for none.", 5, min=0),
+    test: list[str] | None = option("CSV", "Readings to test the calibrated robot on; repeatable."),
+    out: str | None = option("FILE", "Write the calibrated robot as YAML."),
+    readings: str | None = option("CSV", "Write the readings in the base frame found, for diagnose."),
+    sensitivity: str | None = option("FILE", "Draw how far each parameter moves and turns the tool."),
+    recursion: str | None = option("FILE", "Draw the residual, pose after pose counted in."),
+    figure: str | None = option("FILE", "Draw errors and changes, before and after (.png, .svg or .pdf)."),
     json: Json = None,
     html: Html = None,
     quiet: Quiet = False,

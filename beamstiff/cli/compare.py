@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from beamstiff.cli.options import Debug, Html, Json, Quiet, RobotFile, parse_names, robot_file
+from beamstiff.cli.options import Debug, Html, Json, Quiet, RobotFile, option, parse_names, robot_file
 from beamstiff.cli.output import (
     check_outputs,
     optional_file,
@@ -31,55 +31,23 @@ def compare(
             "header, SI otherwise.",
         ),
     ],
-    models: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--models",
-            metavar="NAME,...",
-            help="rigid, nominal, parametric, fuzzy, fuzzy tree, grid, gray box, gaussian process; "
-            "default all.",
-        ),
-    ] = None,
-    parameters: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--parameters",
-            metavar="NAME,...",
-            help="Stiffness values that are fitted, and may vary; default: what the robot lists under "
-            "`identify`.",
-        ),
-    ] = None,
-    share: Annotated[
-        float, typer.Option("--share", metavar="X", help="Share of the poses to hold out.")
-    ] = 0.25,
-    fit_load: Annotated[
-        float | None,
-        typer.Option(
-            "--fit-load",
-            metavar="N",
-            help="Fit to rows of this load alone, hold all others out; default: hold the largest load out.",
-        ),
-    ] = None,
-    cube: Annotated[
-        float | None,
-        typer.Option(
-            "--cube", metavar="MM", help="Side of the grid's cubes, mm; default a third of the workspace."
-        ),
-    ] = None,
-    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of all that is drawn at random.")] = 0,
+    models: list[str] | None = option(
+        "NAME,...",
+        "rigid, nominal, parametric, fuzzy, fuzzy tree, grid, gray box, gaussian process; default all.",
+    ),
+    parameters: list[str] | None = option(
+        "NAME,...",
+        "Stiffness values that are fitted, and may vary; default: what the robot lists under `identify`.",
+    ),
+    share: float = option("X", "Share of the poses to hold out.", 0.25),
+    fit_load: float | None = option(
+        "N", "Fit to rows of this load alone, hold all others out; default: hold the largest load out."
+    ),
+    cube: float | None = option("MM", "Side of the grid's cubes, mm; default a third of the workspace."),
+    seed: int = option("N", "Of all that is drawn at random.", 0),
     json: Json = None,
-    figure: Annotated[
-        str | None,
-        typer.Option(
-            "--figure", metavar="FILE", help="Draw the errors over the workspace (.png, .svg or .pdf)."
-        ),
-    ] = None,
-    rules: Annotated[
-        str | None,
-        typer.Option(
-            "--rules", metavar="FILE", help="Draw the fuzzy model's rule surface and membership functions."
-        ),
-    ] = None,
+    figure: str | None = option("FILE", "Draw the errors over the workspace (.png, .svg or .pdf)."),
+    rules: str | None = option("FILE", "Draw the fuzzy model's rule surface and membership functions."),
     html: Html = None,
     quiet: Quiet = False,
     debug: Debug = False,  # noqa: ARG001

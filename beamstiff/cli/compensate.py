@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from beamstiff.cli.frames import parse_frame
-from beamstiff.cli.options import Debug, Html, Json, Quiet, RobotFile, parse_names, robot_file
+from beamstiff.cli.options import Debug, Html, Json, Quiet, RobotFile, option, parse_names, robot_file
 from beamstiff.cli.output import (
     check_outputs,
     optional_file,
@@ -38,85 +38,40 @@ def compensate(
             help="Path: .csv; KUKA .src, .dat; ABB .mod, .prg; APT .apt, .cls. Its targets are corrected.",
         ),
     ],
-    out: Annotated[
-        str | None,
-        typer.Option("--out", metavar="FILE", help="Write the corrected path, in the format of PATH."),
-    ] = None,
-    actual: Annotated[
-        str | None,
-        typer.Option(
-            "--actual",
-            metavar="ROBOT",
-            help="The real robot (calibrated geometry, stiffness, effects), where it differs from ROBOT, "
-            "which the controller takes for true.",
-        ),
-    ] = None,
-    wrench: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--wrench",
-            metavar="NAME=VALUE,...",
-            help="Load on the tool's tip, base frame, such as fz=-900N,mx=20; on top of the others.",
-        ),
-    ] = None,
-    process: Annotated[
-        str | None,
-        typer.Option("--process", metavar="FILE", help="Process model (YAML): bent beam, table of forces."),
-    ] = None,
-    base: Annotated[
-        str | None,
-        typer.Option(
-            "--base",
-            metavar="NAME=VALUE,...",
-            help="Frame of the path ($BASE, wobj) in the robot's base frame: x, y, z and a, b, c (KUKA's "
-            "A B C) or qw, qx, qy, qz; default: the same frame.",
-        ),
-    ] = None,
-    tool: Annotated[
-        str | None,
-        typer.Option(
-            "--tool",
-            metavar="NAME=VALUE,...",
-            help="Programmed tool ($TOOL, tooldata) in the frame of the robot's TCP; default: the TCP.",
-        ),
-    ] = None,
-    q: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--q", metavar="NAME=VALUE,...", help="Posture near the first target, to choose the branch."
-        ),
-    ] = None,
-    only: Annotated[
-        list[str] | None,
-        typer.Option("--only", metavar="NAME,...", help="Correct these targets alone; XP* takes many."),
-    ] = None,
-    taught: Annotated[
-        bool,
-        typer.Option("--taught", help="Targets were taught on the unloaded robot: correct the load's part."),
-    ] = False,
-    positions_only: Annotated[
-        bool, typer.Option("--positions-only", help="Leave the orientations as they are.")
-    ] = False,
-    unreachable: Annotated[
-        str,
-        typer.Option(
-            "--unreachable",
-            metavar="refuse|keep",
-            help="Targets that cannot be corrected: write nothing, or leave these as they are.",
-        ),
-    ] = REFUSE,
-    resample: Annotated[
-        str | None,
-        typer.Option(
-            "--resample",
-            metavar="step=LENGTH,angle=ANGLE",
-            help="Put targets in between; --out is a path table (.csv) then.",
-        ),
-    ] = None,
-    figure: Annotated[
-        str | None,
-        typer.Option("--figure", metavar="FILE", help="Draw the path before and after (.png, .svg or .pdf)."),
-    ] = None,
+    out: str | None = option("FILE", "Write the corrected path, in the format of PATH."),
+    actual: str | None = option(
+        "ROBOT",
+        "The real robot (calibrated geometry, stiffness, effects), where it differs from ROBOT, "
+        "which the controller takes for true.",
+    ),
+    wrench: list[str] | None = option(
+        "NAME=VALUE,...", "Load on the tool's tip, base frame, such as fz=-900N,mx=20; on top of the others."
+    ),
+    process: str | None = option("FILE", "Process model (YAML): bent beam, table of forces."),
+    base: str | None = option(
+        "NAME=VALUE,...",
+        "Frame of the path ($BASE, wobj) in the robot's base frame: x, y, z and a, b, c (KUKA's "
+        "A B C) or qw, qx, qy, qz; default: the same frame.",
+    ),
+    tool: str | None = option(
+        "NAME=VALUE,...",
+        "Programmed tool ($TOOL, tooldata) in the frame of the robot's TCP; default: the TCP.",
+    ),
+    q: list[str] | None = option("NAME=VALUE,...", "Posture near the first target, to choose the branch."),
+    only: list[str] | None = option("NAME,...", "Correct these targets alone; XP* takes many."),
+    taught: bool = typer.Option(
+        False, "--taught", help="Targets were taught on the unloaded robot: correct the load's part."
+    ),
+    positions_only: bool = typer.Option(
+        False, "--positions-only", help="Leave the orientations as they are."
+    ),
+    unreachable: str = option(
+        "refuse|keep", "Targets that cannot be corrected: write nothing, or leave these as they are.", REFUSE
+    ),
+    resample: str | None = option(
+        "step=LENGTH,angle=ANGLE", "Put targets in between; --out is a path table (.csv) then."
+    ),
+    figure: str | None = option("FILE", "Draw the path before and after (.png, .svg or .pdf)."),
     json: Json = None,
     html: Html = None,
     quiet: Quiet = False,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from beamstiff.cli.options import Debug, Json, Quiet, robot_file
+from beamstiff.cli.options import Debug, Json, Quiet, option, robot_file
 from beamstiff.cli.output import check_outputs, people, say, write_json
 from beamstiff.errors import BeamstiffError, listed, shown
 from beamstiff.files import read_text
@@ -33,57 +33,25 @@ def convert(
             help="Robot: YAML, URDF, SDF or a table of frames (CSV, YAML). With --profile: a list of points.",
         ),
     ],
-    out: Annotated[
-        str,
-        typer.Option(
-            "--out",
-            metavar="FILE",
-            help="What to write, by its ending: .yaml, .urdf, .sdf, .csv (frames, or with --profile points).",
-        ),
-    ],
-    tcp: Annotated[
-        str | None,
-        typer.Option(
-            "--tcp", metavar="NAME", help="Link (or node) at the TCP, where there are several ends."
-        ),
-    ] = None,
-    joint_stiffness: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--joint-stiffness",
-            metavar="[NAME=]VALUE",
-            help="Stiffness about (or along) the axis of a joint, or of all that have none and fit the unit: "
-            "'1e6 N*m/rad', 'lift=1e8 N/m'. May be given several times.",
-        ),
-    ] = None,
-    convention: Annotated[
-        str | None,
-        typer.Option(
-            "--convention",
-            metavar="NAME",
-            help="Of a table of frames: classic or modified (Denavit-Hartenberg) or khalil-kleinfinger.",
-        ),
-    ] = None,
-    like: Annotated[
-        str | None,
-        typer.Option(
-            "--like", metavar="URDF", help="Write into this URDF text; by default the one that IN came from."
-        ),
-    ] = None,
-    profile: Annotated[
-        str | None,
-        typer.Option(
-            "--profile", metavar="FILE", help="What the columns of a list of points are: a YAML file."
-        ),
-    ] = None,
-    joints: Annotated[
-        str | None,
-        typer.Option(
-            "--joints",
-            metavar="CSV",
-            help="With --profile: joint values and loads, to be joined with the points.",
-        ),
-    ] = None,
+    out: str = option(
+        "FILE",
+        "What to write, by its ending: .yaml, .urdf, .sdf, .csv (frames, or with --profile points).",
+        ...,
+    ),
+    tcp: str | None = option("NAME", "Link (or node) at the TCP, where there are several ends."),
+    joint_stiffness: list[str] | None = option(
+        "[NAME=]VALUE",
+        "Stiffness about (or along) the axis of a joint, or of all that have none and fit the unit: "
+        "'1e6 N*m/rad', 'lift=1e8 N/m'. May be given several times.",
+    ),
+    convention: str | None = option(
+        "NAME", "Of a table of frames: classic or modified (Denavit-Hartenberg) or khalil-kleinfinger."
+    ),
+    like: str | None = option("URDF", "Write into this URDF text; by default the one that IN came from."),
+    profile: str | None = option("FILE", "What the columns of a list of points are: a YAML file."),
+    joints: str | None = option(
+        "CSV", "With --profile: joint values and loads, to be joined with the points."
+    ),
     json: Json = None,
     quiet: Quiet = False,
     debug: Debug = False,  # noqa: ARG001

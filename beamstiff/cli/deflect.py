@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
-from beamstiff.cli.options import DataFile, Debug, Html, Json, Preload, Quiet, RobotFile, robot_file
+from beamstiff.cli.options import DataFile, Debug, Html, Json, Preload, Quiet, RobotFile, option, robot_file
 from beamstiff.cli.output import check_outputs, optional_file, people, say, source_of, working, write_json
 from beamstiff.errors import BeamstiffError
 from beamstiff.outputs import write_output
@@ -23,23 +23,11 @@ def deflect(
     data: DataFile,
     preload: Preload = False,
     json: Json = None,
-    out: Annotated[
-        str | None,
-        typer.Option(
-            "--out", metavar="FILE", help="Write the loads with the predicted displacements as a CSV table."
-        ),
-    ] = None,
-    vtu: Annotated[
-        str | None,
-        typer.Option(
-            "--vtu",
-            metavar="FILE",
-            help="Write the deformed structure for ParaView (.vtu): of the row that moves most, or --line.",
-        ),
-    ] = None,
-    line: Annotated[
-        int | None, typer.Option("--line", metavar="N", help="With --vtu: the line of DATA whose row it is.")
-    ] = None,
+    out: str | None = option("FILE", "Write the loads with the predicted displacements as a CSV table."),
+    vtu: str | None = option(
+        "FILE", "Write the deformed structure for ParaView (.vtu): of the row that moves most, or --line."
+    ),
+    line: int | None = option("N", "With --vtu: the line of DATA whose row it is."),
     html: Html = None,
     quiet: Quiet = False,
     debug: Debug = False,  # noqa: ARG001

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
@@ -15,6 +14,7 @@ from beamstiff.cli.options import (
     Quiet,
     Region,
     RobotFile,
+    option,
     parse_names,
     parse_region,
     robot_file,
@@ -36,39 +36,24 @@ def diagnose(
     context: typer.Context,
     robot: RobotFile,
     data: DataFiles,
-    without: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--without",
-            metavar="NAME,...",
-            help="Effects, or effect:component, that cannot be the cause (checked by other means).",
-        ),
-    ] = None,
-    seed: Annotated[
-        int, typer.Option("--seed", min=0, help="Of simulated campaigns and held-out postures.")
-    ] = 0,
-    next_to: Annotated[
-        str | None,
-        typer.Option(
-            "--next",
-            metavar="CSV",
-            help="Write the measurements that would tell most, ready to fill in; near where the tool was "
-            "measured, or in --region.",
-        ),
-    ] = None,
+    without: list[str] | None = option(
+        "NAME,...", "Effects, or effect:component, that cannot be the cause (checked by other means)."
+    ),
+    seed: int = typer.Option(0, help="Of simulated campaigns and held-out postures.", min=0),
+    next_to: str | None = typer.Option(
+        None,
+        "--next",
+        help="Write the measurements that would tell most, ready to fill in; near where the tool was "
+        "measured, or in --region.",
+        metavar="CSV",
+    ),
     region: Region = None,
-    apply: Annotated[
-        str | None,
-        typer.Option(
-            "--apply",
-            metavar="YAML",
-            help="Write the robot with the fitted stiffness and the effects of the verdict, for deflect, "
-            "identify and diagnose.",
-        ),
-    ] = None,
-    figure: Annotated[
-        str | None, typer.Option("--figure", metavar="FILE", help="Draw the diagnosis (.png, .svg or .pdf).")
-    ] = None,
+    apply: str | None = option(
+        "YAML",
+        "Write the robot with the fitted stiffness and the effects of the verdict, for deflect, "
+        "identify and diagnose.",
+    ),
+    figure: str | None = option("FILE", "Draw the diagnosis (.png, .svg or .pdf)."),
     json_to: Json = None,
     html: Html = None,
     quiet: Quiet = False,

@@ -8,7 +8,7 @@ import re
 import sys
 from importlib import metadata
 from time import perf_counter
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 
@@ -26,9 +26,7 @@ REQUIREMENT = re.compile(
 
 
 def doctor(
-    check: Annotated[
-        bool, typer.Option("--check/--no-check", help="Compare a cantilever with its closed form.")
-    ] = True,
+    check: bool = typer.Option(True, "--check/--no-check", help="Compare a cantilever with its closed form."),
     json: Json = None,
     quiet: Quiet = False,
     debug: Debug = False,  # noqa: ARG001

@@ -9,7 +9,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamstiff.cli.options import Debug, Html, Json, Processes, Quiet, Scheduler, parse_names, robot_file
+from beamstiff.cli.options import (
+    Debug,
+    Html,
+    Json,
+    Processes,
+    Quiet,
+    Scheduler,
+    option,
+    parse_names,
+    robot_file,
+)
 from beamstiff.cli.output import (
     check_outputs,
     optional_file,
@@ -35,56 +45,32 @@ def exam(
             "serial robots, arms of random proportions and the closed-loop ir663.",
         ),
     ] = None,
-    plan: Annotated[
-        str | None,
-        typer.Option(
-            "--plan",
-            metavar="CSV",
-            help="Examine on these poses and loads only, a table of measurements or a plan: what could "
-            "be found with it?",
-        ),
-    ] = None,
-    cases: Annotated[int, typer.Option("--cases", min=1, help="How many cases.")] = 100,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Of all draws; the same cases again.")] = 0,
+    plan: str | None = option(
+        "CSV",
+        "Examine on these poses and loads only, a table of measurements or a plan: what could "
+        "be found with it?",
+    ),
+    cases: int = typer.Option(100, help="How many cases.", min=1),
+    seed: int = typer.Option(0, help="Of all draws; the same cases again.", min=0),
     processes: Processes = 1,
     scheduler: Scheduler = None,
-    classes: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--classes",
-            metavar="NAME,...",
-            help="Only cases of these kinds (null, single, pair, outside, removed) or single effects "
-            "(backlash, ...), in equal shares.",
-        ),
-    ] = None,
-    sets: Annotated[
-        str | None,
-        typer.Option(
-            "--sets",
-            metavar="FOLDER",
-            help="Examine on the campaigns of a folder with a labels.json instead of simulated ones.",
-        ),
-    ] = None,
+    classes: list[str] | None = option(
+        "NAME,...",
+        "Only cases of these kinds (null, single, pair, outside, removed) or single effects "
+        "(backlash, ...), in equal shares.",
+    ),
+    sets: str | None = option(
+        "FOLDER", "Examine on the campaigns of a folder with a labels.json instead of simulated ones."
+    ),
     json: Json = None,
-    out: Annotated[
-        str | None,
-        typer.Option(
-            "--out",
-            metavar="FILE",
-            help="Keep every case's result as a line of JSON; a broken-off exam is taken up again there.",
-        ),
-    ] = None,
-    reports: Annotated[
-        str | None, typer.Option("--reports", metavar="FOLDER", help="Keep every diagnosis' report there.")
-    ] = None,
-    figure: Annotated[
-        str | None,
-        typer.Option("--figure", metavar="FILE", help="Draw the reliability diagram (.png, .svg or .pdf)."),
-    ] = None,
-    compare: Annotated[
-        bool,
-        typer.Option("--compare/--no-compare", help="Ask a plain regression too (best BIC), as a control."),
-    ] = True,
+    out: str | None = option(
+        "FILE", "Keep every case's result as a line of JSON; a broken-off exam is taken up again there."
+    ),
+    reports: str | None = option("FOLDER", "Keep every diagnosis' report there."),
+    figure: str | None = option("FILE", "Draw the reliability diagram (.png, .svg or .pdf)."),
+    compare: bool = typer.Option(
+        True, "--compare/--no-compare", help="Ask a plain regression too (best BIC), as a control."
+    ),
     html: Html = None,
     quiet: Quiet = False,
     debug: Debug = False,  # noqa: ARG001

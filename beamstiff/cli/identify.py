@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import typer
 
@@ -20,6 +20,7 @@ from beamstiff.cli.options import (
     Quiet,
     RobotFile,
     Scheduler,
+    option,
     parse_names,
     robot_file,
 )
@@ -48,114 +49,52 @@ def identify(
     context: typer.Context,
     robot: RobotFile,
     data: DataFiles,
-    parameters: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--parameters",
-            metavar="NAME,...",
-            help="Stiffness values to identify, such as J12.torsional (a joint's), screw2 (a strut's) or "
-            "arm.E (a beam's modulus); default: what the robot lists under `identify`.",
-        ),
-    ] = None,
-    method: Annotated[
-        str,
-        typer.Option(
-            "--method",
-            metavar="NAME",
-            help="trust-region, levenberg-marquardt, linear, slsqp, mma, lbfgs, bobyqa; global: isres, crs2, "
-            "esch, mlsl, genetic.",
-        ),
-    ] = "trust-region",
-    fix: Annotated[
-        list[str] | None,
-        typer.Option("--fix", metavar="NAME,...", help="Parameters that stay as they are in the robot."),
-    ] = None,
-    tie: Annotated[
-        list[str] | None,
-        typer.Option("--tie", metavar="NAME,NAME,...", help="Parameters that keep their ratio; repeatable."),
-    ] = None,
-    bound: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--bound",
-            metavar="NAME=LOW:HIGH",
-            help="Least and largest value, either may be empty; repeatable.",
-        ),
-    ] = None,
-    prior: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--prior",
-            metavar="NAME=VALUE:FACTOR",
-            help="Known beforehand, to within a factor at one standard deviation (1.5); repeatable.",
-        ),
-    ] = None,
-    loss: Annotated[
-        str,
-        typer.Option(
-            "--loss", metavar="NAME", help="linear (least squares); against bad rows soft_l1, huber, cauchy."
-        ),
-    ] = "linear",
-    use: Annotated[
-        str, typer.Option("--use", metavar="WHAT", help="Readings that count: position, rotation or both.")
-    ] = "both",
-    input_error: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--input-error",
-            metavar="NAME=VALUE,...",
-            help="Standard deviations of what the table gives: load (a balance), force, moment (a sensor), "
-            "angle, length (joint readings), hold_angle, hold_length (drives that move between the two "
-            "readings); they add to the noise.",
-        ),
-    ] = None,
-    folds: Annotated[
-        int, typer.Option("--folds", metavar="N", help="Folds of the held-out gap; 0 for none.")
-    ] = 5,
-    bootstrap: Annotated[
-        int,
-        typer.Option(
-            "--bootstrap", metavar="N", help="Intervals from N fits to poses drawn again; 0 for none."
-        ),
-    ] = 0,
-    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of all that is drawn at random.")] = 0,
-    evaluations: Annotated[
-        int, typer.Option("--evaluations", metavar="N", help="At most; mostly of the global methods.")
-    ] = 20_000,
-    population: Annotated[
-        int | None,
-        typer.Option("--population", metavar="N", help="Of the global methods; default theirs."),
-    ] = None,
-    searches: Annotated[
-        int,
-        typer.Option(
-            "--searches", metavar="N", help="Of a global method, with seeds from --seed on; the best counts."
-        ),
-    ] = 1,
+    parameters: list[str] | None = option(
+        "NAME,...",
+        "Stiffness values to identify, such as J12.torsional (a joint's), screw2 (a strut's) or "
+        "arm.E (a beam's modulus); default: what the robot lists under `identify`.",
+    ),
+    method: str = option(
+        "NAME",
+        "trust-region, levenberg-marquardt, linear, slsqp, mma, lbfgs, bobyqa; global: isres, crs2, "
+        "esch, mlsl, genetic.",
+        "trust-region",
+    ),
+    fix: list[str] | None = option("NAME,...", "Parameters that stay as they are in the robot."),
+    tie: list[str] | None = option("NAME,NAME,...", "Parameters that keep their ratio; repeatable."),
+    bound: list[str] | None = option(
+        "NAME=LOW:HIGH", "Least and largest value, either may be empty; repeatable."
+    ),
+    prior: list[str] | None = option(
+        "NAME=VALUE:FACTOR",
+        "Known beforehand, to within a factor at one standard deviation (1.5); repeatable.",
+    ),
+    loss: str = option("NAME", "linear (least squares); against bad rows soft_l1, huber, cauchy.", "linear"),
+    use: str = option("WHAT", "Readings that count: position, rotation or both.", "both"),
+    input_error: list[str] | None = option(
+        "NAME=VALUE,...",
+        "Standard deviations of what the table gives: load (a balance), force, moment (a sensor), "
+        "angle, length (joint readings), hold_angle, hold_length (drives that move between the two "
+        "readings); they add to the noise.",
+    ),
+    folds: int = option("N", "Folds of the held-out gap; 0 for none.", 5),
+    bootstrap: int = option("N", "Intervals from N fits to poses drawn again; 0 for none.", 0),
+    seed: int = option("N", "Of all that is drawn at random.", 0),
+    evaluations: int = option("N", "At most; mostly of the global methods.", 20_000),
+    population: int | None = option("N", "Of the global methods; default theirs."),
+    searches: int = option("N", "Of a global method, with seeds from --seed on; the best counts.", 1),
     processes: Processes = 1,
     scheduler: Scheduler = None,
     json: Json = None,
-    out: Annotated[
-        str | None,
-        typer.Option("--out", metavar="FILE", help="Write the robot with the identified stiffness as YAML."),
-    ] = None,
-    reduce: Annotated[
-        str | None,
-        typer.Option(
-            "--reduce",
-            metavar="FILE",
-            help="Write the reduced robot as YAML: springs that only act together are one, what cannot be "
-            "identified is left out.",
-        ),
-    ] = None,
-    figure: Annotated[
-        str | None,
-        typer.Option(
-            "--figure",
-            metavar="FILE",
-            help="Draw measured against predicted displacements (.png, .svg or .pdf).",
-        ),
-    ] = None,
+    out: str | None = option("FILE", "Write the robot with the identified stiffness as YAML."),
+    reduce: str | None = option(
+        "FILE",
+        "Write the reduced robot as YAML: springs that only act together are one, what cannot be "
+        "identified is left out.",
+    ),
+    figure: str | None = option(
+        "FILE", "Draw measured against predicted displacements (.png, .svg or .pdf)."
+    ),
     html: Html = None,
     quiet: Quiet = False,
     debug: Debug = False,  # noqa: ARG001

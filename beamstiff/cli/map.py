@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
@@ -15,6 +15,7 @@ from beamstiff.cli.options import (
     Quiet,
     RobotFile,
     Scheduler,
+    option,
     parse_names,
     robot_file,
 )
@@ -29,78 +30,39 @@ if TYPE_CHECKING:
 def map(
     context: typer.Context,
     robot: RobotFile,
-    grid: Annotated[
-        list[str],
-        typer.Option(
-            "--grid",
-            metavar="NAME=FROM:TO:COUNT,...",
-            help="An axis each: actuated joint variables, or x, y, z of the TCP in the base frame; "
-            "repeatable.",
-        ),
-    ],
-    quantity: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--quantity",
-            metavar="NAME,...",
-            help="stiffness, stiffness_along, rotational_stiffness, compliance_trace, deflection, "
-            "displacement, sag, compliance, stiffness_matrix, kappa, dexterity, manipulability; default: "
-            "stiffness.",
-        ),
-    ] = None,
-    q: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--q",
-            metavar="NAME=VALUE,...",
-            help="The other joint variables; not named are 0. Over x, y, z: the posture whose configuration "
-            "the map keeps to.",
-        ),
-    ] = None,
-    orientation: Annotated[
-        str | None,
-        typer.Option(
-            "--orientation",
-            metavar="FRAME",
-            help="Of the TCP over x, y, z: a, b, c (intrinsic Z-Y-X) such as b=180deg, a quaternion qw to "
-            "qz, or free; default: as in the posture --q, free with fewer than six actuated variables.",
-        ),
-    ] = None,
-    wrench: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--wrench",
-            metavar="NAME=VALUE,...",
-            help="On the TCP, base frame, for deflection and displacement, such as fz=-900N,mx=20.",
-        ),
-    ] = None,
-    gravity: Annotated[
-        bool, typer.Option("--gravity", help="Add the sag under dead weight to deflection and displacement.")
-    ] = False,
-    direction: Annotated[
-        str | None,
-        typer.Option(
-            "--direction", metavar="AXIS", help="Of stiffness_along, base frame: x, -z or 0.6,0,0.8."
-        ),
-    ] = None,
-    length: Annotated[
-        str | None,
-        typer.Option(
-            "--length",
-            metavar="LENGTH",
-            help="Characteristic length for kappa, dexterity, manipulability; default: the robot's own.",
-        ),
-    ] = None,
-    out: Annotated[
-        str | None,
-        typer.Option("--out", metavar="FILE", help="Write the map as NetCDF (.nc) or Zarr (.zarr)."),
-    ] = None,
-    figure: Annotated[
-        str | None,
-        typer.Option(
-            "--figure", metavar="FILE", help="Draw slices of the map with the worst poses (.png, .svg, .pdf)."
-        ),
-    ] = None,
+    grid: list[str] = option(
+        "NAME=FROM:TO:COUNT,...",
+        "An axis each: actuated joint variables, or x, y, z of the TCP in the base frame; repeatable.",
+        ...,
+    ),
+    quantity: list[str] | None = option(
+        "NAME,...",
+        "stiffness, stiffness_along, rotational_stiffness, compliance_trace, deflection, "
+        "displacement, sag, compliance, stiffness_matrix, kappa, dexterity, manipulability; default: "
+        "stiffness.",
+    ),
+    q: list[str] | None = option(
+        "NAME=VALUE,...",
+        "The other joint variables; not named are 0. Over x, y, z: the posture whose configuration "
+        "the map keeps to.",
+    ),
+    orientation: str | None = option(
+        "FRAME",
+        "Of the TCP over x, y, z: a, b, c (intrinsic Z-Y-X) such as b=180deg, a quaternion qw to "
+        "qz, or free; default: as in the posture --q, free with fewer than six actuated variables.",
+    ),
+    wrench: list[str] | None = option(
+        "NAME=VALUE,...", "On the TCP, base frame, for deflection and displacement, such as fz=-900N,mx=20."
+    ),
+    gravity: bool = typer.Option(
+        False, "--gravity", help="Add the sag under dead weight to deflection and displacement."
+    ),
+    direction: str | None = option("AXIS", "Of stiffness_along, base frame: x, -z or 0.6,0,0.8."),
+    length: str | None = option(
+        "LENGTH", "Characteristic length for kappa, dexterity, manipulability; default: the robot's own."
+    ),
+    out: str | None = option("FILE", "Write the map as NetCDF (.nc) or Zarr (.zarr)."),
+    figure: str | None = option("FILE", "Draw slices of the map with the worst poses (.png, .svg, .pdf)."),
     processes: Processes = 1,
     scheduler: Scheduler = None,
     json: Json = None,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -16,6 +16,11 @@ def robots_beginning(incomplete: str) -> list[str]:
     from beamstiff.robot.library import robot_names
 
     return [name for name in robot_names() if name.startswith(incomplete)]
+
+
+def option(metavar: str, text: str, default: Any = None, **more: Any) -> Any:
+    """Return an option of a command, called like its parameter, with its help."""
+    return typer.Option(default, metavar=metavar, help=text, **more)
 
 
 RobotFile = Annotated[

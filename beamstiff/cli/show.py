@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamstiff.cli.options import Debug, Json, Quiet, robot_file, robots_beginning
+from beamstiff.cli.options import Debug, Json, Quiet, option, robot_file, robots_beginning
 from beamstiff.cli.output import check_outputs, people, say, working, write_json
 from beamstiff.errors import BeamstiffError
 
@@ -26,11 +26,8 @@ def show(
         ),
     ] = None,
     json: Json = None,
-    samples: Annotated[
-        int,
-        typer.Option("--samples", metavar="N", help="Postures sampled for the reach of the TCP."),
-    ] = 1000,
-    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Seed of the sampled postures.")] = 0,
+    samples: int = option("N", "Postures sampled for the reach of the TCP.", 1000),
+    seed: int = option("N", "Seed of the sampled postures.", 0),
     quiet: Quiet = False,
     debug: Debug = False,  # noqa: ARG001
 ) -> None:

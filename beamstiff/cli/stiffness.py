@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from beamstiff.cli.options import Debug, Json, Preload, Quiet, RobotFile, robot_file
+from beamstiff.cli.options import Debug, Json, Preload, Quiet, RobotFile, option, robot_file
 from beamstiff.cli.output import check_outputs, people, say, working, write_json
 from beamstiff.errors import BeamstiffError, OptionError
 
@@ -18,25 +16,16 @@ if TYPE_CHECKING:
 
 def stiffness(
     robot: RobotFile,
-    q: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--q",
-            metavar="NAME=VALUE,...",
-            help="Actuated joint variables; a number is rad or m. Those not named are 0, passive ones are "
-            "solved.",
-        ),
-    ] = None,
+    q: list[str] | None = option(
+        "NAME=VALUE,...",
+        "Actuated joint variables; a number is rad or m. Those not named are 0, passive ones are solved.",
+    ),
     preload: Preload = False,
-    wrench: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--wrench",
-            metavar="NAME=VALUE,...",
-            help="With --preload: a load on the TCP besides gravity and payload, base frame, such as "
-            "fz=-900N,mx=20; components not named are 0.",
-        ),
-    ] = None,
+    wrench: list[str] | None = option(
+        "NAME=VALUE,...",
+        "With --preload: a load on the TCP besides gravity and payload, base frame, such as "
+        "fz=-900N,mx=20; components not named are 0.",
+    ),
     json: Json = None,
     quiet: Quiet = False,
     debug: Debug = False,  # noqa: ARG001

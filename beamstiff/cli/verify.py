@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
 import typer
 
-from beamstiff.cli.options import DataFiles, Debug, Json, Quiet, RobotFile, robot_file
+from beamstiff.cli.options import DataFiles, Debug, Json, Quiet, RobotFile, option, robot_file
 from beamstiff.cli.output import check_outputs, people, say, working, write_json
 from beamstiff.report.tables import add_rows, table
 
@@ -16,14 +14,10 @@ TOO_LARGE = 3  # exit code of a gap beyond --max-gap
 def verify(
     robot: RobotFile,
     data: DataFiles,
-    refit_frame: Annotated[
-        bool,
-        typer.Option("--refit-frame", help="The measuring frame is not the base frame: fit it first."),
-    ] = False,
-    max_gap: Annotated[
-        str | None,
-        typer.Option("--max-gap", metavar="LENGTH", help="Exit with 3 where a larger gap is left: 0.2mm."),
-    ] = None,
+    refit_frame: bool = typer.Option(
+        False, "--refit-frame", help="The measuring frame is not the base frame: fit it first."
+    ),
+    max_gap: str | None = option("LENGTH", "Exit with 3 where a larger gap is left: 0.2mm."),
     json: Json = None,
     quiet: Quiet = False,
     debug: Debug = False,  # noqa: ARG001
