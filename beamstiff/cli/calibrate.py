@@ -4,30 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from beamstiff.cli.options import Debug, Html, Json, Quiet, RobotFile, option, parse_names, robot_file
-from beamstiff.cli.output import (
-    check_outputs,
-    optional_file,
-    people,
-    say,
-    source_of,
-    working,
-    write_figure,
-    write_json,
-)
+from beamstiff.cli.output import Outputs, working
 from beamstiff.errors import BeamstiffError
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from beamstiff.calibration.result import Calibration
     from beamstiff.calibration.statement import Statement
 
 
 def calibrate(
-    context: typer.Context,
     robot: RobotFile,
     data: Annotated[
         list[str],
@@ -94,15 +86,9 @@ def calibrate(
     from beamstiff.robot.yaml_edit import robot_yaml
 
     file = robot_file(robot)
-    outputs = {"out": out, "readings": readings, "html": html}
-    drawings = {"figure": figure, "sensitivity": sensitivity, "recursion": recursion}
-    check_outputs([file, *data, *(test or ())], json, **outputs, **drawings)
-    for drawing in drawings.values():
-        if drawing is not None:
-            from beamstiff.report.figures import check_format
-
-            check_format(drawing)
-    source = source_of(context, html, [file, *data, *(test or ())])
+    drawings: dict[str, Any] = {"figure": figure, "sensitivity": sensitivity, "recursion": recursion}
+    inputs: list[str | Path] = [file, *data, *(test or ())]
+    outputs = Outputs(inputs, json, quiet, out=out, readings=readings, html=html, **drawings)
     machine = as_robot(file)
     refuse_fitted(test or (), data)
     tables = as_tables(data, machine)
@@ -120,41 +106,23 @@ def calibrate(
             folds=folds,
             test=test or (),
         )
-    for note in found.notes:
-        say(f"note: {note}", quiet)
-    console = people(quiet, json)
-    console.print(parameters_table(found, f"{machine.name}: calibrated geometry"))
-    console.print()
-    if (dependent := dependent_table(found)) is not None:
-        console.print(dependent)
-        console.print()
-    console.print(errors_table(found))
-    console.print()
-    for line in calibration_text(found):
-        console.print(line)
     assert found.rows is not None
     assert found.statement is not None
-    write_json(found.to_dict(), json)
+    shown: list[Any] = [parameters_table(found, f"{machine.name}: calibrated geometry"), ""]
+    if (dependent := dependent_table(found)) is not None:
+        shown += [dependent, ""]
+    outputs.result(found.notes, [*shown, errors_table(found), "", *calibration_text(found)], found.to_dict())
     if out is not None:
         write_output(
             out, robot_yaml(found.robot, file, found.written_std(machine), f"# {_head(found, data)}\n")
         )
     if readings is not None:
         write_output(readings, measurements_to_csv(in_base_frame(found, found.rows), machine))
-    if sensitivity is not None:
-        with optional_file(sensitivity, quiet):
-            draw(found.statement, machine.name, sensitivity=sensitivity)
-    if recursion is not None:
-        with optional_file(recursion, quiet):
-            draw(found.statement, machine.name, recursion=recursion)
-    if figure is not None:
-        with optional_file(figure, quiet):
-            write_figure(found.plot(), figure)
-    if html is not None and source is not None:
-        from beamstiff.report.html.calibration import calibration_html
-
-        with optional_file(html, quiet):
-            write_output(html, calibration_html(found, machine, found.rows, source))
+    statement = found.statement
+    outputs.draw("sensitivity", lambda: draw_sensitivity(statement, machine.name))
+    outputs.draw("recursion", lambda: draw_recursion(statement, machine.name))
+    outputs.draw("figure", found.plot)
+    outputs.page("calibration", found, machine, found.rows)
 
 
 def parse_priors(texts: Sequence[str]) -> dict[str, list[str]]:
@@ -168,27 +136,27 @@ def parse_priors(texts: Sequence[str]) -> dict[str, list[str]]:
     return result
 
 
-def draw(
-    statement: Statement, name: str, sensitivity: str | None = None, recursion: str | None = None
-) -> None:
-    """Draw sensitivity indices, and the way of the recursion."""
+def draw_sensitivity(statement: Statement, name: str) -> Figure:
+    """Draw the sensitivity indices of what was sought, and of what a frame needs."""
     from beamstiff.calibration.parameters import SPARE
-    from beamstiff.calibration.recursion import recursion as recur
     from beamstiff.calibration.sensitivity import sensitivity_indices
-    from beamstiff.report.geometry import recursion_figure, sensitivity_figure
+    from beamstiff.report.geometry import sensitivity_figure
 
     problem = statement.problem
-    if sensitivity is not None:
-        indices = sensitivity_indices(problem.geometry, problem.split(statement.begin)[0])
-        shown = {item.name for item in problem.geometry.parameters if item.rank != SPARE}
-        indices = indices.some(shown | set(statement.identified))
-        write_figure(sensitivity_figure(indices, f"{name}: sensitivity to geometric errors"), sensitivity)
-    if recursion is not None:
-        ways = {
-            "each pose alone": recur(problem, statement.begin, statement.identified),
-            "all poses so far": recur(problem, statement.begin, statement.identified, memory=True),
-        }
-        write_figure(recursion_figure(ways, f"{name}: calibration pose by pose"), recursion)
+    indices = sensitivity_indices(problem.geometry, problem.split(statement.begin)[0])
+    shown = {item.name for item in problem.geometry.parameters if item.rank != SPARE}
+    indices = indices.some(shown | set(statement.identified))
+    return sensitivity_figure(indices, f"{name}: sensitivity to geometric errors")
+
+
+def draw_recursion(statement: Statement, name: str) -> Figure:
+    """Draw the way of the recursion."""
+    from beamstiff.calibration.recursion import recursion
+    from beamstiff.report.geometry import recursion_figure
+
+    given = (statement.problem, statement.begin, statement.identified)
+    ways = {"each pose alone": recursion(*given), "all poses so far": recursion(*given, memory=True)}
+    return recursion_figure(ways, f"{name}: calibration pose by pose")
 
 
 def _head(found: Calibration, data: Sequence[str]) -> BeamstiffError:

@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from beamstiff.cli.frames import parse_frame
-from beamstiff.cli.options import Debug, Html, Json, Quiet, RobotFile, option, parse_names, robot_file
-from beamstiff.cli.output import (
-    check_outputs,
-    optional_file,
-    people,
-    say,
-    source_of,
-    working,
-    write_figure,
-    write_json,
+from beamstiff.cli.options import (
+    Debug,
+    Html,
+    Json,
+    Quiet,
+    RobotFile,
+    option,
+    parse_names,
+    parse_quantities,
+    robot_file,
 )
+from beamstiff.cli.output import Outputs, say, working
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.outputs import write_output
 
@@ -29,7 +30,6 @@ REFUSE, KEEP = "refuse", "keep"
 
 
 def compensate(
-    context: typer.Context,
     robot: RobotFile,
     path: Annotated[
         str,
@@ -112,7 +112,6 @@ def compensate(
         compensation_text,
         uncorrected_table,
     )
-    from beamstiff.report.figures import check_format
 
     one_of("unreachable", unreachable, (REFUSE, KEEP))
     steps = _steps(resample)
@@ -120,13 +119,10 @@ def compensate(
         raise BeamstiffError(f"--out {out}: a resampled path is written as a table, expected a name.csv")
     if out is not None and steps is None:
         _check_format(path, out)
-    if figure is not None:
-        check_format(figure)
     controller = as_robot(robot)
     inputs: list[str | Path] = [robot_file(robot), path, *([robot_file(actual)] if actual else [])]
     inputs += [process] if process else []
-    check_outputs(inputs, json, out=out, figure=figure, html=html)
-    source = source_of(context, html, inputs)
+    outputs = Outputs(inputs, json, quiet, out=out, figure=figure, html=html)
     with working("correcting the targets", quiet):
         result = run(
             controller,
@@ -142,35 +138,19 @@ def compensate(
             positions_only=positions_only,
             steps=steps,
         )
-    for note in result.notes:
-        say(f"note: {note}", quiet)
-
-    def report() -> None:
-        if html is not None and source is not None:
-            from beamstiff.report.html.compensation import compensation_html
-
-            with optional_file(html, quiet):
-                write_output(html, compensation_html(result, controller, source))
-
-    reasons = result.correction.reasons
-    console = people(quiet, json)
-    if reasons:
-        console.print(uncorrected_table(result))
-    if reasons and unreachable == REFUSE:
-        write_json(result.to_dict(), json)
-        report()
+    lost = [uncorrected_table(result)] if result.correction.reasons else []
+    refused = bool(lost) and unreachable == REFUSE
+    shown: list[Any] = [] if refused else [compensation_table(result), compensation_text(result)]
+    outputs.result(result.notes, [*lost, *shown], result.to_dict())
+    if refused:
+        outputs.page("compensation", result, controller)
         raise _refusal(result)
-    console.print(compensation_table(result))
-    console.print(compensation_text(result))
-    write_json(result.to_dict(), json)
     if out is not None:
         write_output(out, result.content, as_it_is=steps is None)
-    elif not quiet:
+    else:
         say("note: --out FILE writes the corrected path", quiet)
-    if figure is not None:
-        with optional_file(figure, quiet):
-            write_figure(compensation_figure(result, f"{controller.name}: {Path(path).name}"), figure)
-    report()
+    outputs.draw("figure", lambda: compensation_figure(result, f"{controller.name}: {Path(path).name}"))
+    outputs.page("compensation", result, controller)
 
 
 def _check_format(path: str, out: str) -> None:
@@ -187,25 +167,14 @@ def _check_format(path: str, out: str) -> None:
 
 def _steps(text: str | None) -> tuple[float, float] | None:
     """Return the longest step and turn, m and rad, of a text such as ``step=5mm,angle=1deg``."""
-    from beamstiff.units import quantity
-
     if text is None:
         return None
     kinds = {"step": "length", "angle": "angle"}
-    found = dict.fromkeys(kinds, float("inf"))
-    for part in text.split(","):
-        name, equals, value = (word.strip() for word in part.partition("="))
-        if name not in kinds or not equals:
-            raise BeamstiffError(f"--resample: found {part.strip()!r}, expected step=5mm, angle=1deg or both")
-        if found[name] < float("inf"):
-            raise BeamstiffError(f"--resample: {name} is given twice")
-        try:
-            found[name] = quantity(value, kinds[name])
-        except BeamstiffError as error:
-            raise BeamstiffError(f"--resample: {name}: {error}") from None
-        if not found[name] > 0:
-            raise BeamstiffError(f"--resample: {name}: found {value!r}, expected more than 0")
-    return found["step"], found["angle"]
+    found = parse_quantities("--resample", [text], kinds, "step=5mm, angle=1deg or both")
+    for name, value in found.items():
+        if not value > 0:
+            raise BeamstiffError(f"--resample: {name}: found {value:g}, expected more than 0")
+    return found.get("step", float("inf")), found.get("angle", float("inf"))
 
 
 def _refusal(result: Compensated) -> BeamstiffError:

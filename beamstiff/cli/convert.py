@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from beamstiff.cli.options import Debug, Json, Quiet, option, robot_file
-from beamstiff.cli.output import check_outputs, people, say, write_json
+from beamstiff.cli.output import Outputs
 from beamstiff.errors import BeamstiffError, listed, shown
 from beamstiff.files import read_text
 from beamstiff.outputs import write_output
@@ -76,9 +76,15 @@ def convert(
         robot_file(source),
         *(path for path in (like, profile, joints) if path is not None),
     ]
-    check_outputs(inputs, json, out=out)
+    outputs = Outputs(inputs, json, quiet, out=out)
     if profile is not None:
-        _points(source, profile, joints, out, json, quiet)
+        from beamstiff.measure.point_lists import convert_points
+        from beamstiff.measure.profiles import read_profile
+
+        points = convert_points(source, read_profile(profile), joints)
+        write_output(out, points.text)
+        facts = {"points": points.count, "written": out, "notes": list(points.notes)}
+        outputs.result(points.notes, [f"{points.count} points written to {out}."], facts)
         return
     if joints is not None:
         raise BeamstiffError("--joints: goes with --profile, for lists of points")
@@ -115,17 +121,14 @@ def convert(
     if like is not None and ending != ".urdf":
         raise BeamstiffError("--like: goes with an --out that ends in .urdf")
     write_output(out, text, as_it_is=ending == ".urdf")
-    for note in notes:
-        say(f"note: {note}", quiet)
     moving = [variable.name for variable in robot.variables]
-    write_json(
-        {"robot": robot.name, "tcp": robot.tcp, "variables": moving, "written": out, "notes": notes}, json
-    )
-    people(quiet, json).print(
+    said = (
         f"{robot.name}: {len(robot.frames)} frames, {len(robot.joints)} joints, TCP {robot.tcp}, variables "
-        f"{listed(moving, 12) or 'none'}. Written to {out} ({WRITTEN[ending]}).",
-        soft_wrap=True,
+        f"{listed(moving, 12) or 'none'}. Written to {out} ({WRITTEN[ending]})."
     )
+    facts = {"robot": robot.name, "tcp": robot.tcp, "variables": moving, "written": out, "notes": notes}
+    outputs.result(notes, [], facts)
+    outputs.console.print(said, soft_wrap=True)
 
 
 def read_robot(source: str, tcp: str | None, convention: str | None, written: str = "") -> Robot:
@@ -239,15 +242,3 @@ def _notes(robot: Robot) -> list[str]:
         f"nothing gives way: the joints {listed(missing, 12)} are rigid; give them a stiffness with "
         "--joint-stiffness '1e6 N*m/rad' (or NAME='...')"
     ]
-
-
-def _points(source: str, profile: str, joints: str | None, out: str, json: str | None, quiet: bool) -> None:
-    from beamstiff.measure.point_lists import convert_points
-    from beamstiff.measure.profiles import read_profile
-
-    made = convert_points(source, read_profile(profile), joints)
-    write_output(out, made.text)
-    for note in made.notes:
-        say(f"note: {note}", quiet)
-    write_json({"points": made.count, "written": out, "notes": list(made.notes)}, json)
-    people(quiet, json).print(f"{made.count} points written to {out}.")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -20,23 +18,13 @@ from beamstiff.cli.options import (
     parse_names,
     robot_file,
 )
-from beamstiff.cli.output import (
-    check_outputs,
-    optional_file,
-    people,
-    say,
-    source_of,
-    write_figure,
-    write_json,
-)
+from beamstiff.cli.output import Outputs, progress
 
 if TYPE_CHECKING:
-    from beamstiff.exam.record import Record
-    from beamstiff.exam.run import Void
+    pass
 
 
 def exam(
-    context: typer.Context,
     robot: Annotated[
         str | None,
         typer.Argument(
@@ -100,14 +88,9 @@ def exam(
         inputs += [path for path in Path(sets).iterdir() if path.is_file()]
     kept = {} if out is None else {"--out": out}
     kept |= {f"--reports {Path(path).name}": path for path in reports_of(reports, sets, cases)}
-    check_outputs(inputs, json, kept, figure=figure, html=html)
+    outputs = Outputs(inputs, json, quiet, seed=seed, elsewhere=kept, figure=figure, html=html)
     check_kept(out, reports, sets, cases)
-    source = source_of(context, html, inputs, seed)
-    if figure is not None:
-        from beamstiff.report.figures import check_format
-
-        check_format(figure)
-    with _bar(cases, quiet) as progress:
+    with progress("examining", quiet, "MofNCompleteColumn", "TimeRemainingColumn", total=cases) as tell:
         found = examine(
             robot,
             plan,
@@ -120,39 +103,11 @@ def exam(
             seed=seed,
             processes=processes,
             scheduler=scheduler,
-            progress=progress,
+            progress=None if tell is None else lambda _: tell(advance=1),
         )
-    for note in found.notes:
-        say(f"note: {note}", quiet)
     records = list(found.records)
-    console = people(quiet, json)
-    for shown in plan_tables(records) if plan else exam_tables(records):
-        console.print(shown)
-        console.print()
-    write_json(found.to_dict(), json)
-    if figure is not None:
-        with optional_file(figure, quiet):
-            write_figure(reliability_figure(by_design(records)[0]), figure)
-    if html is not None and source is not None:
-        from beamstiff.outputs import write_output
-        from beamstiff.report.html.exam import exam_html
-
-        examined = robot or sets or "Robots of the exam"
-        with optional_file(html, quiet):
-            write_output(html, exam_html(records, examined, source, found.to_dict(), plan=plan is not None))
-
-
-@contextmanager
-def _bar(cases: int, quiet: bool) -> Iterator[Callable[[Record | Void], None]]:
-    """Show on stderr how far the exam is, if it is a terminal."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    console = Console(stderr=True, quiet=quiet)
-    if quiet or not console.is_terminal:
-        yield lambda _: None
-        return
-    columns = (TextColumn("examining"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True) as bar:
-        task = bar.add_task("cases", total=cases)
-        yield lambda _: bar.advance(task)
+    tables = plan_tables(records) if plan else exam_tables(records)
+    outputs.result(found.notes, (part for one in tables for part in (one, "")), found.to_dict())
+    outputs.draw("figure", lambda: reliability_figure(by_design(records)[0]))
+    examined = robot or sets or "Robots of the exam"
+    outputs.page("exam", records, examined, facts=found.to_dict(), plan=plan is not None)

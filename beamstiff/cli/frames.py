@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from beamstiff.cli.options import parse_quantities
 from beamstiff.errors import BeamstiffError
-from beamstiff.units import quantity
 
 if TYPE_CHECKING:
     from beamstiff.se3 import Array
@@ -17,7 +17,7 @@ KINDS = {
 }
 
 
-def parse_frame(option: str, text: str | None) -> Array:
+def parse_frame(option: str, text: str) -> Array:
     """Return a transform (4, 4) from x, y, z and a, b, c (intrinsic Z-Y-X, KUKA's) or a quaternion qw to qz.
 
     Examples
@@ -30,20 +30,8 @@ def parse_frame(option: str, text: str | None) -> Array:
     from beamstiff.measure.orientation import KUKA, Quaternion
     from beamstiff.se3 import transform
 
-    values: dict[str, float] = {}
-    for part in (part.strip() for part in text.split(",")) if text is not None else ():
-        name, equals, value = (word.strip() for word in part.partition("="))
-        if name.lower() not in KINDS or not equals:
-            raise BeamstiffError(
-                f"{option}: found {part!r}, expected parts such as x=1200mm, a=90deg (x, y, z, a, b, c or "
-                "qw to qz)"
-            )
-        if name.lower() in values:
-            raise BeamstiffError(f"{option}: {name} is given twice")
-        try:
-            values[name.lower()] = quantity(value, KINDS[name.lower()])
-        except BeamstiffError as error:
-            raise BeamstiffError(f"{option}: {name}: {error}") from None
+    expected = "parts such as x=1200mm, a=90deg (x, y, z, a, b, c or qw to qz)"
+    values = parse_quantities(option, [text], KINDS, expected, fold=True)
     position = np.array([values.get(axis, 0.0) for axis in "xyz"])
     quaternion = [values.get(name, 0.0) for name in ("qw", "qx", "qy", "qz")]
     if any(name.startswith("q") for name in values):

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -24,29 +23,20 @@ from beamstiff.cli.options import (
     parse_names,
     robot_file,
 )
-from beamstiff.cli.output import (
-    check_outputs,
-    optional_file,
-    people,
-    say,
-    source_of,
-    working,
-    write_figure,
-    write_json,
-)
+from beamstiff.cli.output import Outputs, progress, working
 from beamstiff.errors import BeamstiffError
 from beamstiff.outputs import write_output
 
 if TYPE_CHECKING:
-    from beamstiff.identification.minimise import Progress
     from beamstiff.identification.objective import Loss
     from beamstiff.identification.problem import Components
     from beamstiff.identification.reduce import Reduced
     from beamstiff.identification.result import Identification
 
+EVALUATED = "{task.completed} evaluations, cost {task.fields[cost]:.4g}"
+
 
 def identify(
-    context: typer.Context,
     robot: RobotFile,
     data: DataFiles,
     parameters: list[str] | None = option(
@@ -127,6 +117,7 @@ def identify(
         identification_text,
         method_text,
     )
+    from beamstiff.report.parity import parity_figure
     from beamstiff.robot.yaml_edit import robot_yaml
 
     whole("evaluations", evaluations, 1)  # before the bar counts them
@@ -140,15 +131,12 @@ def identify(
         "errors": parse_errors(input_error),
     }
     file = robot_file(robot)
-    check_outputs([file, *data], json, out=out, reduce=reduce, figure=figure, html=html)
-    if figure is not None:
-        from beamstiff.report.figures import check_format
-
-        check_format(figure)
-    source = source_of(context, html, [file, *data], seed)
+    wanted: dict[str, Any] = {"out": out, "reduce": reduce, "figure": figure, "html": html}
+    outputs = Outputs([file, *data], json, quiet, seed=seed, **wanted)
+    most = evaluations * searches
     with (
         working("identifying", quiet, still=True),
-        _bar(evaluations * searches, quiet) as tell,
+        progress("identifying", quiet, EVALUATED, "TimeElapsedColumn", total=most, cost=float("inf")) as bar,
     ):
         found = run(
             machine,
@@ -165,63 +153,25 @@ def identify(
             searches=searches,
             processes=processes,
             scheduler=scheduler,
-            progress=tell,
+            progress=None if bar is None else lambda count, cost: bar(completed=count, cost=cost),
             **said,
         )
     fitted = found.rows
     assert fitted is not None
-    for note in found.notes:
-        say(f"note: {note}", quiet)
-    console = people(quiet, json)
-    console.print(identification_table(found, machine, f"{machine.name}: identified stiffness"))
-    console.print()
-    for line in (
-        *combinations_text(found),
-        identification_text(found, fitted, folds),
-        method_text(found),
-    ):
-        console.print(line)
+    table = identification_table(found, machine, f"{machine.name}: identified stiffness")
+    texts = [*combinations_text(found), identification_text(found, fitted, folds), method_text(found)]
     if machine.effects:
-        console.print(f"Beside the robot's effects, as they are: {effects_text(machine.effects)}.")
-    write_json(found.to_dict(), json)
+        texts.append(f"Beside the robot's effects, as they are: {effects_text(machine.effects)}.")
+    outputs.result(found.notes, [table, "", *texts], found.to_dict())
     if out is not None:
         write_output(out, robot_yaml(found.robot, file, found.conditional_std, _head(found, data)))
     if reduce is not None and found.reduced is not None:
         head = _reduced_head(found.reduced, found, data)
         write_output(reduce, robot_yaml(found.reduced.robot, file, head=head))
-    if figure is not None:
-        from beamstiff.report.parity import parity_figure
-
-        with optional_file(figure, quiet):
-            write_figure(parity_figure(fitted, found.predicted, machine.name), figure)
-    if html is not None and source is not None:
-        from beamstiff.report.html.identification import identification_html
-
-        with optional_file(html, quiet):
-            write_output(html, identification_html(found, machine, fitted, source, folds))
+    outputs.draw("figure", lambda: parity_figure(fitted, found.predicted, machine.name))
+    outputs.page("identification", found, machine, fitted, folds=folds)
     if found.interrupted:
         raise typer.Exit(INTERRUPTED)
-
-
-@contextmanager
-def _bar(most: int, quiet: bool) -> Iterator[Progress | None]:
-    """Show on stderr how far a search is, if it is a terminal."""
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    console = Console(stderr=True, quiet=quiet)
-    if quiet or not console.is_terminal:
-        yield None
-        return
-    columns = (
-        TextColumn("identifying"),
-        BarColumn(),
-        TextColumn("{task.completed} evaluations, cost {task.fields[cost]:.4g}"),
-        TimeElapsedColumn(),
-    )
-    with Progress(*columns, console=console, transient=True) as bar:
-        task = bar.add_task("search", total=most, cost=float("inf"))
-        yield lambda count, cost: bar.update(task, completed=count, cost=cost)
 
 
 def _sources(data: Sequence[str]) -> str:

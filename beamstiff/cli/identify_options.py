@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, TypeVar
 
+from beamstiff.cli.options import parse_quantities, parse_quantity
 from beamstiff.errors import BeamstiffError, suggest
-from beamstiff.units import number, quantity
+from beamstiff.units import number
 
 if TYPE_CHECKING:
     from beamstiff.identification.input_errors import InputErrors
@@ -68,21 +69,8 @@ def parse_errors(texts: Sequence[str] | None) -> InputErrors | None:
 
     if not texts:
         return None
-    values: dict[str, float] = {}
-    for part in (part for text in texts for part in text.split(",")):
-        name, sign, value = (word.strip() for word in part.partition("="))
-        if name not in ERRORS or not sign:
-            raise BeamstiffError(
-                f"--input-error: found {part.strip()!r}, expected {', '.join(ERRORS)} with a value, "
-                "such as angle=0.01deg"
-            )
-        if name in values:
-            raise BeamstiffError(f"--input-error: {name} is given twice")
-        try:
-            values[name] = quantity(value, ERRORS[name])
-        except BeamstiffError as error:
-            raise BeamstiffError(f"--input-error: {name}: {error}") from None
-    return InputErrors(**values)
+    expected = f"{', '.join(ERRORS)} with a value, such as angle=0.01deg"
+    return InputErrors(**parse_quantities("--input-error", texts, ERRORS, expected))
 
 
 def _pairs(
@@ -112,10 +100,7 @@ def _pairs(
 def _stiffness(robot: Robot, option: str, name: str, text: str) -> float | None:
     if not text:
         return None
-    try:
-        value = quantity(text, KINDS[_units(robot)[name]])
-    except BeamstiffError as error:
-        raise BeamstiffError(f"{option}: {name}: {error}") from None
+    value = parse_quantity(f"{option}: {name}", text, KINDS[_units(robot)[name]])
     if value <= 0:
         raise BeamstiffError(f"{option}: {name}: found {text!r}, expected a positive stiffness")
     return value

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 import typer
@@ -17,9 +16,10 @@ from beamstiff.cli.options import (
     Scheduler,
     option,
     parse_names,
+    parse_quantity,
     robot_file,
 )
-from beamstiff.cli.output import check_outputs, optional_file, people, say, working, write_figure, write_json
+from beamstiff.cli.output import TYPED, Outputs, progress, say, working
 from beamstiff.errors import BeamstiffError
 
 if TYPE_CHECKING:
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
 
 def map(
-    context: typer.Context,
     robot: RobotFile,
     grid: list[str] = option(
         "NAME=FROM:TO:COUNT,...",
@@ -93,7 +92,6 @@ def map(
     from beamstiff.maps.dataset import check_target
     from beamstiff.maps.run import map_workspace
     from beamstiff.maps.summary import summary
-    from beamstiff.report.figures import check_format
     from beamstiff.report.html.provenance import provenance
     from beamstiff.report.workspace import map_figure, map_tables
 
@@ -112,20 +110,23 @@ def map(
     }
     file = robot_file(robot)
     kept = {} if out is None else {"--out": out, "the chunks": f"{out}.parts"}
-    check_outputs([file], json, kept, figure=figure)
+    outputs = Outputs([file], json, quiet, elsewhere=kept, figure=figure)
     if out is not None:
         check_target(out)
-    if figure is not None:
-        check_format(figure)
     for note in left_out(description.effects, "the map"):
         say(f"note: {note}", quiet)
-    told = provenance([file], 0, context.obj if isinstance(context.obj, list) else [])
+    told = provenance([file], 0, TYPED.get())
     attributes = {
         "command": told.command,
         "robot_file": told.files[0][0],
         "robot_file_sha256": told.files[0][1],
     }
-    with working("mapping", quiet, still=True), _bar(quiet) as progress:
+    with (
+        working("mapping", quiet, still=True),
+        progress(
+            "mapping", quiet, "MofNCompleteColumn", "poses", "TimeRemainingColumn", total=None, live=False
+        ) as tell,
+    ):
         found = map_workspace(
             description,
             over,
@@ -133,20 +134,14 @@ def map(
             out=out,
             processes=processes,
             scheduler=scheduler,
-            progress=progress,
+            progress=None if tell is None else lambda done, of: tell(completed=done, total=of),
             attributes=attributes,
         )
 
     facts = summary(found)
-    console = people(quiet, json)
-    for part in map_tables(facts):
-        console.print(part)
-    if out is None:
-        say("note: --out FILE.nc keeps the map", quiet)
-    write_json({**facts, "out": out, "provenance": _plain(found.attrs)}, json)
-    if figure is not None:
-        with optional_file(figure, quiet):
-            write_figure(map_figure(found), figure)
+    notes = ["--out FILE.nc keeps the map"] if out is None else []
+    outputs.result(notes, map_tables(facts), {**facts, "out": out, "provenance": _plain(found.attrs)})
+    outputs.draw("figure", lambda: map_figure(found))
 
 
 def parse_grid(robot: Robot, texts: Sequence[str]) -> dict[str, Array]:
@@ -154,7 +149,6 @@ def parse_grid(robot: Robot, texts: Sequence[str]) -> dict[str, Array]:
     import numpy as np
 
     from beamstiff.robot.coupling import variable_kinds
-    from beamstiff.units import quantity
 
     kinds = {**dict.fromkeys("xyz", "length"), **variable_kinds(robot)}
     axes: dict[str, Array] = {}
@@ -167,10 +161,8 @@ def parse_grid(robot: Robot, texts: Sequence[str]) -> dict[str, Array]:
             )
         if name in axes:
             raise BeamstiffError(f"--grid: {name} is given twice")
-        try:
-            low, high = (quantity(word, kinds.get(name, "angle")) for word in words[:2])
-        except BeamstiffError as error:
-            raise BeamstiffError(f"--grid: {name}: {error}") from None
+        kind = kinds.get(name, "angle")
+        low, high = (parse_quantity(f"--grid: {name}", word, kind) for word in words[:2])
         if not words[2].isascii() or not words[2].isdigit() or int(words[2]) < 2:
             raise BeamstiffError(f"--grid: {name}: found {words[2]!r} values, expected a number of 2 or more")
         if int(words[2]) > MOST_VALUES:
@@ -199,32 +191,22 @@ def _orientation(text: str | None) -> Array | Literal["free"] | None:
 
 
 def _direction(text: str | None) -> list[float] | None:
-    from beamstiff.units import quantity
-
     if text is None:
         return None
     word = text.strip().lower()
     sign = -1.0 if word.startswith("-") and word[1:] in ("x", "y", "z") else 1.0
     if word.removeprefix("-") in ("x", "y", "z"):
         return [sign * (axis == word[-1]) for axis in "xyz"]
-    try:
-        parts = [quantity(part.strip(), "number") for part in text.split(",")]
-    except BeamstiffError as error:
-        raise BeamstiffError(f"--direction: {error}") from None
+    parts = [parse_quantity("--direction", part.strip(), "number") for part in text.split(",")]
     if len(parts) != 3 or not any(parts):
         raise BeamstiffError(f"--direction: found {text!r}, expected an axis such as x, -z or 0.6,0,0.8")
     return parts
 
 
 def _length(text: str | None) -> float | None:
-    from beamstiff.units import quantity
-
     if text is None:
         return None
-    try:
-        length = quantity(text, "length")
-    except BeamstiffError as error:
-        raise BeamstiffError(f"--length: {error}") from None
+    length = parse_quantity("--length", text, "length")
     if length <= 0:
         raise BeamstiffError(f"--length: found {text!r}, expected a positive length")
     return length
@@ -238,22 +220,3 @@ def _plain(attributes: dict[str, Any]) -> dict[str, Any]:
         structured = isinstance(value, str) and value[:1] in ("{", "[")
         told[name] = json.loads(value) if structured else value
     return told
-
-
-@contextmanager
-def _bar(quiet: bool) -> Iterator[Callable[[int, int], None] | None]:
-    """Show on stderr how far the map is, if it is a terminal."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    console = Console(stderr=True, quiet=quiet)
-    if quiet or not console.is_terminal:
-        yield None
-        return
-    columns = (TextColumn("mapping"), BarColumn(), MofNCompleteColumn(), TextColumn("poses"))
-    # drawn when there is news: a thread that draws would keep processes from beginning as copies
-    with Progress(
-        *columns, TimeRemainingColumn(), console=console, transient=True, auto_refresh=False
-    ) as bar:
-        task = bar.add_task("poses", total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total, refresh=True)

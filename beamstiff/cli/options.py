@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -102,10 +102,34 @@ def parse_names(
     return names
 
 
-def parse_region(text: str | None) -> tuple[tuple[float, float], ...] | None:
-    """Return least and largest x, y, z, m, from a text such as ``"x=0.5m:2m,z=300mm:1.8m"``."""
+def parse_quantity(where: str, text: str, kind: str) -> float:
+    """Return a quantity in SI; `where` says what it is of, should it be none."""
     from beamstiff.units import quantity
 
+    try:
+        return quantity(text, kind)
+    except BeamstiffError as error:
+        raise BeamstiffError(f"{where}: {error}") from None
+
+
+def parse_quantities(
+    option: str, texts: Iterable[str], kinds: Mapping[str, str], expected: str, fold: bool = False
+) -> dict[str, float]:
+    """Return quantities, SI, by name, from texts such as ``"x=1.2m,a=90deg"``; `fold`: in any case."""
+    values: dict[str, float] = {}
+    for part in (part.strip() for text in texts for part in text.split(",")):
+        name, equals, value = (word.strip() for word in part.partition("="))
+        name = name.lower() if fold else name
+        if name not in kinds or not equals:
+            raise BeamstiffError(f"{option}: found {part!r}, expected {expected}")
+        if name in values:
+            raise BeamstiffError(f"{option}: {name} is given twice")
+        values[name] = parse_quantity(f"{option}: {name}", value, kinds[name])
+    return values
+
+
+def parse_region(text: str | None) -> tuple[tuple[float, float], ...] | None:
+    """Return least and largest x, y, z, m, from a text such as ``"x=0.5m:2m,z=300mm:1.8m"``."""
     if text is None:
         return None
     ends = {axis: (float("-inf"), float("inf")) for axis in "xyz"}
@@ -117,10 +141,7 @@ def parse_region(text: str | None) -> tuple[tuple[float, float], ...] | None:
                 f"--region: found {part.strip()!r}, expected an axis x, y or z with two ends such as "
                 "z=300mm:1.8m"
             )
-        try:
-            ends[axis] = (quantity(low, "length"), quantity(high, "length"))
-        except BeamstiffError as error:
-            raise BeamstiffError(f"--region: {error}") from None
+        ends[axis] = (parse_quantity("--region", low, "length"), parse_quantity("--region", high, "length"))
         if ends[axis][0] >= ends[axis][1]:
             raise BeamstiffError(f"--region: found {part.strip()!r}, expected the lower end first")
     return tuple(ends.values())

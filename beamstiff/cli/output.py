@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from contextvars import ContextVar
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -17,12 +19,11 @@ from beamstiff.files import check_writable, target_of
 from beamstiff.outputs import check_distinct, check_replaceable, write_output
 
 if TYPE_CHECKING:
-    import typer
     from matplotlib.figure import Figure
-
-    from beamstiff.report.html.provenance import Provenance
+    from rich.console import RenderableType
 
 STDOUT = "-"
+TYPED: ContextVar[Sequence[str]] = ContextVar("TYPED", default=())  # the words of the command
 PIPE_WIDTH = 200  # columns where there is no terminal to fit into
 
 
@@ -76,6 +77,37 @@ def working(what: str, quiet: bool, still: bool = False) -> Iterator[None]:
         ) from None
 
 
+@contextmanager
+def progress(
+    what: str, quiet: bool, *columns: str, total: float | None, live: bool = True, **fields: Any
+) -> Iterator[Callable[..., None] | None]:
+    """Yield what moves a bar on stderr (`completed`, `advance`, `total`); None where it is no terminal.
+
+    Parameters
+    ----------
+    columns : str
+        What stands behind the bar: names of columns of rich, or texts.
+    live : bool
+        Drawn by a thread; else when there is news, since a thread keeps processes from beginning as copies.
+    """
+    from rich import progress as parts
+
+    console = Console(stderr=True, quiet=quiet)
+    if quiet or not console.is_terminal:
+        yield None
+        return
+    behind = [getattr(parts, one)() if one.endswith("Column") else parts.TextColumn(one) for one in columns]
+    bar = parts.Progress(
+        *(parts.TextColumn(what), parts.BarColumn(), *behind),
+        console=console,
+        transient=True,
+        auto_refresh=live,
+    )
+    with bar:
+        task = bar.add_task(what, total=total, **fields)
+        yield lambda **news: bar.update(task, refresh=not live, **news)
+
+
 def check_outputs(
     inputs: Iterable[str | Path],
     json_to: str | None,
@@ -114,17 +146,6 @@ def check_outputs(
         check_writable(path)
 
 
-def source_of(
-    context: typer.Context, html: str | None, inputs: Iterable[str | Path], seed: int = 0
-) -> Provenance | None:
-    """Return where the report that is asked for comes from, taken before any work; None without a report."""
-    if html is None:
-        return None
-    from beamstiff.report.html.provenance import provenance
-
-    return provenance(inputs, seed, context.find_root().obj or ())
-
-
 def write_json(value: Mapping[str, Any], json_to: str | None) -> None:
     """Write plain data as JSON to a file or, for ``-``, to stdout; nowhere for None."""
     if json_to is None:
@@ -137,11 +158,65 @@ def write_json(value: Mapping[str, Any], json_to: str | None) -> None:
         write_output(json_to, text)
 
 
-def write_figure(figure: Figure, path: str) -> None:
-    """Write a figure as an output of a command."""
-    from beamstiff.report.figures import figure_bytes
+DRAWINGS = ("figure", "recursion", "rules", "sensitivity")  # options of pictures
 
-    write_output(path, figure_bytes(figure, path))
+
+class Outputs:
+    """What a command prints and writes: checked before any work, then its result and what goes beside it.
+
+    Parameters
+    ----------
+    inputs, json_to, elsewhere, files
+        As of `check_outputs`; ``html`` among the files is the report.
+    seed : int
+        That the report states.
+    """
+
+    def __init__(
+        self,
+        inputs: Sequence[str | Path],
+        json_to: str | None,
+        quiet: bool,
+        *,
+        seed: int = 0,
+        elsewhere: Mapping[str, str] | None = None,
+        **files: str | None,
+    ) -> None:
+        check_outputs(inputs, json_to, elsewhere, **files)
+        for path in filter(None, map(files.get, DRAWINGS)):
+            from beamstiff.report.figures import check_format
+
+            check_format(path)
+        self.files, self.quiet, self._json, self._source = files, quiet, json_to, None
+        self.console = people(quiet, json_to)
+        if files.get("html") is not None:
+            from beamstiff.report.html.provenance import provenance
+
+            self._source = provenance(inputs, seed, TYPED.get())
+
+    def result(self, notes: Iterable[str], shown: Iterable[RenderableType], told: Mapping[str, Any]) -> None:
+        """Say the notes, print tables and sentences, write the JSON."""
+        for note in notes:
+            say(f"note: {note}", self.quiet)
+        for part in shown:
+            self.console.print(part)
+        write_json(told, self._json)
+
+    def draw(self, option: str, figure: Callable[[], Figure]) -> None:
+        """Write a picture, if the option asks for it."""
+        if (path := self.files[option]) is not None:
+            from beamstiff.report.figures import figure_bytes
+
+            with optional_file(path if option != "rules" else f"--rules {path}", self.quiet):
+                write_output(path, figure_bytes(figure(), path))
+
+    def page(self, name: str, *given: Any, **more: Any) -> None:
+        """Write the report that `report.html` makes under this name, if one was asked for."""
+        path = self.files["html"]
+        if path is not None and self._source is not None:
+            make = getattr(import_module(f"beamstiff.report.html.{name}"), f"{name}_html")  # takes its time
+            with optional_file(path, self.quiet):
+                write_output(path, make(*given, provenance=self._source, **more))
 
 
 def json_text(value: Any, indent: int = 0) -> str:

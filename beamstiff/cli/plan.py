@@ -13,7 +13,7 @@ from beamstiff.cli.options import (
     parse_region,
     robot_file,
 )
-from beamstiff.cli.output import check_outputs, people, say, working, write_json
+from beamstiff.cli.output import Outputs, working
 from beamstiff.outputs import write_output
 
 TESTS = 20  # as of the function, which is not loaded for --help
@@ -71,7 +71,7 @@ def plan(
     machine = as_robot(robot)
     own = None if not load else np.array([parse_wrench([text], "--load") for text in load])
     where, names = parse_region(region), parse_names(parameters)
-    check_outputs([robot_file(robot)], json, out=out)
+    outputs = Outputs([robot_file(robot)], json, quiet, out=out)
     with working(f"choosing tests from {candidates} poses", quiet):
         found = run(
             machine,
@@ -91,9 +91,5 @@ def plan(
         )
     if out is not None:
         write_output(out, found.to_csv())
-    console = people(quiet, json)
-    console.print(campaign_table(found))
-    console.print(campaign_text(found))
-    if out is None:
-        say("note: --out FILE writes the tests as a table to fill in", quiet)
-    write_json(found.to_dict(), json)
+    notes = ["--out FILE writes the tests as a table to fill in"] if out is None else []
+    outputs.result(notes, [campaign_table(found), campaign_text(found)], found.to_dict())

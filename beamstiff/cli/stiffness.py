@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from beamstiff.cli.options import Debug, Json, Preload, Quiet, RobotFile, option, robot_file
-from beamstiff.cli.output import check_outputs, people, say, working, write_json
+from beamstiff.cli.output import Outputs, working
 from beamstiff.errors import BeamstiffError, OptionError
 
 if TYPE_CHECKING:
@@ -56,17 +56,11 @@ def stiffness(
     machine = as_robot(robot)
     values = parse_variables(machine, q or [])
     load = parse_wrench(wrench or []) if wrench else None
-    check_outputs([robot_file(robot)], json)
+    outputs = Outputs([robot_file(robot)], json, quiet)
     with working("condensing the structure", quiet), _hint_at_q(machine, values):
         found = run(machine, values, preload=preload, wrench=load)
     note_limits(machine, found.variables, quiet)
-    for note in found.notes:
-        say(f"note: {note}", quiet)
-
-    console = people(quiet, json)
-    for part in stiffness_tables(found):
-        console.print(part)
-    write_json(found.to_dict(), json)
+    outputs.result(found.notes, stiffness_tables(found), found.to_dict())
 
 
 @contextmanager

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from math import pi
 
+from beamstiff.cli.options import parse_quantity
 from beamstiff.cli.output import say
 from beamstiff.errors import BeamstiffError
 from beamstiff.functions.checks import shown_value
@@ -12,7 +13,6 @@ from beamstiff.measure.table import WRENCH
 from beamstiff.robot.coupling import variable_kinds
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import actuated_values
-from beamstiff.units import quantity
 
 
 def parse_variables(robot: Robot, texts: Sequence[str]) -> dict[str, float]:
@@ -24,10 +24,7 @@ def parse_variables(robot: Robot, texts: Sequence[str]) -> dict[str, float]:
             actuated_values(robot, {name: 0.0})
         except BeamstiffError as error:
             raise BeamstiffError(f"--q: {error}") from None
-        try:
-            values[name] = quantity(value, kinds[name])
-        except BeamstiffError as error:
-            raise BeamstiffError(f"--q: {name}: {error}") from None
+        values[name] = parse_quantity(f"--q: {name}", value, kinds[name])
     return values
 
 
@@ -37,10 +34,8 @@ def parse_wrench(texts: Sequence[str], option: str = "--wrench") -> list[float]:
     for name, value in _parts(option, texts, "fz=-900N"):
         if name not in wrench:
             raise BeamstiffError(f"{option}: unknown component {name!r}, expected {', '.join(WRENCH)}")
-        try:
-            wrench[name] = quantity(value, "force" if name.startswith("f") else "moment")
-        except BeamstiffError as error:
-            raise BeamstiffError(f"{option}: {name}: {error}") from None
+        kind = "force" if name.startswith("f") else "moment"
+        wrench[name] = parse_quantity(f"{option}: {name}", value, kind)
     return list(wrench.values())
 
 
