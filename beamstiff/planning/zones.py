@@ -65,18 +65,6 @@ def find_zones(
     raise BeamstiffError("zones: expected one threshold, either `least` or `most`")
 
 
-def intersect(grid: Grid, values: Array, *masks: Mask, smallest: int = 1) -> list[Zone]:
-    """Return the contiguous regions where all masks hold: Z of Zc, Znu_p and Znu_r in seed 000, section 3.2.
-
-    Parameters
-    ----------
-    values : (n, m) array
-        What is best where it is largest, such as 1/kappa_F.
-    masks : (n, m) bool arrays
-    """
-    return _zones(grid, np.logical_and.reduce(masks), values, values, smallest)
-
-
 def _zones(grid: Grid, mask: Mask, values: Array, merit: Array, smallest: int) -> list[Zone]:
     labels, count = ndimage.label(mask)
     number = np.arange(count + 1)
@@ -99,25 +87,6 @@ def _zones(grid: Grid, mask: Mask, values: Array, merit: Array, smallest: int) -
         at = {grid.names[0]: float(grid.first[i]), grid.names[1]: float(grid.second[j])}
         zones.append(Zone(grid, region, ranges, float(region.mean()), float(values[i, j]), at))
     return sorted(zones, key=lambda zone: -zone.share)
-
-
-def in_box(grid: Grid, box: dict[str, tuple[float, float]]) -> Mask:
-    """Return which points (n, m) of a grid lie in ranges of its variables, rad or m; angles modulo a turn."""
-    mask = np.ones(grid.shape, dtype=np.bool_)
-    for name, (low, high) in box.items():
-        if name not in grid.names:
-            raise BeamstiffError(f"box: found the variable {name!r}, expected {' or '.join(grid.names)}")
-        axis = grid.names.index(name)
-        values = (grid.first, grid.second)[axis]
-        slack = 1e-9 * max(1.0, abs(low), abs(high))
-        if grid.turns[axis]:
-            inside = np.mod(values - low + slack, FULL_TURN) <= high - low + 2 * slack
-        else:
-            inside = (values >= low - slack) & (values <= high + slack)
-        mask &= inside[:, None] if axis == 0 else inside
-    if not mask.any():
-        raise BeamstiffError(f"box: no point of the grid over {' and '.join(grid.names)} lies in it")
-    return mask
 
 
 def _closed(values: Array) -> bool:
