@@ -100,6 +100,23 @@ def label(text: str) -> str:
     return escape(text, quote=False)
 
 
+Mark = tuple[str, str, float]  # its symbol, its colour in the theme, its size in px
+
+
+def scatter(
+    x: Any, y: Any, name: str, hover: str = "", mark: Mark | None = None, line: Any = None, **more: Any
+) -> dict[str, Any]:
+    """Return a trace of marks, of a line, or of both; without a template for `hover` it says nothing."""
+    drawn = {"lines": line is not None, "markers": mark is not None}
+    trace = {"type": "scatter", "mode": "+".join(part for part in drawn if drawn[part]), "x": x, "y": y}
+    trace |= {"name": name, **({"hovertemplate": hover} if hover else {"hoverinfo": "skip"})}
+    if line is not None:
+        trace["line"] = line
+    if mark is not None:
+        trace["marker"] = {"symbol": mark[0], "color": css(mark[1]), "size": mark[2]}
+    return trace | more
+
+
 def axis(title: str = "", **more: Any) -> dict[str, Any]:
     """Return an axis in the look of the report."""
     return {

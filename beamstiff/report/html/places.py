@@ -20,6 +20,7 @@ from beamstiff.report.html.parts import (
     label,
     numbers,
     plain_layout,
+    scatter,
     shared,
 )
 from beamstiff.report.tables import Table, counted
@@ -164,46 +165,31 @@ def joint_columns(robot: Robot, names: Sequence[str]) -> tuple[list[str], list[f
 
 def _maps(sizes: Sizes, planes: Sequence[tuple[int, int]]) -> list[Figure]:
     figures, most = [], sizes.largest
+    marker: dict[str, Any] = {
+        "sizemode": "diameter",
+        "sizeref": most / 16 or 1.0,
+        "sizemin": 4,
+        "cmin": 0,
+        "cmax": most,
+        "colorscale": [[0, css("low")], [0.5, css("middle")], [1, css("high")]],
+        "showscale": True,
+        "colorbar": {"title": {"text": f"{sizes.what}, mm", "side": "right"}, "thickness": 12},
+        "line": {"width": 0.5, "color": css("ink")},
+    }
     for key, name in zip(sizes.values, sizes.names, strict=False):
         for plane in planes:
             (a, b), view = ("xyz"[k] for k in plane), SIDES[plane]
-            trace = {
-                "type": "scatter",
-                "mode": "markers",
-                "x": shared(f"place_{a}"),
-                "y": shared(f"place_{b}"),
+            hover, size = "%{text}: %{customdata} mm<extra></extra>", shared(f"size_{key}")
+            trace = scatter(shared(f"place_{a}"), shared(f"place_{b}"), label(name), hover, mode="markers")
+            trace |= {
                 "text": shared("rows"),
-                "customdata": shared(f"size_{key}"),
-                "hovertemplate": "%{text}: %{customdata} mm<extra></extra>",
-                "name": label(name),
-                "marker": {
-                    "color": shared(f"size_{key}"),
-                    "size": shared(f"size_{key}"),
-                    "sizemode": "diameter",
-                    "sizeref": most / 16 or 1.0,
-                    "sizemin": 4,
-                    "cmin": 0,
-                    "cmax": most,
-                    "colorscale": [[0, css("low")], [0.5, css("middle")], [1, css("high")]],
-                    "showscale": True,
-                    "colorbar": {"title": {"text": f"{sizes.what}, mm", "side": "right"}, "thickness": 12},
-                    "line": {"width": 0.5, "color": css("ink")},
-                },
+                "customdata": size,
+                "marker": marker | {"color": size, "size": size},
             }
-            figures.append(
-                Figure(
-                    f"map-{key}-{a}{b}",
-                    f"{name[0].upper()}{name[1:]}, {view}",
-                    "",
-                    [trace],
-                    plain_layout(
-                        340,
-                        xaxis=axis(f"{a}, m"),
-                        yaxis=axis(f"{b}, m", scaleanchor="x", scaleratio=1),
-                        showlegend=False,
-                    ),
-                )
-            )
+            up = axis(f"{b}, m", scaleanchor="x", scaleratio=1)
+            layout = plain_layout(340, xaxis=axis(f"{a}, m"), yaxis=up, showlegend=False)
+            title = f"{name[0].upper()}{name[1:]}, {view}"
+            figures.append(Figure(f"map-{key}-{a}{b}", title, "", [trace], layout))
     return figures
 
 
@@ -214,33 +200,18 @@ def _joints(sizes: Sizes) -> list[Figure]:
     varying = [k for k in range(rows.q.shape[1]) if np.ptp(rows.q[chosen, k]) > 0][:JOINTS]
     for k in varying:
         q = numbers(factors[k] * rows.q[chosen, k], 4)
-        unit = headings[k].rpartition(", ")[2]
+        hover = "%{text}: %{y} mm at %{x} " + headings[k].rpartition(", ")[2]
+        rest = {"text": shared("rows"), "opacity": 0.7}
         traces = [
-            {
-                "type": "scatter",
-                "mode": "markers",
-                "x": q,
-                "y": shared(f"size_{key}"),
-                "text": shared("rows"),
-                "hovertemplate": "%{text}: %{y} mm at %{x} " + unit,
-                "name": label(name),
-                "marker": {"symbol": symbol, "color": css(colour), "size": 6, "opacity": 0.7},
-            }
+            scatter(q, shared(f"size_{key}"), label(name), hover, (symbol, colour, 6), **rest)
             for key, name, (symbol, colour) in zip(sizes.values, sizes.names, marks, strict=False)
         ]
-        figures.append(
-            Figure(
-                f"joint-{k + 1}",
-                f"Over {rows.variables[k]}",
-                "",
-                traces,
-                plain_layout(
-                    320,
-                    margin=MARGIN | {"t": LEGEND + 18},
-                    xaxis=axis(label(headings[k])),
-                    yaxis=axis(f"{sizes.what}, mm", rangemode="tozero"),
-                    showlegend=len(traces) > 1,
-                ),
-            )
+        layout = plain_layout(
+            320,
+            margin=MARGIN | {"t": LEGEND + 18},
+            xaxis=axis(label(headings[k])),
+            yaxis=axis(f"{sizes.what}, mm", rangemode="tozero"),
+            showlegend=len(traces) > 1,
         )
+        figures.append(Figure(f"joint-{k + 1}", f"Over {rows.variables[k]}", "", traces, layout))
     return figures
