@@ -13,14 +13,13 @@ from beamstiff.report.compare import loads_table, models_table, models_text, wid
 from beamstiff.report.html.bars import intervals
 from beamstiff.report.html.page import Page, render
 from beamstiff.report.html.parts import MARGIN, Fact, Figure, Section, axis, css, label, plain_layout, scatter
-from beamstiff.report.html.places import LEGEND, Sizes, line_of, over_places, rows_table
+from beamstiff.report.html.places import LEGEND, Sizes, over_places, rows_table
 from beamstiff.report.html.provenance import Provenance
-from beamstiff.report.html.robot_view import RobotView, Shown, robot_view
+from beamstiff.report.html.robot_view import RobotView, robot_view, worst_postures
 from beamstiff.report.tables import Table, counted
 from beamstiff.robot.description import Robot
 
 KIND_MARKS = (("circle-open", "muted"), ("circle", "blue"), ("square", "orange"), ("triangle-up", "green"))
-POSES = 5  # that the robot is shown in
 LOOKS = tuple(
     (symbol, colour)
     for symbol in ("circle", "square-open", "triangle-up")
@@ -136,14 +135,9 @@ def _view(models: Models) -> RobotView | None:
     best = [one for one in ranked(models) if isinstance(one.model, StructuralModel)]
     if not best:
         return None
-    one, table = best[0], models.table
+    one = best[0]
     assert isinstance(one.model, StructuralModel)
-    shown, poses = list[Shown](), set[int]()
-    for at in np.argsort(-np.nan_to_num(one.error)).tolist():
-        if len(shown) < POSES and int(table.pose[at]) not in poses:
-            poses.add(int(table.pose[at]))
-            name = f"pose {table.pose[at]}: error {1e3 * one.error[at]:.3g} mm ({line_of(table, at)})"
-            shown.append(Shown(name, table.q[at], table.wrench[at], str(table.load_point[at])))
+    shown = worst_postures(models.table, 1e3 * one.error, "error ")
     return robot_view(one.model.robot, shown, "share of the strain energy", model=f"the {one.name} model")
 
 

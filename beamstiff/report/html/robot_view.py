@@ -13,9 +13,11 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.fem.condensation import tcp_compliance
 from beamstiff.fem.response import Response, nodal_loads, respond
 from beamstiff.fem.structure import compile_structure
+from beamstiff.measure.table import Measurements
 from beamstiff.report.html.arrows import force_and_moment
 from beamstiff.report.html.links import Lines, joint_lines, link_lines
 from beamstiff.report.html.parts import Figure, axis, css, label, numbers, plain_layout
+from beamstiff.report.html.places import line_of
 from beamstiff.report.tables import Table, millimetres, number
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import RIGID
@@ -24,6 +26,7 @@ from beamstiff.robot.stiffness import stiffness_parameters
 from beamstiff.se3 import Array
 
 TOOL = ("tool", "tool point")  # places at the tool
+POSES = 5  # that are shown, the worst
 LABELLED = 3
 SEEN = 0.005  # share that is worth a label
 DEFORMED = 0.12  # of the robot's size: the deformed shape to begin with
@@ -69,6 +72,21 @@ class RobotView:
     # note, slider: what is to be said, and what the slider magnifies
     note: str = ""
     slider: str = "Magnification of the deformed shape"
+
+
+def worst_postures(rows: Measurements, size: Array, what: str = "") -> list[Shown]:
+    """Return the worst poses by the size of their rows (N,), mm, each at its worst row."""
+    order = np.argsort(-np.nan_to_num(size))
+    first = np.sort(np.unique(rows.pose[order], return_index=True)[1])
+    return [
+        Shown(
+            f"pose {rows.pose[at]}: {what}{size[at]:.3g} mm ({line_of(rows, at)})",
+            rows.q[at],
+            rows.wrench[at],
+            str(rows.load_point[at]),
+        )
+        for at in order[first][:POSES].tolist()
+    ]
 
 
 def robot_view(
