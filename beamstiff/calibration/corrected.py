@@ -211,8 +211,7 @@ def _on_axis(kinematics: Kinematics, where: Posture, node: int) -> Array:
     pose = where.transforms[0, frame]
     axis = pose[:3, :3].T @ turns[0].axis[:, 0]
     foot = pose[:3, :3].T @ (turns[0].point[:, 0] - pose[:3, 3])
-    result: Array = foot + ((at - foot) @ axis) * axis
-    return result
+    return np.asarray(foot + ((at - foot) @ axis) * axis)
 
 
 def _point(at: Array) -> tuple[float, float, float]:

@@ -51,8 +51,7 @@ class Elastic:
 
     def stiffness(self, compliance: Array) -> Array:
         """Return stiffness values (m,) of compliances (m,), those as good as rigid finite."""
-        result: Array = 1.0 / np.maximum(compliance, LEAST * self.size)
-        return result
+        return np.asarray(1.0 / np.maximum(compliance, LEAST * self.size))
 
 
 def elastic_displacement(robot: Robot, rows: Measurements) -> Array:
@@ -123,8 +122,7 @@ def is_rigid(parameter: Parameter, value: float) -> bool:
 def compliances_of(robot: Robot, elastic: Elastic) -> Array:
     """Return the robot's compliances (m,), rigid ones as 0."""
     values = np.array([robot.parameter(name) for name in elastic.names], dtype=np.float64)
-    result: Array = 1.0 / values if values.size else values
-    return result
+    return np.asarray(1.0 / values if values.size else values)
 
 
 def compliance_parameters(robot: Robot, elastic: Elastic) -> tuple[Parameter, ...]:

@@ -239,8 +239,7 @@ def _secant(inverse: Array, step: Array, change: Array) -> Array:
     size = np.einsum("ni,ni->n", step, back)
     usable = np.abs(size) > 1e-30
     scale = np.where(usable, 1.0 / np.where(usable, size, 1.0), 0.0)
-    result: Array = inverse + scale[:, None, None] * (step - back)[:, :, None] * row[:, None, :]
-    return result
+    return np.asarray(inverse + scale[:, None, None] * (step - back)[:, :, None] * row[:, None, :])
 
 
 def _possible(machine: Machine, q: Array, errors: Array) -> Array:
@@ -251,8 +250,7 @@ def _possible(machine: Machine, q: Array, errors: Array) -> Array:
     jacobian = twist_jacobian(kinematics, posture(kinematics, q), machine.controller.tcp)[:, :3]
     left, size, _ = np.linalg.svd(jacobian, full_matrices=False)
     moving = size > FREE * size[:, :1]
-    result: Array = np.einsum("nij,nj,nkj,nk->ni", left, moving, left, errors)
-    return result
+    return np.asarray(np.einsum("nij,nj,nkj,nk->ni", left, moving, left, errors))
 
 
 def _constant(wrench: Array) -> Callable[[Array], Array]:

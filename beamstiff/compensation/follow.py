@@ -111,8 +111,7 @@ def _convenient(kinematics: Kinematics, pose: Array, known: Array, near: Array |
     q = np.vstack([known, found.q[found.reached]])
     wanted = 0.5 * (low + high) if near is None else near
     off = np.sum(((q - wanted) / (high - low)) ** 2, axis=1)
-    best: Array = q[int(np.argmin(off))]
-    return best
+    return np.asarray(q[int(np.argmin(off))])
 
 
 def shortfall(kinematics: Kinematics, found: InverseResult, row: int) -> str:

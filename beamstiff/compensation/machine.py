@@ -73,8 +73,7 @@ class Machine:
         """Return the poses of the real tool without weight, load and effects, (N, 4, 4), base frame."""
         kinematics = self._real_kinematics
         at = pose_of(kinematics, posture(kinematics, q), self.real.tcp)
-        poses: Array = at @ self.frames.tool
-        return poses
+        return np.asarray(at @ self.frames.tool)
 
     def moved(self, q: Array, wrench: Array, tip: Array) -> Array:
         """Return how weight, load and effects move the `tcp` node, (N, 6) ``[d, r]``, base frame.
@@ -97,8 +96,7 @@ class Machine:
         given = self.elasticity.predict(q, at_node)
         if np.isnan(given).any():
             given = np.where(np.isnan(given), predict_with_effects(bare, rows) - weight, given)
-        result: Array = weight + given + effects_displacement(self.real, rows)
-        return result
+        return np.asarray(weight + given + effects_displacement(self.real, rows))
 
     def unproven(self, q: Array) -> dict[str, dict[str, float]]:
         """Return how far effects of the real robot move the unloaded tool, unproven by displacements, m.
@@ -144,8 +142,7 @@ class Machine:
         node = undeformed @ np.linalg.inv(self.frames.tool)
         node[:, :3, 3] += moved[:, :3]
         node[:, :3, :3] = rotation_from_vector(moved[:, 3:]) @ node[:, :3, :3]
-        poses: Array = node @ self.frames.tool
-        return poses
+        return np.asarray(node @ self.frames.tool)
 
     def _rows(self, q: Array, wrench: Array) -> Measurements:
         names = [variable.name for variable in self.real.actuated]

@@ -130,8 +130,7 @@ def from_compliance(name: str, compliance: Array, displacement: Array, direction
     if name == "displacement":
         return displacement
     if name == "deflection":
-        distance: Array = np.linalg.norm(displacement[:, :3], axis=1)
-        return distance
+        return np.asarray(np.linalg.norm(displacement[:, :3], axis=1))
     if name == "compliance_trace":
         return np.asarray(np.trace(along, axis1=1, axis2=2))
     values = np.linalg.eigvalsh(about if name == "rotational_stiffness" else along)
@@ -149,8 +148,7 @@ def from_jacobian(name: str, jacobian: Array) -> Array:
     from beamstiff.planning.dexterity import inverse_condition  # loads an optimiser
 
     if name == "manipulability":
-        result: Array = np.linalg.svd(jacobian, compute_uv=False).prod(axis=1)
-        return result
+        return np.asarray(np.linalg.svd(jacobian, compute_uv=False).prod(axis=1))
     dexterity = inverse_condition(jacobian)
     if name == "dexterity":
         return dexterity

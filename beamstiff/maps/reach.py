@@ -131,8 +131,7 @@ class Reach:
         product = ahead @ behind if rows <= steps.shape[-1] else behind @ ahead
         crossed = np.linalg.det(product) <= 0.0
         known = closed.reshape(STEPS + 1, len(q))
-        same: Mask = ~(crossed & known[1:] & known[:-1]).any(axis=0)
-        return same
+        return np.asarray(~(crossed & known[1:] & known[:-1]).any(axis=0))
 
     @cached_property
     def _unlimited(self) -> Kinematics:

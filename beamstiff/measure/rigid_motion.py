@@ -85,5 +85,4 @@ def fit_rigid_motion(start: Array, end: Array, *, with_scale: bool = False) -> R
 def rotation_precision(centred: Array) -> Array:
     """Return ``sum |c|^2 I - c c^T`` (..., 3, 3): sigma^2 times its inverse is a rotation's covariance."""
     s = skew(centred)
-    result: Array = np.sum(np.swapaxes(s, -1, -2) @ s, axis=-3)
-    return result
+    return np.asarray(np.sum(np.swapaxes(s, -1, -2) @ s, axis=-3))

@@ -30,8 +30,7 @@ class Campaign:
 def by_pose(tests: Measurements, information: Array) -> Array:
     """Return the information (P, m, m) of whole poses from that of the tests of `candidate_tests`."""
     poses, (_, m, _) = int(tests.pose.max()) + 1, information.shape
-    together: Array = information.reshape(poses, -1, m, m).sum(axis=1)
-    return together
+    return np.asarray(information.reshape(poses, -1, m, m).sum(axis=1))
 
 
 def campaign_of(tests: Measurements, design: Design, noise: Noise, whole_poses: bool = False) -> Campaign:

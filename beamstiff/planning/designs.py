@@ -76,8 +76,7 @@ def criterion_of(information: Array, criterion: Criterion) -> Array:
         values = np.maximum(np.linalg.eigvalsh(information), 0.0)
         with np.errstate(divide="ignore"):
             result = values[..., 0] if criterion == "E" else 1 / (1 / values).sum(axis=-1)
-    found: Array = np.asarray(result, dtype=np.float64)
-    return found
+    return np.asarray(result, dtype=np.float64)
 
 
 def choose_tests(
@@ -224,8 +223,7 @@ def _sensitivity(total: Array, information: Array, criterion: Criterion) -> Arra
     power = {"D": ratio, "A": ratio**2, "E": ratio ** (SMOOTH + 1)}[criterion]
     gradient = (vectors * power) @ vectors.T
     gradient = gradient / np.sum(gradient * total)
-    found: Array = np.einsum("nab,ab->n", information, gradient)
-    return found
+    return np.asarray(np.einsum("nab,ab->n", information, gradient))
 
 
 def upper_bound(information: Array, count: int, criterion: Criterion, repeats: int, start: Array) -> float:
@@ -284,5 +282,4 @@ def _between(total: Array, vertex: Array, criterion: Criterion, step: int) -> Ar
             )
         else:
             merit = criterion_of(mixed, criterion)
-    best: Array = mixed[int(np.argmax(merit))]
-    return best
+    return np.asarray(mixed[int(np.argmax(merit))])

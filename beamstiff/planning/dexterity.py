@@ -45,8 +45,7 @@ def normalised_jacobian(
     jacobian = twist_jacobian(kinematics, posture, check_node(kinematics, node))
     columns = np.array([length if v.kind == "length" else 1.0 for v in kinematics.robot.actuated])
     rows = np.array([1 / length] * 3 + [1.0] * 3)
-    normalised: Array = jacobian * rows[:, None] * columns
-    return normalised
+    return np.asarray(jacobian * rows[:, None] * columns)
 
 
 def inverse_condition(matrix: Array) -> Array:

@@ -46,8 +46,7 @@ class CuttingTable:
         if self.frame == "base":
             return local
         turn = tool[:, :3, :3] if self.frame == "tool" else self._feed(tool, path)
-        result: Array = (rotate_screw(turn) @ local[..., None])[..., 0]
-        return result
+        return np.asarray((rotate_screw(turn) @ local[..., None])[..., 0])
 
     def _variable(self, tool: Array, path: ToolPath) -> Array:
         if self.variable in path.columns:

@@ -115,8 +115,7 @@ def _turn(gap: Array) -> Array:
 
 def _norm(gap: Array, factor: float) -> Array:
     seen = np.isfinite(gap).any(axis=1)
-    result: Array = np.where(seen, factor * np.linalg.norm(np.nan_to_num(gap), axis=1), np.nan)
-    return result
+    return np.asarray(np.where(seen, factor * np.linalg.norm(np.nan_to_num(gap), axis=1), np.nan))
 
 
 def _view(found: Calibration, measured: Measurements, sizes: Sizes) -> StillView | None:

@@ -126,8 +126,7 @@ def tool_places(robot: Robot, rows: Measurements, chosen: NDArray[np.intp]) -> A
     poses, number = np.unique(rows.q[chosen], axis=0, return_inverse=True)
     where = posture(kinematics, poses).node_positions[number.reshape(-1)]
     seen = np.array([kinematics.node_index[name] for name in rows.point[chosen].tolist()])
-    result: Array = where[np.arange(chosen.size), seen]
-    return result
+    return np.asarray(where[np.arange(chosen.size), seen])
 
 
 def line_of(rows: Measurements, at: int) -> str:

@@ -49,8 +49,7 @@ class Compared:
         """Return the norm of the position gap of every row, mm; NaN where none was measured."""
         seen = self.used[:, :3]
         size = 1e3 * np.linalg.norm(np.where(seen, self.measured[:, :3] - predicted[:, :3], 0.0), axis=1)
-        result: Array = np.where(seen.any(axis=1), size, np.nan)
-        return result
+        return np.asarray(np.where(seen.any(axis=1), size, np.nan))
 
 
 def minded(rows: Measurements, robot: Robot) -> list[str]:
