@@ -49,27 +49,10 @@ def calibrate(
 
     Parameters
     ----------
-    measurements : Measurements, or several
-        Absolute rows: joint readings, position of a reflector (`point`), or pose; loaded or not.
-    parameters : sequence of str, optional
-        What to seek: parameters (``"f3.d"``, ``"q2"`` the zero of an encoder, ``"n7.x"`` the place of a
-        reflector), groups (``"base"``, ``"target"``, ``"offsets"``, ``"frames"``) or frames; default all.
-    fixed : sequence of str
-        Likewise: what stays. Readings in the robot's own base frame call for ``"base"``.
-    last : sequence of str
-        Likewise: what is held first where it cannot be told from others.
-    compliances : sequence of str
-        Stiffness values to estimate along, such as ``"J2.torsional"``, as compliances.
+    parameters, fixed, last, compliances, method, noticed, folds, stations
+        As of `beamstiff.calibrate`.
     priors : mapping of str to float, optional
         Standard deviations about the robot's values, by parameter, SI.
-    method : "levenberg-marquardt" or "gauss-newton"
-    noticed : float
-        Signal over noise of a realistic deviation (1 mm, 1 mrad) from which a parameter is sought.
-    folds : int
-        Of the poses, for the errors held out; 0 for none.
-    stations : bool
-        Every table was measured with the robot, or the tracker, in another place: each has a base of its own,
-        ``base1``, ``base2`` and so on.
 
     Examples
     --------

@@ -81,6 +81,7 @@ def exam(
     from beamstiff.exam.table import by_design
     from beamstiff.functions.examine import check_kept, examine, reports_of
     from beamstiff.report.exam import exam_tables, plan_tables, reliability_figure
+    from beamstiff.report.tables import spaced
 
     inputs: list[str | Path] = [] if robot is None else [robot_file(robot)]
     inputs += [] if plan is None else [plan]
@@ -107,7 +108,7 @@ def exam(
         )
     records = list(found.records)
     tables = plan_tables(records) if plan else exam_tables(records)
-    outputs.result(found.notes, (part for one in tables for part in (one, "")), found.to_dict())
+    outputs.result(found.notes, spaced(tables), found.to_dict())
     outputs.draw("figure", lambda: reliability_figure(by_design(records)[0]))
     examined = robot or sets or "Robots of the exam"
     outputs.page("exam", records, examined, facts=found.to_dict(), plan=plan is not None)

@@ -52,6 +52,7 @@ def show(
     from beamstiff.functions.robots import load_robot
     from beamstiff.report.overview import describe
     from beamstiff.report.overview_tables import overview_tables
+    from beamstiff.report.tables import spaced
     from beamstiff.robot.doubts import robot_doubts
 
     if not 1 <= samples <= MOST_SAMPLES:
@@ -72,7 +73,7 @@ def show(
             "the assembly meant, and give a guess closer to it",
             quiet,
         )
-    told = [part for one in overview_tables(facts) for part in (one, "")]
+    told = list(spaced(overview_tables(facts)))
     for one in description.effects:
         sizes = ", ".join(f"{name} {value}" for name, value in one.parameters.items())
         told.append(f"Effect {effects_text([one])}, {one.shape}: {sizes}.")

@@ -12,7 +12,6 @@ import numpy as np
 from beamstiff.errors import BeamstiffError, OptionError, shown
 from beamstiff.measure.doubts import doubts
 from beamstiff.measure.reader import read_measurements
-from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements
 from beamstiff.measure.usable import UnusableError, copies_between
 from beamstiff.robot.description import Robot
@@ -57,11 +56,6 @@ def as_tables(
         read.add(file)
         tables.append(read_measurements(Path(one), robot, require_measured=require_measured))
     return tables
-
-
-def as_measurements(data: DataLike, robot: Robot, *, require_measured: bool = True) -> Measurements:
-    """Return tables of measurements as one, see `as_tables`."""
-    return concatenate(as_tables(data, robot, require_measured=require_measured))
 
 
 def doubts_of(robot: Robot, tables: Sequence[Measurements]) -> list[str]:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from rich import box
 from rich import table as rich_table
-from rich.console import Console, ConsoleOptions, RenderResult
+from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
 from rich.text import Text
 
 MOST_ROWS = 40
@@ -79,6 +79,13 @@ def add_rows(into: Table, rows: Iterable[Sequence[str]], most: int = MOST_ROWS) 
     for row in rows:
         into.add_row(*row)
     into.most = most
+
+
+def spaced(parts: Iterable[RenderableType]) -> Iterator[RenderableType]:
+    """Yield what is printed, each with an empty line behind it."""
+    for part in parts:
+        yield part
+        yield ""
 
 
 def number(value: float) -> str:

@@ -112,7 +112,7 @@ def test_every_output_of_every_command_is_tried() -> None:
 @pytest.fixture(scope="module", autouse=True)
 def quick() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr("beamstiff.cli.exam._diagnose", lambda: always_none)
+        patched.setattr("beamstiff.functions.examine._diagnose", lambda: always_none)
         yield
 
 

@@ -109,10 +109,6 @@ def _size(gap: Array) -> Array:
     return _norm(gap[:, :3], 1e3)
 
 
-def _turn(gap: Array) -> Array:
-    return _norm(gap[:, 3:], 180 / np.pi)
-
-
 def _norm(gap: Array, factor: float) -> Array:
     seen = np.isfinite(gap).any(axis=1)
     return np.asarray(np.where(seen, factor * np.linalg.norm(np.nan_to_num(gap), axis=1), np.nan))
