@@ -53,21 +53,6 @@ def calibrate(
         As of `beamstiff.calibrate`.
     priors : mapping of str to float, optional
         Standard deviations about the robot's values, by parameter, SI.
-
-    Examples
-    --------
-    >>> from beamstiff.calibration.corrected import corrected, nominal_value
-    >>> from beamstiff.measure import make_measurements
-    >>> from beamstiff.robot.kinematics import compile_kinematics, posture
-    >>> from beamstiff.robot.reader import load_robot
-    >>> robot = load_robot("kr500").with_parameters({f"J{k}.torsional": np.inf for k in range(1, 7)})
-    >>> q = np.random.default_rng(0).uniform(-1, 1, (40, 6))
-    >>> truth = compile_kinematics(corrected(robot, {"q2": 1e-3, "f3.d": 5e-4}, q))
-    >>> seen = posture(truth, q).node_positions[:, truth.node_index["n6b"]]
-    >>> rows = make_measurements([f"q{k}" for k in range(1, 7)], q, tcp="n6b", position=seen)
-    >>> found = calibrate(robot, rows, ["q2", "q3", "f3.d", "f4.d"])
-    >>> print(f"{1e3 * found['q2'].value:.6f} mrad, {1e3 * found['f3.d'].change:.6f} mm")
-    1.000000 mrad, 0.500000 mm
     """
     statement = state_calibration(
         robot,

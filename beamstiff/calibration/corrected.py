@@ -34,13 +34,6 @@ def corrected(robot: Robot, changes: Mapping[str, float], q: Array) -> Robot:
         the measuring frame and of the target are no part of a robot and left out.
     q : (P, A) array
         Joint readings at which the loops close, one at least.
-
-    Examples
-    --------
-    >>> from beamstiff.robot.reader import load_robot
-    >>> found = corrected(load_robot("kr500"), {"q2": 1e-3, "f3.d": 2e-4}, np.zeros((1, 6)))
-    >>> found.frames[1].theta, found.frames[2].d
-    ('q2 + 0.001', 1.3002)
     """
     changes = {name: float(by) for name, by in changes.items() if by}
     robot = _apart_from_joints(robot, changes)

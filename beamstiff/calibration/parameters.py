@@ -63,12 +63,6 @@ def known_parameters(
         Whether orientations are measured.
     stations : int
         Places that the robot, or the tracker, stood in.
-
-    Examples
-    --------
-    >>> from beamstiff.robot.reader import load_robot
-    >>> [item.name for item in known_parameters(load_robot("kr500"), ["n6b"], False)][6:16]
-    ['n6b.x', 'n6b.y', 'n6b.z', 'q1', 'q2', 'q3', 'q4', 'q5', 'q6', 'f1.gamma']
     """
     units = {"length": "m", "angle": "rad"}
     found: list[Parameter] = []

@@ -70,14 +70,6 @@ def parts(requirements: list[str]) -> tuple[list[dict[str, Any]], list[dict[str,
     ----------
     requirements : list of str
         As in the metadata of a package: ``"numba>=0.61; extra == 'fast'"``.
-
-    Examples
-    --------
-    >>> needed, optional = parts(["numpy>=1.0", "no-such-library>=2; extra == 'rare'"])
-    >>> needed[0]["name"], needed[0]["fits"]
-    ('numpy', True)
-    >>> optional
-    [{'name': 'no-such-library', 'wanted': '>=2', 'installed': None, 'fits': False, 'extra': 'rare'}]
     """
     needed, optional = list[dict[str, Any]](), list[dict[str, Any]]()
     for requirement in requirements:

@@ -220,19 +220,7 @@ class Outputs:
 
 
 def json_text(value: Any, indent: int = 0) -> str:
-    """Return JSON with one line a row of numbers; NaN and infinity are refused.
-
-    Examples
-    --------
-    >>> print(json_text({"stiffness": [[1.0, 2.0], [3.0, 4.0]], "none": None}))
-    {
-      "stiffness": [
-        [1.0, 2.0],
-        [3.0, 4.0]
-      ],
-      "none": null
-    }
-    """
+    """Return JSON with one line a row of numbers; NaN and infinity are refused."""
     flat = not any(isinstance(item, dict | list | tuple) for item in _items(value))
     if not isinstance(value, dict | list | tuple) or not value or (flat and isinstance(value, list | tuple)):
         return json.dumps(value, allow_nan=False)

@@ -106,17 +106,6 @@ def rewritten(text: str, value: float, decimals: int) -> str:
         What it is to be, in the same unit.
     decimals : int
         That it needs; what `text` had stays if that is more.
-
-    Examples
-    --------
-    >>> (
-    ...     rewritten("12.5", 12.48321, 3),
-    ...     rewritten("+0012.5000", 12.48321, 3),
-    ...     rewritten("1.25E+02", 125.48321, 3),
-    ... )
-    ('12.483', '+0012.4832', '1.25483E+02')
-    >>> rewritten("12.5", 12.5 + 1e-9, 3), rewritten("-0.0", 0.00004, 3)
-    ('12.5', '-0.0')
     """
     parts = _PARTS.fullmatch(text)
     if parts is None:
@@ -162,11 +151,6 @@ def replaced(text: str, changes: Iterable[tuple[Slot, float]]) -> str:
     ----------
     changes : iterable of (Slot, float)
         New values in SI.
-
-    Examples
-    --------
-    >>> replaced("X   1.5, Y 2 ; ok", [(Slot(4, 7, "1.5", 1e-3, 3), 0.0012344)])
-    'X 1.234, Y 2 ; ok'
     """
     parts, at = [], 0
     for slot, value in sorted(changes, key=lambda change: change[0].start):

@@ -162,11 +162,6 @@ def shares_of(classes: Sequence[str]) -> tuple[dict[Kind, int], tuple[str, ...]]
     """Return the share of each kind of case, and the effects asked, of names of kinds and effects.
 
     Every name gets an equal share; ``single`` stands for all effects.
-
-    Examples
-    --------
-    >>> shares_of(["null", "backlash", "hysteresis"])
-    ({'null': 1, 'single': 2}, ('backlash', 'hysteresis'))
     """
     names, known = list(dict.fromkeys(classes)), (*KINDS, *EFFECTS)
     if unknown := [name for name in names if name not in known]:

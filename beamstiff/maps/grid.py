@@ -85,15 +85,6 @@ def make_grid(
     orientation : (3, 3) array or "free", optional
         Of the TCP over positions. Default: as in the posture held, for robots of six actuated variables or
         more; others cannot hold it.
-
-    Examples
-    --------
-    >>> from beamstiff.robot.kinematics import compile_kinematics
-    >>> from beamstiff.robot.reader import load_robot
-    >>> kinematics = compile_kinematics(load_robot("kr240-2"))
-    >>> grid = make_grid(kinematics, {"q2": [0.1, 0.2], "q3": [-1, 0, 1]}, {"q5": 0.8})
-    >>> grid.shape, grid.joint_values(grid.points((slice(1), slice(2))), kinematics.robot)[1]
-    ((2, 3), array([0. , 0.1, 0. , 0. , 0.8, 0. ]))
     """
     robot, held = kinematics.robot, dict(held or {})
     actuated = [variable.name for variable in robot.actuated]
@@ -157,13 +148,7 @@ def _rotation(orientation: ArrayLike | str) -> Array:
 
 
 def boxes(shape: tuple[int, ...], most: int) -> list[Box]:
-    """Return a grid in boxes of at most `most` poses, each of them poses that follow on one another.
-
-    Examples
-    --------
-    >>> [[(part.start, part.stop) for part in box] for box in boxes((2, 5), 3)]
-    [[(0, 1), (0, 2)], [(0, 1), (2, 5)], [(1, 2), (0, 2)], [(1, 2), (2, 5)]]
-    """
+    """Return a grid in boxes of at most `most` poses, each of them poses that follow on one another."""
     whole, split = 1, len(shape)
     while split and whole * shape[split - 1] <= most:
         split -= 1

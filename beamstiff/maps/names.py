@@ -18,11 +18,6 @@ def dimension_names(variables: Iterable[str]) -> dict[str, str]:
     """Return what the axes of a map are called in its file, by variable.
 
     An axis has its variable's name, or ``variable_NAME`` where a map calls something else so.
-
-    Examples
-    --------
-    >>> dimension_names(["q1", "load", "variable_load"])
-    {'q1': 'q1', 'load': 'variable_variable_load', 'variable_load': 'variable_load'}
     """
     names = tuple(variables)
     result = {}

@@ -25,11 +25,6 @@ def finite(value: ArrayLike, name: str, *tail: int, missing: bool = False) -> Ar
         Lengths of the last axes; -1 for any.
     missing : bool
         Whether NaN is allowed, as "not measured".
-
-    Examples
-    --------
-    >>> finite([[1, 2, 3]], "points", 3)
-    array([[1., 2., 3.]])
     """
     try:
         array = np.array(value, dtype=np.float64)

@@ -85,13 +85,7 @@ class Quaternion:
 
 @dataclass(frozen=True)
 class EulerAngles:
-    """Three turns one after the other: `ZYX` about the turned axes (intrinsic), `xyz` about fixed ones.
-
-    Examples
-    --------
-    >>> KUKA.rotations(np.radians([[0.0, 90.0, 0.0]])).round(9)[0, :, 2]
-    array([1., 0., 0.])
-    """
+    """Three turns one after the other: `ZYX` about the turned axes (intrinsic), `xyz` about fixed ones."""
 
     order: str
     count: int = 3
@@ -175,11 +169,6 @@ def named_orientation(name: str) -> Orientation:
     name : str
         ``rotation vector``; ``KUKA ABC`` (intrinsic Z-Y-X); ``Euler ZYX`` and the like (intrinsic, in the
         order of the columns); ``fixed XYZ`` and the like (about axes that stand still).
-
-    Examples
-    --------
-    >>> named_orientation("Euler ZYZ").order, named_orientation("fixed XYZ").order
-    ('ZYZ', 'xyz')
     """
     plain = re.sub(r"[\s_-]+", " ", name.strip().lower())
     if plain in ("rotation vector", "rotvec"):

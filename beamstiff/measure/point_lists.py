@@ -59,18 +59,7 @@ def convert_points(
 def parse_points(
     text: str, profile: Profile, name: str = "<points>", joints: RawTable | None = None
 ) -> PointTable:
-    r"""Return the text of a list of points as a table of measurements; otherwise as `convert_points`.
-
-    Examples
-    --------
-    >>> from beamstiff.measure.profiles import parse_profile
-    >>> profile = parse_profile(
-    ...     "{separator: whitespace, columns: {point: 1, x: 2, y: 3, z: 4}, units: {length: mm}}"
-    ... )
-    >>> print(parse_points("SMR1  1250.5 -3.25 800\n", profile).text)
-    point,x [m],y [m],z [m]
-    SMR1,1.2505,-0.00325,0.8
-    """
+    """Return the text of a list of points as a table of measurements; otherwise as `convert_points`."""
     rows, lines = _rows(text, profile, name)
     labels, values = _cells(rows, lines, profile, name)
     notes: list[str] = []

@@ -31,13 +31,6 @@ def random_designs(
     count : int
         Number of tests of a design, N at most.
     criterion : "D", "A" or "E"
-
-    Examples
-    --------
-    >>> line = np.array([np.diag([1.0, 0.0]), np.diag([0.0, 1.0]), np.diag([0.0, 1.0])])
-    >>> drawn = random_designs(line, 2, "D", draws=300)
-    >>> round(float((drawn.values > 0).mean()), 1)
-    0.7
     """
     if not 1 <= count <= len(information):
         raise BeamstiffError(

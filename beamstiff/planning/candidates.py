@@ -98,13 +98,7 @@ def _shown(low: Array, high: Array) -> str:
 
 
 def force_loads(magnitude: float, directions: Sequence[str] = ("x", "y", "z")) -> Array:
-    """Return forces along axes of the base frame as wrenches (L, 6), N: ``"-z"`` points down.
-
-    Examples
-    --------
-    >>> force_loads(900.0, ["x", "-z"]).tolist()
-    [[900.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0, 0.0, -900.0, 0.0, 0.0, 0.0]]
-    """
+    """Return forces along axes of the base frame as wrenches (L, 6), N: ``"-z"`` points down."""
     loads = np.zeros((len(directions), 6))
     for row, direction in zip(loads, directions, strict=True):
         axis = direction.removeprefix("-").removeprefix("+")

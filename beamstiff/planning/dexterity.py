@@ -52,11 +52,6 @@ def inverse_condition(matrix: Array) -> Array:
     """Return 1/kappa_F of matrices (..., m, n), between 0 (singular) and 1 (isotropic); (...).
 
     Where m and n differ, it is that of the smaller Gram matrix.
-
-    Examples
-    --------
-    >>> inverse_condition(np.diag([1.0, 1.0, 2.0])).round(4)
-    np.float64(0.8165)
     """
     values = np.linalg.svd(matrix, compute_uv=False)
     largest, smallest = values[..., :1], values[..., -1:]
@@ -90,14 +85,6 @@ def characteristic_length(
         Look at poses within the joint limits only; else angles are free to go all around.
     seed : int
         Of the random starts.
-
-    Examples
-    --------
-    >>> from beamstiff.robot.kinematics import compile_kinematics
-    >>> from beamstiff.robot.reader import load_robot
-    >>> found = characteristic_length(compile_kinematics(load_robot("kr240-2")))
-    >>> round(found.length, 3), round(found.condition, 4)
-    (0.683, 1.2515)
     """
     robot, name = kinematics.robot, check_node(kinematics, node)
     if not robot.actuated:

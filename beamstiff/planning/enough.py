@@ -33,13 +33,6 @@ class Enough:
         """Return how many tests bring the worst relative standard error down to a value.
 
         Past the largest number looked at, the error is taken to fall with the root of the number of tests.
-
-        Examples
-        --------
-        >>> line = np.array([np.outer(row, row) for row in ([1.0, 0.2], [0.2, 1.0])] * 10)
-        >>> curve = how_many(line, ["a", "b"], [2, 4, 8])
-        >>> curve.tests_for(0.5), curve.tests_for(0.1)
-        (10, 226)
         """
         if not (np.isfinite(standard_error) and standard_error > 0):
             raise BeamstiffError(f"standard error: found {standard_error}, expected a positive number")

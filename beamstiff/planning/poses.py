@@ -48,13 +48,6 @@ def joint_grid(robot: Robot, over: Mapping[str, ArrayLike], held: Mapping[str, f
         In growing order, at least two.
     held : mapping of str to float, rad or m
         The other variables; those not named are 0.
-
-    Examples
-    --------
-    >>> from beamstiff.robot.reader import load_robot
-    >>> grid = joint_grid(load_robot("kr240-2"), {"q2": [0, 1, 2], "q3": [-1, 0]}, {"q5": 0.8})
-    >>> grid.shape, grid.q[1]
-    ((3, 2), array([0. , 0. , 0. , 0. , 0.8, 0. ]))
     """
     names, held = list(over), dict(held or {})
     if len(names) != 2:

@@ -43,17 +43,6 @@ def find_zones(
         Give one of them: values of at least `least` are good, or those of at most `most`.
     smallest : int
         Leave out regions of fewer points.
-
-    Examples
-    --------
-    >>> from beamstiff.planning.poses import joint_grid
-    >>> from beamstiff.robot.reader import load_robot
-    >>> turn = np.radians(np.arange(-180, 180, 10))
-    >>> grid = joint_grid(load_robot("kr240-2"), {"q2": turn, "q3": turn})
-    >>> values = np.cos(grid.first)[:, None] * np.ones(36)
-    >>> [zone] = find_zones(grid, values, most=-0.7)
-    >>> np.degrees(zone.ranges["q2"]).round(), np.degrees(zone.at["q2"]).round()
-    (array([140., 220.]), np.float64(-180.0))
     """
     if values.shape != grid.shape:
         raise BeamstiffError(f"zones: found values of shape {values.shape}, expected {grid.shape}")

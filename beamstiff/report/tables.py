@@ -100,13 +100,7 @@ def number(value: float) -> str:
 
 
 def small(values: Sequence[float], unit: str) -> tuple[list[str], str]:
-    """Return numbers as tables show them, and their unit: small angles in mrad, lengths in mm.
-
-    Examples
-    --------
-    >>> small([0.0001481, 4.4e-05], "rad"), small([0.02], "m"), small([1.5], "kg")
-    ((['0.1481', '0.044'], 'mrad'), (['20'], 'mm'), (['1.5'], 'kg'))
-    """
+    """Return numbers as tables show them, and their unit: small angles in mrad, lengths in mm."""
     factor, shown = SMALL[unit] if unit in SMALL and max(map(abs, values)) < 1.0 else (1.0, unit)
     return [number(factor * value) for value in values], shown
 

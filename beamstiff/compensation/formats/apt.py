@@ -31,13 +31,7 @@ _NUMBER = re.compile(NUMBER)
 
 
 def read(text: str, source: str) -> Program:
-    r"""Return the targets of an APT text; `text` as of `editing.read_bytes`.
-
-    Examples
-    --------
-    >>> read("UNITS/INCHES\nGOTO/1.0,0.0,2.0", "part.apt").path.poses[0, :3, 3]
-    array([0.0254, 0. , 0.0508])
-    """
+    """Return the targets of an APT text; `text` as of `editing.read_bytes`."""
     places: list[Place] = []
     left: dict[str, list[int]] = {}
     moved: dict[str, int] = {}

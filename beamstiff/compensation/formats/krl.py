@@ -53,13 +53,7 @@ _BASES = re.compile(r"\bTOOL_NO\s+(\d+)\s*,\s*BASE_NO\s+(\d+)", re.IGNORECASE)
 
 
 def read(text: str, source: str) -> Program:
-    """Return the targets of a KRL text; `text` as of `editing.read_bytes`.
-
-    Examples
-    --------
-    >>> read("DECL E6POS XP1={X 1.5,Y 0,Z 900,A 0,B 90,C 0,S 2,T 35}", "cell.dat").path.poses[0, :3, 3]
-    array([0.0015, 0. , 0.9 ])
-    """
+    """Return the targets of a KRL text; `text` as of `editing.read_bytes`."""
     places: list[Place] = []
     notes: list[str] = []
     left: dict[str, list[int]] = {what: [] for what in LEFT}

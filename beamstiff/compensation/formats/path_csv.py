@@ -61,13 +61,7 @@ class _Column:
 
 
 def read(text: str, source: str) -> Program:
-    r"""Return the targets of a path table; `text` as of `editing.read_bytes`.
-
-    Examples
-    --------
-    >>> read("x [mm],y [mm],z [mm],a,b,c\n1,2,3,0,0,0\n", "path.csv").path.poses[0, :3, 3]
-    array([0.001, 0.002, 0.003])
-    """
+    """Return the targets of a path table; `text` as of `editing.read_bytes`."""
     declared: tuple[str, int] | None = None
     header: list[_Column] | None = None
     separator, header_line = ",", 0

@@ -169,13 +169,7 @@ def read_process(path: str | Path) -> Process:
 
 
 def parse_process(text: str, source: str = "<text>") -> Process:
-    """Return the process of a YAML text.
-
-    Examples
-    --------
-    >>> parse_process("{kind: constant, fz: -920 N}").value
-    (0.0, 0.0, -920.0, 0.0, 0.0, 0.0)
-    """
+    """Return the process of a YAML text."""
     data, lines = parse_yaml(text, source)
     try:
         return _process(data)

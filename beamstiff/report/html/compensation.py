@@ -93,13 +93,7 @@ def _facts(result: Compensated) -> Iterator[Fact]:
 
 
 def short(value: float) -> str:
-    """Return a number of three digits at most.
-
-    Examples
-    --------
-    >>> short(0.00040012), short(2.33333)
-    ('0.0004', '2.33')
-    """
+    """Return a number of three digits at most."""
     return f"{value:.3g}"
 
 

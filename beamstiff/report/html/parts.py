@@ -62,13 +62,7 @@ class Fact:
 
 
 def css(name: str) -> dict[str, str]:
-    """Return a colour of the page's theme.
-
-    Examples
-    --------
-    >>> css("ink")
-    {'css': '--ink'}
-    """
+    """Return a colour of the page's theme."""
     return {"css": f"--{name}"}
 
 
@@ -90,13 +84,7 @@ def numbers(values: Array, digits: int = DIGITS) -> list[float | None]:
 
 
 def label(text: str) -> str:
-    """Return a text from people's files for a figure: plotly would read tags in it.
-
-    Examples
-    --------
-    >>> label("<b>J1</b>")
-    '&lt;b&gt;J1&lt;/b&gt;'
-    """
+    """Return a text from people's files for a figure: plotly would read tags in it."""
     return escape(text, quote=False)
 
 
@@ -144,13 +132,7 @@ def plain_layout(height: int = 340, **more: Any) -> dict[str, Any]:
 
 
 def embedded(value: Any) -> str:
-    r"""Return JSON that may stand in a script of a page: no text in it can end the script.
-
-    Examples
-    --------
-    >>> embedded({"name": "</script>"})
-    '{"name":"\\u003c/script\\u003e"}'
-    """
+    """Return JSON that may stand in a script of a page: no text in it can end the script."""
     text = json.dumps(value, allow_nan=False, separators=(",", ":"), default=_plain)
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
