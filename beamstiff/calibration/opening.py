@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from beamstiff.calibration.error_jacobian import Geometry
-from beamstiff.calibration.widened import widened
+from beamstiff.calibration.error_jacobian import Geometry, widened
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.robot.closure import HELD
 from beamstiff.robot.loops import loop_equations, loop_system

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from beamstiff.cli.frames import parse_frame
 from beamstiff.cli.options import (
     Debug,
     Html,
@@ -102,7 +101,7 @@ def compensate(
       x [mm],y [mm],z [mm],a [deg],b [deg],c [deg],fz [N]
       1500,-200,900,0,90,0,-350
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
-    from beamstiff.cli.variables import parse_variables, parse_wrench
+    from beamstiff.cli.variables import parse_frame, parse_variables, parse_wrench
     from beamstiff.functions.checks import one_of
     from beamstiff.functions.compensate import compensate as run
     from beamstiff.functions.robots import as_robot

@@ -177,7 +177,7 @@ MOST_VALUES = 10_000_000  # on one axis
 
 
 def _orientation(text: str | None) -> Array | Literal["free"] | None:
-    from beamstiff.cli.frames import parse_frame
+    from beamstiff.cli.variables import parse_frame
 
     if text is None:
         return None

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import re
 from bisect import bisect_right
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import lru_cache
@@ -22,6 +22,7 @@ ENCODING = "latin-1"
 NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 UNCHANGED = 1e-3  # of the last decimal needed: what is rounding of the way there and back
 LARGEST = 200_000_000  # bytes
+LINE = re.compile(r"[^\r\n]*(?:\r\n|\r|\n|\Z)")
 
 _PARTS = re.compile(
     r"(?P<sign>[+-]?)(?P<whole>[0-9]*)(?P<point>\.?)(?P<decimals>[0-9]*)"
@@ -166,3 +167,24 @@ def replaced(text: str, changes: Iterable[tuple[Slot, float]]) -> str:
         parts += [text[at:start], new]
         at = slot.end
     return "".join([*parts, text[at:]])
+
+
+def masked(text: str, comment: str) -> str:
+    r"""Return the text with comments, from a mark to the end of the line, and ``"strings"`` made blank.
+
+    Examples
+    --------
+    >>> masked('p "a;b" 1 ; not 2\nq', ";")
+    'p       1        \nq'
+    """
+    pattern = re.compile(rf'"[^"\r\n]*"?|{re.escape(comment)}[^\r\n]*')
+    return pattern.sub(lambda found: " " * len(found[0]), text)
+
+
+def lines(text: str) -> Iterator[tuple[int, int, str]]:
+    """Yield number, place and text of every line, without its end."""
+    at = 0
+    for number, match in enumerate(LINE.finditer(text), start=1):
+        if match[0]:
+            yield number, at, match[0].rstrip("\r\n")
+        at = match.end()

@@ -14,11 +14,10 @@ from beamstiff.errors import BeamstiffError, OptionError, shown
 from beamstiff.files import write_whole
 from beamstiff.functions.checks import names_of, one_of, whole
 from beamstiff.functions.robots import as_robot
-from beamstiff.planning.at_random import AtRandom, random_designs
 from beamstiff.planning.campaign import Campaign, by_pose, campaign_of, plan_csv
 from beamstiff.planning.candidates import Noise, candidate_poses, candidate_tests, force_loads, identifiable
 from beamstiff.planning.designs import CRITERIA, Criterion, choose_tests
-from beamstiff.planning.enough import Enough, how_many
+from beamstiff.planning.enough import AtRandom, Enough, how_many, random_designs
 from beamstiff.robot.coerce import RobotLike
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.maps.reasons import Reason
+from beamstiff.maps.names import Reason
 from beamstiff.robot.closure import close_loops
 from beamstiff.robot.inverse import inverse_geometry
 from beamstiff.robot.kinematics import (

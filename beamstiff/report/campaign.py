@@ -6,9 +6,9 @@ import numpy as np
 
 from beamstiff.errors import listed
 from beamstiff.functions.plan import MeasurementPlan
-from beamstiff.planning.at_random import AtRandom
 from beamstiff.planning.campaign import Campaign
 from beamstiff.planning.candidates import Noise
+from beamstiff.planning.enough import AtRandom
 from beamstiff.report.tables import Column, Table, counted, number, table
 from beamstiff.robot.stiffness import parameter_unit
 

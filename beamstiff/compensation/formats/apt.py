@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import re
 
-from beamstiff.compensation.editing import NUMBER, Slot
-from beamstiff.compensation.formats.masking import lines
+from beamstiff.compensation.editing import NUMBER, Slot, lines
 from beamstiff.compensation.formats.program import Place, Program, make_program, refuse
 from beamstiff.errors import BeamstiffError, shown
 from beamstiff.measure.orientation import ToolAxis

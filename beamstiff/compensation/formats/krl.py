@@ -13,8 +13,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from beamstiff.compensation.editing import NUMBER, Slot
-from beamstiff.compensation.formats.masking import lines, masked
+from beamstiff.compensation.editing import NUMBER, Slot, lines, masked
 from beamstiff.compensation.formats.program import Place, Program, make_program, refuse
 from beamstiff.errors import BeamstiffError, shown
 from beamstiff.measure.orientation import KUKA

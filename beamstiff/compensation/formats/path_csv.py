@@ -14,8 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from beamstiff.compensation.editing import NUMBER, Slot, proper
-from beamstiff.compensation.formats.masking import lines
+from beamstiff.compensation.editing import NUMBER, Slot, lines, proper
 from beamstiff.compensation.formats.program import Place, Program, make_program, refuse
 from beamstiff.compensation.path import ToolPath
 from beamstiff.errors import BeamstiffError, listed, shown, suggest

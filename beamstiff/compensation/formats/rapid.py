@@ -11,8 +11,7 @@ import re
 from collections.abc import Iterator
 from typing import NoReturn
 
-from beamstiff.compensation.editing import NUMBER, Slot, line_of
-from beamstiff.compensation.formats.masking import masked
+from beamstiff.compensation.editing import NUMBER, Slot, line_of, masked
 from beamstiff.compensation.formats.program import Place, Program, make_program, refuse
 from beamstiff.errors import BeamstiffError, shown
 from beamstiff.measure.orientation import Quaternion

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.compensation.path import ToolPath, inverse
-from beamstiff.compensation.process import euler_bernoulli, large_displacement
-from beamstiff.compensation.process.friction import sliding
+from beamstiff.compensation.process import large_displacement
 from beamstiff.errors import BeamstiffError
 from beamstiff.se3 import Array
 
+STILL = 1e-9  # m: a way shorter than this is none
 Method = Literal["incremental", "euler-bernoulli"]
 
 
@@ -49,7 +49,7 @@ class Cantilever:
         x, w = distance[touching], deflection[touching]
         way = np.zeros(len(tool)) if self.friction == 0 else self._slid(path)
         if self.method == "euler-bernoulli":
-            normal[touching] = euler_bernoulli.normal_force(x, w)
+            normal[touching] = 3.0 * w / x**3  # over EI: small deflections, on the straight beam
         else:
             for direction in np.unique(way[touching]).tolist():
                 some = touching & (way == direction)
@@ -108,3 +108,20 @@ class Cantilever:
         if self.method == "incremental" and touching.any():
             place[touching] = large_displacement.contact(distance[touching], deflection[touching]).length
         return sliding(place)
+
+
+def sliding(place: Array) -> Array:
+    """Return which way the tool slid to each place along a line, (N,): 1, -1, or 0 where it stood still.
+
+    Parameters
+    ----------
+    place : (N,) array, m
+        On the line, in the order of the path. To the first nothing slid.
+
+    Examples
+    --------
+    >>> sliding(np.array([0.0, 0.1, 0.1, 0.05]))
+    array([ 0., 1., 0., -1.])
+    """
+    way = np.diff(place, prepend=place[:1])
+    return np.where(np.abs(way) > STILL, np.sign(way), 0.0)
