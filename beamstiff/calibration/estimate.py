@@ -42,7 +42,6 @@ def estimate(
     begin: Array,
     identified: Sequence[str],
     method: str = "levenberg-marquardt",
-    iterations: int = ITERATIONS,
 ) -> Estimate:
     """Return the parameters that explain the readings best; those not `identified` stay.
 
@@ -50,8 +49,6 @@ def estimate(
     ----------
     begin : (t,) array
     method : "levenberg-marquardt" or "gauss-newton"
-    iterations : int
-        At most.
     """
     if method not in METHODS:
         raise BeamstiffError(
@@ -67,7 +64,7 @@ def estimate(
     undamped = method == "gauss-newton"
     damping = 0.0 if undamped else DAMPING * float((columns**2).sum(axis=0).mean())
     costs, dampings, converged = [cost], [], False
-    for _ in range(iterations):
+    for _ in range(ITERATIONS):
         step = np.zeros(len(theta))
         lowest = ((floor - theta) / size)[free]
         step[free] = size[free] * damped_step(jacobian[:, free] * size[free], residual, damping, lowest)

@@ -170,17 +170,14 @@ def pooled_sigma(values: ArrayLike, group: ArrayLike) -> tuple[Array, Integers]:
         return np.sqrt(squares / np.where(freedom > 0, freedom, np.nan)), freedom
 
 
-def repeated_states(measurements: Measurements, *, tolerance: float = 1e-6) -> Integers:
+def repeated_states(measurements: Measurements) -> Integers:
     """Return an id for every row (N,), equal for repeats: same configuration, load, load point and point.
 
-    Parameters
-    ----------
-    tolerance : float
-        Joint variables and loads are the same when they agree to this share of the largest in their column.
+    Joint variables and loads are the same when they agree to a millionth of the largest in their column.
     """
     inputs = np.concatenate([measurements.q, measurements.wrench], axis=1)
     size = np.abs(inputs).max(axis=0)
-    rounded = np.round(inputs / np.where(size > 0, size * tolerance, 1.0))
+    rounded = np.round(inputs / np.where(size > 0, size * 1e-6, 1.0))
     names = [
         np.unique(column, return_inverse=True)[1] for column in (measurements.point, measurements.load_point)
     ]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from beamstiff.errors import BeamstiffError, listed, suggest
+from beamstiff.errors import BeamstiffError, listed
 from beamstiff.measure.columns import Column, to_si
 from beamstiff.robot.closure import close_loops
 from beamstiff.robot.description import Robot
@@ -107,16 +107,6 @@ def random_poses(kinematics: Kinematics, count: int, random: np.random.Generator
         f"robot {kinematics.robot.name!r}: only {len(found)} of {count} poses found whose loops close within "
         "the limits of the joints; check the limits, or the guess of the passive variables"
     )
-
-
-def check_node(kinematics: Kinematics, node: str | None) -> str:
-    """Return the node's name, that of the TCP where none is given."""
-    name = kinematics.robot.tcp if node is None else node
-    if name not in kinematics.node_index:
-        raise BeamstiffError(
-            f"robot {kinematics.robot.name!r} has no node {name!r}{suggest(name, kinematics.node_names)}"
-        )
-    return name
 
 
 def rounded_postures(robot: Robot, q: Array, units: Mapping[str, str]) -> Array:

@@ -28,33 +28,16 @@ class Zone:
     at: dict[str, float]  # rad or m: where that is
 
 
-def find_zones(
-    grid: Grid, values: Array, least: float | None = None, most: float | None = None, smallest: int = 1
-) -> list[Zone]:
-    """Return the contiguous regions where values are large (or small) enough, the largest first.
+def find_zones(grid: Grid, values: Array, least: float) -> list[Zone]:
+    """Return the contiguous regions where values (n, m) are at least `least`, the largest first.
 
     A grid over a full turn of an angle is closed: what runs over its edge is one region. Points where there
     is no value (NaN) belong to none.
-
-    Parameters
-    ----------
-    values : (n, m) array
-    least, most : float
-        Give one of them: values of at least `least` are good, or those of at most `most`.
-    smallest : int
-        Leave out regions of fewer points.
     """
     if values.shape != grid.shape:
         raise BeamstiffError(f"zones: found values of shape {values.shape}, expected {grid.shape}")
     with np.errstate(invalid="ignore"):  # NaN is in no zone
-        if least is not None and most is None:
-            return _zones(grid, values >= least, values, values, smallest)
-        if most is not None and least is None:
-            return _zones(grid, values <= most, values, -values, smallest)
-    raise BeamstiffError("zones: expected one threshold, either `least` or `most`")
-
-
-def _zones(grid: Grid, mask: Mask, values: Array, merit: Array, smallest: int) -> list[Zone]:
+        mask = values >= least
     labels, count = ndimage.label(mask)
     number = np.arange(count + 1)
     axes = tuple(zip(grid.names, (grid.first, grid.second), grid.turns, strict=True))
@@ -66,9 +49,7 @@ def _zones(grid: Grid, mask: Mask, values: Array, merit: Array, smallest: int) -
     zones = []
     for label in np.unique(number[1:]):
         region = (number[labels] == label) & mask
-        if region.sum() < smallest:
-            continue
-        i, j = np.unravel_index(np.argmax(np.where(region, merit, -np.inf)), grid.shape)
+        i, j = np.unravel_index(np.argmax(np.where(region, values, -np.inf)), grid.shape)
         ranges = {
             name: _range(ticks, region.any(axis=1 - axis), turns)
             for axis, (name, ticks, turns) in enumerate(axes)

@@ -19,10 +19,8 @@ POINTS = 41  # of a surface, along each input
 LINES = (BLUE, ORANGE, GREEN)
 
 
-def rules_figure(
-    model: FuzzyCompliance, terms: Sequence[tuple[int, int]] | None = None, angles: Sequence[str] = ()
-) -> Figure:
-    """Draw terms of a fuzzy compliance over its first two inputs, and the sets of every input.
+def rules_figure(model: FuzzyCompliance, angles: Sequence[str] = ()) -> Figure:
+    """Draw the largest terms of a fuzzy compliance over its first two inputs, and the sets of every input.
 
     As figure 13 of seed 003. Inputs beyond the two are in the middle of their trained range.
 
@@ -30,19 +28,13 @@ def rules_figure(
     ----------
     model : FuzzyCompliance
         With rules on a partition.
-    terms : sequence of (int, int), optional
-        Displacement component and load direction of each term; default the three largest that are known.
     angles : sequence of str
         Inputs that are angles, drawn in degrees.
     """
     premises = model.system.premises
     if not isinstance(premises, Partition):
         raise BeamstiffError("the rules of a tree have no membership functions to draw")
-    known = model.known
-    chosen = list(terms) if terms is not None else _largest(model)
-    for i, j in chosen:
-        if not known[i, j]:
-            raise BeamstiffError(f"the compliance {DISPLACEMENT[i]} per {WRENCH[j]} was not trained")
+    chosen = _largest(model)
     order = sorted(range(len(premises.inputs)), key=lambda at: -premises.sets[at])
     first, second = sorted(order[:2]) if len(order) > 1 else (order[0], order[0])
     unit = {name: 180 / np.pi if name in angles else 1.0 for name in premises.inputs}

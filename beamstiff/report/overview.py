@@ -100,10 +100,10 @@ def describe(robot: Robot, samples: int = 1000, seed: int = 0) -> dict[str, Any]
     }
 
 
-def reference_posture(robot: Robot, samples: int = 1000, seed: int = 0) -> Array:
+def reference_posture(robot: Robot) -> Array:
     """Return the actuated joint values (A,) of the reference: mid limits, or a sample that closes."""
     kinematics = compile_kinematics(robot)
-    q = _samples(robot, samples, seed)
+    q = _samples(robot, 1000, 0)
     for some in (q[:1], q):
         closure = close_loops(kinematics, some, strict=False)
         if closure.closed.any():

@@ -74,11 +74,11 @@ def table(title: str, *columns: Column | str, left: int = 1) -> Table:
     return Table(title, columns, left=left)
 
 
-def add_rows(into: Table, rows: Iterable[Sequence[str]], most: int = MOST_ROWS) -> None:
-    """Add rows, of which a console shows the first `most`."""
+def add_rows(into: Table, rows: Iterable[Sequence[str]]) -> None:
+    """Add rows, of which a console shows the first `MOST_ROWS`."""
     for row in rows:
         into.add_row(*row)
-    into.most = most
+    into.most = MOST_ROWS
 
 
 def spaced(parts: Iterable[RenderableType]) -> Iterator[RenderableType]:

@@ -216,13 +216,6 @@ def test_what_cannot_be_mapped_is_refused() -> None:
         )
 
 
-def test_dexterity_within_the_limits_keeps_to_them() -> None:
-    found = characteristic_length(KINEMATICS, within_limits=True)
-    limits = np.array([v.limits for v in KR240.actuated])
-    assert ((found.q >= limits[:, 0]) & (found.q <= limits[:, 1])).all()
-    assert found.condition >= 1.2515 - 5e-5
-
-
 def test_the_zones_stand_out_from_the_joint_space() -> None:
     """The zones have more than 0.36; half of the joint space has less."""
     angles = np.radians(np.arange(-180, 180, 4))

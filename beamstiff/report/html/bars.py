@@ -8,6 +8,7 @@ from typing import Any
 from beamstiff.report.html.parts import axis, css, label, plain_layout, scatter
 
 ROW = 30  # px
+WIDEST = 34  # characters of a name
 
 
 def bars(
@@ -95,14 +96,10 @@ def named_rows(names: Sequence[str], title: str, **more: Any) -> dict[str, Any]:
         xaxis=axis(title, **more),
         yaxis=axis(
             tickvals=list(range(len(names))),
-            ticktext=[label(_short(name)) for name in names],
+            ticktext=[label(name if len(name) <= WIDEST else f"{name[: WIDEST - 3]}...") for name in names],
             range=[len(names) - 0.4, -0.6],
             showgrid=False,
             zeroline=False,
         ),
         showlegend=False,
     )
-
-
-def _short(name: str, most: int = 34) -> str:
-    return name if len(name) <= most else f"{name[: most - 3]}..."

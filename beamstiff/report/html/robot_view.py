@@ -265,6 +265,19 @@ def _coloured(lines: Lines, shares: Mapping[str, float], told: Mapping[str, str]
     return lines.moving() | {"shares": value, "hovertext": text}
 
 
+def lines(name: str, hover: str = "text", **line: Any) -> dict[str, Any]:
+    """Return the look of lines in space."""
+    looks = {"type": "scatter3d", "mode": "lines", "connectgaps": False}
+    return {**looks, "name": name, "line": line, "hoverinfo": hover}
+
+
+def base_and_tool(**marker: Any) -> dict[str, Any]:
+    """Return the look of the two ends of a robot."""
+    symbols = {"symbol": ["square", "diamond"], "size": [9, 7], **marker}
+    looks = {"type": "scatter3d", "mode": "markers", "name": "base and tool"}
+    return {**looks, "marker": symbols, "hoverinfo": "text"}
+
+
 def _styles(share: str, most: float) -> list[dict[str, Any]]:
     """Return the looks of the traces; where they are comes from the posture shown."""
     scale = [[0.0, css("part")], [0.12, css("warm")], [1.0, css("hot")]]
@@ -276,34 +289,12 @@ def _styles(share: str, most: float) -> list[dict[str, Any]]:
         "len": 0.7,
         "outlinewidth": 0,
     }
-    lines = {"type": "scatter3d", "mode": "lines", "connectgaps": False}
     return [
-        {
-            **lines,
-            "name": "undeformed",
-            "line": {"color": css("muted"), "width": 3, "dash": "dash"},
-            "hoverinfo": "skip",
-        },
-        {
-            **lines,
-            "name": "links",
-            "line": {"width": 9, **coloured, "colorbar": bar, "showscale": True},
-            "hoverinfo": "text",
-        },
-        {**lines, "name": "joints", "line": {"width": 22, **coloured}, "hoverinfo": "text"},
-        {
-            "type": "scatter3d",
-            "mode": "markers",
-            "name": "base and tool",
-            "marker": {
-                "symbol": ["square", "diamond"],
-                "size": [9, 7],
-                **coloured,
-                "line": {"width": 1, "color": css("ink")},
-            },
-            "hoverinfo": "text",
-        },
-        {**lines, "name": "load", "line": {"color": css("blue"), "width": 6}, "hoverinfo": "text"},
+        lines("undeformed", "skip", color=css("muted"), width=3, dash="dash"),
+        lines("links", width=9, **coloured, colorbar=bar, showscale=True),
+        lines("joints", width=22, **coloured),
+        base_and_tool(**coloured, line={"width": 1, "color": css("ink")}),
+        lines("load", color=css("blue"), width=6),
         {
             "type": "cone",
             "name": "load",

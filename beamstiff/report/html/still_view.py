@@ -10,7 +10,17 @@ import numpy as np
 
 from beamstiff.report.html.links import joint_lines, link_lines
 from beamstiff.report.html.parts import Figure, css, label, numbers, shared
-from beamstiff.report.html.robot_view import AROUND, CAMERAS, FURTHER, LONGEST, RobotView, nice, space
+from beamstiff.report.html.robot_view import (
+    AROUND,
+    CAMERAS,
+    FURTHER,
+    LONGEST,
+    RobotView,
+    base_and_tool,
+    lines,
+    nice,
+    space,
+)
 from beamstiff.report.tables import Table
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, posture
@@ -170,24 +180,10 @@ def _robot(robot: Robot, q: Array, positions: Array, size: float) -> list[dict[s
 
 def _styles(deviations: Sequence[Deviations]) -> list[dict[str, Any]]:
     """Return the looks of the traces; where they are comes from the posture shown."""
-    lines = {"type": "scatter3d", "mode": "lines", "connectgaps": False, "hoverinfo": "text"}
-    return [
-        {**lines, "name": "links", "line": {"width": 8, "color": css("part")}, "showlegend": False},
-        {**lines, "name": "joints", "line": {"width": 18, "color": css("muted")}, "showlegend": False},
-        {
-            "type": "scatter3d",
-            "mode": "markers",
-            "name": "base and tool",
-            "hoverinfo": "text",
-            "marker": {"symbol": ["square", "diamond"], "size": [9, 7], "color": css("soft")},
-            "showlegend": False,
-        },
-        *(
-            {
-                **lines,
-                "name": label(one.name),
-                "line": {"width": 5, "color": css(one.colour), "dash": one.dash},
-            }
-            for one in deviations
-        ),
+    robot = [
+        lines("links", width=8, color=css("part")),
+        lines("joints", width=18, color=css("muted")),
+        base_and_tool(color=css("soft")),
     ]
+    away = [lines(label(one.name), width=5, color=css(one.colour), dash=one.dash) for one in deviations]
+    return [*(one | {"showlegend": False} for one in robot), *away]
