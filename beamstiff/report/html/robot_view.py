@@ -281,7 +281,7 @@ def base_and_tool(**marker: Any) -> dict[str, Any]:
 def _styles(share: str, most: float) -> list[dict[str, Any]]:
     """Return the looks of the traces; where they are comes from the posture shown."""
     scale = [[0.0, css("part")], [0.12, css("warm")], [1.0, css("hot")]]
-    coloured = {"colorscale": scale, "cmin": 0.0, "cmax": most}
+    coloured: dict[str, Any] = {"colorscale": scale, "cmin": 0.0, "cmax": most}
     bar = {
         "title": {"text": share, "side": "right"},
         "tickformat": ".0%",
