@@ -56,7 +56,8 @@ def estimate(
         )
     size = problem.size
     free = np.array([item.name in set(identified) for item in problem.parameters])
-    floor = _floor(problem)
+    positive = np.array([item.group == "compliance" for item in problem.parameters])
+    floor = np.where(positive, LEAST * size, -np.inf)
     theta = np.maximum(begin, floor)
     residual, jacobian = problem.linearised(theta)
     cost = 0.5 * float(residual @ residual)
@@ -95,13 +96,6 @@ def estimate(
             if damping > LARGEST * float((columns**2).sum(axis=0).max(initial=1.0)):
                 break
     return Estimate(theta, np.array(costs), np.array(dampings), converged)
-
-
-def _floor(problem: Problem) -> Array:
-    """Return the least values: compliances are positive."""
-    return np.array(
-        [LEAST * item.size if item.group == "compliance" else -np.inf for item in problem.parameters]
-    )
 
 
 def damped_step(columns: Array, residual: Array, damping: float, lowest: Array) -> Array:

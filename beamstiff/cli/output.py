@@ -221,8 +221,9 @@ class Outputs:
 
 def json_text(value: Any, indent: int = 0) -> str:
     """Return JSON with one line a row of numbers; NaN and infinity are refused."""
-    flat = not any(isinstance(item, dict | list | tuple) for item in _items(value))
-    if not isinstance(value, dict | list | tuple) or not value or (flat and isinstance(value, list | tuple)):
+    listed = isinstance(value, list | tuple)
+    flat = listed and not any(isinstance(item, dict | list | tuple) for item in value)
+    if not isinstance(value, dict | list | tuple) or not value or flat:
         return json.dumps(value, allow_nan=False)
     margin = " " * (indent + 2)
     if isinstance(value, dict):
@@ -234,10 +235,6 @@ def json_text(value: Any, indent: int = 0) -> str:
         lines = [margin + json_text(item, indent + 2) for item in value]
         opening, closing = "[]"
     return f"{opening}\n" + ",\n".join(lines) + f"\n{' ' * indent}{closing}"
-
-
-def _items(value: Any) -> Iterable[Any]:
-    return value if isinstance(value, list | tuple) else ()
 
 
 class _Console(Console):

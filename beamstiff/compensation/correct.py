@@ -116,7 +116,7 @@ def correct_path(
         some = path.at(rows)
         if taught:
             still = np.zeros((len(rows), 6))
-            targets[rows] = _settled(machine, first.q[rows], _constant(still), some.poses)
+            targets[rows] = _settled(machine, first.q[rows], lambda _: still, some.poses)
         meant, load_at = targets[rows], _load_at(load, some, targets[rows])
         before[rows] = difference(_settled(machine, first.q[rows], load_at, meant), meant)
         wrench[rows] = load_at(meant)
@@ -251,10 +251,6 @@ def _possible(machine: Machine, q: Array, errors: Array) -> Array:
     left, size, _ = np.linalg.svd(jacobian, full_matrices=False)
     moving = size > FREE * size[:, :1]
     return np.asarray(np.einsum("nij,nj,nkj,nk->ni", left, moving, left, errors))
-
-
-def _constant(wrench: Array) -> Callable[[Array], Array]:
-    return lambda _: wrench
 
 
 def _load_at(load: Process, path: ToolPath, targets: Array) -> Callable[[Array], Array]:

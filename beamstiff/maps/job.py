@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from hashlib import sha256
 from importlib.metadata import version
 from typing import Any, Literal
 
@@ -82,7 +82,7 @@ class Job:
         return {
             "robot": robot_digest(self.robot),
             "grid": {
-                name: [axis.size, float(axis[0]), float(axis[-1]), _digest(axis)]
+                name: [axis.size, float(axis[0]), float(axis[-1]), sha256(axis.tobytes()).hexdigest()[:16]]
                 for name, axis in zip(grid.names, grid.axes, strict=True)
             },
             "held": dict(zip([v.name for v in self.robot.actuated], grid.q.tolist(), strict=True)),
@@ -155,11 +155,7 @@ def _vector(what: str, values: ArrayLike | None, size: int) -> Array:
 
 def robot_digest(robot: Robot) -> str:
     """Return the SHA-256 of a robot's description."""
-    return hashlib.sha256(repr(robot).encode()).hexdigest()
-
-
-def _digest(axis: Array) -> str:
-    return hashlib.sha256(axis.tobytes()).hexdigest()[:16]
+    return sha256(repr(robot).encode()).hexdigest()
 
 
 def versions() -> dict[str, str]:

@@ -93,16 +93,12 @@ def parse_profile(text: str, name: str = "<profile>") -> Profile:
         raise BeamstiffError(f"{name}:{lines.at(())}: found {shown(data)}, expected keys with values")
     try:
         profile = Profile(**data)
-        _check(profile)
+        if fault := next(_faults(profile), None):
+            raise DescriptionError([fault])
     except DescriptionError as error:
         path, message = error.problems[0]
         raise BeamstiffError(f"{name}:{lines.at(path)}: {'.'.join(map(str, path))}: {message}") from None
     return profile
-
-
-def _check(profile: Profile) -> None:
-    for at, message in _faults(profile):
-        raise DescriptionError([(at, message)])
 
 
 def _faults(profile: Profile) -> Iterator[tuple[tuple[str, ...], str]]:

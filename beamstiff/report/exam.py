@@ -51,7 +51,9 @@ def plan_tables(records: Records) -> Iterator[Table]:
     heads = ("cases", "diagnosis/noise", "gap seen", "exact", "set holds it", "set size")
     result = table(title, "effect", *heads)
     singles = score.by_effect(score.of_kind(records, "single"))
-    for effect, cases in sorted(singles.items(), key=lambda item: (_rate(score.coverage(item[1])), item[0])):
+    rates = {effect: score.coverage(cases).value for effect, cases in singles.items()}
+    for effect in sorted(rates, key=lambda one: (-1.0 if rates[one] is None else rates[one], one)):
+        cases = singles[effect]
         gaps = sorted(record.gap for record in cases)
         found = effect_figures(cases)
         result.add_row(
@@ -274,22 +276,14 @@ def _reached(axes: Axes, names: Sequence[str], rows: Sequence[Mapping[str, Any]]
         axes.plot(
             row["value"], at, "X" if missed else "o", color=colour, label="" if label in known else label
         )
-    axes.set_yticks(range(len(names)), [_folded(name) for name in names])
+    axes.set_yticks(range(len(names)), ["\n".join(wrap(name, 34)) for name in names])
     axes.set(xlim=(-0.02, 1.02), ylim=(len(names) - 0.4, -0.6))
     plain(axes)
-
-
-def _folded(text: str) -> str:
-    return "\n".join(wrap(text, 34))
 
 
 def _cases(records: Records) -> str:
     broken = sum(record.error is not None for record in records)
     return counted(len(records), "case") + (f", {broken} of them broke off" if broken else "")
-
-
-def _rate(figure: Figure) -> float:
-    return -1.0 if figure.value is None else figure.value
 
 
 def _share(figure: Figure) -> str:

@@ -47,14 +47,11 @@ def rules_figure(model: FuzzyCompliance, angles: Sequence[str] = ()) -> Figure:
         else:
             axes = figure.add_subplot(grid[0, column], projection="3d")
             _surface(axes, model, premises, (first, second), (i, j), unit)
-        figure.axes[-1].set_title(f"compliance {name}, {_unit(i, j)}", fontsize="medium")
+        unit_of_term = f"{'µm' if i < 3 else 'µrad'} / {'kN' if j < 3 else 'kN m'}"
+        figure.axes[-1].set_title(f"compliance {name}, {unit_of_term}", fontsize="medium")
     for column, at in enumerate(dict.fromkeys((first, second))):
         _memberships(figure.add_subplot(grid[1, column]), premises, at, unit)
     return figure
-
-
-def _unit(i: int, j: int) -> str:
-    return f"{'µm' if i < 3 else 'µrad'} / {'kN' if j < 3 else 'kN m'}"
 
 
 def _largest(model: FuzzyCompliance) -> list[tuple[int, int]]:

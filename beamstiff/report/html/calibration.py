@@ -119,7 +119,7 @@ def _view(found: Calibration, measured: Measurements, sizes: Sizes) -> StillView
     chosen = chosen[np.isfinite(_size(found.residual)[chosen])]
     stands = found.bases[measured.run if len(found.bases) > 1 else np.zeros(len(measured), dtype=np.intp)]
     back = stands[chosen, :3, :3].swapaxes(-1, -2)
-    at = in_base_frame(found, _predicted(found, measured)).position[chosen]
+    at = in_base_frame(found, replace(measured, position=found.predicted[:, :3])).position[chosen]
     deviations = []
     for key, name, gap, colour in (
         ("nominal", "residual before", found.nominal_residual, "orange"),
@@ -151,11 +151,6 @@ def _view(found: Calibration, measured: Measurements, sizes: Sizes) -> StillView
         "turn with the arm, are an error that is left; lines that point anywhere are noise."
     )
     return still_view(found.robot, postures, deviations, "Magnification of the residuals", caption, table)
-
-
-def _predicted(found: Calibration, measured: Measurements) -> Measurements:
-
-    return replace(measured, position=found.predicted[:, :3])
 
 
 def _errors(found: Calibration) -> Section:

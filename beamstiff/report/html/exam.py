@@ -131,7 +131,11 @@ def _summary(main: Records, lean: Records, rows: Sequence[Row]) -> Iterator[str]
         "shares no equations with it, and diagnosed from their rows alone."
     )
     if missed := [row for row in rows if row.met == "missed"]:
-        parts = [f"{row.name} {_text(row, row.figure.value)} (asked {_asked_text(row)})" for row in missed]
+        parts = [
+            f"{row.name} {_text(row, row.figure.value)} (asked "
+            f"{'at least' if row.better == 'high' else 'at most'} {_text(row, row.required)})"
+            for row in missed
+        ]
         yield f"Missed: {'; '.join(parts)}."
     if worst := score.worst_first(main):
         effect, cases = worst[0]
@@ -322,7 +326,3 @@ def _text(row: Row, value: float | None) -> str:
     if value is None:
         return "-"
     return f"{100 * value:.1f} %" if row.share else f"{value:.3f}"
-
-
-def _asked_text(row: Row) -> str:
-    return f"{'at least' if row.better == 'high' else 'at most'} {_text(row, row.required)}"
