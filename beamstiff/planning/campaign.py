@@ -18,7 +18,7 @@ from beamstiff.se3 import Array
 
 
 @dataclass(frozen=True, eq=False)
-class Campaign:
+class Plan:
     """Tests to make."""
 
     tests: Measurements  # poses and loads without displacements; the rows of a pose stand together
@@ -33,7 +33,7 @@ def by_pose(tests: Measurements, information: Array) -> Array:
     return np.asarray(information.reshape(poses, -1, m, m).sum(axis=1))
 
 
-def campaign_of(tests: Measurements, design: Design, noise: Noise, whole_poses: bool = False) -> Campaign:
+def plan_of(tests: Measurements, design: Design, noise: Noise, whole_poses: bool = False) -> Plan:
     """Return the campaign of a design.
 
     Parameters
@@ -46,7 +46,7 @@ def campaign_of(tests: Measurements, design: Design, noise: Noise, whole_poses: 
     rows = design.chosen
     if whole_poses:
         rows = np.arange(len(tests)).reshape(int(tests.pose.max()) + 1, -1)[rows].reshape(-1)
-    return Campaign(_in_order(subset(tests, rows), noise), design, noise)
+    return Plan(_in_order(subset(tests, rows), noise), design, noise)
 
 
 def _in_order(tests: Measurements, noise: Noise) -> Measurements:
@@ -78,7 +78,7 @@ def _nearest_next(poses: Array) -> list[int]:
     return route
 
 
-def plan_csv(campaign: Campaign, robot: Robot) -> str:
+def plan_csv(campaign: Plan, robot: Robot) -> str:
     """Return the tests as CSV measurements whose displacement columns are to be filled in.
 
     Postures are in degrees and millimetres, with the digits that a pendant takes. The lines before the header

@@ -13,7 +13,7 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.fem.condensation import tcp_compliance
 from beamstiff.fem.structure import compile_structure
 from beamstiff.measure.reader import read_measurements
-from beamstiff.planning.campaign import Campaign, by_pose, campaign_of, plan_csv
+from beamstiff.planning.campaign import Plan, by_pose, plan_csv, plan_of
 from beamstiff.planning.candidates import (
     Noise,
     candidate_poses,
@@ -46,14 +46,14 @@ def plan_campaign(
     region: Any = None,
     whole_poses: bool = False,
     seed: int = 0,
-) -> Campaign:
+) -> Plan:
     """Return the best tests, or whole poses, among random poses."""
     if poses is None:
         poses = candidate_poses(compile_kinematics(robot), candidates, seed, region)
     tests = candidate_tests(robot, poses, loads)
     names, tells = information(robot, tests, noise, parameters)
     design = choose_tests(by_pose(tests, tells) if whole_poses else tells, count, names, criterion)
-    return campaign_of(tests, design, noise, whole_poses)
+    return plan_of(tests, design, noise, whole_poses)
 
 
 def displacement(robot: Robot, q: Array, wrench: Array) -> Array:
