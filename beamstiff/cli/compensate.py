@@ -169,10 +169,8 @@ def _steps(text: str | None) -> tuple[float, float] | None:
     if text is None:
         return None
     kinds = {"step": "length", "angle": "angle"}
-    found = parse_quantities("--resample", [text], kinds, "step=5mm, angle=1deg or both")
-    for name, value in found.items():
-        if not value > 0:
-            raise BeamstiffError(f"--resample: {name}: found {value:g}, expected more than 0")
+    expected = "step=5mm, angle=1deg or both"
+    found = parse_quantities("--resample", [text], kinds, expected, positive=True)
     return found.get("step", float("inf")), found.get("angle", float("inf"))
 
 

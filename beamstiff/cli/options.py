@@ -113,7 +113,12 @@ def parse_quantity(where: str, text: str, kind: str) -> float:
 
 
 def parse_quantities(
-    option: str, texts: Iterable[str], kinds: Mapping[str, str], expected: str, fold: bool = False
+    option: str,
+    texts: Iterable[str],
+    kinds: Mapping[str, str],
+    expected: str,
+    fold: bool = False,
+    positive: bool = False,
 ) -> dict[str, float]:
     """Return quantities, SI, by name, from texts such as ``"x=1.2m,a=90deg"``; `fold`: in any case."""
     values: dict[str, float] = {}
@@ -125,6 +130,8 @@ def parse_quantities(
         if name in values:
             raise BeamstiffError(f"{option}: {name} is given twice")
         values[name] = parse_quantity(f"{option}: {name}", value, kinds[name])
+        if positive and not values[name] > 0:
+            raise BeamstiffError(f"{option}: {name}: found {value!r}, expected more than 0")
     return values
 
 
