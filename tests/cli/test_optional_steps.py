@@ -197,8 +197,7 @@ def test_a_page_that_cannot_be_written_is_an_error_after_the_result(
             raise UnwritableError(f"{path}: cannot be written: no space left on device")
         Path(path).write_text(content, encoding="utf-8")
 
-    for name in (f"beamstiff.cli.{command[0]}.write_whole", "beamstiff.files.write_whole"):
-        monkeypatch.setattr(name, full, raising=False)
+    monkeypatch.setattr("beamstiff.cli.output.write_output", full)
     result = run(*command, "--html", "a.html", "--json", "out.json")
     assert result.exit_code == 2
     assert result.stderr.endswith("a.html: cannot be written: no space left on device\n")
