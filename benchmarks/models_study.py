@@ -8,7 +8,7 @@ are. Published numbers are of other, real machines: they are what was asked, not
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,9 +18,9 @@ from rich.console import Console
 from beamstiff import load_robot, read_measurements
 from beamstiff.identification.models.side_by_side import Models
 from beamstiff.model.fuzzy_compliance import rules_from_table
-from beamstiff.report.check_points import check_points_figure
-from beamstiff.report.figures import save_figure
+from beamstiff.report.figures import BLUE, GREEN, GREY, ORANGE, new_figure, plain, save_figure
 from beamstiff.report.tables import Table, table
+from beamstiff.se3 import Array
 from benchmarks import fuzzy_six_joints, ir663_models, kr500_grid
 from benchmarks.kr500_grid import Row
 
@@ -29,6 +29,7 @@ KR500 = {
     "drives that ripple with the posture of the arm": kr500_grid.by_posture,
     "levers, hardening and bending of usual size": kr500_grid.usual,
 }
+COLOURS = (GREY, BLUE, ORANGE, GREEN, "#CC79A7", "#56B4E9", "#E69F00", "#000000")
 DATA = Path(__file__).resolve().parents[1] / "examples" / "data"
 
 
@@ -80,6 +81,37 @@ def six_joints_table(left: Sequence[fuzzy_six_joints.Left]) -> Table:
         shares = (f"{100 * share:.1f} %" for share in (one.position, one.rotation))
         result.add_row(one.name, str(one.readings), str(one.rules or ""), *shares)
     return result
+
+
+def check_points_figure(
+    errors: Mapping[str, Array], by_size: Mapping[str, Sequence[tuple[float, float]]], title: str
+) -> Figure:
+    """Draw position errors point by point, and mean errors over the size of cubes."""
+    figure = new_figure(12.0, 4.8)
+    figure.suptitle(title)
+    points, sizes = figure.subplots(1, 2, width_ratios=(2, 1))
+    order = np.argsort(next(iter(errors.values())))
+    for at, (name, error) in enumerate(errors.items()):
+        label = f"{name}: mean {1e3 * float(error.mean()):.4f}"
+        points.plot(1e3 * error[order], color=COLOURS[at % len(COLOURS)], linewidth=1.2, label=label)
+    points.set_xlabel("check point")
+    points.set_ylabel("position error, mm")
+    points.legend(frameon=False, fontsize="small")
+    every = sorted({size for curve in by_size.values() for size, _ in curve}, reverse=True)
+    places = {size: at for at, size in enumerate(every)}
+    for at, (name, curve) in enumerate(by_size.items()):
+        drawn = sorted(curve, reverse=True)
+        across, up = [places[size] for size, _ in drawn], [1e3 * error for _, error in drawn]
+        sizes.plot(across, up, marker="os^Dv"[at % 5], color=COLOURS[at + 1], label=name)
+    texts = ["whole" if np.isinf(size) else f"{1e3 * size:.0f}" for size in every]
+    sizes.set_xticks(range(len(every)), texts)
+    sizes.set_xlabel("side of the cubes, mm")
+    sizes.set_ylabel("mean error, mm")
+    for axes in (points, sizes):
+        axes.set_ylim(bottom=0.0)
+        plain(axes)
+    sizes.legend(frameon=False, fontsize="small")
+    return figure
 
 
 def cubes_figure(rows: Sequence[Row]) -> Figure:

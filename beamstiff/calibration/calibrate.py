@@ -49,53 +49,10 @@ def calibrate(
 
     Parameters
     ----------
-    robot : Robot
-    measurements : Measurements, or several
-        Absolute rows: joint readings, position of a reflector (`point`), or pose; loaded or not.
-    parameters : sequence of str, optional
-        What to seek: parameters (``"f3.d"``, ``"q2"`` the zero of an encoder, ``"n7.x"`` the place of a
-        reflector), groups (``"base"``, ``"target"``, ``"offsets"``, ``"frames"``) or frames; default all.
-    fixed : sequence of str
-        Likewise: what stays. Readings in the robot's own base frame call for ``"base"``.
-    last : sequence of str
-        Likewise: what is held first where it cannot be told from others.
-    compliances : sequence of str
-        Stiffness values to estimate along, such as ``"J2.torsional"``, as compliances.
+    parameters, fixed, last, compliances, method, noticed, folds, stations
+        As of `beamstiff.calibrate`.
     priors : mapping of str to float, optional
         Standard deviations about the robot's values, by parameter, SI.
-    method : "levenberg-marquardt" or "gauss-newton"
-    noticed : float
-        Signal over noise of a realistic deviation (1 mm, 1 mrad) from which a parameter is sought.
-    folds : int
-        Of the poses, for the errors held out; 0 for none.
-    stations : bool
-        Every table was measured with the robot, or the tracker, in another place: each has a base of its own,
-        ``base1``, ``base2`` and so on.
-
-    Returns
-    -------
-    Calibration
-
-    Raises
-    ------
-    BeamstiffError
-        When the rows hold no absolute readings or too few, a pose cannot close its loops, a parameter is
-        unknown or would open a loop, a compliance is not loaded.
-
-    Examples
-    --------
-    >>> from beamstiff.calibration.corrected import corrected, nominal_value
-    >>> from beamstiff.measure import make_measurements
-    >>> from beamstiff.robot.kinematics import compile_kinematics, posture
-    >>> from beamstiff.robot.reader import load_robot
-    >>> robot = load_robot("kr500").with_parameters({f"J{k}.torsional": np.inf for k in range(1, 7)})
-    >>> q = np.random.default_rng(0).uniform(-1, 1, (40, 6))
-    >>> truth = compile_kinematics(corrected(robot, {"q2": 1e-3, "f3.d": 5e-4}, q))
-    >>> seen = posture(truth, q).node_positions[:, truth.node_index["n6b"]]
-    >>> rows = make_measurements([f"q{k}" for k in range(1, 7)], q, tcp="n6b", position=seen)
-    >>> found = calibrate(robot, rows, ["q2", "q3", "f3.d", "f4.d"])
-    >>> print(f"{1e3 * found['q2'].value:.6f} mrad, {1e3 * found['f3.d'].change:.6f} mm")
-    1.000000 mrad, 0.500000 mm
     """
     statement = state_calibration(
         robot,

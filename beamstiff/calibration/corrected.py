@@ -29,23 +29,11 @@ def corrected(robot: Robot, changes: Mapping[str, float], q: Array) -> Robot:
 
     Parameters
     ----------
-    robot : Robot
     changes : mapping of str to float
         Deviations by parameter, SI: frames' parameters, encoders' zeros, places of measured points. Those of
         the measuring frame and of the target are no part of a robot and left out.
     q : (P, A) array
         Joint readings at which the loops close, one at least.
-
-    Returns
-    -------
-    Robot
-
-    Examples
-    --------
-    >>> from beamstiff.robot.reader import load_robot
-    >>> found = corrected(load_robot("kr500"), {"q2": 1e-3, "f3.d": 2e-4}, np.zeros((1, 6)))
-    >>> found.frames[1].theta, found.frames[2].d
-    ('q2 + 0.001', 1.3002)
     """
     changes = {name: float(by) for name, by in changes.items() if by}
     robot = _apart_from_joints(robot, changes)
@@ -216,8 +204,7 @@ def _on_axis(kinematics: Kinematics, where: Posture, node: int) -> Array:
     pose = where.transforms[0, frame]
     axis = pose[:3, :3].T @ turns[0].axis[:, 0]
     foot = pose[:3, :3].T @ (turns[0].point[:, 0] - pose[:3, 3])
-    result: Array = foot + ((at - foot) @ axis) * axis
-    return result
+    return np.asarray(foot + ((at - foot) @ axis) * axis)
 
 
 def _point(at: Array) -> tuple[float, float, float]:

@@ -30,23 +30,12 @@ LEAST = 1e-9  # of that size: as good as rigid
 
 @dataclass(frozen=True, eq=False)
 class Elastic:
-    """Elastic displacements as functions of m compliances; N rows.
-
-    Attributes
-    ----------
-    names : tuple of str (m)
-    model : PortModel or None
-        None where no compliance is sought.
-    held : (N, 6) array, m and rad
-        What the linear model leaves out; all of it where none is sought.
-    size : (m,) array
-        Compliance that would move a point by about 1 mm or 1 mrad.
-    """
+    """Elastic displacements as functions of m compliances; N rows."""
 
     names: tuple[str, ...]
-    model: PortModel | None
-    held: Array
-    size: Array
+    model: PortModel | None  # none where no compliance is sought
+    held: Array  # (N, 6), m and rad: what the linear model leaves out; all of it where none is sought
+    size: Array  # (m,): compliance that would move a point by about 1 mm or 1 mrad
 
     def displacement(self, compliance: Array) -> Array:
         """Return ``[d, r]`` of the rows' points, (N, 6), base frame, for compliances (m,)."""
@@ -62,19 +51,13 @@ class Elastic:
 
     def stiffness(self, compliance: Array) -> Array:
         """Return stiffness values (m,) of compliances (m,), those as good as rigid finite."""
-        result: Array = 1.0 / np.maximum(compliance, LEAST * self.size)
-        return result
+        return np.asarray(1.0 / np.maximum(compliance, LEAST * self.size))
 
 
 def elastic_displacement(robot: Robot, rows: Measurements) -> Array:
     """Return how far gravity, payload and the row's load move its point, (N, 6), m and rad, base frame.
 
     Of the stiffness of the loaded machine; the rotation is the TCP's.
-
-    Raises
-    ------
-    BeamstiffError
-        When the structure is a mechanism, or buckles.
     """
     if not gives_way(robot):
         return np.zeros((len(rows), 6))
@@ -103,11 +86,6 @@ def state_elastic(robot: Robot, rows: Measurements, names: Sequence[str]) -> Ela
     """Return what gives way, with the compliances called `names` open.
 
     Something has to load each of them (`felt_names`).
-
-    Raises
-    ------
-    BeamstiffError
-        When there is no such stiffness.
     """
     if not names:
         return Elastic((), None, elastic_displacement(robot, rows), np.zeros(0))
@@ -124,13 +102,7 @@ def state_elastic(robot: Robot, rows: Measurements, names: Sequence[str]) -> Ela
 
 
 def felt_names(robot: Robot, rows: Measurements, names: Sequence[str]) -> list[str]:
-    """Return the stiffness values that gravity or a row's load acts on.
-
-    Raises
-    ------
-    BeamstiffError
-        When nothing loads any of them.
-    """
+    """Return the stiffness values that gravity or a row's load acts on."""
     model = reduce_to_ports(robot, rows, names, gravity=True)
     slopes = np.abs(model.derivatives(model.start, by="compliance")[1]).max(axis=(0, 1))
     felt = [name for name, slope in zip(names, slopes, strict=True) if slope > UNFELT * slopes.max()]
@@ -150,8 +122,7 @@ def is_rigid(parameter: Parameter, value: float) -> bool:
 def compliances_of(robot: Robot, elastic: Elastic) -> Array:
     """Return the robot's compliances (m,), rigid ones as 0."""
     values = np.array([robot.parameter(name) for name in elastic.names], dtype=np.float64)
-    result: Array = 1.0 / values if values.size else values
-    return result
+    return np.asarray(1.0 / values if values.size else values)
 
 
 def compliance_parameters(robot: Robot, elastic: Elastic) -> tuple[Parameter, ...]:

@@ -17,63 +17,40 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.calibration.parameters import AXES, TURNS, Parameter, base_names
-from beamstiff.calibration.widened import MOTION_OF, widened
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.closure import close_loops
+from beamstiff.robot.coupling import Coupling
 from beamstiff.robot.description import Robot
-from beamstiff.robot.frames import Kinematics
+from beamstiff.robot.frames import MOTIONS, Kinematics
 from beamstiff.robot.kinematics import Posture, compile_kinematics, pose_of, posture_at, twist_jacobian
 from beamstiff.robot.loops import rotation_vector_rate
 from beamstiff.se3 import Array, rotation_from_vector
 
 Indices = NDArray[np.intp]
+MOTION_OF = {name: at for at, (name, _, _) in enumerate(MOTIONS)}
 
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """Where the measured points are; N rows.
+    """Where the measured points are; N rows."""
 
-    Attributes
-    ----------
-    posture : Posture
-        Of the distinct poses (P).
-    position : (N, 3) array, m
-    rotation : (N, 3, 3) array
-        Of the TCP's frame (of the target in the measuring frame).
-    """
-
-    posture: Posture
-    position: Array
-    rotation: Array
+    posture: Posture  # of the distinct poses (P)
+    position: Array  # (N, 3), m
+    rotation: Array  # (N, 3, 3): of the TCP's frame (of the target in the measuring frame)
 
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
-    """The rows' points as functions of t parameters of the geometry.
-
-    Attributes
-    ----------
-    robot : Robot
-    parameters : tuple of Parameter (t)
-    kinematics : Kinematics
-        As described.
-    rows : Measurements
-    poses : (P, A) array
-        Distinct joint readings.
-    pose : (N,) array of int
-        Which of them each row has.
-    stations : int
-        Places that the base has in measuring frames: 1, or one for every table of the rows.
-    """
+    """The rows' points as functions of t parameters of the geometry."""
 
     robot: Robot
     parameters: tuple[Parameter, ...]
-    kinematics: Kinematics
+    kinematics: Kinematics  # as described
     rows: Measurements
-    poses: Array
-    pose: Indices
-    stations: int = 1
+    poses: Array  # (P, A): distinct joint readings
+    pose: Indices  # (N,) of int: which of them each row has
+    stations: int = 1  # places that the base has in measuring frames: 1, or one for every table of the rows
 
     @property
     def station(self) -> Indices:
@@ -136,11 +113,6 @@ class Geometry:
         theta : (t,) array
         moved : (N, 6) array, optional
             Elastic displacement ``[d, r]`` of the points, in the base frame.
-
-        Raises
-        ------
-        BeamstiffError
-            When a loop cannot close: names the row.
         """
         kinematics = self.changed(theta)
         posture, position, rotation = self.in_base(kinematics, theta, moved)
@@ -256,3 +228,35 @@ def state_geometry(
     poses, pose = np.unique(rows.q, axis=0, return_inverse=True)
     geometry = tuple(item for item in parameters if item.group != "compliance")
     return Geometry(robot, geometry, kinematics, rows, poses, pose.reshape(-1), stations)
+
+
+def widened(kinematics: Kinematics, parameters: Sequence[tuple[int, int]]) -> Kinematics:
+    """Return the kinematics with parameters (frame, motion) of its frames as actuated variables too.
+
+    They stand behind the actuated ones, and count from the present constants: their value is 0.
+    """
+    joined, extra = kinematics.coupling, len(parameters)
+    variables, free, actuated = *joined.matrix.shape, joined.actuated
+    matrix = np.zeros((variables + extra, free + extra))
+    matrix[:variables, :actuated] = joined.matrix[:, :actuated]
+    matrix[:variables, actuated + extra :] = joined.matrix[:, actuated:]
+    matrix[variables:, actuated : actuated + extra] = np.eye(extra)
+    coefficients = np.zeros((*kinematics.coefficients.shape[:2], variables + extra))
+    coefficients[:, :, :variables] = kinematics.coefficients
+    names = []
+    for at, (frame, motion) in enumerate(parameters):
+        coefficients[frame, motion, variables + at] = 1.0
+        names.append(f"{kinematics.frame_names[frame]}.{MOTIONS[motion][0]}")
+    shifts = [MOTIONS[motion][1] == "shift" for _, motion in parameters]
+    return replace(
+        kinematics,
+        coupling=Coupling(
+            names=(*joined.names, *names),
+            free=(*joined.free[:actuated], *names, *joined.free[actuated:]),
+            actuated=actuated + extra,
+            matrix=matrix,
+            offset=np.concatenate([joined.offset, np.zeros(extra)]),
+        ),
+        prismatic=np.concatenate([kinematics.prismatic, np.array(shifts, dtype=np.bool_)]),
+        coefficients=coefficients,
+    )

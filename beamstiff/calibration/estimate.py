@@ -29,20 +29,11 @@ LARGEST = 1e12
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """Where a search ended.
+    """Where a search ended."""
 
-    Attributes
-    ----------
-    theta : (t,) array
-    costs : (iterations + 1,) array
-        Half the sum of squared weighed residuals, from the start on.
-    damping : (iterations,) array
-    converged : bool
-    """
-
-    theta: Array
-    costs: Array
-    damping: Array
+    theta: Array  # (t,)
+    costs: Array  # (iterations + 1,): half the sum of squared weighed residuals, from the start on
+    damping: Array  # (iterations,)
     converged: bool
 
 
@@ -51,23 +42,13 @@ def estimate(
     begin: Array,
     identified: Sequence[str],
     method: str = "levenberg-marquardt",
-    iterations: int = ITERATIONS,
 ) -> Estimate:
     """Return the parameters that explain the readings best; those not `identified` stay.
 
     Parameters
     ----------
-    problem : Problem
     begin : (t,) array
-    identified : sequence of str
     method : "levenberg-marquardt" or "gauss-newton"
-    iterations : int
-        At most.
-
-    Raises
-    ------
-    BeamstiffError
-        When there is no such method, or a loop cannot close at the start.
     """
     if method not in METHODS:
         raise BeamstiffError(
@@ -75,7 +56,8 @@ def estimate(
         )
     size = problem.size
     free = np.array([item.name in set(identified) for item in problem.parameters])
-    floor = _floor(problem)
+    positive = np.array([item.group == "compliance" for item in problem.parameters])
+    floor = np.where(positive, LEAST * size, -np.inf)
     theta = np.maximum(begin, floor)
     residual, jacobian = problem.linearised(theta)
     cost = 0.5 * float(residual @ residual)
@@ -83,7 +65,7 @@ def estimate(
     undamped = method == "gauss-newton"
     damping = 0.0 if undamped else DAMPING * float((columns**2).sum(axis=0).mean())
     costs, dampings, converged = [cost], [], False
-    for _ in range(iterations):
+    for _ in range(ITERATIONS):
         step = np.zeros(len(theta))
         lowest = ((floor - theta) / size)[free]
         step[free] = size[free] * damped_step(jacobian[:, free] * size[free], residual, damping, lowest)
@@ -114,13 +96,6 @@ def estimate(
             if damping > LARGEST * float((columns**2).sum(axis=0).max(initial=1.0)):
                 break
     return Estimate(theta, np.array(costs), np.array(dampings), converged)
-
-
-def _floor(problem: Problem) -> Array:
-    """Return the least values: compliances are positive."""
-    return np.array(
-        [LEAST * item.size if item.group == "compliance" else -np.inf for item in problem.parameters]
-    )
 
 
 def damped_step(columns: Array, residual: Array, damping: float, lowest: Array) -> Array:

@@ -24,38 +24,19 @@ MENTIONED = 1e-3  # of a column, from which another's part in it is named
 
 @dataclass(frozen=True, eq=False)
 class Observability:
-    """What can be identified; t parameters.
-
-    Attributes
-    ----------
-    names : tuple of str (t)
-    identified : tuple of str
-        The minimal set, in the order of `names`.
-    order : tuple of str
-        All parameters in the order in which they were taken, the dependent ones last.
-    adds : (t,) array
-        In that order, what each adds to those before it: signal over noise of a realistic deviation.
-    singular_values : (t,) array
-        Of the weighed and scaled Jacobian.
-    exact_rank : int
-        Number of parameters that could be told apart without noise.
-    dependent : mapping of str to mapping of str to float
-        By parameter that is held: an error of it looks like these many of the identified ones, SI units.
-    silent : tuple of str
-        Parameters that move no measured point by themselves.
-    condition : float
-        Ratio of the largest and the smallest singular value over the identified ones.
-    """
+    """What can be identified; t parameters."""
 
     names: tuple[str, ...]
-    identified: tuple[str, ...]
-    order: tuple[str, ...]
+    identified: tuple[str, ...]  # the minimal set, in the order of `names`
+    order: tuple[str, ...]  # all parameters in the order in which they were taken, the dependent ones last
+    # (t,): in that order, what each adds to those before it: signal over noise of a realistic deviation
     adds: Array
-    singular_values: Array
-    exact_rank: int
+    singular_values: Array  # (t,): of the weighed and scaled Jacobian
+    exact_rank: int  # number of parameters that could be told apart without noise
+    # by parameter that is held: an error of it looks like these many of the identified ones, SI units
     dependent: Mapping[str, Mapping[str, float]]
-    silent: tuple[str, ...]
-    condition: float
+    silent: tuple[str, ...]  # parameters that move no measured point by themselves
+    condition: float  # ratio of the largest and the smallest singular value over the identified ones
 
 
 def observability(

@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from beamstiff.calibration.error_jacobian import Geometry
-from beamstiff.calibration.widened import widened
+from beamstiff.calibration.error_jacobian import Geometry, widened
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.robot.closure import HELD
 from beamstiff.robot.loops import loop_equations, loop_system
@@ -46,13 +45,7 @@ def opening_parameters(geometry: Geometry) -> dict[str, str]:
 
 
 def refuse_opening(opening: Mapping[str, str], names: Sequence[str]) -> None:
-    """Refuse parameters that were asked for by name and open a loop.
-
-    Raises
-    ------
-    BeamstiffError
-        Naming them and the loop.
-    """
+    """Refuse parameters that were asked for by name and open a loop."""
     if asked := [name for name in names if name in opening]:
         loop = opening[asked[0]]
         raise BeamstiffError(

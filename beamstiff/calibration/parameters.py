@@ -41,26 +41,13 @@ GROUPS = ("base", "target", "offsets", "frames")
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter of the geometry, or a compliance sought along with it.
-
-    Attributes
-    ----------
-    name : str
-    group : str
-        ``"base"``, ``"target"``, ``"offset"``, ``"frame"`` or ``"compliance"``.
-    unit : str
-        ``"m"``, ``"rad"``, or of a compliance ``"m/N"`` or ``"rad/(N*m)"``.
-    size : float
-        A realistic deviation, by which columns of different units compare.
-    rank : int
-        From `SETUP` to `LAST`.
-    """
+    """A parameter of the geometry, or a compliance sought along with it."""
 
     name: str
-    group: Group
-    unit: str
-    size: float
-    rank: int
+    group: Group  # ``"base"``, ``"target"``, ``"offset"``, ``"frame"`` or ``"compliance"``
+    unit: str  # ``"m"``, ``"rad"``, or of a compliance ``"m/N"`` or ``"rad/(N*m)"``
+    size: float  # a realistic deviation, by which columns of different units compare
+    rank: int  # from `SETUP` to `LAST`
 
 
 def known_parameters(
@@ -70,19 +57,12 @@ def known_parameters(
 
     Parameters
     ----------
-    robot : Robot
     points : sequence of str
         Nodes that are measured.
     turned : bool
         Whether orientations are measured.
     stations : int
         Places that the robot, or the tracker, stood in.
-
-    Examples
-    --------
-    >>> from beamstiff.robot.reader import load_robot
-    >>> [item.name for item in known_parameters(load_robot("kr500"), ["n6b"], False)][6:16]
-    ['n6b.x', 'n6b.y', 'n6b.z', 'q1', 'q2', 'q3', 'q4', 'q5', 'q6', 'f1.gamma']
     """
     units = {"length": "m", "angle": "rad"}
     found: list[Parameter] = []
@@ -134,19 +114,12 @@ def choose_parameters(
 
     Parameters
     ----------
-    robot : Robot
-    known : sequence of Parameter
     names : sequence of str, optional
         Parameters, groups (base, target, offsets, frames) or frames (all parameters of one); default all.
     fixed : sequence of str
         Likewise: what stays as it is.
     last : sequence of str
         Likewise: what is left out first where it cannot be told from others.
-
-    Raises
-    ------
-    BeamstiffError
-        When a name is unknown, or nothing is left.
     """
     wanted = known if names is None else [item for item in known if item.name in _named(robot, known, names)]
     out = _named(robot, known, fixed)

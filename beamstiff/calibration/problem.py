@@ -21,33 +21,16 @@ POSITION_NOISE, ROTATION_NOISE = 3e-5, 5e-5  # m, rad: where a table says none, 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Absolute readings to be explained by t parameters: geometry first, compliances behind it; N rows.
-
-    Attributes
-    ----------
-    geometry : Geometry
-    elastic : Elastic
-    parameters : tuple of Parameter (t)
-    used : (N, 6) bool array
-        Which components were measured; n in all.
-    sigma : (N, 6) array, m and rad
-        Their standard deviations.
-    claimed : bool
-        Whether the table states them.
-    expected : (t,) array
-        What is known of the parameters beforehand.
-    prior : (t,) array
-        With which standard deviation; inf nothing.
-    """
+    """Absolute readings to be explained by t parameters: geometry first, compliances behind it; N rows."""
 
     geometry: Geometry
     elastic: Elastic
     parameters: tuple[Parameter, ...]
-    used: NDArray[np.bool_]
-    sigma: Array
-    claimed: bool
-    expected: Array
-    prior: Array
+    used: NDArray[np.bool_]  # (N, 6) bool: which components were measured; n in all
+    sigma: Array  # (N, 6), m and rad: their standard deviations
+    claimed: bool  # whether the table states them
+    expected: Array  # (t,): what is known of the parameters beforehand
+    prior: Array  # (t,): with which standard deviation; inf nothing
 
     @property
     def rows(self) -> Measurements:
@@ -148,19 +131,12 @@ def state_problem(
 
     Parameters
     ----------
-    geometry : Geometry
-    elastic : Elastic
     parameters : sequence of Parameter
         Geometry first, compliances behind it.
     start : (t,) array
         What the robot says.
     priors : mapping of str to float, optional
         Standard deviations about what the robot says, by parameter, SI.
-
-    Raises
-    ------
-    BeamstiffError
-        When a prior is of no parameter, or no positive number.
     """
     rows = geometry.rows
     used = rows.measured_mask

@@ -24,16 +24,11 @@ VAGUE = 5.0  # realistic deviations: what is known of a parameter before the fir
 
 @dataclass(frozen=True, eq=False)
 class Recursion:
-    """The way of the parameters, pose by pose; K steps.
+    """The way of the parameters, pose by pose; K steps."""
 
-    Attributes
-    ----------
-    theta : (K + 1, t) array
-    position, orientation : (K + 1,) arrays, m and rad
-        Root mean square over all poses of the residual's norm; NaN where nothing of it was measured.
-    """
-
-    theta: Array
+    theta: Array  # (K + 1, t)
+    # position, orientation: (K + 1,), m and rad: root mean square over all poses of the residual's norm; NaN
+    # where nothing of it was measured
     position: Array
     orientation: Array
 
@@ -49,7 +44,6 @@ def recursion(
 
     Parameters
     ----------
-    problem : Problem
     begin : (t,) array
     identified : sequence of str
         Parameters that move.
@@ -57,11 +51,6 @@ def recursion(
         How often all poses are gone through.
     memory : bool
         Weigh each pose against all before it, by noise.
-
-    Raises
-    ------
-    BeamstiffError
-        When a loop does not close on the way.
     """
     free = np.array([item.name in set(identified) for item in problem.parameters])
     # without memory the shortest step explains a pose: base and target must not take all of it

@@ -59,22 +59,12 @@ def errors_of(gap: Array, used: NDArray[np.bool_]) -> Errors:
 
 @dataclass(frozen=True)
 class Found:
-    """A parameter as found.
-
-    Attributes
-    ----------
-    parameter : Parameter
-    nominal : float
-        Of the robot, SI: 0 for an encoder's zero.
-    value : float
-    std : float or None
-        Standard deviation; None where it was held.
-    """
+    """A parameter as found."""
 
     parameter: Parameter
-    nominal: float
+    nominal: float  # of the robot, SI: 0 for an encoder's zero
     value: float
-    std: float | None
+    std: float | None  # standard deviation; None where it was held
 
     @property
     def name(self) -> str:

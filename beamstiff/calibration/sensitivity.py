@@ -14,20 +14,11 @@ from beamstiff.se3 import Array
 
 @dataclass(frozen=True, eq=False)
 class SensitivityIndices:
-    """Norms of the columns of the error Jacobian; t parameters.
-
-    Attributes
-    ----------
-    parameters : tuple of Parameter (t)
-    position : (N, t) array
-        mu_P: m per unit of the parameter, by row.
-    orientation : (N, t) array
-        mu_Phi: rad per unit.
-    """
+    """Norms of the columns of the error Jacobian; t parameters."""
 
     parameters: tuple[Parameter, ...]
-    position: Array
-    orientation: Array
+    position: Array  # (N, t): mu_P: m per unit of the parameter, by row
+    orientation: Array  # (N, t): mu_Phi: rad per unit
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -51,7 +42,6 @@ def sensitivity_indices(geometry: Geometry, theta: Array | None = None) -> Sensi
 
     Parameters
     ----------
-    geometry : Geometry
     theta : (t,) array, optional
         Where; the robot as described by default.
     """

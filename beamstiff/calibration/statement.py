@@ -30,20 +30,11 @@ from beamstiff.se3 import Array
 
 @dataclass(frozen=True, eq=False)
 class Statement:
-    """A calibration ready to be estimated.
-
-    Attributes
-    ----------
-    robot : Robot
-    problem : Problem
-    begin : (t,) array
-    observability : Observability
-    notes : tuple of str
-    """
+    """A calibration ready to be estimated."""
 
     robot: Robot
     problem: Problem
-    begin: Array
+    begin: Array  # (t,)
     observability: Observability
     notes: tuple[str, ...] = ()
 
@@ -71,11 +62,6 @@ def state_calibration(
     ----------
     robot, measurements, parameters, fixed, last, compliances, priors, noticed, stations
         As of `calibrate`.
-
-    Raises
-    ------
-    BeamstiffError
-        See `calibrate`.
     """
     rows = measurements if isinstance(measurements, Measurements) else concatenate(measurements)
     _check_readings(robot, rows)

@@ -48,18 +48,12 @@ def gap_of(robot: Robot, rows: Measurements, base: Array | None = None, target: 
 
     Parameters
     ----------
-    robot : Robot
     rows : Measurements
         Absolute.
     base : (4, 4) or (N, 4, 4) array, optional
         Where the robot's base stands in the measuring frame; default there.
     target : (3, 3) array, optional
         How the target is turned against the frame of the TCP.
-
-    Raises
-    ------
-    BeamstiffError
-        When the rows are displacements, or a pose cannot close its loops.
     """
     if rows.kind != "absolute":
         raise BeamstiffError(f"{rows.source}: found displacements, expected absolute positions (x y z)")

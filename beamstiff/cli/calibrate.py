@@ -4,30 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from beamstiff.cli.options import Debug, Html, Json, Quiet, RobotFile, parse_names, robot_file
-from beamstiff.cli.output import (
-    check_outputs,
-    optional_file,
-    people,
-    say,
-    source_of,
-    working,
-    write_figure,
-    write_json,
-)
+from beamstiff.cli.options import Debug, Html, Json, Quiet, RobotFile, option, parse_names, robot_file
+from beamstiff.cli.output import Outputs, working
 from beamstiff.errors import BeamstiffError
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from beamstiff.calibration.result import Calibration
     from beamstiff.calibration.statement import Statement
 
 
 def calibrate(
-    context: typer.Context,
     robot: RobotFile,
     data: Annotated[
         list[str],
@@ -37,90 +29,36 @@ def calibrate(
             "a b c), the reflector as `point`, wrench; units in the header, SI otherwise.",
         ),
     ],
-    parameters: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--parameters",
-            metavar="NAME,...",
-            help="What to seek: f3.d, q2 (an encoder's zero), n7.x (a reflector's place), a frame, or base, "
-            "target, offsets, frames; default all.",
-        ),
-    ] = None,
-    fix: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--fix",
-            metavar="NAME,...",
-            help="What stays, likewise; `base` where the readings are in the robot's own base frame.",
-        ),
-    ] = None,
-    last: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--last",
-            metavar="NAME,...",
-            help="Of parameters that cannot be told apart, hold these first.",
-        ),
-    ] = None,
-    compliances: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--compliances",
-            metavar="NAME,...",
-            help="Stiffness values to estimate along with the geometry, such as J2.torsional.",
-        ),
-    ] = None,
-    prior: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--prior",
-            metavar="NAME=STD",
-            help="Known to within a standard deviation, such as f3.d=0.2mm; of a group (frames=0.5mm) those "
-            "of the unit; repeatable.",
-        ),
-    ] = None,
-    method: Annotated[
-        str, typer.Option("--method", metavar="NAME", help="levenberg-marquardt or gauss-newton.")
-    ] = "levenberg-marquardt",
-    stations: Annotated[
-        bool,
-        typer.Option(
-            "--stations",
-            help="Every table has a base of its own (base1, base2, ...): robot or tracker were moved.",
-        ),
-    ] = False,
-    folds: Annotated[
-        int, typer.Option("--folds", min=0, metavar="N", help="Folds of the errors held out; 0 for none.")
-    ] = 5,
-    test: Annotated[
-        list[str] | None,
-        typer.Option("--test", metavar="CSV", help="Readings to test the calibrated robot on; repeatable."),
-    ] = None,
-    out: Annotated[
-        str | None, typer.Option("--out", metavar="FILE", help="Write the calibrated robot as YAML.")
-    ] = None,
-    readings: Annotated[
-        str | None,
-        typer.Option(
-            "--readings", metavar="CSV", help="Write the readings in the base frame found, for diagnose."
-        ),
-    ] = None,
-    sensitivity: Annotated[
-        str | None,
-        typer.Option(
-            "--sensitivity", metavar="FILE", help="Draw how far each parameter moves and turns the tool."
-        ),
-    ] = None,
-    recursion: Annotated[
-        str | None,
-        typer.Option("--recursion", metavar="FILE", help="Draw the residual, pose after pose counted in."),
-    ] = None,
-    figure: Annotated[
-        str | None,
-        typer.Option(
-            "--figure", metavar="FILE", help="Draw errors and changes, before and after (.png, .svg or .pdf)."
-        ),
-    ] = None,
+    parameters: list[str] | None = option(
+        "NAME,...",
+        "What to seek: f3.d, q2 (an encoder's zero), n7.x (a reflector's place), a frame, or base, "
+        "target, offsets, frames; default all.",
+    ),
+    fix: list[str] | None = option(
+        "NAME,...", "What stays, likewise; `base` where the readings are in the robot's own base frame."
+    ),
+    last: list[str] | None = option("NAME,...", "Of parameters that cannot be told apart, hold these first."),
+    compliances: list[str] | None = option(
+        "NAME,...", "Stiffness values to estimate along with the geometry, such as J2.torsional."
+    ),
+    prior: list[str] | None = option(
+        "NAME=STD",
+        "Known to within a standard deviation, such as f3.d=0.2mm; of a group (frames=0.5mm) those "
+        "of the unit; repeatable.",
+    ),
+    method: str = option("NAME", "levenberg-marquardt or gauss-newton.", "levenberg-marquardt"),
+    stations: bool = typer.Option(
+        False,
+        "--stations",
+        help="Every table has a base of its own (base1, base2, ...): robot or tracker were moved.",
+    ),
+    folds: int = option("N", "Folds of the errors held out; 0 for none.", 5, min=0),
+    test: list[str] | None = option("CSV", "Readings to test the calibrated robot on; repeatable."),
+    out: str | None = option("FILE", "Write the calibrated robot as YAML."),
+    readings: str | None = option("CSV", "Write the readings in the base frame found, for diagnose."),
+    sensitivity: str | None = option("FILE", "Draw how far each parameter moves and turns the tool."),
+    recursion: str | None = option("FILE", "Draw the residual, pose after pose counted in."),
+    figure: str | None = option("FILE", "Draw errors and changes, before and after (.png, .svg or .pdf)."),
     json: Json = None,
     html: Html = None,
     quiet: Quiet = False,
@@ -148,15 +86,9 @@ def calibrate(
     from beamstiff.robot.yaml_edit import robot_yaml
 
     file = robot_file(robot)
-    outputs = {"out": out, "readings": readings, "html": html}
-    drawings = {"figure": figure, "sensitivity": sensitivity, "recursion": recursion}
-    check_outputs([file, *data, *(test or ())], json, **outputs, **drawings)
-    for drawing in drawings.values():
-        if drawing is not None:
-            from beamstiff.report.figures import check_format
-
-            check_format(drawing)
-    source = source_of(context, html, [file, *data, *(test or ())])
+    drawings: dict[str, Any] = {"figure": figure, "sensitivity": sensitivity, "recursion": recursion}
+    inputs: list[str | Path] = [file, *data, *(test or ())]
+    outputs = Outputs(inputs, json, quiet, out=out, readings=readings, html=html, **drawings)
     machine = as_robot(file)
     refuse_fitted(test or (), data)
     tables = as_tables(data, machine)
@@ -174,51 +106,27 @@ def calibrate(
             folds=folds,
             test=test or (),
         )
-    for note in found.notes:
-        say(f"note: {note}", quiet)
-    console = people(quiet, json)
-    console.print(parameters_table(found, f"{machine.name}: calibrated geometry"))
-    console.print()
-    if (dependent := dependent_table(found)) is not None:
-        console.print(dependent)
-        console.print()
-    console.print(errors_table(found))
-    console.print()
-    for line in calibration_text(found):
-        console.print(line)
     assert found.rows is not None
     assert found.statement is not None
-    write_json(found.to_dict(), json)
+    shown: list[Any] = [parameters_table(found, f"{machine.name}: calibrated geometry"), ""]
+    if (dependent := dependent_table(found)) is not None:
+        shown += [dependent, ""]
+    outputs.result(found.notes, [*shown, errors_table(found), "", *calibration_text(found)], found.to_dict())
     if out is not None:
         write_output(
             out, robot_yaml(found.robot, file, found.written_std(machine), f"# {_head(found, data)}\n")
         )
     if readings is not None:
         write_output(readings, measurements_to_csv(in_base_frame(found, found.rows), machine))
-    if sensitivity is not None:
-        with optional_file(sensitivity, quiet):
-            draw(found.statement, machine.name, sensitivity=sensitivity)
-    if recursion is not None:
-        with optional_file(recursion, quiet):
-            draw(found.statement, machine.name, recursion=recursion)
-    if figure is not None:
-        with optional_file(figure, quiet):
-            write_figure(found.plot(), figure)
-    if html is not None and source is not None:
-        from beamstiff.report.html.calibration import calibration_html
-
-        with optional_file(html, quiet):
-            write_output(html, calibration_html(found, machine, found.rows, source))
+    statement = found.statement
+    outputs.draw("sensitivity", lambda: draw_sensitivity(statement, machine.name))
+    outputs.draw("recursion", lambda: draw_recursion(statement, machine.name))
+    outputs.draw("figure", found.plot)
+    outputs.page("calibration", found, machine, found.rows)
 
 
 def parse_priors(texts: Sequence[str]) -> dict[str, list[str]]:
-    """Return standard deviations by name, from texts such as ``"f3.d=0.2mm"``; a name may have several.
-
-    Raises
-    ------
-    BeamstiffError
-        When a text is no prior.
-    """
+    """Return standard deviations by name, from texts such as ``"f3.d=0.2mm"``; a name may have several."""
     result: dict[str, list[str]] = {}
     for text in texts:
         name, equals, value = (word.strip() for word in text.partition("="))
@@ -228,27 +136,27 @@ def parse_priors(texts: Sequence[str]) -> dict[str, list[str]]:
     return result
 
 
-def draw(
-    statement: Statement, name: str, sensitivity: str | None = None, recursion: str | None = None
-) -> None:
-    """Draw sensitivity indices, and the way of the recursion."""
+def draw_sensitivity(statement: Statement, name: str) -> Figure:
+    """Draw the sensitivity indices of what was sought, and of what a frame needs."""
     from beamstiff.calibration.parameters import SPARE
-    from beamstiff.calibration.recursion import recursion as recur
     from beamstiff.calibration.sensitivity import sensitivity_indices
-    from beamstiff.report.geometry import recursion_figure, sensitivity_figure
+    from beamstiff.report.geometry import sensitivity_figure
 
     problem = statement.problem
-    if sensitivity is not None:
-        indices = sensitivity_indices(problem.geometry, problem.split(statement.begin)[0])
-        shown = {item.name for item in problem.geometry.parameters if item.rank != SPARE}
-        indices = indices.some(shown | set(statement.identified))
-        write_figure(sensitivity_figure(indices, f"{name}: sensitivity to geometric errors"), sensitivity)
-    if recursion is not None:
-        ways = {
-            "each pose alone": recur(problem, statement.begin, statement.identified),
-            "all poses so far": recur(problem, statement.begin, statement.identified, memory=True),
-        }
-        write_figure(recursion_figure(ways, f"{name}: calibration pose by pose"), recursion)
+    indices = sensitivity_indices(problem.geometry, problem.split(statement.begin)[0])
+    shown = {item.name for item in problem.geometry.parameters if item.rank != SPARE}
+    indices = indices.some(shown | set(statement.identified))
+    return sensitivity_figure(indices, f"{name}: sensitivity to geometric errors")
+
+
+def draw_recursion(statement: Statement, name: str) -> Figure:
+    """Draw the way of the recursion."""
+    from beamstiff.calibration.recursion import recursion
+    from beamstiff.report.geometry import recursion_figure
+
+    given = (statement.problem, statement.begin, statement.identified)
+    ways = {"each pose alone": recursion(*given), "all poses so far": recursion(*given, memory=True)}
+    return recursion_figure(ways, f"{name}: calibration pose by pose")
 
 
 def _head(found: Calibration, data: Sequence[str]) -> BeamstiffError:

@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamstiff.cli.options import Debug, Html, Json, Quiet, RobotFile, parse_names, robot_file
-from beamstiff.cli.output import (
-    check_outputs,
-    optional_file,
-    people,
-    say,
-    source_of,
-    working,
-    write_figure,
-    write_json,
-)
+from beamstiff.cli.options import Debug, Html, Json, Quiet, RobotFile, option, parse_names, robot_file
+from beamstiff.cli.output import Outputs, working
 from beamstiff.errors import BeamstiffError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from beamstiff.identification.models.side_by_side import Models
+    from beamstiff.robot.description import Robot
 
 
 def compare(
-    context: typer.Context,
     robot: RobotFile,
     data: Annotated[
         list[str],
@@ -31,54 +28,23 @@ def compare(
             "header, SI otherwise.",
         ),
     ],
-    models: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--models",
-            metavar="NAME,...",
-            help="rigid, nominal, parametric, fuzzy, grid, gray box, gaussian process; default all.",
-        ),
-    ] = None,
-    parameters: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--parameters",
-            metavar="NAME,...",
-            help="Stiffness values that are fitted, and may vary; default: what the robot lists under "
-            "`identify`.",
-        ),
-    ] = None,
-    share: Annotated[
-        float, typer.Option("--share", metavar="X", help="Share of the poses to hold out.")
-    ] = 0.25,
-    fit_load: Annotated[
-        float | None,
-        typer.Option(
-            "--fit-load",
-            metavar="N",
-            help="Fit to rows of this load alone, hold all others out; default: hold the largest load out.",
-        ),
-    ] = None,
-    cube: Annotated[
-        float | None,
-        typer.Option(
-            "--cube", metavar="MM", help="Side of the grid's cubes, mm; default a third of the workspace."
-        ),
-    ] = None,
-    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of all that is drawn at random.")] = 0,
+    models: list[str] | None = option(
+        "NAME,...",
+        "rigid, nominal, parametric, fuzzy, grid, gray box, gaussian process; default all.",
+    ),
+    parameters: list[str] | None = option(
+        "NAME,...",
+        "Stiffness values that are fitted, and may vary; default: what the robot lists under `identify`.",
+    ),
+    share: float = option("X", "Share of the poses to hold out.", 0.25),
+    fit_load: float | None = option(
+        "N", "Fit to rows of this load alone, hold all others out; default: hold the largest load out."
+    ),
+    cube: float | None = option("MM", "Side of the grid's cubes, mm; default a third of the workspace."),
+    seed: int = option("N", "Of all that is drawn at random.", 0),
     json: Json = None,
-    figure: Annotated[
-        str | None,
-        typer.Option(
-            "--figure", metavar="FILE", help="Draw the errors over the workspace (.png, .svg or .pdf)."
-        ),
-    ] = None,
-    rules: Annotated[
-        str | None,
-        typer.Option(
-            "--rules", metavar="FILE", help="Draw the fuzzy model's rule surface and membership functions."
-        ),
-    ] = None,
+    figure: str | None = option("FILE", "Draw the errors over the workspace (.png, .svg or .pdf)."),
+    rules: str | None = option("FILE", "Draw the fuzzy model's rule surface and membership functions."),
     html: Html = None,
     quiet: Quiet = False,
     debug: Debug = False,  # noqa: ARG001
@@ -100,7 +66,7 @@ def compare(
     from beamstiff.functions.compare import compare as run
     from beamstiff.functions.robots import as_robot
     from beamstiff.measure.coerce import as_tables
-    from beamstiff.report.compare import loads_table, models_table, models_text
+    from beamstiff.report.compare import loads_table, models_figure, models_table, models_text
 
     names = parse_names(models, "--models")
     if cube is not None and not 0 < cube < float("inf"):
@@ -108,19 +74,14 @@ def compare(
     if rules is not None and names is not None and "fuzzy" not in names:
         raise BeamstiffError("--rules: expected fuzzy among the models")
     machine = as_robot(robot)
-    check_outputs([robot_file(robot), *data], json, figure=figure, rules=rules, html=html)
-    source = source_of(context, html, [robot_file(robot), *data], seed)
-    for path in (figure, rules):
-        if path is not None:
-            from beamstiff.report.figures import check_format
-
-            check_format(path)
-    tables = as_tables(data, machine)
+    inputs: list[str | Path] = [robot_file(robot), *data]
+    outputs = Outputs(inputs, json, quiet, seed=seed, figure=figure, rules=rules, html=html)
+    rows = as_tables(data, machine)
     count = "all" if names is None else len(names)
-    with working(f"fitting {count} models to {sum(map(len, tables))} rows", quiet):
+    with working(f"fitting {count} models to {sum(map(len, rows))} rows", quiet):
         found = run(
             machine,
-            tables,
+            rows,
             parse_names(parameters),
             models=names,
             share=share,
@@ -128,34 +89,21 @@ def compare(
             cube=None if cube is None else 1e-3 * cube,
             seed=seed,
         )
-    for note in found.notes:
-        say(f"note: {note}", quiet)
-    console = people(quiet, json)
-    console.print(models_table(found, f"{machine.name}: position error, RMS / max, mm"))
-    console.print()
-    console.print(loads_table(found, "Rows not fitted, by load: RMS / max, mm"))
-    console.print()
-    for line in models_text(found):
-        console.print(line)
-    write_json(found.to_dict(), json)
-    if figure is not None:
-        from beamstiff.report.compare import models_figure
+    tables = (
+        models_table(found, f"{machine.name}: position error, RMS / max, mm"),
+        loads_table(found, "Rows not fitted, by load: RMS / max, mm"),
+    )
+    outputs.result(found.notes, [tables[0], "", tables[1], "", *models_text(found)], found.to_dict())
+    outputs.draw("figure", lambda: models_figure(found, machine.name))
+    outputs.draw("rules", lambda: _draw_rules(found, machine))
+    outputs.page("comparison", found, machine)
 
-        with optional_file(figure, quiet):
-            write_figure(models_figure(found, machine.name), figure)
-    if rules is not None:
-        from beamstiff.model.fuzzy_compliance import FuzzyCompliance
-        from beamstiff.report.fuzzy import rules_figure
 
-        with optional_file(f"--rules {rules}", quiet):
-            model = found["fuzzy"].model
-            if not isinstance(model, FuzzyCompliance):
-                raise BeamstiffError(f"there is no fuzzy model: {found['fuzzy'].about}")
-            angles = [variable.name for variable in machine.variables if variable.kind == "angle"]
-            write_figure(rules_figure(model, angles=angles), rules)
-    if html is not None and source is not None:
-        from beamstiff.outputs import write_output
-        from beamstiff.report.html.comparison import comparison_html
+def _draw_rules(found: Models, machine: Robot) -> Figure:
+    from beamstiff.model.fuzzy_compliance import FuzzyCompliance
+    from beamstiff.report.fuzzy import rules_figure
 
-        with optional_file(html, quiet):
-            write_output(html, comparison_html(found, machine, source))
+    model = found["fuzzy"].model
+    if not isinstance(model, FuzzyCompliance):
+        raise BeamstiffError(f"there is no fuzzy model: {found['fuzzy'].about}")
+    return rules_figure(model, angles=[item.name for item in machine.variables if item.kind == "angle"])

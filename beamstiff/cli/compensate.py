@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from beamstiff.cli.frames import parse_frame
-from beamstiff.cli.options import Debug, Html, Json, Quiet, RobotFile, parse_names, robot_file
-from beamstiff.cli.output import (
-    check_outputs,
-    optional_file,
-    people,
-    say,
-    source_of,
-    working,
-    write_figure,
-    write_json,
+from beamstiff.cli.options import (
+    Debug,
+    Html,
+    Json,
+    Quiet,
+    RobotFile,
+    option,
+    parse_names,
+    parse_quantities,
+    robot_file,
 )
+from beamstiff.cli.output import Outputs, say, working
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.outputs import write_output
 
@@ -29,7 +29,6 @@ REFUSE, KEEP = "refuse", "keep"
 
 
 def compensate(
-    context: typer.Context,
     robot: RobotFile,
     path: Annotated[
         str,
@@ -38,85 +37,40 @@ def compensate(
             help="Path: .csv; KUKA .src, .dat; ABB .mod, .prg; APT .apt, .cls. Its targets are corrected.",
         ),
     ],
-    out: Annotated[
-        str | None,
-        typer.Option("--out", metavar="FILE", help="Write the corrected path, in the format of PATH."),
-    ] = None,
-    actual: Annotated[
-        str | None,
-        typer.Option(
-            "--actual",
-            metavar="ROBOT",
-            help="The real robot (calibrated geometry, stiffness, effects), where it differs from ROBOT, "
-            "which the controller takes for true.",
-        ),
-    ] = None,
-    wrench: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--wrench",
-            metavar="NAME=VALUE,...",
-            help="Load on the tool's tip, base frame, such as fz=-900N,mx=20; on top of the others.",
-        ),
-    ] = None,
-    process: Annotated[
-        str | None,
-        typer.Option("--process", metavar="FILE", help="Process model (YAML): bent beam, table of forces."),
-    ] = None,
-    base: Annotated[
-        str | None,
-        typer.Option(
-            "--base",
-            metavar="NAME=VALUE,...",
-            help="Frame of the path ($BASE, wobj) in the robot's base frame: x, y, z and a, b, c (KUKA's "
-            "A B C) or qw, qx, qy, qz; default: the same frame.",
-        ),
-    ] = None,
-    tool: Annotated[
-        str | None,
-        typer.Option(
-            "--tool",
-            metavar="NAME=VALUE,...",
-            help="Programmed tool ($TOOL, tooldata) in the frame of the robot's TCP; default: the TCP.",
-        ),
-    ] = None,
-    q: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--q", metavar="NAME=VALUE,...", help="Posture near the first target, to choose the branch."
-        ),
-    ] = None,
-    only: Annotated[
-        list[str] | None,
-        typer.Option("--only", metavar="NAME,...", help="Correct these targets alone; XP* takes many."),
-    ] = None,
-    taught: Annotated[
-        bool,
-        typer.Option("--taught", help="Targets were taught on the unloaded robot: correct the load's part."),
-    ] = False,
-    positions_only: Annotated[
-        bool, typer.Option("--positions-only", help="Leave the orientations as they are.")
-    ] = False,
-    unreachable: Annotated[
-        str,
-        typer.Option(
-            "--unreachable",
-            metavar="refuse|keep",
-            help="Targets that cannot be corrected: write nothing, or leave these as they are.",
-        ),
-    ] = REFUSE,
-    resample: Annotated[
-        str | None,
-        typer.Option(
-            "--resample",
-            metavar="step=LENGTH,angle=ANGLE",
-            help="Put targets in between; --out is a path table (.csv) then.",
-        ),
-    ] = None,
-    figure: Annotated[
-        str | None,
-        typer.Option("--figure", metavar="FILE", help="Draw the path before and after (.png, .svg or .pdf)."),
-    ] = None,
+    out: str | None = option("FILE", "Write the corrected path, in the format of PATH."),
+    actual: str | None = option(
+        "ROBOT",
+        "The real robot (calibrated geometry, stiffness, effects), where it differs from ROBOT, "
+        "which the controller takes for true.",
+    ),
+    wrench: list[str] | None = option(
+        "NAME=VALUE,...", "Load on the tool's tip, base frame, such as fz=-900N,mx=20; on top of the others."
+    ),
+    process: str | None = option("FILE", "Process model (YAML): bent beam, table of forces."),
+    base: str | None = option(
+        "NAME=VALUE,...",
+        "Frame of the path ($BASE, wobj) in the robot's base frame: x, y, z and a, b, c (KUKA's "
+        "A B C) or qw, qx, qy, qz; default: the same frame.",
+    ),
+    tool: str | None = option(
+        "NAME=VALUE,...",
+        "Programmed tool ($TOOL, tooldata) in the frame of the robot's TCP; default: the TCP.",
+    ),
+    q: list[str] | None = option("NAME=VALUE,...", "Posture near the first target, to choose the branch."),
+    only: list[str] | None = option("NAME,...", "Correct these targets alone; XP* takes many."),
+    taught: bool = typer.Option(
+        False, "--taught", help="Targets were taught on the unloaded robot: correct the load's part."
+    ),
+    positions_only: bool = typer.Option(
+        False, "--positions-only", help="Leave the orientations as they are."
+    ),
+    unreachable: str = option(
+        "refuse|keep", "Targets that cannot be corrected: write nothing, or leave these as they are.", REFUSE
+    ),
+    resample: str | None = option(
+        "step=LENGTH,angle=ANGLE", "Put targets in between; --out is a path table (.csv) then."
+    ),
+    figure: str | None = option("FILE", "Draw the path before and after (.png, .svg or .pdf)."),
     json: Json = None,
     html: Html = None,
     quiet: Quiet = False,
@@ -147,7 +101,7 @@ def compensate(
       x [mm],y [mm],z [mm],a [deg],b [deg],c [deg],fz [N]
       1500,-200,900,0,90,0,-350
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
-    from beamstiff.cli.variables import parse_variables, parse_wrench
+    from beamstiff.cli.variables import parse_frame, parse_variables, parse_wrench
     from beamstiff.functions.checks import one_of
     from beamstiff.functions.compensate import compensate as run
     from beamstiff.functions.robots import as_robot
@@ -157,7 +111,6 @@ def compensate(
         compensation_text,
         uncorrected_table,
     )
-    from beamstiff.report.figures import check_format
 
     one_of("unreachable", unreachable, (REFUSE, KEEP))
     steps = _steps(resample)
@@ -165,13 +118,10 @@ def compensate(
         raise BeamstiffError(f"--out {out}: a resampled path is written as a table, expected a name.csv")
     if out is not None and steps is None:
         _check_format(path, out)
-    if figure is not None:
-        check_format(figure)
     controller = as_robot(robot)
     inputs: list[str | Path] = [robot_file(robot), path, *([robot_file(actual)] if actual else [])]
     inputs += [process] if process else []
-    check_outputs(inputs, json, out=out, figure=figure, html=html)
-    source = source_of(context, html, inputs)
+    outputs = Outputs(inputs, json, quiet, out=out, figure=figure, html=html)
     with working("correcting the targets", quiet):
         result = run(
             controller,
@@ -187,31 +137,18 @@ def compensate(
             positions_only=positions_only,
             steps=steps,
         )
-    for note in result.notes:
-        say(f"note: {note}", quiet)
-
-    reasons = result.correction.reasons
-    console = people(quiet, json)
-    if reasons:
-        console.print(uncorrected_table(result))
-    if reasons and unreachable == REFUSE:
-        write_json(result.to_dict(), json)
+    lost = [uncorrected_table(result)] if result.correction.reasons else []
+    refused = bool(lost) and unreachable == REFUSE
+    shown: list[Any] = [] if refused else [compensation_table(result), compensation_text(result)]
+    outputs.result(result.notes, [*lost, *shown], result.to_dict())
+    if refused:
         raise _refusal(result)
-    console.print(compensation_table(result))
-    console.print(compensation_text(result))
-    write_json(result.to_dict(), json)
     if out is not None:
         write_output(out, result.content, as_it_is=steps is None)
-    elif not quiet:
+    else:
         say("note: --out FILE writes the corrected path", quiet)
-    if figure is not None:
-        with optional_file(figure, quiet):
-            write_figure(compensation_figure(result, f"{controller.name}: {Path(path).name}"), figure)
-    if html is not None and source is not None:
-        from beamstiff.report.html.compensation import compensation_html
-
-        with optional_file(html, quiet):
-            write_output(html, compensation_html(result, controller, source))
+    outputs.draw("figure", lambda: compensation_figure(result, f"{controller.name}: {Path(path).name}"))
+    outputs.page("compensation", result, controller)
 
 
 def _check_format(path: str, out: str) -> None:
@@ -228,25 +165,12 @@ def _check_format(path: str, out: str) -> None:
 
 def _steps(text: str | None) -> tuple[float, float] | None:
     """Return the longest step and turn, m and rad, of a text such as ``step=5mm,angle=1deg``."""
-    from beamstiff.units import quantity
-
     if text is None:
         return None
     kinds = {"step": "length", "angle": "angle"}
-    found = dict.fromkeys(kinds, float("inf"))
-    for part in text.split(","):
-        name, equals, value = (word.strip() for word in part.partition("="))
-        if name not in kinds or not equals:
-            raise BeamstiffError(f"--resample: found {part.strip()!r}, expected step=5mm, angle=1deg or both")
-        if found[name] < float("inf"):
-            raise BeamstiffError(f"--resample: {name} is given twice")
-        try:
-            found[name] = quantity(value, kinds[name])
-        except BeamstiffError as error:
-            raise BeamstiffError(f"--resample: {name}: {error}") from None
-        if not found[name] > 0:
-            raise BeamstiffError(f"--resample: {name}: found {value!r}, expected more than 0")
-    return found["step"], found["angle"]
+    expected = "step=5mm, angle=1deg or both"
+    found = parse_quantities("--resample", [text], kinds, expected, positive=True)
+    return found.get("step", float("inf")), found.get("angle", float("inf"))
 
 
 def _refusal(result: Compensated) -> BeamstiffError:

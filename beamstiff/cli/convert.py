@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from beamstiff.cli.options import Debug, Json, Quiet, robot_file
-from beamstiff.cli.output import check_outputs, people, say, write_json
+from beamstiff.cli.options import Debug, Json, Quiet, option, robot_file
+from beamstiff.cli.output import Outputs
 from beamstiff.errors import BeamstiffError, listed, shown
 from beamstiff.files import read_text
 from beamstiff.outputs import write_output
@@ -33,57 +33,25 @@ def convert(
             help="Robot: YAML, URDF, SDF or a table of frames (CSV, YAML). With --profile: a list of points.",
         ),
     ],
-    out: Annotated[
-        str,
-        typer.Option(
-            "--out",
-            metavar="FILE",
-            help="What to write, by its ending: .yaml, .urdf, .sdf, .csv (frames, or with --profile points).",
-        ),
-    ],
-    tcp: Annotated[
-        str | None,
-        typer.Option(
-            "--tcp", metavar="NAME", help="Link (or node) at the TCP, where there are several ends."
-        ),
-    ] = None,
-    joint_stiffness: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--joint-stiffness",
-            metavar="[NAME=]VALUE",
-            help="Stiffness about (or along) the axis of a joint, or of all that have none and fit the unit: "
-            "'1e6 N*m/rad', 'lift=1e8 N/m'. May be given several times.",
-        ),
-    ] = None,
-    convention: Annotated[
-        str | None,
-        typer.Option(
-            "--convention",
-            metavar="NAME",
-            help="Of a table of frames: classic or modified (Denavit-Hartenberg) or khalil-kleinfinger.",
-        ),
-    ] = None,
-    like: Annotated[
-        str | None,
-        typer.Option(
-            "--like", metavar="URDF", help="Write into this URDF text; by default the one that IN came from."
-        ),
-    ] = None,
-    profile: Annotated[
-        str | None,
-        typer.Option(
-            "--profile", metavar="FILE", help="What the columns of a list of points are: a YAML file."
-        ),
-    ] = None,
-    joints: Annotated[
-        str | None,
-        typer.Option(
-            "--joints",
-            metavar="CSV",
-            help="With --profile: joint values and loads, to be joined with the points.",
-        ),
-    ] = None,
+    out: str = option(
+        "FILE",
+        "What to write, by its ending: .yaml, .urdf, .sdf, .csv (frames, or with --profile points).",
+        ...,
+    ),
+    tcp: str | None = option("NAME", "Link (or node) at the TCP, where there are several ends."),
+    joint_stiffness: list[str] | None = option(
+        "[NAME=]VALUE",
+        "Stiffness about (or along) the axis of a joint, or of all that have none and fit the unit: "
+        "'1e6 N*m/rad', 'lift=1e8 N/m'. May be given several times.",
+    ),
+    convention: str | None = option(
+        "NAME", "Of a table of frames: classic or modified (Denavit-Hartenberg) or khalil-kleinfinger."
+    ),
+    like: str | None = option("URDF", "Write into this URDF text; by default the one that IN came from."),
+    profile: str | None = option("FILE", "What the columns of a list of points are: a YAML file."),
+    joints: str | None = option(
+        "CSV", "With --profile: joint values and loads, to be joined with the points."
+    ),
     json: Json = None,
     quiet: Quiet = False,
     debug: Debug = False,  # noqa: ARG001
@@ -108,9 +76,15 @@ def convert(
         robot_file(source),
         *(path for path in (like, profile, joints) if path is not None),
     ]
-    check_outputs(inputs, json, out=out)
+    outputs = Outputs(inputs, json, quiet, out=out)
     if profile is not None:
-        _points(source, profile, joints, out, json, quiet)
+        from beamstiff.measure.point_lists import convert_points
+        from beamstiff.measure.profiles import read_profile
+
+        points = convert_points(source, read_profile(profile), joints)
+        write_output(out, points.text)
+        facts = {"points": points.count, "written": out, "notes": list(points.notes)}
+        outputs.result(points.notes, [f"{points.count} points written to {out}."], facts)
         return
     if joints is not None:
         raise BeamstiffError("--joints: goes with --profile, for lists of points")
@@ -147,17 +121,14 @@ def convert(
     if like is not None and ending != ".urdf":
         raise BeamstiffError("--like: goes with an --out that ends in .urdf")
     write_output(out, text, as_it_is=ending == ".urdf")
-    for note in notes:
-        say(f"note: {note}", quiet)
     moving = [variable.name for variable in robot.variables]
-    write_json(
-        {"robot": robot.name, "tcp": robot.tcp, "variables": moving, "written": out, "notes": notes}, json
-    )
-    people(quiet, json).print(
+    said = (
         f"{robot.name}: {len(robot.frames)} frames, {len(robot.joints)} joints, TCP {robot.tcp}, variables "
-        f"{listed(moving, 12) or 'none'}. Written to {out} ({WRITTEN[ending]}).",
-        soft_wrap=True,
+        f"{listed(moving, 12) or 'none'}. Written to {out} ({WRITTEN[ending]})."
     )
+    facts = {"robot": robot.name, "tcp": robot.tcp, "variables": moving, "written": out, "notes": notes}
+    outputs.result(notes, [], facts)
+    outputs.console.print(said, soft_wrap=True)
 
 
 def read_robot(source: str, tcp: str | None, convention: str | None, written: str = "") -> Robot:
@@ -165,7 +136,6 @@ def read_robot(source: str, tcp: str | None, convention: str | None, written: st
 
     Parameters
     ----------
-    source : str
     tcp : str or None
         Node at the TCP.
     convention : str or None
@@ -205,13 +175,7 @@ def read_robot(source: str, tcp: str | None, convention: str | None, written: st
 
 
 def with_joint_stiffness(robot: Robot, texts: list[str]) -> Robot:
-    """Return the robot with a stiffness about or along the axis of joints that are rigid there.
-
-    Raises
-    ------
-    BeamstiffError
-        When a text is no stiffness with its unit, or fits no joint.
-    """
+    """Return the robot with a stiffness about or along the axis of joints that are rigid there."""
     from beamstiff.robot.coupling import variable_kinds
     from beamstiff.robot.stiffness import stiffness_parameters
     from beamstiff.units import quantity
@@ -278,15 +242,3 @@ def _notes(robot: Robot) -> list[str]:
         f"nothing gives way: the joints {listed(missing, 12)} are rigid; give them a stiffness with "
         "--joint-stiffness '1e6 N*m/rad' (or NAME='...')"
     ]
-
-
-def _points(source: str, profile: str, joints: str | None, out: str, json: str | None, quiet: bool) -> None:
-    from beamstiff.measure.point_lists import convert_points
-    from beamstiff.measure.profiles import read_profile
-
-    made = convert_points(source, read_profile(profile), joints)
-    write_output(out, made.text)
-    for note in made.notes:
-        say(f"note: {note}", quiet)
-    write_json({"points": made.count, "written": out, "notes": list(made.notes)}, json)
-    people(quiet, json).print(f"{made.count} points written to {out}.")

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from beamstiff.cli.options import DataFile, Debug, Html, Json, Preload, Quiet, RobotFile, robot_file
-from beamstiff.cli.output import check_outputs, optional_file, people, say, source_of, working, write_json
+from beamstiff.cli.options import DataFile, Debug, Html, Json, Preload, Quiet, RobotFile, option, robot_file
+from beamstiff.cli.output import Outputs, optional_file, working
 from beamstiff.errors import BeamstiffError
 from beamstiff.outputs import write_output
 
@@ -18,28 +16,15 @@ if TYPE_CHECKING:
 
 
 def deflect(
-    context: typer.Context,
     robot: RobotFile,
     data: DataFile,
     preload: Preload = False,
     json: Json = None,
-    out: Annotated[
-        str | None,
-        typer.Option(
-            "--out", metavar="FILE", help="Write the loads with the predicted displacements as a CSV table."
-        ),
-    ] = None,
-    vtu: Annotated[
-        str | None,
-        typer.Option(
-            "--vtu",
-            metavar="FILE",
-            help="Write the deformed structure for ParaView (.vtu): of the row that moves most, or --line.",
-        ),
-    ] = None,
-    line: Annotated[
-        int | None, typer.Option("--line", metavar="N", help="With --vtu: the line of DATA whose row it is.")
-    ] = None,
+    out: str | None = option("FILE", "Write the loads with the predicted displacements as a CSV table."),
+    vtu: str | None = option(
+        "FILE", "Write the deformed structure for ParaView (.vtu): of the row that moves most, or --line."
+    ),
+    line: int | None = option("N", "With --vtu: the line of DATA whose row it is."),
     html: Html = None,
     quiet: Quiet = False,
     debug: Debug = False,  # noqa: ARG001
@@ -79,35 +64,24 @@ def deflect(
     machine = as_robot(robot)
     if not machine.effects:
         check_stiffness(machine)  # before the table: no table helps
-    check_outputs([robot_file(robot), data], json, out=out, vtu=vtu, html=html)
+    outputs = Outputs([robot_file(robot), data], json, quiet, out=out, vtu=vtu, html=html)
     if vtu is not None and Path(vtu).suffix.lower() != ".vtu":
         raise BeamstiffError(f"--vtu {vtu}: found the ending {Path(vtu).suffix!r}, expected .vtu")
     if line is not None and vtu is None:
         raise BeamstiffError("--line: goes with --vtu")
-    source = source_of(context, html, [robot_file(robot), data])
     (loads,) = as_tables(data, machine, require_measured=False)
     shape_of = None if line is None else _row_of(loads, line)
     with working(f"deflecting {len(loads)} rows", quiet):
         found = predict(machine, loads, preload=preload)
         said = deflection_text(found)  # of numbers that may overflow
-
-    for note in found.notes:
-        say(f"note: {note}", quiet)
-    console = people(quiet, json)
-    console.print(deflection_table(found))
-    console.print("\n".join(said))
-    write_json(found.to_dict(), json)
+    outputs.result(found.notes, [deflection_table(found), "\n".join(said)], found.to_dict())
     if out is not None:
         write_output(out, measurements_to_csv(found.to_measurements(), machine))
     if vtu is not None:
         most = int((found.displacement[:, :3] ** 2).sum(axis=1).argmax())
         with optional_file(vtu, quiet):
-            console.print(_write_shape(machine, loads, most if shape_of is None else shape_of, vtu))
-    if html is not None and source is not None:
-        from beamstiff.report.html.deflection import deflection_html
-
-        with optional_file(html, quiet):
-            write_output(html, deflection_html(found, source))
+            outputs.console.print(_write_shape(machine, loads, most if shape_of is None else shape_of, vtu))
+    outputs.page("deflection", found)
 
 
 def _row_of(loads: Measurements, line: int) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Any
 
 import typer
 
@@ -15,60 +15,36 @@ from beamstiff.cli.options import (
     Quiet,
     Region,
     RobotFile,
+    option,
     parse_names,
     parse_region,
     robot_file,
 )
-from beamstiff.cli.output import (
-    check_outputs,
-    optional_file,
-    people,
-    say,
-    source_of,
-    working,
-    write_figure,
-    write_json,
-)
+from beamstiff.cli.output import Outputs, optional_file, say, working
 from beamstiff.errors import BeamstiffError
 
 
 def diagnose(
-    context: typer.Context,
     robot: RobotFile,
     data: DataFiles,
-    without: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--without",
-            metavar="NAME,...",
-            help="Effects, or effect:component, that cannot be the cause (checked by other means).",
-        ),
-    ] = None,
-    seed: Annotated[
-        int, typer.Option("--seed", min=0, help="Of simulated campaigns and held-out postures.")
-    ] = 0,
-    next_to: Annotated[
-        str | None,
-        typer.Option(
-            "--next",
-            metavar="CSV",
-            help="Write the measurements that would tell most, ready to fill in; near where the tool was "
-            "measured, or in --region.",
-        ),
-    ] = None,
+    without: list[str] | None = option(
+        "NAME,...", "Effects, or effect:component, that cannot be the cause (checked by other means)."
+    ),
+    seed: int = typer.Option(0, help="Of simulated campaigns and held-out postures.", min=0),
+    next_to: str | None = typer.Option(
+        None,
+        "--next",
+        help="Write the measurements that would tell most, ready to fill in; near where the tool was "
+        "measured, or in --region.",
+        metavar="CSV",
+    ),
     region: Region = None,
-    apply: Annotated[
-        str | None,
-        typer.Option(
-            "--apply",
-            metavar="YAML",
-            help="Write the robot with the fitted stiffness and the effects of the verdict, for deflect, "
-            "identify and diagnose.",
-        ),
-    ] = None,
-    figure: Annotated[
-        str | None, typer.Option("--figure", metavar="FILE", help="Draw the diagnosis (.png, .svg or .pdf).")
-    ] = None,
+    apply: str | None = option(
+        "YAML",
+        "Write the robot with the fitted stiffness and the effects of the verdict, for deflect, "
+        "identify and diagnose.",
+    ),
+    figure: str | None = option("FILE", "Draw the diagnosis (.png, .svg or .pdf)."),
     json_to: Json = None,
     html: Html = None,
     quiet: Quiet = False,
@@ -99,26 +75,17 @@ def diagnose(
     from beamstiff.report.diagnosis import LIKELY, diagnosis_figure, diagnosis_tables
 
     file = robot_file(robot)
-    check_outputs([file, *data], json_to, next=next_to, apply=apply, figure=figure, html=html)
-    if figure is not None:
-        from beamstiff.report.figures import check_format
-
-        check_format(figure)
-    source = source_of(context, html, [file, *data], seed)
+    wanted: dict[str, Any] = {"next": next_to, "apply": apply, "figure": figure, "html": html}
+    outputs = Outputs([file, *data], json_to, quiet, seed=seed, **wanted)
     machine = as_robot(file)
     where = parse_region(region)
     excluded = parse_names(without, "--without", "backlash,hardening:q1") or ()
     tables = as_tables(data, machine)
     with working("diagnosing", quiet):
         result = run(machine, tables, without=excluded, region=where, seed=seed)
-    for note in result.notes:
-        say(f"note: {note}", quiet)
-    console = people(quiet, json_to)
-    for item in diagnosis_tables(result):
-        console.print(item)
-    if machine.effects:
-        console.print(f"Known before, and counted in: {effects_text(machine.effects)}.")
-    write_json(result.to_dict(), json_to)
+    known = effects_text(machine.effects)
+    before = [f"Known before, and counted in: {known}."] if known else []
+    outputs.result(result.notes, [*diagnosis_tables(result), *before], result.to_dict())
     if next_to is not None and result.next:
         with optional_file(next_to, quiet):
             write_output(next_to, programme_csv(result))
@@ -134,15 +101,9 @@ def diagnose(
             names = ", ".join(Path(path).name for path in data)
             head = BeamstiffError(f"Stiffness fitted by beamstiff to {names}, and {added} added.")
             write_output(apply, robot_yaml(larger, file, head=f"# {head}\n"))  # the error's text is one line
-            console.print(f"{apply}: the fitted stiffness, and {added} added.")
+            outputs.console.print(f"{apply}: the fitted stiffness, and {added} added.")
             if result.fits and result.verdict.probability < LIKELY:
                 share = f"{100 * result.verdict.probability:.0f} %"
                 say(f"note: {apply} holds what is no more than the likeliest cause ({share})", quiet)
-    if figure is not None:
-        with optional_file(figure, quiet):
-            write_figure(diagnosis_figure(result), figure)
-    if html is not None and source is not None:
-        from beamstiff.report.html.diagnosis import diagnosis_html
-
-        with optional_file(html, quiet):
-            write_output(html, diagnosis_html(result, source))
+    outputs.draw("figure", lambda: diagnosis_figure(result))
+    outputs.page("diagnosis", result)

@@ -8,14 +8,15 @@ import re
 import sys
 from importlib import metadata
 from time import perf_counter
-from typing import Annotated, Any
+from typing import Any
 
 import typer
+from rich.console import Console
 
 from beamstiff._version import __version__
 from beamstiff.cli.group import THREADS
 from beamstiff.cli.options import Debug, Json, Quiet
-from beamstiff.cli.output import check_outputs, people, write_json
+from beamstiff.cli.output import Outputs
 from beamstiff.errors import BeamstiffError
 
 DEVELOPERS = ("dev", "docs")  # extras that users do not miss
@@ -26,9 +27,7 @@ REQUIREMENT = re.compile(
 
 
 def doctor(
-    check: Annotated[
-        bool, typer.Option("--check/--no-check", help="Compare a cantilever with its closed form.")
-    ] = True,
+    check: bool = typer.Option(True, "--check/--no-check", help="Compare a cantilever with its closed form."),
     json: Json = None,
     quiet: Quiet = False,
     debug: Debug = False,  # noqa: ARG001
@@ -44,7 +43,7 @@ def doctor(
       beamstiff doctor
       beamstiff doctor --json -
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
-    check_outputs([], json)
+    outputs = Outputs([], json, quiet)
     needed, optional = parts(_requirements())
     facts: dict[str, Any] = {
         "beamstiff": __version__,
@@ -56,8 +55,10 @@ def doctor(
         "self_check": self_check() if check and all(one["fits"] for one in needed) else None,
     }
     found = problems(facts)
-    _print(facts, found, quiet, json)
-    write_json({**facts, "problems": found}, json)
+    _print(outputs.console, facts)
+    if not found:
+        outputs.console.print("Nothing to mend. Next: beamstiff show ir663")
+    outputs.result([], [], {**facts, "problems": found})
     if found:
         raise BeamstiffError(f"doctor: {'; '.join(found)}")
 
@@ -69,14 +70,6 @@ def parts(requirements: list[str]) -> tuple[list[dict[str, Any]], list[dict[str,
     ----------
     requirements : list of str
         As in the metadata of a package: ``"numba>=0.61; extra == 'fast'"``.
-
-    Examples
-    --------
-    >>> needed, optional = parts(["numpy>=1.0", "no-such-library>=2; extra == 'rare'"])
-    >>> needed[0]["name"], needed[0]["fits"]
-    ('numpy', True)
-    >>> optional
-    [{'name': 'no-such-library', 'wanted': '>=2', 'installed': None, 'fits': False, 'extra': 'rare'}]
     """
     needed, optional = list[dict[str, Any]](), list[dict[str, Any]]()
     for requirement in requirements:
@@ -166,27 +159,26 @@ def problems(facts: dict[str, Any]) -> list[str]:
     return found
 
 
-def _print(facts: dict[str, Any], found: list[str], quiet: bool, json_to: str | None) -> None:
+def _print(console: Console, facts: dict[str, Any]) -> None:
     from beamstiff.report.tables import table
 
-    console = people(quiet, json_to)
     console.print(f"beamstiff {facts['beamstiff']}, Python {facts['python']}, {facts['platform']}")
     console.print(f"in {sys.prefix}", soft_wrap=True)
     console.print()
-    result = table("Libraries", "name", "installed", "wanted", "", left=4)
-    for one in facts["needed"]:
-        result.add_row(one["name"], one["installed"] or "-", one["wanted"], "" if one["fits"] else "MISSING")
-    console.print(result)
-    console.print()
-    result = table("Optional parts", "name", "installed", "wanted", "", left=4)
-    for one in facts["optional"]:
-        how = "" if one["fits"] else f"pip install '{one['name']}{one['wanted']}'"
-        result.add_row(one["name"], one["installed"] or "-", one["wanted"], how)
-    console.print(result)
+    for title, parts, lacks in (
+        ("Libraries", facts["needed"], "MISSING"),
+        ("Optional parts", facts["optional"], "pip install '{name}{wanted}'"),
+    ):
+        result = table(title, "name", "installed", "wanted", "", left=4)
+        for one in parts:
+            how = "" if one["fits"] else lacks.format(**one)
+            result.add_row(one["name"], one["installed"] or "-", one["wanted"], how)
+        console.print(result)
+        console.print()
     algebra = facts["linear_algebra"]
     threads = ", ".join(f"{name}={value}" for name, value in algebra["threads"].items())
     console.print(
-        f"\nLinear algebra: {algebra['blas']}, {algebra['cores']} cores; {threads or 'threads not limited'}"
+        f"Linear algebra: {algebra['blas']}, {algebra['cores']} cores; {threads or 'threads not limited'}"
     )
     console.print("In Python, OMP_NUM_THREADS=1 before numpy loads is the fastest for many small matrices.")
     check = facts["self_check"]
@@ -196,5 +188,3 @@ def _print(facts: dict[str, Any], found: list[str], quiet: bool, json_to: str | 
             f"Self check: {right}; a cantilever to {check['error']:.0e} of its closed form, in "
             f"{check['s']:.1f} s"
         )
-    if not found:
-        console.print("Nothing to mend. Next: beamstiff show ir663")

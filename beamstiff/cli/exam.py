@@ -2,31 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamstiff.cli.options import Debug, Html, Json, Processes, Quiet, Scheduler, parse_names, robot_file
-from beamstiff.cli.output import (
-    check_outputs,
-    optional_file,
-    people,
-    say,
-    source_of,
-    write_figure,
-    write_json,
+from beamstiff.cli.options import (
+    Debug,
+    Html,
+    Json,
+    Processes,
+    Quiet,
+    Scheduler,
+    option,
+    parse_names,
+    robot_file,
 )
+from beamstiff.cli.output import Outputs, progress
 
 if TYPE_CHECKING:
-    from beamstiff.exam.record import Record
-    from beamstiff.exam.run import Void
+    pass
 
 
 def exam(
-    context: typer.Context,
     robot: Annotated[
         str | None,
         typer.Argument(
@@ -35,56 +33,32 @@ def exam(
             "serial robots, arms of random proportions and the closed-loop ir663.",
         ),
     ] = None,
-    plan: Annotated[
-        str | None,
-        typer.Option(
-            "--plan",
-            metavar="CSV",
-            help="Examine on these poses and loads only, a table of measurements or a plan: what could "
-            "be found with it?",
-        ),
-    ] = None,
-    cases: Annotated[int, typer.Option("--cases", min=1, help="How many cases.")] = 100,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Of all draws; the same cases again.")] = 0,
+    plan: str | None = option(
+        "CSV",
+        "Examine on these poses and loads only, a table of measurements or a plan: what could "
+        "be found with it?",
+    ),
+    cases: int = typer.Option(100, help="How many cases.", min=1),
+    seed: int = typer.Option(0, help="Of all draws; the same cases again.", min=0),
     processes: Processes = 1,
     scheduler: Scheduler = None,
-    classes: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--classes",
-            metavar="NAME,...",
-            help="Only cases of these kinds (null, single, pair, outside, removed) or single effects "
-            "(backlash, ...), in equal shares.",
-        ),
-    ] = None,
-    sets: Annotated[
-        str | None,
-        typer.Option(
-            "--sets",
-            metavar="FOLDER",
-            help="Examine on the campaigns of a folder with a labels.json instead of simulated ones.",
-        ),
-    ] = None,
+    classes: list[str] | None = option(
+        "NAME,...",
+        "Only cases of these kinds (null, single, pair, outside, removed) or single effects "
+        "(backlash, ...), in equal shares.",
+    ),
+    sets: str | None = option(
+        "FOLDER", "Examine on the campaigns of a folder with a labels.json instead of simulated ones."
+    ),
     json: Json = None,
-    out: Annotated[
-        str | None,
-        typer.Option(
-            "--out",
-            metavar="FILE",
-            help="Keep every case's result as a line of JSON; a broken-off exam is taken up again there.",
-        ),
-    ] = None,
-    reports: Annotated[
-        str | None, typer.Option("--reports", metavar="FOLDER", help="Keep every diagnosis' report there.")
-    ] = None,
-    figure: Annotated[
-        str | None,
-        typer.Option("--figure", metavar="FILE", help="Draw the reliability diagram (.png, .svg or .pdf)."),
-    ] = None,
-    compare: Annotated[
-        bool,
-        typer.Option("--compare/--no-compare", help="Ask a plain regression too (best BIC), as a control."),
-    ] = True,
+    out: str | None = option(
+        "FILE", "Keep every case's result as a line of JSON; a broken-off exam is taken up again there."
+    ),
+    reports: str | None = option("FOLDER", "Keep every diagnosis' report there."),
+    figure: str | None = option("FILE", "Draw the reliability diagram (.png, .svg or .pdf)."),
+    compare: bool = typer.Option(
+        True, "--compare/--no-compare", help="Ask a plain regression too (best BIC), as a control."
+    ),
     html: Html = None,
     quiet: Quiet = False,
     debug: Debug = False,  # noqa: ARG001
@@ -107,6 +81,7 @@ def exam(
     from beamstiff.exam.table import by_design
     from beamstiff.functions.examine import check_kept, examine, reports_of
     from beamstiff.report.exam import exam_tables, plan_tables, reliability_figure
+    from beamstiff.report.tables import spaced
 
     inputs: list[str | Path] = [] if robot is None else [robot_file(robot)]
     inputs += [] if plan is None else [plan]
@@ -114,14 +89,9 @@ def exam(
         inputs += [path for path in Path(sets).iterdir() if path.is_file()]
     kept = {} if out is None else {"--out": out}
     kept |= {f"--reports {Path(path).name}": path for path in reports_of(reports, sets, cases)}
-    check_outputs(inputs, json, kept, figure=figure, html=html)
+    outputs = Outputs(inputs, json, quiet, seed=seed, elsewhere=kept, figure=figure, html=html)
     check_kept(out, reports, sets, cases)
-    source = source_of(context, html, inputs, seed)
-    if figure is not None:
-        from beamstiff.report.figures import check_format
-
-        check_format(figure)
-    with _bar(cases, quiet) as progress:
+    with progress("examining", quiet, "MofNCompleteColumn", "TimeRemainingColumn", total=cases) as tell:
         found = examine(
             robot,
             plan,
@@ -134,39 +104,11 @@ def exam(
             seed=seed,
             processes=processes,
             scheduler=scheduler,
-            progress=progress,
+            progress=None if tell is None else lambda _: tell(advance=1),
         )
-    for note in found.notes:
-        say(f"note: {note}", quiet)
     records = list(found.records)
-    console = people(quiet, json)
-    for shown in plan_tables(records) if plan else exam_tables(records):
-        console.print(shown)
-        console.print()
-    write_json(found.to_dict(), json)
-    if figure is not None:
-        with optional_file(figure, quiet):
-            write_figure(reliability_figure(by_design(records)[0]), figure)
-    if html is not None and source is not None:
-        from beamstiff.outputs import write_output
-        from beamstiff.report.html.exam import exam_html
-
-        examined = robot or sets or "Robots of the exam"
-        with optional_file(html, quiet):
-            write_output(html, exam_html(records, examined, source, found.to_dict(), plan=plan is not None))
-
-
-@contextmanager
-def _bar(cases: int, quiet: bool) -> Iterator[Callable[[Record | Void], None]]:
-    """Show on stderr how far the exam is, if it is a terminal."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    console = Console(stderr=True, quiet=quiet)
-    if quiet or not console.is_terminal:
-        yield lambda _: None
-        return
-    columns = (TextColumn("examining"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True) as bar:
-        task = bar.add_task("cases", total=cases)
-        yield lambda _: bar.advance(task)
+    tables = plan_tables(records) if plan else exam_tables(records)
+    outputs.result(found.notes, spaced(tables), found.to_dict())
+    outputs.draw("figure", lambda: reliability_figure(by_design(records)[0]))
+    examined = robot or sets or "Robots of the exam"
+    outputs.page("exam", records, examined, facts=found.to_dict(), plan=plan is not None)

@@ -12,7 +12,7 @@ from typing import Any
 
 from typer.core import TyperGroup
 
-from beamstiff.cli.output import say, silence
+from beamstiff.cli.output import TYPED, say, silence
 from beamstiff.errors import BeamstiffError, OptionError
 
 # of a stream: files that commands write or read say for themselves what is wrong with them
@@ -51,7 +51,7 @@ class Commands(TyperGroup):
             if hasattr(stream, "reconfigure"):  # an old code page shows a `?` for a sign that it lacks
                 stream.reconfigure(errors="replace")
         arguments = sys.argv[1:] if args is None else list(args)
-        extra.setdefault("obj", arguments)  # what was typed: reports say it
+        TYPED.set(arguments)
         try:
             code = super().main(
                 args=args,

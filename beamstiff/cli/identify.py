@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import typer
 
@@ -20,142 +19,72 @@ from beamstiff.cli.options import (
     Quiet,
     RobotFile,
     Scheduler,
+    option,
     parse_names,
     robot_file,
 )
-from beamstiff.cli.output import (
-    check_outputs,
-    optional_file,
-    people,
-    say,
-    source_of,
-    working,
-    write_figure,
-    write_json,
-)
+from beamstiff.cli.output import Outputs, progress, working
 from beamstiff.errors import BeamstiffError
 from beamstiff.outputs import write_output
 
 if TYPE_CHECKING:
-    from beamstiff.identification.minimise import Progress
     from beamstiff.identification.objective import Loss
     from beamstiff.identification.problem import Components
     from beamstiff.identification.reduce import Reduced
     from beamstiff.identification.result import Identification
 
+EVALUATED = "{task.completed} evaluations, cost {task.fields[cost]:.4g}"
+
 
 def identify(
-    context: typer.Context,
     robot: RobotFile,
     data: DataFiles,
-    parameters: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--parameters",
-            metavar="NAME,...",
-            help="Stiffness values to identify, such as J12.torsional (a joint's), screw2 (a strut's) or "
-            "arm.E (a beam's modulus); default: what the robot lists under `identify`.",
-        ),
-    ] = None,
-    method: Annotated[
-        str,
-        typer.Option(
-            "--method",
-            metavar="NAME",
-            help="trust-region, levenberg-marquardt, linear, slsqp, mma, lbfgs, bobyqa; global: isres, crs2, "
-            "esch, mlsl, genetic.",
-        ),
-    ] = "trust-region",
-    fix: Annotated[
-        list[str] | None,
-        typer.Option("--fix", metavar="NAME,...", help="Parameters that stay as they are in the robot."),
-    ] = None,
-    tie: Annotated[
-        list[str] | None,
-        typer.Option("--tie", metavar="NAME,NAME,...", help="Parameters that keep their ratio; repeatable."),
-    ] = None,
-    bound: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--bound",
-            metavar="NAME=LOW:HIGH",
-            help="Least and largest value, either may be empty; repeatable.",
-        ),
-    ] = None,
-    prior: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--prior",
-            metavar="NAME=VALUE:FACTOR",
-            help="Known beforehand, to within a factor at one standard deviation (1.5); repeatable.",
-        ),
-    ] = None,
-    loss: Annotated[
-        str,
-        typer.Option(
-            "--loss", metavar="NAME", help="linear (least squares); against bad rows soft_l1, huber, cauchy."
-        ),
-    ] = "linear",
-    use: Annotated[
-        str, typer.Option("--use", metavar="WHAT", help="Readings that count: position, rotation or both.")
-    ] = "both",
-    input_error: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--input-error",
-            metavar="NAME=VALUE,...",
-            help="Standard deviations of what the table gives: load (a balance), force, moment (a sensor), "
-            "angle, length (joint readings), hold_angle, hold_length (drives that move between the two "
-            "readings); they add to the noise.",
-        ),
-    ] = None,
-    folds: Annotated[
-        int, typer.Option("--folds", metavar="N", help="Folds of the held-out gap; 0 for none.")
-    ] = 5,
-    bootstrap: Annotated[
-        int,
-        typer.Option(
-            "--bootstrap", metavar="N", help="Intervals from N fits to poses drawn again; 0 for none."
-        ),
-    ] = 0,
-    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of all that is drawn at random.")] = 0,
-    evaluations: Annotated[
-        int, typer.Option("--evaluations", metavar="N", help="At most; mostly of the global methods.")
-    ] = 20_000,
-    population: Annotated[
-        int | None,
-        typer.Option("--population", metavar="N", help="Of the global methods; default theirs."),
-    ] = None,
-    searches: Annotated[
-        int,
-        typer.Option(
-            "--searches", metavar="N", help="Of a global method, with seeds from --seed on; the best counts."
-        ),
-    ] = 1,
+    parameters: list[str] | None = option(
+        "NAME,...",
+        "Stiffness values to identify, such as J12.torsional (a joint's), screw2 (a strut's) or "
+        "arm.E (a beam's modulus); default: what the robot lists under `identify`.",
+    ),
+    method: str = option(
+        "NAME",
+        "trust-region, levenberg-marquardt, linear, slsqp, mma, lbfgs, bobyqa; global: isres, crs2, "
+        "esch, mlsl, genetic.",
+        "trust-region",
+    ),
+    fix: list[str] | None = option("NAME,...", "Parameters that stay as they are in the robot."),
+    tie: list[str] | None = option("NAME,NAME,...", "Parameters that keep their ratio; repeatable."),
+    bound: list[str] | None = option(
+        "NAME=LOW:HIGH", "Least and largest value, either may be empty; repeatable."
+    ),
+    prior: list[str] | None = option(
+        "NAME=VALUE:FACTOR",
+        "Known beforehand, to within a factor at one standard deviation (1.5); repeatable.",
+    ),
+    loss: str = option("NAME", "linear (least squares); against bad rows soft_l1, huber, cauchy.", "linear"),
+    use: str = option("WHAT", "Readings that count: position, rotation or both.", "both"),
+    input_error: list[str] | None = option(
+        "NAME=VALUE,...",
+        "Standard deviations of what the table gives: load (a balance), force, moment (a sensor), "
+        "angle, length (joint readings), hold_angle, hold_length (drives that move between the two "
+        "readings); they add to the noise.",
+    ),
+    folds: int = option("N", "Folds of the held-out gap; 0 for none.", 5),
+    bootstrap: int = option("N", "Intervals from N fits to poses drawn again; 0 for none.", 0),
+    seed: int = option("N", "Of all that is drawn at random.", 0),
+    evaluations: int = option("N", "At most; mostly of the global methods.", 20_000),
+    population: int | None = option("N", "Of the global methods; default theirs."),
+    searches: int = option("N", "Of a global method, with seeds from --seed on; the best counts.", 1),
     processes: Processes = 1,
     scheduler: Scheduler = None,
     json: Json = None,
-    out: Annotated[
-        str | None,
-        typer.Option("--out", metavar="FILE", help="Write the robot with the identified stiffness as YAML."),
-    ] = None,
-    reduce: Annotated[
-        str | None,
-        typer.Option(
-            "--reduce",
-            metavar="FILE",
-            help="Write the reduced robot as YAML: springs that only act together are one, what cannot be "
-            "identified is left out.",
-        ),
-    ] = None,
-    figure: Annotated[
-        str | None,
-        typer.Option(
-            "--figure",
-            metavar="FILE",
-            help="Draw measured against predicted displacements (.png, .svg or .pdf).",
-        ),
-    ] = None,
+    out: str | None = option("FILE", "Write the robot with the identified stiffness as YAML."),
+    reduce: str | None = option(
+        "FILE",
+        "Write the reduced robot as YAML: springs that only act together are one, what cannot be "
+        "identified is left out.",
+    ),
+    figure: str | None = option(
+        "FILE", "Draw measured against predicted displacements (.png, .svg or .pdf)."
+    ),
     html: Html = None,
     quiet: Quiet = False,
     debug: Debug = False,  # noqa: ARG001
@@ -188,6 +117,7 @@ def identify(
         identification_text,
         method_text,
     )
+    from beamstiff.report.parity import parity_figure
     from beamstiff.robot.yaml_edit import robot_yaml
 
     whole("evaluations", evaluations, 1)  # before the bar counts them
@@ -201,15 +131,12 @@ def identify(
         "errors": parse_errors(input_error),
     }
     file = robot_file(robot)
-    check_outputs([file, *data], json, out=out, reduce=reduce, figure=figure, html=html)
-    if figure is not None:
-        from beamstiff.report.figures import check_format
-
-        check_format(figure)
-    source = source_of(context, html, [file, *data], seed)
+    wanted: dict[str, Any] = {"out": out, "reduce": reduce, "figure": figure, "html": html}
+    outputs = Outputs([file, *data], json, quiet, seed=seed, **wanted)
+    most = evaluations * searches
     with (
         working("identifying", quiet, still=True),
-        _bar(evaluations * searches, quiet) as tell,
+        progress("identifying", quiet, EVALUATED, "TimeElapsedColumn", total=most, cost=float("inf")) as bar,
     ):
         found = run(
             machine,
@@ -226,63 +153,25 @@ def identify(
             searches=searches,
             processes=processes,
             scheduler=scheduler,
-            progress=tell,
+            progress=None if bar is None else lambda count, cost: bar(completed=count, cost=cost),
             **said,
         )
     fitted = found.rows
     assert fitted is not None
-    for note in found.notes:
-        say(f"note: {note}", quiet)
-    console = people(quiet, json)
-    console.print(identification_table(found, machine, f"{machine.name}: identified stiffness"))
-    console.print()
-    for line in (
-        *combinations_text(found),
-        identification_text(found, fitted, folds),
-        method_text(found),
-    ):
-        console.print(line)
+    table = identification_table(found, machine, f"{machine.name}: identified stiffness")
+    texts = [*combinations_text(found), identification_text(found, fitted, folds), method_text(found)]
     if machine.effects:
-        console.print(f"Beside the robot's effects, as they are: {effects_text(machine.effects)}.")
-    write_json(found.to_dict(), json)
+        texts.append(f"Beside the robot's effects, as they are: {effects_text(machine.effects)}.")
+    outputs.result(found.notes, [table, "", *texts], found.to_dict())
     if out is not None:
         write_output(out, robot_yaml(found.robot, file, found.conditional_std, _head(found, data)))
     if reduce is not None and found.reduced is not None:
         head = _reduced_head(found.reduced, found, data)
         write_output(reduce, robot_yaml(found.reduced.robot, file, head=head))
-    if figure is not None:
-        from beamstiff.report.parity import parity_figure
-
-        with optional_file(figure, quiet):
-            write_figure(parity_figure(fitted, found.predicted, machine.name), figure)
-    if html is not None and source is not None:
-        from beamstiff.report.html.identification import identification_html
-
-        with optional_file(html, quiet):
-            write_output(html, identification_html(found, machine, fitted, source, folds))
+    outputs.draw("figure", lambda: parity_figure(fitted, found.predicted, machine.name))
+    outputs.page("identification", found, machine, fitted, folds=folds)
     if found.interrupted:
         raise typer.Exit(INTERRUPTED)
-
-
-@contextmanager
-def _bar(most: int, quiet: bool) -> Iterator[Progress | None]:
-    """Show on stderr how far a search is, if it is a terminal."""
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    console = Console(stderr=True, quiet=quiet)
-    if quiet or not console.is_terminal:
-        yield None
-        return
-    columns = (
-        TextColumn("identifying"),
-        BarColumn(),
-        TextColumn("{task.completed} evaluations, cost {task.fields[cost]:.4g}"),
-        TimeElapsedColumn(),
-    )
-    with Progress(*columns, console=console, transient=True) as bar:
-        task = bar.add_task("search", total=most, cost=float("inf"))
-        yield lambda count, cost: bar.update(task, completed=count, cost=cost)
 
 
 def _sources(data: Sequence[str]) -> str:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, TypeVar
 
+from beamstiff.cli.options import parse_quantities, parse_quantity
 from beamstiff.errors import BeamstiffError, suggest
-from beamstiff.units import number, quantity
+from beamstiff.units import number
 
 if TYPE_CHECKING:
     from beamstiff.identification.input_errors import InputErrors
@@ -27,13 +28,7 @@ ERRORS = {
 
 
 def parse_ties(texts: Sequence[str] | None) -> list[list[str]]:
-    """Return groups of parameters from texts such as ``"J1.radial,J2.radial"``.
-
-    Raises
-    ------
-    BeamstiffError
-        When a group has fewer than two names.
-    """
+    """Return groups of parameters from texts such as ``"J1.radial,J2.radial"``."""
     groups = [[name.strip() for name in text.split(",")] for text in texts or ()]
     for text, group in zip(texts or (), groups, strict=True):
         if len(group) < 2 or not all(group):
@@ -42,13 +37,7 @@ def parse_ties(texts: Sequence[str] | None) -> list[list[str]]:
 
 
 def parse_bounds(robot: Robot, texts: Sequence[str] | None) -> dict[str, tuple[float | None, float | None]]:
-    """Return bounds, SI, from texts such as ``"J1.torsional=1e5:2e9 N*mm/rad"``; an end may be empty.
-
-    Raises
-    ------
-    BeamstiffError
-        When a text is no bound, or a parameter or unit is unknown.
-    """
+    """Return bounds, SI, from texts such as ``"J1.torsional=1e5:2e9 N*mm/rad"``; an end may be empty."""
 
     def pair(name: str, low: str, high: str) -> tuple[float | None, float | None]:
         if not (low or high):
@@ -59,13 +48,7 @@ def parse_bounds(robot: Robot, texts: Sequence[str] | None) -> dict[str, tuple[f
 
 
 def parse_priors(robot: Robot, texts: Sequence[str] | None) -> dict[str, tuple[float, float]]:
-    """Return what is known beforehand, SI, from texts such as ``"J1.torsional=2e6:1.5"``: value and factor.
-
-    Raises
-    ------
-    BeamstiffError
-        When a text is no prior, or a parameter or unit is unknown.
-    """
+    """Return value and factor, SI, of what is known beforehand, such as ``"J1.torsional=2e6:1.5"``."""
 
     def pair(name: str, value: str, factor: str) -> tuple[float, float]:
         known = _stiffness(robot, "--prior", name, value)
@@ -81,32 +64,13 @@ def parse_priors(robot: Robot, texts: Sequence[str] | None) -> dict[str, tuple[f
 
 
 def parse_errors(texts: Sequence[str] | None) -> InputErrors | None:
-    """Return errors of loads and joint values from texts such as ``"load=1N,angle=0.01deg"``.
-
-    Raises
-    ------
-    BeamstiffError
-        When a part is not ``name=value``, or a name or unit is unknown.
-    """
+    """Return errors of loads and joint values from texts such as ``"load=1N,angle=0.01deg"``."""
     from beamstiff.identification.input_errors import InputErrors
 
     if not texts:
         return None
-    values: dict[str, float] = {}
-    for part in (part for text in texts for part in text.split(",")):
-        name, sign, value = (word.strip() for word in part.partition("="))
-        if name not in ERRORS or not sign:
-            raise BeamstiffError(
-                f"--input-error: found {part.strip()!r}, expected {', '.join(ERRORS)} with a value, "
-                "such as angle=0.01deg"
-            )
-        if name in values:
-            raise BeamstiffError(f"--input-error: {name} is given twice")
-        try:
-            values[name] = quantity(value, ERRORS[name])
-        except BeamstiffError as error:
-            raise BeamstiffError(f"--input-error: {name}: {error}") from None
-    return InputErrors(**values)
+    expected = f"{', '.join(ERRORS)} with a value, such as angle=0.01deg"
+    return InputErrors(**parse_quantities("--input-error", texts, ERRORS, expected))
 
 
 def _pairs(
@@ -136,10 +100,7 @@ def _pairs(
 def _stiffness(robot: Robot, option: str, name: str, text: str) -> float | None:
     if not text:
         return None
-    try:
-        value = quantity(text, KINDS[_units(robot)[name]])
-    except BeamstiffError as error:
-        raise BeamstiffError(f"{option}: {name}: {error}") from None
+    value = parse_quantity(f"{option}: {name}", text, KINDS[_units(robot)[name]])
     if value <= 0:
         raise BeamstiffError(f"{option}: {name}: found {text!r}, expected a positive stiffness")
     return value

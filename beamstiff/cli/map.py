@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
@@ -15,10 +14,12 @@ from beamstiff.cli.options import (
     Quiet,
     RobotFile,
     Scheduler,
+    option,
     parse_names,
+    parse_quantity,
     robot_file,
 )
-from beamstiff.cli.output import check_outputs, optional_file, people, say, working, write_figure, write_json
+from beamstiff.cli.output import TYPED, Outputs, progress, say, working
 from beamstiff.errors import BeamstiffError
 
 if TYPE_CHECKING:
@@ -27,80 +28,40 @@ if TYPE_CHECKING:
 
 
 def map(
-    context: typer.Context,
     robot: RobotFile,
-    grid: Annotated[
-        list[str],
-        typer.Option(
-            "--grid",
-            metavar="NAME=FROM:TO:COUNT,...",
-            help="An axis each: actuated joint variables, or x, y, z of the TCP in the base frame; "
-            "repeatable.",
-        ),
-    ],
-    quantity: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--quantity",
-            metavar="NAME,...",
-            help="stiffness, stiffness_along, rotational_stiffness, compliance_trace, deflection, "
-            "displacement, sag, compliance, stiffness_matrix, kappa, dexterity, manipulability; default: "
-            "stiffness.",
-        ),
-    ] = None,
-    q: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--q",
-            metavar="NAME=VALUE,...",
-            help="The other joint variables; not named are 0. Over x, y, z: the posture whose configuration "
-            "the map keeps to.",
-        ),
-    ] = None,
-    orientation: Annotated[
-        str | None,
-        typer.Option(
-            "--orientation",
-            metavar="FRAME",
-            help="Of the TCP over x, y, z: a, b, c (intrinsic Z-Y-X) such as b=180deg, a quaternion qw to "
-            "qz, or free; default: as in the posture --q, free with fewer than six actuated variables.",
-        ),
-    ] = None,
-    wrench: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--wrench",
-            metavar="NAME=VALUE,...",
-            help="On the TCP, base frame, for deflection and displacement, such as fz=-900N,mx=20.",
-        ),
-    ] = None,
-    gravity: Annotated[
-        bool, typer.Option("--gravity", help="Add the sag under dead weight to deflection and displacement.")
-    ] = False,
-    direction: Annotated[
-        str | None,
-        typer.Option(
-            "--direction", metavar="AXIS", help="Of stiffness_along, base frame: x, -z or 0.6,0,0.8."
-        ),
-    ] = None,
-    length: Annotated[
-        str | None,
-        typer.Option(
-            "--length",
-            metavar="LENGTH",
-            help="Characteristic length for kappa, dexterity, manipulability; default: the robot's own.",
-        ),
-    ] = None,
-    out: Annotated[
-        str | None,
-        typer.Option("--out", metavar="FILE", help="Write the map as NetCDF (.nc) or Zarr (.zarr)."),
-    ] = None,
-    figure: Annotated[
-        str | None,
-        typer.Option(
-            "--figure", metavar="FILE", help="Draw slices of the map with the worst poses (.png, .svg, .pdf)."
-        ),
-    ] = None,
+    grid: list[str] = option(
+        "NAME=FROM:TO:COUNT,...",
+        "An axis each: actuated joint variables, or x, y, z of the TCP in the base frame; repeatable.",
+        ...,
+    ),
+    quantity: list[str] | None = option(
+        "NAME,...",
+        "stiffness, stiffness_along, rotational_stiffness, compliance_trace, deflection, "
+        "displacement, sag, compliance, stiffness_matrix, kappa, dexterity, manipulability; default: "
+        "stiffness.",
+    ),
+    q: list[str] | None = option(
+        "NAME=VALUE,...",
+        "The other joint variables; not named are 0. Over x, y, z: the posture whose configuration "
+        "the map keeps to.",
+    ),
+    orientation: str | None = option(
+        "FRAME",
+        "Of the TCP over x, y, z: a, b, c (intrinsic Z-Y-X) such as b=180deg, a quaternion qw to "
+        "qz, or free; default: as in the posture --q, free with fewer than six actuated variables.",
+    ),
+    wrench: list[str] | None = option(
+        "NAME=VALUE,...", "On the TCP, base frame, for deflection and displacement, such as fz=-900N,mx=20."
+    ),
+    gravity: bool = typer.Option(
+        False, "--gravity", help="Add the sag under dead weight to deflection and displacement."
+    ),
+    direction: str | None = option("AXIS", "Of stiffness_along, base frame: x, -z or 0.6,0,0.8."),
+    length: str | None = option(
+        "LENGTH", "Characteristic length for kappa, dexterity, manipulability; default: the robot's own."
+    ),
+    out: str | None = option("FILE", "Write the map as NetCDF (.nc) or Zarr (.zarr)."),
+    figure: str | None = option("FILE", "Draw slices of the map with the worst poses (.png, .svg, .pdf)."),
     processes: Processes = 1,
     scheduler: Scheduler = None,
     json: Json = None,
@@ -131,7 +92,6 @@ def map(
     from beamstiff.maps.dataset import check_target
     from beamstiff.maps.run import map_workspace
     from beamstiff.maps.summary import summary
-    from beamstiff.report.figures import check_format
     from beamstiff.report.html.provenance import provenance
     from beamstiff.report.workspace import map_figure, map_tables
 
@@ -150,20 +110,23 @@ def map(
     }
     file = robot_file(robot)
     kept = {} if out is None else {"--out": out, "the chunks": f"{out}.parts"}
-    check_outputs([file], json, kept, figure=figure)
+    outputs = Outputs([file], json, quiet, elsewhere=kept, figure=figure)
     if out is not None:
         check_target(out)
-    if figure is not None:
-        check_format(figure)
     for note in left_out(description.effects, "the map"):
         say(f"note: {note}", quiet)
-    told = provenance([file], 0, context.obj if isinstance(context.obj, list) else [])
+    told = provenance([file], 0, TYPED.get())
     attributes = {
         "command": told.command,
         "robot_file": told.files[0][0],
         "robot_file_sha256": told.files[0][1],
     }
-    with working("mapping", quiet, still=True), _bar(quiet) as progress:
+    with (
+        working("mapping", quiet, still=True),
+        progress(
+            "mapping", quiet, "MofNCompleteColumn", "poses", "TimeRemainingColumn", total=None, live=False
+        ) as tell,
+    ):
         found = map_workspace(
             description,
             over,
@@ -171,34 +134,21 @@ def map(
             out=out,
             processes=processes,
             scheduler=scheduler,
-            progress=progress,
+            progress=None if tell is None else lambda done, of: tell(completed=done, total=of),
             attributes=attributes,
         )
 
     facts = summary(found)
-    console = people(quiet, json)
-    for part in map_tables(facts):
-        console.print(part)
-    if out is None:
-        say("note: --out FILE.nc keeps the map", quiet)
-    write_json({**facts, "out": out, "provenance": _plain(found.attrs)}, json)
-    if figure is not None:
-        with optional_file(figure, quiet):
-            write_figure(map_figure(found), figure)
+    notes = ["--out FILE.nc keeps the map"] if out is None else []
+    outputs.result(notes, map_tables(facts), {**facts, "out": out, "provenance": _plain(found.attrs)})
+    outputs.draw("figure", lambda: map_figure(found))
 
 
 def parse_grid(robot: Robot, texts: Sequence[str]) -> dict[str, Array]:
-    """Return the values on each axis, SI, from texts such as ``"q2=-60deg:60deg:25,q3=..."``.
-
-    Raises
-    ------
-    BeamstiffError
-        When a part is not ``name=from:to:count``, a name is given twice, or values do not grow.
-    """
+    """Return the values on each axis, SI, from texts such as ``"q2=-60deg:60deg:25,q3=..."``."""
     import numpy as np
 
     from beamstiff.robot.coupling import variable_kinds
-    from beamstiff.units import quantity
 
     kinds = {**dict.fromkeys("xyz", "length"), **variable_kinds(robot)}
     axes: dict[str, Array] = {}
@@ -211,10 +161,8 @@ def parse_grid(robot: Robot, texts: Sequence[str]) -> dict[str, Array]:
             )
         if name in axes:
             raise BeamstiffError(f"--grid: {name} is given twice")
-        try:
-            low, high = (quantity(word, kinds.get(name, "angle")) for word in words[:2])
-        except BeamstiffError as error:
-            raise BeamstiffError(f"--grid: {name}: {error}") from None
+        kind = kinds.get(name, "angle")
+        low, high = (parse_quantity(f"--grid: {name}", word, kind) for word in words[:2])
         if not words[2].isascii() or not words[2].isdigit() or int(words[2]) < 2:
             raise BeamstiffError(f"--grid: {name}: found {words[2]!r} values, expected a number of 2 or more")
         if int(words[2]) > MOST_VALUES:
@@ -229,7 +177,7 @@ MOST_VALUES = 10_000_000  # on one axis
 
 
 def _orientation(text: str | None) -> Array | Literal["free"] | None:
-    from beamstiff.cli.frames import parse_frame
+    from beamstiff.cli.variables import parse_frame
 
     if text is None:
         return None
@@ -243,32 +191,22 @@ def _orientation(text: str | None) -> Array | Literal["free"] | None:
 
 
 def _direction(text: str | None) -> list[float] | None:
-    from beamstiff.units import quantity
-
     if text is None:
         return None
     word = text.strip().lower()
     sign = -1.0 if word.startswith("-") and word[1:] in ("x", "y", "z") else 1.0
     if word.removeprefix("-") in ("x", "y", "z"):
         return [sign * (axis == word[-1]) for axis in "xyz"]
-    try:
-        parts = [quantity(part.strip(), "number") for part in text.split(",")]
-    except BeamstiffError as error:
-        raise BeamstiffError(f"--direction: {error}") from None
+    parts = [parse_quantity("--direction", part.strip(), "number") for part in text.split(",")]
     if len(parts) != 3 or not any(parts):
         raise BeamstiffError(f"--direction: found {text!r}, expected an axis such as x, -z or 0.6,0,0.8")
     return parts
 
 
 def _length(text: str | None) -> float | None:
-    from beamstiff.units import quantity
-
     if text is None:
         return None
-    try:
-        length = quantity(text, "length")
-    except BeamstiffError as error:
-        raise BeamstiffError(f"--length: {error}") from None
+    length = parse_quantity("--length", text, "length")
     if length <= 0:
         raise BeamstiffError(f"--length: found {text!r}, expected a positive length")
     return length
@@ -282,22 +220,3 @@ def _plain(attributes: dict[str, Any]) -> dict[str, Any]:
         structured = isinstance(value, str) and value[:1] in ("{", "[")
         told[name] = json.loads(value) if structured else value
     return told
-
-
-@contextmanager
-def _bar(quiet: bool) -> Iterator[Callable[[int, int], None] | None]:
-    """Show on stderr how far the map is, if it is a terminal."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    console = Console(stderr=True, quiet=quiet)
-    if quiet or not console.is_terminal:
-        yield None
-        return
-    columns = (TextColumn("mapping"), BarColumn(), MofNCompleteColumn(), TextColumn("poses"))
-    # drawn when there is news: a thread that draws would keep processes from beginning as copies
-    with Progress(
-        *columns, TimeRemainingColumn(), console=console, transient=True, auto_refresh=False
-    ) as bar:
-        task = bar.add_task("poses", total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total, refresh=True)

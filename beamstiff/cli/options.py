@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -16,6 +16,11 @@ def robots_beginning(incomplete: str) -> list[str]:
     from beamstiff.robot.library import robot_names
 
     return [name for name in robot_names() if name.startswith(incomplete)]
+
+
+def option(metavar: str, text: str, default: Any = None, **more: Any) -> Any:
+    """Return an option of a command, called like its parameter, with its help."""
+    return typer.Option(default, metavar=metavar, help=text, **more)
 
 
 RobotFile = Annotated[
@@ -88,13 +93,7 @@ def robot_file(robot: str) -> Path:
 def parse_names(
     texts: Sequence[str] | None, option: str = "--parameters", example: str = "J12.torsional,J18.torsional"
 ) -> list[str] | None:
-    """Return the names in texts such as ``"J12.torsional,J18.torsional"``, or None where none were given.
-
-    Raises
-    ------
-    BeamstiffError
-        When a name is empty.
-    """
+    """Return the names in texts such as ``"J12.torsional,J18.torsional"``, or None where none were given."""
     if not texts:
         return None
     names = [name.strip() for text in texts for name in text.split(",")]
@@ -103,16 +102,41 @@ def parse_names(
     return names
 
 
-def parse_region(text: str | None) -> tuple[tuple[float, float], ...] | None:
-    """Return least and largest x, y, z, m, from a text such as ``"x=0.5m:2m,z=300mm:1.8m"``.
-
-    Raises
-    ------
-    BeamstiffError
-        When a part is no axis with its two ends.
-    """
+def parse_quantity(where: str, text: str, kind: str) -> float:
+    """Return a quantity in SI; `where` says what it is of, should it be none."""
     from beamstiff.units import quantity
 
+    try:
+        return quantity(text, kind)
+    except BeamstiffError as error:
+        raise BeamstiffError(f"{where}: {error}") from None
+
+
+def parse_quantities(
+    option: str,
+    texts: Iterable[str],
+    kinds: Mapping[str, str],
+    expected: str,
+    fold: bool = False,
+    positive: bool = False,
+) -> dict[str, float]:
+    """Return quantities, SI, by name, from texts such as ``"x=1.2m,a=90deg"``; `fold`: in any case."""
+    values: dict[str, float] = {}
+    for part in (part.strip() for text in texts for part in text.split(",")):
+        name, equals, value = (word.strip() for word in part.partition("="))
+        name = name.lower() if fold else name
+        if name not in kinds or not equals:
+            raise BeamstiffError(f"{option}: found {part!r}, expected {expected}")
+        if name in values:
+            raise BeamstiffError(f"{option}: {name} is given twice")
+        values[name] = parse_quantity(f"{option}: {name}", value, kinds[name])
+        if positive and not values[name] > 0:
+            raise BeamstiffError(f"{option}: {name}: found {value!r}, expected more than 0")
+    return values
+
+
+def parse_region(text: str | None) -> tuple[tuple[float, float], ...] | None:
+    """Return least and largest x, y, z, m, from a text such as ``"x=0.5m:2m,z=300mm:1.8m"``."""
     if text is None:
         return None
     ends = {axis: (float("-inf"), float("inf")) for axis in "xyz"}
@@ -124,10 +148,7 @@ def parse_region(text: str | None) -> tuple[tuple[float, float], ...] | None:
                 f"--region: found {part.strip()!r}, expected an axis x, y or z with two ends such as "
                 "z=300mm:1.8m"
             )
-        try:
-            ends[axis] = (quantity(low, "length"), quantity(high, "length"))
-        except BeamstiffError as error:
-            raise BeamstiffError(f"--region: {error}") from None
+        ends[axis] = (parse_quantity("--region", low, "length"), parse_quantity("--region", high, "length"))
         if ends[axis][0] >= ends[axis][1]:
             raise BeamstiffError(f"--region: found {part.strip()!r}, expected the lower end first")
     return tuple(ends.values())

@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from contextvars import ContextVar
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -17,12 +19,11 @@ from beamstiff.files import check_writable, target_of
 from beamstiff.outputs import check_distinct, check_replaceable, write_output
 
 if TYPE_CHECKING:
-    import typer
     from matplotlib.figure import Figure
-
-    from beamstiff.report.html.provenance import Provenance
+    from rich.console import RenderableType
 
 STDOUT = "-"
+TYPED: ContextVar[Sequence[str]] = ContextVar("TYPED", default=())  # the words of the command
 PIPE_WIDTH = 200  # columns where there is no terminal to fit into
 
 
@@ -57,14 +58,8 @@ def working(what: str, quiet: bool, still: bool = False) -> Iterator[None]:
     ----------
     what : str
         The work, such as "identifying".
-    quiet : bool
     still : bool
         Show nothing, since the work shows itself.
-
-    Raises
-    ------
-    BeamstiffError
-        When a number grows beyond what a computer's numbers hold.
     """
     import numpy as np
 
@@ -80,6 +75,37 @@ def working(what: str, quiet: bool, still: bool = False) -> Iterator[None]:
             f"{what}: numbers out of range ({error}), expected lengths, loads and stiffness of a real "
             "machine; check their units"
         ) from None
+
+
+@contextmanager
+def progress(
+    what: str, quiet: bool, *columns: str, total: float | None, live: bool = True, **fields: Any
+) -> Iterator[Callable[..., None] | None]:
+    """Yield what moves a bar on stderr (`completed`, `advance`, `total`); None where it is no terminal.
+
+    Parameters
+    ----------
+    columns : str
+        What stands behind the bar: names of columns of rich, or texts.
+    live : bool
+        Drawn by a thread; else when there is news, since a thread keeps processes from beginning as copies.
+    """
+    from rich import progress as parts
+
+    console = Console(stderr=True, quiet=quiet)
+    if quiet or not console.is_terminal:
+        yield None
+        return
+    behind = [getattr(parts, one)() if one.endswith("Column") else parts.TextColumn(one) for one in columns]
+    bar = parts.Progress(
+        *(parts.TextColumn(what), parts.BarColumn(), *behind),
+        console=console,
+        transient=True,
+        auto_refresh=live,
+    )
+    with bar:
+        task = bar.add_task(what, total=total, **fields)
+        yield lambda **news: bar.update(task, refresh=not live, **news)
 
 
 def check_outputs(
@@ -104,11 +130,6 @@ def check_outputs(
         Outputs that are checked elsewhere for what they replace, by what to call them.
     **files : str or None
         The other output files by the name of their option.
-
-    Raises
-    ------
-    BeamstiffError
-        Naming the option and the path.
     """
     wanted = {"json": None if json_to == STDOUT else json_to, **files}
     named = {f"--{option.replace('_', '-')}": path for option, path in wanted.items() if path is not None}
@@ -125,23 +146,6 @@ def check_outputs(
         check_writable(path)
 
 
-def source_of(
-    context: typer.Context, html: str | None, inputs: Iterable[str | Path], seed: int = 0
-) -> Provenance | None:
-    """Return where the report that is asked for comes from, taken before any work; None without a report.
-
-    Raises
-    ------
-    BeamstiffError
-        When an input cannot be read.
-    """
-    if html is None:
-        return None
-    from beamstiff.report.html.provenance import provenance
-
-    return provenance(inputs, seed, context.find_root().obj or ())
-
-
 def write_json(value: Mapping[str, Any], json_to: str | None) -> None:
     """Write plain data as JSON to a file or, for ``-``, to stdout; nowhere for None."""
     if json_to is None:
@@ -154,29 +158,72 @@ def write_json(value: Mapping[str, Any], json_to: str | None) -> None:
         write_output(json_to, text)
 
 
-def write_figure(figure: Figure, path: str) -> None:
-    """Write a figure as an output of a command."""
-    from beamstiff.report.figures import figure_bytes
+DRAWINGS = ("figure", "recursion", "rules", "sensitivity")  # options of pictures
 
-    write_output(path, figure_bytes(figure, path))
+
+class Outputs:
+    """What a command prints and writes: checked before any work, then its result and what goes beside it.
+
+    Parameters
+    ----------
+    inputs, json_to, elsewhere, files
+        As of `check_outputs`; ``html`` among the files is the report.
+    seed : int
+        That the report states.
+    """
+
+    def __init__(
+        self,
+        inputs: Sequence[str | Path],
+        json_to: str | None,
+        quiet: bool,
+        *,
+        seed: int = 0,
+        elsewhere: Mapping[str, str] | None = None,
+        **files: str | None,
+    ) -> None:
+        check_outputs(inputs, json_to, elsewhere, **files)
+        for path in filter(None, map(files.get, DRAWINGS)):
+            from beamstiff.report.figures import check_format
+
+            check_format(path)
+        self.files, self.quiet, self._json, self._source = files, quiet, json_to, None
+        self.console = people(quiet, json_to)
+        if files.get("html") is not None:
+            from beamstiff.report.html.provenance import provenance
+
+            self._source = provenance(inputs, seed, TYPED.get())
+
+    def result(self, notes: Iterable[str], shown: Iterable[RenderableType], told: Mapping[str, Any]) -> None:
+        """Say the notes, print tables and sentences, write the JSON."""
+        for note in notes:
+            say(f"note: {note}", self.quiet)
+        for part in shown:
+            self.console.print(part)
+        write_json(told, self._json)
+
+    def draw(self, option: str, figure: Callable[[], Figure]) -> None:
+        """Write a picture, if the option asks for it."""
+        if (path := self.files[option]) is not None:
+            from beamstiff.report.figures import figure_bytes
+
+            with optional_file(path if option != "rules" else f"--rules {path}", self.quiet):
+                write_output(path, figure_bytes(figure(), path))
+
+    def page(self, name: str, *given: Any, **more: Any) -> None:
+        """Write the report that `report.html` makes under this name, if one was asked for."""
+        path = self.files["html"]
+        if path is not None and self._source is not None:
+            make = getattr(import_module(f"beamstiff.report.html.{name}"), f"{name}_html")  # takes its time
+            with optional_file(path, self.quiet):
+                write_output(path, make(*given, provenance=self._source, **more))
 
 
 def json_text(value: Any, indent: int = 0) -> str:
-    """Return JSON with one line a row of numbers; NaN and infinity are refused.
-
-    Examples
-    --------
-    >>> print(json_text({"stiffness": [[1.0, 2.0], [3.0, 4.0]], "none": None}))
-    {
-      "stiffness": [
-        [1.0, 2.0],
-        [3.0, 4.0]
-      ],
-      "none": null
-    }
-    """
-    flat = not any(isinstance(item, dict | list | tuple) for item in _items(value))
-    if not isinstance(value, dict | list | tuple) or not value or (flat and isinstance(value, list | tuple)):
+    """Return JSON with one line a row of numbers; NaN and infinity are refused."""
+    listed = isinstance(value, list | tuple)
+    flat = listed and not any(isinstance(item, dict | list | tuple) for item in value)
+    if not isinstance(value, dict | list | tuple) or not value or flat:
         return json.dumps(value, allow_nan=False)
     margin = " " * (indent + 2)
     if isinstance(value, dict):
@@ -188,10 +235,6 @@ def json_text(value: Any, indent: int = 0) -> str:
         lines = [margin + json_text(item, indent + 2) for item in value]
         opening, closing = "[]"
     return f"{opening}\n" + ",\n".join(lines) + f"\n{' ' * indent}{closing}"
-
-
-def _items(value: Any) -> Iterable[Any]:
-    return value if isinstance(value, list | tuple) else ()
 
 
 class _Console(Console):

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-import typer
-
-from beamstiff.cli.options import Debug, Json, Quiet, Region, RobotFile, parse_names, parse_region, robot_file
-from beamstiff.cli.output import check_outputs, people, say, working, write_json
+from beamstiff.cli.options import (
+    Debug,
+    Json,
+    Quiet,
+    Region,
+    RobotFile,
+    option,
+    parse_names,
+    parse_region,
+    robot_file,
+)
+from beamstiff.cli.output import Outputs, working
 from beamstiff.outputs import write_output
 
 TESTS = 20  # as of the function, which is not loaded for --help
@@ -15,64 +21,25 @@ TESTS = 20  # as of the function, which is not loaded for --help
 
 def plan(
     robot: RobotFile,
-    out: Annotated[
-        str | None,
-        typer.Option("--out", metavar="FILE", help="Write the tests as a CSV table to fill in."),
-    ] = None,
-    tests: Annotated[
-        int | None, typer.Option("--tests", metavar="N", help=f"Tests (rows) to make; {TESTS} by default.")
-    ] = None,
-    poses: Annotated[
-        int | None,
-        typer.Option("--poses", metavar="N", help="Poses instead of tests: each takes all loads."),
-    ] = None,
-    force: Annotated[
-        str, typer.Option("--force", metavar="FORCE", help="Of each load along a direction; 0 for none.")
-    ] = "1000 N",
-    moment: Annotated[
-        str, typer.Option("--moment", metavar="MOMENT", help="Of each load about a direction; 0 for none.")
-    ] = "0 N*m",
-    directions: Annotated[
-        str, typer.Option("--directions", metavar="AXES", help="Of these loads, base frame.")
-    ] = "x,y,z",
-    load: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--load",
-            metavar="NAME=VALUE,...",
-            help="A load of its own, such as fz=-900N,mx=20, instead of --force and --moment; repeatable.",
-        ),
-    ] = None,
-    criterion: Annotated[
-        str,
-        typer.Option(
-            "--criterion", metavar="D|A|E", help="What to make small: volume, mean or worst of the errors."
-        ),
-    ] = "D",
-    sigma_position: Annotated[
-        str, typer.Option("--sigma-position", metavar="LENGTH", help="Noise of a measured displacement.")
-    ] = "0.03 mm",
-    sigma_rotation: Annotated[
-        str | None,
-        typer.Option(
-            "--sigma-rotation",
-            metavar="ANGLE",
-            help="Noise of a measured rotation; default: none is measured.",
-        ),
-    ] = None,
-    parameters: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--parameters",
-            metavar="NAME,...",
-            help="Stiffness values to find; default: what the robot lists under `identify`.",
-        ),
-    ] = None,
+    out: str | None = option("FILE", "Write the tests as a CSV table to fill in."),
+    tests: int | None = option("N", f"Tests (rows) to make; {TESTS} by default."),
+    poses: int | None = option("N", "Poses instead of tests: each takes all loads."),
+    force: str = option("FORCE", "Of each load along a direction; 0 for none.", "1000 N"),
+    moment: str = option("MOMENT", "Of each load about a direction; 0 for none.", "0 N*m"),
+    directions: str = option("AXES", "Of these loads, base frame.", "x,y,z"),
+    load: list[str] | None = option(
+        "NAME=VALUE,...",
+        "A load of its own, such as fz=-900N,mx=20, instead of --force and --moment; repeatable.",
+    ),
+    criterion: str = option("D|A|E", "What to make small: volume, mean or worst of the errors.", "D"),
+    sigma_position: str = option("LENGTH", "Noise of a measured displacement.", "0.03 mm"),
+    sigma_rotation: str | None = option("ANGLE", "Noise of a measured rotation; default: none is measured."),
+    parameters: list[str] | None = option(
+        "NAME,...", "Stiffness values to find; default: what the robot lists under `identify`."
+    ),
     region: Region = None,
-    candidates: Annotated[
-        int, typer.Option("--candidates", metavar="N", help="Random poses to choose from.")
-    ] = 300,
-    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Seed of these poses.")] = 0,
+    candidates: int = option("N", "Random poses to choose from.", 300),
+    seed: int = option("N", "Seed of these poses.", 0),
     json: Json = None,
     quiet: Quiet = False,
     debug: Debug = False,  # noqa: ARG001
@@ -104,7 +71,7 @@ def plan(
     machine = as_robot(robot)
     own = None if not load else np.array([parse_wrench([text], "--load") for text in load])
     where, names = parse_region(region), parse_names(parameters)
-    check_outputs([robot_file(robot)], json, out=out)
+    outputs = Outputs([robot_file(robot)], json, quiet, out=out)
     with working(f"choosing tests from {candidates} poses", quiet):
         found = run(
             machine,
@@ -124,9 +91,5 @@ def plan(
         )
     if out is not None:
         write_output(out, found.to_csv())
-    console = people(quiet, json)
-    console.print(campaign_table(found))
-    console.print(campaign_text(found))
-    if out is None:
-        say("note: --out FILE writes the tests as a table to fill in", quiet)
-    write_json(found.to_dict(), json)
+    notes = ["--out FILE writes the tests as a table to fill in"] if out is None else []
+    outputs.result(notes, [campaign_table(found), campaign_text(found)], found.to_dict())

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from beamstiff.cli.options import Debug, Json, Quiet, robot_file, robots_beginning
-from beamstiff.cli.output import check_outputs, people, say, working, write_json
+from beamstiff.cli.options import Debug, Json, Quiet, option, robot_file, robots_beginning
+from beamstiff.cli.output import Outputs, say, working
 from beamstiff.errors import BeamstiffError
-
-if TYPE_CHECKING:
-    from rich.console import Console, RenderableType
 
 MOST_SAMPLES = 100_000
 
@@ -26,11 +23,8 @@ def show(
         ),
     ] = None,
     json: Json = None,
-    samples: Annotated[
-        int,
-        typer.Option("--samples", metavar="N", help="Postures sampled for the reach of the TCP."),
-    ] = 1000,
-    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Seed of the sampled postures.")] = 0,
+    samples: int = option("N", "Postures sampled for the reach of the TCP.", 1000),
+    seed: int = option("N", "Seed of the sampled postures.", 0),
     quiet: Quiet = False,
     debug: Debug = False,  # noqa: ARG001
 ) -> None:
@@ -51,16 +45,14 @@ def show(
     if robot is None:
         from beamstiff.robot.library import robot_names
 
-        check_outputs([], json)
-        people(quiet, json).print(
-            "\n".join(["Robots that come along:", *(f"  {name}" for name in robot_names())])
-        )
-        write_json({"robots": robot_names()}, json)
+        lines = ["Robots that come along:", *(f"  {name}" for name in robot_names())]
+        Outputs([], json, quiet).result([], lines, {"robots": robot_names()})
         return
     from beamstiff.functions.checks import effects_text, shown_value
     from beamstiff.functions.robots import load_robot
     from beamstiff.report.overview import describe
     from beamstiff.report.overview_tables import overview_tables
+    from beamstiff.report.tables import spaced
     from beamstiff.robot.doubts import robot_doubts
 
     if not 1 <= samples <= MOST_SAMPLES:
@@ -68,7 +60,7 @@ def show(
     if seed < 0:
         raise BeamstiffError(f"--seed: found {seed}, expected 0 or more")
     description = load_robot(robot)
-    check_outputs([robot_file(robot)], json)
+    outputs = Outputs([robot_file(robot)], json, quiet)
     for note in robot_doubts(description):
         say(f"note: {note}", quiet)
     with working("sampling the reach", quiet):
@@ -81,15 +73,8 @@ def show(
             "the assembly meant, and give a guess closer to it",
             quiet,
         )
-    console = people(quiet, json)
-    _print(console, overview_tables(facts))
+    told = list(spaced(overview_tables(facts)))
     for one in description.effects:
         sizes = ", ".join(f"{name} {value}" for name, value in one.parameters.items())
-        console.print(f"Effect {effects_text([one])}, {one.shape}: {sizes}.", markup=False, highlight=False)
-    write_json(facts, json)
-
-
-def _print(console: Console, parts: list[RenderableType]) -> None:
-    for part in parts:
-        console.print(part)
-        console.print()
+        told.append(f"Effect {effects_text([one])}, {one.shape}: {sizes}.")
+    outputs.result([], told, facts)

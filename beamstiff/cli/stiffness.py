@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from beamstiff.cli.options import Debug, Json, Preload, Quiet, RobotFile, robot_file
-from beamstiff.cli.output import check_outputs, people, say, working, write_json
+from beamstiff.cli.options import Debug, Json, Preload, Quiet, RobotFile, option, robot_file
+from beamstiff.cli.output import Outputs, working
 from beamstiff.errors import BeamstiffError, OptionError
 
 if TYPE_CHECKING:
@@ -18,25 +16,16 @@ if TYPE_CHECKING:
 
 def stiffness(
     robot: RobotFile,
-    q: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--q",
-            metavar="NAME=VALUE,...",
-            help="Actuated joint variables; a number is rad or m. Those not named are 0, passive ones are "
-            "solved.",
-        ),
-    ] = None,
+    q: list[str] | None = option(
+        "NAME=VALUE,...",
+        "Actuated joint variables; a number is rad or m. Those not named are 0, passive ones are solved.",
+    ),
     preload: Preload = False,
-    wrench: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--wrench",
-            metavar="NAME=VALUE,...",
-            help="With --preload: a load on the TCP besides gravity and payload, base frame, such as "
-            "fz=-900N,mx=20; components not named are 0.",
-        ),
-    ] = None,
+    wrench: list[str] | None = option(
+        "NAME=VALUE,...",
+        "With --preload: a load on the TCP besides gravity and payload, base frame, such as "
+        "fz=-900N,mx=20; components not named are 0.",
+    ),
     json: Json = None,
     quiet: Quiet = False,
     debug: Debug = False,  # noqa: ARG001
@@ -67,17 +56,11 @@ def stiffness(
     machine = as_robot(robot)
     values = parse_variables(machine, q or [])
     load = parse_wrench(wrench or []) if wrench else None
-    check_outputs([robot_file(robot)], json)
+    outputs = Outputs([robot_file(robot)], json, quiet)
     with working("condensing the structure", quiet), _hint_at_q(machine, values):
         found = run(machine, values, preload=preload, wrench=load)
     note_limits(machine, found.variables, quiet)
-    for note in found.notes:
-        say(f"note: {note}", quiet)
-
-    console = people(quiet, json)
-    for part in stiffness_tables(found):
-        console.print(part)
-    write_json(found.to_dict(), json)
+    outputs.result(found.notes, stiffness_tables(found), found.to_dict())
 
 
 @contextmanager

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
 import typer
 
-from beamstiff.cli.options import DataFiles, Debug, Json, Quiet, RobotFile, robot_file
-from beamstiff.cli.output import check_outputs, people, say, working, write_json
+from beamstiff.cli.options import DataFiles, Debug, Json, Quiet, RobotFile, option, robot_file
+from beamstiff.cli.output import Outputs, say, working
 from beamstiff.report.tables import add_rows, table
 
 TOO_LARGE = 3  # exit code of a gap beyond --max-gap
@@ -16,14 +14,10 @@ TOO_LARGE = 3  # exit code of a gap beyond --max-gap
 def verify(
     robot: RobotFile,
     data: DataFiles,
-    refit_frame: Annotated[
-        bool,
-        typer.Option("--refit-frame", help="The measuring frame is not the base frame: fit it first."),
-    ] = False,
-    max_gap: Annotated[
-        str | None,
-        typer.Option("--max-gap", metavar="LENGTH", help="Exit with 3 where a larger gap is left: 0.2mm."),
-    ] = None,
+    refit_frame: bool = typer.Option(
+        False, "--refit-frame", help="The measuring frame is not the base frame: fit it first."
+    ),
+    max_gap: str | None = option("LENGTH", "Exit with 3 where a larger gap is left: 0.2mm."),
     json: Json = None,
     quiet: Quiet = False,
     debug: Debug = False,  # noqa: ARG001
@@ -42,21 +36,19 @@ def verify(
     from beamstiff.functions.verify import verify as run
     from beamstiff.units import in_unit
 
-    check_outputs([robot_file(robot), *data], json)
+    outputs = Outputs([robot_file(robot), *data], json, quiet)
     limit = None if max_gap is None else in_unit(max_gap, "m")
     with working("verifying", quiet):
         found = run(robot, data, refit_frame=refit_frame)
-    console = people(quiet, json)
     rows = table(f"Position error on {found.rows} rows, RMS", "robot", "error", "closes")
     lines = [["without effects", f"{1e3 * found.before:.4f} mm", ""]]
     lines += [
         [f"and {name}", f"{1e3 * after:.4f} mm", f"{closes:.0%}"] for name, after, closes in found.causes
     ]
     add_rows(rows, [*lines, ["noise as stated", f"{1e3 * found.noise:.4f} mm", ""]])
-    console.print(rows)
-    if found.causes and found.promised is not None:
-        console.print(f"Promised {found.promised:.0%} of the gap, true {found.true:.0%}.")
-    write_json(found.to_dict(), json)
+    known = found.causes and found.promised is not None
+    said = [f"Promised {found.promised:.0%} of the gap, true {found.true:.0%}."] if known else []
+    outputs.result([], [rows, *said], found.to_dict())
     if limit is not None and found.after > limit:
         say(f"gap: {1e3 * found.after:.4g} mm is left, more than {1e3 * limit:.4g} mm", quiet)
         raise typer.Exit(TOO_LARGE)

@@ -31,44 +31,25 @@ FREE = 1e-6  # of the largest velocity: a direction in which the tool moves
 
 @dataclass(frozen=True, eq=False)
 class Correction:
-    """A path, where the tool would go without and with correction, and the commands; N targets.
+    """A path, where the tool would go without and with correction, and the commands; N targets."""
 
-    Attributes
-    ----------
-    path : ToolPath
-        In the base frame, as programmed.
-    targets : (N, 4, 4) array
-        Where the real tool is meant to be; with `taught` where it is without load, else as programmed.
-    before, after : (N, 6) array
-        Error of the tool ``[p - p_t, rotation vector of R R_t^T]``, base frame, m and rad. NaN where the
-        robot cannot follow.
-    commands : (N, 4, 4) array
-        Poses of the tool to send the controller to, base frame; the target's own where it is not corrected.
-    q : (N, A) array
-        Joint values of the controller at these.
-    wrench : (N, 6) array
-        Process load at the targets, on the tool's tip.
-    turned : (N,) bool array
-        Whether the orientation is corrected too.
-    reasons : dict of int to str
-        Targets that are not corrected.
-    switched : (S,) int array
-        Targets before which the joints have to jump.
-    rounds : int
-        Of the iteration.
-    """
-
-    path: ToolPath
+    path: ToolPath  # in the base frame, as programmed
+    # (N, 4, 4): where the real tool is meant to be; with `taught` where it is without load, else as
+    # programmed
     targets: Array
+    # before, after: (N, 6): error of the tool ``[p - p_t, rotation vector of R R_t^T]``, base frame, m and
+    # rad. NaN where the robot cannot follow
     before: Array
     after: Array
+    # (N, 4, 4): poses of the tool to send the controller to, base frame; the target's own where it is not
+    # corrected
     commands: Array
-    q: Array
-    wrench: Array
-    turned: NDArray[np.bool_]
-    reasons: dict[int, str]
-    switched: Integers
-    rounds: int
+    q: Array  # (N, A): joint values of the controller at these
+    wrench: Array  # (N, 6): process load at the targets, on the tool's tip
+    turned: NDArray[np.bool_]  # (N,) bool: whether the orientation is corrected too
+    reasons: dict[int, str]  # targets that are not corrected
+    switched: Integers  # (S,) int: targets before which the joints have to jump
+    rounds: int  # of the iteration
 
     @property
     def corrected(self) -> NDArray[np.bool_]:
@@ -98,7 +79,6 @@ def correct_path(
 
     Parameters
     ----------
-    machine : Machine
     path : ToolPath
         In the base frame (`Frames.to_base`).
     load : Process, optional
@@ -110,11 +90,6 @@ def correct_path(
         corrected.
     positions_only : bool
         Leave the orientations of the commands as they are. So it is for robots of fewer than six joints.
-
-    Raises
-    ------
-    BeamstiffError
-        When the orientations are not known but needed, the robot buckles, the load is not defined somewhere.
     """
     load = load or NoLoad()
     whole = six_freedoms(machine.kinematics)
@@ -141,7 +116,7 @@ def correct_path(
         some = path.at(rows)
         if taught:
             still = np.zeros((len(rows), 6))
-            targets[rows] = _settled(machine, first.q[rows], _constant(still), some.poses)
+            targets[rows] = _settled(machine, first.q[rows], lambda _: still, some.poses)
         meant, load_at = targets[rows], _load_at(load, some, targets[rows])
         before[rows] = difference(_settled(machine, first.q[rows], load_at, meant), meant)
         wrench[rows] = load_at(meant)
@@ -264,8 +239,7 @@ def _secant(inverse: Array, step: Array, change: Array) -> Array:
     size = np.einsum("ni,ni->n", step, back)
     usable = np.abs(size) > 1e-30
     scale = np.where(usable, 1.0 / np.where(usable, size, 1.0), 0.0)
-    result: Array = inverse + scale[:, None, None] * (step - back)[:, :, None] * row[:, None, :]
-    return result
+    return np.asarray(inverse + scale[:, None, None] * (step - back)[:, :, None] * row[:, None, :])
 
 
 def _possible(machine: Machine, q: Array, errors: Array) -> Array:
@@ -276,12 +250,7 @@ def _possible(machine: Machine, q: Array, errors: Array) -> Array:
     jacobian = twist_jacobian(kinematics, posture(kinematics, q), machine.controller.tcp)[:, :3]
     left, size, _ = np.linalg.svd(jacobian, full_matrices=False)
     moving = size > FREE * size[:, :1]
-    result: Array = np.einsum("nij,nj,nkj,nk->ni", left, moving, left, errors)
-    return result
-
-
-def _constant(wrench: Array) -> Callable[[Array], Array]:
-    return lambda _: wrench
+    return np.asarray(np.einsum("nij,nj,nkj,nk->ni", left, moving, left, errors))
 
 
 def _load_at(load: Process, path: ToolPath, targets: Array) -> Callable[[Array], Array]:

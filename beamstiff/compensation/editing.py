@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import re
 from bisect import bisect_right
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import lru_cache
@@ -22,6 +22,7 @@ ENCODING = "latin-1"
 NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 UNCHANGED = 1e-3  # of the last decimal needed: what is rounding of the way there and back
 LARGEST = 200_000_000  # bytes
+LINE = re.compile(r"[^\r\n]*(?:\r\n|\r|\n|\Z)")
 
 _PARTS = re.compile(
     r"(?P<sign>[+-]?)(?P<whole>[0-9]*)(?P<point>\.?)(?P<decimals>[0-9]*)"
@@ -31,24 +32,14 @@ _PARTS = re.compile(
 
 @dataclass(frozen=True)
 class Slot:
-    """A number in a text.
+    """A number in a text."""
 
-    Attributes
-    ----------
-    start, end : int
-        Where it stands.
-    text : str
-    unit : float
-        What 1 is in SI.
-    decimals : int
-        That a corrected number needs at least, in the unit of the file.
-    """
-
+    # start, end: where it stands
     start: int
     end: int
     text: str
-    unit: float
-    decimals: int
+    unit: float  # what 1 is in SI
+    decimals: int  # that a corrected number needs at least, in the unit of the file
 
     @property
     def value(self) -> float:
@@ -59,13 +50,7 @@ class Slot:
 
 
 def read_bytes(path: str | Path) -> str:
-    """Return a file as text of which every byte is a character.
-
-    Raises
-    ------
-    BeamstiffError
-        When it is missing, unreadable, empty, UTF-16 or too large.
-    """
+    """Return a file as text of which every byte is a character."""
     where = Path(path)
     if os.path.isdir(where):
         raise BeamstiffError(f"{path}: is a folder, expected a file")
@@ -122,17 +107,6 @@ def rewritten(text: str, value: float, decimals: int) -> str:
         What it is to be, in the same unit.
     decimals : int
         That it needs; what `text` had stays if that is more.
-
-    Examples
-    --------
-    >>> (
-    ...     rewritten("12.5", 12.48321, 3),
-    ...     rewritten("+0012.5000", 12.48321, 3),
-    ...     rewritten("1.25E+02", 125.48321, 3),
-    ... )
-    ('12.483', '+0012.4832', '1.25483E+02')
-    >>> rewritten("12.5", 12.5 + 1e-9, 3), rewritten("-0.0", 0.00004, 3)
-    ('12.5', '-0.0')
     """
     parts = _PARTS.fullmatch(text)
     if parts is None:
@@ -176,14 +150,8 @@ def replaced(text: str, changes: Iterable[tuple[Slot, float]]) -> str:
 
     Parameters
     ----------
-    text : str
     changes : iterable of (Slot, float)
         New values in SI.
-
-    Examples
-    --------
-    >>> replaced("X   1.5, Y 2 ; ok", [(Slot(4, 7, "1.5", 1e-3, 3), 0.0012344)])
-    'X 1.234, Y 2 ; ok'
     """
     parts, at = [], 0
     for slot, value in sorted(changes, key=lambda change: change[0].start):
@@ -199,3 +167,24 @@ def replaced(text: str, changes: Iterable[tuple[Slot, float]]) -> str:
         parts += [text[at:start], new]
         at = slot.end
     return "".join([*parts, text[at:]])
+
+
+def masked(text: str, comment: str) -> str:
+    r"""Return the text with comments, from a mark to the end of the line, and ``"strings"`` made blank.
+
+    Examples
+    --------
+    >>> masked('p "a;b" 1 ; not 2\nq', ";")
+    'p       1        \nq'
+    """
+    pattern = re.compile(rf'"[^"\r\n]*"?|{re.escape(comment)}[^\r\n]*')
+    return pattern.sub(lambda found: " " * len(found[0]), text)
+
+
+def lines(text: str) -> Iterator[tuple[int, int, str]]:
+    """Yield number, place and text of every line, without its end."""
+    at = 0
+    for number, match in enumerate(LINE.finditer(text), start=1):
+        if match[0]:
+            yield number, at, match[0].rstrip("\r\n")
+        at = match.end()

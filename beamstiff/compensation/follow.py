@@ -31,23 +31,12 @@ AT_LIMIT = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Followed:
-    """Joint values of N targets.
+    """Joint values of N targets."""
 
-    Attributes
-    ----------
-    q : (N, A) array, rad or m
-        Of the closest approach where a target was not reached.
-    reached : (N,) bool array
-    reasons : dict of int to str
-        Of the targets that were not reached.
-    switched : (S,) int array
-        Targets before which the joints have to jump.
-    """
-
-    q: Array
-    reached: NDArray[np.bool_]
-    reasons: dict[int, str]
-    switched: Integers
+    q: Array  # (N, A), rad or m: of the closest approach where a target was not reached
+    reached: NDArray[np.bool_]  # (N,) bool
+    reasons: dict[int, str]  # of the targets that were not reached
+    switched: Integers  # (S,) int: targets before which the joints have to jump
 
 
 def six_freedoms(kinematics: Kinematics) -> bool:
@@ -68,7 +57,6 @@ def follow(kinematics: Kinematics, poses: Array, start: Array | None = None) -> 
 
     Parameters
     ----------
-    kinematics : Kinematics
     poses : (N, 4, 4) array
         Base frame, m.
     start : (A,) array, optional
@@ -123,8 +111,7 @@ def _convenient(kinematics: Kinematics, pose: Array, known: Array, near: Array |
     q = np.vstack([known, found.q[found.reached]])
     wanted = 0.5 * (low + high) if near is None else near
     off = np.sum(((q - wanted) / (high - low)) ** 2, axis=1)
-    best: Array = q[int(np.argmin(off))]
-    return best
+    return np.asarray(q[int(np.argmin(off))])
 
 
 def shortfall(kinematics: Kinematics, found: InverseResult, row: int) -> str:

@@ -30,30 +30,15 @@ PROPORTIONAL = 0.02  # share by which what goes with the load may be off it: the
 
 @dataclass(frozen=True, eq=False)
 class Machine:
-    """A controller and the robot that it moves.
+    """A controller and the robot that it moves."""
 
-    Attributes
-    ----------
-    controller : Robot
-        Whose geometry the controller takes for true; its stiffness and masses do not matter.
-    actual : Robot or None
-        The real one, calibrated, with masses, stiffness and `effects`; None: as the controller's.
-    elasticity : Model or None
-        What gives way to the process load in place of the real robot's beams and joints; its weight and its
-        effects still count. Components that the model leaves open (NaN: never measured) are the real robot's.
-    frames : Frames
-        Whose tool the poses are of.
-
-    Raises
-    ------
-    BeamstiffError
-        When the two robots do not have the same actuated variables.
-    """
-
-    controller: Robot
+    controller: Robot  # whose geometry the controller takes for true; its stiffness and masses do not matter
+    # the real one, calibrated, with masses, stiffness and `effects`; None: as the controller's
     actual: Robot | None = None
+    # what gives way to the process load in place of the real robot's beams and joints; its weight and its
+    # effects still count. Components that the model leaves open (NaN: never measured) are the real robot's
     elasticity: Model | None = None
-    frames: Frames = field(default_factory=Frames)
+    frames: Frames = field(default_factory=Frames)  # whose tool the poses are of
 
     def __post_init__(self) -> None:
         names = [[variable.name for variable in robot.actuated] for robot in (self.controller, self.real)]
@@ -88,8 +73,7 @@ class Machine:
         """Return the poses of the real tool without weight, load and effects, (N, 4, 4), base frame."""
         kinematics = self._real_kinematics
         at = pose_of(kinematics, posture(kinematics, q), self.real.tcp)
-        poses: Array = at @ self.frames.tool
-        return poses
+        return np.asarray(at @ self.frames.tool)
 
     def moved(self, q: Array, wrench: Array, tip: Array) -> Array:
         """Return how weight, load and effects move the `tcp` node, (N, 6) ``[d, r]``, base frame.
@@ -112,8 +96,7 @@ class Machine:
         given = self.elasticity.predict(q, at_node)
         if np.isnan(given).any():
             given = np.where(np.isnan(given), predict_with_effects(bare, rows) - weight, given)
-        result: Array = weight + given + effects_displacement(self.real, rows)
-        return result
+        return np.asarray(weight + given + effects_displacement(self.real, rows))
 
     def unproven(self, q: Array) -> dict[str, dict[str, float]]:
         """Return how far effects of the real robot move the unloaded tool, unproven by displacements, m.
@@ -159,8 +142,7 @@ class Machine:
         node = undeformed @ np.linalg.inv(self.frames.tool)
         node[:, :3, 3] += moved[:, :3]
         node[:, :3, :3] = rotation_from_vector(moved[:, 3:]) @ node[:, :3, :3]
-        poses: Array = node @ self.frames.tool
-        return poses
+        return np.asarray(node @ self.frames.tool)
 
     def _rows(self, q: Array, wrench: Array) -> Measurements:
         names = [variable.name for variable in self.real.actuated]

@@ -14,35 +14,20 @@ from beamstiff.se3 import Array, vector_from_rotation
 
 @dataclass(frozen=True, eq=False)
 class ToolPath:
-    """N targets of a tool.
+    """N targets of a tool."""
 
-    Attributes
-    ----------
-    source : str
-        The file.
-    names : tuple of str (N)
-    lines : (N,) int array
-        Where each target stands in the file.
-    poses : (N, 4, 4) array, m
-        Of the tool in the frame of the path.
-    turns : (N,) bool array
-        Whether the file has room for an orientation of this target; where not, its position alone is
-        corrected.
-    stated : bool
-        Whether the orientations are known, be they written or what the format takes for granted.
-    wrench : (N, 6) array or None
-        ``[f, m]`` on the tool at its tip, base frame of the robot, N and N m.
-    columns : mapping of str to (N,) array
-        Other quantities along the path, SI: what a process may depend on.
-    """
-
-    source: str
+    source: str  # the file
     names: tuple[str, ...]
-    lines: Integers
-    poses: Array
+    lines: Integers  # (N,) int: where each target stands in the file
+    poses: Array  # (N, 4, 4), m: of the tool in the frame of the path
+    # (N,) bool: whether the file has room for an orientation of this target; where not, its position alone is
+    # corrected
     turns: NDArray[np.bool_]
+    # whether the orientations are known, be they written or what the format takes for granted
     stated: bool = True
+    # (N, 6): ``[f, m]`` on the tool at its tip, base frame of the robot, N and N m
     wrench: Array | None = None
+    # (N,): other quantities along the path, SI: what a process may depend on
     columns: Mapping[str, Array] = field(default_factory=dict)
 
     def __len__(self) -> int:
@@ -71,17 +56,11 @@ class ToolPath:
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """What the numbers of a path count from, and which point of the tool they place.
+    """What the numbers of a path count from, and which point of the tool they place."""
 
-    Attributes
-    ----------
-    base : (4, 4) array, m
-        The frame of the path (KRL $BASE, RAPID wobj, APT part) in the base frame of the robot.
-    tool : (4, 4) array, m
-        The programmed tool (KRL $TOOL, RAPID tooldata) in the frame of the robot's `tcp` node.
-    """
-
+    # (4, 4), m: the frame of the path (KRL $BASE, RAPID wobj, APT part) in the base frame of the robot
     base: Array = field(default_factory=lambda: np.eye(4))
+    # (4, 4), m: the programmed tool (KRL $TOOL, RAPID tooldata) in the frame of the robot's `tcp` node
     tool: Array = field(default_factory=lambda: np.eye(4))
 
     def to_base(self, path: ToolPath) -> ToolPath:

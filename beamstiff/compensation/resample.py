@@ -19,7 +19,6 @@ def resample(path: ToolPath, step: float = np.inf, angle: float = np.inf) -> Too
 
     Parameters
     ----------
-    path : ToolPath
     step, angle : float
         Largest distance, m, and turn, rad, from a target to the next.
 
@@ -28,11 +27,6 @@ def resample(path: ToolPath, step: float = np.inf, angle: float = np.inf) -> Too
     ToolPath
         The targets of old are all there. The others are called ``P1+1/4``, one of four parts of the way from
         P1 to its successor; loads and columns are interpolated linearly.
-
-    Raises
-    ------
-    BeamstiffError
-        When a step is not positive, or there would be more than `MOST` targets.
     """
     if not (step > 0 and angle > 0):
         raise BeamstiffError(f"found the steps {step:g} m and {angle:g} rad, expected positive ones")

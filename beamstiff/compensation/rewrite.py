@@ -120,7 +120,6 @@ def compensate_program(
 
     Parameters
     ----------
-    program : Program
     machine : Machine
         Its `frames` say where the path lies and which tool it moves.
     process : Process, optional
@@ -129,12 +128,6 @@ def compensate_program(
         Resample to at most this distance, m, and turn, rad, a step: the result is a path table then.
     start, taught, positions_only
         As of `correct_path`.
-
-    Raises
-    ------
-    BeamstiffError
-        As of `correct_path` and `resample`. Targets out of reach raise nothing: they are in
-        ``correction.reasons`` and stay as they are in the file.
     """
     path = program.path if steps is None else resample(program.path, *steps)
     parts = [FromPath(), *([process] if process is not None else [])]

@@ -118,13 +118,7 @@ def calibrate(
 def each_prior(
     priors: Mapping[str, Prior | Sequence[Prior]], parameters: Sequence[Parameter]
 ) -> dict[str, float]:
-    """Return standard deviations, SI, by parameter, of those given by parameter, group or frame.
-
-    Raises
-    ------
-    BeamstiffError
-        When a name is unknown, or no parameter of the name has the unit.
-    """
+    """Return standard deviations, SI, by parameter, of those given by parameter, group or frame."""
     geometric = [item for item in parameters if item.unit in KINDS]
     result: dict[str, float] = {}
     given = (

@@ -16,39 +16,13 @@ from beamstiff.se3 import Array
 
 
 def one_of(name: str, value: object, known: Sequence[str]) -> None:
-    """Refuse a word that is not among those known.
-
-    Raises
-    ------
-    BeamstiffError
-        Naming the option.
-
-    Examples
-    --------
-    >>> one_of("loss", "linaer", ("linear", "huber"))
-    Traceback (most recent call last):
-    ...
-    beamstiff.errors.OptionError: loss: found 'linaer' (did you mean 'linear'?), expected linear, huber
-    """
+    """Refuse a word that is not among those known."""
     if value not in known:
         raise OptionError(name, f"found {shown(value)}{suggest(value, known)}, expected {', '.join(known)}")
 
 
 def whole(name: str, value: object, least: int, most: int | None = None) -> None:
-    """Refuse what is no whole number between two ends.
-
-    Raises
-    ------
-    BeamstiffError
-        Naming the option.
-
-    Examples
-    --------
-    >>> whole("seed", -1, 0)
-    Traceback (most recent call last):
-    ...
-    beamstiff.errors.OptionError: seed: found -1, expected 0 or more
-    """
+    """Refuse what is no whole number between two ends."""
     is_whole = isinstance(value, int) and not isinstance(value, bool)
     if not is_whole or value < least or (most is not None and value > most):  # type: ignore[operator]
         span = f"{least} or more" if most is None else f"{least} to {most}"
@@ -62,11 +36,6 @@ def effects_text(effects: Iterable[AddedEffect]) -> str:
 
 def names_of(name: str, value: Sequence[str] | None) -> list[str] | None:
     """Return names as a list; a single text is refused, whose letters would count as names.
-
-    Raises
-    ------
-    BeamstiffError
-        Naming the option.
 
     Examples
     --------
@@ -89,13 +58,7 @@ def left_out(effects: Iterable[AddedEffect], what: str) -> tuple[str, ...]:
 
 
 def six_numbers(name: str, wrench: ArrayLike) -> Array:
-    """Return a wrench ``[f, m]``, (6,).
-
-    Raises
-    ------
-    BeamstiffError
-        Naming the option.
-    """
+    """Return a wrench ``[f, m]``, (6,)."""
     try:
         load = np.asarray(wrench, dtype=np.float64)
     except (TypeError, ValueError):

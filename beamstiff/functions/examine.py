@@ -162,16 +162,6 @@ def shares_of(classes: Sequence[str]) -> tuple[dict[Kind, int], tuple[str, ...]]
     """Return the share of each kind of case, and the effects asked, of names of kinds and effects.
 
     Every name gets an equal share; ``single`` stands for all effects.
-
-    Raises
-    ------
-    BeamstiffError
-        When a name is neither a kind nor an effect.
-
-    Examples
-    --------
-    >>> shares_of(["null", "backlash", "hysteresis"])
-    ({'null': 1, 'single': 2}, ('backlash', 'hysteresis'))
     """
     names, known = list(dict.fromkeys(classes)), (*KINDS, *EFFECTS)
     if unknown := [name for name in names if name not in known]:
@@ -187,13 +177,7 @@ def shares_of(classes: Sequence[str]) -> tuple[dict[Kind, int], tuple[str, ...]]
 
 
 def reports_of(reports: Path_ | None, sets: Path_ | None, cases: int) -> list[str]:
-    """Return the reports that an exam will write into a folder that is there already.
-
-    Raises
-    ------
-    BeamstiffError
-        When the labels of `sets` cannot be read.
-    """
+    """Return the reports that an exam will write into a folder that is there already."""
     if reports is None or not Path(reports).is_dir():
         return []
     if sets is not None:
@@ -204,13 +188,7 @@ def reports_of(reports: Path_ | None, sets: Path_ | None, cases: int) -> list[st
 
 
 def check_kept(out: Path_ | None, reports: Path_ | None, sets: Path_ | None, cases: int) -> None:
-    """Refuse, before any work, to write results or reports over files that are not an exam's.
-
-    Raises
-    ------
-    BeamstiffError
-        Naming the file.
-    """
+    """Refuse, before any work, to write results or reports over files that are not an exam's."""
     for path in reports_of(reports, sets, cases):
         check_replaceable(path)
     if out is not None:

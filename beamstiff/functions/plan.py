@@ -14,11 +14,10 @@ from beamstiff.errors import BeamstiffError, OptionError, shown
 from beamstiff.files import write_whole
 from beamstiff.functions.checks import names_of, one_of, whole
 from beamstiff.functions.robots import as_robot
-from beamstiff.planning.at_random import AtRandom, random_designs
-from beamstiff.planning.campaign import Campaign, by_pose, campaign_of, plan_csv
+from beamstiff.planning.campaign import Plan, by_pose, plan_csv, plan_of
 from beamstiff.planning.candidates import Noise, candidate_poses, candidate_tests, force_loads, identifiable
 from beamstiff.planning.designs import CRITERIA, Criterion, choose_tests
-from beamstiff.planning.enough import Enough, how_many
+from beamstiff.planning.enough import AtRandom, Enough, how_many, random_designs
 from beamstiff.robot.coerce import RobotLike
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics
@@ -39,7 +38,7 @@ class MeasurementPlan(Shown):
     Attributes
     ----------
     robot : Robot
-    campaign : Campaign
+    campaign : Plan
         The tests, and the standard errors that they should give.
     candidates : int
         How many tests, or poses, there were to choose from.
@@ -55,7 +54,7 @@ class MeasurementPlan(Shown):
     """
 
     robot: Robot
-    campaign: Campaign
+    campaign: Plan
     candidates: int
     at_random: AtRandom
     enough: Enough
@@ -189,7 +188,7 @@ def plan(
     if poses is not None:
         tells = by_pose(possible, tells)
     kind = cast("Criterion", by)
-    campaign = campaign_of(possible, choose_tests(tells, count, found, kind), noise, poses is not None)
+    campaign = plan_of(possible, choose_tests(tells, count, found, kind), noise, poses is not None)
     sizes = sorted({min(max(len(found), round(count * share)), len(tells)) for share in GROWING})
     return MeasurementPlan(
         robot=machine,

@@ -47,8 +47,7 @@ class Prediction(Shown):
         """Norm of measured less predicted position of every row, (N,), m; NaN where none was measured."""
         known = self.rows.measured_mask[:, :3] & (self.rows.kind == "displacement")
         gap = np.where(known, self.rows.displacement[:, :3] - self.displacement[:, :3], 0.0)
-        result: Array = np.where(known.any(axis=1), np.linalg.norm(gap, axis=1), np.nan)
-        return result
+        return np.asarray(np.where(known.any(axis=1), np.linalg.norm(gap, axis=1), np.nan))
 
     def to_measurements(self) -> Measurements:
         """Return the rows with the predicted displacements as those measured."""

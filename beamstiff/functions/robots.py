@@ -17,13 +17,7 @@ from beamstiff.robot.description import Robot
 
 
 def as_robot(robot: RobotLike, what: str = "robot") -> Robot:
-    """Return a robot: itself, or read from its file with its effects checked, see `robot.coerce.as_robot`.
-
-    Raises
-    ------
-    BeamstiffError
-        When it is none of these, or the file cannot be used.
-    """
+    """Return a robot: itself, or read from its file with its effects checked, see `robot.coerce.as_robot`."""
     if isinstance(robot, Robot):
         return robot
     found = coerce.as_robot(robot, what)
@@ -57,13 +51,7 @@ def load_robot(path: str | os.PathLike[str]) -> Robot:
 
 
 def check_known(robot: Robot, file: Path) -> Robot:
-    """Return a robot that was read from a file, if the library knows its effects.
-
-    Raises
-    ------
-    BeamstiffError
-        Otherwise: one line ``FILE:LINE: key: message``.
-    """
+    """Return a robot that was read from a file, if the library knows its effects."""
     if robot.effects:
         try:
             check_effects(robot)

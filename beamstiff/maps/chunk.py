@@ -13,9 +13,9 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.fem.condensation import condense, tcp_stiffness
 from beamstiff.maps.grid import Box
 from beamstiff.maps.job import Job
+from beamstiff.maps.names import MEANING, Reason
 from beamstiff.maps.quantities import QUANTITIES, from_compliance, from_jacobian
 from beamstiff.maps.reach import outside_limits
-from beamstiff.maps.reasons import MEANING, Reason
 from beamstiff.robot.closure import close_loops
 from beamstiff.robot.kinematics import Posture, posture_at
 from beamstiff.se3 import Array
@@ -28,20 +28,12 @@ _POSE = re.compile(r",? ?(at|\() ?pose \d+\)?")
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """What a chunk gives.
+    """What a chunk gives."""
 
-    Attributes
-    ----------
-    values : dict of str to (P, ...) array
-        By quantity; NaN where a pose has none. ``q`` (P, A) where joint values were found.
-    reasons : (P,) int8 array
-    examples : dict of int to str
-        By reason, what was said of one such pose.
-    """
-
+    # (P, ...): by quantity; NaN where a pose has none. ``q`` (P, A) where joint values were found
     values: dict[str, Array]
-    reasons: NDArray[np.int8]
-    examples: dict[int, str]
+    reasons: NDArray[np.int8]  # (P,) int8
+    examples: dict[int, str]  # by reason, what was said of one such pose
 
 
 def compute_chunk(job: Job, box: Box) -> Part:
@@ -59,13 +51,7 @@ def compute_chunk(job: Job, box: Box) -> Part:
 
 
 def compute_poses(job: Job, points: Array) -> Part:
-    """Return the quantities at points (P, D) of a job's grid.
-
-    Raises
-    ------
-    BeamstiffError
-        When a number grows beyond what a computer's numbers hold.
-    """
+    """Return the quantities at points (P, D) of a job's grid."""
     try:
         with np.errstate(over="raise"):
             return _computed(job, points)

@@ -18,9 +18,8 @@ from beamstiff.files import draft_of
 from beamstiff.maps.chunk import Part
 from beamstiff.maps.grid import CARTESIAN, Box
 from beamstiff.maps.job import Job, robot_digest, versions
-from beamstiff.maps.names import dimension_names
+from beamstiff.maps.names import MEANING, Reason, dimension_names
 from beamstiff.maps.quantities import LOADS, MOTIONS, QUANTITIES
-from beamstiff.maps.reasons import MEANING, Reason
 from beamstiff.outputs import UNSEALED, check_replaceable, is_sealed_folder, seal_folder, seal_in_place
 
 if TYPE_CHECKING:
@@ -33,13 +32,7 @@ COMPONENTS: dict[tuple[str, ...], str] = {MOTIONS: "motion", LOADS: "load"}
 
 
 def check_format(job: Job, out: str | Path) -> None:
-    """Refuse the name of a file that no map is written to, before any work is done for it.
-
-    Raises
-    ------
-    BeamstiffError
-        When its ending is none of `FORMATS`, zarr is not installed, or the map is too large for NetCDF 3.
-    """
+    """Refuse the name of a file that no map is written to, before any work is done for it."""
     ending = Path(out).suffix
     if ending not in FORMATS:
         raise BeamstiffError(f"{out}: found the ending {ending!r}, expected .nc (NetCDF) or .zarr")
@@ -147,13 +140,7 @@ def _provenance(job: Job) -> dict[str, Any]:
 
 
 def save_dataset(dataset: xarray.Dataset, out: str | Path) -> None:
-    """Write a map, whole or not at all: NetCDF 3 (64-bit offsets) or Zarr, by the ending of the name.
-
-    Raises
-    ------
-    BeamstiffError
-        When there is no room, or another fault of the disk.
-    """
+    """Write a map, whole or not at all: NetCDF 3 (64-bit offsets) or Zarr, by the ending of the name."""
     check_target(out)
     target, dataset = Path(out).resolve(), dataset.assign_attrs(written_by=UNSEALED)
     try:
@@ -171,13 +158,7 @@ def save_dataset(dataset: xarray.Dataset, out: str | Path) -> None:
 
 
 def check_target(out: str | Path) -> None:
-    """Refuse to put a map where something stands that is no map as beamstiff wrote it.
-
-    Raises
-    ------
-    BeamstiffError
-        Naming it.
-    """
+    """Refuse to put a map where something stands that is no map as beamstiff wrote it."""
     target = Path(out).resolve()
     if not target.is_dir():
         check_replaceable(out)

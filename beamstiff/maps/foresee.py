@@ -16,13 +16,7 @@ COPIES = 3  # of the quantities: gathered, written, and turned over for the file
 
 
 def refuse_unless_it_fits(job: Job, out: str | Path | None, processes: int) -> None:
-    """Refuse a map that memory or disk would not hold.
-
-    Raises
-    ------
-    BeamstiffError
-        Says what is needed, what is free, and how many poses would fit.
-    """
+    """Refuse a map that memory or disk would not hold."""
     per_pose = job.bytes_of_result
     copies = 1 if out is None else COPIES
     working = processes * (working_bytes(job) + 2 * per_pose * min(job.chunk_size, job.grid.count))

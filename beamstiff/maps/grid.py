@@ -24,28 +24,17 @@ Box = tuple[slice, ...]  # a part of a grid, one slice an axis
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Poses of a map, the last axis running fastest.
+    """Poses of a map, the last axis running fastest."""
 
-    Attributes
-    ----------
-    names : tuple of str
-        Of the axes: actuated variables, or some of x, y and z.
-    axes : tuple of (n,) arrays, rad or m
-        Growing values.
-    q : (A,) array, rad or m
-        Joint values of the variables that are on no axis; over positions, the posture whose configuration the
-        map keeps to.
-    target : (4, 4) array or None
-        Over positions: pose of the TCP, base frame, for what is on no axis. None over joint variables.
-    turned : bool
-        Whether the orientation of the target has to be met, or the position alone.
-    """
-
-    names: tuple[str, ...]
-    axes: tuple[Array, ...]
+    names: tuple[str, ...]  # of the axes: actuated variables, or some of x, y and z
+    axes: tuple[Array, ...]  # (n,), rad or m: growing values
+    # (A,), rad or m: joint values of the variables that are on no axis; over positions, the posture whose
+    # configuration the map keeps to
     q: Array
+    # (4, 4): over positions: pose of the TCP, base frame, for what is on no axis. None over joint
+    # variables
     target: Array | None = None
-    turned: bool = False
+    turned: bool = False  # whether the orientation of the target has to be met, or the position alone
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -87,7 +76,6 @@ def make_grid(
 
     Parameters
     ----------
-    kinematics : Kinematics
     over : mapping of str to values, rad or m
         An axis each, in growing order, at least two values. Names are those of actuated variables or, where
         no variable is called so, x, y and z in the base frame; not both.
@@ -97,20 +85,6 @@ def make_grid(
     orientation : (3, 3) array or "free", optional
         Of the TCP over positions. Default: as in the posture held, for robots of six actuated variables or
         more; others cannot hold it.
-
-    Raises
-    ------
-    BeamstiffError
-        When names are unknown or mixed, values do not grow, or an orientation is no rotation.
-
-    Examples
-    --------
-    >>> from beamstiff.robot.kinematics import compile_kinematics
-    >>> from beamstiff.robot.reader import load_robot
-    >>> kinematics = compile_kinematics(load_robot("kr240-2"))
-    >>> grid = make_grid(kinematics, {"q2": [0.1, 0.2], "q3": [-1, 0, 1]}, {"q5": 0.8})
-    >>> grid.shape, grid.joint_values(grid.points((slice(1), slice(2))), kinematics.robot)[1]
-    ((2, 3), array([0. , 0.1, 0. , 0. , 0.8, 0. ]))
     """
     robot, held = kinematics.robot, dict(held or {})
     actuated = [variable.name for variable in robot.actuated]
@@ -174,13 +148,7 @@ def _rotation(orientation: ArrayLike | str) -> Array:
 
 
 def boxes(shape: tuple[int, ...], most: int) -> list[Box]:
-    """Return a grid in boxes of at most `most` poses, each of them poses that follow on one another.
-
-    Examples
-    --------
-    >>> [[(part.start, part.stop) for part in box] for box in boxes((2, 5), 3)]
-    [[(0, 1), (0, 2)], [(0, 1), (2, 5)], [(1, 2), (0, 2)], [(1, 2), (2, 5)]]
-    """
+    """Return a grid in boxes of at most `most` poses, each of them poses that follow on one another."""
     whole, split = 1, len(shape)
     while split and whole * shape[split - 1] <= most:
         split -= 1

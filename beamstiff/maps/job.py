@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from hashlib import sha256
 from importlib.metadata import version
 from typing import Any, Literal
 
@@ -31,34 +31,16 @@ UNKNOWNS = 100  # beyond, chunks are smaller: the work at a pose grows
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """A map to be computed.
-
-    Attributes
-    ----------
-    robot : Robot
-    grid : Grid
-    quantities : tuple of str
-        Names in `QUANTITIES`.
-    wrench : (6,) array
-        ``[f, m]`` on the TCP, base frame, N and N m.
-    gravity : bool
-        Whether deflection and displacement contain the sag under dead weight.
-    direction : (3,) array or None
-        Of length 1, base frame.
-    length : float or None, m
-        Characteristic length of the Jacobian, where one is asked for.
-    pool : (K, A) array or None
-        Over positions: postures of the configuration to start from.
-    """
+    """A map to be computed."""
 
     robot: Robot
     grid: Grid
-    quantities: tuple[str, ...]
-    wrench: Array
-    gravity: bool
-    direction: Array | None
-    length: float | None
-    pool: Array | None = None
+    quantities: tuple[str, ...]  # names in `QUANTITIES`
+    wrench: Array  # (6,): ``[f, m]`` on the TCP, base frame, N and N m
+    gravity: bool  # whether deflection and displacement contain the sag under dead weight
+    direction: Array | None  # (3,): of length 1, base frame
+    length: float | None  # m: characteristic length of the Jacobian, where one is asked for
+    pool: Array | None = None  # (K, A): over positions: postures of the configuration to start from
 
     def needs(self, what: str) -> bool:
         """Tell whether some quantity follows from compliance, weight or jacobian."""
@@ -100,7 +82,7 @@ class Job:
         return {
             "robot": robot_digest(self.robot),
             "grid": {
-                name: [axis.size, float(axis[0]), float(axis[-1]), _digest(axis)]
+                name: [axis.size, float(axis[0]), float(axis[-1]), sha256(axis.tobytes()).hexdigest()[:16]]
                 for name, axis in zip(grid.names, grid.axes, strict=True)
             },
             "held": dict(zip([v.name for v in self.robot.actuated], grid.q.tolist(), strict=True)),
@@ -131,13 +113,7 @@ def state_job(
     direction: ArrayLike | None = None,
     length: float | None = None,
 ) -> Job:
-    """Return a map to be computed; the arguments are those of `map_workspace`.
-
-    Raises
-    ------
-    BeamstiffError
-        When grid, quantities or loads cannot be used, or the posture held is of no configuration.
-    """
+    """Return a map to be computed; the arguments are those of `map_workspace`."""
     names = tuple([quantities] if isinstance(quantities, str) else quantities)
     check_quantities(names, wrench is not None, direction is not None, gravity)
     if {"compliance", "weight"} & {need for name in names for need in QUANTITIES[name].needs}:
@@ -179,11 +155,7 @@ def _vector(what: str, values: ArrayLike | None, size: int) -> Array:
 
 def robot_digest(robot: Robot) -> str:
     """Return the SHA-256 of a robot's description."""
-    return hashlib.sha256(repr(robot).encode()).hexdigest()
-
-
-def _digest(axis: Array) -> str:
-    return hashlib.sha256(axis.tobytes()).hexdigest()[:16]
+    return sha256(repr(robot).encode()).hexdigest()
 
 
 def versions() -> dict[str, str]:

@@ -34,12 +34,6 @@ class Parts:
         Of the map; the folder's name has ``.parts`` at its end.
     stated : dict
         The job, as plain data. A folder that holds chunks of another is refused.
-
-    Raises
-    ------
-    BeamstiffError
-        When another process makes the map, the folder holds another job, saying what differs, or it cannot
-        be made.
     """
 
     def __init__(self, out: str | Path, stated: dict[str, Any]) -> None:
@@ -131,13 +125,7 @@ class Parts:
         return f"beamstiff-chunk/1 {number} {self._job} {hashlib.sha256(data).hexdigest()}".encode()
 
     def write(self, number: int, part: Part) -> None:
-        """Keep a finished chunk: whole, or not at all.
-
-        Raises
-        ------
-        BeamstiffError
-            When there is no room left, or another fault of the disk.
-        """
+        """Keep a finished chunk: whole, or not at all."""
         data = io.BytesIO()
         arrays: dict[str, Any] = {**part.values, "reasons": part.reasons}
         np.savez(data, examples=np.array(json.dumps(part.examples)), **arrays)

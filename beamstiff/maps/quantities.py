@@ -18,24 +18,14 @@ Need = Literal["compliance", "weight", "jacobian", "wrench", "direction"]
 
 @dataclass(frozen=True)
 class Quantity:
-    """What is known of a quantity.
-
-    Attributes
-    ----------
-    long_name : str
-    unit : str
-    needs : tuple of str
-        What it follows from: of the pose, and of what was asked.
-    worst : "least", "largest" or None
-        Which end of its values is the bad one; None for what has no order.
-    components : tuple of tuple of str
-        Axes beside those of the grid: none, those of a displacement, those of a matrix.
-    """
+    """What is known of a quantity."""
 
     long_name: str
     unit: str
-    needs: tuple[Need, ...]
+    needs: tuple[Need, ...]  # what it follows from: of the pose, and of what was asked
+    # which end of its values is the bad one; None for what has no order
     worst: Literal["least", "largest"] | None = None
+    # axes beside those of the grid: none, those of a displacement, those of a matrix
     components: tuple[tuple[str, ...], ...] = ()
 
     @property
@@ -107,13 +97,7 @@ QUANTITIES: dict[str, Quantity] = {
 
 
 def check_quantities(names: tuple[str, ...], wrench: bool, direction: bool, weight: bool) -> None:
-    """Refuse quantities that are unknown, named twice, or lack what they follow from.
-
-    Raises
-    ------
-    BeamstiffError
-        Naming the quantity.
-    """
+    """Refuse quantities that are unknown, named twice, or lack what they follow from."""
     if not names:
         raise BeamstiffError(f"found no quantity, expected some of {listed(QUANTITIES, 20)}")
     for at, name in enumerate(names):
@@ -134,7 +118,6 @@ def from_compliance(name: str, compliance: Array, displacement: Array, direction
 
     Parameters
     ----------
-    name : str
     compliance : (P, 6, 6) array
     displacement : (P, 6) array
         Under the wrench.
@@ -147,8 +130,7 @@ def from_compliance(name: str, compliance: Array, displacement: Array, direction
     if name == "displacement":
         return displacement
     if name == "deflection":
-        distance: Array = np.linalg.norm(displacement[:, :3], axis=1)
-        return distance
+        return np.asarray(np.linalg.norm(displacement[:, :3], axis=1))
     if name == "compliance_trace":
         return np.asarray(np.trace(along, axis1=1, axis2=2))
     values = np.linalg.eigvalsh(about if name == "rotational_stiffness" else along)
@@ -166,8 +148,7 @@ def from_jacobian(name: str, jacobian: Array) -> Array:
     from beamstiff.planning.dexterity import inverse_condition  # loads an optimiser
 
     if name == "manipulability":
-        result: Array = np.linalg.svd(jacobian, compute_uv=False).prod(axis=1)
-        return result
+        return np.asarray(np.linalg.svd(jacobian, compute_uv=False).prod(axis=1))
     dexterity = inverse_condition(jacobian)
     if name == "dexterity":
         return dexterity

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.maps.reasons import Reason
+from beamstiff.maps.names import Reason
 from beamstiff.robot.closure import close_loops
 from beamstiff.robot.inverse import inverse_geometry
 from beamstiff.robot.kinematics import (
@@ -42,23 +42,12 @@ AT_LIMIT = 1e-9  # rad, m
 
 @dataclass(frozen=True, eq=False)
 class Reach:
-    """How to get to points in the configuration of a posture.
-
-    Attributes
-    ----------
-    kinematics : Kinematics
-    start : (A,) array, rad or m
-        The posture.
-    turned : bool
-        Whether orientations are to be met.
-    pool : (K, A) array, rad or m
-        Postures of its configuration, from `postures_of_configuration`.
-    """
+    """How to get to points in the configuration of a posture."""
 
     kinematics: Kinematics
-    start: Array
-    turned: bool
-    pool: Array
+    start: Array  # (A,), rad or m: the posture
+    turned: bool  # whether orientations are to be met
+    pool: Array  # (K, A), rad or m: postures of its configuration, from `postures_of_configuration`
 
     def check(self) -> None:
         """Refuse a posture that is of no configuration: outside the limits, or singular."""
@@ -142,8 +131,7 @@ class Reach:
         product = ahead @ behind if rows <= steps.shape[-1] else behind @ ahead
         crossed = np.linalg.det(product) <= 0.0
         known = closed.reshape(STEPS + 1, len(q))
-        same: Mask = ~(crossed & known[1:] & known[:-1]).any(axis=0)
-        return same
+        return np.asarray(~(crossed & known[1:] & known[:-1]).any(axis=0))
 
     @cached_property
     def _unlimited(self) -> Kinematics:
@@ -194,13 +182,7 @@ class Reach:
 
 
 def postures_of_configuration(kinematics: Kinematics, start: Array, turned: bool) -> Array:
-    """Return postures (K, A) of the configuration of one (A,), that one first: to start from.
-
-    Raises
-    ------
-    BeamstiffError
-        When it lies outside the limits, or is singular.
-    """
+    """Return postures (K, A) of the configuration of one (A,), that one first: to start from."""
     around = Reach(kinematics, start, turned, start[None])
     around.check()
     robot, size = kinematics.robot, kinematics.size

@@ -18,8 +18,8 @@ from beamstiff.maps.chunk import Part, compute_chunk, compute_poses
 from beamstiff.maps.dataset import check_format, empty_dataset, put, save_dataset
 from beamstiff.maps.foresee import refuse_unless_it_fits
 from beamstiff.maps.job import Job, state_job
+from beamstiff.maps.names import Reason
 from beamstiff.maps.parts import Parts
-from beamstiff.maps.reasons import Reason
 from beamstiff.maps.summary import reason_counts
 from beamstiff.parallel import check_places, parallel_map
 from beamstiff.robot.coerce import RobotLike, as_robot

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamstiff.maps.names import variable_of
+from beamstiff.maps.names import Reason, variable_of
 from beamstiff.maps.quantities import QUANTITIES
-from beamstiff.maps.reasons import Reason
 
 if TYPE_CHECKING:
     import xarray

@@ -12,12 +12,10 @@ from beamstiff.measure.registration import Registration, register
 from beamstiff.measure.rows import concatenate, history_order, subset
 from beamstiff.measure.samples import (
     AveragedStates,
-    RepeatNoise,
     average_samples,
     difference_of_states,
     pooled_sigma,
     repeated_states,
-    sigma_from_repeats,
 )
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.measure.wrench import (
@@ -33,7 +31,6 @@ __all__ = [
     "Measurements",
     "PointDisplacement",
     "Registration",
-    "RepeatNoise",
     "average_samples",
     "concatenate",
     "difference_of_states",
@@ -48,7 +45,6 @@ __all__ = [
     "read_measurements",
     "register",
     "repeated_states",
-    "sigma_from_repeats",
     "subset",
     "subtract_sensor_deflection",
     "transport_wrench",

@@ -25,16 +25,6 @@ def finite(value: ArrayLike, name: str, *tail: int, missing: bool = False) -> Ar
         Lengths of the last axes; -1 for any.
     missing : bool
         Whether NaN is allowed, as "not measured".
-
-    Raises
-    ------
-    BeamstiffError
-        When it is not numeric, has another shape, or holds infinite (or missing) values.
-
-    Examples
-    --------
-    >>> finite([[1, 2, 3]], "points", 3)
-    array([[1., 2., 3.]])
     """
     try:
         array = np.array(value, dtype=np.float64)
@@ -53,13 +43,7 @@ def finite(value: ArrayLike, name: str, *tail: int, missing: bool = False) -> Ar
 
 
 def positive(value: float, name: str) -> float:
-    """Return a finite number above zero.
-
-    Raises
-    ------
-    BeamstiffError
-        When it is anything else.
-    """
+    """Return a finite number above zero."""
     result = float(finite(value, name))
     if result <= 0.0:
         raise BeamstiffError(f"{name}: found {result}, expected a positive number")
@@ -67,13 +51,7 @@ def positive(value: float, name: str) -> float:
 
 
 def rotation_matrix(value: ArrayLike, name: str) -> Array:
-    """Return `value` as rotation matrices (..., 3, 3): orthonormal to 1e-6, right-handed.
-
-    Raises
-    ------
-    BeamstiffError
-        When it is no rotation.
-    """
+    """Return `value` as rotation matrices (..., 3, 3): orthonormal to 1e-6, right-handed."""
     rotation = finite(value, name, 3, 3)
     error = np.abs(np.swapaxes(rotation, -1, -2) @ rotation - np.eye(3)).max(initial=0.0)
     if error > 1e-6:

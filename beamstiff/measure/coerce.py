@@ -12,7 +12,6 @@ import numpy as np
 from beamstiff.errors import BeamstiffError, OptionError, shown
 from beamstiff.measure.doubts import doubts
 from beamstiff.measure.reader import read_measurements
-from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements
 from beamstiff.measure.usable import UnusableError, copies_between
 from beamstiff.robot.description import Robot
@@ -36,11 +35,6 @@ def as_tables(
         Refuse tables that hold loads alone.
     what : str
         The argument, for messages.
-
-    Raises
-    ------
-    BeamstiffError
-        When something else is given, the same file twice, or a file cannot be used.
     """
     single = isinstance(data, Measurements | str | os.PathLike)
     if not single and not isinstance(data, Sequence):
@@ -64,11 +58,6 @@ def as_tables(
     return tables
 
 
-def as_measurements(data: DataLike, robot: Robot, *, require_measured: bool = True) -> Measurements:
-    """Return tables of measurements as one, see `as_tables`."""
-    return concatenate(as_tables(data, robot, require_measured=require_measured))
-
-
 def doubts_of(robot: Robot, tables: Sequence[Measurements]) -> list[str]:
     """Return what in a robot and in tables is hardly meant, a sentence each."""
     own = (note for table in tables for note in doubts(table, robot))
@@ -77,13 +66,7 @@ def doubts_of(robot: Robot, tables: Sequence[Measurements]) -> list[str]:
 
 @contextmanager
 def doubted(notes: Sequence[str]) -> Iterator[None]:
-    """Say with an error, in its line, what in the tables may have led to it.
-
-    Raises
-    ------
-    BeamstiffError
-        Also when numbers grow beyond what a computer's numbers hold.
-    """
+    """Say with an error, in its line, what in the tables may have led to it."""
     doubt = f"; it may come from this: {notes[0]}" if notes else ""
     try:
         with np.errstate(over="raise"):
@@ -100,13 +83,7 @@ def doubted(notes: Sequence[str]) -> Iterator[None]:
 
 
 def refuse_fitted(tests: Iterable[object], data: DataLike) -> None:
-    """Refuse files of readings to test on that are fitted too.
-
-    Raises
-    ------
-    BeamstiffError
-        Naming the file.
-    """
+    """Refuse files of readings to test on that are fitted too."""
     given = [data] if isinstance(data, Measurements | str | os.PathLike) else list(data)
     fitted = {Path(one).resolve() for one in given if isinstance(one, str | os.PathLike)}
     for path in tests:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import NoReturn
 
 import numpy as np
@@ -51,6 +52,8 @@ KUKA_HINT = (
 )
 _CELL = re.compile(r"(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?")
 
+Wrong = Callable[[str, str], NoReturn]  # raises the error of a column
+
 
 @dataclass(frozen=True)
 class Column:
@@ -76,38 +79,25 @@ def read_header(
     ----------
     orientation : str or None
         The declared meaning of columns A, B, C (or a, b, c): ``"KUKA ABC"`` or ``"rotation vector"``.
-
-    Raises
-    ------
-    BeamstiffError
-        When a column is unknown, doubled, of a wrong unit, not an input of the robot, or missing.
     """
     declared = {variable.name: variable for variable in robot.variables}
+    wrong = partial(fail, source, line)
     columns: list[Column] = []
     for at, cell in enumerate(cells, start=1):
         match = _CELL.fullmatch(cell)
         if match is None or not match["name"]:
-            fail(
-                source,
-                line,
-                f"column {at}",
-                f"found {shown(cell)}, expected a name and its unit, like dx [mm]",
-            )
-        column = _read_cell(match["name"], match["unit"], cell, declared, robot, orientation, (source, line))
+            wrong(f"column {at}", f"found {shown(cell)}, expected a name and its unit, like dx [mm]")
+        column = _read_cell(match["name"], match["unit"], cell, declared, robot, orientation, wrong)
         for place, other in enumerate(columns, start=1):
             if other.name == column.name:
-                fail(source, line, column.name, f"found twice, in columns {place} and {at}, expected once")
+                wrong(column.name, f"found twice, in columns {place} and {at}, expected once")
         columns.append(column)
     found = [column.name for column in columns]
     actuated = [variable.name for variable in robot.actuated]
     for name in actuated:
         if name not in found:
-            fail(
-                source,
-                line,
-                name,
-                f"this column is missing, expected one for each actuated variable ({listed(actuated, 12)})",
-            )
+            every = listed(actuated, 12)
+            wrong(name, f"this column is missing, expected one for each actuated variable ({every})")
     return columns
 
 
@@ -118,54 +108,47 @@ def _read_cell(
     declared: dict[str, Variable],
     robot: Robot,
     orientation: str | None,
-    place: tuple[str, int],
+    wrong: Wrong,
 ) -> Column:
-    source, line = place
     if name in declared:
         variable = declared[name]
         if variable.passive:
-            fail(source, line, name, "this variable is passive, solved by loop closure: leave the column out")
+            wrong(name, "this variable is passive, solved by loop closure: leave the column out")
         if not variable.actuated:
-            fail(
-                source,
-                line,
-                name,
-                f"this variable follows others (= {variable.equals}): leave the column out",
-            )
-        return Column(name, variable.kind, _unit(variable.kind, unit, name, place), cell)
+            wrong(name, f"this variable follows others (= {variable.equals}): leave the column out")
+        return Column(name, variable.kind, _unit(variable.kind, unit, name, wrong), cell)
     if name in ("A", "B", "C"):
         if orientation is None:
-            fail(source, line, name, KUKA_HINT)
+            wrong(name, KUKA_HINT)
         name = name.lower()
     if name in LABELS:
         if unit is not None and unit.strip() not in ("-", "1"):
-            fail(source, line, name, f"found the unit {shown(unit)}, expected none")
+            wrong(name, f"found the unit {shown(unit)}, expected none")
         return Column(name, "", "", cell)
     if name not in QUANTITIES:
-        _unknown(name, robot, place)
-    return Column(name, QUANTITIES[name], _unit(QUANTITIES[name], unit, name, place), cell)
+        _unknown(name, robot, wrong)
+    return Column(name, QUANTITIES[name], _unit(QUANTITIES[name], unit, name, wrong), cell)
 
 
-def _unit(quantity: str, unit: str | None, name: str, place: tuple[str, int]) -> str:
+def _unit(quantity: str, unit: str | None, name: str, wrong: Wrong) -> str:
     if unit is not None:
         try:
             unit_factor(unit, quantity)
         except BeamstiffError as error:
-            fail(*place, name, str(error))
+            wrong(name, str(error))
     return unit or ""
 
 
-def _unknown(name: str, robot: Robot, place: tuple[str, int]) -> NoReturn:
+def _unknown(name: str, robot: Robot, wrong: Wrong) -> NoReturn:
     known = [*(variable.name for variable in robot.actuated), *RESERVED]
     bare = re.split(r"[\s(/_]", name.strip())[0]
     if re.fullmatch(r"[-+.\d\s]+([eE][-+]?\d+)?", name):
-        fail(
-            *place,
+        wrong(
             "",
             f"found {shown(name)}, expected a line with the names of the columns before the numbers",
         )
     if ";" in name or "\t" in name:
-        fail(*place, "", f"found {shown(name)} as one column, expected one separator throughout, a comma")
+        wrong("", f"found {shown(name)} as one column, expected one separator throughout, a comma")
     lower = {candidate.lower(): candidate for candidate in known}
     for spelling in (name.lower(), _SYNONYMS.get(name.lower(), ""), bare, bare.lower()):
         if spelling in lower:
@@ -177,8 +160,7 @@ def _unknown(name: str, robot: Robot, place: tuple[str, int]) -> NoReturn:
         hint += "; a unit stands in square brackets, like dx [mm]"
     variables = [variable.name for variable in robot.actuated]
     moved = f"{listed(variables, 12)}, " if variables else ""
-    fail(
-        *place,
+    wrong(
         shown(name),
         f"unknown column{hint}, expected one of {moved}fx fy fz mx my mz, dx dy dz rx "
         "ry rz (or x y z a b c), point, load_point, pose, step, t, temperature, remark "
@@ -197,33 +179,23 @@ def _alike(name: str, known: Sequence[str]) -> str:
 
 
 def kind_of(columns: Sequence[Column], source: str, line: int) -> Kind | None:
-    """Return the kind of measurement that the columns hold, or None where they hold none.
-
-    Raises
-    ------
-    BeamstiffError
-        When they hold both, or a standard deviation of the other kind.
-    """
-    names = [column.name for column in columns]
+    """Return the kind of measurement that the columns hold, or None where they hold none."""
+    names, wrong = [column.name for column in columns], partial(fail, source, line)
     found: dict[Kind, list[str]] = {
         kind: [name for name in names if name.removeprefix("sigma_") in MEASURED[kind]] for kind in MEASURED
     }
     if found["displacement"] and found["absolute"]:
-        fail(
-            source,
-            line,
+        wrong(
             found["absolute"][0],
             f"found beside {found['displacement'][0]}, expected displacements (dx dy dz rx ry rz) or "
             "absolute positions (x y z a b c), not both in one table",
         )
     for name in names:
         if name.startswith("sigma_") and name.removeprefix("sigma_") not in names:
-            fail(source, line, name, f"found without the column {name.removeprefix('sigma_')}")
+            wrong(name, f"found without the column {name.removeprefix('sigma_')}")
     turned = [name for name in ABSOLUTE[3:] if name in names]
     if turned and len(turned) < 3:
-        fail(
-            source, line, turned[0], f"found only {listed(turned)}, expected all of a b c (a rotation vector)"
-        )
+        wrong(turned[0], f"found only {listed(turned)}, expected all of a b c (a rotation vector)")
     return next((kind for kind, some in found.items() if some), None)
 
 

@@ -62,8 +62,7 @@ def work(table: Measurements) -> tuple[Array, Array]:
 def sure_work(table: Measurements) -> Array:
     """Return the work that loads would do of the rows whose sign is beyond the noise, N m."""
     done, std = work(table)
-    result: Array = done[np.abs(done) > BEYOND_NOISE * std]
-    return result
+    return np.asarray(done[np.abs(done) > BEYOND_NOISE * std])
 
 
 def _of_the_load(table: Measurements) -> Iterator[str]:

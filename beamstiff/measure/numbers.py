@@ -29,19 +29,8 @@ def numbers(cells: Sequence[str], *, may_be_empty: bool, decimal_comma: bool = F
 
     Parameters
     ----------
-    cells : sequence of N str
-    may_be_empty : bool
     decimal_comma : bool
         Numbers are written ``1,5``.
-
-    Returns
-    -------
-    (N,) array
-
-    Raises
-    ------
-    CellError
-        For the first cell that holds no finite number, or is empty and may not be.
     """
     if decimal_comma:
         if any("." in cell for cell in cells):

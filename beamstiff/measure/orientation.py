@@ -55,8 +55,7 @@ class RotationVector:
         angle = np.linalg.norm(vectors, axis=1, keepdims=True)
         axis = np.where(angle > 0, vectors / np.where(angle > 0, angle, 1.0), 0.0)
         turns = np.round((np.sum(axis * like, axis=1, keepdims=True) - angle) / (2 * np.pi))
-        result: Array = vectors + 2 * np.pi * turns * axis
-        return result
+        return np.asarray(vectors + 2 * np.pi * turns * axis)
 
 
 @dataclass(frozen=True)
@@ -73,8 +72,7 @@ class Quaternion:
             row = int(np.argmax(wrong))
             raise RowError(row, f"found a quaternion of length {length[row]:.6g}, expected 1")
         ordered = values if self.scalar_last else np.roll(values, -1, axis=1)
-        result: Array = Rotation.from_quat(ordered).as_matrix()
-        return result
+        return np.asarray(Rotation.from_quat(ordered).as_matrix())
 
     def numbers(self, rotations: Array, like: Array) -> Array:
         """Return quaternions (N, 4), of the two signs the one of `like`."""
@@ -82,19 +80,12 @@ class Quaternion:
         if not self.scalar_last:
             quaternions = np.roll(quaternions, 1, axis=1)
         sign = np.where(np.sum(quaternions * like, axis=1, keepdims=True) < 0, -1.0, 1.0)
-        result: Array = sign * quaternions
-        return result
+        return np.asarray(sign * quaternions)
 
 
 @dataclass(frozen=True)
 class EulerAngles:
-    """Three turns one after the other: `ZYX` about the turned axes (intrinsic), `xyz` about fixed ones.
-
-    Examples
-    --------
-    >>> KUKA.rotations(np.radians([[0.0, 90.0, 0.0]])).round(9)[0, :, 2]
-    array([1., 0., 0.])
-    """
+    """Three turns one after the other: `ZYX` about the turned axes (intrinsic), `xyz` about fixed ones."""
 
     order: str
     count: int = 3
@@ -119,8 +110,7 @@ class EulerAngles:
         second = np.stack([first[:, 0] + np.pi, middle, first[:, 2] + np.pi], axis=1)
         near = [angles + 2 * np.pi * np.round((like - angles) / (2 * np.pi)) for angles in (first, second)]
         far = [np.abs(angles - like).sum(axis=1, keepdims=True) for angles in near]
-        result: Array = np.where(far[0] <= far[1] + 1e-9, near[0], near[1])
-        return result
+        return np.asarray(np.where(far[0] <= far[1] + 1e-9, near[0], near[1]))
 
     def _at_pole(self, rotations: Array, angles: Array, like: Array) -> Array:
         """Return angles with the first as in `like` and the third what is left."""
@@ -160,8 +150,7 @@ class ToolAxis:
 
     def numbers(self, rotations: Array, like: Array) -> Array:  # noqa: ARG002 (there is but one)
         """Return axes (N, 3)."""
-        result: Array = -rotations[:, :, 2]
-        return result
+        return np.asarray(-rotations[:, :, 2])
 
 
 class RowError(BeamstiffError):
@@ -180,16 +169,6 @@ def named_orientation(name: str) -> Orientation:
     name : str
         ``rotation vector``; ``KUKA ABC`` (intrinsic Z-Y-X); ``Euler ZYX`` and the like (intrinsic, in the
         order of the columns); ``fixed XYZ`` and the like (about axes that stand still).
-
-    Raises
-    ------
-    BeamstiffError
-        When it is none of these.
-
-    Examples
-    --------
-    >>> named_orientation("Euler ZYZ").order, named_orientation("fixed XYZ").order
-    ('ZYZ', 'xyz')
     """
     plain = re.sub(r"[\s_-]+", " ", name.strip().lower())
     if plain in ("rotation vector", "rotvec"):

@@ -28,21 +28,11 @@ SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "whitespace": None}
 
 @dataclass(frozen=True)
 class PointTable:
-    """A list of points as a table of measurements.
+    """A list of points as a table of measurements."""
 
-    Attributes
-    ----------
-    text : str
-        CSV, SI.
-    count : int
-        Rows.
-    notes : tuple of str
-        What to know of it.
-    """
-
-    text: str
-    count: int
-    notes: tuple[str, ...]
+    text: str  # CSV, SI
+    count: int  # rows
+    notes: tuple[str, ...]  # what to know of it
 
 
 def convert_points(
@@ -54,15 +44,9 @@ def convert_points(
     ----------
     path : str or os.PathLike
         The list.
-    profile : Profile
     joints : str or os.PathLike, optional
         CSV table of joint values and loads, written beside the points: rows of the same `pose` where both
         have one, else as many rows in the same order.
-
-    Raises
-    ------
-    BeamstiffError
-        When a row does not follow the profile: ``FILE:LINE: column: message``.
     """
     return parse_points(
         read_text(Path(path)),
@@ -75,18 +59,7 @@ def convert_points(
 def parse_points(
     text: str, profile: Profile, name: str = "<points>", joints: RawTable | None = None
 ) -> PointTable:
-    r"""Return the text of a list of points as a table of measurements; otherwise as `convert_points`.
-
-    Examples
-    --------
-    >>> from beamstiff.measure.profiles import parse_profile
-    >>> profile = parse_profile(
-    ...     "{separator: whitespace, columns: {point: 1, x: 2, y: 3, z: 4}, units: {length: mm}}"
-    ... )
-    >>> print(parse_points("SMR1  1250.5 -3.25 800\n", profile).text)
-    point,x [m],y [m],z [m]
-    SMR1,1.2505,-0.00325,0.8
-    """
+    """Return the text of a list of points as a table of measurements; otherwise as `convert_points`."""
     rows, lines = _rows(text, profile, name)
     labels, values = _cells(rows, lines, profile, name)
     notes: list[str] = []

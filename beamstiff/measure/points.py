@@ -208,8 +208,7 @@ def subtract_sensor_deflection(
     carry = displacement_transport(finite(arm, "arm", 3))
     # at the sensor: w = X^T w_tcp; at the TCP: u = X C w
     at_tcp = carry @ screw @ c @ np.swapaxes(screw, -1, -2) @ np.swapaxes(carry, -1, -2)
-    result: Array = measured - np.einsum("...ij,...j->...i", at_tcp, load)
-    return result
+    return np.asarray(measured - np.einsum("...ij,...j->...i", at_tcp, load))
 
 
 def _covariance(points: Array, arm: Array, sigma: float) -> Array:

@@ -20,7 +20,7 @@ quaternion as columns qw qx qy qz.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -82,13 +82,7 @@ class Profile(Described):
 
 
 def read_profile(path: str | os.PathLike[str]) -> Profile:
-    """Return the profile of a YAML file.
-
-    Raises
-    ------
-    BeamstiffError
-        When it cannot be read, names an unknown column or leaves a unit unsaid: ``FILE:LINE: key: message``.
-    """
+    """Return the profile of a YAML file."""
     return parse_profile(read_text(Path(path)), str(path))
 
 
@@ -99,14 +93,16 @@ def parse_profile(text: str, name: str = "<profile>") -> Profile:
         raise BeamstiffError(f"{name}:{lines.at(())}: found {shown(data)}, expected keys with values")
     try:
         profile = Profile(**data)
-        _check(profile)
+        if fault := next(_faults(profile), None):
+            raise DescriptionError([fault])
     except DescriptionError as error:
         path, message = error.problems[0]
         raise BeamstiffError(f"{name}:{lines.at(path)}: {'.'.join(map(str, path))}: {message}") from None
     return profile
 
 
-def _check(profile: Profile) -> None:
+def _faults(profile: Profile) -> Iterator[tuple[tuple[str, ...], str]]:
+    """Yield what keys, each right by itself, are together: where the fault is, and what."""
     known = [*LABELS, *QUANTITIES, *QUATERNION]
     for name in profile.columns:
         if name in LABELS or name in QUATERNION:
@@ -116,48 +112,41 @@ def _check(profile: Profile) -> None:
         if unit is None:
             what = f"expected `units: {{{kind or name}: ...}}`"
             hint = "" if kind else f"; {name!r} is taken for a joint variable{suggest(name, known)}"
-            raise DescriptionError([(("units",), f"the unit of {name} is missing, {what}{hint}")])
-        try:
-            for one in (kind,) if kind else ("angle", "length"):
-                try:
-                    unit_factor(unit, one)
-                    break
-                except BeamstiffError:
-                    if one != "angle":
-                        raise
-        except BeamstiffError as error:
-            raise DescriptionError([(("units",), f"{name}: {error}")]) from None
+            yield ("units",), f"the unit of {name} is missing, {what}{hint}"
+        else:
+            reasons = [_reason(unit, one) for one in ((kind,) if kind else ("angle", "length"))]
+            if all(reasons):
+                yield ("units",), f"{name}: {reasons[-1]}"
     for name in profile.units:
         if name not in profile.columns and name not in UNITS:
-            raise DescriptionError(
-                [
-                    (
-                        ("units", name),
-                        f"is no column and no kind of quantity{suggest(name, [*UNITS, *profile.columns])}",
-                    )
-                ]
-            )
+            hint = suggest(name, [*UNITS, *profile.columns])
+            yield ("units", name), f"is no column and no kind of quantity{hint}"
     for group in (POSITION, ANGLES, QUATERNION):
         some = [name for name in group if name in profile.columns]
         if some and len(some) < len(group):
-            raise DescriptionError([(("columns",), f"found only {listed(some)}, expected {listed(group)}")])
+            yield ("columns",), f"found only {listed(some)}, expected {listed(group)}"
     if ("a" in profile.columns) != (profile.orientation is not None):
-        raise DescriptionError(
-            [
-                (
-                    ("orientation",),
-                    "columns a b c and `orientation` go together: expected KUKA ABC, Euler ZYX (or another "
-                    "order, about turned axes), fixed XYZ (about fixed axes) or rotation vector",
-                )
-            ]
+        yield (
+            ("orientation",),
+            "columns a b c and `orientation` go together: expected KUKA ABC, Euler ZYX (or another "
+            "order, about turned axes), fixed XYZ (about fixed axes) or rotation vector",
         )
     if "a" in profile.columns and "qw" in profile.columns:
-        raise DescriptionError([(("columns",), "found angles and a quaternion, expected one of the two")])
+        yield ("columns",), "found angles and a quaternion, expected one of the two"
     if profile.orientation is not None:
         try:
             named_orientation(profile.orientation)
         except BeamstiffError as error:
-            raise DescriptionError([(("orientation",), str(error))]) from None
+            yield ("orientation",), str(error)
     for key in ("points", "base"):
         if getattr(profile, key) is not None and "point" not in profile.columns:
-            raise DescriptionError([((key,), "needs a column of names: `columns: {point: ...}`")])
+            yield (key,), "needs a column of names: `columns: {point: ...}`"
+
+
+def _reason(unit: str, kind: str) -> str:
+    """Return why a unit is none of a kind of quantity, empty where it is one."""
+    try:
+        unit_factor(unit, kind)
+    except BeamstiffError as error:
+        return str(error)
+    return ""

@@ -59,19 +59,16 @@ class Registration:
 
     def vectors(self, vectors: ArrayLike) -> Array:
         """Return displacement vectors (..., 3), given in the tracker's frame, in the base frame; m."""
-        result: Array = self.scale * finite(vectors, "vectors", 3, missing=True) @ self.rotation.T
-        return result
+        return np.asarray(self.scale * finite(vectors, "vectors", 3, missing=True) @ self.rotation.T)
 
     def displacements(self, displacements: ArrayLike) -> Array:
         """Return displacements ``[d, r]`` (..., 6), given in the tracker's axes, in base axes; m and rad."""
         turned = finite(displacements, "displacements", 6, missing=True) @ rotate_screw(self.rotation).T
-        result: Array = turned * np.repeat([self.scale, 1.0], 3)
-        return result
+        return np.asarray(turned * np.repeat([self.scale, 1.0], 3))
 
     def rotations(self, rotations: ArrayLike) -> Array:
         """Return orientations (..., 3, 3) of a body in the tracker's frame as those in the base frame."""
-        result: Array = self.rotation @ finite(rotations, "rotations", 3, 3)
-        return result
+        return np.asarray(self.rotation @ finite(rotations, "rotations", 3, 3))
 
 
 def register(

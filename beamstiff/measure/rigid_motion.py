@@ -16,24 +16,13 @@ FLATTEST = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class RigidMotion:
-    """Motions ``to = scale * rotation @ from + translation``.
+    """Motions ``to = scale * rotation @ from + translation``."""
 
-    Attributes
-    ----------
-    rotation : (..., 3, 3) array
-    translation : (..., 3) array, m
-    residuals : (..., M, 3) array, m
-        What remains at each point, to minus moved from.
-    best_scale : (...) array
-        Scale that would fit best, whether applied or not.
-    mirrored : (...) array of bool
-        A reflection would fit the points far better than any rotation.
-    """
-
-    rotation: Array
-    translation: Array
-    residuals: Array
-    best_scale: Array
+    rotation: Array  # (..., 3, 3)
+    translation: Array  # (..., 3), m
+    residuals: Array  # (..., M, 3), m: what remains at each point, to minus moved from
+    best_scale: Array  # (...): scale that would fit best, whether applied or not
+    # (...): a reflection would fit the points far better than any rotation
     mirrored: NDArray[np.bool_]
 
     @property
@@ -44,14 +33,7 @@ class RigidMotion:
 
 
 def check_spread(points: Array, name: str) -> None:
-    """Refuse sets of points (..., M, 3) that do not fix a rotation.
-
-    Raises
-    ------
-    BeamstiffError
-        When there are fewer than three, they coincide, or they lie on a line (thinner than 1/1000 of its
-        length).
-    """
+    """Refuse sets of points (..., M, 3) that do not fix a rotation."""
     count = points.shape[-2]
     if count < 3:
         raise BeamstiffError(f"{name}: found {count} points, expected at least three that are not on a line")
@@ -103,5 +85,4 @@ def fit_rigid_motion(start: Array, end: Array, *, with_scale: bool = False) -> R
 def rotation_precision(centred: Array) -> Array:
     """Return ``sum |c|^2 I - c c^T`` (..., 3, 3): sigma^2 times its inverse is a rotation's covariance."""
     s = skew(centred)
-    result: Array = np.sum(np.swapaxes(s, -1, -2) @ s, axis=-3)
-    return result
+    return np.asarray(np.sum(np.swapaxes(s, -1, -2) @ s, axis=-3))

@@ -34,7 +34,7 @@ class AveragedStates:
         Standard deviation of one sample (n - 1); NaN for fewer than two.
     sigma : (S, D) array
         Standard deviation of the mean, ``spread / sqrt(n)``: of independent samples. Slow drift within a
-        state makes it too small; repeats (`sigma_from_repeats`) show that.
+        state makes it too small; repeats (`repeated_states`) show that.
     count : (S, D) array of int
         Samples used.
     rejected : (S, D) array of int
@@ -170,70 +170,18 @@ def pooled_sigma(values: ArrayLike, group: ArrayLike) -> tuple[Array, Integers]:
         return np.sqrt(squares / np.where(freedom > 0, freedom, np.nan)), freedom
 
 
-@dataclass(frozen=True)
-class RepeatNoise:
-    """Noise of the measured values as repeats show it.
-
-    Attributes
-    ----------
-    sigma : (6,) array, m and rad
-        Of each component; NaN where nothing was repeated.
-    sigma_position, sigma_rotation : float or None
-        Pooled over the three components each; None where nothing was repeated.
-    freedom_position, freedom_rotation : int
-        Degrees of freedom of the two: the relative standard error is ``1 / sqrt(2 freedom)``.
-    """
-
-    sigma: Array
-    sigma_position: float | None
-    sigma_rotation: float | None
-    freedom_position: int
-    freedom_rotation: int
-
-
-def repeated_states(measurements: Measurements, *, tolerance: float = 1e-6) -> Integers:
+def repeated_states(measurements: Measurements) -> Integers:
     """Return an id for every row (N,), equal for repeats: same configuration, load, load point and point.
 
-    Parameters
-    ----------
-    tolerance : float
-        Joint variables and loads are the same when they agree to this share of the largest in their column.
+    Joint variables and loads are the same when they agree to a millionth of the largest in their column.
     """
     inputs = np.concatenate([measurements.q, measurements.wrench], axis=1)
     size = np.abs(inputs).max(axis=0)
-    rounded = np.round(inputs / np.where(size > 0, size * tolerance, 1.0))
+    rounded = np.round(inputs / np.where(size > 0, size * 1e-6, 1.0))
     names = [
         np.unique(column, return_inverse=True)[1] for column in (measurements.point, measurements.load_point)
     ]
     return equal_rows(np.column_stack([rounded, *names]).astype(np.float64))
-
-
-def sigma_from_repeats(measurements: Measurements, *, tolerance: float = 1e-6) -> RepeatNoise:
-    """Return the noise of a table from the rows that repeat a state.
-
-    What differs between repeats counts as noise: with hysteresis, states reached by loading and by
-    unloading do. Where all rows of a pose share one unloaded reading, that reading's error is the same in
-    all of them and does not show.
-
-    Raises
-    ------
-    BeamstiffError
-        When no measured state is repeated.
-    """
-    group = repeated_states(measurements, tolerance=tolerance)
-    sigma, freedom = pooled_sigma(measurements.measured, group)
-    if not freedom.any():
-        raise BeamstiffError(
-            f"{measurements.source}: found no repeated state, expected some to tell the noise from"
-        )
-
-    def together(part: slice) -> tuple[float | None, int]:
-        total = int(freedom[part].sum())
-        squares = float(np.nansum(sigma[part] ** 2 * freedom[part]))
-        return (float(np.sqrt(squares / total)) if total else None), total
-
-    (position, n_position), (rotation, n_rotation) = together(slice(0, 3)), together(slice(3, 6))
-    return RepeatNoise(sigma, position, rotation, n_position, n_rotation)
 
 
 def _groups(state: ArrayLike, n: int, dimensions: int) -> tuple[Integers, Integers, Integers]:

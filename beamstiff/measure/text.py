@@ -17,17 +17,7 @@ _KEY_VALUE = re.compile(r"(?P<key>[A-Za-z_][\w .-]{0,59}?)\s*:\s*(?P<value>.*)",
 
 @dataclass(frozen=True)
 class RawTable:
-    """The text of a table, cut into cells.
-
-    Attributes
-    ----------
-    source : str
-    metadata : dict of str to (value, line)
-    separator : str
-    header : list of str, and `header_line`
-    cells : list of N lists, each as long as the header; maybe none
-    lines : list of N line numbers
-    """
+    """The text of a table, cut into cells."""
 
     source: str
     metadata: dict[str, tuple[str, int]]
@@ -55,11 +45,6 @@ def split_table(text: str, source: str) -> RawTable:
 
     Empty lines are skipped, and so are comments (``#``) after the header. Cells are separated by commas, or
     by semicolons or tabs where the header has these and no comma.
-
-    Raises
-    ------
-    BeamstiffError
-        When there is no header, or a row that is longer or shorter than the header.
     """
     lines = re.split(r"\r\n|\n|\r", text.removeprefix("\ufeff"))
     metadata: dict[str, tuple[str, int]] = {}

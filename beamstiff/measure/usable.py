@@ -17,13 +17,7 @@ class UnusableError(BeamstiffError):
 
 
 def require_usable(table: Measurements) -> None:
-    """Refuse displacements that tell nothing of the machine.
-
-    Raises
-    ------
-    UnusableError
-        When all displacements are 0, or the tool moved against its load in all rows.
-    """
+    """Refuse displacements that tell nothing of the machine."""
     if table.kind != "displacement":
         return
     if not np.nan_to_num(table.displacement).any():

@@ -2,108 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.files import write_whole
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements
 from beamstiff.measure.writer import measurements_to_csv
-from beamstiff.planning.candidates import Noise, candidate_poses, candidate_tests, information
-from beamstiff.planning.designs import Criterion, Design, choose_tests
+from beamstiff.planning.candidates import Noise
+from beamstiff.planning.designs import Design
 from beamstiff.planning.poses import rounded_postures
 from beamstiff.robot.description import Robot
-from beamstiff.robot.kinematics import compile_kinematics
 from beamstiff.se3 import Array
 
 
 @dataclass(frozen=True, eq=False)
-class Campaign:
-    """Tests to make.
+class Plan:
+    """Tests to make."""
 
-    Attributes
-    ----------
-    tests : Measurements
-        Poses and loads without displacements; the rows of a pose stand together.
-    design : Design
-        What they are expected to tell; `chosen` counts candidates, or poses where whole poses were chosen.
-    noise : Noise
-    """
-
-    tests: Measurements
+    tests: Measurements  # poses and loads without displacements; the rows of a pose stand together
+    # what they are expected to tell; `chosen` counts candidates, or poses where whole poses were chosen
     design: Design
     noise: Noise
-
-
-def plan_campaign(
-    robot: Robot,
-    count: int,
-    loads: ArrayLike,
-    noise: Noise,
-    *,
-    parameters: Sequence[str] | None = None,
-    criterion: Criterion = "D",
-    poses: ArrayLike | None = None,
-    candidates: int = 1000,
-    region: Sequence[tuple[float, float]] | None = None,
-    whole_poses: bool = False,
-    repeats: int = 1,
-    seed: int = 0,
-) -> Campaign:
-    """Return the tests that tell most about the robot's stiffness.
-
-    Parameters
-    ----------
-    robot : Robot
-        Its stiffness values are what is expected.
-    count : int
-        Number of tests, or of poses where `whole_poses`.
-    loads : (L, 6) array, N and N m
-        Wrenches at the TCP to choose from, as from `candidates.force_loads`.
-    noise : Noise
-    parameters : sequence of str, optional
-        Stiffness values to find; default ``robot.identify``.
-    criterion : "D", "A" or "E"
-    poses : (P, A) array, optional
-        Poses to choose from; default: random ones within the joint limits.
-    candidates : int
-        How many of these.
-    region : three pairs, m, optional
-        Least and largest x, y, z of the TCP.
-    whole_poses : bool
-        Choose poses, each with all loads; a new pose often takes longer than a new load.
-    repeats : int
-        How often a test may be made.
-    seed : int
-        Of the random poses.
-
-    Raises
-    ------
-    BeamstiffError
-        When there is nothing to choose from, or the tests cannot determine the parameters.
-    """
-    if poses is None:
-        poses = candidate_poses(compile_kinematics(robot), candidates, seed, region)
-    tests = candidate_tests(robot, poses, loads)
-    names, of_test = information(robot, tests, noise, parameters)
-    if whole_poses:
-        of_test = by_pose(tests, of_test)
-    return campaign_of(tests, choose_tests(of_test, count, names, criterion, repeats), noise, whole_poses)
 
 
 def by_pose(tests: Measurements, information: Array) -> Array:
     """Return the information (P, m, m) of whole poses from that of the tests of `candidate_tests`."""
     poses, (_, m, _) = int(tests.pose.max()) + 1, information.shape
-    together: Array = information.reshape(poses, -1, m, m).sum(axis=1)
-    return together
+    return np.asarray(information.reshape(poses, -1, m, m).sum(axis=1))
 
 
-def campaign_of(tests: Measurements, design: Design, noise: Noise, whole_poses: bool = False) -> Campaign:
+def plan_of(tests: Measurements, design: Design, noise: Noise, whole_poses: bool = False) -> Plan:
     """Return the campaign of a design.
 
     Parameters
@@ -112,13 +42,11 @@ def campaign_of(tests: Measurements, design: Design, noise: Noise, whole_poses: 
         The candidates, as from `candidate_tests`.
     design : Design
         What is chosen of them, or of their poses.
-    noise : Noise
-    whole_poses : bool
     """
     rows = design.chosen
     if whole_poses:
         rows = np.arange(len(tests)).reshape(int(tests.pose.max()) + 1, -1)[rows].reshape(-1)
-    return Campaign(_in_order(subset(tests, rows), noise), design, noise)
+    return Plan(_in_order(subset(tests, rows), noise), design, noise)
 
 
 def _in_order(tests: Measurements, noise: Noise) -> Measurements:
@@ -150,27 +78,11 @@ def _nearest_next(poses: Array) -> list[int]:
     return route
 
 
-def write_plan(campaign: Campaign, path: str | Path, robot: Robot) -> None:
-    """Write the tests as a CSV file of measurements whose displacement columns are to be filled in.
+def plan_csv(campaign: Plan, robot: Robot) -> str:
+    """Return the tests as CSV measurements whose displacement columns are to be filled in.
 
     Postures are in degrees and millimetres, with the digits that a pendant takes. The lines before the header
-    say what to expect of it. Filled in, `measure.read_measurements` reads it.
-
-    Raises
-    ------
-    BeamstiffError
-        When the file cannot be written, or the campaign is another robot's.
-    """
-    write_whole(path, plan_csv(campaign, robot))
-
-
-def plan_csv(campaign: Campaign, robot: Robot) -> str:
-    """Return the text of the file that `write_plan` writes.
-
-    Raises
-    ------
-    BeamstiffError
-        When the campaign is another robot's, or measured already.
+    say what to expect of it.
     """
     design, count = campaign.design, len(campaign.tests)
     efficient = np.floor(1000 * design.efficiency) / 10

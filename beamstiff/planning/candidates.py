@@ -27,20 +27,12 @@ SINGULAR = 1e-12
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviations of what a test reads; all independent.
+    """Standard deviations of what a test reads; all independent."""
 
-    Attributes
-    ----------
-    position : float, m
-        Of each component of the measured displacement.
-    rotation : float or None, rad
-        Of each component of the measured rotation; None where it is not measured.
-    force, moment : float, N and N m
-        Of each component of the wrench: they displace the tool unseen.
-    """
-
-    position: float
+    position: float  # m: of each component of the measured displacement
+    # rad: of each component of the measured rotation; None where it is not measured
     rotation: float | None = None
+    # force, moment: N and N m: of each component of the wrench: they displace the tool unseen
     force: float = 0.0
     moment: float = 0.0
 
@@ -106,13 +98,7 @@ def _shown(low: Array, high: Array) -> str:
 
 
 def force_loads(magnitude: float, directions: Sequence[str] = ("x", "y", "z")) -> Array:
-    """Return forces along axes of the base frame as wrenches (L, 6), N: ``"-z"`` points down.
-
-    Examples
-    --------
-    >>> force_loads(900.0, ["x", "-z"]).tolist()
-    [[900.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0, 0.0, -900.0, 0.0, 0.0, 0.0]]
-    """
+    """Return forces along axes of the base frame as wrenches (L, 6), N: ``"-z"`` points down."""
     loads = np.zeros((len(directions), 6))
     for row, direction in zip(loads, directions, strict=True):
         axis = direction.removeprefix("-").removeprefix("+")
@@ -187,10 +173,8 @@ def information(
 
     Parameters
     ----------
-    robot : Robot
     tests : Measurements
         N rows, as from `candidate_tests`.
-    noise : Noise
     parameters : sequence of str, optional
         Stiffness values to find; default ``robot.identify``.
 
@@ -198,12 +182,6 @@ def information(
     -------
     names : tuple of str (m)
     information : (N, m, m) array
-
-    Raises
-    ------
-    BeamstiffError
-        When a parameter does not exist or is rigid or free in the robot, or the tests together leave one
-        undetermined: it is named.
     """
     names, found, idle = _information(robot, tests, noise, parameters)
     problem = _undetermined(names, found.sum(axis=0), idle)
@@ -225,11 +203,6 @@ def identifiable(
     information : (N, m, m) array
     left_out : dict of str to str
         Parameters that these tests cannot tell, each with the reason.
-
-    Raises
-    ------
-    BeamstiffError
-        When nothing is left, or a parameter does not exist or is rigid or free in the robot.
     """
     names, found, idle = _information(robot, tests, noise, parameters)
     left_out: dict[str, str] = {}

@@ -44,32 +44,16 @@ RIDGE = 1e-9  # of the mean information, so that the first tests have a criterio
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """Tests chosen among candidates.
-
-    Attributes
-    ----------
-    criterion : "D", "A" or "E"
-    chosen : (n,) int array
-        Candidates; one may stand there several times.
-    value : float
-        The criterion.
-    efficiency : float
-        The criterion is at least this share of what any choice of n tests could have: the certificate.
-    names : tuple of str
-    covariance : (m, m) array
-        Of the logarithms of the parameters.
-    sensitivity : (N,) array
-        ``tr(G M_i)`` of every candidate: above 1/n, more of it would help.
-    indices : Observability
-    """
+    """Tests chosen among candidates."""
 
     criterion: Criterion
-    chosen: NDArray[np.int64]
+    chosen: NDArray[np.int64]  # (n,) int: candidates; one may stand there several times
     value: float
+    # the criterion is at least this share of what any choice of n tests could have: the certificate
     efficiency: float
     names: tuple[str, ...]
-    covariance: Array
-    sensitivity: Array
+    covariance: Array  # (m, m): of the logarithms of the parameters
+    sensitivity: Array  # (N,): ``tr(G M_i)`` of every candidate: above 1/n, more of it would help
     indices: Observability
 
     @property
@@ -92,8 +76,7 @@ def criterion_of(information: Array, criterion: Criterion) -> Array:
         values = np.maximum(np.linalg.eigvalsh(information), 0.0)
         with np.errstate(divide="ignore"):
             result = values[..., 0] if criterion == "E" else 1 / (1 / values).sum(axis=-1)
-    found: Array = np.asarray(result, dtype=np.float64)
-    return found
+    return np.asarray(result, dtype=np.float64)
 
 
 def choose_tests(
@@ -240,8 +223,7 @@ def _sensitivity(total: Array, information: Array, criterion: Criterion) -> Arra
     power = {"D": ratio, "A": ratio**2, "E": ratio ** (SMOOTH + 1)}[criterion]
     gradient = (vectors * power) @ vectors.T
     gradient = gradient / np.sum(gradient * total)
-    found: Array = np.einsum("nab,ab->n", information, gradient)
-    return found
+    return np.asarray(np.einsum("nab,ab->n", information, gradient))
 
 
 def upper_bound(information: Array, count: int, criterion: Criterion, repeats: int, start: Array) -> float:
@@ -253,7 +235,6 @@ def upper_bound(information: Array, count: int, criterion: Criterion, repeats: i
     count : int
         Sum of the weights, each between 0 and `repeats`.
     criterion : "D", "A" or "E"
-    repeats : int
     start : (m, m) array
         Information of a design to start from.
     """
@@ -301,5 +282,4 @@ def _between(total: Array, vertex: Array, criterion: Criterion, step: int) -> Ar
             )
         else:
             merit = criterion_of(mixed, criterion)
-    best: Array = mixed[int(np.argmax(merit))]
-    return best
+    return np.asarray(mixed[int(np.argmax(merit))])

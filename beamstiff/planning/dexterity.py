@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.planning.poses import Grid, check_node, closed_posture, joint_ranges, spread
+from beamstiff.planning.poses import Grid, closed_posture, joint_ranges, spread
 from beamstiff.robot.kinematics import Kinematics, Posture, twist_jacobian
 from beamstiff.se3 import Array
 
@@ -26,44 +26,28 @@ STARTS = 12
 OUT_OF_REACH = 50.0  # log kappa_F of a pose that does not close
 
 
-def normalised_jacobian(
-    kinematics: Kinematics, posture: Posture, length: float, node: str | None = None
-) -> Array:
+def normalised_jacobian(kinematics: Kinematics, posture: Posture, length: float) -> Array:
     """Return the Jacobian with translations in characteristic lengths (seed 000, eq. 12), (P, 6, A).
 
     Parameters
     ----------
-    kinematics : Kinematics
     posture : Posture
         P poses.
     length : float, m
         Prismatic variables are counted in it too, so that the entries have no unit.
-    node : str, optional
-        Default: the TCP.
-
-    Raises
-    ------
-    BeamstiffError
-        When the length is not positive, there is no such node or a loop is singular.
     """
     if not (np.isfinite(length) and length > 0):
         raise BeamstiffError(f"characteristic length: found {length}, expected a positive number of metres")
-    jacobian = twist_jacobian(kinematics, posture, check_node(kinematics, node))
+    jacobian = twist_jacobian(kinematics, posture, kinematics.robot.tcp)
     columns = np.array([length if v.kind == "length" else 1.0 for v in kinematics.robot.actuated])
     rows = np.array([1 / length] * 3 + [1.0] * 3)
-    normalised: Array = jacobian * rows[:, None] * columns
-    return normalised
+    return np.asarray(jacobian * rows[:, None] * columns)
 
 
 def inverse_condition(matrix: Array) -> Array:
     """Return 1/kappa_F of matrices (..., m, n), between 0 (singular) and 1 (isotropic); (...).
 
     Where m and n differ, it is that of the smaller Gram matrix.
-
-    Examples
-    --------
-    >>> inverse_condition(np.diag([1.0, 1.0, 2.0])).round(4)
-    np.float64(0.8165)
     """
     values = np.linalg.svd(matrix, compute_uv=False)
     largest, smallest = values[..., :1], values[..., -1:]
@@ -77,57 +61,22 @@ def inverse_condition(matrix: Array) -> Array:
 
 @dataclass(frozen=True)
 class CharacteristicLength:
-    """The characteristic length of a robot.
+    """The characteristic length of a robot."""
 
-    Attributes
-    ----------
-    length : float, m
-    condition : float
-        The smallest condition number kappa_F that it gives.
-    q : (A,) array, rad or m
-        A pose that has it.
-    """
-
-    length: float
-    condition: float
-    q: Array
+    length: float  # m
+    condition: float  # the smallest condition number kappa_F that it gives
+    q: Array  # (A,), rad or m: a pose that has it
 
 
-def characteristic_length(
-    kinematics: Kinematics, node: str | None = None, within_limits: bool = False, seed: int = 0
-) -> CharacteristicLength:
-    """Return the characteristic length: it minimises kappa_F over pose and length.
-
-    Parameters
-    ----------
-    kinematics : Kinematics
-    node : str, optional
-        Default: the TCP.
-    within_limits : bool
-        Look at poses within the joint limits only; else angles are free to go all around.
-    seed : int
-        Of the random starts.
-
-    Raises
-    ------
-    BeamstiffError
-        When the robot has no actuated variable, a prismatic one has no limits, or no pose is regular.
-
-    Examples
-    --------
-    >>> from beamstiff.robot.kinematics import compile_kinematics
-    >>> from beamstiff.robot.reader import load_robot
-    >>> found = characteristic_length(compile_kinematics(load_robot("kr240-2")))
-    >>> round(found.length, 3), round(found.condition, 4)
-    (0.683, 1.2515)
-    """
-    robot, name = kinematics.robot, check_node(kinematics, node)
+def characteristic_length(kinematics: Kinematics) -> CharacteristicLength:
+    """Return the characteristic length: it minimises kappa_F over pose (angles free) and length."""
+    robot = kinematics.robot
     if not robot.actuated:
         raise BeamstiffError(
             f"robot {robot.name!r} has no actuated variable: dexterity has no meaning for it"
         )
     lower, upper = joint_ranges(robot)
-    free = np.array([v.kind == "angle" and not within_limits for v in robot.actuated])
+    free = np.array([v.kind == "angle" for v in robot.actuated])
     lower, upper = np.where(free, -np.pi, lower), np.where(free, np.pi, upper)
     bounds = np.append(lower, np.log(1e-3 * kinematics.size)), np.append(upper, np.log(10 * kinematics.size))
     step = 1e-6 * np.eye(lower.size + 1)
@@ -136,7 +85,7 @@ def characteristic_length(
         posture, closed = closed_posture(kinematics, points[:, :-1])
         length = np.exp(points[closed, -1])
         # lengths differ from pose to pose
-        jacobian = normalised_jacobian(kinematics, posture, 1.0, name)
+        jacobian = normalised_jacobian(kinematics, posture, 1.0)
         prismatic = np.array([v.kind == "length" for v in robot.actuated])
         jacobian = np.where(prismatic, length[:, None, None], 1.0) * jacobian
         jacobian[:, :3] /= length[:, None, None]
@@ -149,7 +98,7 @@ def characteristic_length(
         ahead, behind = np.split(around[1:], 2)
         return float(around[0]), (ahead - behind) / 2e-6
 
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(0)
     samples = random.uniform(*bounds, (SAMPLES, lower.size + 1))
     samples[:, -1] = np.log(random.uniform(0.01, 1.0, SAMPLES) * kinematics.size)
     values = log_condition(samples)
@@ -166,7 +115,7 @@ def characteristic_length(
     best = min(searches, key=lambda search: float(search.fun))
     if best.fun >= 0.5 * OUT_OF_REACH:
         raise BeamstiffError(
-            f"robot {robot.name!r}: every pose is singular for {name!r}, no length can be found"
+            f"robot {robot.name!r}: every pose is singular for {robot.tcp!r}, no length can be found"
         )
     q = np.where(free, np.arctan2(np.sin(best.x[:-1]), np.cos(best.x[:-1])), best.x[:-1])
     return CharacteristicLength(float(np.exp(best.x[-1])), float(np.exp(best.fun)), q)
@@ -174,42 +123,23 @@ def characteristic_length(
 
 @dataclass(frozen=True, eq=False)
 class DexterityMap:
-    """Dexterity over a grid of poses.
-
-    Attributes
-    ----------
-    grid : Grid
-    length : float, m
-        Characteristic length used.
-    inverse_condition : (n, m) array
-        1/kappa_F; NaN where loops do not close.
-    position : (n, m, 3) array, m
-        Of the node, base frame.
-    determinant : (n, m) array or None
-        Of the normalised Jacobian, for robots of six actuated variables.
-    """
+    """Dexterity over a grid of poses."""
 
     grid: Grid
-    length: float
-    inverse_condition: Array
-    position: Array
+    length: float  # m: characteristic length used
+    inverse_condition: Array  # (n, m): 1/kappa_F; NaN where loops do not close
+    position: Array  # (n, m, 3), m: of the node, base frame
+    # (n, m): of the normalised Jacobian, for robots of six actuated variables
     determinant: Array | None
 
 
-def dexterity_map(kinematics: Kinematics, grid: Grid, length: float, node: str | None = None) -> DexterityMap:
-    """Return the dexterity at every pose of a grid (seed 000, Figure 3).
-
-    Raises
-    ------
-    BeamstiffError
-        As `normalised_jacobian`; or when no pose of the grid closes its loops.
-    """
-    name = check_node(kinematics, node)
+def dexterity_map(kinematics: Kinematics, grid: Grid, length: float) -> DexterityMap:
+    """Return the dexterity at every pose of a grid (seed 000, Figure 3)."""
     posture, closed = closed_posture(kinematics, grid.q)
     if not closed.any():
         raise BeamstiffError(f"robot {kinematics.robot.name!r}: no pose of the grid closes its loops")
-    jacobian = normalised_jacobian(kinematics, posture, length, name)
-    position = posture.node_positions[:, kinematics.node_index[name]]
+    jacobian = normalised_jacobian(kinematics, posture, length)
+    position = posture.node_positions[:, kinematics.node_index[kinematics.robot.tcp]]
     square = jacobian.shape[1] == jacobian.shape[2]
     return DexterityMap(
         grid=grid,
@@ -222,40 +152,17 @@ def dexterity_map(kinematics: Kinematics, grid: Grid, length: float, node: str |
 
 @dataclass(frozen=True, eq=False)
 class WorkspaceMap:
-    """The best value that poses of a map reach in each cell of a vertical plane.
+    """The best value that poses of a map reach in each cell of a vertical plane."""
 
-    Attributes
-    ----------
-    x, z : (i + 1,), (k + 1,) arrays, m
-        Edges of the cells: distance from axis z of the base frame along the plane, and height.
-    value : (i, k) array
-        NaN where no pose of the map gets.
-    pose : (i, k) int array
-        The pose of the grid that has the value; -1 where there is none.
-    """
-
+    # x, z: (i + 1,), (k + 1,), m: edges of the cells, base frame
     x: Array
     z: Array
-    value: Array
-    pose: np.ndarray
+    value: Array  # (i, k): NaN where no pose of the map gets
+    pose: np.ndarray  # (i, k) int: the pose of the grid that has the value; -1 where there is none
 
 
-def workspace_map(dexterity: DexterityMap, cell: float, plane: float = 0.0) -> WorkspaceMap:
-    """Return the dexterity over the workspace: the best that poses have in each cell of a vertical plane.
-
-    Parameters
-    ----------
-    dexterity : DexterityMap
-    cell : float, m
-        Size of the square cells.
-    plane : float, rad
-        Angle of the plane about z of the base frame; positions are projected onto it.
-
-    Raises
-    ------
-    BeamstiffError
-        When the cells are not of a positive size.
-    """
+def workspace_map(dexterity: DexterityMap, cell: float) -> WorkspaceMap:
+    """Return the best dexterity of poses in each square cell, of side `cell`, of the plane x z."""
     if not (np.isfinite(cell) and cell > 0):
         raise BeamstiffError(
             f"cells of a workspace map: found the size {cell}, expected a positive one in metres"
@@ -264,7 +171,7 @@ def workspace_map(dexterity: DexterityMap, cell: float, plane: float = 0.0) -> W
     position = dexterity.position.reshape(-1, 3)
     used = np.flatnonzero(~np.isnan(value))
     used = used[np.argsort(value[used], kind="stable")]  # the best comes last and stays
-    place = np.stack([position[used] @ [np.cos(plane), np.sin(plane), 0.0], position[used, 2]])
+    place = position[used][:, [0, 2]].T
     index = np.floor(place / cell).astype(np.int64)
     start = index.min(axis=1)
     i, k = index - start[:, None]

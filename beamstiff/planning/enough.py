@@ -1,4 +1,4 @@
-"""How many tests are enough: the worst standard error against their number (compare seed 000, Figure 7)."""
+"""How many tests are enough, by the worst standard error (seed 000, Figure 7), and against random choices."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.planning.designs import Criterion, Design, choose_tests
+from beamstiff.planning.designs import Criterion, Design, choose_tests, criterion_of
 from beamstiff.se3 import Array
 
 ONLY_AVERAGING = (
@@ -19,44 +19,20 @@ ONLY_AVERAGING = (
 
 @dataclass(frozen=True, eq=False)
 class Enough:
-    """Optimal designs of growing size.
-
-    Attributes
-    ----------
-    designs : tuple of Design
-    counts : (c,) int array
-        Their numbers of tests.
-    standard_errors : (c, m) array
-        Relative, of each parameter.
-    worst : (c,) array
-        The largest of them.
-    knee : int
-        The number of tests from which on more of them only average the noise: ``worst * sqrt(n)`` is within
-        5 % of the least it gets to. Below, every test also shows directions that were hardly seen before.
-    """
+    """Optimal designs of growing size."""
 
     designs: tuple[Design, ...]
-    counts: NDArray[np.int64]
-    standard_errors: Array
-    worst: Array
+    counts: NDArray[np.int64]  # (c,) int: their numbers of tests
+    standard_errors: Array  # (c, m): relative, of each parameter
+    worst: Array  # (c,): the largest of them
+    # the number of tests from which on more of them only average the noise: ``worst * sqrt(n)`` is within 5 %
+    # of the least it gets to. Below, every test also shows directions that were hardly seen before
     knee: int
 
     def tests_for(self, standard_error: float) -> int:
         """Return how many tests bring the worst relative standard error down to a value.
 
         Past the largest number looked at, the error is taken to fall with the root of the number of tests.
-
-        Raises
-        ------
-        BeamstiffError
-            When the value is not positive.
-
-        Examples
-        --------
-        >>> line = np.array([np.outer(row, row) for row in ([1.0, 0.2], [0.2, 1.0])] * 10)
-        >>> curve = how_many(line, ["a", "b"], [2, 4, 8])
-        >>> curve.tests_for(0.5), curve.tests_for(0.1)
-        (10, 226)
         """
         if not (np.isfinite(standard_error) and standard_error > 0):
             raise BeamstiffError(f"standard error: found {standard_error}, expected a positive number")
@@ -80,17 +56,11 @@ def how_many(
     ----------
     information : (N, m, m) array
         Of each candidate.
-    names : sequence of str (m)
     counts : sequence of int
         Numbers of tests, growing.
     criterion : "D", "A" or "E"
     repeats : int
         How often a candidate may be taken.
-
-    Raises
-    ------
-    BeamstiffError
-        When the numbers do not grow, there are too few candidates, or the first number cannot determine all.
     """
     numbers = np.asarray(counts, dtype=np.int64)
     if numbers.ndim != 1 or not numbers.size or (np.diff(numbers) <= 0).any():
@@ -104,3 +74,42 @@ def how_many(
     per_test = worst * np.sqrt(numbers)
     knee = int(numbers[np.argmax(per_test <= ONLY_AVERAGING * per_test.min())])
     return Enough(tuple(designs), numbers, errors, worst, knee)
+
+
+@dataclass(frozen=True, eq=False)
+class AtRandom:
+    """Designs drawn at random."""
+
+    values: Array  # (d,): the criterion of each; 0 where the tests do not determine all parameters
+    worst: Array  # (d,): the largest relative standard error of a parameter; infinite there
+
+
+def random_designs(
+    information: Array, count: int, criterion: Criterion, draws: int = 200, seed: int = 0
+) -> AtRandom:
+    """Return what designs of `count` different tests, drawn evenly from the candidates, would tell.
+
+    Parameters
+    ----------
+    information : (N, m, m) array
+        Of each candidate.
+    count : int
+        Number of tests of a design, N at most.
+    criterion : "D", "A" or "E"
+    """
+    if not 1 <= count <= len(information):
+        raise BeamstiffError(
+            f"{len(information)} candidates for {count} tests at random: make more candidates"
+        )
+    random = np.random.default_rng(seed)
+    chosen = np.argsort(random.random((draws, len(information))), axis=1)[:, :count]
+    totals = np.stack([information[rows].sum(axis=0) for rows in chosen])
+    scale = np.sqrt(np.maximum(np.diagonal(totals, axis1=-2, axis2=-1), np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(totals / (scale[:, :, None] * scale[:, None, :]))
+    determined = values[:, 0] > 1e-12 * values[:, -1]
+    least = np.where(determined[:, None], values, 1.0)
+    variances = np.einsum("dij,dj->di", vectors**2, 1 / least) / scale**2
+    return AtRandom(
+        np.where(determined, criterion_of(totals, criterion), 0.0),
+        np.where(determined, np.sqrt(variances.max(axis=1)), np.inf),
+    )

@@ -29,21 +29,11 @@ from beamstiff.se3 import Array
 
 @dataclass(frozen=True, eq=False)
 class Influence:
-    """What K_C does to the displacement of the TCP under a wrench, at poses of any shape (...).
+    """What K_C does to the displacement of the TCP under a wrench, at poses of any shape (...)."""
 
-    Attributes
-    ----------
-    nu_p : (...) array
-        Relative change of the translation; NaN where loops do not close.
-    nu_r : (...) array, rad
-        Largest change of a rotation component.
-    displacement : (..., 6) array, m and rad
-        With K_C.
-    """
-
-    nu_p: Array
-    nu_r: Array
-    displacement: Array
+    nu_p: Array  # (...): relative change of the translation; NaN where loops do not close
+    nu_r: Array  # (...), rad: largest change of a rotation component
+    displacement: Array  # (..., 6), m and rad: with K_C
 
     def within(self, nu_p: float, nu_r: float) -> np.ndarray:
         """Return where both are at most the given ones: Znu_p and Znu_r of seed 000, (...) bool."""
@@ -57,16 +47,10 @@ def load_influence(structure: Structure, posture: Posture, wrench: ArrayLike) ->
 
     Parameters
     ----------
-    structure : Structure
     posture : Posture
         P poses.
     wrench : (6,) or (P, 6) array, N and N m
         ``[f, m]`` at the TCP, base frame: the load that stiffens or softens, and that displaces.
-
-    Raises
-    ------
-    BeamstiffError
-        When the wrench is zero, or the robot buckles under it.
     """
     poses = posture.node_positions.shape[0]
     load = np.broadcast_to(_wrench(wrench, poses), (poses, 6))
@@ -96,24 +80,14 @@ def influence_map(structure: Structure, grid: Grid, wrench: ArrayLike) -> Influe
 
 @dataclass(frozen=True, eq=False)
 class WristChoice:
-    """Values of two more variables, chosen for the smallest influence of K_C over poses already chosen.
+    """Values of two more variables, chosen for the smallest influence of K_C over poses already chosen."""
 
-    Attributes
-    ----------
-    grid : Grid
-        Over the two variables.
-    nu_p, nu_r : (n, m) arrays
-        The worst over the poses; NaN where a loop does not close.
-    inverse_condition : (n, m) array
-        The worst 1/kappa_F over the poses.
-    best : mapping of str to float, rad or m
-    """
-
-    grid: Grid
+    grid: Grid  # over the two variables
+    # nu_p, nu_r: (n, m): the worst over the poses; NaN where a loop does not close
     nu_p: Array
     nu_r: Array
-    inverse_condition: Array
-    best: dict[str, float]
+    inverse_condition: Array  # (n, m): the worst 1/kappa_F over the poses
+    best: dict[str, float]  # rad or m
 
 
 def choose_wrist(
@@ -131,7 +105,6 @@ def choose_wrist(
 
     Parameters
     ----------
-    structure : Structure
     poses : (P, A) array, rad or m
         Chosen for their dexterity; the two variables' values in them do not count.
     wrench : (6,) array, N and N m
@@ -140,11 +113,6 @@ def choose_wrist(
         Characteristic length.
     least : float
         1/kappa_F that every pose has to keep.
-
-    Raises
-    ------
-    BeamstiffError
-        When no values keep the dexterity.
     """
     kinematics, robot = structure.kinematics, structure.robot
     chosen = actuated_values(robot, np.asarray(poses))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from beamstiff.errors import BeamstiffError, listed, suggest
+from beamstiff.errors import BeamstiffError, listed
 from beamstiff.measure.columns import Column, to_si
 from beamstiff.robot.closure import close_loops
 from beamstiff.robot.description import Robot
@@ -24,24 +24,14 @@ ROUNDS = 50  # of drawing random poses, before too few of them are said to close
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Poses over two actuated variables, the others held; n values of the first, m of the second.
-
-    Attributes
-    ----------
-    names : (str, str)
-    first, second : (n,), (m,) arrays, rad or m
-        Growing values.
-    q : (n * m, A) array, rad or m
-        The second variable runs fastest.
-    turns : (bool, bool)
-        Whether each variable is an angle.
-    """
+    """Poses over two actuated variables, the others held; n values of the first, m of the second."""
 
     names: tuple[str, str]
+    # first, second: (n,), (m,), rad or m: growing values
     first: Array
     second: Array
-    q: Array
-    turns: tuple[bool, bool]
+    q: Array  # (n * m, A), rad or m: the second variable runs fastest
+    turns: tuple[bool, bool]  # whether each variable is an angle
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -54,23 +44,10 @@ def joint_grid(robot: Robot, over: Mapping[str, ArrayLike], held: Mapping[str, f
 
     Parameters
     ----------
-    robot : Robot
     over : mapping of two names to values, rad or m
         In growing order, at least two.
     held : mapping of str to float, rad or m
         The other variables; those not named are 0.
-
-    Raises
-    ------
-    BeamstiffError
-        When these are not two actuated variables, a name is unknown or values do not grow.
-
-    Examples
-    --------
-    >>> from beamstiff.robot.reader import load_robot
-    >>> grid = joint_grid(load_robot("kr240-2"), {"q2": [0, 1, 2], "q3": [-1, 0]}, {"q5": 0.8})
-    >>> grid.shape, grid.q[1]
-    ((3, 2), array([0. , 0. , 0. , 0. , 0.8, 0. ]))
     """
     names, held = list(over), dict(held or {})
     if len(names) != 2:
@@ -104,13 +81,7 @@ def spread(closed: Mask, values: Array) -> Array:
 
 
 def joint_ranges(robot: Robot) -> tuple[Array, Array]:
-    """Return lower and upper ends (A,) of the actuated variables: their limits, else a full turn.
-
-    Raises
-    ------
-    BeamstiffError
-        When a prismatic variable has no limits.
-    """
+    """Return lower and upper ends (A,) of the actuated variables: their limits, else a full turn."""
     ends = []
     for variable in robot.actuated:
         if variable.limits is None and variable.kind == "length":
@@ -124,13 +95,7 @@ def joint_ranges(robot: Robot) -> tuple[Array, Array]:
 
 
 def random_poses(kinematics: Kinematics, count: int, random: np.random.Generator) -> Array:
-    """Return poses (count, A) drawn evenly within the joint limits, those whose loops close.
-
-    Raises
-    ------
-    BeamstiffError
-        When hardly any pose within the limits closes its loops.
-    """
+    """Return poses (count, A) drawn evenly within the joint limits, those whose loops close."""
     lower, upper = joint_ranges(kinematics.robot)
     found = np.zeros((0, lower.size))
     for _ in range(ROUNDS):
@@ -144,28 +109,11 @@ def random_poses(kinematics: Kinematics, count: int, random: np.random.Generator
     )
 
 
-def check_node(kinematics: Kinematics, node: str | None) -> str:
-    """Return the node's name, that of the TCP where none is given.
-
-    Raises
-    ------
-    BeamstiffError
-        When there is no such node.
-    """
-    name = kinematics.robot.tcp if node is None else node
-    if name not in kinematics.node_index:
-        raise BeamstiffError(
-            f"robot {kinematics.robot.name!r} has no node {name!r}{suggest(name, kinematics.node_names)}"
-        )
-    return name
-
-
 def rounded_postures(robot: Robot, q: Array, units: Mapping[str, str]) -> Array:
     """Return postures with the digits that a pendant takes, within the limits.
 
     Parameters
     ----------
-    robot : Robot
     q : (n, A) array
         Of the actuated variables, rad or m.
     units : mapping of str to str

@@ -11,7 +11,7 @@ from contourpy import contour_generator
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.planning.dexterity import DexterityMap, normalised_jacobian
-from beamstiff.planning.poses import Grid, check_node
+from beamstiff.planning.poses import Grid
 from beamstiff.robot.kinematics import Kinematics, posture
 from beamstiff.se3 import Array
 
@@ -23,39 +23,17 @@ NEWTON = 4  # steps
 
 @dataclass(frozen=True, eq=False)
 class SingularLine:
-    """A line of singular poses over a grid.
+    """A line of singular poses over a grid."""
 
-    Attributes
-    ----------
-    points : (p, 2) array, rad or m
-        Values of the grid's two variables.
-    joints : tuple of str
-        Variables that can move together and leave the tool where it is: for a 6R robot with a spherical
-        wrist, q1 and wrist axes where the wrist's centre lies on axis 1, q2, q3 and wrist axes where the arm
-        is folded or stretched, q4 and q6 where they line up.
-    """
-
-    points: Array
+    points: Array  # (p, 2), rad or m: values of the grid's two variables
+    # variables that can move together and leave the tool where it is: for a 6R robot with a spherical wrist,
+    # q1 and wrist axes where the wrist's centre lies on axis 1, q2, q3 and wrist axes where the arm is folded
+    # or stretched, q4 and q6 where they line up
     joints: tuple[str, ...]
 
 
-def singular_lines(
-    kinematics: Kinematics, dexterity: DexterityMap, node: str | None = None
-) -> list[SingularLine]:
-    """Return the lines of a map along which det J = 0 (seed 000, Figure 3b), each with the joints in play.
-
-    Parameters
-    ----------
-    kinematics : Kinematics
-    dexterity : DexterityMap
-    node : str, optional
-        Default: the TCP.
-
-    Raises
-    ------
-    BeamstiffError
-        When the robot has not six actuated variables, so that its Jacobian has no determinant.
-    """
+def singular_lines(kinematics: Kinematics, dexterity: DexterityMap) -> list[SingularLine]:
+    """Return the lines of a map along which det J = 0 (seed 000, Figure 3b), each with the joints in play."""
     grid = dexterity.grid
     if dexterity.determinant is None:
         raise BeamstiffError(
@@ -64,10 +42,10 @@ def singular_lines(
         )
     # masked where loops do not close
     field = np.ma.masked_invalid(dexterity.determinant.T)
-    name, found = check_node(kinematics, node), []
+    found = []
 
     def jacobian(points: Array) -> Array:
-        return _jacobian(kinematics, grid, points, dexterity.length, name)
+        return _jacobian(kinematics, grid, points, dexterity.length)
 
     for line in contour_generator(grid.first, grid.second, field).lines(0.0):
         points = _refined(np.asarray(line, dtype=np.float64), jacobian, grid)
@@ -84,12 +62,12 @@ def singular_lines(
     return found
 
 
-def _jacobian(kinematics: Kinematics, grid: Grid, points: Array, length: float, node: str) -> Array:
+def _jacobian(kinematics: Kinematics, grid: Grid, points: Array, length: float) -> Array:
     """Return the normalised Jacobian (p, 6, 6) at points of the map between those of the grid."""
     q = np.repeat(grid.q[:1], len(points), axis=0)
     for axis, name in enumerate(grid.names):
         q[:, _names(kinematics).index(name)] = points[:, axis]
-    return normalised_jacobian(kinematics, posture(kinematics, q), length, node)
+    return normalised_jacobian(kinematics, posture(kinematics, q), length)
 
 
 def _refined(points: Array, jacobian: Callable[[Array], Array], grid: Grid) -> Array:

@@ -16,88 +16,28 @@ FULL_TURN = 2 * np.pi
 
 @dataclass(frozen=True, eq=False)
 class Zone:
-    """A contiguous region of a map.
-
-    Attributes
-    ----------
-    grid : Grid
-    mask : (n, m) bool array
-        Points of the grid that belong to it.
-    ranges : mapping of str to (float, float), rad or m
-        Smallest ranges of both variables that hold it; past a full turn where it runs over the edge.
-    share : float
-        Of the grid's points.
-    best : float
-        Its best value.
-    at : mapping of str to float, rad or m
-        Where that is.
-    """
+    """A contiguous region of a map."""
 
     grid: Grid
-    mask: Mask
+    mask: Mask  # (n, m) bool: points of the grid that belong to it
+    # rad or m: smallest ranges of both variables that hold it; past a full turn where it runs
+    # over the edge
     ranges: dict[str, tuple[float, float]]
-    share: float
-    best: float
-    at: dict[str, float]
+    share: float  # of the grid's points
+    best: float  # its best value
+    at: dict[str, float]  # rad or m: where that is
 
 
-def find_zones(
-    grid: Grid, values: Array, least: float | None = None, most: float | None = None, smallest: int = 1
-) -> list[Zone]:
-    """Return the contiguous regions where values are large (or small) enough, the largest first.
+def find_zones(grid: Grid, values: Array, least: float) -> list[Zone]:
+    """Return the contiguous regions where values (n, m) are at least `least`, the largest first.
 
     A grid over a full turn of an angle is closed: what runs over its edge is one region. Points where there
     is no value (NaN) belong to none.
-
-    Parameters
-    ----------
-    grid : Grid
-    values : (n, m) array
-    least, most : float
-        Give one of them: values of at least `least` are good, or those of at most `most`.
-    smallest : int
-        Leave out regions of fewer points.
-
-    Raises
-    ------
-    BeamstiffError
-        When not just one threshold is given, or the values are not those of the grid.
-
-    Examples
-    --------
-    >>> from beamstiff.planning.poses import joint_grid
-    >>> from beamstiff.robot.reader import load_robot
-    >>> turn = np.radians(np.arange(-180, 180, 10))
-    >>> grid = joint_grid(load_robot("kr240-2"), {"q2": turn, "q3": turn})
-    >>> values = np.cos(grid.first)[:, None] * np.ones(36)
-    >>> [zone] = find_zones(grid, values, most=-0.7)
-    >>> np.degrees(zone.ranges["q2"]).round(), np.degrees(zone.at["q2"]).round()
-    (array([140., 220.]), np.float64(-180.0))
     """
     if values.shape != grid.shape:
         raise BeamstiffError(f"zones: found values of shape {values.shape}, expected {grid.shape}")
     with np.errstate(invalid="ignore"):  # NaN is in no zone
-        if least is not None and most is None:
-            return _zones(grid, values >= least, values, values, smallest)
-        if most is not None and least is None:
-            return _zones(grid, values <= most, values, -values, smallest)
-    raise BeamstiffError("zones: expected one threshold, either `least` or `most`")
-
-
-def intersect(grid: Grid, values: Array, *masks: Mask, smallest: int = 1) -> list[Zone]:
-    """Return the contiguous regions where all masks hold: Z of Zc, Znu_p and Znu_r in seed 000, section 3.2.
-
-    Parameters
-    ----------
-    grid : Grid
-    values : (n, m) array
-        What is best where it is largest, such as 1/kappa_F.
-    masks : (n, m) bool arrays
-    """
-    return _zones(grid, np.logical_and.reduce(masks), values, values, smallest)
-
-
-def _zones(grid: Grid, mask: Mask, values: Array, merit: Array, smallest: int) -> list[Zone]:
+        mask = values >= least
     labels, count = ndimage.label(mask)
     number = np.arange(count + 1)
     axes = tuple(zip(grid.names, (grid.first, grid.second), grid.turns, strict=True))
@@ -109,9 +49,7 @@ def _zones(grid: Grid, mask: Mask, values: Array, merit: Array, smallest: int) -
     zones = []
     for label in np.unique(number[1:]):
         region = (number[labels] == label) & mask
-        if region.sum() < smallest:
-            continue
-        i, j = np.unravel_index(np.argmax(np.where(region, merit, -np.inf)), grid.shape)
+        i, j = np.unravel_index(np.argmax(np.where(region, values, -np.inf)), grid.shape)
         ranges = {
             name: _range(ticks, region.any(axis=1 - axis), turns)
             for axis, (name, ticks, turns) in enumerate(axes)
@@ -119,31 +57,6 @@ def _zones(grid: Grid, mask: Mask, values: Array, merit: Array, smallest: int) -
         at = {grid.names[0]: float(grid.first[i]), grid.names[1]: float(grid.second[j])}
         zones.append(Zone(grid, region, ranges, float(region.mean()), float(values[i, j]), at))
     return sorted(zones, key=lambda zone: -zone.share)
-
-
-def in_box(grid: Grid, box: dict[str, tuple[float, float]]) -> Mask:
-    """Return which points (n, m) of a grid lie in ranges of its variables, rad or m; angles modulo a turn.
-
-    Raises
-    ------
-    BeamstiffError
-        When a variable is not on the grid or no point lies in the box.
-    """
-    mask = np.ones(grid.shape, dtype=np.bool_)
-    for name, (low, high) in box.items():
-        if name not in grid.names:
-            raise BeamstiffError(f"box: found the variable {name!r}, expected {' or '.join(grid.names)}")
-        axis = grid.names.index(name)
-        values = (grid.first, grid.second)[axis]
-        slack = 1e-9 * max(1.0, abs(low), abs(high))
-        if grid.turns[axis]:
-            inside = np.mod(values - low + slack, FULL_TURN) <= high - low + 2 * slack
-        else:
-            inside = (values >= low - slack) & (values <= high + slack)
-        mask &= inside[:, None] if axis == 0 else inside
-    if not mask.any():
-        raise BeamstiffError(f"box: no point of the grid over {' and '.join(grid.names)} lies in it")
-    return mask
 
 
 def _closed(values: Array) -> bool:

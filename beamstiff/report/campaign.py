@@ -6,9 +6,9 @@ import numpy as np
 
 from beamstiff.errors import listed
 from beamstiff.functions.plan import MeasurementPlan
-from beamstiff.planning.at_random import AtRandom
-from beamstiff.planning.campaign import Campaign
+from beamstiff.planning.campaign import Plan
 from beamstiff.planning.candidates import Noise
+from beamstiff.planning.enough import AtRandom
 from beamstiff.report.tables import Column, Table, counted, number, table
 from beamstiff.robot.stiffness import parameter_unit
 
@@ -87,7 +87,7 @@ def _noise(noise: Noise) -> str:
     return position if noise.rotation is None else f"{position} and {1e3 * noise.rotation:.3g} mrad"
 
 
-def _against(campaign: Campaign, drawn: AtRandom, chosen: str) -> str:
+def _against(campaign: Plan, drawn: AtRandom, chosen: str) -> str:
     median, head = float(np.median(drawn.worst)), f"Of {drawn.worst.size} random choices of {chosen}"
     if not np.isfinite(median):
         return f"{head}, most do not determine all parameters."

@@ -69,13 +69,7 @@ def _both(one: Judged, rows: NDArray[np.bool_]) -> str:
 
 
 def models_figure(models: Models, title: str) -> Figure:
-    """Draw every model's errors over the workspace, one scale for all, and their RMS by load.
-
-    Raises
-    ------
-    BeamstiffError
-        When no model has an answer.
-    """
+    """Draw every model's errors over the workspace, one scale for all, and their RMS by load."""
     shown = [one for one in models.judged if np.isfinite(one.error).any() and one.name != "rigid"]
     if not shown:
         raise BeamstiffError(f"{models.table.source}: no model has an answer, so there is nothing to draw")

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.console import RenderableType
@@ -13,12 +13,18 @@ from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.inference.search import UNKNOWN
 from beamstiff.diagnosis.notes import FEW_VALUES, OFF
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
-from beamstiff.report.tables import Table, add_rows, counted, small, table
+from beamstiff.report.tables import Column, Table, add_rows, counted, small, table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SHOWN = 8
+PARTS_OF_GAP = {
+    "directions": "By direction",
+    "loads": "By load",
+    "history": "Loading and unloading",
+    "time": "Over time",
+}
 LIKELY = 0.6  # probability below which a verdict is no more than the likeliest
 DUST = 1e-6  # of its standard deviation, below which a value is nothing but rounding
 NAMED = 3  # explanations that are named where nothing is decided
@@ -29,62 +35,94 @@ def diagnosis_tables(result: Diagnosis) -> Iterator[RenderableType]:
     """Yield what a terminal shows of a diagnosis."""
     yield Text(summary(result))
     yield Text("")
-    which = table(
-        "Which effect", "effect", "component", "probability", "shape", "gap after", "closes", "90 %", left=2
-    )
-    add_rows(which, [_row(one, result) for one in result.candidates[:SHOWN]])
-    yield which
-    sizes = table("How large", "effect", "parameter", "value", "std", "realistic", "unit", left=2)
-    rows = [
-        [named(one), name, value, std, realistic + ("" if item.plausible else " (!)"), unit]
-        for one in told(result)
-        for item in one.estimates
-        for name, value, std, realistic, unit in [sized(item)]
-    ]
-    if rows:
-        add_rows(sizes, rows)
+    yield candidates_table(result, result.candidates[:SHOWN], "Which effect")
+    sizes = sizes_table(result, "How large")
+    if sizes.rows:
         yield sizes
     if result.verdict.effect != "none":
-        yield _places(result)
-    for title in ("directions", "loads", "history", "time"):
-        found = result.where.get(title)
-        if found:
-            rows_by = table(f"Position gap by {title}, RMS", title, "mm")
-            add_rows(rows_by, [[name, f"{value:.3f}"] for name, value in found.items()])
-            yield rows_by
+        places = result.where.get("components", [])[:SHOWN]
+        yield places_table(places, "Where: share of the explainable gap that a place could make")
+    for key in PARTS_OF_GAP:
+        if found := result.where.get(key):
+            yield gap_table(found, f"Position gap by {key}, RMS", key)
     if result.untestable:
-        hidden = table("What these data cannot show", "effect", "component", "why", left=3)
-        add_rows(hidden, [[one.effect, one.component or "-", one.why] for one in result.untestable])
-        yield hidden
+        yield untestable_table(result, "What these data cannot show")
     if result.next and result.verdict.effect != "none":
         yield Text(f"\nTo measure next: {proposed(result)} (--next writes them).")
     for line in separations(result):
         yield Text(line)
 
 
-def _places(result: Diagnosis) -> Table:
-    places = table("Where: share of the explainable gap that a place could make", "place", "share", "90 %")
-    add_rows(
-        places,
-        [
-            [
-                item["component"],
-                f"{100 * item['share']:.0f} %",
-                f"{100 * item['interval'][0]:.0f} to {100 * item['interval'][1]:.0f} %",
+def candidates_table(result: Diagnosis, some: Sequence[Candidate], title: str) -> Table:
+    """Return the candidates with their probability, and how far the gap closes with each."""
+    probability = (Column("probability", only="console"), Column("probability", only="page"))
+    rest = ("shape", "gap after", "closes", "90 %")
+    made = table(title, *(Column(name, left=True) for name in ("effect", "component")), *probability, *rest)
+    for one in some:
+        effect, component = causes_of(one, result)
+        cells = ["-", "-", "-"]
+        if one.shrink is not None and not one_posture(result):
+            cells = [
+                f"{1e3 * one.shrink.after:.3f} mm",
+                percent(one.shrink.shrink),
+                percents(one.shrink.interval),
             ]
-            for item in result.where.get("components", [])[:SHOWN]
-        ],
-    )
-    return places
+        said = (f"{one.probability:.3f}", f"{100 * one.probability:.1f} %")
+        made.add_row(effect, component, *said, one.shape, *cells)
+    return made
+
+
+def sizes_table(result: Diagnosis, title: str) -> Table:
+    """Return the parameters of the verdict and of what cannot be told from it, beside realistic sizes."""
+    realistic = (Column("realistic", only="console"), Column("realistic", only="page"))
+    heads = ("value", "std", *realistic, Column("plausible", only="page"), "unit")
+    made = table(title, *(Column(name, left=True) for name in ("effect", "parameter")), *heads)
+    for one in told(result):
+        for item in one.estimates:
+            name, value, std, usual, unit = sized(item)
+            negative = item.positive and item.value < 0
+            plausible = "yes" if item.plausible else "no, negative" if negative else "no, larger than that"
+            doubted = usual + ("" if item.plausible else " (!)")
+            made.add_row(named(one), name, value, std, doubted, usual, plausible, unit)
+    return made
+
+
+def places_table(places: Sequence[Mapping[str, Any]], title: str) -> Table:
+    """Return the share of the explainable gap that each place could make."""
+    made = table(title, "place", Column("share", only="console"), Column("share", only="page"), "90 %")
+    for item in places:
+        share = item["share"]
+        made.add_row(item["component"], percent(share), f"{100 * share:.1f} %", percents(item["interval"]))
+    made.most = SHOWN
+    return made
+
+
+def gap_table(values: Mapping[str, float], title: str, head: str) -> Table:
+    """Return the position gap, RMS in mm, by a part of the rows."""
+    made = table(title, head, "mm")
+    add_rows(made, ([name, f"{value:.3f}"] for name, value in values.items()))
+    return made
+
+
+def untestable_table(result: Diagnosis, title: str) -> Table:
+    """Return the effects that the data cannot show, and why."""
+    made = table(title, "effect", "component", "why", left=3)
+    add_rows(made, ([one.effect, one.component or "-", one.why] for one in result.untestable))
+    return made
+
+
+def percent(share: float) -> str:
+    """Return a share in whole percent."""
+    return f"{100 * share:.0f} %"
+
+
+def percents(ends: Sequence[float]) -> str:
+    """Return the ends of an interval in whole percent."""
+    return f"{100 * ends[0]:.0f} to {100 * ends[1]:.0f} %"
 
 
 def summary(result: Diagnosis) -> str:
-    """Return the verdict in plain words.
-
-    Parameters
-    ----------
-    result : Diagnosis
-    """
+    """Return the verdict in plain words."""
     rms, noise = 1e3 * result.rms, 1e3 * result.noise
     first = (
         f"Gap that remains after the fit, {tested(result)}: {rms:.3f} mm RMS; noise "
@@ -94,7 +132,7 @@ def summary(result: Diagnosis) -> str:
         first += f", all that could give way in any way {1e3 * result.ceiling:.3f} mm"
     first += "."
     verdict, head = result.verdict, headline(result)
-    percent = f"{100 * verdict.probability:.0f} %"
+    sure = percent(verdict.probability)
     if head == UNDECIDED:
         likely = ", ".join(
             f"{NOTHING if one.effect == 'none' else named(one)} ({100 * one.probability:.0f} %)"
@@ -106,10 +144,10 @@ def summary(result: Diagnosis) -> str:
         return f"{first}\n{head}: nothing beyond noise shows in them, but hardly anything could."
     if verdict.effect == "none":
         far = " All the same they scatter far more than is stated." if _factor(result) > OFF else ""
-        return f"{first}\n{head} ({percent}).{far}"
+        return f"{first}\n{head} ({sure}).{far}"
     if verdict.effect == "unknown":
         text = (
-            f"{first}\nUnknown ({percent}): there is a gap with structure, and no effect of the library "
+            f"{first}\nUnknown ({sure}): there is a gap with structure, and no effect of the library "
             "explains it."
         )
         if result.indistinguishable:
@@ -118,9 +156,9 @@ def summary(result: Diagnosis) -> str:
     also = second(result)
     meaning = EFFECTS[verdict.effect].meaning
     if also is not None:
-        percent += f" and {100 * also.probability:.0f} %"
+        sure += f" and {100 * also.probability:.0f} %"
         meaning += f" {EFFECTS[also.effect].meaning}" if also.effect != verdict.effect else ""
-    text = f"{first}\n{head} ({percent}). {meaning}"
+    text = f"{first}\n{head} ({sure}). {meaning}"
     if verdict.shrink is not None and one_posture(result):
         text += "\nHow far the gap closes with it cannot be said: no posture is left to try it on."
     elif verdict.shrink is not None:
@@ -262,20 +300,6 @@ def causes_of(one: Candidate, result: Diagnosis) -> tuple[str, str]:
     if also is None or one.key != result.verdict.key:
         return one.effect, component
     return f"{one.effect} and {also.effect}", f"{component} and {also.component or '-'}"
-
-
-def _row(one: Candidate, result: Diagnosis) -> list[str]:
-    effect, component = causes_of(one, result)
-    head = [effect, component, f"{one.probability:.3f}", one.shape]
-    if one.shrink is None or one_posture(result):
-        return [*head, "-", "-", "-"]
-    low, high = one.shrink.interval
-    return [
-        *head,
-        f"{1e3 * one.shrink.after:.3f} mm",
-        f"{100 * one.shrink.shrink:.0f} %",
-        f"{100 * low:.0f} to {100 * high:.0f} %",
-    ]
 
 
 def diagnosis_figure(result: Diagnosis) -> Figure:

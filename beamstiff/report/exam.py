@@ -47,18 +47,13 @@ def exam_tables(records: Records) -> Iterator[Table]:
 
 def plan_tables(records: Records) -> Iterator[Table]:
     """Return what a campaign could find: effects, the hardest to find first; then by size, and nulls."""
-    result = table(
-        f"What this plan could find: {_cases(records)}, sizes all over the realistic range",
-        "effect",
-        "cases",
-        "diagnosis/noise",
-        "gap seen",
-        "exact",
-        "set holds it",
-        "set size",
-    )
+    title = f"What this plan could find: {_cases(records)}, sizes all over the realistic range"
+    heads = ("cases", "diagnosis/noise", "gap seen", "exact", "set holds it", "set size")
+    result = table(title, "effect", *heads)
     singles = score.by_effect(score.of_kind(records, "single"))
-    for effect, cases in sorted(singles.items(), key=lambda item: (_rate(score.coverage(item[1])), item[0])):
+    rates = {effect: score.coverage(cases).value for effect, cases in singles.items()}
+    for effect in sorted(rates, key=lambda one: (-1.0 if rates[one] is None else rates[one], one)):
+        cases = singles[effect]
         gaps = sorted(record.gap for record in cases)
         found = effect_figures(cases)
         result.add_row(
@@ -112,38 +107,29 @@ def failures_table(records: Records) -> Table:
 
 def effects_table(records: Records) -> Table:
     """Return a row for each effect, gap at least the noise, the worst first."""
-    names = ("seen", "exact", "family", "place", "set holds it", "unknown", "set size", "shrink differs")
-    result = table("By effect, gap >= 1 sigma, the worst first", "effect", "cases", *names)
-    for effect, cases in score.worst_first(records):
-        result.add_row(effect, str(len(cases)), *_cells(cases))
-    return result
+    return _figures_table("By effect, gap >= 1 sigma, the worst first", "effect", score.worst_first(records))
 
 
 def bands_table(records: Records) -> Table:
     """Return a row for each band of gap over noise, single effects."""
+    return _figures_table("By gap over noise, single effects", "diagnosis/noise", banded(records))
+
+
+def _figures_table(title: str, head: str, groups: Iterable[tuple[str, Records]]) -> Table:
     names = ("seen", "exact", "family", "place", "set holds it", "unknown", "set size", "shrink differs")
-    result = table("By gap over noise, single effects", "diagnosis/noise", "cases", *names)
-    for band, cases in banded(records):
-        result.add_row(band, str(len(cases)), *_cells(cases))
+    result = table(title, head, "cases", *names)
+    for name, cases in groups:
+        found = effect_figures(cases)
+        sizes = (_plain(found[one]) for one in ("set_size", "shrink_difference"))
+        result.add_row(name, str(len(cases)), *(_share(found[one]) for one in SHARES), *sizes)
     return result
 
 
 def groups_table(records: Records) -> Table:
     """Return the main figures by design, robot, readings, data and claimed noise."""
-    result = table(
-        "By sort of case (singles with gap >= 1 sigma)",
-        "cases",
-        "all",
-        "nulls",
-        "alarms",
-        "singles",
-        "exact",
-        "family",
-        "set holds it",
-        "of names",
-        "set size",
-        "calibration",
-    )
+    heads = ("singles", "exact", "family", "set holds it", "of names", "set size", "calibration")
+    title = "By sort of case (singles with gap >= 1 sigma)"
+    result = table(title, "cases", "all", "nulls", "alarms", *heads)
     for group in groups(records):
         singles = score.clear_singles(group.records)
         nulls = score.false_alarms(group.records)
@@ -207,17 +193,9 @@ def reliability_figure(records: Records) -> Drawing:
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[4, 1])
     plain(above)
     plain(below)
-    above.plot([0, 1], [0, 1], color=GREY, linewidth=1, label="as said")
-    said = [item.said for item in bins]
-    right = [item.right.value or 0.0 for item in bins]
-    spread = [
-        [value - (item.right.low or 0.0) for value, item in zip(right, bins, strict=True)],
-        [(item.right.high or 0.0) - value for value, item in zip(right, bins, strict=True)],
-    ]
-    if bins:
-        above.errorbar(said, right, yerr=spread, fmt="o", color=BLUE, capsize=3, label="examined, 95 %")
+    ends = [(item.right.low or 0.0, item.right.high or 0.0) for item in bins]
+    _said_and_right(above, [item.said for item in bins], [item.right.value or 0.0 for item in bins], ends)
     above.set(xlim=(0, 1), ylim=(0, 1), ylabel="share of verdicts that are right", title="Reliability")
-    above.legend(loc="upper left", frameon=False)
     below.bar(
         [item.low for item in bins],
         [item.right.count for item in bins],
@@ -262,24 +240,29 @@ def exam_figure(told: Mapping[str, Any], title: str = "") -> Drawing:
     asked.set(title="Asked and reached", xlabel="share of the cases, 95 %")
     asked.legend(loc="center left", frameon=False)
     bins = told["reliability"]
-    right.plot([0, 1], [0, 1], color=GREY, linewidth=1, label="as said")
-    values = [one["right"]["value"] for one in bins]
-    spread = [
-        [value - one["right"]["low"] for value, one in zip(values, bins, strict=True)],
-        [one["right"]["high"] - value for value, one in zip(values, bins, strict=True)],
-    ]
-    if bins:
-        said = [one["said"] for one in bins]
-        right.errorbar(said, values, yerr=spread, fmt="o", color=BLUE, capsize=3, label="examined, 95 %")
+    shares = [one["right"] for one in bins]
+    ends = [(one["low"], one["high"]) for one in shares]
+    _said_and_right(right, [one["said"] for one in bins], [one["value"] for one in shares], ends)
     for one in bins:
         right.annotate(
             str(one["right"]["count"]), (one["said"], 0.01), ha="center", fontsize="x-small", color=GREY
         )
     right.set(xlim=(0, 1.02), ylim=(0, 1.02), title="Reliability (numbers: cases)")
     right.set(xlabel="probability said of the verdict", ylabel="share of verdicts that are right")
-    right.legend(loc="upper left", frameon=False)
     plain(right)
     return figure
+
+
+def _said_and_right(
+    axes: Axes, said: Sequence[float], right: Sequence[float], ends: Sequence[tuple[float, float]]
+) -> None:
+    """Draw the share that is right over the probability said, and the line on which they are the same."""
+    axes.plot([0, 1], [0, 1], color=GREY, linewidth=1, label="as said")
+    if right:
+        between = [(value - low, high - value) for value, (low, high) in zip(right, ends, strict=True)]
+        yerr = list(zip(*between, strict=True))
+        axes.errorbar(said, right, yerr=yerr, fmt="o", color=BLUE, capsize=3, label="examined, 95 %")
+    axes.legend(loc="upper left", frameon=False)
 
 
 def _reached(axes: Axes, names: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> None:
@@ -293,31 +276,14 @@ def _reached(axes: Axes, names: Sequence[str], rows: Sequence[Mapping[str, Any]]
         axes.plot(
             row["value"], at, "X" if missed else "o", color=colour, label="" if label in known else label
         )
-    axes.set_yticks(range(len(names)), [_folded(name) for name in names])
+    axes.set_yticks(range(len(names)), ["\n".join(wrap(name, 34)) for name in names])
     axes.set(xlim=(-0.02, 1.02), ylim=(len(names) - 0.4, -0.6))
     plain(axes)
-
-
-def _folded(text: str) -> str:
-    return "\n".join(wrap(text, 34))
-
-
-def _cells(cases: Records) -> list[str]:
-    found = effect_figures(cases)
-    return [
-        *(_share(found[name]) for name in SHARES),
-        _plain(found["set_size"]),
-        _plain(found["shrink_difference"]),
-    ]
 
 
 def _cases(records: Records) -> str:
     broken = sum(record.error is not None for record in records)
     return counted(len(records), "case") + (f", {broken} of them broke off" if broken else "")
-
-
-def _rate(figure: Figure) -> float:
-    return -1.0 if figure.value is None else figure.value
 
 
 def _share(figure: Figure) -> str:

@@ -47,11 +47,6 @@ def plain(axes: Axes) -> None:
 def check_format(path: str | Path) -> str:
     """Return the format that a figure's file name asks for.
 
-    Raises
-    ------
-    BeamstiffError
-        When its ending is none of `FORMATS`.
-
     Examples
     --------
     >>> check_format("fit.PNG")
@@ -77,13 +72,7 @@ def save_figure(figure: Figure, path: str | Path, dpi: int = 150) -> None:
 
 
 def figure_bytes(figure: Figure, path: str | Path, dpi: int = 150) -> bytes:
-    """Return the content of the file that `save_figure` writes.
-
-    Raises
-    ------
-    BeamstiffError
-        When the ending is unknown.
-    """
+    """Return the content of the file that `save_figure` writes."""
     ending = check_format(path)
     data = io.BytesIO()
     # no date and no random ids: the same figure gives the same file

@@ -8,7 +8,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from beamstiff.errors import BeamstiffError
 from beamstiff.measure.table import DISPLACEMENT, WRENCH
 from beamstiff.model.fuzzy import Partition
 from beamstiff.model.fuzzy_compliance import FuzzyCompliance
@@ -19,10 +18,8 @@ POINTS = 41  # of a surface, along each input
 LINES = (BLUE, ORANGE, GREEN)
 
 
-def rules_figure(
-    model: FuzzyCompliance, terms: Sequence[tuple[int, int]] | None = None, angles: Sequence[str] = ()
-) -> Figure:
-    """Draw terms of a fuzzy compliance over its first two inputs, and the sets of every input.
+def rules_figure(model: FuzzyCompliance, angles: Sequence[str] = ()) -> Figure:
+    """Draw the largest terms of a fuzzy compliance over its first two inputs, and the sets of every input.
 
     As figure 13 of seed 003. Inputs beyond the two are in the middle of their trained range.
 
@@ -30,22 +27,11 @@ def rules_figure(
     ----------
     model : FuzzyCompliance
         With rules on a partition.
-    terms : sequence of (int, int), optional
-        Displacement component and load direction of each term; default the three largest that are known.
     angles : sequence of str
         Inputs that are angles, drawn in degrees.
-
-    Raises
-    ------
-    BeamstiffError
-        When a term was not trained.
     """
     premises = model.system.premises
-    known = model.known
-    chosen = list(terms) if terms is not None else _largest(model)
-    for i, j in chosen:
-        if not known[i, j]:
-            raise BeamstiffError(f"the compliance {DISPLACEMENT[i]} per {WRENCH[j]} was not trained")
+    chosen = _largest(model)
     order = sorted(range(len(premises.inputs)), key=lambda at: -premises.sets[at])
     first, second = sorted(order[:2]) if len(order) > 1 else (order[0], order[0])
     unit = {name: 180 / np.pi if name in angles else 1.0 for name in premises.inputs}
@@ -58,14 +44,11 @@ def rules_figure(
         else:
             axes = figure.add_subplot(grid[0, column], projection="3d")
             _surface(axes, model, premises, (first, second), (i, j), unit)
-        figure.axes[-1].set_title(f"compliance {name}, {_unit(i, j)}", fontsize="medium")
+        unit_of_term = f"{'µm' if i < 3 else 'µrad'} / {'kN' if j < 3 else 'kN m'}"
+        figure.axes[-1].set_title(f"compliance {name}, {unit_of_term}", fontsize="medium")
     for column, at in enumerate(dict.fromkeys((first, second))):
         _memberships(figure.add_subplot(grid[1, column]), premises, at, unit)
     return figure
-
-
-def _unit(i: int, j: int) -> str:
-    return f"{'µm' if i < 3 else 'µrad'} / {'kN' if j < 3 else 'kN m'}"
 
 
 def _largest(model: FuzzyCompliance) -> list[tuple[int, int]]:

@@ -86,13 +86,7 @@ def dependent_table(found: Calibration) -> Table | None:
 
 
 def combination_text(name: str, like: Mapping[str, float], units: Mapping[str, str]) -> str:
-    """Return a linear combination, its coefficients in mm and deg: ``1 f3.r - 0.02 q2``.
-
-    Examples
-    --------
-    >>> combination_text("f2.r", {"f3.r": 1.0, "q2": -0.1}, {"f2.r": "m", "f3.r": "m", "q2": "rad"})
-    '1 f3.r - 0.00573 q2'
-    """
+    """Return a linear combination, its coefficients in mm and deg: ``1 f3.r - 0.02 q2``."""
     own = PER_SI.get(units[name], ("", 1.0))[1]
     terms = {one: value * PER_SI.get(units[one], ("", 1.0))[1] / own for one, value in like.items()}
     ordered = sorted(terms.items(), key=lambda pair: -abs(like[pair[0]]))

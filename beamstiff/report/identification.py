@@ -34,10 +34,8 @@ def identification_table(
 
     Parameters
     ----------
-    found : Identification
     robot : Robot, optional
         As it was before; default `found.start`.
-    title : str
     """
     before = robot or found.start
     columns = ["parameter", *(["start"] if before is not None else []), "identified", "std"]
@@ -126,8 +124,6 @@ def identification_text(found: Identification, measured: Measurements, folds: in
 
     Parameters
     ----------
-    found : Identification
-    measured : Measurements
     folds : int
         Of the held-out gap that was asked for; 0 for none.
     """

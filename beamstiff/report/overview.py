@@ -32,16 +32,10 @@ def describe(robot: Robot, samples: int = 1000, seed: int = 0) -> dict[str, Any]
 
     Parameters
     ----------
-    robot : Robot
     samples : int
         Postures drawn for the reach, evenly within the limits of the actuated variables.
     seed : int
         Of the samples.
-
-    Raises
-    ------
-    BeamstiffError
-        When no posture closes the loops, or the structure is a mechanism.
 
     Examples
     --------
@@ -106,21 +100,14 @@ def describe(robot: Robot, samples: int = 1000, seed: int = 0) -> dict[str, Any]
     }
 
 
-def reference_posture(robot: Robot, samples: int = 1000, seed: int = 0) -> Array:
-    """Return the actuated joint values (A,) of the reference: mid limits, or a sample that closes.
-
-    Raises
-    ------
-    BeamstiffError
-        When no posture closes the loops.
-    """
+def reference_posture(robot: Robot) -> Array:
+    """Return the actuated joint values (A,) of the reference: mid limits, or a sample that closes."""
     kinematics = compile_kinematics(robot)
-    q = _samples(robot, samples, seed)
+    q = _samples(robot, 1000, 0)
     for some in (q[:1], q):
         closure = close_loops(kinematics, some, strict=False)
         if closure.closed.any():
-            reference: Array = some[int(np.argmax(closure.closed))]
-            return reference
+            return np.asarray(some[int(np.argmax(closure.closed))])
     raise BeamstiffError(
         f"robot {robot.name!r}: none of {len(q)} postures closes the loops: {closure.reasons[0]}"
     )
@@ -158,8 +145,7 @@ def _tcp(kinematics: Kinematics, transforms: Array) -> Array:
     """Return the position of the TCP, (P, 3); other nodes, of which there may be many, are not placed."""
     at = kinematics.node_index[kinematics.robot.tcp]
     frames = transforms[:, kinematics.node_frame[at]]
-    result: Array = frames[:, :3, :3] @ kinematics.node_at[at] + frames[:, :3, 3]
-    return result
+    return np.asarray(frames[:, :3, :3] @ kinematics.node_at[at] + frames[:, :3, 3])
 
 
 def _reach(kinematics: Kinematics, values: Array) -> dict[str, Any]:

@@ -26,11 +26,6 @@ def parity_figure(measured: Measurements, predicted: Array, title: str = "") -> 
         N rows of displacements.
     predicted : (N, 6) array
         ``[d, r]``, m and rad.
-
-    Raises
-    ------
-    BeamstiffError
-        When the table holds no measured displacement.
     """
     mask = measured.measured_mask & (measured.kind == "displacement")
     panels = [(part, what, unit) for part, what, unit in _PARTS if mask[:, part].any()]

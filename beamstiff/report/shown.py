@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from functools import singledispatch
 from typing import TYPE_CHECKING, Any, cast
 
@@ -34,6 +34,7 @@ from beamstiff.report.overview_tables import overview_tables
 from beamstiff.report.parity import parity_figure
 from beamstiff.report.skeleton import draw_shares
 from beamstiff.report.stiffness import stiffness_tables
+from beamstiff.report.tables import spaced
 from beamstiff.robot.description import Robot
 
 if TYPE_CHECKING:
@@ -101,9 +102,9 @@ def plot(thing: object, **options: Any) -> Figure:
 
 
 @singledispatch
-def told(thing: object) -> Iterator[RenderableType]:
-    """Yield the tables and sentences that tell of a robot or a result."""
-    yield repr(thing)
+def told(thing: object) -> Iterable[RenderableType]:
+    """Return the tables and sentences that tell of a robot or a result."""
+    return [repr(thing)]
 
 
 @plot.register
@@ -124,13 +125,6 @@ def _(
     axes.set(title=thing.name.replace("$", r"\$"), xlabel="m", ylabel="m")
     plain(axes)
     return figure
-
-
-@told.register
-def _(thing: Robot) -> Iterator[RenderableType]:
-    for part in overview_tables(describe(thing, samples=100)):
-        yield part
-        yield ""
 
 
 @plot.register
@@ -158,7 +152,7 @@ def _(thing: Identification, measured: Measurements | None = None) -> Figure:
 
 
 @told.register
-def _(thing: Identification) -> Iterator[RenderableType]:
+def _(thing: Identification) -> Iterable[RenderableType]:
     yield identification_table(thing)
     yield ""
     yield from combinations_text(thing)
@@ -170,64 +164,25 @@ def _(thing: Identification) -> Iterator[RenderableType]:
         yield f"Mind: {listed(thing.notes, 4)}."
 
 
-@plot.register
-def _(thing: Diagnosis) -> Figure:
-    return diagnosis_figure(thing)
+plot.register(Diagnosis, diagnosis_figure)
+plot.register(Compensated, compensation_figure)
+plot.register(Models, lambda thing: models_figure(thing, ""))
+plot.register(Calibration, lambda thing: calibration_figure(thing, _title(thing).replace("$", r"\$")))
+told.register(Robot, lambda thing: spaced(overview_tables(describe(thing, samples=100))))
+told.register(Diagnosis, diagnosis_tables)
+told.register(Compensated, lambda thing: (compensation_table(thing), "", compensation_text(thing)))
+told.register(Models, lambda thing: (models_table(thing, "Models of elasticity"),))
+told.register(Prediction, lambda thing: (deflection_table(thing), *deflection_text(thing)))
+told.register(MeasurementPlan, lambda thing: (campaign_table(thing), campaign_text(thing)))
+told.register(TcpStiffness, stiffness_tables)
+told.register(
+    Calibration,
+    lambda thing: (
+        *spaced((parameters_table(thing, _title(thing)), errors_table(thing))),
+        *calibration_text(thing),
+    ),
+)
 
 
-@told.register
-def _(thing: Diagnosis) -> Iterator[RenderableType]:
-    yield from diagnosis_tables(thing)
-
-
-@plot.register
-def _(thing: Compensated) -> Figure:
-    return compensation_figure(thing)
-
-
-@told.register
-def _(thing: Compensated) -> Iterator[RenderableType]:
-    yield compensation_table(thing)
-    yield ""
-    yield compensation_text(thing)
-
-
-@plot.register
-def _(thing: Models) -> Figure:
-    return models_figure(thing, "")
-
-
-@told.register
-def _(thing: Models) -> Iterator[RenderableType]:
-    yield models_table(thing, "Models of elasticity")
-
-
-@plot.register
-def _(thing: Calibration) -> Figure:
-    return calibration_figure(thing, f"{thing.robot.name}: calibrated geometry".replace("$", r"\$"))
-
-
-@told.register
-def _(thing: Calibration) -> Iterator[RenderableType]:
-    yield parameters_table(thing, f"{thing.robot.name}: calibrated geometry")
-    yield ""
-    yield errors_table(thing)
-    yield ""
-    yield from calibration_text(thing)
-
-
-@told.register
-def _(thing: Prediction) -> Iterator[RenderableType]:
-    yield deflection_table(thing)
-    yield from deflection_text(thing)
-
-
-@told.register
-def _(thing: MeasurementPlan) -> Iterator[RenderableType]:
-    yield campaign_table(thing)
-    yield campaign_text(thing)
-
-
-@told.register
-def _(thing: TcpStiffness) -> Iterator[RenderableType]:
-    yield from stiffness_tables(thing)
+def _title(found: Calibration) -> str:
+    return f"{found.robot.name}: calibrated geometry"

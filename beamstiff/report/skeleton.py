@@ -26,17 +26,10 @@ def draw_shares(axes: Axes, robot: Robot, q: Array, shares: Mapping[str, float])
 
     Parameters
     ----------
-    axes : Axes
-    robot : Robot
     q : (A,) array
         Actuated joint values, rad or m.
     shares : mapping of str to float
         From 0 to 1, by joint component, beam, rigid, ``base``, ``tool`` or ``tool point``.
-
-    Raises
-    ------
-    BeamstiffError
-        When the posture cannot close its loops.
     """
     kinematics = compile_kinematics(robot)
     positions = posture(kinematics, q[None]).node_positions[0]

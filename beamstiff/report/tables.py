@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from rich import box
 from rich import table as rich_table
-from rich.console import Console, ConsoleOptions, RenderResult
+from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
 from rich.text import Text
 
 MOST_ROWS = 40
@@ -16,47 +16,25 @@ SMALL = {"rad": (1e3, "mrad"), "m": (1e3, "mm")}
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table.
+    """A column of a table."""
 
-    Attributes
-    ----------
-    head : str
-        With its unit.
-    left : bool
-        Aligned left; else right, as numbers are.
-    only : str
-        Where it is drawn alone: "page" or "console"; empty for both.
-    """
-
-    head: str
-    left: bool = False
-    only: str = ""
+    head: str  # with its unit
+    left: bool = False  # aligned left; else right, as numbers are
+    only: str = ""  # where it is drawn alone: "page" or "console"; empty for both
 
 
 @dataclass
 class Table:
-    """A table as text, whoever draws it.
-
-    Attributes
-    ----------
-    title : str
-    columns : sequence of Column
-        Given as text, the first `left` of them are aligned left and the others right.
-    rows : list of lists of str
-        A cell for each column, also for those that are not drawn.
-    left : int
-    open : bool
-        On a page: shown at once; else behind its title.
-    most : int, optional
-        On the console so many rows; a last line says how many are left out.
-    """
+    """A table as text, whoever draws it."""
 
     title: str
+    # given as text, the first `left` of them are aligned left and the others right
     columns: Sequence[Column | str]
+    # a cell for each column, also for those that are not drawn
     rows: list[list[str]] = field(default_factory=list)
     left: int = 1
-    open: bool = True
-    most: int | None = None
+    open: bool = True  # on a page: shown at once; else behind its title
+    most: int | None = None  # on the console so many rows; a last line says how many are left out
 
     @property
     def heads(self) -> list[Column]:
@@ -96,11 +74,18 @@ def table(title: str, *columns: Column | str, left: int = 1) -> Table:
     return Table(title, columns, left=left)
 
 
-def add_rows(into: Table, rows: Iterable[Sequence[str]], most: int = MOST_ROWS) -> None:
-    """Add rows, of which a console shows the first `most`."""
+def add_rows(into: Table, rows: Iterable[Sequence[str]]) -> None:
+    """Add rows, of which a console shows the first `MOST_ROWS`."""
     for row in rows:
         into.add_row(*row)
-    into.most = most
+    into.most = MOST_ROWS
+
+
+def spaced(parts: Iterable[RenderableType]) -> Iterator[RenderableType]:
+    """Yield what is printed, each with an empty line behind it."""
+    for part in parts:
+        yield part
+        yield ""
 
 
 def number(value: float) -> str:
@@ -115,13 +100,7 @@ def number(value: float) -> str:
 
 
 def small(values: Sequence[float], unit: str) -> tuple[list[str], str]:
-    """Return numbers as tables show them, and their unit: small angles in mrad, lengths in mm.
-
-    Examples
-    --------
-    >>> small([0.0001481, 4.4e-05], "rad"), small([0.02], "m"), small([1.5], "kg")
-    ((['0.1481', '0.044'], 'mrad'), (['20'], 'mm'), (['1.5'], 'kg'))
-    """
+    """Return numbers as tables show them, and their unit: small angles in mrad, lengths in mm."""
     factor, shown = SMALL[unit] if unit in SMALL and max(map(abs, values)) < 1.0 else (1.0, unit)
     return [number(factor * value) for value in values], shown
 

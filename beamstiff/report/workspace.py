@@ -212,8 +212,7 @@ def _draw_line(panel: Axes, dataset: xarray.Dataset, name: str) -> None:
 
 
 def _scaled(dataset: xarray.Dataset, axis: str) -> Array:
-    values: Array = dataset[axis].values * SHOWN[dataset[axis].attrs["units"]][0]
-    return values
+    return np.asarray(dataset[axis].values * SHOWN[dataset[axis].attrs["units"]][0])
 
 
 def _label(dataset: xarray.Dataset, axis: str) -> str:

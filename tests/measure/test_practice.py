@@ -14,8 +14,9 @@ from beamstiff.measure import (
     history_order,
     measurements_to_csv,
     parse_measurements,
+    pooled_sigma,
     read_measurements,
-    sigma_from_repeats,
+    repeated_states,
 )
 from beamstiff.robot.description import Robot
 
@@ -78,10 +79,10 @@ def test_the_noise_of_a_header_shows_in_the_repeats_of_its_file(
     for path, label in practice_sets(shared_path).items():
         if label["effect"] != "backlash":  # sets that go through every load twice
             continue
-        noise = sigma_from_repeats(read_measurements(path, kr240))
-        assert noise.freedom_position > 100
-        assert noise.sigma_position == pytest.approx(3e-5, rel=4 / np.sqrt(2 * noise.freedom_position))
-        assert noise.sigma_rotation == pytest.approx(5e-5, rel=4 / np.sqrt(2 * noise.freedom_rotation))
+        rows = read_measurements(path, kr240)
+        sigma, freedom = pooled_sigma(rows.measured, repeated_states(rows))
+        assert freedom.min() > 30
+        assert (np.abs(sigma / np.repeat([3e-5, 5e-5], 3) - 1) < 4 / np.sqrt(2 * freedom)).all()
         repeated += 1
     assert repeated
 
@@ -90,9 +91,9 @@ def test_hysteresis_shows_in_repeats_by_loading_and_unloading(
     kr240: Robot, shared_path: Callable[[str], Path]
 ) -> None:
     [path] = [p for p, label in practice_sets(shared_path).items() if label["effect"] == "hysteresis"]
-    noise = sigma_from_repeats(read_measurements(path, kr240))
-    assert noise.sigma_position is not None
-    assert noise.sigma_position > 1.5 * 3e-5
+    rows = read_measurements(path, kr240)
+    sigma, _ = pooled_sigma(rows.measured, repeated_states(rows))
+    assert np.sqrt((sigma[:3] ** 2).mean()) > 1.5 * 3e-5
 
 
 def test_the_published_surface_of_the_ir663(shared_path: Callable[[str], Path]) -> None:

@@ -16,7 +16,6 @@ from beamstiff.measure import (
     make_measurements,
     pooled_sigma,
     repeated_states,
-    sigma_from_repeats,
 )
 
 
@@ -165,16 +164,13 @@ def repeats(n: int = 400, **given: Any) -> Any:
 
 
 def test_the_noise_of_a_campaign_shows_in_its_repeats() -> None:
-    noise = sigma_from_repeats(repeats())
-    assert noise.sigma_position == pytest.approx(3e-5, rel=4 / np.sqrt(2 * 600))
-    assert noise.sigma_rotation == pytest.approx(5e-5, rel=4 / np.sqrt(2 * 600))
-    assert (noise.freedom_position, noise.freedom_rotation) == (600, 600)
-    np.testing.assert_allclose(noise.sigma, [3e-5] * 3 + [5e-5] * 3, rtol=4 / np.sqrt(2 * 200))
+    table = repeats()
+    sigma, freedom = pooled_sigma(table.measured, repeated_states(table))
+    assert freedom.tolist() == [200] * 6
+    np.testing.assert_allclose(sigma, [3e-5] * 3 + [5e-5] * 3, rtol=4 / np.sqrt(2 * 200))
 
 
 def test_repeats_have_the_same_load_load_point_and_point() -> None:
     table = repeats(8, point=["a", "b"] * 4, load_point=["a"] * 8)
     assert len(np.unique(repeated_states(repeats(8)))) == 4
     assert len(np.unique(repeated_states(table))) == 8
-    with pytest.raises(BeamstiffError, match="no repeated state"):
-        sigma_from_repeats(table)

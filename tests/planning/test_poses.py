@@ -9,7 +9,6 @@ import pytest
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.planning.poses import (
-    check_node,
     closed_posture,
     joint_grid,
     joint_ranges,
@@ -88,10 +87,3 @@ def test_when_no_pose_closes_that_is_said() -> None:
     robot = IR663.model_copy(update={"variables": variables})
     with pytest.raises(BeamstiffError, match="only 0 of 5 poses found whose loops close within the limits"):
         random_poses(compile_kinematics(robot), 5, np.random.default_rng(0))
-
-
-def test_an_unknown_node_is_refused_with_a_hint() -> None:
-    kinematics = compile_kinematics(KR240)
-    assert check_node(kinematics, None) == KR240.tcp
-    with pytest.raises(BeamstiffError, match=r"has no node 'n6c' \(did you mean"):
-        check_node(kinematics, "n6c")

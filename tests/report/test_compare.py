@@ -7,13 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from beamstiff import BeamstiffError, load_robot, read_measurements
+from beamstiff import load_robot, read_measurements
 from beamstiff.identification.models.side_by_side import Models, fit_models
 from beamstiff.identification.models.split import split_rows
 from beamstiff.measure import make_measurements
 from beamstiff.model.fuzzy_compliance import FuzzyCompliance, rules_from_table
 from beamstiff.model.linear import predict_displacements
-from beamstiff.report.check_points import check_points_figure
 from beamstiff.report.compare import models_figure, models_table
 from beamstiff.report.fuzzy import rules_figure
 
@@ -81,22 +80,3 @@ def test_the_rule_surface_passes_through_the_conclusions() -> None:
     degrees = np.stack([np.asarray(line.get_ydata()) for line in first.lines])
     assert np.allclose(degrees.sum(axis=0), 1.0)
     assert first.get_xlabel() == "q2, deg"
-
-
-def test_rules_that_cannot_be_drawn_are_refused() -> None:
-    with pytest.raises(BeamstiffError, match=r"the compliance dz per fz was not trained"):
-        rules_figure(table_4(), [(2, 2)])
-
-
-def test_check_points_are_drawn_in_one_order_and_sizes_from_large_to_small() -> None:
-    errors = {"none": np.array([3e-4, 1e-4, 2e-4]), "grid": np.array([3e-5, 1e-5, 2e-5])}
-    by_size = {"shrunk": [(0.3, 7e-5), (np.inf, 1e-4), (0.6, 9e-5)]}
-    points, sizes = check_points_figure(errors, by_size, "KR500").axes
-    assert [
-        np.allclose(line.get_ydata(), row)
-        for line, row in zip(points.lines, [[0.1, 0.2, 0.3], [0.01, 0.02, 0.03]], strict=True)
-    ] == [True] * 2
-    assert np.allclose(sizes.lines[0].get_ydata(), [0.1, 0.09, 0.07])
-    assert [label.get_text() for label in sizes.get_xticklabels()] == ["whole", "600", "300"]
-    with pytest.raises(BeamstiffError, match=r"found errors at \[2, 3\] points for 2 models"):
-        check_points_figure(errors | {"grid": np.zeros(2)}, by_size, "KR500")

@@ -26,12 +26,6 @@ def read_program(path: str | Path) -> Program:
     ----------
     path : str or pathlib.Path
         ``.csv``; ``.src``, ``.dat`` (KUKA KRL); ``.mod``, ``.prg`` (ABB RAPID); ``.apt``, ``.cls`` (APT).
-
-    Raises
-    ------
-    BeamstiffError
-        When the ending is unknown, the file cannot be read, holds no target, or a target is broken: its line,
-        what was found and what would be right.
     """
     ending = Path(path).suffix.lower()
     if ending not in ENDINGS:

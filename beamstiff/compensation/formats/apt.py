@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import re
 
-from beamstiff.compensation.editing import NUMBER, Slot
-from beamstiff.compensation.formats.masking import lines
+from beamstiff.compensation.editing import NUMBER, Slot, lines
 from beamstiff.compensation.formats.program import Place, Program, make_program, refuse
 from beamstiff.errors import BeamstiffError, shown
 from beamstiff.measure.orientation import ToolAxis
@@ -31,18 +30,7 @@ _NUMBER = re.compile(NUMBER)
 
 
 def read(text: str, source: str) -> Program:
-    r"""Return the targets of an APT text; `text` as of `editing.read_bytes`.
-
-    Raises
-    ------
-    BeamstiffError
-        When a GOTO is broken or there is none.
-
-    Examples
-    --------
-    >>> read("UNITS/INCHES\nGOTO/1.0,0.0,2.0", "part.apt").path.poses[0, :3, 3]
-    array([0.0254, 0. , 0.0508])
-    """
+    """Return the targets of an APT text; `text` as of `editing.read_bytes`."""
     places: list[Place] = []
     left: dict[str, list[int]] = {}
     moved: dict[str, int] = {}

@@ -13,8 +13,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from beamstiff.compensation.editing import NUMBER, Slot
-from beamstiff.compensation.formats.masking import lines, masked
+from beamstiff.compensation.editing import NUMBER, Slot, lines, masked
 from beamstiff.compensation.formats.program import Place, Program, make_program, refuse
 from beamstiff.errors import BeamstiffError, shown
 from beamstiff.measure.orientation import KUKA
@@ -53,18 +52,7 @@ _BASES = re.compile(r"\bTOOL_NO\s+(\d+)\s*,\s*BASE_NO\s+(\d+)", re.IGNORECASE)
 
 
 def read(text: str, source: str) -> Program:
-    """Return the targets of a KRL text; `text` as of `editing.read_bytes`.
-
-    Raises
-    ------
-    BeamstiffError
-        When a target is broken or there is none.
-
-    Examples
-    --------
-    >>> read("DECL E6POS XP1={X 1.5,Y 0,Z 900,A 0,B 90,C 0,S 2,T 35}", "cell.dat").path.poses[0, :3, 3]
-    array([0.0015, 0. , 0.9 ])
-    """
+    """Return the targets of a KRL text; `text` as of `editing.read_bytes`."""
     places: list[Place] = []
     notes: list[str] = []
     left: dict[str, list[int]] = {what: [] for what in LEFT}

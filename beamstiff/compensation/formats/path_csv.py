@@ -14,8 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from beamstiff.compensation.editing import NUMBER, Slot, proper
-from beamstiff.compensation.formats.masking import lines
+from beamstiff.compensation.editing import NUMBER, Slot, lines, proper
 from beamstiff.compensation.formats.program import Place, Program, make_program, refuse
 from beamstiff.compensation.path import ToolPath
 from beamstiff.errors import BeamstiffError, listed, shown, suggest
@@ -61,18 +60,7 @@ class _Column:
 
 
 def read(text: str, source: str) -> Program:
-    r"""Return the targets of a path table; `text` as of `editing.read_bytes`.
-
-    Raises
-    ------
-    BeamstiffError
-        When the header or a row is broken, or there is no row.
-
-    Examples
-    --------
-    >>> read("x [mm],y [mm],z [mm],a,b,c\n1,2,3,0,0,0\n", "path.csv").path.poses[0, :3, 3]
-    array([0.001, 0.002, 0.003])
-    """
+    """Return the targets of a path table; `text` as of `editing.read_bytes`."""
     declared: tuple[str, int] | None = None
     header: list[_Column] | None = None
     separator, header_line = ",", 0

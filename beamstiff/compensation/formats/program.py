@@ -36,36 +36,17 @@ class Place:
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """A file as it was read.
+    """A file as it was read."""
 
-    Attributes
-    ----------
-    text : str
-        Every byte a character (`editing`).
-    path : ToolPath
-        In the frame of the path.
-    places : tuple of Place
-        One each target.
-    orientation : Orientation
-        How the file writes orientations.
-    read : function of text and name to Program
-        Of the file's format.
-    notes : tuple of str
-        What is worth knowing, such as motions that are left as they are.
-    frames : tuple of str
-        What the file says of its frames, which only whoever calls knows the place of.
-    chosen : tuple of int
-        Which of the file's targets these are, where it has others (`only`).
-    """
-
-    text: str
-    path: ToolPath
-    places: tuple[Place, ...]
-    orientation: Orientation
-    read: Callable[[str, str], Program]
-    notes: tuple[str, ...] = ()
+    text: str  # every byte a character (`editing`)
+    path: ToolPath  # in the frame of the path
+    places: tuple[Place, ...]  # one each target
+    orientation: Orientation  # how the file writes orientations
+    read: Callable[[str, str], Program]  # of the file's format
+    notes: tuple[str, ...] = ()  # what is worth knowing, such as motions that are left as they are
+    # what the file says of its frames, which only whoever calls knows the place of
     frames: tuple[str, ...] = ()
-    chosen: tuple[int, ...] = ()
+    chosen: tuple[int, ...] = ()  # which of the file's targets these are, where it has others (`only`)
 
     def with_poses(self, poses: Array, which: NDArray[np.bool_] | None = None) -> bytes:
         """Return the file with the numbers of targets replaced.
@@ -98,13 +79,7 @@ class Program:
         return program.cut(self.chosen) if self.chosen else program
 
     def only(self, patterns: Sequence[str]) -> Program:
-        """Return the program with those targets alone whose names match one of the patterns (``XP*``).
-
-        Raises
-        ------
-        BeamstiffError
-            When a pattern matches none.
-        """
+        """Return the program with those targets alone whose names match one of the patterns (``XP*``)."""
         names = self.path.names
         for pattern in patterns:
             if not any(fnmatchcase(name.upper(), pattern.upper()) for name in names):
@@ -144,13 +119,7 @@ def make_program(
     wrench: Array | None = None,
     columns: Mapping[str, Array] | None = None,
 ) -> Program:
-    """Return a program from the targets found in a text.
-
-    Raises
-    ------
-    BeamstiffError
-        When there is no target, a number is out of range, or numbers are no orientation.
-    """
+    """Return a program from the targets found in a text."""
     positions = np.array([[slot.value for slot in place.position] for place in places])
     numbers = np.zeros((len(places), orientation.count))
     for row, place in enumerate(places):

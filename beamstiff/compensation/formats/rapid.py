@@ -11,8 +11,7 @@ import re
 from collections.abc import Iterator
 from typing import NoReturn
 
-from beamstiff.compensation.editing import NUMBER, Slot, line_of
-from beamstiff.compensation.formats.masking import masked
+from beamstiff.compensation.editing import NUMBER, Slot, line_of, masked
 from beamstiff.compensation.formats.program import Place, Program, make_program, refuse
 from beamstiff.errors import BeamstiffError, shown
 from beamstiff.measure.orientation import Quaternion
@@ -35,19 +34,7 @@ _OFFSETS = re.compile(r"\b(?:Offs|RelTool)\s*\(", re.IGNORECASE)
 
 
 def read(text: str, source: str) -> Program:
-    """Return the targets of a RAPID text; `text` as of `editing.read_bytes`.
-
-    Raises
-    ------
-    BeamstiffError
-        When a target is broken or there is none.
-
-    Examples
-    --------
-    >>> text = "CONST robtarget p10:=[[600,0,900.5],[0,0,1,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];"
-    >>> read(text, "cell.mod").path.poses[0, :3, 3]
-    array([0.6 , 0. , 0.9005])
-    """
+    """Return the targets of a RAPID text; `text` as of `editing.read_bytes`."""
     code = masked(text, "!")
     places: list[Place] = []
     travelling: list[int] = []

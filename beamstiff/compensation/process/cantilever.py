@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.compensation.path import ToolPath, inverse
-from beamstiff.compensation.process import euler_bernoulli, large_displacement
-from beamstiff.compensation.process.friction import sliding
+from beamstiff.compensation.process import large_displacement
 from beamstiff.errors import BeamstiffError
 from beamstiff.se3 import Array
 
+STILL = 1e-9  # m: a way shorter than this is none
 Method = Literal["incremental", "euler-bernoulli"]
 
 
@@ -23,27 +23,18 @@ class Cantilever:
 
     The tip is a point. It presses on the face of the beam and slides along it; it slides from target to
     target, and so friction points against the way it came.
-
-    Attributes
-    ----------
-    length, width, thickness : float, m
-    modulus : float, Pa
-        E.
-    clamp : (4, 4) array, m
-        Base frame: origin on the face that the tool touches where the beam leaves the clamp, x along the
-        beam, z out of the face, against the tool.
-    method : "incremental" or "euler-bernoulli"
-    friction : float
-        Coefficient of Coulomb friction.
     """
 
+    # length, width, thickness: m
     length: float
     width: float
     thickness: float
-    modulus: float
+    modulus: float  # Pa: E
+    # (4, 4), m: base frame: origin on the face that the tool touches where the beam leaves the clamp, x along
+    # the beam, z out of the face, against the tool
     clamp: Array
     method: Method = "incremental"
-    friction: float = 0.0
+    friction: float = 0.0  # coefficient of Coulomb friction
 
     @property
     def bending_stiffness(self) -> float:
@@ -51,20 +42,14 @@ class Cantilever:
         return self.modulus * self.width * self.thickness**3 / 12
 
     def wrench(self, tool: Array, path: ToolPath) -> Array:
-        """Return the force of the beam on the tool, (N, 6), base frame.
-
-        Raises
-        ------
-        BeamstiffError
-            Where the tool is beyond the end of the beam, beside it, or has bent it too far.
-        """
+        """Return the force of the beam on the tool, (N, 6), base frame."""
         distance, deflection = self._contact(tool, path)
         touching = deflection > 0
         normal, slope, tangential = np.zeros(len(tool)), np.zeros(len(tool)), np.zeros(len(tool))
         x, w = distance[touching], deflection[touching]
         way = np.zeros(len(tool)) if self.friction == 0 else self._slid(path)
         if self.method == "euler-bernoulli":
-            normal[touching] = euler_bernoulli.normal_force(x, w)
+            normal[touching] = 3.0 * w / x**3  # over EI: small deflections, on the straight beam
         else:
             for direction in np.unique(way[touching]).tolist():
                 some = touching & (way == direction)
@@ -123,3 +108,20 @@ class Cantilever:
         if self.method == "incremental" and touching.any():
             place[touching] = large_displacement.contact(distance[touching], deflection[touching]).length
         return sliding(place)
+
+
+def sliding(place: Array) -> Array:
+    """Return which way the tool slid to each place along a line, (N,): 1, -1, or 0 where it stood still.
+
+    Parameters
+    ----------
+    place : (N,) array, m
+        On the line, in the order of the path. To the first nothing slid.
+
+    Examples
+    --------
+    >>> sliding(np.array([0.0, 0.1, 0.1, 0.05]))
+    array([ 0., 1., 0., -1.])
+    """
+    way = np.diff(place, prepend=place[:1])
+    return np.where(np.abs(way) > STILL, np.sign(way), 0.0)

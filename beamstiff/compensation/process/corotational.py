@@ -29,18 +29,10 @@ CLOSE = 1e-11
 
 @dataclass(frozen=True, eq=False)
 class Bent:
-    """A bent beam in equilibrium.
+    """A bent beam in equilibrium."""
 
-    Attributes
-    ----------
-    load : float
-        beta, the normal force times length squared over EI.
-    nodes : (n + 1, 3) array
-        x, y and rotation of every node, from the clamp on.
-    """
-
-    load: float
-    nodes: Array
+    load: float  # beta, the normal force times length squared over EI
+    nodes: Array  # (n + 1, 3): x, y and rotation of every node, from the clamp on
 
     @property
     def ratio(self) -> float:

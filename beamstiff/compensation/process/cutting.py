@@ -20,35 +20,19 @@ ROUNDING = 1e-9  # of the range of the table
 
 @dataclass(frozen=True, eq=False)
 class CuttingTable:
-    """Loads interpolated linearly over a variable.
+    """Loads interpolated linearly over a variable."""
 
-    Attributes
-    ----------
-    variable : str
-        A column of the path; ``way`` along the path from its beginning; or ``x``, ``y``, ``z`` of the real
-        tool in the base frame, m.
-    values : (K,) array
-        Rising, SI.
-    loads : (K, 6) array
-        ``[f, m]`` on the tool, N and N m.
-    frame : "base", "tool" or "feed"
-        Of the loads' components. In ``feed`` x points the way the tool travels, z along the part of the
-        tool's z that is square to it.
-    """
-
+    # a column of the path; ``way`` along the path from its beginning; or ``x``, ``y``, ``z`` of the real tool
+    # in the base frame, m
     variable: str
-    values: Array
-    loads: Array
+    values: Array  # (K,): rising, SI
+    loads: Array  # (K, 6): ``[f, m]`` on the tool, N and N m
+    # of the loads' components. In ``feed`` x points the way the tool travels, z along the part of the tool's
+    # z that is square to it
     frame: TableFrame = "base"
 
     def wrench(self, tool: Array, path: ToolPath) -> Array:
-        """Return the load at every target, (N, 6), base frame.
-
-        Raises
-        ------
-        BeamstiffError
-            When the path has no such variable, or its value lies outside the table.
-        """
+        """Return the load at every target, (N, 6), base frame."""
         at = self._variable(tool, path)
         low, high = float(self.values[0]), float(self.values[-1])
         margin = ROUNDING * (high - low)
@@ -62,8 +46,7 @@ class CuttingTable:
         if self.frame == "base":
             return local
         turn = tool[:, :3, :3] if self.frame == "tool" else self._feed(tool, path)
-        result: Array = (rotate_screw(turn) @ local[..., None])[..., 0]
-        return result
+        return np.asarray((rotate_screw(turn) @ local[..., None])[..., 0])
 
     def _variable(self, tool: Array, path: ToolPath) -> Array:
         if self.variable in path.columns:

@@ -41,12 +41,6 @@ def contact(distance: Array, deflection: Array, friction: float = 0.0) -> Contac
         At most `LARGEST_RATIO` of the distance.
     friction : float
         Tangential over normal force on the beam, positive away from the clamp.
-
-    Examples
-    --------
-    >>> found = contact(np.array([0.385]), np.array([0.025]))
-    >>> (found.normal * 0.385**3 / (3 * 0.025)).round(4), (found.length / 0.385).round(5)
-    (array([0.9939]), array([1.00253]))
     """
     ratio = deflection / distance
     load, length, slope = (series(ratio) for series in _tables(friction))

@@ -28,11 +28,6 @@ class Process(Protocol):
         -------
         (N, 6) array
             ``[f, m]`` on the tool at its tip, base frame, N and N m.
-
-        Raises
-        ------
-        BeamstiffError
-            Where the model has no answer; naming the target.
         """
         ...
 
@@ -90,5 +85,4 @@ def travel(path: ToolPath) -> Array:
     ways = np.where(length > 0, ways / np.where(length > 0, length, 1.0), 0.0)
     both = np.vstack([ways[:1], ways]) + np.vstack([ways, ways[-1:]])
     size = np.linalg.norm(both, axis=1, keepdims=True)
-    result: Array = np.where(size > 1e-9, both / np.where(size > 1e-9, size, 1.0), 0.0)
-    return result
+    return np.asarray(np.where(size > 1e-9, both / np.where(size > 1e-9, size, 1.0), 0.0))

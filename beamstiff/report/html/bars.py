@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from beamstiff.report.html.parts import axis, css, label, plain_layout
+from beamstiff.report.html.parts import axis, css, label, plain_layout, scatter
 
 ROW = 30  # px
+WIDEST = 34  # characters of a name
 
 
 def bars(
@@ -24,12 +25,10 @@ def bars(
     ----------
     names : sequence of str
         As people's files say them.
-    values : sequence of float
     colour : str
         Of the theme.
     title : str
         Of the axis of values.
-    intervals : sequence of (low, high), optional
     **more
         Of the axis of values.
     """
@@ -45,15 +44,20 @@ def bars(
         "name": title,
     }
     if intervals is not None:
-        trace["error_x"] = {
-            "type": "data",
-            "symmetric": False,
-            "array": [max(0.0, high - value) for value, (_, high) in zip(values, intervals, strict=True)],
-            "arrayminus": [max(0.0, value - low) for value, (low, _) in zip(values, intervals, strict=True)],
-            "color": css("ink"),
-            "thickness": 1.5,
-        }
+        trace["error_x"] = error_bars(values, intervals, "ink")
     return [trace], named_rows(names, title, **more)
+
+
+def error_bars(values: Sequence[float], ends: Sequence[tuple[float, float]], colour: str) -> dict[str, Any]:
+    """Return the bars from values to the ends of their intervals."""
+    return {
+        "type": "data",
+        "symmetric": False,
+        "array": [max(0.0, high - value) for value, (_, high) in zip(values, ends, strict=True)],
+        "arrayminus": [max(0.0, value - low) for value, (low, _) in zip(values, ends, strict=True)],
+        "color": css(colour),
+        "thickness": 1.5,
+    }
 
 
 def intervals(
@@ -70,35 +74,17 @@ def intervals(
     traces: list[dict[str, Any]] = []
     for at, (low, high) in enumerate(ends):
         if low is not None and (low > 0 or not log):
-            traces.append(
-                {
-                    "type": "scatter",
-                    "mode": "lines+markers",
-                    "x": [low, high if high is not None else 10 * low],
-                    "y": [at, at],
-                    "line": {"color": css("blue"), "width": 3},
-                    "marker": {
-                        "symbol": ["line-ns-open", "line-ns-open" if high is not None else "triangle-right"],
-                        "size": 11,
-                        "color": css("blue"),
-                    },
-                    "hoverinfo": "skip",
-                    "showlegend": False,
-                }
+            far = high if high is not None else 10 * low
+            end = "line-ns-open" if high is not None else "triangle-right"
+            trace = scatter(
+                [low, far], [at, at], "", line={"color": css("blue"), "width": 3}, showlegend=False
             )
+            marks = {"symbol": ["line-ns-open", end], "size": 11, "color": css("blue")}
+            traces.append(trace | {"mode": "lines+markers", "marker": marks})
     known = [at for at, value in enumerate(values) if value is not None]
-    traces.append(
-        {
-            "type": "scatter",
-            "mode": "markers",
-            "x": [values[at] for at in known],
-            "y": known,
-            "text": [label(names[at]) for at in known],
-            "hovertemplate": "%{text}: %{x:.4g}<extra></extra>",
-            "marker": {"color": css("blue"), "size": 10},
-            "name": "identified",
-        }
-    )
+    x, texts = [values[at] for at in known], [label(names[at]) for at in known]
+    hover = "%{text}: %{x:.4g}<extra></extra>"
+    traces.append(scatter(x, known, "identified", hover, ("circle", "blue", 10), text=texts))
     more = {"type": "log"} if log else {}
     return traces, named_rows(names, title, exponentformat="power", **more)
 
@@ -110,14 +96,10 @@ def named_rows(names: Sequence[str], title: str, **more: Any) -> dict[str, Any]:
         xaxis=axis(title, **more),
         yaxis=axis(
             tickvals=list(range(len(names))),
-            ticktext=[label(_short(name)) for name in names],
+            ticktext=[label(name if len(name) <= WIDEST else f"{name[: WIDEST - 3]}...") for name in names],
             range=[len(names) - 0.4, -0.6],
             showgrid=False,
             zeroline=False,
         ),
         showlegend=False,
     )
-
-
-def _short(name: str, most: int = 34) -> str:
-    return name if len(name) <= most else f"{name[: most - 3]}..."

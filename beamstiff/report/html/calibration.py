@@ -46,12 +46,10 @@ def calibration_html(
 
     Parameters
     ----------
-    found : Calibration
     robot : Robot
         As it was described.
     measured : Measurements
         The rows that were fitted.
-    provenance : Provenance
     """
     sizes = Sizes(
         found.robot,
@@ -111,14 +109,9 @@ def _size(gap: Array) -> Array:
     return _norm(gap[:, :3], 1e3)
 
 
-def _turn(gap: Array) -> Array:
-    return _norm(gap[:, 3:], 180 / np.pi)
-
-
 def _norm(gap: Array, factor: float) -> Array:
     seen = np.isfinite(gap).any(axis=1)
-    result: Array = np.where(seen, factor * np.linalg.norm(np.nan_to_num(gap), axis=1), np.nan)
-    return result
+    return np.asarray(np.where(seen, factor * np.linalg.norm(np.nan_to_num(gap), axis=1), np.nan))
 
 
 def _view(found: Calibration, measured: Measurements, sizes: Sizes) -> StillView | None:
@@ -126,7 +119,7 @@ def _view(found: Calibration, measured: Measurements, sizes: Sizes) -> StillView
     chosen = chosen[np.isfinite(_size(found.residual)[chosen])]
     stands = found.bases[measured.run if len(found.bases) > 1 else np.zeros(len(measured), dtype=np.intp)]
     back = stands[chosen, :3, :3].swapaxes(-1, -2)
-    at = in_base_frame(found, _predicted(found, measured)).position[chosen]
+    at = in_base_frame(found, replace(measured, position=found.predicted[:, :3])).position[chosen]
     deviations = []
     for key, name, gap, colour in (
         ("nominal", "residual before", found.nominal_residual, "orange"),
@@ -158,11 +151,6 @@ def _view(found: Calibration, measured: Measurements, sizes: Sizes) -> StillView
         "turn with the arm, are an error that is left; lines that point anywhere are noise."
     )
     return still_view(found.robot, postures, deviations, "Magnification of the residuals", caption, table)
-
-
-def _predicted(found: Calibration, measured: Measurements) -> Measurements:
-
-    return replace(measured, position=found.predicted[:, :3])
 
 
 def _errors(found: Calibration) -> Section:

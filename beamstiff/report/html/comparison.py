@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -13,15 +12,14 @@ from beamstiff.model.protocol import StructuralModel
 from beamstiff.report.compare import loads_table, models_table, models_text, widest_plane
 from beamstiff.report.html.bars import intervals
 from beamstiff.report.html.page import Page, render
-from beamstiff.report.html.parts import MARGIN, Fact, Figure, Section, axis, css, label, plain_layout
-from beamstiff.report.html.places import LEGEND, Sizes, line_of, over_places, rows_table
+from beamstiff.report.html.parts import MARGIN, Fact, Figure, Section, axis, css, label, plain_layout, scatter
+from beamstiff.report.html.places import LEGEND, Sizes, over_places, rows_table
 from beamstiff.report.html.provenance import Provenance
-from beamstiff.report.html.robot_view import RobotView, Shown, robot_view
+from beamstiff.report.html.robot_view import RobotView, robot_view, worst_postures
 from beamstiff.report.tables import Table, counted
 from beamstiff.robot.description import Robot
 
 KIND_MARKS = (("circle-open", "muted"), ("circle", "blue"), ("square", "orange"), ("triangle-up", "green"))
-POSES = 5  # that the robot is shown in
 LOOKS = tuple(
     (symbol, colour)
     for symbol in ("circle", "square-open", "triangle-up")
@@ -38,10 +36,8 @@ def comparison_html(
 
     Parameters
     ----------
-    models : Models
     robot : Robot
         As it was given.
-    provenance : Provenance
     """
     answered = ranked(models)
     keys = {f"model{at + 1}": one for at, one in enumerate(answered) if one.name != "rigid"}
@@ -139,14 +135,9 @@ def _view(models: Models) -> RobotView | None:
     best = [one for one in ranked(models) if isinstance(one.model, StructuralModel)]
     if not best:
         return None
-    one, table = best[0], models.table
+    one = best[0]
     assert isinstance(one.model, StructuralModel)
-    shown, poses = list[Shown](), set[int]()
-    for at in np.argsort(-np.nan_to_num(one.error)).tolist():
-        if len(shown) < POSES and int(table.pose[at]) not in poses:
-            poses.add(int(table.pose[at]))
-            name = f"pose {table.pose[at]}: error {1e3 * one.error[at]:.3g} mm ({line_of(table, at)})"
-            shown.append(Shown(name, table.q[at], table.wrench[at], str(table.load_point[at])))
+    shown = worst_postures(models.table, 1e3 * one.error, "error ")
     return robot_view(one.model.robot, shown, "share of the strain energy", model=f"the {one.name} model")
 
 
@@ -157,17 +148,9 @@ def _side_by_side(models: Models) -> Section:
     names, ends = [one.name for one in best], [(None, None)] * len(best)
     traces, layout = intervals(names, values, ends, "RMS of rows not fitted, mm")
     if models.noise is not None:
-        traces.append(
-            {
-                "type": "scatter",
-                "mode": "lines",
-                "x": [1e3 * models.noise] * 2,
-                "y": [-0.6, len(best) - 0.4],
-                "line": {"color": css("orange"), "dash": "dash"},
-                "name": "noise alone",
-                "hovertemplate": "noise alone: %{x:.4g} mm<extra></extra>",
-            }
-        )
+        ends_of_line, looks = [-0.6, len(best) - 0.4], {"color": css("orange"), "dash": "dash"}
+        hover = "noise alone: %{x:.4g} mm<extra></extra>"
+        traces.append(scatter([1e3 * models.noise] * 2, ends_of_line, "noise alone", hover, line=looks))
     partly = [one.name for one in best if not _whole(models, one)]
     caption = "Root mean square position error over the rows that were not fitted, the best first" + (
         "; dashed: noise alone." if models.noise is not None else "."
@@ -183,29 +166,15 @@ def _side_by_side(models: Models) -> Section:
 
 
 def _by_kind(models: Models, best: Sequence[Judged], kinds: Sequence[int]) -> Figure:
-    traces = []
+    traces, places, names = [], list(range(len(best))), [label(one.name) for one in best]
     for k, (symbol, colour) in zip(kinds, KIND_MARKS, strict=False):
-        values = [one.rms(models.split.kind == k) for one in best]
-        traces.append(
-            {
-                "type": "scatter",
-                "mode": "markers",
-                "x": list(range(len(best))),
-                "y": [None if value is None else 1e3 * value for value in values],
-                "text": [label(one.name) for one in best],
-                "hovertemplate": "%{text}: %{y:.4g} mm",
-                "name": KINDS[k],
-                "marker": {"symbol": symbol, "color": css(colour), "size": 10},
-            }
-        )
-    ticks: dict[str, Any] = {
-        "tickvals": list(range(len(best))),
-        "ticktext": [label(one.name) for one in best],
-    }
+        values = _millimetres(one.rms(models.split.kind == k) for one in best)
+        hover = "%{text}: %{y:.4g} mm"
+        traces.append(scatter(places, values, KINDS[k], hover, (symbol, colour, 10), text=names))
     layout = plain_layout(
         420,
         margin=MARGIN | {"t": LEGEND + 10},
-        xaxis=axis(**ticks),
+        xaxis=axis(tickvals=places, ticktext=names),
         yaxis=axis("RMS, mm", type="log", exponentformat="power"),
     )
     caption = (
@@ -214,26 +183,20 @@ def _by_kind(models: Models, best: Sequence[Judged], kinds: Sequence[int]) -> Fi
     return Figure("kinds", "By what was held out", caption, traces, layout)
 
 
+def _millimetres(values: Iterable[float | None]) -> list[float | None]:
+    return [None if value is None else 1e3 * value for value in values]
+
+
 def _by_load(models: Models) -> Section:
     split, unseen = models.split, ~models.split.fitted
     levels = [at for at in range(len(split.loads)) if (unseen & (split.level == at)).any()]
     if len(levels) < 2:
         return Section("loads", "By load")
-    traces = []
+    traces, loads = [], [float(f"{split.loads[at]:.5g}") for at in levels]
     for one, (symbol, colour) in zip(ranked(models), LOOKS, strict=False):
-        values = [one.rms(unseen & (split.level == at)) for at in levels]
-        traces.append(
-            {
-                "type": "scatter",
-                "mode": "lines+markers",
-                "x": [float(f"{split.loads[at]:.5g}") for at in levels],
-                "y": [None if value is None else 1e3 * value for value in values],
-                "name": label(one.name),
-                "marker": {"symbol": symbol, "color": css(colour), "size": 9},
-                "line": {"color": css(colour), "width": 1.5},
-                "hovertemplate": "%{y:.4g} mm under %{x} " + split.unit,
-            }
-        )
+        values = _millimetres(one.rms(unseen & (split.level == at)) for at in levels)
+        hover, line = "%{y:.4g} mm under %{x} " + split.unit, {"color": css(colour), "width": 1.5}
+        traces.append(scatter(loads, values, label(one.name), hover, (symbol, colour, 9), line))
     layout = plain_layout(
         420,
         margin=MARGIN | {"t": LEGEND + 30},

@@ -33,10 +33,8 @@ def compensation_html(result: Compensated, robot: Robot, provenance: Provenance)
 
     Parameters
     ----------
-    result : Compensated
     robot : Robot
         That the controller takes for true.
-    provenance : Provenance
     """
     some = shown(len(result.known))
     seen = _view(result, robot, some)
@@ -95,13 +93,7 @@ def _facts(result: Compensated) -> Iterator[Fact]:
 
 
 def short(value: float) -> str:
-    """Return a number of three digits at most.
-
-    Examples
-    --------
-    >>> short(0.00040012), short(2.33333)
-    ('0.0004', '2.33')
-    """
+    """Return a number of three digits at most."""
     return f"{value:.3g}"
 
 

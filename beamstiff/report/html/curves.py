@@ -7,7 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from beamstiff.report.html.parts import MARGIN, Figure, axis, css, label, numbers, plain_layout, shared
+from beamstiff.report.html.parts import (
+    MARGIN,
+    Figure,
+    axis,
+    css,
+    label,
+    numbers,
+    plain_layout,
+    scatter,
+    shared,
+)
 from beamstiff.report.html.places import BEFORE_AFTER, LEGEND
 from beamstiff.se3 import Array
 
@@ -22,17 +32,9 @@ def distribution(key: str, title: str, caption: str, sizes: Mapping[str, Array],
         own = np.sort(values[values > 0])  # NaN is not
         at = np.unique(np.linspace(0, own.size - 1, min(own.size, MOST)).astype(int))
         if own.size:
-            traces.append(
-                {
-                    "type": "scatter",
-                    "mode": "lines",
-                    "x": numbers(own[at]),
-                    "y": numbers((at + 1) / own.size),
-                    "name": label(name),
-                    "line": {"color": css(colour), "dash": dash, "width": 2.5, "shape": "hv"},
-                    "hovertemplate": f"%{{y:.0%}} below %{{x}} {unit}",
-                }
-            )
+            line = {"color": css(colour), "dash": dash, "width": 2.5, "shape": "hv"}
+            share, hover = numbers((at + 1) / own.size), f"%{{y:.0%}} below %{{x}} {unit}"
+            traces.append(scatter(numbers(own[at]), share, label(name), hover, line=line))
     layout = plain_layout(
         380,
         margin=MARGIN | {"t": LEGEND + 10},
@@ -58,7 +60,6 @@ def along(
 
     Parameters
     ----------
-    key, title, caption : str
     x : (n,) array, or str
         A name of an array that the page holds.
     values : mapping of str to (n,) array
@@ -77,19 +78,11 @@ def along(
     said = shared(texts) if isinstance(texts, str) else [label(text) for text in texts]
     traces = []
     for (name, value), (symbol, colour) in zip(values.items(), marks, strict=False):
-        traces.append(
-            {
-                "type": "scatter",
-                "mode": "lines+markers" if lines else "markers",
-                "x": across,
-                "y": numbers(value, 4),
-                "text": said,
-                "hovertemplate": "%{text}: %{y}",
-                "name": label(name),
-                "marker": {"symbol": symbol, "color": css(colour), "size": 6 if lines else 7},
-                "line": {"color": css(colour), "width": 1.5},
-            }
+        mark, line = (symbol, colour, 6 if lines else 7), {"color": css(colour), "width": 1.5}
+        trace = scatter(
+            across, numbers(value, 4), label(name), "%{text}: %{y}", mark, line if lines else None
         )
+        traces.append(trace | {"text": said})
     layout = plain_layout(
         380,
         margin=MARGIN | {"t": LEGEND + 10},

@@ -14,13 +14,10 @@ from beamstiff.report.html.page import Page, render
 from beamstiff.report.html.parts import Fact, Figure, Section
 from beamstiff.report.html.places import MARKS, Sizes, line_of, over_places, rows_table
 from beamstiff.report.html.provenance import Provenance
-from beamstiff.report.html.robot_view import RobotView, Shown, robot_view
+from beamstiff.report.html.robot_view import robot_view, worst_postures
 from beamstiff.report.html.rows import Compared, row_figures
 from beamstiff.report.tables import counted, number
-from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
-
-POSES = 5  # that the robot is shown in
 
 
 def deflection_html(found: Prediction, provenance: Provenance) -> str:
@@ -52,7 +49,9 @@ def deflection_html(found: Prediction, provenance: Provenance) -> str:
                 *texts,
             ],
             facts=list(_facts(moved, predicted)),
-            view=_view(robot, loads, moved),
+            view=robot_view(
+                robot, worst_postures(loads, moved), "share of the strain energy", model="the linear model"
+            ),
             sections=[
                 _displacements(loads, predicted),
                 *rows.sections,
@@ -72,17 +71,6 @@ def _facts(moved: Array, predicted: Array) -> Iterator[Fact]:
     turned = 1e3 * np.linalg.norm(predicted[:, 3:], axis=1)
     yield Fact("Turns", f"{number(turned.max())} mrad", "at most")
     yield Fact("Rows", str(len(moved)), "postures under loads")
-
-
-def _view(robot: Robot, loads: Measurements, moved: Array) -> RobotView | None:
-    shown: list[Shown] = []
-    poses: set[int] = set()
-    for at in np.argsort(-moved).tolist():
-        if len(shown) < POSES and int(loads.pose[at]) not in poses:
-            poses.add(int(loads.pose[at]))
-            name = f"pose {loads.pose[at]}: {moved[at]:.3g} mm ({line_of(loads, at)})"
-            shown.append(Shown(name, loads.q[at], loads.wrench[at], str(loads.load_point[at])))
-    return robot_view(robot, shown, "share of the strain energy", model="the linear model")
 
 
 def _displacements(loads: Measurements, predicted: Array) -> Section:

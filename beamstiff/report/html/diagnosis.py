@@ -8,20 +8,25 @@ from typing import Any
 import numpy as np
 
 from beamstiff.diagnosis.held_out.prediction import shift
-from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
+from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.report.diagnosis import (
+    PARTS_OF_GAP,
+    SHOWN,
+    candidates_table,
     causes,
-    causes_of,
+    gap_table,
     headline,
     named,
     one_posture,
+    percent,
+    places_table,
     proposed,
     second,
     separations,
-    sized,
+    sizes_table,
     summary,
     tested,
-    told,
+    untestable_table,
 )
 from beamstiff.report.html.bars import bars
 from beamstiff.report.html.page import Page, render
@@ -34,25 +39,12 @@ from beamstiff.report.tables import Table, number
 from beamstiff.robot.fields import stiffness_text
 from beamstiff.se3 import Array
 
-SHOWN = 8  # candidates and places in figures; tables hold all
 DEGREES = 180.0 / np.pi
 LEAST = 0.0005  # probability of a candidate in the table
-PARTS_OF_GAP = {
-    "directions": "By direction",
-    "loads": "By load",
-    "history": "Loading and unloading",
-    "time": "Over time",
-}
 
 
 def diagnosis_html(result: Diagnosis, provenance: Provenance) -> str:
-    """Return the report of a diagnosis as one HTML page.
-
-    Parameters
-    ----------
-    result : Diagnosis
-    provenance : Provenance
-    """
+    """Return the report of a diagnosis as one HTML page."""
     baseline = result.baseline
     compared = Compared(
         baseline.nominal,
@@ -88,9 +80,9 @@ def _with_cause(result: Diagnosis) -> Array | None:
 
 
 def _facts(result: Diagnosis) -> Iterator[Fact]:
-    also, sure = second(result), f"{100 * result.verdict.probability:.0f} %"
+    also, sure = second(result), percent(result.verdict.probability)
     if also is not None:
-        sure += f" and {100 * also.probability:.0f} %"
+        sure += f" and {percent(also.probability)}"
     yield Fact("How sure", sure, "probability of the verdict")
     yield Fact("Gap", f"{1e3 * result.rms:.3f} mm", f"RMS, model fitted, {tested(result)}")
     if result.verdict.shrink is not None and not one_posture(result):
@@ -125,48 +117,16 @@ def _which(result: Diagnosis) -> Section:
         tickformat=".0%",
     )
     likely = [one for one in result.candidates if one.probability >= LEAST or one in first]
-    columns = ("effect", "component", "probability", "shape", "gap after", "closes", "90 %")
     figure = Figure(
         "which",
         "Which effect",
         "Probability of the likeliest explanations, and of none and unknown.",
         traces,
         layout,
-        Table("The candidates", columns, [_candidate(one, result) for one in likely], left=2),
+        candidates_table(result, likely, "The candidates"),
     )
-    sizes = [
-        [named(one), name, value, std, realistic, _plausible(item), unit]
-        for one in told(result)
-        for item in one.estimates
-        for name, value, std, realistic, unit in [sized(item)]
-    ]
-    large = Table(
-        "How large: its parameters",
-        ("effect", "parameter", "value", "std", "realistic", "plausible", "unit"),
-        sizes,
-        left=2,
-    )
-    return Section("which", "Which cause", figures=[figure], tables=[large] if sizes else [])
-
-
-def _plausible(item: Estimate) -> str:
-    if item.plausible:
-        return "yes"
-    return "no, negative" if item.positive and item.value < 0 else "no, larger than that"
-
-
-def _candidate(one: Candidate, result: Diagnosis) -> list[str]:
-    effect, component = causes_of(one, result)
-    head = [effect, component, f"{100 * one.probability:.1f} %", one.shape]
-    if one.shrink is None or one_posture(result):
-        return [*head, "-", "-", "-"]
-    low, high = one.shrink.interval
-    return [
-        *head,
-        f"{1e3 * one.shrink.after:.3f} mm",
-        f"{100 * one.shrink.shrink:.0f} %",
-        f"{100 * low:.0f} to {100 * high:.0f} %",
-    ]
+    large = sizes_table(result, "How large: its parameters")
+    return Section("which", "Which cause", figures=[figure], tables=[large] if large.rows else [])
 
 
 def _where(result: Diagnosis) -> Section:
@@ -183,37 +143,19 @@ def _where(result: Diagnosis) -> Section:
             range=[0, 1.02],
             tickformat=".0%",
         )
-        rows = [
-            [
-                item["component"],
-                f"{100 * item['share']:.1f} %",
-                f"{100 * item['interval'][0]:.0f} to {100 * item['interval'][1]:.0f} %",
-            ]
-            for item in places
-        ]
-        table = Table("The places", ("place", "share", "90 %"), rows)
+        table = places_table(places, "The places")
         caption = "Share of the explainable gap that each place could make, with its 90 % interval."
         figures.append(Figure("where", "Where on the robot", caption, traces, layout, table))
-    tables = [
-        Table(title, (key, "mm"), _rms(result.where[key]))
-        for key, title in PARTS_OF_GAP.items()
-        if result.where.get(key)
-    ]
-    tables += [
-        Table(f"By {name}", (f"{name}, {'deg' if turns else 'mm'}", "mm"), _rms(_for_people(values, turns)))
-        for name, values in result.where.get("joints", {}).items()
-        for turns in [_turns(result, name)]
-    ]
-    tables += [
-        Table(f"By {axis} in the base frame", (axis, "mm"), _rms(values))
-        for axis, values in result.where.get("regions", {}).items()
-    ]
+    parts = [(PARTS_OF_GAP[key], key, result.where.get(key)) for key in PARTS_OF_GAP]
+    for name, values in result.where.get("joints", {}).items():
+        turns = _turns(result, name)
+        head = f"{name}, {'deg' if turns else 'mm'}"
+        parts.append((f"By {name}", head, _for_people(values, turns)))
+    regions = result.where.get("regions", {})
+    parts += [(f"By {axis} in the base frame", axis, values) for axis, values in regions.items()]
+    tables = [gap_table(values, title, head) for title, head, values in parts if values]
     text = "Position gap of the fitted model by direction, load, joint reading and region, RMS in mm."
     return Section("where", "Where the gap is", figures=figures, tables=tables, tables_text=text)
-
-
-def _rms(values: Mapping[str, float]) -> list[list[str]]:
-    return [[name, f"{value:.3f}"] for name, value in values.items()]
 
 
 def _turns(result: Diagnosis, name: str) -> bool:
@@ -283,12 +225,8 @@ def _others(result: Diagnosis) -> Iterator[Section]:
     columns = ("joint variables, deg or mm", "wrench, N and N m", "reflector", "separates")
     tables = [Table(proposed(result), columns, following, 4, open=False)] if following else []
     yield Section("next", "What to measure next", separations(result), tables=tables)
-    hidden = [[one.effect, one.component or "-", one.why] for one in result.untestable]
-    yield Section(
-        "untestable",
-        "What these data cannot show",
-        tables=[Table("Not testable", ("effect", "component", "why"), hidden, 3)] if hidden else [],
-    )
+    hidden = [untestable_table(result, "Not testable")] if result.untestable else []
+    yield Section("untestable", "What these data cannot show", tables=hidden)
     limits = list(result.notes)
     limits += [f"nothing explains this row, which was left out: {row}" for row in result.outliers]
     yield Section("limits", "What limits the conclusions", items=limits)

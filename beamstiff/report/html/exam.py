@@ -13,15 +13,16 @@ from beamstiff.exam.record import Record
 from beamstiff.exam.reliability import calibration_error, reliability
 from beamstiff.exam.table import Row, by_design, controls, effect_figures, headline
 from beamstiff.report import exam as told
-from beamstiff.report.html.bars import named_rows
+from beamstiff.report.html.bars import error_bars, named_rows
 from beamstiff.report.html.matrix import confusion_figure
 from beamstiff.report.html.page import Page, render
-from beamstiff.report.html.parts import MARGIN, Fact, Figure, Section, axis, css, label, plain_layout
+from beamstiff.report.html.parts import MARGIN, Fact, Figure, Section, axis, css, label, plain_layout, scatter
 from beamstiff.report.html.places import LEGEND
 from beamstiff.report.html.provenance import Provenance
 from beamstiff.report.tables import counted
 
 Records = Sequence[Record]
+HOVER = "%{text}<extra></extra>"
 ORDER = (*EFFECTS, NONE, UNKNOWN, FAILED, "removed", "outside")
 MARKS = {
     "aim": ("circle", "green"),
@@ -43,15 +44,12 @@ def exam_html(
 
     Parameters
     ----------
-    records : sequence of Record
     examined : str
         The robot, or what else.
-    provenance : Provenance
     facts : mapping
         What ``--json`` writes.
     plan : bool
         The cases are of one campaign: what could it find?
-    notes : sequence of str
     """
     rich, lean = by_design(records)
     main = rich or lean
@@ -121,19 +119,8 @@ def _plan(records: Records) -> Section:
 def _rates(key: str, title: str, caption: str, names: Sequence[str], rates: Sequence[Rate]) -> Figure:
     """Return shares with their intervals, a row a name."""
     texts = [f"{name}: {_share(one)} of {one.count}" for name, one in zip(names, rates, strict=True)]
-    traces = [
-        _intervals(rates),
-        {
-            "type": "scatter",
-            "mode": "markers",
-            "x": [one.value for one in rates],
-            "y": list(range(len(rates))),
-            "text": [label(text) for text in texts],
-            "hovertemplate": "%{text}<extra></extra>",
-            "marker": {"color": css("blue"), "size": 10},
-            "name": title,
-        },
-    ]
+    values, places, said = [one.value for one in rates], list(range(len(rates))), list(map(label, texts))
+    traces = [_intervals(rates), scatter(values, places, title, HOVER, ("circle", "blue", 10), text=said)]
     layout = named_rows(names, "share of the cases, 95 %", tickformat=".0%", range=[-0.02, 1.02])
     return Figure(key, title, caption, traces, layout)
 
@@ -144,7 +131,11 @@ def _summary(main: Records, lean: Records, rows: Sequence[Row]) -> Iterator[str]
         "shares no equations with it, and diagnosed from their rows alone."
     )
     if missed := [row for row in rows if row.met == "missed"]:
-        parts = [f"{row.name} {_text(row, row.figure.value)} (asked {_asked_text(row)})" for row in missed]
+        parts = [
+            f"{row.name} {_text(row, row.figure.value)} (asked "
+            f"{'at least' if row.better == 'high' else 'at most'} {_text(row, row.required)})"
+            for row in missed
+        ]
         yield f"Missed: {'; '.join(parts)}."
     if worst := score.worst_first(main):
         effect, cases = worst[0]
@@ -186,31 +177,14 @@ def _asked(rows: Sequence[Row]) -> Section:
         own = [at for at, row in enumerate(shares) if row.met == key]
         symbol, colour = MARKS[key]
         if own:
-            traces.append(
-                {
-                    "type": "scatter",
-                    "mode": "markers",
-                    "x": [shares[at].figure.value for at in own],
-                    "y": own,
-                    "text": [label(f"{shares[at].name}: {_share(shares[at].figure)}") for at in own],
-                    "hovertemplate": "%{text}<extra></extra>",
-                    "name": name,
-                    "marker": {"symbol": symbol, "color": css(colour), "size": 11},
-                }
-            )
+            x = [shares[at].figure.value for at in own]
+            texts = [label(f"{shares[at].name}: {_share(shares[at].figure)}") for at in own]
+            traces.append(scatter(x, own, name, HOVER, (symbol, colour, 11), text=texts))
     asked = [at for at, row in enumerate(shares) if row.required is not None]
     if asked:
-        traces.append(
-            {
-                "type": "scatter",
-                "mode": "markers",
-                "x": [shares[at].required for at in asked],
-                "y": asked,
-                "name": "required",
-                "hovertemplate": "required: %{x:.0%}<extra></extra>",
-                "marker": {"symbol": "line-ns-open", "color": css("ink"), "size": 20, "line": {"width": 2}},
-            }
-        )
+        x, hover = [shares[at].required for at in asked], "required: %{x:.0%}<extra></extra>"
+        traces.append(scatter(x, asked, "required", hover, ("line-ns-open", "ink", 20)))
+        traces[-1]["marker"]["line"] = {"width": 2}
     layout = named_rows(
         [row.name for row in shares], "share of the cases", tickformat=".0%", range=[-0.02, 1.02]
     )
@@ -230,15 +204,7 @@ def _intervals(figures: Sequence[Rate]) -> dict[str, Any]:
     for at, one in enumerate(figures):
         x += [one.low, one.high, None]
         y += [at, at, None]
-    return {
-        "type": "scatter",
-        "mode": "lines",
-        "x": x,
-        "y": y,
-        "line": {"color": css("muted"), "width": 4},
-        "name": "95 %",
-        "hoverinfo": "skip",
-    }
+    return scatter(x, y, "95 %", line={"color": css("muted"), "width": 4})
 
 
 def _reliability(records: Records) -> Section:
@@ -251,36 +217,11 @@ def _reliability(records: Records) -> Section:
         for item in bins
     ]
     said = [item.said for item in bins]
-    traces: list[dict[str, Any]] = [
-        {
-            "type": "scatter",
-            "mode": "lines",
-            "x": [0, 1],
-            "y": [0, 1],
-            "line": {"color": css("muted"), "width": 1},
-            "name": "as said",
-            "hoverinfo": "skip",
-        },
-        {
-            "type": "scatter",
-            "mode": "markers",
-            "x": said,
-            "y": right,
-            "text": texts,
-            "hovertemplate": "%{text}<extra></extra>",
-            "name": "examined, 95 %",
-            "marker": {"color": css("blue"), "size": 9},
-            "error_y": {
-                "type": "data",
-                "symmetric": False,
-                "array": [(one.right.high or 0.0) - value for one, value in zip(bins, right, strict=True)],
-                "arrayminus": [
-                    value - (one.right.low or 0.0) for one, value in zip(bins, right, strict=True)
-                ],
-                "color": css("blue"),
-                "thickness": 1.5,
-            },
-        },
+    ends = [(one.right.low or 0.0, one.right.high or 0.0) for one in bins]
+    mark, error = ("circle", "blue", 9), error_bars(right, ends, "blue")
+    traces = [
+        scatter([0, 1], [0, 1], "as said", line={"color": css("muted"), "width": 1}),
+        scatter(said, right, "examined, 95 %", HOVER, mark, text=texts, error_y=error),
     ]
     share = {"tickformat": ".0%", "range": [0, 1.02]}
     layout = plain_layout(
@@ -298,7 +239,7 @@ def _reliability(records: Records) -> Section:
         "width": [0.95 * (one.high - one.low) for one in bins],
         "text": texts,
         "textposition": "none",
-        "hovertemplate": "%{text}<extra></extra>",
+        "hovertemplate": HOVER,
         "marker": {"color": css("blue")},
         "name": "cases",
     }
@@ -385,7 +326,3 @@ def _text(row: Row, value: float | None) -> str:
     if value is None:
         return "-"
     return f"{100 * value:.1f} %" if row.share else f"{value:.3f}"
-
-
-def _asked_text(row: Row) -> str:
-    return f"{'at least' if row.better == 'high' else 'at most'} {_text(row, row.required)}"

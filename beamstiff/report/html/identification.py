@@ -12,9 +12,8 @@ from beamstiff.report.html.bars import intervals
 from beamstiff.report.html.matrix import correlation_figure
 from beamstiff.report.html.page import Page, render
 from beamstiff.report.html.parts import Fact, Figure, Section
-from beamstiff.report.html.places import line_of
 from beamstiff.report.html.provenance import Provenance
-from beamstiff.report.html.robot_view import RobotView, Shown, robot_view
+from beamstiff.report.html.robot_view import RobotView, robot_view, worst_postures
 from beamstiff.report.html.rows import Compared, minded, row_figures
 from beamstiff.report.identification import (
     combinations_table,
@@ -26,7 +25,6 @@ from beamstiff.report.identification import (
 from beamstiff.report.tables import counted
 from beamstiff.robot.description import Robot
 
-POSES = 5  # that the robot is shown in
 MOST_NAMED = 30  # parameters whose correlation is drawn
 
 
@@ -41,12 +39,10 @@ def identification_html(
 
     Parameters
     ----------
-    found : Identification
     robot : Robot
         As it was before: the start.
     measured : Measurements
         The rows that were fitted.
-    provenance : Provenance
     folds : int
         Of the held-out gap that was asked for.
     """
@@ -90,13 +86,7 @@ def _facts(found: Identification) -> Iterator[Fact]:
 
 def _view(found: Identification, measured: Measurements) -> RobotView | None:
     gap = np.linalg.norm(np.nan_to_num(measured.displacement - found.predicted)[:, :3], axis=1)
-    shown: list[Shown] = []
-    poses: set[int] = set()
-    for at in np.argsort(-gap).tolist():
-        if len(shown) < POSES and int(measured.pose[at]) not in poses:
-            poses.add(int(measured.pose[at]))
-            name = f"pose {measured.pose[at]}: gap {1e3 * gap[at]:.3g} mm ({line_of(measured, at)})"
-            shown.append(Shown(name, measured.q[at], measured.wrench[at], str(measured.load_point[at])))
+    shown = worst_postures(measured, 1e3 * gap, "gap ")
     return robot_view(found.robot, shown, "share of the strain energy")
 
 

@@ -47,7 +47,6 @@ def link_lines(robot: Robot, positions: Array, moved: Array) -> Lines:
 
     Parameters
     ----------
-    robot : Robot
     positions : (N, 3) array, m
     moved : (N, 6) array, m and rad
     """

@@ -45,7 +45,6 @@ def confusion_figure(counts: Mapping[str, Mapping[str, int]], order: Sequence[st
 
     Parameters
     ----------
-    counts : mapping of str to mapping of str to int
     order : sequence of str
         Of truths and verdicts.
     table : Table

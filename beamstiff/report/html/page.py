@@ -20,41 +20,20 @@ from beamstiff.report.html.robot_view import RobotView
 
 @dataclass(frozen=True)
 class Page:
-    """A report.
+    """A report."""
 
-    Attributes
-    ----------
-    title, robot : str
-        What is reported, of which robot.
-    verdict : str
-        The answer in a line.
-    summary : sequence of str
-        In plain words, a paragraph each.
-    facts : sequence of Fact
-        Numbers to begin with.
-    view : RobotView or None
-        The robot in three dimensions.
-    sections : sequence of Section
-    provenance : Provenance
-    data : mapping
-        The result, as ``--json`` writes it.
-    shared : mapping of str to list
-        Arrays that several figures draw.
-    papers : str
-        The option that draws for papers; empty where there is none.
-    """
-
+    # title, robot: what is reported, of which robot
     title: str
     robot: str
-    verdict: str
-    summary: Sequence[str]
-    facts: Sequence[Fact]
-    view: RobotView | None
+    verdict: str  # the answer in a line
+    summary: Sequence[str]  # in plain words, a paragraph each
+    facts: Sequence[Fact]  # numbers to begin with
+    view: RobotView | None  # the robot in three dimensions
     sections: Sequence[Section]
     provenance: Provenance
-    data: Mapping[str, Any]
-    shared: Mapping[str, Sequence[Any]] = field(default_factory=dict)
-    papers: str = "--figure"
+    data: Mapping[str, Any]  # the result, as ``--json`` writes it
+    shared: Mapping[str, Sequence[Any]] = field(default_factory=dict)  # arrays that several figures draw
+    papers: str = "--figure"  # the option that draws for papers; empty where there is none
 
 
 def render(page: Page) -> str:

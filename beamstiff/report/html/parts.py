@@ -24,25 +24,14 @@ MARGIN = {"l": 56, "r": 16, "t": 34, "b": 48}
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure of plotly.
+    """A figure of plotly."""
 
-    Attributes
-    ----------
-    key : str
-        Its id in the page.
-    title, caption : str
-    traces : sequence of mapping
-    layout : mapping
-    table : Table or None
-        The numbers that it shows.
-    """
-
-    key: str
+    key: str  # its id in the page
     title: str
     caption: str
     traces: Sequence[Mapping[str, Any]]
     layout: Mapping[str, Any] = field(default_factory=dict)
-    table: Table | None = None
+    table: Table | None = None  # the numbers that it shows
 
     @property
     def height(self) -> int:
@@ -73,13 +62,7 @@ class Fact:
 
 
 def css(name: str) -> dict[str, str]:
-    """Return a colour of the page's theme.
-
-    Examples
-    --------
-    >>> css("ink")
-    {'css': '--ink'}
-    """
+    """Return a colour of the page's theme."""
     return {"css": f"--{name}"}
 
 
@@ -101,14 +84,25 @@ def numbers(values: Array, digits: int = DIGITS) -> list[float | None]:
 
 
 def label(text: str) -> str:
-    """Return a text from people's files for a figure: plotly would read tags in it.
-
-    Examples
-    --------
-    >>> label("<b>J1</b>")
-    '&lt;b&gt;J1&lt;/b&gt;'
-    """
+    """Return a text from people's files for a figure: plotly would read tags in it."""
     return escape(text, quote=False)
+
+
+Mark = tuple[str, str, float]  # its symbol, its colour in the theme, its size in px
+
+
+def scatter(
+    x: Any, y: Any, name: str, hover: str = "", mark: Mark | None = None, line: Any = None, **more: Any
+) -> dict[str, Any]:
+    """Return a trace of marks, of a line, or of both; without a template for `hover` it says nothing."""
+    drawn = {"lines": line is not None, "markers": mark is not None}
+    trace = {"type": "scatter", "mode": "+".join(part for part in drawn if drawn[part]), "x": x, "y": y}
+    trace |= {"name": name, **({"hovertemplate": hover} if hover else {"hoverinfo": "skip"})}
+    if line is not None:
+        trace["line"] = line
+    if mark is not None:
+        trace["marker"] = {"symbol": mark[0], "color": css(mark[1]), "size": mark[2]}
+    return trace | more
 
 
 def axis(title: str = "", **more: Any) -> dict[str, Any]:
@@ -138,13 +132,7 @@ def plain_layout(height: int = 340, **more: Any) -> dict[str, Any]:
 
 
 def embedded(value: Any) -> str:
-    r"""Return JSON that may stand in a script of a page: no text in it can end the script.
-
-    Examples
-    --------
-    >>> embedded({"name": "</script>"})
-    '{"name":"\\u003c/script\\u003e"}'
-    """
+    """Return JSON that may stand in a script of a page: no text in it can end the script."""
     text = json.dumps(value, allow_nan=False, separators=(",", ":"), default=_plain)
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 

@@ -20,6 +20,7 @@ from beamstiff.report.html.parts import (
     label,
     numbers,
     plain_layout,
+    scatter,
     shared,
 )
 from beamstiff.report.tables import Table, counted
@@ -39,25 +40,13 @@ BEFORE_AFTER = (("circle-open", "orange"), ("circle", "blue"), ("triangle-up", "
 
 @dataclass(frozen=True)
 class Sizes:
-    """A length of every row, by what it is of.
-
-    Attributes
-    ----------
-    robot : Robot
-    rows : Measurements
-    values : mapping of str to (N,) array
-        By a key for ids, mm; NaN where there is none.
-    names : sequence of str
-        Of the values, as people read them.
-    what : str
-        Such as "gap".
-    """
+    """A length of every row, by what it is of."""
 
     robot: Robot
     rows: Measurements
-    values: Mapping[str, Array]
-    names: Sequence[str]
-    what: str = "gap"
+    values: Mapping[str, Array]  # (N,): by a key for ids, mm; NaN where there is none
+    names: Sequence[str]  # of the values, as people read them
+    what: str = "gap"  # such as "gap"
 
     @property
     def shown(self) -> NDArray[np.intp]:
@@ -99,7 +88,6 @@ def over_places(sizes: Sizes, joints: bool = True, planes: Sequence[tuple[int, i
 
     Parameters
     ----------
-    sizes : Sizes
     joints : bool
         Show them by joint reading.
     planes : sequence of (int, int)
@@ -138,8 +126,7 @@ def tool_places(robot: Robot, rows: Measurements, chosen: NDArray[np.intp]) -> A
     poses, number = np.unique(rows.q[chosen], axis=0, return_inverse=True)
     where = posture(kinematics, poses).node_positions[number.reshape(-1)]
     seen = np.array([kinematics.node_index[name] for name in rows.point[chosen].tolist()])
-    result: Array = where[np.arange(chosen.size), seen]
-    return result
+    return np.asarray(where[np.arange(chosen.size), seen])
 
 
 def line_of(rows: Measurements, at: int) -> str:
@@ -177,46 +164,31 @@ def joint_columns(robot: Robot, names: Sequence[str]) -> tuple[list[str], list[f
 
 def _maps(sizes: Sizes, planes: Sequence[tuple[int, int]]) -> list[Figure]:
     figures, most = [], sizes.largest
+    marker: dict[str, Any] = {
+        "sizemode": "diameter",
+        "sizeref": most / 16 or 1.0,
+        "sizemin": 4,
+        "cmin": 0,
+        "cmax": most,
+        "colorscale": [[0, css("low")], [0.5, css("middle")], [1, css("high")]],
+        "showscale": True,
+        "colorbar": {"title": {"text": f"{sizes.what}, mm", "side": "right"}, "thickness": 12},
+        "line": {"width": 0.5, "color": css("ink")},
+    }
     for key, name in zip(sizes.values, sizes.names, strict=False):
         for plane in planes:
             (a, b), view = ("xyz"[k] for k in plane), SIDES[plane]
-            trace = {
-                "type": "scatter",
-                "mode": "markers",
-                "x": shared(f"place_{a}"),
-                "y": shared(f"place_{b}"),
+            hover, size = "%{text}: %{customdata} mm<extra></extra>", shared(f"size_{key}")
+            trace = scatter(shared(f"place_{a}"), shared(f"place_{b}"), label(name), hover, mode="markers")
+            trace |= {
                 "text": shared("rows"),
-                "customdata": shared(f"size_{key}"),
-                "hovertemplate": "%{text}: %{customdata} mm<extra></extra>",
-                "name": label(name),
-                "marker": {
-                    "color": shared(f"size_{key}"),
-                    "size": shared(f"size_{key}"),
-                    "sizemode": "diameter",
-                    "sizeref": most / 16 or 1.0,
-                    "sizemin": 4,
-                    "cmin": 0,
-                    "cmax": most,
-                    "colorscale": [[0, css("low")], [0.5, css("middle")], [1, css("high")]],
-                    "showscale": True,
-                    "colorbar": {"title": {"text": f"{sizes.what}, mm", "side": "right"}, "thickness": 12},
-                    "line": {"width": 0.5, "color": css("ink")},
-                },
+                "customdata": size,
+                "marker": marker | {"color": size, "size": size},
             }
-            figures.append(
-                Figure(
-                    f"map-{key}-{a}{b}",
-                    f"{name[0].upper()}{name[1:]}, {view}",
-                    "",
-                    [trace],
-                    plain_layout(
-                        340,
-                        xaxis=axis(f"{a}, m"),
-                        yaxis=axis(f"{b}, m", scaleanchor="x", scaleratio=1),
-                        showlegend=False,
-                    ),
-                )
-            )
+            up = axis(f"{b}, m", scaleanchor="x", scaleratio=1)
+            layout = plain_layout(340, xaxis=axis(f"{a}, m"), yaxis=up, showlegend=False)
+            title = f"{name[0].upper()}{name[1:]}, {view}"
+            figures.append(Figure(f"map-{key}-{a}{b}", title, "", [trace], layout))
     return figures
 
 
@@ -227,33 +199,18 @@ def _joints(sizes: Sizes) -> list[Figure]:
     varying = [k for k in range(rows.q.shape[1]) if np.ptp(rows.q[chosen, k]) > 0][:JOINTS]
     for k in varying:
         q = numbers(factors[k] * rows.q[chosen, k], 4)
-        unit = headings[k].rpartition(", ")[2]
+        hover = "%{text}: %{y} mm at %{x} " + headings[k].rpartition(", ")[2]
+        rest = {"text": shared("rows"), "opacity": 0.7}
         traces = [
-            {
-                "type": "scatter",
-                "mode": "markers",
-                "x": q,
-                "y": shared(f"size_{key}"),
-                "text": shared("rows"),
-                "hovertemplate": "%{text}: %{y} mm at %{x} " + unit,
-                "name": label(name),
-                "marker": {"symbol": symbol, "color": css(colour), "size": 6, "opacity": 0.7},
-            }
+            scatter(q, shared(f"size_{key}"), label(name), hover, (symbol, colour, 6), **rest)
             for key, name, (symbol, colour) in zip(sizes.values, sizes.names, marks, strict=False)
         ]
-        figures.append(
-            Figure(
-                f"joint-{k + 1}",
-                f"Over {rows.variables[k]}",
-                "",
-                traces,
-                plain_layout(
-                    320,
-                    margin=MARGIN | {"t": LEGEND + 18},
-                    xaxis=axis(label(headings[k])),
-                    yaxis=axis(f"{sizes.what}, mm", rangemode="tozero"),
-                    showlegend=len(traces) > 1,
-                ),
-            )
+        layout = plain_layout(
+            320,
+            margin=MARGIN | {"t": LEGEND + 18},
+            xaxis=axis(label(headings[k])),
+            yaxis=axis(f"{sizes.what}, mm", rangemode="tozero"),
+            showlegend=len(traces) > 1,
         )
+        figures.append(Figure(f"joint-{k + 1}", f"Over {rows.variables[k]}", "", traces, layout))
     return figures

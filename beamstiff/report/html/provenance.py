@@ -19,25 +19,13 @@ PACKAGES = ("numpy", "scipy", "nlopt", "plotly")
 
 @dataclass(frozen=True)
 class Provenance:
-    """What a report was made of.
+    """What a report was made of."""
 
-    Attributes
-    ----------
-    command : str
-        As it was typed.
-    files : tuple of (str, str)
-        Paths as given, and the SHA-256 of what they held.
-    seed : int
-    versions : tuple of (str, str)
-    written : str
-        When, UTC.
-    """
-
-    command: str
-    files: tuple[tuple[str, str], ...]
+    command: str  # as it was typed
+    files: tuple[tuple[str, str], ...]  # paths as given, and the SHA-256 of what they held
     seed: int
     versions: tuple[tuple[str, str], ...]
-    written: str
+    written: str  # when, UTC
 
 
 def provenance(files: Iterable[str | Path], seed: int, arguments: Sequence[str]) -> Provenance:
@@ -47,14 +35,8 @@ def provenance(files: Iterable[str | Path], seed: int, arguments: Sequence[str])
     ----------
     files : iterable of path
         That were read.
-    seed : int
     arguments : sequence of str
         Of the command ``beamstiff``; none where it was not by a command.
-
-    Raises
-    ------
-    BeamstiffError
-        When a file cannot be read.
     """
     return Provenance(
         command=shlex.join(["beamstiff", *arguments]) if arguments else "",

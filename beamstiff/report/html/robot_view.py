@@ -13,9 +13,11 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.fem.condensation import tcp_compliance
 from beamstiff.fem.response import Response, nodal_loads, respond
 from beamstiff.fem.structure import compile_structure
+from beamstiff.measure.table import Measurements
 from beamstiff.report.html.arrows import force_and_moment
 from beamstiff.report.html.links import Lines, joint_lines, link_lines
 from beamstiff.report.html.parts import Figure, axis, css, label, numbers, plain_layout
+from beamstiff.report.html.places import line_of
 from beamstiff.report.tables import Table, millimetres, number
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import RIGID
@@ -24,6 +26,7 @@ from beamstiff.robot.stiffness import stiffness_parameters
 from beamstiff.se3 import Array
 
 TOOL = ("tool", "tool point")  # places at the tool
+POSES = 5  # that are shown, the worst
 LABELLED = 3
 SEEN = 0.005  # share that is worth a label
 DEFORMED = 0.12  # of the robot's size: the deformed shape to begin with
@@ -56,29 +59,34 @@ class Shown:
 
 @dataclass(frozen=True)
 class RobotView:
-    """The figure, and for each posture where its traces are and how they move.
-
-    Attributes
-    ----------
-    figure : Figure
-    views : list of dict
-        ``name``; ``traces``: what differs, with ``dx, dy, dz`` for the way at magnification 1 and ``shares``
-        for the colours; ``labels``; ``ranges`` of the axes.
-    magnification, most : float
-        To begin with, and at most; 0 where nothing moves.
-    cameras : mapping
-        By name, where the robot is seen from.
-    note, slider : str
-        What is to be said, and what the slider magnifies.
-    """
+    """The figure, and for each posture where its traces are and how they move."""
 
     figure: Figure
+    # ``name``; ``traces``: what differs, with ``dx, dy, dz`` for the way at magnification 1 and ``shares``
+    # for the colours; ``labels``; ``ranges`` of the axes
     views: list[dict[str, Any]]
+    # magnification, most: to begin with, and at most; 0 where nothing moves
     magnification: float
     most: float
-    cameras: Mapping[str, Any]
+    cameras: Mapping[str, Any]  # by name, where the robot is seen from
+    # note, slider: what is to be said, and what the slider magnifies
     note: str = ""
     slider: str = "Magnification of the deformed shape"
+
+
+def worst_postures(rows: Measurements, size: Array, what: str = "") -> list[Shown]:
+    """Return the worst poses by the size of their rows (N,), mm, each at its worst row."""
+    order = np.argsort(-np.nan_to_num(size))
+    first = np.sort(np.unique(rows.pose[order], return_index=True)[1])
+    return [
+        Shown(
+            f"pose {rows.pose[at]}: {what}{size[at]:.3g} mm ({line_of(rows, at)})",
+            rows.q[at],
+            rows.wrench[at],
+            str(rows.load_point[at]),
+        )
+        for at in order[first][:POSES].tolist()
+    ]
 
 
 def robot_view(
@@ -92,19 +100,12 @@ def robot_view(
 
     Parameters
     ----------
-    robot : Robot
-    shown : sequence of Shown
     share : str
         What the shares are of, such as "share of the gap".
     gravity : bool
         Let the dead weight deform it as well.
     model : str
         Whose deformed shape it is.
-
-    Raises
-    ------
-    BeamstiffError
-        When a posture cannot close its loops.
     """
     if not shown:
         return None
@@ -264,10 +265,23 @@ def _coloured(lines: Lines, shares: Mapping[str, float], told: Mapping[str, str]
     return lines.moving() | {"shares": value, "hovertext": text}
 
 
+def lines(name: str, hover: str = "text", **line: Any) -> dict[str, Any]:
+    """Return the look of lines in space."""
+    looks = {"type": "scatter3d", "mode": "lines", "connectgaps": False}
+    return {**looks, "name": name, "line": line, "hoverinfo": hover}
+
+
+def base_and_tool(**marker: Any) -> dict[str, Any]:
+    """Return the look of the two ends of a robot."""
+    symbols = {"symbol": ["square", "diamond"], "size": [9, 7], **marker}
+    looks = {"type": "scatter3d", "mode": "markers", "name": "base and tool"}
+    return {**looks, "marker": symbols, "hoverinfo": "text"}
+
+
 def _styles(share: str, most: float) -> list[dict[str, Any]]:
     """Return the looks of the traces; where they are comes from the posture shown."""
     scale = [[0.0, css("part")], [0.12, css("warm")], [1.0, css("hot")]]
-    coloured = {"colorscale": scale, "cmin": 0.0, "cmax": most}
+    coloured: dict[str, Any] = {"colorscale": scale, "cmin": 0.0, "cmax": most}
     bar = {
         "title": {"text": share, "side": "right"},
         "tickformat": ".0%",
@@ -275,34 +289,12 @@ def _styles(share: str, most: float) -> list[dict[str, Any]]:
         "len": 0.7,
         "outlinewidth": 0,
     }
-    lines = {"type": "scatter3d", "mode": "lines", "connectgaps": False}
     return [
-        {
-            **lines,
-            "name": "undeformed",
-            "line": {"color": css("muted"), "width": 3, "dash": "dash"},
-            "hoverinfo": "skip",
-        },
-        {
-            **lines,
-            "name": "links",
-            "line": {"width": 9, **coloured, "colorbar": bar, "showscale": True},
-            "hoverinfo": "text",
-        },
-        {**lines, "name": "joints", "line": {"width": 22, **coloured}, "hoverinfo": "text"},
-        {
-            "type": "scatter3d",
-            "mode": "markers",
-            "name": "base and tool",
-            "marker": {
-                "symbol": ["square", "diamond"],
-                "size": [9, 7],
-                **coloured,
-                "line": {"width": 1, "color": css("ink")},
-            },
-            "hoverinfo": "text",
-        },
-        {**lines, "name": "load", "line": {"color": css("blue"), "width": 6}, "hoverinfo": "text"},
+        lines("undeformed", "skip", color=css("muted"), width=3, dash="dash"),
+        lines("links", width=9, **coloured, colorbar=bar, showscale=True),
+        lines("joints", width=22, **coloured),
+        base_and_tool(**coloured, line={"width": 1, "color": css("ink")}),
+        lines("load", color=css("blue"), width=6),
         {
             "type": "cone",
             "name": "load",

@@ -11,7 +11,17 @@ from numpy.typing import NDArray
 
 from beamstiff.measure.doubts import doubts
 from beamstiff.measure.table import DISPLACEMENT, Measurements
-from beamstiff.report.html.parts import MARGIN, Figure, Section, axis, css, numbers, plain_layout, shared
+from beamstiff.report.html.parts import (
+    MARGIN,
+    Figure,
+    Section,
+    axis,
+    css,
+    numbers,
+    plain_layout,
+    scatter,
+    shared,
+)
 from beamstiff.report.html.places import LEGEND, MARKS, RowFigures, Sizes, over_places, rows_table
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
@@ -24,33 +34,22 @@ PARTS = {
 
 @dataclass(frozen=True)
 class Compared:
-    """Rows with what a model says of them.
-
-    Attributes
-    ----------
-    robot : Robot
-    rows : Measurements
-    measured, before : (N, 6) array
-        Displacement, or deviation from the nominal pose, m and rad; and what the model says of it.
-    used : (N, 6) bool array
-        What was measured.
-    after : (N, 6) array or None
-        What the model says with the cause in it.
-    """
+    """Rows with what a model says of them."""
 
     robot: Robot
     rows: Measurements
+    # measured, before: (N, 6): displacement, or deviation from the nominal pose, m and rad; and what the
+    # model says of it
     measured: Array
     before: Array
-    used: NDArray[np.bool_]
-    after: Array | None = None
+    used: NDArray[np.bool_]  # (N, 6) bool: what was measured
+    after: Array | None = None  # (N, 6): what the model says with the cause in it
 
     def gap(self, predicted: Array) -> Array:
         """Return the norm of the position gap of every row, mm; NaN where none was measured."""
         seen = self.used[:, :3]
         size = 1e3 * np.linalg.norm(np.where(seen, self.measured[:, :3] - predicted[:, :3], 0.0), axis=1)
-        result: Array = np.where(seen.any(axis=1), size, np.nan)
-        return result
+        return np.asarray(np.where(seen.any(axis=1), size, np.nan))
 
 
 def minded(rows: Measurements, robot: Robot) -> list[str]:
@@ -63,7 +62,6 @@ def row_figures(compared: Compared, names: tuple[str, str] = ("the model", "with
 
     Parameters
     ----------
-    compared : Compared
     names : (str, str)
         What the predictions are of, before and after.
     """
@@ -116,47 +114,24 @@ def _parity(
         for k in range(3):
             held[f"measured_{first + k}"] = numbers(measured[:, k], 4)
         for (key, _), value, name in zip(predictions, values, names, strict=False):
-            traces: list[dict[str, Any]] = [
-                {
-                    "type": "scatter",
-                    "mode": "lines",
-                    "x": ends,
-                    "y": ends,
-                    "line": {"color": css("muted"), "width": 1},
-                    "name": "equal",
-                    "hoverinfo": "skip",
-                }
-            ]
+            traces = [scatter(ends, ends, "equal", line={"color": css("muted"), "width": 1})]
+            hover = "%{text}: measured %{x}, predicted %{y} " + unit
             for k, (symbol, colour) in enumerate(MARKS):
                 if used[:, k].any():
-                    traces.append(
-                        {
-                            "type": "scatter",
-                            "mode": "markers",
-                            "x": shared(f"measured_{first + k}"),
-                            "y": numbers(value[:, k], 4),
-                            "text": shared("rows"),
-                            "hovertemplate": "%{text}: measured %{x}, predicted %{y} " + unit,
-                            "name": DISPLACEMENT[first + k],
-                            "marker": {"symbol": symbol, "color": css(colour), "size": 6, "opacity": 0.75},
-                        }
-                    )
+                    x, y = shared(f"measured_{first + k}"), numbers(value[:, k], 4)
+                    trace = scatter(x, y, DISPLACEMENT[first + k], hover, (symbol, colour, 6), opacity=0.75)
+                    traces.append(trace | {"text": shared("rows")})
             rms = float(np.sqrt(np.nanmean(np.nansum((measured - value) ** 2, axis=1)[used.any(axis=1)])))
-            figures.append(
-                Figure(
-                    f"parity-{what}-{key}",
-                    f"{what.capitalize()}, {name}",
-                    f"Root mean square of the distance {rms:.3g} {unit}"
-                    + ("." if key == "before" else ", fitted to these rows."),
-                    traces,
-                    plain_layout(
-                        400,
-                        margin=MARGIN | {"t": LEGEND},
-                        xaxis=axis(f"measured {what}, {unit}", range=ends),
-                        yaxis=axis(f"predicted {what}, {unit}", range=ends),
-                    ),
-                )
+            layout = plain_layout(
+                400,
+                margin=MARGIN | {"t": LEGEND},
+                xaxis=axis(f"measured {what}, {unit}", range=ends),
+                yaxis=axis(f"predicted {what}, {unit}", range=ends),
             )
+            caption = f"Root mean square of the distance {rms:.3g} {unit}"
+            caption += "." if key == "before" else ", fitted to these rows."
+            title = f"{what.capitalize()}, {name}"
+            figures.append(Figure(f"parity-{what}-{key}", title, caption, traces, layout))
     kind = "displacement" if compared.rows.kind == "displacement" else "deviation from the nominal pose"
     return Section(
         "parity",

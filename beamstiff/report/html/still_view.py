@@ -10,7 +10,17 @@ import numpy as np
 
 from beamstiff.report.html.links import joint_lines, link_lines
 from beamstiff.report.html.parts import Figure, css, label, numbers, shared
-from beamstiff.report.html.robot_view import AROUND, CAMERAS, FURTHER, LONGEST, RobotView, nice, space
+from beamstiff.report.html.robot_view import (
+    AROUND,
+    CAMERAS,
+    FURTHER,
+    LONGEST,
+    RobotView,
+    base_and_tool,
+    lines,
+    nice,
+    space,
+)
 from beamstiff.report.tables import Table
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, posture
@@ -23,32 +33,17 @@ SMALLEST = 20.0  # times what it begins with at most, to see the smallest deviat
 
 @dataclass(frozen=True)
 class Deviations:
-    """Places and how far each is off: (n, 3), m.
+    """Places and how far each is off: (n, 3), m."""
 
-    Attributes
-    ----------
-    key : str
-        By which the page holds them.
-    name : str
-    colour : str
-        Of the theme.
-    places, away : (n, 3) arrays, m
-    texts : sequence of str
-        What each is.
-    path : bool
-        One line from place to place; else a line from each place to where it went.
-    dash : str
-        Of plotly.
-    """
-
-    key: str
+    key: str  # by which the page holds them
     name: str
-    colour: str
+    colour: str  # of the theme
+    # places, away: (n, 3), m
     places: Array
     away: Array
-    texts: Sequence[str]
-    path: bool = False
-    dash: str = "solid"
+    texts: Sequence[str]  # what each is
+    path: bool = False  # one line from place to place; else a line from each place to where it went
+    dash: str = "solid"  # of plotly
 
     def lines(self) -> tuple[Array, Array, list[str]]:
         """Return the points of the lines (k, 3), how they move (k, 3), and what each is."""
@@ -81,21 +76,14 @@ def still_view(
 
     Parameters
     ----------
-    robot : Robot
     postures : sequence of (str, (A,) array)
         What each is, and its actuated values.
     deviations : sequence of Deviations
         In the base frame.
     slider : str
         What is magnified.
-    caption : str
     table : Table
         The numbers.
-
-    Raises
-    ------
-    BeamstiffError
-        When a posture cannot close its loops.
     """
     if not postures:
         return None
@@ -192,24 +180,10 @@ def _robot(robot: Robot, q: Array, positions: Array, size: float) -> list[dict[s
 
 def _styles(deviations: Sequence[Deviations]) -> list[dict[str, Any]]:
     """Return the looks of the traces; where they are comes from the posture shown."""
-    lines = {"type": "scatter3d", "mode": "lines", "connectgaps": False, "hoverinfo": "text"}
-    return [
-        {**lines, "name": "links", "line": {"width": 8, "color": css("part")}, "showlegend": False},
-        {**lines, "name": "joints", "line": {"width": 18, "color": css("muted")}, "showlegend": False},
-        {
-            "type": "scatter3d",
-            "mode": "markers",
-            "name": "base and tool",
-            "hoverinfo": "text",
-            "marker": {"symbol": ["square", "diamond"], "size": [9, 7], "color": css("soft")},
-            "showlegend": False,
-        },
-        *(
-            {
-                **lines,
-                "name": label(one.name),
-                "line": {"width": 5, "color": css(one.colour), "dash": one.dash},
-            }
-            for one in deviations
-        ),
+    robot = [
+        lines("links", width=8, color=css("part")),
+        lines("joints", width=18, color=css("muted")),
+        base_and_tool(color=css("soft")),
     ]
+    away = [lines(label(one.name), width=5, color=css(one.colour), dash=one.dash) for one in deviations]
+    return [*(one | {"showlegend": False} for one in robot), *away]
