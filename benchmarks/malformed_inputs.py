@@ -38,8 +38,7 @@ from tests.malformed import ANYTHING, BROKEN_ROBOTS, BROKEN_TABLES, with_other_w
 from tests.measure.test_bad_tables import BAD, FILES
 from tests.report.html.test_command import PATH, READINGS, many
 from tests.robot.test_bad_files import WHOLE
-from tests.robot.test_bad_robots import SPOILED as KEYS
-from tests.robot.test_bad_structures import SPOILED as STRUCTURES
+from tests.robot.test_bad_robots import SPOILED
 
 REFUSED, NOTED, READ = "refused", "read, with a note", "read"
 NOT_FINITE, MANY_LINES, INTERNAL = "NaN or inf", "refused otherwise", "internal error"
@@ -80,7 +79,7 @@ class Kind:
 def known_robots() -> dict[str, bytes]:
     """Return the malformed robots of the tests."""
     result = {f"whole: {name}": text for name, (text, _) in WHOLE.items()}
-    for name, (old, new, _) in {**KEYS, **STRUCTURES}.items():
+    for name, (old, new, *_) in SPOILED.items():
         result[f"spoiled: {name}"] = EVERYTHING.replace(old, new).encode()
     for at, (before, after, _) in enumerate(BROKEN_ROBOTS):
         result[f"broken: {at}"] = (
@@ -116,7 +115,7 @@ def wrong_at_every_key(text: str) -> Iterator[tuple[str, bytes]]:
 
 def known_tables() -> dict[str, bytes]:
     """Return the malformed tables of the tests."""
-    result = {f"table: {name}": text.encode() for name, (text, _) in BAD.items()}
+    result = {f"table: {name}": text.encode() for name, (text, *_) in BAD.items()}
     result |= {f"file: {name}": data for name, (data, _) in FILES.items()}
     return result | {f"broken: {at}": text for at, (text, _) in enumerate(BROKEN_TABLES)}
 
