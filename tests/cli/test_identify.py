@@ -3,15 +3,13 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from beamstiff import load_robot, robot_names, save_robot
 from beamstiff.robot.library import robot_path
-
-Run = Callable[..., Any]
+from tests.cli.conftest import Run
 
 
 @pytest.fixture
@@ -72,8 +70,10 @@ def test_what_the_data_do_not_bound_gets_a_lower_bound_and_no_value(run: Run, fo
     assert "do not bound J1.torsional from above" in " ".join(result.stdout.split())
 
 
-def test_the_robot_written_carries_the_identified_stiffness(run: Run, folder: Path, wrong_start: str) -> None:
-    assert run("identify", wrong_start, "crane.csv", "--out", "found.yaml").exit_code == 0
+def test_the_robot_written_carries_the_identified_stiffness(
+    succeed: Run, folder: Path, wrong_start: str
+) -> None:
+    succeed("identify", wrong_start, "crane.csv", "--out", "found.yaml")
     before, after = load_robot(folder / wrong_start), load_robot(folder / "found.yaml")
     assert after.parameter("J1.torsional") == pytest.approx(1e6, rel=1e-6)
     assert after.with_parameters({"J1.torsional": 3e5}) == before
@@ -81,8 +81,10 @@ def test_the_robot_written_carries_the_identified_stiffness(run: Run, folder: Pa
 
 
 @pytest.mark.parametrize(("name", "head"), [("a.png", b"\x89PNG"), ("a.svg", b"<?xml"), ("a.PDF", b"%PDF")])
-def test_the_figure_is_of_the_kind_that_its_name_says(run: Run, folder: Path, name: str, head: bytes) -> None:
-    assert run("identify", "crane.yaml", "crane.csv", "--figure", name).exit_code == 0
+def test_the_figure_is_of_the_kind_that_its_name_says(
+    succeed: Run, folder: Path, name: str, head: bytes
+) -> None:
+    succeed("identify", "crane.yaml", "crane.csv", "--figure", name)
     assert (folder / name).read_bytes().startswith(head)
 
 
@@ -96,27 +98,25 @@ def test_people_get_start_value_uncertainty_and_gap(run: Run, wrong_start: str) 
         assert part in text
 
 
-def test_a_practice_campaign_is_identified(run: Run, shared_path: Callable[[str], Path]) -> None:
+def test_a_practice_campaign_is_identified(succeed: Run, shared_path: Callable[[str], Path]) -> None:
     robot, data = shared_path("practice/kr240.yaml"), shared_path("practice/set-00a8e433.csv")
-    result = run("identify", str(robot), str(data), "--json", "-")
-    assert result.exit_code == 0
+    result = succeed("identify", str(robot), str(data), "--json", "-")
     answer = json.loads(result.stdout, parse_constant=pytest.fail)
     assert set(answer["parameters"]) == set(load_robot(robot).identify)
     assert 0 < answer["rms_mm"] < answer["rms_held_out_mm"] * 1.5
 
 
-def test_what_was_predicted_without_noise_is_identified(run: Run, folder: Path) -> None:
+def test_what_was_predicted_without_noise_is_identified(succeed: Run, folder: Path) -> None:
     """Its standard deviations are rounding, and smaller than what the optimum is off by rounding."""
     rows = [
         f"{10 * at},{-90 + 11 * at},{17 * at},{40 - 9 * at},{20 + 8 * at},5,500,-300,-900" for at in range(8)
     ]
     header = ",".join(f"q{at} [deg]" for at in range(1, 7)) + ",fx,fy,fz"
     (folder / "loads.csv").write_text("\n".join([header, *rows]) + "\n")
-    assert run("deflect", "kr240-2", "loads.csv", "--out", "predicted.csv").exit_code == 0
-    result = run(
+    succeed("deflect", "kr240-2", "loads.csv", "--out", "predicted.csv")
+    result = succeed(
         "identify", "kr240-2", "predicted.csv", "--parameters", "J1.torsional,J2.torsional", "--json", "-"
     )
-    assert result.exit_code == 0, result.stderr
     assert "no residual is left: the standard deviations say nothing" in result.stderr
     robot = load_robot("kr240-2")
     for name, found in json.loads(result.stdout)["parameters"].items():
@@ -124,7 +124,9 @@ def test_what_was_predicted_without_noise_is_identified(run: Run, folder: Path) 
 
 
 @pytest.mark.parametrize("name", sorted(name for name in robot_names() if load_robot(name).identify))
-def test_of_a_file_with_remarks_only_the_identified_numbers_change(run: Run, folder: Path, name: str) -> None:
+def test_of_a_file_with_remarks_only_the_identified_numbers_change(
+    succeed: Run, folder: Path, name: str
+) -> None:
     robot = load_robot(name)
     true = robot.with_parameters({one: 1.3 * robot.parameter(one) for one in robot.identify})
     lines = robot_path(name).read_text(encoding="utf-8").splitlines()
@@ -138,11 +140,10 @@ def test_of_a_file_with_remarks_only_the_identified_numbers_change(run: Run, fol
     rows = np.hstack([middle, rng.uniform(-1e3, 1e3, (12, 6))])
     header = ",".join([*(item.name for item in driven), "fx", "fy", "fz", "mx", "my", "mz"])
     np.savetxt(folder / "loads.csv", rows, delimiter=",", header=header, comments="")
-    assert run("deflect", "true.yaml", "loads.csv", "--out", "measured.csv").exit_code == 0
+    succeed("deflect", "true.yaml", "loads.csv", "--out", "measured.csv")
     noisy = "# sigma_position: 0.01 mm\n# sigma_rotation: 0.001 deg\n" + (folder / "measured.csv").read_text()
     (folder / "measured.csv").write_text(noisy)
-    result = run("identify", "mine.yaml", "measured.csv", "--folds", "0", "--out", "found.yaml")
-    assert result.exit_code == 0, result.stderr
+    succeed("identify", "mine.yaml", "measured.csv", "--folds", "0", "--out", "found.yaml")
     found = (folder / "found.yaml").read_text(encoding="utf-8").splitlines()
     old = (folder / "mine.yaml").read_text(encoding="utf-8").splitlines()
     heads = len(found) - len(old)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,15 +10,14 @@ import pytest
 
 from beamstiff import load_robot
 from beamstiff.identification.minimise import Search
+from tests.cli.conftest import Refused, Run
 
-Run = Callable[..., Any]
 BOTH = ("--parameters", "J1.torsional,J1.radial")
 
 
-def answer(run: Run, *arguments: str) -> dict[str, Any]:
+def answer(succeed: Run, *arguments: str) -> dict[str, Any]:
     """Return the JSON of an identification of the crane."""
-    result = run("identify", "crane.yaml", *arguments, "--json", "-")
-    assert result.exit_code == 0, result.stderr
+    result = succeed("identify", "crane.yaml", *arguments, "--json", "-")
     return json.loads(result.stdout)  # type: ignore[no-any-return]
 
 
@@ -195,7 +193,6 @@ def test_ctrl_c_after_the_fit_leaves_the_fit(run: Run, monkeypatch: pytest.Monke
         (["--folds", "1"], ["--folds: found 1", "2 or more, or 0"]),
         (["--seed", "-1"], ["--seed: found -1"]),
         (["--bootstrap", "-3"], ["--bootstrap: found -3"]),
-        (["--bootstrap", "20"], ["crane.csv", "poses"]),
         (["--evaluations", "0"], ["--evaluations: found 0", "1 or more"]),
         (["--population", "2"], ["--population: found 2", "5 or more"]),
         (["--fix", "J1.torsional"], ["all parameters (J1.torsional) are fixed"]),
@@ -227,13 +224,7 @@ def test_ctrl_c_after_the_fit_leaves_the_fit(run: Run, monkeypatch: pytest.Monke
     ],
 )
 def test_what_makes_no_sense_is_refused(
-    run: Run, folder: Path, arguments: list[str], says: list[str]
+    refused: Refused, folder: Path, arguments: list[str], says: list[str]
 ) -> None:
     (folder / "metres.csv").write_text((folder / "crane.csv").read_text().replace(" [mm]", ""))
-    before = sorted(folder.iterdir())
-    result = run("identify", "crane.yaml", "crane.csv", *arguments)
-    assert (result.exit_code, result.stdout) == (2, "")
-    assert result.stderr.count("\n") == 1
-    for part in says:
-        assert part in result.stderr
-    assert sorted(folder.iterdir()) == before
+    refused(["identify", "crane.yaml", "crane.csv", *arguments], says)

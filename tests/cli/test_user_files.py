@@ -46,7 +46,7 @@ COMMANDS: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
     "deflect": (("crane.yaml", "crane.csv"), {"out": "o.csv", "vtu": "o.vtu", "html": "o.html"}),
     "identify": (
         ("crane.yaml", "crane.csv", "--folds", "0"),
-        {"out": "o.yaml", "reduce": "small.yaml", "figure": "o.png", "html": "o.html"},
+        {"out": "o.yaml", "reduce": "small.yaml", "figure": "o.PNG", "html": "o.html"},
     ),
     "calibrate": (
         ("crane.yaml", "points.csv", "--fix", "base", "--parameters", "q1", "--folds", "0"),
@@ -63,6 +63,7 @@ COMMANDS: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
         ("crane.yaml", "crane.csv"),
         {"next": "next.csv", "apply": "o.yaml", "figure": "o.pdf", "html": "o.html"},
     ),
+    "verify": (("crane.yaml", "crane.csv"), {}),
     "plan": (("crane.yaml", "--candidates", "20", "--tests", "3"), {"out": "o.csv"}),
     "map": (("crane.yaml", "--grid", "q1=-1:1:5"), {"out": "o.nc", "figure": "o.png"}),
     "compensate": (
@@ -112,7 +113,7 @@ def test_every_output_of_every_command_is_tried() -> None:
 @pytest.fixture(scope="module", autouse=True)
 def quick() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr("beamstiff.cli.exam._diagnose", lambda: always_none)
+        patched.setattr("beamstiff.functions.examine._diagnose", lambda: always_none)
         yield
 
 
@@ -247,6 +248,25 @@ def test_what_a_command_did_not_write_stays(name: str, data: st.DataObject, earl
             assert result.exit_code == 2
             assert result.stderr.splitlines()[-1].startswith("error: ")
             assert after.keys() - {str(folder / "reports")} <= before.keys(), "nothing is written then"
+
+
+HEADS = {
+    ".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF", ".html": b"<!doctype html>", ".vtu": b"<?xml",
+    ".json": b"{", ".jsonl": b"{", ".nc": b"\x89HDF", ".urdf": b"<?xml", ".yaml": b"# ", ".csv": b"# ",
+    ".src": b"DEF",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_outputs_are_of_the_kind_that_their_name_says(name: str, earlier: dict[str, Path]) -> None:
+    for file in outputs_of(name).values():
+        if file != "reports":
+            assert (
+                (earlier[name] / file)
+                .read_bytes()
+                .lower()
+                .startswith(HEADS[Path(file).suffix.lower()].lower())
+            )
 
 
 @pytest.mark.parametrize("name", COMMANDS)
