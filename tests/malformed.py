@@ -3,8 +3,6 @@
 Some come with what the one line has to hold that refuses them.
 """
 
-from __future__ import annotations
-
 import random
 import re
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,5 @@
 """A command run in an empty folder, and a small robot whose answers are known by hand."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable, Sequence

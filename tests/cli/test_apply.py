@@ -1,7 +1,5 @@
 """From a diagnosis to a robot with the effect, and on to the other commands."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Effects that the library does not know are refused by every command, whether it uses effects or not."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

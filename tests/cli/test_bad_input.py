@@ -1,7 +1,5 @@
 """Bad input of every kind ends with 2, one line on stderr, nothing on stdout, and no file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

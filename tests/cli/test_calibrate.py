@@ -1,7 +1,5 @@
 """`beamstiff calibrate` as it is typed: what it finds, writes and refuses."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """`beamstiff compare` as users run it: tables, JSON, pictures, and what it refuses."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

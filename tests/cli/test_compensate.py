@@ -1,7 +1,5 @@
 """`beamstiff compensate`: paths in, corrected paths out, whole or not at all."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`beamstiff convert` as a user runs it."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

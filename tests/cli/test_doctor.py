@@ -1,7 +1,5 @@
 """`beamstiff doctor` names what is missing and what mends it; completion, help, colours of every command."""
 
-from __future__ import annotations
-
 import pytest
 from typer.testing import CliRunner
 

@@ -1,7 +1,5 @@
 """How commands end: exit codes, Ctrl-C, pipes, colours, faults of ours."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

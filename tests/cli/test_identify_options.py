@@ -1,7 +1,5 @@
 """Options of `beamstiff identify`: several tables, methods, what is known beforehand, groups, Ctrl-C."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """A finished result is written although a step that it does not need fails: a note says what is missing."""
 
-from __future__ import annotations
-
 import json
 from importlib import import_module
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`--processes`, `--scheduler`: the same answers, and one line where there is nobody to give them."""
 
-from __future__ import annotations
-
 import json
 import sys
 import time

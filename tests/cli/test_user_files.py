@@ -1,7 +1,5 @@
 """No command changes a file that it did not make, whatever the file is, whatever becomes of the command."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import tempfile

@@ -1,7 +1,5 @@
 """Programs made of pieces, so that a test knows which characters are numbers of targets."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 

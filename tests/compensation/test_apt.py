@@ -1,7 +1,5 @@
 """APT cutter location files: GOTO in its units, and that nothing but its numbers changes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

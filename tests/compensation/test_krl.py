@@ -1,7 +1,5 @@
 """KUKA KRL: which literals are targets, and that nothing but their numbers changes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

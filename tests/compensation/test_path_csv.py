@@ -1,7 +1,5 @@
 """Path tables: columns, units, conventions of orientation, and cells replaced in their place."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """Machines and loads whose answers the tests work out themselves, by statics and rigid-body motion."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any

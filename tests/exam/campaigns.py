@@ -1,7 +1,5 @@
 """Campaigns for the tests of the simulated machines."""
 
-from __future__ import annotations
-
 import dataclasses
 from typing import Any
 

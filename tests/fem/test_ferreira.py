@@ -1,7 +1,5 @@
 """Ferreira, MATLAB Codes for Finite Element Analysis, example 8.3: a space frame with Iy != Iz (kN, m)."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from beamstiff.robot.parts import Material

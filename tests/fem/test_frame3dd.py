@@ -4,8 +4,6 @@ The numbers are the program's printed results, with geometric stiffness switched
 gives 0.0141272, -0.0502277 and -0.0223740 mm, 3.59e-5 and 8.1e-6 rad.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Kassimali, Matrix Analysis of Structures, 2nd ed., examples 6.6 (frame) and 8.1 (space truss); kip, in."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from beamstiff.robot.parts import Material

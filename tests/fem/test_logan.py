@@ -1,7 +1,5 @@
 """Logan, A First Course in the Finite Element Method, 4th ed., example 5.8: a space frame (kip, inch)."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from beamstiff.robot.parts import Material

@@ -1,7 +1,5 @@
 """Every linear frame of the shared benchmark list, read from its file, which names the source of each."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Damaged files of other programs: one line of refusal, or a result; never a crash."""
 
-from __future__ import annotations
-
 import random
 from collections.abc import Callable
 

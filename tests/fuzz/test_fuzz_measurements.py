@@ -1,7 +1,5 @@
 """Mutated tables: a table whose every number is finite, or one line that says what is wrong; nothing else."""
 
-from __future__ import annotations
-
 import random
 import time
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Mutated robot files: a robot whose every number is one, or one line that says what is wrong, always."""
 
-from __future__ import annotations
-
 import math
 import random
 import re

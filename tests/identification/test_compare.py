@@ -1,7 +1,5 @@
 """Likelihoods against scipy's multivariate normal; criteria by their definitions; the right model wins."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal

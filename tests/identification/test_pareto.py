@@ -4,8 +4,6 @@ For rigid links both errors are quadratic in the compliances, and every point of
 normal equation: a second formulation of the whole front.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

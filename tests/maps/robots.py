@@ -1,7 +1,5 @@
 """Arms whose maps are known by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from beamstiff import Frame, Joint, JointStiffness, Node, Robot, Variable

@@ -1,7 +1,5 @@
 """Tables that cannot be used, each refused in one line that says where, what was found and what is right."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

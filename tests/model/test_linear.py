@@ -1,7 +1,5 @@
 """Displacements of rows of loads: with gravity and K_C against pendulums and an exact planar arm."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.optimize import root

@@ -1,7 +1,5 @@
 """Tables and the figure of uncertainty show the numbers of the results they are given."""
 
-from __future__ import annotations
-
 import io
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Robot files that are wrong in one place: the message names file, line, key, and what would be right."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The Python API of a robot's description; what files say is tested with the reader."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What holds for every robot that comes along: it loads, closes, stands, and is well conditioned."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Stiffness that follows the angle: cranks and spring balancers by the geometry of their own."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

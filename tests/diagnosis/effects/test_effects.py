@@ -1,7 +1,5 @@
 """What holds for every effect of the library."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

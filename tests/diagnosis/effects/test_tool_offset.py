@@ -1,7 +1,5 @@
 """A load or a target that sits elsewhere, against a robot that has a node there."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

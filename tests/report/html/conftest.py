@@ -3,8 +3,6 @@
 Every page is made once a session, and only when a test asks for it.
 """
 
-from __future__ import annotations
-
 import itertools
 import os
 import shutil
