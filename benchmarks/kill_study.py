@@ -23,7 +23,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import beamstiff.cli.exam
+import beamstiff.functions.examine
 from beamstiff.cli.main import app
 from beamstiff.maps import job as map_job
 from tests.exam.standins import always_none
@@ -123,7 +123,7 @@ def start(command: Command, folder: Path, die_at: int | None = None, count_to: P
 def prepare() -> None:
     """Make chunks small and the diagnosis short, and load once what all copies of this process need."""
     map_job.MANY = 300  # poses a chunk: eight of them
-    beamstiff.cli.exam._diagnose = lambda: always_none  # type: ignore[assignment,return-value]
+    beamstiff.functions.examine._diagnose = lambda: always_none  # type: ignore[assignment,return-value]
     for command in commands(1):
         with tempfile.TemporaryDirectory() as folder, chdir(folder):
             app([*command.arguments], prog_name="beamstiff", standalone_mode=False)

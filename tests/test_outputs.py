@@ -69,7 +69,7 @@ def test_every_format_is_still_read(tmp_path: Path) -> None:
     assert load_robot(tmp_path / "a.yaml") == load_robot("ir663")
     assert (tmp_path / "a.yaml").read_text().startswith("# The head.\n")
     rows = read_measurements(tmp_path / "a.csv", load_robot("ir663"))
-    assert (len(rows), rows.sigma_position, dict(rows.metadata)) == (1, 1e-5, {})
+    assert (len(rows), rows.sigma_position, dict(rows.metadata)) == (1, 1e-5, {"sigma_position": "0.01 mm"})
     assert imread(tmp_path / "a.png").shape[:2] == (150, 150)
     assert (tmp_path / "a.pdf").read_bytes().rpartition(b"%%EOF\n")[2].startswith(b"%beamstiff-output")
 

@@ -90,6 +90,8 @@ def test_what_was_typed_is_refused(refused: Refused, arguments: list[str], says:
         (["--json", "same.txt", "--out", "same.txt"], ["same.txt", "would overwrite the output --json"]),
         (["--json", "good.json", "--out", "missing/out.yaml"], ["missing/out.yaml"]),
         (["--json", "good.json", "--figure", "missing/fit.png"], ["missing/fit.png"]),
+        (["--html", "missing/out.html"], ["there is no folder"]),
+        (["--html", "-"], ["--html: found -"]),
     ],
     ids=lambda value: " ".join(value).replace("\0", "NUL")[:40] if isinstance(value, list) else None,
 )

@@ -77,6 +77,7 @@ def test_a_target_out_of_reach_leaves_nothing_written(cell: Path, run: Run) -> N
     assert "far.src: 1 of 3 targets cannot be corrected: line 5 LIN (out of reach by" in result.stderr
     assert not (cell / "new.src").exists()
     assert not (cell / "p.png").exists()
+    assert not (cell / "p.html").exists()
     [lost] = json.loads((cell / "r.json").read_text())["unreachable"]
     assert (lost["line"], lost["name"]) == (5, "LIN")
     assert lost["reason"].startswith("out of reach by")

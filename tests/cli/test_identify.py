@@ -142,7 +142,8 @@ def test_of_a_file_with_remarks_only_the_identified_numbers_change(
     noisy = "# sigma_position: 0.01 mm\n# sigma_rotation: 0.001 deg\n" + (folder / "measured.csv").read_text()
     (folder / "measured.csv").write_text(noisy)
     succeed("identify", "mine.yaml", "measured.csv", "--folds", "0", "--out", "found.yaml")
-    found = (folder / "found.yaml").read_text(encoding="utf-8").splitlines()
+    text = (folder / "found.yaml").read_text(encoding="utf-8")
+    found = [line for line in text.splitlines() if "beamstiff-output" not in line]
     old = (folder / "mine.yaml").read_text(encoding="utf-8").splitlines()
     heads = len(found) - len(old)
     assert all(line.startswith("# ") for line in found[:heads])

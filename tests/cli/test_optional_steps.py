@@ -125,9 +125,9 @@ STEPS_OF_COMMANDS = [
     (IDENTIFY, "beamstiff.report.parity.parity_figure", ("--figure", "a.png"), False),
     (IDENTIFY, "beamstiff.report.html.identification.identification_html", ("--html", "a.html"), False),
     (DIAGNOSE, "beamstiff.diagnosis.apply.extended", ("--apply", "a.yaml"), False),
-    (DIAGNOSE, "beamstiff.report.diagnosis.draw_diagnosis", ("--figure", "a.png"), False),
+    (DIAGNOSE, "beamstiff.report.diagnosis.diagnosis_figure", ("--figure", "a.png"), False),
     (DIAGNOSE, "beamstiff.report.html.diagnosis.diagnosis_html", ("--html", "a.html"), False),
-    (DEFLECT, "beamstiff.report.vtk.write_vtu", ("--vtu", "a.vtu"), False),
+    (DEFLECT, "beamstiff.report.vtk.vtu_text", ("--vtu", "a.vtu"), False),
     (DEFLECT, "beamstiff.report.html.deflection.deflection_html", ("--html", "a.html"), False),
     (MAP, "beamstiff.report.workspace.map_figure", ("--figure", "a.png"), False),
     (CALIBRATE, "beamstiff.calibration.calibrate.held_out", (), True),
@@ -186,13 +186,12 @@ def test_a_step_that_fails_becomes_a_note_beside_the_result(
 def test_a_page_that_cannot_be_written_is_an_error_after_the_result(
     run: Run, folder: Path, monkeypatch: pytest.MonkeyPatch, command: tuple[str, ...]
 ) -> None:
-    def full(path: str, content: str) -> None:
+    def full(path: str, content: bytes) -> None:
         if path == "a.html":
             raise UnwritableError(f"{path}: cannot be written: no space left on device")
-        Path(path).write_text(content, encoding="utf-8")
+        Path(path).write_bytes(content)
 
-    for name in (f"beamstiff.cli.{command[0]}.write_whole", "beamstiff.files.write_whole"):
-        monkeypatch.setattr(name, full, raising=False)
+    monkeypatch.setattr("beamstiff.outputs.write_whole", full)
     result = run(*command, "--html", "a.html", "--json", "out.json")
     assert result.exit_code == 2
     assert result.stderr.endswith("a.html: cannot be written: no space left on device\n")

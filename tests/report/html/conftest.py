@@ -46,6 +46,7 @@ from beamstiff.report.html.identification import identification_html
 from beamstiff.report.html.provenance import Provenance, provenance
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, posture
+from tests.cli import conftest as commands
 from tests.exam.answered import answered
 
 KINDS = ("diagnosis", "identification", "calibration", "compensation", "comparison", "deflection", "exam")
@@ -114,6 +115,9 @@ def table_text(robot: Robot, slip: float) -> str:
         for row, way in zip(rows, moved, strict=True)
     ]
     return "\n".join(lines)
+
+
+folder, run = commands.folder, commands.run
 
 
 @pytest.fixture(scope="session")

@@ -43,7 +43,7 @@ def test_hostile_texts_stay_texts(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str, text: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("beamstiff.cli.exam._diagnose", lambda: always_none)
+    monkeypatch.setattr("beamstiff.functions.examine._diagnose", lambda: always_none)
     names = {old: f"{text} {old}" for old in ("crane", "arm", "J1", "tip")}
     robot = CRANE
     for old, new in names.items():
