@@ -13,6 +13,7 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.measure import Measurements, parse_measurements, read_measurements
 from beamstiff.robot.description import Robot
 from tests.malformed import damaged
+from tests.measure import conftest
 
 SEEDS = [
     """# source: bench
@@ -37,6 +38,9 @@ q1 [deg];d2 [mm];mx [N*m];dx [um];sigma_dx [um]
 """,
     'q1,d2,"dx","pose"\r\n0,1,"1e-3","P1"\r\n0,1,2e-3,P1\r\n',
 ]
+
+
+arm = conftest.arm
 
 
 def check(table: Measurements, text: str) -> None:
@@ -65,24 +69,6 @@ def check(table: Measurements, text: str) -> None:
         ]
         assert filled, "a row without a cell"
         assert table.measured_mask[row].sum() <= len(filled), "more was measured than is in the line"
-
-
-@pytest.fixture(scope="module")
-def arm() -> Robot:
-    """Return a robot with the joints and nodes that the tables name, and q3 that may not be measured."""
-    return Robot(
-        name="arm",
-        variables=[
-            {"name": "q1", "type": "revolute"},
-            {"name": "d2", "type": "prismatic"},
-            {"name": "q3", "equals": "-q1"},
-        ],
-        frames=[{"name": "f1", "theta": "q1"}, {"name": "f2", "parent": "f1", "r": "d2", "theta": "q3"}],
-        nodes=[{"name": "root"}, {"name": "elbow", "frame": "f1"}, {"name": "tip", "frame": "f2"}],
-        rigids=[{"name": "a", "nodes": ["root", "elbow"]}, {"name": "b", "nodes": ["elbow", "tip"]}],
-        fixed=["root"],
-        tcp="tip",
-    )
 
 
 def read_or_refused(text: str, robot: Robot) -> bool:
