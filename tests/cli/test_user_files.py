@@ -250,7 +250,7 @@ def test_what_a_command_did_not_write_stays(name: str, data: st.DataObject, earl
 
 HEADS = {
     ".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF", ".html": b"<!doctype html>", ".vtu": b"<?xml",
-    ".json": b"{", ".jsonl": b"{", ".nc": b"\x89HDF", ".urdf": b"<?xml", ".yaml": b"# ", ".csv": b"# ",
+    ".json": b"{", ".jsonl": b"{", ".nc": b"CDF", ".urdf": b"<?xml", ".yaml": b"# ", ".csv": b"# ",
     ".src": b"DEF",
 }  # fmt: skip
 
