@@ -115,7 +115,7 @@ def wrong_at_every_key(text: str) -> Iterator[tuple[str, bytes]]:
 
 def known_tables() -> dict[str, bytes]:
     """Return the malformed tables of the tests."""
-    result = {f"table: {name}": text.encode() for name, (text, _) in BAD.items()}
+    result = {f"table: {name}": text.encode() for name, (text, *_) in BAD.items()}
     result |= {f"file: {name}": data for name, (data, _) in FILES.items()}
     return result | {f"broken: {at}": text for at, (text, _) in enumerate(BROKEN_TABLES)}
 

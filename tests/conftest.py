@@ -1,7 +1,5 @@
 """What every test may use: the shared data, and hypothesis' profiles."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path

@@ -3,11 +3,9 @@
 Some come with what the one line has to hold that refuses them.
 """
 
-from __future__ import annotations
-
 import random
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 ALIAS_BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
     f"{new}: &{new} [{', '.join([f'*{old}'] * 9)}]\n" for old, new in zip("abcdefgh", "bcdefghi", strict=True)
@@ -112,51 +110,63 @@ ANYTHING: dict[str, bytes] = {
     "HTML": b"<!doctype html><title>404</title>\n",
 }
 WORDS = [
-    "",
-    "nan",
-    ".nan",
-    "inf",
-    "-inf",
-    "1e308",
-    "-1e308",
-    "1e999",
-    "1e-320",
-    "0",
-    "-1",
-    "9" * 400,
-    "1_0",
-    "0x10",
+    *("", "nan", ".nan", "inf", "-inf", "1e308", "-1e308", "1e999", "1e-320", "0", "-1", "9" * 400, "1_0"),
+    *("0x10", "1,5", "null", "true", "[]", "{}", "[1, 2, 3, 4]", "{a: 1}", "'1'", "x", "q1", "tip", "1 kg"),
+    *("1 mm", "deg", "rigid", "free", "\u0661", "\u00e9", "\x00", "\ufeff", "x" * 3000, "<a>", "&amp;", '"'),
+    *("1 2", "--1"),
 ]
-WORDS += [
-    "1,5",
-    "null",
-    "true",
-    "[]",
-    "{}",
-    "[1, 2, 3, 4]",
-    "{a: 1}",
-    "'1'",
-    "x",
-    "q1",
-    "tip",
-    "1 kg",
-    "1 mm",
-    "deg",
+ODD = r"""
+NaN -.inf Infinity -1e999 1e200 1e-200 1e400 1e-400 -0.0 1.5.5 +-1 e5 . 1e 1d5 1:30 010 NA None ~ no
+=1+1 '' "" [[]] % ° µ ' \ ` @ # | > , ; : [ ] [mm] [deg] [mm**999] [N*m/rad] < /> Rigid &a *a <<: << --- ...
+-- q3 q1*q1 q1/0 pi base 日本 A B C dx pose step point sigma_dx t joint revolute fixed
+mm __import__('os').abort()
+"""
+# what is hard on some reader, wherever it stands
+NASTY = [
+    *(*WORDS, *ODD.split()),
+    *("{a: }", "5 parsec", "[5 parsec]", "5 deg", "5 mm", "5 N*m/rad", "1e5 N/mm**9", "5 m/m", "0 0 0"),
+    *(
+        "&a [*a]",
+        "<<: *steel",
+        "!!python/object/apply:os.abort []",
+        "!!binary aa==",
+        "! a",
+        "%YAML 9.9\n---\n",
+    ),
+    *("2*q1 + 1e308*q1 + 1e308*q1", "1e" + "9" * 300, "+".join(["q1"] * 200), "a" * 5000, "q" * 140_000),
+    *("[" * 300, "{a: " * 300, "- " * 300, "? " * 300, "# sigma_position: 0", "# sigma_rotation: -1"),
+    *("# history: continuous", "# orientation: rotation vector", "# decimal: comma"),
+    *(
+        "\t",
+        "\n",
+        "\r",
+        "\r\n",
+        "\x07",
+        "\x0b",
+        "\x0c",
+        "\x1b[31m",
+        "\x1c",
+        "\x7f",
+        "\x85",
+        "\u2028",
+        "\u202e",
+    ),
+    *("\uff11", "\U0001d7cf", "\U0001f916", " ", " #", ": ", "- ", "? ", "\n  - ", "\n- ", "\n    ", ", ,"),
 ]
-WORDS += [
-    "rigid",
-    "free",
-    "\u0661",
-    "\u00e9",
-    "\x00",
-    "\ufeff",
-    "x" * 3000,
-    "<a>",
-    "&amp;",
-    '"',
-    "1 2",
-    "--1",
-]
+KINDS = (
+    "token",
+    "token",
+    "character",
+    "insert",
+    "cell",
+    "line",
+    "columns",
+    "indent",
+    "cut",
+    "signs",
+    "splice",
+)
+TOKEN = re.compile(r"\"[^\"]*\"|'[^']*'|[\w.+*/^-]+|[^\w\s]")
 _WORD = re.compile(r"[\w.+-]+")
 
 
@@ -176,3 +186,47 @@ def with_other_words(text: str, count: int, seed: int = 0) -> Iterator[tuple[str
             lines = text.splitlines(keepends=True)
             at = text.count("\n", 0, start)
             yield f"line {at + 1} twice", "".join([*lines[: at + 1], lines[at], *lines[at + 1 :]]).encode()
+
+
+def damaged(text: str, source: random.Random, others: Sequence[str]) -> str:
+    """Return a text with one to four faults: in characters, words, cells, lines, columns."""
+    for _ in range(source.randint(1, 4)):
+        at, lines = source.randrange(len(text) + 1), text.split("\n")
+        line, tokens = source.randrange(len(lines)), [match.span() for match in TOKEN.finditer(text)]
+        match source.choice(KINDS):
+            case "token" if tokens:
+                (start, end), (first, last) = source.choice(tokens), source.choice(tokens)
+                new = source.choice([text[first:last], text[first:last][::-1], source.choice(NASTY)])
+                text = text[:start] + new + text[end:]
+            case "character":
+                new = chr(source.choice([source.randrange(128), source.randrange(0xD800)]))
+                text = text[:at] + new + text[at + 1 :]
+            case "insert":
+                text = text[:at] + source.choice(NASTY) + text[at:]
+            case "cell":
+                cells = lines[line].split(",")
+                cells[source.randrange(len(cells))] = source.choice(NASTY)
+                lines[line] = ",".join(cells)
+                text = "\n".join(lines)
+            case "line":  # away, twice, or elsewhere
+                moved = lines.pop(line)
+                for _ in range(source.randrange(3)):
+                    lines.insert(source.randrange(len(lines) + 1), moved)
+                text = "\n".join(lines)
+            case "columns":  # one less or twice
+                column, copies = source.randrange(12), source.choice([0, 2])
+                cut = [row.split(",") for row in lines]
+                cut = [row[:column] + row[column : column + 1] * copies + row[column + 1 :] for row in cut]
+                text = "\n".join(",".join(row) for row in cut)
+            case "indent":
+                lines[line] = source.choice(["", " ", "  ", "    ", "\t", "- "]) + lines[line].lstrip()
+                text = "\n".join(lines)
+            case "cut":
+                text = text[:at] + source.choice(["", text[at + source.randrange(1, 20) :]])
+            case "signs":
+                signs = [(",", ";"), (";", ","), (",", "\t"), (".", ","), (" ", ""), ("\n", "\r")]
+                text = text.replace(*source.choice(signs))
+            case "splice":
+                other = source.choice(others)
+                text += source.choice(["", "\n"]) + other[source.randrange(len(other)) :]
+    return text

@@ -1,7 +1,5 @@
 """Tasks that other processes can import."""
 
-from __future__ import annotations
-
 import os
 import signal
 import time

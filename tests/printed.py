@@ -3,8 +3,6 @@
 Iterations end a little elsewhere where products are rounded in another order.
 """
 
-from __future__ import annotations
-
 import re
 
 # numbers that were rounded; others are counts, names and versions

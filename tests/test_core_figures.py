@@ -1,7 +1,5 @@
 """The table of what the core must show: every figure reaches what is asked, and is printed."""
 
-from __future__ import annotations
-
 import pytest
 
 from benchmarks import core_figures

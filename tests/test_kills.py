@@ -1,7 +1,5 @@
 """The kill study, with a few of its kills; benchmarks/kill_study.py makes 200."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

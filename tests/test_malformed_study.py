@@ -1,7 +1,5 @@
 """A part of `python -m benchmarks.malformed_inputs`: no command breaks on a malformed file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

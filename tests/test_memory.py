@@ -1,7 +1,5 @@
 """Memory grows with the rows of a table, not with their square."""
 
-from __future__ import annotations
-
 import tracemalloc
 from collections.abc import Callable
 from dataclasses import replace

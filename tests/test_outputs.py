@@ -1,7 +1,5 @@
 """Seals: every format is still itself, and any change shows."""
 
-from __future__ import annotations
-
 import json
 import os
 import xml.etree.ElementTree as ET

@@ -1,7 +1,5 @@
 """Tasks over processes: the same results, the same errors, and nobody left behind."""
 
-from __future__ import annotations
-
 import itertools
 import multiprocessing
 import os

@@ -1,7 +1,5 @@
 """Tasks over dask's workers: two processes of a local cluster, one of them killed in the middle."""
 
-from __future__ import annotations
-
 import pickle
 import socket
 import time

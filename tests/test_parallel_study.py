@@ -1,7 +1,5 @@
 """The study of spreading compares answers before times."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """What pages show is compared word by word, and numbers to their last digit, or to half a percent."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.printed import prints

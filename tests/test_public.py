@@ -1,7 +1,5 @@
 """One function a command: paths and names do what objects do, and `--json` is `to_dict()`."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import replace

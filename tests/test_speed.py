@@ -1,7 +1,5 @@
 """The benchmark of speed compares answers before times, and prints what it says."""
 
-from __future__ import annotations
-
 import os
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Quantities against the definitions of the units: SI brochure, the international yard and pound, 1959."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 import subprocess

@@ -1,7 +1,5 @@
 """Robots and campaigns for the tests of geometric calibration."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping
 from functools import cache

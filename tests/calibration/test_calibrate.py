@@ -1,7 +1,5 @@
 """Calibrations against planted errors: what is found, how sure it is, and what is refused."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

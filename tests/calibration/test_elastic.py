@@ -1,7 +1,5 @@
 """Geometry and compliances in one estimate, on loaded and unloaded absolute poses under gravity."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

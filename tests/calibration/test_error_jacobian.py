@@ -1,7 +1,5 @@
 """Columns of the error Jacobian against central differences of the nonlinear geometry, loops closed anew."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What the study of geometric calibration prints: the paper's dependencies, and errors at the noise floor."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The minimal identifiable set against what is known of chains; linear combinations against their columns."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """What may be sought, and what is said of names that are none of it."""
 
-from __future__ import annotations
-
 import pytest
 
 from beamstiff import BeamstiffError, load_robot

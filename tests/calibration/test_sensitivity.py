@@ -1,7 +1,5 @@
 """Sensitivity indices against what a hand calculation gives."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

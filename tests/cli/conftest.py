@@ -1,8 +1,8 @@
 """A command run in an empty folder, and a small robot whose answers are known by hand."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
+import json
+import re
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +10,9 @@ import pytest
 from typer.testing import CliRunner
 
 from beamstiff.cli.main import app
+
+Run = Callable[..., Any]
+Refused = Callable[[Sequence[str], str | Sequence[str]], None]
 
 # A rigid arm of 1 m on one elastic joint about z: along x at q1 = 0, along y at q1 = 90 deg.
 CRANE = """\
@@ -54,7 +57,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
-def run(folder: Path) -> Callable[..., Any]:
+def run(folder: Path) -> Run:
     """Return a function that runs `beamstiff` with arguments; its result has exit_code, stdout, stderr."""
 
     def invoke(*arguments: str) -> Any:
@@ -62,3 +65,40 @@ def run(folder: Path) -> Callable[..., Any]:
         return CliRunner().invoke(app, [*arguments], prog_name="beamstiff")
 
     return invoke
+
+
+@pytest.fixture
+def succeed(run: Run) -> Run:
+    """Return a function that runs what has to end with 0, and gives its result."""
+
+    def invoke(*arguments: str) -> Any:
+        result = run(*arguments)
+        assert result.exit_code == 0, result.output
+        return result
+
+    return invoke
+
+
+@pytest.fixture
+def told(succeed: Run) -> Run:
+    """Return a function that runs a command and gives its JSON."""
+    return lambda *arguments: json.loads(
+        succeed(*arguments, "--json", "-").stdout, parse_constant=pytest.fail
+    )
+
+
+@pytest.fixture
+def refused(run: Run, folder: Path) -> Refused:
+    """Return a function that runs what has to be refused: 2, and one line with given parts."""
+
+    def check(arguments: Sequence[str], says: str | Sequence[str]) -> None:
+        before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+        result = run(*arguments)
+        assert (result.exit_code, result.stdout) == (2, ""), result.output
+        assert re.fullmatch(r"error: .*\n", result.stderr), result.stderr
+        assert "Traceback" not in result.stderr
+        for part in [says] if isinstance(says, str) else says:
+            assert part in result.stderr
+        assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
+
+    return check

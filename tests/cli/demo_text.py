@@ -1,7 +1,5 @@
 """What the demo prints, for the README; `make readme` writes it there."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

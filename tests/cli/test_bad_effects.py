@@ -1,16 +1,11 @@
 """Effects that the library does not know are refused by every command, whether it uses effects or not."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from beamstiff import BeamstiffError, load_robot
-
-Run = Callable[..., Any]
+from tests.cli.conftest import Refused
 
 PATH = "x,y,z\n1,0,0\n0.9,0.1,0\n"
 COMMANDS = {
@@ -45,15 +40,11 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_every_command_refuses_an_unknown_effect(run: Run, folder: Path, command: str) -> None:
+def test_every_command_refuses_an_unknown_effect(refused: Refused, folder: Path, command: str) -> None:
     text = (folder / "crane.yaml").read_text()
     (folder / "bad.yaml").write_text(text + "effects: [{effect: witchcraft, shape: s, parameters: {a: 1}}]\n")
     (folder / "path.csv").write_text(PATH)
-    result = run(*COMMANDS[command])
-    assert result.exit_code == 2
-    assert result.stdout == ""
-    assert "error: bad.yaml:18: effects[0] (witchcraft): unknown effect 'witchcraft'" in result.stderr
-    assert result.stderr.count("\n") == 1
+    refused(COMMANDS[command], "error: bad.yaml:18: effects[0] (witchcraft): unknown effect 'witchcraft'")
 
 
 @pytest.mark.parametrize("fault", FAULTS)

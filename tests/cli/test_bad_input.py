@@ -1,31 +1,13 @@
 """Bad input of every kind ends with 2, one line on stderr, nothing on stdout, and no file."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
+from tests.cli.conftest import Refused, Run
 from tests.malformed import BROKEN_ROBOTS, BROKEN_TABLES
 
-Run = Callable[..., Any]
-
 IDENTIFY = ("identify", "crane.yaml", "crane.csv")
-
-
-def refused(run: Run, folder: Path, *arguments: str) -> str:
-    """Run a command that has to be refused, and return what it says."""
-    before = sorted(folder.rglob("*"))
-    result = run(*arguments)
-    assert (result.exit_code, result.stdout) == (2, ""), result.output
-    assert result.stderr.endswith("\n")
-    assert result.stderr.count("\n") == 1, result.stderr
-    assert result.stderr.startswith("error: ")
-    assert "Traceback" not in result.stderr
-    assert sorted(folder.rglob("*")) == before
-    return str(result.stderr)
 
 
 @pytest.mark.parametrize(
@@ -88,9 +70,8 @@ def refused(run: Run, folder: Path, *arguments: str) -> str:
     ],
     ids=lambda value: " ".join(value).replace("\0", "NUL") if isinstance(value, list) else None,
 )
-def test_what_was_typed_is_refused(run: Run, folder: Path, arguments: list[str], says: list[str]) -> None:
-    line = refused(run, folder, *arguments)
-    assert all(part in line for part in says), line
+def test_what_was_typed_is_refused(refused: Refused, arguments: list[str], says: list[str]) -> None:
+    refused(arguments, says)
 
 
 @pytest.mark.parametrize(
@@ -109,35 +90,32 @@ def test_what_was_typed_is_refused(run: Run, folder: Path, arguments: list[str],
         (["--json", "same.txt", "--out", "same.txt"], ["same.txt", "would overwrite the output --json"]),
         (["--json", "good.json", "--out", "missing/out.yaml"], ["missing/out.yaml"]),
         (["--json", "good.json", "--figure", "missing/fit.png"], ["missing/fit.png"]),
+        (["--html", "missing/out.html"], ["there is no folder"]),
+        (["--html", "-"], ["--html: found -"]),
     ],
     ids=lambda value: " ".join(value).replace("\0", "NUL")[:40] if isinstance(value, list) else None,
 )
 def test_outputs_that_cannot_be_are_refused_before_any_is_written(
-    run: Run, folder: Path, options: list[str], says: list[str]
+    refused: Refused, options: list[str], says: list[str]
 ) -> None:
-    before = [(folder / name).read_bytes() for name in ("crane.yaml", "crane.csv")]
-    line = refused(run, folder, *IDENTIFY, *options)
-    assert all(part in line for part in says), line
-    assert [(folder / name).read_bytes() for name in ("crane.yaml", "crane.csv")] == before
+    refused([*IDENTIFY, *options], says)
 
 
 @pytest.mark.parametrize(("old", "new", "says"), BROKEN_ROBOTS)
 def test_a_broken_robot_is_refused(
-    run: Run, folder: Path, old: str | None, new: str | bytes, says: list[str]
+    refused: Refused, folder: Path, old: str | None, new: str | bytes, says: list[str]
 ) -> None:
     text = (folder / "crane.yaml").read_text(encoding="utf-8")
     content = new if isinstance(new, bytes) else text.replace(str(old), new).encode()
     assert content != text.encode()
     (folder / "broken.yaml").write_bytes(content)
-    for command in (
-        ["stiffness", "broken.yaml", "--json", "a.json"],
-        ["show", "broken.yaml", "--json", "a.json"],
-    ):
-        line = refused(run, folder, *command)
-        assert all(part in line for part in says), line
+    for command in ("stiffness", "show"):
+        refused([command, "broken.yaml", "--json", "a.json"], says)
 
 
-def test_a_beam_of_no_length_and_one_of_a_negative_section_are_refused(run: Run, folder: Path) -> None:
+def test_a_beam_of_no_length_and_one_of_a_negative_section_are_refused(
+    refused: Refused, folder: Path
+) -> None:
     beam = (
         "beamstiff: 1\nname: beam\nmaterials: {steel: {E: 2.1e11, G: 8e10}}\n"
         "sections: {rod: {A: 1e-4, Iy: 1e-9, Iz: 1e-9, J: 2e-9}}\n"
@@ -151,84 +129,69 @@ def test_a_beam_of_no_length_and_one_of_a_negative_section_are_refused(run: Run,
         ("E: 2.1e11", "E: 0", ["E"]),
     ):
         (folder / "broken.yaml").write_text(beam.replace(old, new))
-        line = refused(run, folder, "stiffness", "broken.yaml")
-        assert all(part in line for part in ["broken.yaml" if new != "[0, 0, 0]" else "", *says]), line
+        refused(["stiffness", "broken.yaml"], ["broken.yaml" if new != "[0, 0, 0]" else "", *says])
 
 
-@pytest.mark.parametrize(
-    ("content", "says"),
-    BROKEN_TABLES,
-)
-def test_broken_measurements_are_refused(run: Run, folder: Path, content: bytes, says: list[str]) -> None:
+@pytest.mark.parametrize(("content", "says"), BROKEN_TABLES)
+def test_broken_measurements_are_refused(
+    refused: Refused, folder: Path, content: bytes, says: list[str]
+) -> None:
     (folder / "broken.csv").write_bytes(content)
-    line = refused(run, folder, "identify", "crane.yaml", "broken.csv", "--json", "a.json", "--out", "a.yaml")
-    assert all(part in line for part in says), line
+    refused(["identify", "crane.yaml", "broken.csv", "--json", "a.json", "--out", "a.yaml"], says)
 
 
 @pytest.mark.parametrize("command", ["identify", "diagnose", "deflect"])
 def test_a_displacement_whose_square_is_no_number_is_refused_where_it_stands(
-    run: Run, folder: Path, command: str
+    refused: Refused, folder: Path, command: str
 ) -> None:
     text = (folder / "crane.csv").read_text().replace("0,0,1000,0,1.5", "0,0,1000,-1e308,1.5")
     (folder / "broken.csv").write_text(text)
-    line = refused(run, folder, command, "crane.yaml", "broken.csv")
-    assert "broken.csv:3: dx: found '-1e308', expected at most 1e+100 in SI" in line
+    says = "broken.csv:3: dx: found '-1e308', expected at most 1e+100 in SI"
+    refused([command, "crane.yaml", "broken.csv"], says)
 
 
-def test_a_mechanism_is_refused_and_its_motion_named(run: Run, folder: Path) -> None:
+def test_a_mechanism_is_refused_and_its_motion_named(refused: Refused, folder: Path) -> None:
     text = (folder / "crane.yaml").read_text().replace('torsional: "1e6 N*m/rad"', "torsional: free")
     (folder / "loose.yaml").write_text(text.replace("identify: [J1.torsional]", ""))
     (folder / "loads.csv").write_text("q1,fy\n0,1000\n")
-    for command in (
-        ["stiffness", "loose.yaml"],
-        ["show", "loose.yaml"],
-        ["deflect", "loose.yaml", "loads.csv"],
-    ):
-        line = refused(run, folder, *command)
-        assert all(
-            part in line for part in ["'crane' is a mechanism", "(0.00, 1.00, 0.00)", "J1.torsional"]
-        ), line
+    for command in (["stiffness"], ["show"], ["deflect", "loads.csv"]):
+        arguments = [command[0], "loose.yaml", *command[1:]]
+        refused(arguments, ["'crane' is a mechanism", "(0.00, 1.00, 0.00)", "J1.torsional"])
 
 
-def test_fewer_values_than_parameters_are_refused(run: Run, folder: Path) -> None:
+def test_fewer_values_than_parameters_are_refused(refused: Refused, folder: Path) -> None:
     (folder / "short.csv").write_text("q1,fy,dy [mm]\n0,1000,1.5\n")
-    line = refused(
-        run, folder, "identify", "crane.yaml", "short.csv", "--parameters", "J1.torsional,J1.radial"
-    )
-    assert "short.csv" in line
-    assert "J1.radial" in line
+    arguments = ["identify", "crane.yaml", "short.csv", "--parameters", "J1.torsional,J1.radial"]
+    refused(arguments, ["short.csv", "J1.radial"])
 
 
 def test_as_many_values_as_parameters_tell_no_uncertainty_unless_the_noise_is_stated(
-    run: Run, folder: Path
+    run: Run, refused: Refused, folder: Path
 ) -> None:
     table = "q1,fy,dy [mm]\n0,1000,1.5\n"
     (folder / "short.csv").write_text(table)
-    line = refused(run, folder, "identify", "crane.yaml", "short.csv")
-    assert "1 measured component in 1 row for 1 parameter (J1.torsional) and the noise, which" in line
-    assert "state the noise (# sigma_position: 0.03 mm)" in line
+    counted = "1 measured component in 1 row for 1 parameter (J1.torsional) and the noise, which"
+    refused(["identify", "crane.yaml", "short.csv"], [counted, "state the noise (# sigma_position: 0.03 mm)"])
     (folder / "short.csv").write_text("# sigma_position: 0.03 mm\n" + table)
     assert run("identify", "crane.yaml", "short.csv").exit_code == 0
 
 
-def test_a_robot_without_a_drive_to_identify_is_refused_with_a_hint(run: Run, folder: Path) -> None:
+def test_a_robot_without_a_drive_to_identify_is_refused_with_a_hint(refused: Refused, folder: Path) -> None:
     text = (folder / "crane.yaml").read_text().replace("identify: [J1.torsional]", "")
     (folder / "plain.yaml").write_text(text.replace('torsional: "1e6 N*m/rad"', "torsional: rigid"))
-    line = refused(run, folder, "identify", "plain.yaml", "crane.csv")
-    assert "identify" in line
-    assert "such as J1.axial" in line
+    refused(["identify", "plain.yaml", "crane.csv"], ["identify", "such as J1.axial"])
 
 
 @pytest.mark.parametrize("command", ["stiffness", "show"])
 @pytest.mark.parametrize("length", ["1e160", "1e300"])
-def test_numbers_that_overflow_are_refused(run: Run, folder: Path, command: str, length: str) -> None:
+def test_numbers_that_overflow_are_refused(refused: Refused, folder: Path, command: str, length: str) -> None:
     (folder / "huge.yaml").write_text((folder / "crane.yaml").read_text().replace('"1 m"', length))
-    assert "numbers out of range" in refused(run, folder, command, "huge.yaml", "--json", "a.json")
+    refused([command, "huge.yaml", "--json", "a.json"], "numbers out of range")
 
 
 @pytest.mark.parametrize("command", ["deflect", "identify"])
-def test_loads_and_displacements_that_overflow_are_refused(run: Run, folder: Path, command: str) -> None:
+def test_loads_and_displacements_that_overflow_are_refused(
+    refused: Refused, folder: Path, command: str
+) -> None:
     (folder / "huge.csv").write_text("q1,fy,dy\n0,1e308,1e300\n0,1,1e300\n1,1e3,1\n")
-    assert "numbers out of range" in refused(
-        run, folder, command, "crane.yaml", "huge.csv", "--json", "a.json"
-    )
+    refused([command, "crane.yaml", "huge.csv", "--json", "a.json"], "numbers out of range")

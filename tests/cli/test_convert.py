@@ -1,12 +1,7 @@
 """`beamstiff convert` as a user runs it."""
 
-from __future__ import annotations
-
-import json
 import re
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,9 +10,8 @@ from beamstiff import load_robot, read_measurements
 from beamstiff.cli.convert import with_joint_stiffness
 from beamstiff.errors import BeamstiffError
 from beamstiff.robot.urdf.reader import parse_urdf
+from tests.cli.conftest import Refused, Run
 from tests.robot.urdf_texts import EVERYTHING
-
-Run = Callable[..., Any]
 
 # the crane of conftest.py, said by a URDF
 CRANE = """<robot name="crane">
@@ -39,75 +33,73 @@ def urdf(folder: Path) -> Path:
 
 
 @pytest.mark.usefixtures("urdf")
-def test_a_urdf_given_a_stiffness_is_identified_and_comes_back_with_the_fit(run: Run, folder: Path) -> None:
+def test_a_urdf_given_a_stiffness_is_identified_and_comes_back_with_the_fit(
+    succeed: Run, folder: Path
+) -> None:
     stiff = ("--joint-stiffness", "5e5 N*m/rad")
-    assert run("convert", "crane.urdf", *stiff, "--out", "start.yaml").exit_code == 0
+    succeed("convert", "crane.urdf", *stiff, "--out", "start.yaml")
     # a push of 1 kN across the arm of 1 m turns it by 1 mrad: 1e6 N m/rad
     (folder / "data.csv").write_text(
         "# sigma_position: 0.01 mm\nq1,fy,dx [mm],dy [mm]\n0,1000,0,1\n0,-2000,0,-2\n"
     )
-    result = run("identify", "start.yaml", "data.csv", "--out", "fitted.yaml", "--json", "fit.json")
-    assert result.exit_code == 0, result.stderr
-    assert run("convert", "fitted.yaml", "--out", "fitted.urdf").exit_code == 0
+    succeed("identify", "start.yaml", "data.csv", "--out", "fitted.yaml", "--json", "fit.json")
+    succeed("convert", "fitted.yaml", "--out", "fitted.urdf")
     text = (folder / "fitted.urdf").read_text()
     assert parse_urdf(text).parameter("q1.torsional") == pytest.approx(1e6, rel=1e-6)
     assert re.sub(r"\n *<beamstiff torsional=.*? N\*m/rad\"/>", "", text) == CRANE
 
 
 @pytest.mark.usefixtures("urdf")
-def test_commands_take_a_urdf_as_it_is(run: Run, folder: Path) -> None:
+def test_commands_take_a_urdf_as_it_is(succeed: Run, told: Run, folder: Path) -> None:
     text = CRANE.replace('velocity="1"/>', 'velocity="1"/><beamstiff torsional="1e6 N*m/rad"/>')
     (folder / "stiff.urdf").write_text(text)
     (folder / "loads.csv").write_text("q1,fy\n0,1000\n")
-    answer = json.loads(run("deflect", "stiff.urdf", "loads.csv", "--json", "-").stdout)
+    answer = told("deflect", "stiff.urdf", "loads.csv")
     np.testing.assert_allclose(answer["displacement"], [[0, 1e-3, 0, 0, 0, 1e-3]], atol=1e-12)
-    assert run("show", "stiff.urdf").exit_code == 0
+    succeed("show", "stiff.urdf")
 
 
 @pytest.mark.usefixtures("urdf")
 @pytest.mark.parametrize("command", ["stiffness", "identify", "deflect"])
-def test_a_urdf_without_stiffness_says_which_joints_need_one(run: Run, command: str) -> None:
-    result = run(command, "crane.urdf", *([] if command == "stiffness" else ["crane.csv"]))
-    assert result.exit_code == 2
-    assert "the joints q1 are rigid" in result.stderr
-    assert "--joint-stiffness" in result.stderr
-    assert len(result.stderr.splitlines()) == 1
+def test_a_urdf_without_stiffness_says_which_joints_need_one(refused: Refused, command: str) -> None:
+    arguments = [command, "crane.urdf", *([] if command == "stiffness" else ["crane.csv"])]
+    refused(arguments, ["the joints q1 are rigid", "--joint-stiffness"])
 
 
 @pytest.mark.usefixtures("urdf")
-def test_json_says_what_was_written(run: Run) -> None:
-    answer = json.loads(run("convert", "crane.urdf", "--out", "crane2.yaml", "--json", "-").stdout)
+def test_json_says_what_was_written(told: Run) -> None:
+    answer = told("convert", "crane.urdf", "--out", "crane2.yaml")
     assert answer["variables"] == ["q1"]
     assert "--joint-stiffness" in answer["notes"][0]
 
 
 @pytest.mark.usefixtures("urdf")
-def test_urdf_to_yaml_to_urdf_is_the_same_text(run: Run, folder: Path) -> None:
-    assert run("convert", "crane.urdf", "--out", "crane2.yaml").exit_code == 0
-    assert run("convert", "crane2.yaml", "--out", "back.urdf").exit_code == 0
+def test_urdf_to_yaml_to_urdf_is_the_same_text(succeed: Run, folder: Path) -> None:
+    succeed("convert", "crane.urdf", "--out", "crane2.yaml")
+    succeed("convert", "crane2.yaml", "--out", "back.urdf")
     assert (folder / "back.urdf").read_text() == CRANE
 
 
 @pytest.mark.usefixtures("urdf")
-def test_tables_go_in_and_out(run: Run, folder: Path) -> None:
-    assert run("convert", "kr500", "--convention", "modified", "--out", "kr500.csv").exit_code == 0
-    assert run("convert", "kr500.csv", "--out", "kr500.urdf").exit_code == 0
-    assert run("convert", "kr500.urdf", "--convention", "classic", "--out", "classic.csv").exit_code == 0
+def test_tables_go_in_and_out(succeed: Run, folder: Path) -> None:
+    succeed("convert", "kr500", "--convention", "modified", "--out", "kr500.csv")
+    succeed("convert", "kr500.csv", "--out", "kr500.urdf")
+    succeed("convert", "kr500.urdf", "--convention", "classic", "--out", "classic.csv")
     assert "f3,q3 - 90,0,-55,-90" in (folder / "classic.csv").read_text()
     (folder / "rows.yaml").write_text("{convention: modified, rows: [{theta: q1, a: 1 m}]}")
-    assert run("convert", "rows.yaml", "--out", "one.yaml").exit_code == 0
+    succeed("convert", "rows.yaml", "--out", "one.yaml")
     assert load_robot(folder / "one.yaml").frames[0].d == 1.0
 
 
 @pytest.mark.usefixtures("urdf")
-def test_points_and_joint_values_become_measurements(run: Run, folder: Path) -> None:
+def test_points_and_joint_values_become_measurements(succeed: Run, folder: Path) -> None:
     (folder / "points.txt").write_text("tip 1000 1 0\ntip 0 1001 0\n")
     (folder / "p.yaml").write_text(
         "{separator: whitespace, columns: {point: 1, x: 2, y: 3, z: 4}, units: {length: mm}}"
     )
     (folder / "q.csv").write_text("q1 [deg],fy\n0,1000\n90,0\n")
     arguments = ("--profile", "p.yaml", "--joints", "q.csv", "--out", "measured.csv")
-    assert run("convert", "points.txt", *arguments).exit_code == 0
+    succeed("convert", "points.txt", *arguments)
     table = read_measurements(folder / "measured.csv", load_robot(folder / "crane.yaml"))
     np.testing.assert_allclose(table.position, [[1, 1e-3, 0], [0, 1.001, 0]])
 
@@ -141,15 +133,13 @@ def test_points_and_joint_values_become_measurements(run: Run, folder: Path) -> 
         (("nothing.urdf", "--out", "x.yaml"), "nothing.urdf: no such file"),
     ],
 )
-def test_bad_input_ends_with_one_line_and_code_2(run: Run, arguments: tuple[str, ...], message: str) -> None:
+def test_bad_input_ends_with_one_line_and_code_2(
+    refused: Refused, arguments: tuple[str, ...], message: str
+) -> None:
     Path("classic.csv").write_text(
         "# convention: classic\ntheta [deg],d [mm],a [mm],alpha [deg]\nq1,0,600,0\n"
     )
-    result = run("convert", *arguments)
-    assert result.exit_code == 2
-    assert message in result.stderr
-    assert len(result.stderr.splitlines()) == 1
-    assert not Path("x.yaml").exists()
+    refused(["convert", *arguments], message)
 
 
 def test_stiffness_goes_to_the_joints_that_have_none_and_fit_its_unit() -> None:

@@ -1,20 +1,12 @@
 """`beamstiff doctor` names what is missing and what mends it; completion, help, colours of every command."""
 
-from __future__ import annotations
-
-import json
-from collections.abc import Callable
-from typing import Any
-
 import pytest
 from typer.testing import CliRunner
 
 from beamstiff import __version__
 from beamstiff.cli import doctor
 from beamstiff.cli.main import app
-
-Run = Callable[..., Any]
-COMMANDS = [command.callback.__name__ for command in app.registered_commands if command.callback is not None]
+from tests.cli.conftest import Run
 
 
 def test_it_says_versions_optional_parts_and_the_self_check(run: Run) -> None:
@@ -24,8 +16,8 @@ def test_it_says_versions_optional_parts_and_the_self_check(run: Run) -> None:
         assert word in result.stdout
 
 
-def test_json_holds_the_same(run: Run) -> None:
-    facts = json.loads(run("doctor", "--json", "-").stdout)
+def test_json_holds_the_same(told: Run) -> None:
+    facts = told("doctor")
     assert facts["self_check"]["error"] < 1e-12
     assert facts["problems"] == []
     assert {"numpy", "scipy", "typer"} <= {one["name"] for one in facts["needed"]}
@@ -71,11 +63,12 @@ def test_a_library_that_calculates_wrong_is_a_problem(run: Run, monkeypatch: pyt
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish", "powershell"])
-def test_completion_is_there_for_every_shell(run: Run, shell: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_completion_is_there_for_every_shell(
+    succeed: Run, shell: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     # the shell that is named, not the one that happens to run the tests
     monkeypatch.setenv("_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION", "1")
-    result = run("--show-completion", shell)
-    assert result.exit_code == 0
+    result = succeed("--show-completion", shell)
     assert "_BEAMSTIFF_COMPLETE" in result.stdout
     assert f"complete_{shell}" in result.stdout
 
@@ -95,33 +88,3 @@ def test_completion_completes_robots_that_come_along(monkeypatch: pytest.MonkeyP
     monkeypatch.setenv("COMP_CWORD", "2")
     result = CliRunner().invoke(app, [], prog_name="beamstiff")
     assert result.stdout.split() == ["kr240-2", "kr500"]
-
-
-@pytest.mark.parametrize("command", COMMANDS)
-def test_every_command_has_an_example_quiet_json_and_debug(run: Run, command: str) -> None:
-    shown = run(command, "--help").stdout
-    assert f"\n    beamstiff {command}" in shown
-    for option in ("--quiet", "--json", "--debug"):
-        assert option in shown
-
-
-@pytest.mark.parametrize("command", COMMANDS)
-def test_help_in_a_pipe_has_no_colours(run: Run, command: str) -> None:
-    assert "\x1b" not in run(command, "--help").stdout
-
-
-@pytest.mark.parametrize(
-    ("typed", "told"),
-    [
-        (("shwo",), "Did you mean 'show'"),
-        (("show", "ir66"), "did you mean 'ir663'"),
-        (("show", "ir663", "--jsno", "-"), "--json"),
-        (("stiffness", "ir663", "--q", "q22=1"), "did you mean 'q2'"),
-        (("identify", "ir663"), "beamstiff identify --help"),
-    ],
-)
-def test_errors_suggest_the_next_step(run: Run, typed: tuple[str, ...], told: str) -> None:
-    result = run(*typed)
-    assert result.exit_code == 2
-    assert told in result.stderr
-    assert result.stderr.count("\n") == 1

@@ -1,7 +1,5 @@
 """A command that is killed leaves what is the user's, no half of a file, and no trouble for the next run."""
 
-from __future__ import annotations
-
 import json
 import random
 import signal

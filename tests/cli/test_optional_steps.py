@@ -1,9 +1,6 @@
 """A finished result is written although a step that it does not need fails: a note says what is missing."""
 
-from __future__ import annotations
-
 import json
-from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -15,11 +12,11 @@ from beamstiff import load_robot, save_robot, write_measurements
 from beamstiff.errors import BeamstiffError, UnwritableError
 from beamstiff.measure import make_measurements
 from beamstiff.model.linear import predict_displacements
+from tests.cli.conftest import Run
 from tests.cli.test_calibrate import readings
 from tests.cli.test_compensate import PROGRAM
 from tests.exam.standins import always_none
 
-Run = Callable[..., Any]
 REASON = "loop_1 does not close there"
 
 # A joint that goes up and down, without limits, below the joint that gives way.
@@ -72,12 +69,11 @@ def with_play(folder: Path, text: str, q: Any, force: Any) -> tuple[str, str]:
 STEPS = np.array([0.5, 1.0, 0.5, -0.5, -1.0, -0.5])
 
 
-def test_a_length_without_limits_leaves_the_diagnosis_with_a_note(run: Run, folder: Path) -> None:
+def test_a_length_without_limits_leaves_the_diagnosis_with_a_note(succeed: Run, folder: Path) -> None:
     q = np.repeat([[0.0, 0.0], [0.2, 0.3], [0.4, -0.3], [0.1, 0.1]], len(STEPS), axis=0)
     ways = np.stack([-np.sin(q[:, 1]), np.cos(q[:, 1]), 0.0 * q[:, 1]], axis=1)
     given = with_play(folder, LIFT, q, 800.0 * ways * np.tile(STEPS, 4)[:, None])
-    result = run("diagnose", *given, "--json", "out.json", "--next", "next.csv")
-    assert result.exit_code == 0, result.output
+    result = succeed("diagnose", *given, "--json", "out.json", "--next", "next.csv")
     found = json.loads((folder / "out.json").read_text())
     assert found["verdict"]["effect"] not in ("none", "unknown")
     assert found["next"] == []
@@ -88,12 +84,11 @@ def test_a_length_without_limits_leaves_the_diagnosis_with_a_note(run: Run, fold
     assert not (folder / "next.csv").exists()
 
 
-def test_a_posture_that_buckles_leaves_the_diagnosis_with_a_note(run: Run, folder: Path) -> None:
+def test_a_posture_that_buckles_leaves_the_diagnosis_with_a_note(succeed: Run, folder: Path) -> None:
     q = np.repeat([[0.0], [0.3], [-0.3], [0.6], [-0.6], [0.9]], 3, axis=0)
     ways = np.stack([np.cos(q[:, 0]), np.sin(q[:, 0]), 0.0 * q[:, 0]], axis=1)
     force = 2000.0 * ways * np.tile([0.4, 0.7, 1.0], 6)[:, None]
-    result = run("diagnose", *with_play(folder, SLACK, q, force), "--json", "out.json")
-    assert result.exit_code == 0, result.output
+    result = succeed("diagnose", *with_play(folder, SLACK, q, force), "--json", "out.json")
     found = json.loads((folder / "out.json").read_text())
     assert found["next"] == []
     [note] = [text for text in found["notes"] if text.startswith("what to measure next is left out: ")]
@@ -174,7 +169,7 @@ def inputs(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     ids=[f"{command[0]}-{step.rpartition('.')[2]}" for command, step, _, _ in STEPS_OF_COMMANDS],
 )
 def test_a_step_that_fails_becomes_a_note_beside_the_result(
-    run: Run,
+    succeed: Run,
     inputs: Path,
     monkeypatch: pytest.MonkeyPatch,
     command: tuple[str, ...],
@@ -182,11 +177,10 @@ def test_a_step_that_fails_becomes_a_note_beside_the_result(
     options: tuple[str, ...],
     in_json: bool,
 ) -> None:
-    assert run(*command, "--json", "before.json").exit_code == 0
+    succeed(*command, "--json", "before.json")
     module, _, name = step.rpartition(".")
     monkeypatch.setattr(import_module(module), name, fails)
-    result = run(*command, *options, "--json", "after.json")
-    assert result.exit_code == 0, result.output
+    result = succeed(*command, *options, "--json", "after.json")
     assert f"left out: {REASON}\n" in result.stderr
     before, after = (json.loads((inputs / f"{name}.json").read_text()) for name in ("before", "after"))
     notes = after.get("notes") or []

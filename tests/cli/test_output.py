@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any
@@ -8,8 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from beamstiff.cli.output import check_outputs, json_text
-from beamstiff.errors import BeamstiffError
+from beamstiff import BeamstiffError, examine
+from beamstiff.cli.output import json_text
+from tests.cli.conftest import Run
 
 leaves = (
     st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text()
@@ -32,13 +31,15 @@ def test_a_matrix_has_a_line_a_row() -> None:
     assert json_text([[1, 2], [3, 4]]) == "[\n  [1, 2],\n  [3, 4]\n]"
 
 
-def test_an_output_must_not_be_an_input_under_another_name(tmp_path: Path) -> None:
-    data = tmp_path / "data.csv"
-    data.write_text("q1\n")
-    (tmp_path / "link.csv").symlink_to(data)
-    for other in (str(data), str(tmp_path / "link.csv"), f"{tmp_path}/./data.csv"):
-        with pytest.raises(BeamstiffError, match=r"--out .* would overwrite the input"):
-            check_outputs([data], None, out=other)
-    check_outputs([data], "-", out=str(tmp_path / "other.csv"))
-    check_outputs([data], "/dev/null", out="/dev/null")
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["data.csv", "link.csv"]
+def test_a_robot_written_from_a_written_robot_is_replaced_like_any_output(succeed: Run) -> None:
+    for robot, out in (("crane.yaml", "a.yaml"), ("a.yaml", "b.yaml"), ("a.yaml", "b.yaml")):
+        succeed("identify", robot, "crane.csv", "--out", out)
+
+
+def test_reports_of_an_exam_replace_nothing_of_the_users_whoever_asks_for_them(folder: Path) -> None:
+    report = folder / "reports" / "case-000001.json"
+    report.parent.mkdir()
+    report.write_text("my notes")
+    with pytest.raises(BeamstiffError, match=r"case-000001\.json: exists"):
+        examine("kr240-2", cases=2, classes=["null"], reports="reports")
+    assert [(path.name, path.read_text()) for path in report.parent.iterdir()] == [(report.name, "my notes")]

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable
@@ -12,8 +10,7 @@ import pytest
 
 from beamstiff import robot_names
 from beamstiff.robot.library import robot_path
-
-Run = Callable[..., Any]
+from tests.cli.conftest import Run
 
 
 @pytest.fixture
@@ -29,14 +26,14 @@ def facts(run: Run) -> Callable[..., dict[str, Any]]:
     return show
 
 
-def test_without_a_robot_those_that_come_along_are_listed(run: Run) -> None:
+def test_without_a_robot_those_that_come_along_are_listed(run: Run, told: Run) -> None:
     assert run("show").stdout.split()[4:] == robot_names()
-    assert json.loads(run("show", "--json", "-").stdout) == {"robots": robot_names()}
+    assert told("show") == {"robots": robot_names()}
 
 
 @pytest.mark.parametrize("name", robot_names())
-def test_every_shipped_robot_is_shown(run: Run, facts: Callable[..., dict[str, Any]], name: str) -> None:
-    assert run("show", name).exit_code == 0
+def test_every_shipped_robot_is_shown(succeed: Run, facts: Callable[..., dict[str, Any]], name: str) -> None:
+    succeed("show", name)
     answer = facts(name)
     assert answer["name"] == name
     assert answer["reach"]["closing"] > 0
@@ -61,15 +58,14 @@ def test_the_ir663_is_described_as_in_its_paper(facts: Callable[..., dict[str, A
     assert answer["unknowns"] == 45
 
 
-def test_loops_that_close_far_from_their_guess_are_told(run: Run, folder: Path) -> None:
+def test_loops_that_close_far_from_their_guess_are_told(succeed: Run, folder: Path) -> None:
     """The same four-bar from guesses 3 and 33 degrees away, and from one a whole turn away."""
     text = robot_path("ir663").read_text(encoding="utf-8")
     for guess, notes in (("20 deg", 0), ("-10.5 deg", 1), ("382.8 deg", 0)):
         changed = text.replace('"22.8 deg"', f'"{guess}"')
         assert (changed != text) == (guess != "22.8 deg")
         (folder / "four_bar.yaml").write_text(changed, encoding="utf-8")
-        result = run("show", "four_bar.yaml", "--json", "facts.json")
-        assert result.exit_code == 0
+        result = succeed("show", "four_bar.yaml", "--json", "facts.json")
         assert result.stderr.count("\n") == notes
         far = json.loads((folder / "facts.json").read_text())["far_from_guess"]
         assert [item["variable"] for item in far] == ["th3"] * notes
@@ -156,10 +152,9 @@ def test_gravity_stands_in_the_summary(run: Run, folder: Path) -> None:
     assert re.search(r"gravity +none", run("show", "moon.yaml").stdout)
 
 
-def test_limits_without_a_unit_that_are_many_turns_are_noted(run: Run, folder: Path) -> None:
+def test_limits_without_a_unit_that_are_many_turns_are_noted(succeed: Run, folder: Path) -> None:
     text = (folder / "crane.yaml").read_text().replace('"-170 deg", "170 deg"', "-170, 170")
     (folder / "crane.yaml").write_text(text)
     for command in (("show",), ("deflect", "crane.csv")):
-        result = run(command[0], "crane.yaml", *command[1:])
-        assert result.exit_code == 0
+        result = succeed(command[0], "crane.yaml", *command[1:])
         assert "limits of q1: -170 to 170 rad are 54 turns" in " ".join(result.stderr.split())

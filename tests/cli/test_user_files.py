@@ -1,7 +1,5 @@
 """No command changes a file that it did not make, whatever the file is, whatever becomes of the command."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import tempfile
@@ -46,7 +44,7 @@ COMMANDS: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
     "deflect": (("crane.yaml", "crane.csv"), {"out": "o.csv", "vtu": "o.vtu", "html": "o.html"}),
     "identify": (
         ("crane.yaml", "crane.csv", "--folds", "0"),
-        {"out": "o.yaml", "reduce": "small.yaml", "figure": "o.png", "html": "o.html"},
+        {"out": "o.yaml", "reduce": "small.yaml", "figure": "o.PNG", "html": "o.html"},
     ),
     "calibrate": (
         ("crane.yaml", "points.csv", "--fix", "base", "--parameters", "q1", "--folds", "0"),
@@ -256,6 +254,25 @@ def test_what_a_command_did_not_write_stays(name: str, data: st.DataObject, earl
             assert result.stderr.splitlines()[-1].startswith("error: ")
             assert after.keys() - {str(folder / "reports")} <= before.keys(), "nothing is written then"
             assert all(after[path] == was for path, was in before.items())
+
+
+HEADS = {
+    ".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF", ".html": b"<!doctype html>", ".vtu": b"<?xml",
+    ".json": b"{", ".jsonl": b"{", ".nc": b"CDF", ".urdf": b"<?xml", ".yaml": b"# ", ".csv": b"# ",
+    ".src": b"DEF",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_outputs_are_of_the_kind_that_their_name_says(name: str, earlier: dict[str, Path]) -> None:
+    for file in outputs_of(name).values():
+        if file != "reports":
+            assert (
+                (earlier[name] / file)
+                .read_bytes()
+                .lower()
+                .startswith(HEADS[Path(file).suffix.lower()].lower())
+            )
 
 
 @pytest.mark.parametrize("name", COMMANDS)

@@ -1,18 +1,10 @@
 """Programs made of pieces, so that a test knows which characters are numbers of targets."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 
-import numpy as np
 from hypothesis import settings
 from hypothesis import strategies as st
-
-from beamstiff.compensation.formats.program import Program
-from beamstiff.compensation.path import ToolPath
-from beamstiff.measure.orientation import KUKA
-from beamstiff.se3 import Array
 
 # programs take long to make; `--hypothesis-profile=thorough` makes more all the same
 FEWER = settings(max_examples=(settings.default.max_examples if settings.default else 100) // 4)
@@ -72,23 +64,124 @@ def joined(lines: list[list[str]], end: str) -> Pieces:
     return Pieces(tuple(between), tuple(numbers))
 
 
-def check_unmodified(program: Program, pieces: Pieces, count: int) -> None:
-    """Assert that a program has its targets, and is the same byte for byte while they stay."""
-    assert len(program.path) == count
-    assert program.with_poses(program.path.poses) == pieces.text.encode("latin-1")
+@st.composite
+def krl_programs(draw: st.DrawFn) -> tuple[Pieces, int]:
+    """Return a KRL program and its number of targets."""
+    end, count = draw(ENDS), draw(st.integers(1, 4))
+    remarks = REMARKS.map(lambda text: f"; {text}")
+    lines = [["&ACCESS RVP"], ["DEF a( )"], [draw(remarks)]]
+    for number in range(count):
+        head = draw(
+            st.sampled_from(
+                [
+                    f"DECL E6POS XP{number}={{",
+                    f"XP{number} = {{",
+                    "LIN {",
+                    "ptp {E6POS: ",
+                    "  SPL {",
+                    "CIRC {FRAME :",
+                ]
+            )
+        )
+        line = [head]
+        keys = "XYZABC" if draw(st.booleans()) else "xyzabc"
+        for at, key in enumerate(keys):
+            line[-1] += f"{draw(BLANKS)}{key}{draw(GAPS)}"
+            line += [draw(number_texts(2000.0 if at < 3 else 170.0)), draw(BLANKS) + ("," if at < 5 else "")]
+        line[-1] += draw(st.sampled_from(["}", ",S 2,T 35}", ",S 'B010',T 2,E1 0.0}"])) + draw(remarks)
+        lines.append(line)
+        lines.append([draw(st.sampled_from(["", "WAIT SEC 0.5", "PTP {A1 0,A2 -90,A3 90}", 'x="{X 1"']))])
+    return joined(lines, end), count
 
 
-def check_moved(program: Program, pieces: Pieces, seed: int) -> tuple[Array, ToolPath]:
-    """Assert that numbers alone change when targets are moved, and positions come back.
+QUATERNIONS = (
+    ("1", "0", "0", "0"),
+    ("0.70710678", "0", "0.70710678", "0"),
+    ("-.5", "0.5", "-5.0E-01", "0.5"),
+    ("0.182574", "-0.365148", "0.547723", "0.730297"),
+)
 
-    Returns where the targets were moved to, (N, 4, 4), and the path that is read again.
-    """
-    random, count = np.random.default_rng(seed), len(program.path)
-    poses = program.path.poses.copy()
-    poses[:, :3, 3] += random.uniform(-2e-3, 2e-3, (count, 3))
-    poses[:, :3, :3] = KUKA.rotations(random.uniform(-2e-3, 2e-3, (count, 3))) @ poses[:, :3, :3]
-    content = program.with_poses(poses)
-    assert pieces.pattern().fullmatch(content)
-    again = program.read(content.decode("latin-1"), program.path.source).path
-    np.testing.assert_allclose(again.poses[:, :3, 3], poses[:, :3, 3], rtol=0, atol=0.51e-6)
-    return poses, again
+
+@st.composite
+def rapid_modules(draw: st.DrawFn) -> tuple[Pieces, int]:
+    """Return a RAPID module and its number of targets."""
+    end, count = draw(ENDS), draw(st.integers(1, 4))
+    remarks = REMARKS.map(lambda text: f" ! {text}")
+    tail = "[1,1,0,0],[9E9,9E+09,9E9,9E9,9E9,0]]"
+    lines = [["MODULE m"], [draw(remarks)]]
+    for number in range(count):
+        head, foot = draw(
+            st.sampled_from(
+                [
+                    (f"CONST robtarget p{number}:=[", ";"),
+                    (f"  LOCAL PERS  RobTarget p{number} := [", " ;"),
+                    ("MoveL [", ",v100,z5,tool0\\WObj:=w1;"),
+                    ("MoveJ\\Conc,[", ", v1000, fine, t;"),
+                ]
+            )
+        )
+        line = [head + draw(BLANKS) + "["]
+        for at in range(3):
+            line[-1] += draw(BLANKS)
+            line += [draw(number_texts(2000.0)), draw(BLANKS) + ("," if at < 2 else "]")]
+        line[-1] += draw(BLANKS) + "," + draw(st.sampled_from(["", end])) + draw(BLANKS) + "["
+        quaternion = draw(st.sampled_from(QUATERNIONS))
+        for at, text in enumerate(quaternion):
+            line += [text, draw(BLANKS) + ("," if at < 3 else "]")]
+        line[-1] += "," + draw(BLANKS) + tail + foot + draw(remarks)
+        lines.append(line)
+        lines.append([draw(st.sampled_from(["", 'TPWrite "[[1,2,3]";', "WaitTime 1;"]))])
+    return joined(lines, end), count
+
+
+AXES = (("0", "0", "1"), ("0.6", "0.0", "8.0E-01"), ("-.7071068", "0", ".7071068"), ("1.", "0", "0"))
+
+
+@st.composite
+def apt_files(draw: st.DrawFn) -> tuple[Pieces, int]:
+    """Return an APT file and its number of targets."""
+    end, count = draw(ENDS), draw(st.integers(1, 4))
+    lines = [["PARTNO " + draw(REMARKS).replace("$", "")], ["MULTAX/ON"], ["FROM/0,0,100"]]
+    for _ in range(count):
+        line = [draw(st.sampled_from(["GOTO/", "goto / ", "  GOTO/\t", "12 GOTO /"]))]
+        for at in range(3):
+            line[-1] += draw(BLANKS)
+            line += [draw(number_texts(900.0)), draw(BLANKS) + ("," if at < 2 else "")]
+        if draw(st.booleans()):
+            line[-1] += "," + draw(st.sampled_from(["", "$" + end + "   "]))
+            for at, text in enumerate(draw(st.sampled_from(AXES))):
+                line += [text, draw(BLANKS) + ("," if at < 2 else "")]
+        line[-1] += draw(st.sampled_from(["", " $$ 1,2,3 ", "$$"]))
+        lines.append(line)
+        lines.append(
+            [draw(st.sampled_from(["", "FEDRAT/20,MMPM", "PPRINT GOTO/1,2", "$$ GOTO/1,2,3", "RAPID"]))]
+        )
+    return joined([*lines, ["FINI"]], end), count
+
+
+HEADERS = {
+    "mm, deg": ("x [mm]", "y [mm]", "z [mm]", "a [deg]", "b [deg]", "c [deg]"),
+    "SI": ("x", "y", "z", "a", "b", "c"),
+    "mixed": ("x [cm]", "y [in]", "z [m]", "a [rad]", "b [mrad]", "c [deg]"),
+}
+
+
+@st.composite
+def path_tables(draw: st.DrawFn) -> tuple[Pieces, int]:
+    """Return a path table and its number of rows."""
+    end, count = draw(ENDS), draw(st.integers(1, 4))
+    separator = draw(st.sampled_from([",", ";", "\t"]))
+    blanks = BLANKS if separator != "\t" else st.sampled_from(["", " "])
+    header = HEADERS[draw(st.sampled_from(sorted(HEADERS)))]
+    names = separator.join(("name", *header, "n"))
+    lines = [["# made by " + draw(REMARKS)], ["# orientation: KUKA ABC"], [names]]
+    for number in range(count):
+        name = draw(st.sampled_from([f"P{number}", f'"a{separator} {number}"', "", "#"])) or f"Q{number}"
+        line = [(name if name != "#" else "P") + separator]
+        for _ in range(6):
+            line[-1] += draw(blanks)
+            line += [draw(number_texts(2.0)), draw(blanks) + separator]
+        line[-1] += draw(st.sampled_from(["5", "", "text"]))
+        lines.append(line)
+        lines.append([draw(st.sampled_from(["", "# x"]))])
+    return joined(lines, end), count

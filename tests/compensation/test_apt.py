@@ -1,66 +1,10 @@
 """APT cutter location files: GOTO in its units, and that nothing but its numbers changes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from beamstiff.compensation.formats import apt
 from beamstiff.errors import BeamstiffError
-
-from .programs import (
-    BLANKS,
-    ENDS,
-    FEWER,
-    REMARKS,
-    Pieces,
-    check_moved,
-    check_unmodified,
-    joined,
-    number_texts,
-)
-
-AXES = (("0", "0", "1"), ("0.6", "0.0", "8.0E-01"), ("-.7071068", "0", ".7071068"), ("1.", "0", "0"))
-
-
-@st.composite
-def programs(draw: st.DrawFn) -> tuple[Pieces, int]:
-    """Return an APT file and its number of targets."""
-    end, count = draw(ENDS), draw(st.integers(1, 4))
-    lines = [["PARTNO " + draw(REMARKS).replace("$", "")], ["MULTAX/ON"], ["FROM/0,0,100"]]
-    for _ in range(count):
-        line = [draw(st.sampled_from(["GOTO/", "goto / ", "  GOTO/\t", "12 GOTO /"]))]
-        for at in range(3):
-            line[-1] += draw(BLANKS)
-            line += [draw(number_texts(900.0)), draw(BLANKS) + ("," if at < 2 else "")]
-        if draw(st.booleans()):
-            line[-1] += "," + draw(st.sampled_from(["", "$" + end + "   "]))
-            for at, text in enumerate(draw(st.sampled_from(AXES))):
-                line += [text, draw(BLANKS) + ("," if at < 2 else "")]
-        line[-1] += draw(st.sampled_from(["", " $$ 1,2,3 ", "$$"]))
-        lines.append(line)
-        lines.append(
-            [draw(st.sampled_from(["", "FEDRAT/20,MMPM", "PPRINT GOTO/1,2", "$$ GOTO/1,2,3", "RAPID"]))]
-        )
-    return joined([*lines, ["FINI"]], end), count
-
-
-@FEWER
-@given(programs())
-def test_an_unmodified_file_is_the_same_byte_for_byte(made: tuple[Pieces, int]) -> None:
-    pieces, count = made
-    check_unmodified(apt.read(pieces.text, "a.apt"), pieces, count)
-
-
-@FEWER
-@given(programs(), st.integers(0, 2**32 - 1))
-def test_only_numbers_of_targets_change_and_they_say_where_to(made: tuple[Pieces, int], seed: int) -> None:
-    pieces, _ = made
-    poses, again = check_moved(apt.read(pieces.text, "a.apt"), pieces, seed)
-    turned = again.turns
-    np.testing.assert_allclose(again.poses[turned, :3, 2], poses[turned, :3, 2], rtol=0, atol=1e-6)
 
 
 @pytest.mark.parametrize(

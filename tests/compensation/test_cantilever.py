@@ -1,7 +1,5 @@
 """The tool on a cantilever: exact elastica, small deflections, friction, and where there is no answer."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp

@@ -1,7 +1,5 @@
 """Fake poses: the real tool comes to rest where it was meant to."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Numbers in the place and form of others."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Joint values along paths: one branch, jumps told, out of reach told."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """Programs with a few characters changed are read or refused in one line, never anything else."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,86 +1,10 @@
 """KUKA KRL: which literals are targets, and that nothing but their numbers changes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from beamstiff.compensation.formats import krl
 from beamstiff.errors import BeamstiffError
-
-from .programs import (
-    BLANKS,
-    ENDS,
-    FEWER,
-    GAPS,
-    REMARKS,
-    Pieces,
-    check_moved,
-    check_unmodified,
-    joined,
-    number_texts,
-)
-
-
-@st.composite
-def programs(draw: st.DrawFn) -> tuple[Pieces, int]:
-    """Return a KRL program and its number of targets."""
-    end, count = draw(ENDS), draw(st.integers(1, 4))
-    remarks = REMARKS.map(lambda text: f"; {text}")
-    lines = [["&ACCESS RVP"], ["DEF a( )"], [draw(remarks)]]
-    for number in range(count):
-        head = draw(
-            st.sampled_from(
-                [
-                    f"DECL E6POS XP{number}={{",
-                    f"XP{number} = {{",
-                    "LIN {",
-                    "ptp {E6POS: ",
-                    "  SPL {",
-                    "CIRC {FRAME :",
-                ]
-            )
-        )
-        line = [head]
-        keys = "XYZABC" if draw(st.booleans()) else "xyzabc"
-        for at, key in enumerate(keys):
-            line[-1] += f"{draw(BLANKS)}{key}{draw(GAPS)}"
-            line += [draw(number_texts(2000.0 if at < 3 else 170.0)), draw(BLANKS) + ("," if at < 5 else "")]
-        line[-1] += draw(st.sampled_from(["}", ",S 2,T 35}", ",S 'B010',T 2,E1 0.0}"])) + draw(remarks)
-        lines.append(line)
-        lines.append([draw(st.sampled_from(["", "WAIT SEC 0.5", "PTP {A1 0,A2 -90,A3 90}", 'x="{X 1"']))])
-    return joined(lines, end), count
-
-
-@FEWER
-@given(programs())
-def test_an_unmodified_program_is_the_same_byte_for_byte(made: tuple[Pieces, int]) -> None:
-    pieces, count = made
-    check_unmodified(krl.read(pieces.text, "a.src"), pieces, count)
-
-
-@FEWER
-@given(programs(), st.integers(0, 2**32 - 1))
-def test_only_numbers_of_targets_change_and_they_say_where_to(made: tuple[Pieces, int], seed: int) -> None:
-    pieces, _ = made
-    poses, again = check_moved(krl.read(pieces.text, "a.src"), pieces, seed)
-    # 0.0001 deg, of three angles
-    np.testing.assert_allclose(again.poses[:, :3, :3], poses[:, :3, :3], rtol=0, atol=3e-6)
-
-
-@FEWER
-@given(programs(), st.data())
-def test_targets_that_are_not_chosen_stay(made: tuple[Pieces, int], data: st.DataObject) -> None:
-    pieces, count = made
-    program = krl.read(pieces.text, "a.src")
-    which = np.array(data.draw(st.lists(st.booleans(), min_size=count, max_size=count)))
-    poses = program.path.poses.copy()
-    poses[:, :3, 3] += 1e-3
-    again = krl.read(program.with_poses(poses, which).decode("latin-1"), "a.src").path.poses
-    np.testing.assert_allclose(again[which], poses[which], atol=1e-6)
-    np.testing.assert_array_equal(again[~which], program.path.poses[~which])
 
 
 def test_values_are_millimetres_and_degrees() -> None:

@@ -1,68 +1,10 @@
 """Path tables: columns, units, conventions of orientation, and cells replaced in their place."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from beamstiff.compensation.formats import path_csv
 from beamstiff.errors import BeamstiffError
-
-from .programs import (
-    BLANKS,
-    ENDS,
-    FEWER,
-    REMARKS,
-    Pieces,
-    check_moved,
-    check_unmodified,
-    joined,
-    number_texts,
-)
-
-HEADERS = {
-    "mm, deg": ("x [mm]", "y [mm]", "z [mm]", "a [deg]", "b [deg]", "c [deg]"),
-    "SI": ("x", "y", "z", "a", "b", "c"),
-    "mixed": ("x [cm]", "y [in]", "z [m]", "a [rad]", "b [mrad]", "c [deg]"),
-}
-
-
-@st.composite
-def tables(draw: st.DrawFn) -> tuple[Pieces, int]:
-    """Return a path table and its number of rows."""
-    end, count = draw(ENDS), draw(st.integers(1, 4))
-    separator = draw(st.sampled_from([",", ";", "\t"]))
-    blanks = BLANKS if separator != "\t" else st.sampled_from(["", " "])
-    header = HEADERS[draw(st.sampled_from(sorted(HEADERS)))]
-    names = separator.join(("name", *header, "n"))
-    lines = [["# made by " + draw(REMARKS)], ["# orientation: KUKA ABC"], [names]]
-    for number in range(count):
-        name = draw(st.sampled_from([f"P{number}", f'"a{separator} {number}"', "", "#"])) or f"Q{number}"
-        line = [(name if name != "#" else "P") + separator]
-        for _ in range(6):
-            line[-1] += draw(blanks)
-            line += [draw(number_texts(2.0)), draw(blanks) + separator]
-        line[-1] += draw(st.sampled_from(["5", "", "text"]))
-        lines.append(line)
-        lines.append([draw(st.sampled_from(["", "# x"]))])
-    return joined(lines, end), count
-
-
-@FEWER
-@given(tables())
-def test_an_unmodified_table_is_the_same_byte_for_byte(made: tuple[Pieces, int]) -> None:
-    pieces, count = made
-    check_unmodified(path_csv.read(pieces.text, "a.csv"), pieces, count)
-
-
-@FEWER
-@given(tables(), st.integers(0, 2**32 - 1))
-def test_only_cells_of_targets_change_and_they_say_where_to(made: tuple[Pieces, int], seed: int) -> None:
-    pieces, _ = made
-    poses, again = check_moved(path_csv.read(pieces.text, "a.csv"), pieces, seed)
-    np.testing.assert_allclose(again.poses[:, :3, :3], poses[:, :3, :3], rtol=0, atol=3e-6)
 
 
 def test_units_loads_and_further_columns() -> None:

@@ -1,7 +1,5 @@
 """Process models from YAML, and loads that are not a beam's."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

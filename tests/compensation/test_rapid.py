@@ -1,81 +1,10 @@
 """ABB RAPID: robtargets wherever they stand, and that nothing but their numbers changes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from beamstiff.compensation.formats import rapid
 from beamstiff.errors import BeamstiffError
-
-from .programs import (
-    BLANKS,
-    ENDS,
-    FEWER,
-    REMARKS,
-    Pieces,
-    check_moved,
-    check_unmodified,
-    joined,
-    number_texts,
-)
-
-QUATERNIONS = (
-    ("1", "0", "0", "0"),
-    ("0.70710678", "0", "0.70710678", "0"),
-    ("-.5", "0.5", "-5.0E-01", "0.5"),
-    ("0.182574", "-0.365148", "0.547723", "0.730297"),
-)
-
-
-@st.composite
-def programs(draw: st.DrawFn) -> tuple[Pieces, int]:
-    """Return a RAPID module and its number of targets."""
-    end, count = draw(ENDS), draw(st.integers(1, 4))
-    remarks = REMARKS.map(lambda text: f" ! {text}")
-    tail = "[1,1,0,0],[9E9,9E+09,9E9,9E9,9E9,0]]"
-    lines = [["MODULE m"], [draw(remarks)]]
-    for number in range(count):
-        head, foot = draw(
-            st.sampled_from(
-                [
-                    (f"CONST robtarget p{number}:=[", ";"),
-                    (f"  LOCAL PERS  RobTarget p{number} := [", " ;"),
-                    ("MoveL [", ",v100,z5,tool0\\WObj:=w1;"),
-                    ("MoveJ\\Conc,[", ", v1000, fine, t;"),
-                ]
-            )
-        )
-        line = [head + draw(BLANKS) + "["]
-        for at in range(3):
-            line[-1] += draw(BLANKS)
-            line += [draw(number_texts(2000.0)), draw(BLANKS) + ("," if at < 2 else "]")]
-        line[-1] += draw(BLANKS) + "," + draw(st.sampled_from(["", end])) + draw(BLANKS) + "["
-        quaternion = draw(st.sampled_from(QUATERNIONS))
-        for at, text in enumerate(quaternion):
-            line += [text, draw(BLANKS) + ("," if at < 3 else "]")]
-        line[-1] += "," + draw(BLANKS) + tail + foot + draw(remarks)
-        lines.append(line)
-        lines.append([draw(st.sampled_from(["", 'TPWrite "[[1,2,3]";', "WaitTime 1;"]))])
-    return joined(lines, end), count
-
-
-@FEWER
-@given(programs())
-def test_an_unmodified_module_is_the_same_byte_for_byte(made: tuple[Pieces, int]) -> None:
-    pieces, count = made
-    check_unmodified(rapid.read(pieces.text, "a.mod"), pieces, count)
-
-
-@FEWER
-@given(programs(), st.integers(0, 2**32 - 1))
-def test_only_numbers_of_targets_change_and_they_say_where_to(made: tuple[Pieces, int], seed: int) -> None:
-    pieces, _ = made
-    poses, again = check_moved(rapid.read(pieces.text, "a.mod"), pieces, seed)
-    np.testing.assert_allclose(again.poses[:, :3, :3], poses[:, :3, :3], rtol=0, atol=1e-6)
-
 
 TARGET = "[[600,500,225.3],[1,0,0,0],[1,1,0,0],[11,12.3,9E9,9E9,9E9,9E9]]"  # of the manual
 

@@ -1,7 +1,5 @@
 """More targets on the same line."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

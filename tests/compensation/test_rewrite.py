@@ -1,7 +1,5 @@
 """From file to corrected file: what is told of it is what stands in it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """benchmarks/compensation_study.py, small: what it must show, it shows."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Hypotheses and whitened gaps made of bare numbers: no robot behind them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Machines and loads whose answers the tests work out themselves, by statics and rigid-body motion."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
@@ -13,9 +11,10 @@ from beamstiff.diagnosis.effects import EFFECTS, Shape
 from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline, predict
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.linear import predict_displacements
-from beamstiff.robot.parts import Beam, Frame, Joint, JointStiffness, Mass, Material, Node, Rigid, Variable
+from beamstiff.robot.parts import Beam, JointStiffness, Mass, Material
 from beamstiff.robot.sections import Section
 from beamstiff.se3 import Array
+from tests.arms import planar_arm
 
 UPPER, FORE = 1.2, 0.8  # m, links of the elbow arm
 SHOULDER, ELBOW = 2e6, 5e5  # N m/rad
@@ -25,40 +24,17 @@ ONCE = "no state was measured twice: the noise cannot be told from what the mode
 
 def elbow(mass: float = 0.0, gravity: tuple[float, float, float] = (0.0, 0.0, -9.81), **second: Any) -> Robot:
     """Return an arm of two joints about the vertical; `second` is stiffness of the second beside its own."""
-    joints = [
-        Joint(
-            name="J1",
-            nodes=["foot", "hub"],
-            frame="f1",
-            variable="q1",
-            stiffness=JointStiffness(torsional=SHOULDER),
-        ),
-        Joint(
-            name="J2",
-            nodes=["end", "pin"],
-            frame="f2",
-            variable="q2",
-            stiffness=JointStiffness(**({"torsional": ELBOW} | second)),
-        ),
-    ]
-    return Robot(
-        name="elbow",
+    own = JointStiffness(**({"torsional": ELBOW} | second))
+    return planar_arm(
+        "elbow",
+        (UPPER, FORE),
+        (SHOULDER, own),
+        "foot hub end pin tip",
+        ("upper", "fore"),
+        limits=(-3.0, 3.0),
         gravity=gravity,
-        variables=[Variable(name=name, type="revolute", limits=(-3.0, 3.0)) for name in ("q1", "q2")],
-        frames=[Frame(name="f1", theta="q1"), Frame(name="f2", parent="f1", d=UPPER, theta="q2")],
-        nodes=[
-            Node(name="foot"),
-            Node(name="hub", frame="f1"),
-            Node(name="end", frame="f1", at=(UPPER, 0, 0)),
-            Node(name="pin", frame="f2"),
-            Node(name="tip", frame="f2", at=(FORE, 0, 0)),
-        ],
-        rigids=[Rigid(name="upper", nodes=["hub", "end"]), Rigid(name="fore", nodes=["pin", "tip"])],
-        joints=joints,
         masses=[Mass(node="tip", mass=mass)] if mass else [],
-        fixed=["foot"],
-        tcp="tip",
-        identify=[f"{joint.name}.torsional" for joint in joints if np.isfinite(joint.stiffness.torsional)],
+        identify=["J1.torsional", *(["J2.torsional"] if np.isfinite(own.torsional) else [])],
     )
 
 
@@ -99,6 +75,15 @@ def close(found: Array, expected: Array, share: float = 1e-9, least: float = 1e-
     for part in (slice(0, 3), slice(3, 6)):
         scale = np.abs(expected[:, part]).max()
         np.testing.assert_allclose(found[:, part], expected[:, part], rtol=0, atol=share * scale + least)
+
+
+def unexplained(moved: Array, *columns: Array) -> float:
+    """Return the share of a displacement (N, 6) that columns (N, 6, c) of any size do not explain."""
+    every = np.concatenate(columns, axis=-1).reshape(moved.size, -1)
+    size = np.linalg.norm(every, axis=0)
+    every = every[:, size > 0] / size[size > 0]
+    rest = moved.ravel() - every @ np.linalg.lstsq(every, moved.ravel())[0]
+    return float(np.linalg.norm(rest) / np.linalg.norm(moved))
 
 
 def by_compliance_of(robot: Robot, rows: Measurements, name: str) -> Array:

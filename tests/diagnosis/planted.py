@@ -1,7 +1,5 @@
 """Campaigns on the KR240-2 with an effect put in by closed forms of first order, none the library's own."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache

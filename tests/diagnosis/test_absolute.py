@@ -1,7 +1,5 @@
 """Absolute positions of a rigid model: what the dead weight shows is found, what is hidden is said."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

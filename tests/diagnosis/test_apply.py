@@ -1,7 +1,5 @@
 """Effects in the robot's file: what a diagnosis writes predicts as it did, and leaves nothing to find."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from typing import Any

@@ -1,7 +1,5 @@
 """Diagnoses end to end: the effect that was put in is named, and nothing is where there is nothing."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

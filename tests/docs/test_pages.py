@@ -1,7 +1,5 @@
 """The pages of docs/ say what happens: commands and Python run, links lead somewhere, pictures are there."""
 
-from __future__ import annotations
-
 import doctest
 import re
 import shlex

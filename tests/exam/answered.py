@@ -1,7 +1,5 @@
 """Answered cases made by hand: a truth, a verdict, and what else a test is about."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from beamstiff.exam.names import is_named, normal

@@ -1,7 +1,5 @@
 """Campaigns for the tests of the simulated machines."""
 
-from __future__ import annotations
-
 import dataclasses
 from typing import Any
 
@@ -13,7 +11,8 @@ from beamstiff.exam.machine import machine_of
 from beamstiff.exam.reality import Reality
 from beamstiff.exam.simulate import readings
 from beamstiff.robot.description import Robot
-from beamstiff.robot.parts import Frame, Joint, JointStiffness, Node, Rigid, Variable
+from beamstiff.robot.parts import JointStiffness
+from tests.arms import planar_arm
 
 
 def campaign_of(robot: Robot, q: Any, wrench: Any, **other: Any) -> SimulatedCampaign:
@@ -77,26 +76,10 @@ LONG = 2.0  # m, of the arm
 
 def arm(stiffness: float = STIFF, gravity: float = 0.0) -> Robot:
     """Return an arm along x that turns about the vertical; its drive is elastic, all else is rigid."""
-    return Robot(
-        name="arm",
-        gravity=(0.0, 0.0, -gravity),
-        variables=[Variable(name="q1", type="revolute", limits=(-1.0, 1.0))],
-        frames=[Frame(name="f1", theta="q1")],
-        nodes=[Node(name="a"), Node(name="b", frame="f1"), Node(name="tip", frame="f1", at=(LONG, 0, 0))],
-        rigids=[Rigid(name="arm", nodes=["b", "tip"])],
-        joints=[
-            Joint(
-                name="J",
-                nodes=["a", "b"],
-                frame="f1",
-                variable="q1",
-                stiffness=JointStiffness(torsional="rigid" if np.isinf(stiffness) else stiffness),
-            )
-        ],
-        fixed=["a"],
-        tcp="tip",
-        identify=["J.torsional"] if np.isfinite(stiffness) else [],
-    )
+    stiff = JointStiffness(torsional="rigid" if np.isinf(stiffness) else stiffness)
+    named = ["J.torsional"] if np.isfinite(stiffness) else []
+    more = {"limits": (-1.0, 1.0), "gravity": (0.0, 0.0, -gravity), "identify": named}
+    return planar_arm("arm", (LONG,), (stiff,), "a b tip", ("arm",), ("J",), **more)
 
 
 def pushed(robot: Robot, wrench: Any, *truths: Truth, q: float = 0.0, **other: Any) -> Array:

@@ -1,7 +1,5 @@
 """Closed forms of first order: what the tip of the arm does under a wrench, besides its drive."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """A serial robot, its poses and the library's linear theory of it, for the simulated machines' tests."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

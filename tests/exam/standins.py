@@ -1,7 +1,5 @@
 """Diagnoses that know nothing, or everything: what the exam must say of them is known beforehand."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """The simulated machine without effects: against closed forms, and the library where both must agree."""
 
-from __future__ import annotations
-
 import ast
 import dataclasses
 from pathlib import Path

@@ -1,7 +1,5 @@
 """How large a gap is, checked on campaigns of another program, and sizes drawn for it."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import json
 
 from beamstiff.exam.names import NONE, UNKNOWN

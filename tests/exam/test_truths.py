@@ -1,7 +1,5 @@
 """What holds of all effects of the simulated machines: where they sit, what they keep, that they repeat."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import ModuleType
 

@@ -1,7 +1,5 @@
 """Wrong geometry and payload, of all authors: against the library's kinematics of another robot."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Levers, balancers and coupled drives of all authors against mechanics, on an arm and a six-axis robot."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 
 import numpy as np

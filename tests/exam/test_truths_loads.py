@@ -1,7 +1,5 @@
 """Loads that act beside the tool or are misread, of all authors: against linear theory."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 

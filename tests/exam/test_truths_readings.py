@@ -1,7 +1,5 @@
 """Wrong measuring frames, drift and bad rows, of all authors: against their laws."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The drives' springs and friction, of all authors, against their laws: an arm that turns about its axis."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 

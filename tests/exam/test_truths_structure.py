@@ -1,7 +1,5 @@
 """Structural effects of all authors against closed forms of first order, on an arm."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

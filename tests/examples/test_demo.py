@@ -1,7 +1,5 @@
 """The demo says what it should, honestly, and draws its figure."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """The design study compares what it says it does, and draws its figure."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

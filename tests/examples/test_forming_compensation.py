@@ -1,7 +1,5 @@
 """examples/forming_compensation.py: the better the beam is known, the less is left."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """examples/ir663_identification.py finds what the paper found: its groups, its gap, where that is from."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from pathlib import Path

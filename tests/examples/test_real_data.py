@@ -1,7 +1,5 @@
 """The examples with public measurements skip cleanly without them, and say what they should with them."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import re

@@ -1,7 +1,5 @@
 """The example's numbers against the springs of the joints and their lever arms."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import re

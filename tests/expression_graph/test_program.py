@@ -1,7 +1,5 @@
 """Programs give what the arithmetic they recorded gives."""
 
-from __future__ import annotations
-
 import importlib.util
 import math
 

@@ -1,7 +1,5 @@
 """Frames for the tests, written as lists of points and pairs of them, and short ways to their answers."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any

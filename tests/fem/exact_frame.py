@@ -3,8 +3,6 @@
 Whatever the stiffnesses, the answer is that of the numbers of the description as they stand.
 """
 
-from __future__ import annotations
-
 from decimal import Decimal, localcontext
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Random structures with every kind of part, as a description and as a reference frame at once."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

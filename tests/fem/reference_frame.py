@@ -7,8 +7,6 @@ Rows that depend on others are left out by a pivoted QR; the saddle point system
 refinement in extended precision.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 

@@ -5,8 +5,6 @@ measured exactly at any displacement, and the equilibrium is differentiated: onc
 by central differences. Rigid directions are constraints with Lagrange multipliers (their null space by SVD).
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Random structures whose parts are unlike by many powers of ten, and how right their compliance is."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

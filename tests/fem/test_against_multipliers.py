@@ -3,8 +3,6 @@
 Rigids, joints with directions rigid, finite and free, struts, loops of them and redundant loops.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import assume, event, given

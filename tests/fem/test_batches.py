@@ -1,7 +1,5 @@
 """Many poses at once give what each gives by itself, and the size of the pieces does not show."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -5,8 +5,6 @@ definite. Under axial forces one element a beam is exact; in lateral buckling th
 critical load with the second power of their length.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

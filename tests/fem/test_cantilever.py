@@ -4,8 +4,6 @@ Sources: Gere, Mechanics of Materials, 6th ed., appendix G (bending) and section
 torsion); shear after Timoshenko, Phil. Mag. 41 (1921) 744.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

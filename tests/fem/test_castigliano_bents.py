@@ -4,8 +4,6 @@ Source: Timoshenko & Young, Theory of Structures, 2nd ed., ch. 8; the L-bend's a
 is in every text (for instance Boresi & Schmidt, Advanced Mechanics of Materials, 6th ed., section 5.4).
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -5,8 +5,6 @@ the loop equations (Gosselin, Stiffness mapping for parallel manipulators, IEEE 
 (1990) 377).
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -5,8 +5,6 @@ against the assembly of the whole structure with the stiffness values put in, an
 Morrison-Woodbury formula.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import assume, event, given

@@ -1,7 +1,5 @@
 """The program of a structure gives the compliance that condensation gives, or says that it is not sure."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 

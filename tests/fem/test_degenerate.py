@@ -5,8 +5,6 @@ one line that names the part. Parts of no length, disconnected ones and sections
 `test_degenerate_parts.py`.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Parts that are none, and loads where they cannot act: each refused in one line that names the part."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from typing import Any

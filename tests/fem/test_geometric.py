@@ -1,7 +1,5 @@
 """The loaded machine: K_C of seed 000 (eqs 8 to 10) against the Jacobian's derivatives and a second model."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -4,8 +4,6 @@ Sources: Felippa, Introduction to Finite Element Methods, ch. 20 (rigid-body mod
 Young, Theory of Structures, ch. 7 (Clapeyron, Maxwell and Betti, superposition).
 """
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import assume, given
 from hypothesis import strategies as st

@@ -4,8 +4,6 @@ With k = (I_girder / I_column) (h / l), N1 = k + 2, N2 = 6 k + 1 for fixed feet 
 ones. The formulas leave the members' extension out; so does a rigid strut beside each member.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -2,8 +2,6 @@
 Des. 1 (1985) 3-20: straight, twisted and curved cantilevers under unit tip loads (inch, pound).
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Ports that move only together: shares from lever arms known by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

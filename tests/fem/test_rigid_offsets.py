@@ -4,8 +4,6 @@ Of a beam of flexible length L between rigid ends a and b, with both outer ends 
 4 E I / L (1 + 3 a/L + 3 a^2/L^2) near and 2 E I / L (1 + 3 (a + b)/L + 6 a b/L^2) far.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

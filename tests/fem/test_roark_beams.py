@@ -6,8 +6,6 @@ Shear terms: table 8.1's beams with w L^2 / (8 G As) and the like added (Timoshe
 I, art. 39).
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

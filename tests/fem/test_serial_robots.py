@@ -6,8 +6,6 @@ Dombre, Modeling, Identification and Control of Robots (2002), section 3.2 (fram
 from the frames' axes, multiplied out anew.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """Parts unlike by many powers of ten, against the truth in 120 digits: right, or refused with a name."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -3,8 +3,6 @@
 Source: Timoshenko & Young, Theory of Structures, 2nd ed., chs 4 (simple space trusses) and 7 (virtual work).
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import assume, given

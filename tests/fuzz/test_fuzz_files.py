@@ -1,9 +1,6 @@
 """Damaged files of other programs: one line of refusal, or a result; never a crash."""
 
-from __future__ import annotations
-
 import random
-import re
 from collections.abc import Callable
 
 import pytest
@@ -16,6 +13,7 @@ from beamstiff.robot.dh_tables import parse_csv_table, parse_yaml_table
 from beamstiff.robot.sdf import parse_sdf
 from beamstiff.robot.urdf.reader import parse_urdf
 from beamstiff.robot.urdf.writer import robot_to_urdf
+from tests.malformed import damaged
 from tests.robot.urdf_texts import EVERYTHING
 
 URDF = EVERYTHING.replace("<dynamics", '<beamstiff torsional="1e6 N*m/rad"/><dynamics').replace(
@@ -47,27 +45,6 @@ points: {S1: tip, S2: tip}
 POINTS = "// made up\nP1 S1 1 2 3\nP2 S2 4 5 6\n"
 JOINTS = "pose,q1 [deg],fz [N]\nP2,20,-500\nP1,10,0\n"
 
-WORDS = [
-    "",
-    "0",
-    "-1",
-    "1e400",
-    "nan",
-    "inf",
-    "q1",
-    " ",
-    "<",
-    "/>",
-    "'",
-    '"',
-    "\n",
-    "mm",
-    "9" * 30,
-    "é",
-    "[]",
-    "{}",
-]
-WORDS += ["null", "true", "1 2", "x", "joint", "&amp;", "\t", "1e-400", "--", "revolute", "fixed", "0 0 0"]
 
 READERS: dict[str, tuple[str, Callable[[str], object]]] = {
     "urdf": (URDF, lambda text: robot_to_urdf(parse_urdf(text))),
@@ -83,24 +60,6 @@ READERS: dict[str, tuple[str, Callable[[str], object]]] = {
 }
 
 
-def changed(text: str, generator: random.Random) -> str:
-    """Return the text with one to three words exchanged, or some characters cut out."""
-    for _ in range(generator.choice([1, 1, 1, 2, 3])):
-        words = [match.span() for match in re.finditer(r"[\w.+-]+", text)]
-        if not words:
-            return text
-        start, end = generator.choice(words)
-        match generator.choice(["word", "word", "word", "cut", "other"]):
-            case "word":
-                text = text[:start] + generator.choice(WORDS) + text[end:]
-            case "cut":
-                text = text[:start] + text[start + generator.randrange(1, 20) :]
-            case _:
-                a, b = generator.choice(words)
-                text = text[:start] + text[a:b] + text[end:]
-    return text
-
-
 @pytest.mark.parametrize("kind", READERS)
 def test_a_damaged_file_is_read_or_refused_in_one_line(kind: str) -> None:
     text, read = READERS[kind]
@@ -109,7 +68,7 @@ def test_a_damaged_file_is_read_or_refused_in_one_line(kind: str) -> None:
     refused: list[str] = []
     for _ in range(150):
         try:
-            read(changed(text, generator))
+            read(damaged(text, generator, [text]))
         except BeamstiffError as error:
             refused.append(str(error))
     assert len(refused) > 30

@@ -1,7 +1,5 @@
 """Mutated tables: a table whose every number is finite, or one line that says what is wrong; nothing else."""
 
-from __future__ import annotations
-
 import random
 import time
 from pathlib import Path
@@ -14,6 +12,8 @@ from hypothesis import strategies as st
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure import Measurements, parse_measurements, read_measurements
 from beamstiff.robot.description import Robot
+from tests.malformed import damaged
+from tests.measure import conftest
 
 SEEDS = [
     """# source: bench
@@ -38,128 +38,9 @@ q1 [deg];d2 [mm];mx [N*m];dx [um];sigma_dx [um]
 """,
     'q1,d2,"dx","pose"\r\n0,1,"1e-3","P1"\r\n0,1,2e-3,P1\r\n',
 ]
-NASTY = [
-    "nan",
-    "NaN",
-    "inf",
-    "-inf",
-    "Infinity",
-    "1e999",
-    "-1e999",
-    "1e-400",
-    "-1",
-    "0",
-    "",
-    " ",
-    '"',
-    '""',
-    "'",
-    ",",
-    ";",
-    "\t",
-    "\n",
-    "\r",
-    "\r\n",
-    "#",
-    "# sigma_position: 0",
-    "# sigma_rotation: -1",
-    "[",
-    "]",
-    "[mm]",
-    "[deg]",
-    "[5 parsec]",
-    "[mm**999]",
-    "[N*m/rad]",
-    "1_000",
-    "0x1F",
-    "1,5",
-    "1.5.5",
-    "--1",
-    "+-1",
-    "e5",
-    ".",
-    "1e",
-    "1d5",
-    "\ufeff",
-    "\x00",
-    "\x0b",
-    "\x0c",
-    "\x1c",
-    "\x85",
-    "\u2028",
-    "\u0661",
-    "\uff11",
-    "µ",
-    "°",
-    "\U0001d7cf",
-    "NA",
-    "None",
-    "true",
-    "=1+1",
-    "A",
-    "B",
-    "C",
-    "x",
-    "dx",
-    "q1",
-    "q3",
-    "pose",
-    "step",
-    "point",
-    "tip",
-    "sigma_dx",
-    "t",
-    ":",
-    "# history: continuous",
-    "# orientation: rotation vector",
-    "# decimal: comma",
-    "9" * 400,
-    "a" * 5000,
-    "q" * 140_000,
-]
 
 
-def mutate(text: str, source: random.Random) -> str:
-    """Return a text with one to four faults: bytes, cells, lines, columns."""
-    for _ in range(source.randint(1, 4)):
-        kind = source.randrange(8)
-        lines = text.split("\n")
-        at = source.randrange(len(lines))
-        if kind == 0 and text:  # a character
-            place = source.randrange(len(text))
-            text = (
-                text[:place]
-                + chr(source.choice([source.randrange(128), source.randrange(0xD800)]))
-                + text[place + 1 :]
-            )
-        elif kind == 1:  # something nasty anywhere
-            place = source.randrange(len(text) + 1)
-            text = text[:place] + source.choice(NASTY) + text[place:]
-        elif kind == 2:  # something nasty in place of a cell
-            cells = lines[at].split(",")
-            cells[source.randrange(len(cells))] = source.choice(NASTY)
-            lines[at] = ",".join(cells)
-            text = "\n".join(lines)
-        elif kind == 3:  # a line less, twice, or elsewhere
-            line = lines.pop(at)
-            for _ in range(source.randrange(3)):
-                lines.insert(source.randrange(len(lines) + 1), line)
-            text = "\n".join(lines)
-        elif kind == 4:  # a column less or twice
-            column, copies = source.randrange(12), source.choice([0, 2])
-            cut = [line.split(",") for line in lines]
-            cut = [row[:column] + row[column : column + 1] * copies + row[column + 1 :] for row in cut]
-            text = "\n".join(",".join(row) for row in cut)
-        elif kind == 5:  # broken off
-            text = text[: source.randrange(len(text) + 1)]
-        elif kind == 6:  # another separator throughout
-            text = text.replace(
-                *source.choice([(",", ";"), (";", ","), (",", "\t"), (".", ","), (" ", ""), ("\n", "\r")])
-            )
-        else:  # the tail of another table
-            other = source.choice(SEEDS)
-            text += other[source.randrange(len(other)) :]
-    return text
+arm = conftest.arm
 
 
 def check(table: Measurements, text: str) -> None:
@@ -190,24 +71,6 @@ def check(table: Measurements, text: str) -> None:
         assert table.measured_mask[row].sum() <= len(filled), "more was measured than is in the line"
 
 
-@pytest.fixture(scope="module")
-def arm() -> Robot:
-    """Return a robot with the joints and nodes that the tables name, and q3 that may not be measured."""
-    return Robot(
-        name="arm",
-        variables=[
-            {"name": "q1", "type": "revolute"},
-            {"name": "d2", "type": "prismatic"},
-            {"name": "q3", "equals": "-q1"},
-        ],
-        frames=[{"name": "f1", "theta": "q1"}, {"name": "f2", "parent": "f1", "r": "d2", "theta": "q3"}],
-        nodes=[{"name": "root"}, {"name": "elbow", "frame": "f1"}, {"name": "tip", "frame": "f2"}],
-        rigids=[{"name": "a", "nodes": ["root", "elbow"]}, {"name": "b", "nodes": ["elbow", "tip"]}],
-        fixed=["root"],
-        tcp="tip",
-    )
-
-
 def read_or_refused(text: str, robot: Robot) -> bool:
     """Return whether a text was read; either way it must be done at once and as promised."""
     start = time.perf_counter()
@@ -233,7 +96,7 @@ def test_the_tables_that_are_mutated_can_be_read(arm: Robot) -> None:
 
 def test_the_mutations_leave_some_tables_readable_and_spoil_most(arm: Robot) -> None:
     source = random.Random(1)
-    read = sum(read_or_refused(mutate(source.choice(SEEDS), source), arm) for _ in range(300))
+    read = sum(read_or_refused(damaged(source.choice(SEEDS), source, SEEDS), arm) for _ in range(300))
     assert 15 < read < 200
 
 
@@ -243,14 +106,14 @@ ALL = settings(max_examples=10_000, suppress_health_check=[HealthCheck.too_slow,
 @given(source=st.randoms(use_true_random=False))
 @settings(ALL, max_examples=4_000)
 def test_mutated_tables_are_read_or_refused(source: random.Random, arm: Robot) -> None:
-    read_or_refused(mutate(source.choice(SEEDS), source), arm)
+    read_or_refused(damaged(source.choice(SEEDS), source, SEEDS), arm)
 
 
 @pytest.mark.slow
 @given(source=st.randoms(use_true_random=False))
 @settings(ALL)
 def test_ten_thousand_mutated_tables_are_read_or_refused(source: random.Random, arm: Robot) -> None:
-    read_or_refused(mutate(source.choice(SEEDS), source), arm)
+    read_or_refused(damaged(source.choice(SEEDS), source, SEEDS), arm)
 
 
 def test_random_bytes_are_read_or_refused(arm: Robot, tmp_path: Path) -> None:

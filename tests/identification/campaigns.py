@@ -1,7 +1,5 @@
 """Synthetic campaigns for the tests, and the KR240-2's displacement by seed 000, eq. 20."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

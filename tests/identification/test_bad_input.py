@@ -1,7 +1,5 @@
 """What cannot be identified is refused or reported by name, never a silent number."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Balanced values: at them every spring shows, whatever the robot's own values are."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """Refits of resampled poses against weighted least squares, their scatter against the sandwich estimate."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The study in benchmarks/: intervals hold the truth as often as they say, held-out loads are predicted."""
 
-from __future__ import annotations
-
 import io
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Springs that only act together are found, on random graphs by construction and on the papers' robots."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

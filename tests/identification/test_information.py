@@ -1,7 +1,5 @@
 """Covariances and intervals against dense generalised least squares, which is exact for a serial robot."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

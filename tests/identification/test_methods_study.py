@@ -3,8 +3,6 @@
 The times are those of one core's own work, so that what else the machine does counts little.
 """
 
-from __future__ import annotations
-
 import io
 import time
 

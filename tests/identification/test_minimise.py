@@ -1,7 +1,5 @@
 """The one call: limits, Ctrl-C, progress, the span that is searched, a second try, and what it refuses."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """benchmarks.models_study: the invented KR500 is what it is said to be, and what it shows of the models."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

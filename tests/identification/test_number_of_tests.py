@@ -1,7 +1,5 @@
 """Values from the first n tests: those of the tests by themselves; and from how many on they stay."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

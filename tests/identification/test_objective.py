@@ -1,7 +1,5 @@
 """What is minimised: exact gradients, priors as more rows, robust losses that resist outliers."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

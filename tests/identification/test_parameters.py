@@ -1,7 +1,5 @@
 """Free values: ties keep ratios, held values stay, bounds of tied values hold for all, nonsense is named."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """Whitened residuals and their derivatives, several data sets, and data that can carry no identification."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Refits find what the trust region finds, whatever the loss; priors, ties and bounds hold in them too."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

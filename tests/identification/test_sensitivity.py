@@ -1,7 +1,5 @@
 """Monte Carlo sensitivity against the propagation of small errors through least squares."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

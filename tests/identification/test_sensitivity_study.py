@@ -1,7 +1,5 @@
 """The study in benchmarks/: the paper's errors lie between encoders that matter nothing and most of all."""
 
-from __future__ import annotations
-
 import io
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What is said to tell springs apart does, when it is measured; the reduced model does as the full one."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

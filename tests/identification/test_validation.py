@@ -1,7 +1,5 @@
 """Errors on rows left out of the fit, against leave-one-out residuals in closed form; repeatability."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

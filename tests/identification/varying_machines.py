@@ -1,7 +1,5 @@
 """KR500s whose joint compliances follow what a test says, for models that let them vary."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 

@@ -1,7 +1,5 @@
 """Chunks in whose middle a process dies."""
 
-from __future__ import annotations
-
 import os
 import signal
 import time

@@ -1,12 +1,10 @@
 """Arms whose maps are known by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 
-from beamstiff import Frame, Joint, JointStiffness, Node, Robot, Variable
-from beamstiff.robot.parts import Rigid
+from beamstiff import Robot
 from beamstiff.se3 import Array
+from tests import arms
 
 L1, L2 = 0.7, 0.5
 K1, K2 = 2e5, 8e4  # N m/rad
@@ -14,32 +12,8 @@ K1, K2 = 2e5, 8e4  # N m/rad
 
 def planar_arm(limits: tuple[float, float] | None = None) -> Robot:
     """Return an arm of two rigid links in the plane x, y, elastic about its two axes alone."""
-    drive = {"axial": "rigid", "radial": "rigid", "tilting": "rigid"}
-    return Robot(
-        name="planar arm",
-        variables=[Variable(name=name, type="revolute", limits=limits) for name in ("q1", "q2")],
-        frames=[Frame(name="f1", theta="q1"), Frame(name="f2", parent="f1", d=L1, theta="q2")],
-        nodes=[
-            Node(name="foot"),
-            Node(name="hub", frame="f1"),
-            Node(name="elbow", frame="f1", at=(L1, 0, 0)),
-            Node(name="fork", frame="f2"),
-            Node(name="tip", frame="f2", at=(L2, 0, 0)),
-        ],
-        rigids=[Rigid(name="upper", nodes=["hub", "elbow"]), Rigid(name="lower", nodes=["fork", "tip"])],
-        joints=[
-            Joint(
-                name="J1", nodes=["foot", "hub"], frame="f1", axis="z", variable="q1",
-                stiffness=JointStiffness(torsional=K1, **drive),
-            ),
-            Joint(
-                name="J2", nodes=["elbow", "fork"], frame="f2", axis="z", variable="q2",
-                stiffness=JointStiffness(torsional=K2, **drive),
-            ),
-        ],
-        fixed=["foot"],
-        tcp="tip",
-    )  # fmt: skip
+    nodes, links = "foot hub elbow fork tip", ("upper", "lower")
+    return arms.planar_arm("planar arm", (L1, L2), (K1, K2), nodes, links, limits=limits)
 
 
 def planar_jacobian(q1: Array, q2: Array) -> Array:

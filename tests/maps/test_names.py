@@ -1,7 +1,5 @@
 """A robot's variables may be called like anything that a map holds."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

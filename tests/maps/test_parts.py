@@ -1,7 +1,5 @@
 """The folder of chunks: whose it is, what in it counts, and what a kill leaves of it."""
 
-from __future__ import annotations
-
 import io
 import json
 import subprocess

@@ -1,7 +1,5 @@
 """What a run that was cut off costs: the chunk in the air, and nothing else."""
 
-from __future__ import annotations
-
 import errno
 import os
 import signal

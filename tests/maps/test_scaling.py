@@ -1,7 +1,5 @@
 """The benchmark of maps measures what it says, on a small map."""
 
-from __future__ import annotations
-
 import pytest
 
 from benchmarks import map_scaling

@@ -1,7 +1,5 @@
 """The numbers of a map are those of closed forms and of the other commands."""
 
-from __future__ import annotations
-
 import itertools
 import re
 

@@ -1,7 +1,5 @@
 """Robots that measurements are of."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

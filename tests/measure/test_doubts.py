@@ -1,7 +1,5 @@
 """Mistakes of unit that make a valid table."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

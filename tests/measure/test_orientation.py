@@ -1,7 +1,5 @@
 """Conventions of orientation against scipy and against what controllers print."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """Displacement of the TCP from points on the tool (seed 000, eqs 27 to 30): known rigid motions come back."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Real files: the practice campaigns and the published compliance surface of the IR-663."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Lists of points by a profile. Truth: numbers written here by hand, and rotations by scipy."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What the reader makes of tables that can be used."""
 
-from __future__ import annotations
-
 import math
 import time
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A tracker's frame from common points, against scipy's align_vectors and known frames."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Raw samples to states, and noise from repeats, against plain numpy and known distributions."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

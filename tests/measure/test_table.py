@@ -1,7 +1,5 @@
 """Tables of measurements: defaults, refusals, selection, several files as one, the order of the history."""
 
-from __future__ import annotations
-
 import pickle
 from dataclasses import replace
 from typing import Any

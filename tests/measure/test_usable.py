@@ -1,7 +1,5 @@
 """What no analysis can use is refused in a line; a copy of a row is no second reading."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

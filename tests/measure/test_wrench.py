@@ -1,7 +1,5 @@
 """Wrenches carried from point to point and frame to frame: the same force does the same work."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

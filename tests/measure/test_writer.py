@@ -1,7 +1,5 @@
 """What is written is read back."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

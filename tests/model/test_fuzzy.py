@@ -1,7 +1,5 @@
 """Strong partitions, firing strengths and fuzzy compliance: what eqs 33 to 38 of seed 003 say."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import product
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Cubes of the workspace, where they are sampled, and springs that change from cube to cube."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Displacements of rows of loads: with gravity and K_C against pendulums and an exact planar arm."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.optimize import root
@@ -13,6 +11,7 @@ from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import Frame, Joint, Mass, Node, Rigid, Strut, Variable
 from beamstiff.robot.reader import load_robot
 from beamstiff.se3 import Array
+from tests import arms
 
 LENGTH, STIFFNESS, MASS, G = 1.5, 2e4, 100.0, 9.81
 
@@ -81,37 +80,9 @@ LINKS, SPRINGS, MASSES = np.array([0.8, 0.6, 0.5]), np.array([3e5, 2e5, 1e5]), n
 
 def planar_arm() -> Robot:
     """Return three rigid links in the plane x, y, weight along -y, masses at their ends."""
-    nodes, rigids, joints = [Node(name="h0")], [], []
-    for at in (1, 2, 3):
-        nodes += [
-            Node(name=f"h{at}", frame=f"f{at}"),
-            Node(name=f"t{at}", frame=f"f{at}", at=(LINKS[at - 1], 0, 0)),
-        ]
-        rigids.append(Rigid(name=f"l{at}", nodes=(f"h{at}", f"t{at}")))
-        before = f"t{at - 1}" if at > 1 else "h0"
-        stiffness = {"torsional": SPRINGS[at - 1]}
-        joints.append(Joint(name=f"J{at}", nodes=(before, f"h{at}"), frame=f"f{at}", stiffness=stiffness))
-    frames = [
-        Frame(
-            name=f"f{at}",
-            parent=f"f{at - 1}" if at > 1 else "base",
-            d=LINKS[at - 2] if at > 1 else 0,
-            theta=f"q{at}",
-        )
-        for at in (1, 2, 3)
-    ]
-    return Robot(
-        name="planar",
-        gravity=(0, -G, 0),
-        variables=[Variable(name=f"q{at}", type="revolute") for at in (1, 2, 3)],
-        frames=frames,
-        nodes=nodes,
-        rigids=rigids,
-        joints=joints,
-        masses=[Mass(node=f"t{at}", mass=MASSES[at - 1]) for at in (1, 2, 3)],
-        fixed=["h0"],
-        tcp="t3",
-    )
+    masses = [Mass(node=f"t{at}", mass=MASSES[at - 1]) for at in (1, 2, 3)]
+    nodes, links = "h0 h1 t1 h2 t2 h3 t3", ("l1", "l2", "l3")
+    return arms.planar_arm("planar", LINKS, SPRINGS, nodes, links, gravity=(0, -G, 0), masses=masses)
 
 
 def exact_turn(q: Array, wrench: Array, weight: float) -> float:

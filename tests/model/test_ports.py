@@ -4,8 +4,6 @@ Sources: the derivative of an inverse, dC/dk = -w w^T (Haftka & Guerdal, Element
 ch. 7); complex step after Squire & Trapp, SIAM Review 40 (1998) 110.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import assume, given

@@ -1,7 +1,5 @@
 """Springs that change from row to row: the same physics as one robot a row."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

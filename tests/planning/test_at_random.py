@@ -1,7 +1,5 @@
 """Random designs, against all of them counted out."""
 
-from __future__ import annotations
-
 from itertools import combinations
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Campaigns: candidates within reach, what they tell, and the table that is filled in."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Optimal designs against published ones, against all choices of small sets, and their certificates."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Dexterity against the published numbers of the KR240-2 (seed 000, section 3.1), and closed forms."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The study in benchmarks/: its table is printed, and optimal designs beat the papers' choices in it."""
 
-from __future__ import annotations
-
 import io
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The influence of K_C on displacements: seed 000, section 3.2."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """examples/kr240_identification.py runs, draws its figures and recovers what it simulated."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The five observability indices against their definitions."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

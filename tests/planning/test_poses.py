@@ -1,7 +1,5 @@
 """Grids and random poses: the poses they say they are, within limits and with loops closed."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Zones of maps, and the singular lines that part them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

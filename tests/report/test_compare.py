@@ -1,7 +1,5 @@
 """Pictures of models side by side and of fuzzy rules: what they show is what there is."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

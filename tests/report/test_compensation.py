@@ -1,7 +1,5 @@
 """What is told of a corrected path."""
 
-from __future__ import annotations
-
 import io
 
 import numpy as np

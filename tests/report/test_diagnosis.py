@@ -1,7 +1,5 @@
 """A verdict in words: as sure as its probability, and the rows behind it, allow."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Figures and tables of geometric calibration: what is drawn is what was found."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

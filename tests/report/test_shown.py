@@ -1,7 +1,5 @@
 """A robot and a result show themselves: as figures, where rich prints, in Jupyter."""
 
-from __future__ import annotations
-
 import io
 import pickle
 from pathlib import Path

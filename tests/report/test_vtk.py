@@ -1,7 +1,5 @@
 """VTU of the deformed structure. Truth: the closed form of a cantilever; read back as XML, and by meshio."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from pathlib import Path
 

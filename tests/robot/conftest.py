@@ -1,7 +1,5 @@
 """What the tests of robot files share: a robot with every key, and what is said of one that is wrong."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Small machines for the tests of the kinematics, and what their papers and textbooks say of them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

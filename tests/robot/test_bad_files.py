@@ -1,7 +1,5 @@
 """Files that hold no robot: not text, not YAML, not one document, or out to do harm."""
 
-from __future__ import annotations
-
 import os
 import sys
 import time

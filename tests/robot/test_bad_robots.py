@@ -3,8 +3,6 @@
 The message must also name the file, and the line of the spoiled place.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

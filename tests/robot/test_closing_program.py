@@ -1,7 +1,5 @@
 """Closing many poses at once: the postures that Newton's method finds, and no claim about any other."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

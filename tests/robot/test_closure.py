@@ -1,7 +1,5 @@
 """Closed loops, against closed forms of the papers and textbooks; branches; what cannot close."""
 
-from __future__ import annotations
-
 import re
 import time
 

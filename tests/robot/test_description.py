@@ -1,7 +1,5 @@
 """The Python API of a robot's description; what files say is tested with the reader."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 
@@ -16,7 +14,6 @@ from beamstiff.robot.parts import (
     Frame,
     Joint,
     JointStiffness,
-    Loop,
     Mass,
     Material,
     Node,
@@ -112,20 +109,6 @@ def test_a_name_that_yaml_takes_for_a_number_wants_quotes() -> None:
         (lambda: Node(name="a", at=[0, 0, math.nan]), "at[2]: found nan, expected a finite number"),
         (lambda: Node(name="a", at="xyz"), "at: found 'xyz', expected a list"),
         (
-            lambda: Beam(name="a", nodes=["b"], section="s", material="m"),
-            "nodes: found ['b'], expected more values",
-        ),
-        (
-            lambda: Loop(name="l", a="a", b="b", constrain="planar"),
-            "constrain: found 'planar', expected 'position', 'pose' or 'plane' (did you",
-        ),
-        (lambda: Material(E=1, G=1, density=-1), "density: found -1, expected a density of at least 0"),
-        (lambda: Mass(node="a", mass=0), "mass: found 0, expected a positive mass"),
-        (
-            lambda: Strut(name="s", nodes=("a", "b"), stiffness=0.0),
-            "stiffness: found 0.0, expected a positive translational",
-        ),
-        (
             lambda: Strut(name="s", nodes=("a", "b"), stiffness=math.inf),
             "stiffness: found inf, expected a finite number; or rigid",
         ),
@@ -134,18 +117,12 @@ def test_a_name_that_yaml_takes_for_a_number_wants_quotes() -> None:
             "stiffness: found 'Rigid', expected a number",
         ),
         (
-            lambda: JointStiffness(torsional=-1),
-            "torsional: found -1, expected a positive rotational stiffness, or",
-        ),
-        (
             lambda: JointStiffness(torsional=np.nan),
             "torsional: found nan, expected a finite number; or rigid, or",
         ),
         (lambda: Variable(name="q"), "type: is missing: expected revolute or prismatic (or `equals`)"),
-        (
-            lambda: Variable(name="q", type="revolute", limits=5),
-            "limits: found 5, expected two values: [lower, upper]",
-        ),
+        (lambda: Mass(node="a", mass=0), "mass: found 0, expected a positive mass"),
+        (lambda: Variable(name="q", type="revolute", limits=5), "limits: found 5, expected two values"),
         (lambda: Variable(name="q", type="revolute", passive=1), "passive: found 1, expected true or false"),
         (lambda: Variable(name="q", equals=True), "equals: found true, expected a number"),
         (lambda: Frame(name="f", theta=None), "theta: found null, expected a number"),

@@ -1,7 +1,5 @@
 """Tables of frames. Truth: products of the conventions' elementary motions, written with scipy."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """What is allowed in a robot but hardly meant is said; the robots that come along leave no doubt."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

@@ -1,7 +1,5 @@
 """Effects in a robot's file: plain data that is read, checked for its form, and written back."""
 
-from __future__ import annotations
-
 import pytest
 
 from beamstiff import BeamstiffError

@@ -1,7 +1,5 @@
 """Inverse geometry, judged by the forward geometry: targets that were reached, and those that cannot be."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings

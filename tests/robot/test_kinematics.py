@@ -1,7 +1,5 @@
 """Forward geometry and twist Jacobians, against printed entries, explicit products and finite differences."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

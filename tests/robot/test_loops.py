@@ -1,7 +1,5 @@
 """The closure equations of open loops by finite differences; branches kept where they nearly meet."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import example, given

@@ -1,7 +1,5 @@
 """Whatever is saved loads, and predicts the same."""
 
-from __future__ import annotations
-
 import tempfile
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """SDF in: the same machine as its URDF twin, written out by hand."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """SDF out: read back it is the same machine, and what it does not say is told."""
 
-from __future__ import annotations
-
 import json
 import xml.etree.ElementTree as ET
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Sections analysed by sectionproperties. Truth: our closed forms; skipped where the package is missing."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

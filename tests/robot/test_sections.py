@@ -5,8 +5,6 @@ Formulas for Stress and Strain, 8th ed., tables A.1 and 10.7. Cowper, J. Appl. M
 """
 # ruff: noqa: SIM300  # it takes A and J for constants
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

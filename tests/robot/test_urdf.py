@@ -1,7 +1,5 @@
 """URDF in and out. Truth: products of URDF's own transforms by scipy, and the bytes of the file."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Mapping
 from pathlib import Path

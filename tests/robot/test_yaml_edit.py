@@ -1,7 +1,5 @@
 """A robot written back into its file: what did not change keeps every byte."""
 
-from __future__ import annotations
-
 import difflib
 from pathlib import Path
 

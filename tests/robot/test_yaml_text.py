@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import datetime
 import math
 import re
@@ -26,6 +24,11 @@ def loader(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> s
     return name
 
 
+TEXTS = ("1:30", "010", "0x1F", "0o17", "1_000", "on", "off", "yes", "No", "y", "2026-01-31", ".inf", "-.INF")
+TEXTS += (".nan", "nan", "1e999", "=", "1e", "1.2.3", "+", ".", "12 mm", "2026-01-31 12:00:00")
+TEXTS += ("\u0661", "1\u0660")  # an Arabic one
+
+
 @pytest.mark.usefixtures("loader")
 @pytest.mark.parametrize(
     ("text", "value"),
@@ -43,34 +46,9 @@ def loader(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> s
         ("null", None),
         ("~", None),
         ("", None),
-        # what YAML 1.1 would make something else of
-        ("1:30", "1:30"),
-        ("010", "010"),
-        ("0x1F", "0x1F"),
-        ("0o17", "0o17"),
-        ("1_000", "1_000"),
-        ("on", "on"),
-        ("off", "off"),
-        ("yes", "yes"),
-        ("No", "No"),
-        ("y", "y"),
-        ("2026-01-31", "2026-01-31"),
-        ("2026-01-31 12:00:00", "2026-01-31 12:00:00"),
-        (".inf", ".inf"),
-        ("-.INF", "-.INF"),
-        (".nan", ".nan"),
-        ("nan", "nan"),
-        ("1e999", "1e999"),
-        ("=", "="),
-        # not numbers though they start like one
-        ("1e", "1e"),
-        ("1.2.3", "1.2.3"),
         ("-", [None]),
-        ("+", "+"),
-        (".", "."),
-        ("12 mm", "12 mm"),
-        ("\u0661", "\u0661"),  # an Arabic one
-        ("1\u0660", "1\u0660"),
+        # what YAML 1.1 would make something else of, and what is no number though it starts like one
+        *((text, text) for text in TEXTS),
         # what is quoted is text
         ("'5'", "5"),
         ('"true"', "true"),

@@ -1,7 +1,5 @@
 """URDF texts of our own for the tests: one with everything, and trees that hypothesis makes up."""
 
-from __future__ import annotations
-
 import random
 
 from hypothesis import strategies as st

@@ -1,7 +1,5 @@
 """A robot that comes along, put into poses."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping
 from typing import Any

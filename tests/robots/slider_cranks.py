@@ -1,7 +1,5 @@
 """Closed forms of a triangle's angle and side, for machines that ball screws drive."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from beamstiff.se3 import Array

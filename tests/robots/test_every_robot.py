@@ -1,7 +1,5 @@
 """What holds for every robot that comes along: it loads, closes, stands, and is well conditioned."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -15,16 +13,7 @@ from beamstiff.robot.writer import robot_to_yaml
 from benchmarks.condition_numbers import condition_numbers
 from tests.robots.machine import at, compliance, corners, inside
 
-NAMES = [
-    "cantilever",
-    "gantry",
-    "ir663",
-    "ir663-screws",
-    "ir663-screws-beams",
-    "kr240-2",
-    "kr500",
-    "tripod",
-]
+NAMES = ["cantilever", "gantry", "ir663", "ir663-screws", "ir663-screws-beams", "kr240-2", "kr500", "tripod"]
 
 
 def test_these_are_the_robots() -> None:

@@ -1,7 +1,5 @@
 """The portal milling machine against hand formulas: all rigid but one part, which then is a textbook case."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

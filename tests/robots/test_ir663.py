@@ -4,8 +4,6 @@ Source: Marie, Courteille, Maurine, "Elasto-geometrical modeling and calibration
 closed form is meant with the sign slip set right: the two signs before the root differ.
 """
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Callable
 from pathlib import Path

@@ -4,8 +4,6 @@ The geometry of the slider-cranks, as the robots' files say: l12, l32 and l18, l
 whose third is the screw; the angle between them turns with theta2 or theta8.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The KR240-2 and the KR 500: six drive springs, C = J diag(1/k) J^T, and what is public of them."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The tripod against geometry written down afresh: lengths from the platform's pose, stiffness from rates."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

@@ -1,7 +1,5 @@
 """The verdict's logic, on evidence made by hand."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import combinations
 from typing import Any

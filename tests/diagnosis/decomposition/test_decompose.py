@@ -1,7 +1,5 @@
 """Several causes at once beside a calibration: machines moved by plain rigid-body motion and statics."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 

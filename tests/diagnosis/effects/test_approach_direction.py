@@ -1,7 +1,5 @@
 """Directions of approach follow the order of the poses."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from beamstiff.diagnosis.effects.approach_direction import last_direction

@@ -1,7 +1,5 @@
 """A dead zone of one joint, by hand."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

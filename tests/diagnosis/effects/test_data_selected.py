@@ -1,7 +1,5 @@
 """What is chosen where it explains most of the gap."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Stiffness that follows the angle: cranks and spring balancers by the geometry of their own."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +10,7 @@ from beamstiff.diagnosis.effects.actuator_lever import _lever
 from beamstiff.diagnosis.effects.gravity_compensator import _spring
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.se3 import Array
-from tests.diagnosis.machines import arm_at, close, kr240, nominal, rows_of, shape_of
+from tests.diagnosis.machines import arm_at, close, kr240, nominal, rows_of, shape_of, unexplained
 
 TINY = 1e-5
 
@@ -76,14 +74,6 @@ def elastic(campaign: Baseline, compliance: Array) -> Array:
     return arm.slipped(compliance * arm.torque(campaign.rows.wrench)[:, 1], 1)
 
 
-def left(moved: Array, columns: Array) -> float:
-    """Return the share of a displacement that columns (N, 6, c) do not explain."""
-    every = columns.reshape(moved.size, -1)
-    every = every / np.linalg.norm(every, axis=0)
-    rest = moved.ravel() - every @ np.linalg.lstsq(every, moved.ravel())[0]
-    return float(np.linalg.norm(rest) / np.linalg.norm(moved))
-
-
 def constant(campaign: Baseline) -> Array:
     return elastic(campaign, np.ones(len(campaign.rows)))[..., None]
 
@@ -110,8 +100,8 @@ def test_any_crank_is_nearly_one_of_the_main_modes(campaign: Baseline) -> None:
     for ratio, phase in ((0.22, 0.3), (0.6, 0.5), (0.4, 0.1)):
         lever = _lever(campaign.rows.q[:, 1] + phase, ratio)
         follows = (lever**2).mean() / lever**2
-        whole = left(elastic(campaign, follows), constant(campaign))
-        assert left(elastic(campaign, follows), columns) < 0.1 * whole
+        whole = unexplained(elastic(campaign, follows), constant(campaign))
+        assert unexplained(elastic(campaign, follows), columns) < 0.1 * whole
 
 
 def test_a_crank_that_stays_away_from_its_dead_points_has_modes_of_its_own(campaign: Baseline) -> None:
@@ -121,8 +111,8 @@ def test_a_crank_that_stays_away_from_its_dead_points_has_modes_of_its_own(campa
     assert np.abs(lever).min() > 0.5 * np.abs(lever).max()
     law = elastic(campaign, lever.max() ** 2 / lever**2)
     modes = shape_of(campaign, "actuator-lever", "q2", "any gentle crank").columns
-    whole = left(law, constant(campaign))
-    assert left(law, np.concatenate([modes, constant(campaign)], -1)) < 0.03 * whole
+    whole = unexplained(law, constant(campaign))
+    assert unexplained(law, np.concatenate([modes, constant(campaign)], -1)) < 0.03 * whole
 
 
 def test_a_balancer_beside_the_drive_takes_from_its_compliance(campaign: Baseline) -> None:
@@ -132,10 +122,10 @@ def test_a_balancer_beside_the_drive_takes_from_its_compliance(campaign: Baselin
     added = 1e-4 * k * _spring(campaign.rows.q[:, 1] - phase, ratio, free)[1]
     moved = elastic(campaign, 1 / (k + added) - 1 / k)
     columns = np.concatenate([along, constant(campaign)], axis=-1)
-    assert left(moved, columns) < 1e-3
+    assert unexplained(moved, columns) < 1e-3
     # and in its own size: what is left of the best constant compliance is the column times the stiffness
     rest = moved - along[..., 0] * 1e-4 * k
-    assert left(rest, constant(campaign)) < 1e-3
+    assert unexplained(rest, constant(campaign)) < 1e-3
 
 
 @pytest.mark.parametrize(("ratio", "free", "phase"), [(0.22, 0.5, 0.3), (0.6, 0.2, 2.2), (0.5, 0.7, 4.0)])
@@ -152,8 +142,8 @@ def test_of_positions_any_balancers_wind_up_is_nearly_one_of_the_main_modes(
         for shape in EFFECTS["gravity-compensator"].shapes(there, "q2")
         if shape.name.startswith("spring")
     ]
-    whole = min(left(wound[:, :3], one[:, :3]) for one in grid)
-    assert left(wound[:, :3], modes[:, :3]) < min(0.02, 0.5 * whole)
+    whole = min(unexplained(wound[:, :3], one[:, :3]) for one in grid)
+    assert unexplained(wound[:, :3], modes[:, :3]) < min(0.02, 0.5 * whole)
 
 
 def test_of_positions_a_wound_spring_is_one_as_well_whose_torque_no_crank_gives(campaign: Baseline) -> None:
@@ -162,7 +152,7 @@ def test_of_positions_a_wound_spring_is_one_as_well_whose_torque_no_crank_gives(
     there = nominal(kr240(), rows)
     wound = arm.slipped(-(1.0 + 0.3 * campaign.rows.q[:, 1]), 1)
     columns = shape_of(there, "gravity-compensator", "q2", "any spring, and a wound one").columns
-    assert left(wound[:, :3], columns[:, :3, :2]) < 1e-9
+    assert unexplained(wound[:, :3], columns[:, :3, :2]) < 1e-9
 
 
 def test_what_a_balancer_pulls_shows_in_positions_alone(campaign: Baseline) -> None:
@@ -203,7 +193,9 @@ def test_a_rod_whose_stiffness_has_two_waves_is_once_and_twice_a_turn(campaign: 
     )
     assert twice.shape[-1] == 4
     close(twice[..., :2], once)
-    found = [left(moved, np.concatenate([columns, constant(campaign)], -1)) for columns in (once, twice)]
+    found = [
+        unexplained(moved, np.concatenate([columns, constant(campaign)], -1)) for columns in (once, twice)
+    ]
     assert found[1] < 0.1 * found[0]
 
 

@@ -1,7 +1,5 @@
 """What holds for every effect of the library."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 
@@ -19,27 +17,10 @@ from tests.diagnosis.hypotheses import of_any_sign
 from tests.diagnosis.machines import POSITION, ROTATION, arm_at, at_random, kr240, nominal, rows_of
 
 NAMES = [
-    "link-bending",
-    "bearing-tilt",
-    "base-compliance",
-    "tool-compliance",
-    "actuator-lever",
-    "backlash",
-    "joint-compliance",
-    "hardening",
-    "hysteresis",
-    "joint-coupling",
-    "gravity-compensator",
-    "geometry-error",
-    "tool-offset",
-    "load-error",
-    "frame-misalignment",
-    "payload-error",
-    "thermal-drift",
-    "outliers",
-    "target-slip",
-    "angle-curve",
-    "approach-direction",
+    *("link-bending", "bearing-tilt", "base-compliance", "tool-compliance", "actuator-lever", "backlash"),
+    *("joint-compliance", "hardening", "hysteresis", "joint-coupling", "gravity-compensator"),
+    *("geometry-error", "tool-offset", "load-error", "frame-misalignment", "payload-error"),
+    *("thermal-drift", "outliers", "target-slip", "angle-curve", "approach-direction"),
 ]
 BY_LOAD = {"link-bending", "bearing-tilt", "base-compliance", "tool-compliance", "backlash", "hardening"}
 

@@ -1,7 +1,5 @@
 """Errors of the kinematics against a robot that was built with them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,12 +1,10 @@
-from __future__ import annotations
-
 import numpy as np
 
 from beamstiff import load_robot
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.effects.torque_laws import axis_at
 from beamstiff.diagnosis.residual.baseline import fit_baseline
-from tests.diagnosis.machines import arm_at, at_random, close, kr240, nominal, shape_of
+from tests.diagnosis.machines import arm_at, at_random, close, kr240, nominal, shape_of, unexplained
 
 
 def test_torque_on_either_joint_turns_the_other() -> None:
@@ -65,14 +63,8 @@ def test_a_spring_on_a_cable_that_winds_up_with_an_angle_is_three_compliances_th
     first, second = 0.3 + 0.05 * q6, -0.2 + 0.1 * q6
     pull = first * torque[:, 4] + second * torque[:, 5]
     moved = arm.slipped(first * pull, 4) + arm.slipped(second * pull, 5)
-    own = [shape_of(there, "joint-coupling", "q5+q6", name).columns for name in ("reciprocal",)]
+    own = shape_of(there, "joint-coupling", "q5+q6", "reciprocal").columns
     drives = np.stack([arm.slipped(torque[:, joint], joint) for joint in (4, 5)], -1)  # fitted anyway
     wound = shape_of(there, "joint-coupling", "q5+q6", "a cable across both, wound up by angle 2").columns
-
-    def left(*columns: np.ndarray) -> float:
-        every = np.concatenate([drives, *columns], -1).reshape(moved.size, -1)
-        rest = moved.ravel() - every @ np.linalg.lstsq(every, moved.ravel())[0]
-        return float(np.linalg.norm(rest) / np.linalg.norm(moved))
-
-    assert left(*own) > 0.05
-    assert left(wound) < 1e-9
+    assert unexplained(moved, drives, own) > 0.05
+    assert unexplained(moved, drives, wound) < 1e-9

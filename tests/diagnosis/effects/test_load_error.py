@@ -1,7 +1,5 @@
 """Errors of the load against the same machine under the load that really acted."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A tool on three seats: statics of a body on three points, and seats found again where they were planted."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What effects are worth on postures they did not see, against shares that were put in."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What places could do: effects at a place lie within its law, and others do not."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Closed forms of the evidence against dense covariance matrices and numerical integrals."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Friction outside the drives: stop operators against closed forms, and campaigns stepped through by hand."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

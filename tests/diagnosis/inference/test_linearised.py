@@ -1,7 +1,5 @@
 """The stiffness about which effects are linear, where a fit without the effect is far from it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Two causes together: against dense densities, and on gaps made of bare columns."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal

@@ -1,7 +1,5 @@
 """Causes one by one and two by two, on gaps made of bare columns."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any

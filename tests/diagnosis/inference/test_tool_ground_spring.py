@@ -1,7 +1,5 @@
 """Springs and stops beside the tool against two springs side by side."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

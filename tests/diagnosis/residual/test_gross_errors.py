@@ -1,7 +1,5 @@
 """What tells mishaps from what a shape misses: counts of boxes and balls, ranks, and runs."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Scales of noise, unknown and library against what was planted, and against dense matrices."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Repeats of planted noise and drift."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

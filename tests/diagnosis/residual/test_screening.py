@@ -1,7 +1,5 @@
 """Noise and wrong rows found beside effects, on campaigns of the KR240-2."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

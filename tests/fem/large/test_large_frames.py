@@ -1,7 +1,5 @@
 """Large frames: against the closed form, dense matrices, and what must be refused."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

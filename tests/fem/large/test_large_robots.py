@@ -1,7 +1,5 @@
 """Robots of many unknowns: the sparse way gives what dense matrices give, and refuses what they refuse."""
 
-from __future__ import annotations
-
 import time
 
 import numpy as np

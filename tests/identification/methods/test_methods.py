@@ -5,8 +5,6 @@ with the Jacobian of the KR240-2; for the IR-663, whose beams and loops carry lo
 where the derivative by complex step vanishes, and what all methods agree on.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import nlopt

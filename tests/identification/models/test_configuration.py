@@ -1,7 +1,5 @@
 """Compliances by weights of the configuration: planted ones come back, few readings shrink to the common."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

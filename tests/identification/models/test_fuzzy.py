@@ -1,7 +1,5 @@
 """Fuzzy compliance from displacements: exact rules, definite rules, partitions."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any

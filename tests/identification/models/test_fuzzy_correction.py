@@ -1,7 +1,5 @@
 """The gray box: fuzzy corrections of joint compliances that are there where, and only where, springs vary."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

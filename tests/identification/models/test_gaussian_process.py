@@ -1,7 +1,5 @@
 """Gaussian processes of joint compliances: exact where all is linear, calibrated, and never much harm."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

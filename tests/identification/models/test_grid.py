@@ -1,7 +1,5 @@
 """Gridded stiffness from readings: cube by cube, shrunk, with offsets; cubes without data."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

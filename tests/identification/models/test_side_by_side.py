@@ -1,7 +1,5 @@
 """Every model on the same rows: those that know what varies do better, those that cannot be fitted say so."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Rows to fit and rows to judge by: whole poses, whole loads."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

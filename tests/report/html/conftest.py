@@ -3,8 +3,6 @@
 Every page is made once a session, and only when a test asks for it.
 """
 
-from __future__ import annotations
-
 import itertools
 import os
 import shutil
@@ -48,6 +46,7 @@ from beamstiff.report.html.identification import identification_html
 from beamstiff.report.html.provenance import Provenance, provenance
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, posture
+from tests.cli import conftest as commands
 from tests.exam.answered import answered
 
 KINDS = ("diagnosis", "identification", "calibration", "compensation", "comparison", "deflection", "exam")
@@ -116,6 +115,9 @@ def table_text(robot: Robot, slip: float) -> str:
         for row, way in zip(rows, moved, strict=True)
     ]
     return "\n".join(lines)
+
+
+folder, run = commands.folder, commands.run
 
 
 @pytest.fixture(scope="session")
@@ -245,18 +247,9 @@ def exam_page(records: list[Record], source: Provenance) -> str:
 
 
 FLAGS = (
-    "--headless",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--disable-dev-shm-usage",
-    # three dimensions without a graphics card
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
+    *("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"),
+    *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
+    *("--disable-dev-shm-usage", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"),
 )
 
 

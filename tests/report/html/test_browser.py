@@ -5,8 +5,6 @@ browser, every kind of report is opened once and looked at wide and narrow, ligh
 script in all of them is tried on one.
 """
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """``--html`` of the commands."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from pathlib import Path

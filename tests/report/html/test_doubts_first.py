@@ -1,7 +1,5 @@
 """A mistake of the table is the first thing that a page says."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from beamstiff.diagnosis.result import Diagnosis

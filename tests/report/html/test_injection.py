@@ -1,7 +1,5 @@
 """Whatever people's files and names hold, every report that a command writes shows it as text."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

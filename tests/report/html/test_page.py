@@ -1,7 +1,5 @@
 """The page as text: one file, escaped, whole, with the numbers that ``--json`` writes."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import json

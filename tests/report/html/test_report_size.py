@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 from benchmarks.report_size import ASKED_MEGABYTES, measure
 from tests.report.html.conftest import KINDS
 

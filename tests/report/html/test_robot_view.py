@@ -1,7 +1,5 @@
 """The robot that is drawn bends as closed forms say, and its ellipsoid is its compliance."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
