@@ -25,7 +25,7 @@ from beamstiff.identification.identify import ROUNDS, Estimates, estimate
 from beamstiff.identification.input_errors import InputErrors
 from beamstiff.identification.refit import refit
 from beamstiff.identification.simulation import as_they_were
-from beamstiff.identification.statement import Statement, state_identification
+from beamstiff.identification.statement import Statement, build_identification
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.ports import reduce_to_ports
@@ -194,7 +194,7 @@ def campaigns() -> list[Campaign]:
 def run(campaign: Campaign, repetitions: int, seed: int = 0, drawn: int = 0) -> Study:
     """Return how often the intervals of a campaign hold the truth; the first `drawn` by bootstrap too."""
     random = np.random.default_rng(seed)
-    statement = state_identification(
+    statement = build_identification(
         campaign.robot, campaign.rows, campaign.parameters, errors=campaign.stated
     )
     published = statement.problem.model.start

@@ -15,7 +15,7 @@ from beamstiff import Robot, load_robot
 from beamstiff.identification.degeneracy import Degeneracy, find_degeneracy
 from beamstiff.identification.identify import identify
 from beamstiff.identification.minimise import Effort
-from beamstiff.identification.problem import Components, state_problem
+from beamstiff.identification.problem import Components, build_problem
 from beamstiff.identification.result import Identification
 from beamstiff.identification.separate import expected_spread
 from beamstiff.measure.table import Measurements, make_measurements
@@ -64,7 +64,7 @@ def random_graphs(count: int, planted: bool) -> Graphs:
     for seed in range(count):
         case = random_case(seed, planted)
         groups += len(case.series) + len(case.parallel)
-        right += not faults(case, find_degeneracy(state_problem(case.robot, case.tests)))
+        right += not faults(case, find_degeneracy(build_problem(case.robot, case.tests)))
     return Graphs(count, groups, right)
 
 
@@ -112,7 +112,7 @@ def in_plane(name: str) -> Degeneracy:
     robot = load_robot(name)
     names = [*robot.identify[:2], *(f"{joint}.radial" for joint in JOINTS)]
     tests = campaign(robot, poses_of(robot), loads_of(("x", "z")), components="position")
-    return find_degeneracy(state_problem(robot, tests, names))
+    return find_degeneracy(build_problem(robot, tests, names))
 
 
 def loads_of(names: Sequence[str]) -> Array:
@@ -136,7 +136,7 @@ def expected(loads: Sequence[str], components: Components) -> dict[str, float]:
     """
     actual, names = with_bearings()
     tests = campaign(actual, poses_of(actual), loads_of(loads), components=components)
-    problem = state_problem(actual, tests, names)
+    problem = build_problem(actual, tests, names)
     found = find_degeneracy(problem)
     spread = dict(zip(names, expected_spread(problem, found).tolist(), strict=True))
     values = dict(zip(names, problem.model.start.tolist(), strict=True))

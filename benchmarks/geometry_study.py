@@ -16,12 +16,12 @@ import numpy as np
 from rich.console import Console
 
 from beamstiff import calibrate
-from beamstiff.calibration.error_jacobian import Geometry, state_geometry
+from beamstiff.calibration.error_jacobian import Geometry, build_geometry
 from beamstiff.calibration.observability import Observability, observability
 from beamstiff.calibration.parameters import choose_parameters, known_parameters
 from beamstiff.calibration.recursion import recursion
 from beamstiff.calibration.sensitivity import sensitivity_indices
-from beamstiff.calibration.statement import state_calibration
+from beamstiff.calibration.statement import build_calibration
 from beamstiff.calibration.validation import errors_on, gap_of
 from beamstiff.report.figures import save_figure
 from beamstiff.report.geometry import recursion_figure, sensitivity_figure
@@ -67,7 +67,7 @@ def geometry(tilt: float | None = None) -> Geometry:
     rows = readings(ir663(), q, 0.0, 0)
     known = known_parameters(ir663(), ["tool"], turned=True)
     chosen = choose_parameters(ir663(), known, list(NAMES.values()), last=[NAMES[name] for name in HELD])
-    return state_geometry(ir663(), rows, chosen)
+    return build_geometry(ir663(), rows, chosen)
 
 
 def rank_at_the_noise(found: Geometry) -> Observability:
@@ -195,7 +195,7 @@ def recursion_table(asked: Published, folder: Path | None) -> Table:
     """Return the pose-by-pose recursion beside the estimate of all poses; draw Figures 7 and C.21 to C.24."""
     rows = readings(machine(asked.errors), joint_readings(), 1.0, 0)
     held = [NAMES[name] for name in HELD]
-    statement = state_calibration(ir663(), rows, list(NAMES.values()), last=held)
+    statement = build_calibration(ir663(), rows, list(NAMES.values()), last=held)
     ways = {
         name: recursion(statement.problem, statement.begin, statement.identified, memory=memory)
         for name, memory in (("each pose alone (eq. 12)", False), ("all poses so far", True))

@@ -33,8 +33,8 @@ from rich.table import Table
 from beamstiff import Robot, load_robot
 from beamstiff.identification.minimise import GLOBAL, METHODS, POLISHED, Effort, Minimum, minimise
 from beamstiff.identification.objective import Objective
-from beamstiff.identification.parameters import state_parameters
-from beamstiff.identification.problem import state_problem
+from beamstiff.identification.parameters import build_parameters
+from beamstiff.identification.problem import build_problem
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.se3 import Array
@@ -121,8 +121,8 @@ def case(
     start = truth.with_parameters(
         {name: truth.parameter(name) * factor for name, factor in zip(names, factors, strict=True)}
     )
-    problem = state_problem(start, campaign(truth, directions), names)
-    return Case(title, Objective(problem, state_parameters(names, problem.model.start)), sums)
+    problem = build_problem(start, campaign(truth, directions), names)
+    return Case(title, Objective(problem, build_parameters(names, problem.model.start)), sums)
 
 
 def cases() -> list[Case]:

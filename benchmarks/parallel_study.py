@@ -28,7 +28,7 @@ from beamstiff.exam.cases import Exam
 from beamstiff.exam.run import run_exam
 from beamstiff.identification.bootstrap import bootstrap
 from beamstiff.identification.identify import identify
-from beamstiff.identification.statement import Statement, state_identification
+from beamstiff.identification.statement import Statement, build_identification
 from beamstiff.measure import make_measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.parallel import parallel_map
@@ -102,7 +102,7 @@ def campaign(poses: int) -> tuple[Statement, Array]:
     still = make_measurements(names, q, **known)
     seen = predict_displacements(robot, still)[:, :3] + 3e-5 * random.normal(size=(poses, 3))
     table = make_measurements(names, q, displacement=seen, **known)
-    statement = state_identification(robot, table)
+    statement = build_identification(robot, table)
     return statement, statement.theta(identify(robot, table).stiffness)
 
 

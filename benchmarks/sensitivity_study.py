@@ -21,7 +21,7 @@ from beamstiff.identification.input_errors import InputErrors
 from beamstiff.identification.number_of_tests import NumberOfTests, number_of_tests
 from beamstiff.identification.refit import refit
 from beamstiff.identification.sensitivity import Sensitivity, sensitivity
-from beamstiff.identification.statement import Statement, state_identification
+from beamstiff.identification.statement import Statement, build_identification
 from beamstiff.measure.table import Measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.se3 import Array
@@ -55,7 +55,7 @@ def campaign(tests: int, seed: int = 0) -> tuple[Statement, Measurements, Array]
         displacement=predict_displacements(planned.robot, planned.rows) + noise,
         sigma=np.tile(sigma, (tests, 1)),
     )
-    statement = state_identification(planned.robot, rows)
+    statement = build_identification(planned.robot, rows)
     return statement, rows, refit(statement.objective, statement.parameters.begin)
 
 

@@ -31,8 +31,8 @@ from beamstiff import (
 from beamstiff.identification.degeneracy import find_degeneracy
 from beamstiff.identification.minimise import Effort, minimise
 from beamstiff.identification.objective import Objective
-from beamstiff.identification.parameters import state_parameters
-from beamstiff.identification.problem import state_problem
+from beamstiff.identification.parameters import build_parameters
+from beamstiff.identification.problem import build_problem
 from beamstiff.identification.reduce import reduce_model
 from beamstiff.identification.separate import with_separations
 from beamstiff.measure.rows import subset
@@ -90,7 +90,7 @@ def main(folder: Path = OUTPUT) -> None:
 
     # The reduced model
     values = dict(zip(NAMES, found.stiffness.tolist(), strict=True))
-    reduced = reduce_model(robot, find_degeneracy(state_problem(robot, used, NAMES)), values, NAMES).robot
+    reduced = reduce_model(robot, find_degeneracy(build_problem(robot, used, NAMES)), values, NAMES).robot
     small = identify(reduced, used)
     of_screws = replace(measured, variables=("r2", "r8"), q=np.repeat(strokes, 2 * len(LOADS), axis=0))
     told = identify(screws, subset(of_screws, size == USED))
@@ -168,8 +168,8 @@ def simulate(
 
 def designs(robot: Robot, used: Measurements) -> object:
     """Return Table 3: what a genetic search finds from one seed and the next, beside the paper's designs."""
-    problem = state_problem(robot, used, NAMES)
-    sought = state_parameters(
+    problem = build_problem(robot, used, NAMES)
+    sought = build_parameters(
         NAMES,
         problem.model.start,
         bounds={name: (1e5, 1e15) if "radial" in name else (1e5, 1e8) for name in NAMES},

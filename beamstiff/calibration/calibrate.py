@@ -9,13 +9,13 @@ import numpy as np
 from scipy import stats
 
 from beamstiff.calibration.corrected import corrected, nominal_value
-from beamstiff.calibration.elastic import gives_way, is_rigid, state_elastic
+from beamstiff.calibration.elastic import build_elastic, gives_way, is_rigid
 from beamstiff.calibration.estimate import Estimate, covariance_of, estimate
 from beamstiff.calibration.observability import NOTICED
 from beamstiff.calibration.problem import Problem
 from beamstiff.calibration.registration import rigid_gap
 from beamstiff.calibration.result import Calibration, Found, errors_of
-from beamstiff.calibration.statement import Statement, state_calibration
+from beamstiff.calibration.statement import Statement, build_calibration
 from beamstiff.calibration.validation import held_out
 from beamstiff.errors import listed, optional
 from beamstiff.measure.table import Measurements
@@ -54,7 +54,7 @@ def calibrate(
     priors : mapping of str to float, optional
         Standard deviations about the robot's values, by parameter, SI.
     """
-    statement = state_calibration(
+    statement = build_calibration(
         robot,
         measurements,
         parameters,
@@ -78,7 +78,7 @@ def _settled(statement: Statement, method: str) -> tuple[Problem, Estimate]:
     for _ in range(ROUNDS):
         robot = calibrated(statement.robot, problem, found.theta)
         before = problem.elastic.displacement(problem.split(found.theta)[1])
-        elastic = state_elastic(robot, problem.rows, problem.elastic.names)
+        elastic = build_elastic(robot, problem.rows, problem.elastic.names)
         if problem.elastic.names:  # sizes are scales of the search: they stay
             elastic = replace(elastic, size=problem.elastic.size)
         problem = replace(problem, elastic=elastic)

@@ -82,7 +82,7 @@ def gives_way(robot: Robot) -> bool:
     return bool(robot.beams) or any(0.0 < value < RIGID for value in stiffness_parameters(robot).values())
 
 
-def state_elastic(robot: Robot, rows: Measurements, names: Sequence[str]) -> Elastic:
+def build_elastic(robot: Robot, rows: Measurements, names: Sequence[str]) -> Elastic:
     """Return what gives way, with the compliances called `names` open.
 
     Something has to load each of them (`felt_names`).

@@ -220,7 +220,7 @@ def _turning(vector: Array) -> Array:
     return np.asarray(np.linalg.inv(rotation_vector_rate(vector)), dtype=np.float64)
 
 
-def state_geometry(
+def build_geometry(
     robot: Robot, rows: Measurements, parameters: Sequence[Parameter], stations: int = 1
 ) -> Geometry:
     """Return the geometry of a robot at the rows of a table; compliances are left out."""

@@ -120,7 +120,7 @@ class Problem:
         )
 
 
-def state_problem(
+def build_problem(
     geometry: Geometry,
     elastic: Elastic,
     parameters: Sequence[Parameter],

@@ -8,16 +8,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from beamstiff.calibration.elastic import (
+    build_elastic,
     compliance_parameters,
     compliances_of,
     felt_names,
-    state_elastic,
 )
-from beamstiff.calibration.error_jacobian import state_geometry
+from beamstiff.calibration.error_jacobian import build_geometry
 from beamstiff.calibration.observability import NOTICED, Observability, observability
 from beamstiff.calibration.opening import opening_parameters, refuse_opening
 from beamstiff.calibration.parameters import choose_parameters, known_parameters
-from beamstiff.calibration.problem import Problem, state_problem
+from beamstiff.calibration.problem import Problem, build_problem
 from beamstiff.calibration.registration import registered
 from beamstiff.errors import BeamstiffError, listed, suggest
 from beamstiff.measure.rows import concatenate
@@ -44,7 +44,7 @@ class Statement:
         return self.observability.identified
 
 
-def state_calibration(
+def build_calibration(
     robot: Robot,
     measurements: Measurements | Sequence[Measurements],
     parameters: Sequence[str] | None = None,
@@ -78,16 +78,16 @@ def state_calibration(
     places = len(rows.sources) if stations else 1
     known = known_parameters(robot, list(dict.fromkeys(rows.point.tolist())), turned, places)
     chosen = choose_parameters(robot, known, parameters, fixed, last)
-    opening = opening_parameters(state_geometry(robot, rows, chosen, places))
+    opening = opening_parameters(build_geometry(robot, rows, chosen, places))
     refuse_opening(opening, [*(parameters or ()), *(priors or ())])
     chosen = tuple(item for item in chosen if item.name not in opening)
-    geometry = state_geometry(robot, rows, chosen, places)
+    geometry = build_geometry(robot, rows, chosen, places)
     felt = felt_names(robot, rows, compliances) if compliances else []
-    elastic = state_elastic(robot, rows, felt)
+    elastic = build_elastic(robot, rows, felt)
     every = (*chosen, *compliance_parameters(robot, elastic))
     every = tuple(replace(item, size=(priors or {}).get(item.name, item.size)) for item in every)
     start = np.concatenate([np.zeros(len(chosen)), compliances_of(robot, elastic)])
-    problem = state_problem(geometry, elastic, every, start, priors)
+    problem = build_problem(geometry, elastic, every, start, priors)
     begin = registered(problem, start)
     _, jacobian = problem.linearised(begin, deformed=False)
     seen = observability(jacobian, every, noticed)

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from beamstiff.calibration.elastic import state_elastic
-from beamstiff.calibration.error_jacobian import state_geometry
+from beamstiff.calibration.elastic import build_elastic
+from beamstiff.calibration.error_jacobian import build_geometry
 from beamstiff.calibration.estimate import Estimate, estimate
-from beamstiff.calibration.problem import Problem, state_problem
+from beamstiff.calibration.problem import Problem, build_problem
 from beamstiff.calibration.result import Calibration, Errors, errors_of
 from beamstiff.calibration.statement import Statement
 from beamstiff.errors import BeamstiffError
@@ -57,8 +57,8 @@ def gap_of(robot: Robot, rows: Measurements, base: Array | None = None, target: 
     """
     if rows.kind != "absolute":
         raise BeamstiffError(f"{rows.source}: found displacements, expected absolute positions (x y z)")
-    geometry = state_geometry(robot, rows, ())
-    problem = state_problem(geometry, state_elastic(robot, rows, ()), (), np.zeros(0))
+    geometry = build_geometry(robot, rows, ())
+    problem = build_problem(geometry, build_elastic(robot, rows, ()), (), np.zeros(0))
     placed = problem.placed(np.zeros(0))
     stands = np.eye(4) if base is None else base
     turn, shift = stands[..., :3, :3], stands[..., :3, 3]

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from beamstiff.diagnosis.decomposition.applied import applied
-from beamstiff.diagnosis.effects import EFFECTS, Scales, Shape
+from beamstiff.diagnosis.effects import EFFECTS, Normalisation, Shape
 from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR, Baseline, fit_baseline, predict
 from beamstiff.errors import BeamstiffError, listed, shown, suggest
 from beamstiff.identification.whitening import whitening
@@ -205,7 +205,7 @@ def extended(diagnosis: Diagnosis) -> Robot:
             parameters={
                 item.name: _written(value, item.unit)
                 for item, value in zip(shape.parameters, values.tolist(), strict=True)
-                if not item.passing
+                if not item.posture_specific
             },
             scales=_against(shape, EFFECTS[effect].scales(fit, component)),
         )
@@ -270,11 +270,11 @@ def _values(effect: AddedEffect, shape: Shape, alone: bool) -> Array:
     return values
 
 
-def _against(shape: Shape, scales: Scales) -> Scales:
+def _against(shape: Shape, scales: Normalisation) -> Normalisation:
     return {name: value for name, value in scales.items() if shape.against is None or name in shape.against}
 
 
-def _check_scales(effect: AddedEffect, expected: Scales) -> None:
+def _check_scales(effect: AddedEffect, expected: Normalisation) -> None:
     for name, value in effect.scales.items():
         _known("scale", name, expected)
         if isinstance(value, tuple) != isinstance(expected[name], tuple):

@@ -14,9 +14,9 @@ from beamstiff.diagnosis.decomposition.forms import OF_GEOMETRY, forms_of
 from beamstiff.diagnosis.decomposition.held_out import folds_of
 from beamstiff.diagnosis.decomposition.open_model import open_stiffness
 from beamstiff.diagnosis.decomposition.plain import parameters_of
-from beamstiff.diagnosis.decomposition.selection import select, state_choice
+from beamstiff.diagnosis.decomposition.selection import build_choice, select
 from beamstiff.diagnosis.effects import EFFECTS
-from beamstiff.diagnosis.held_out.prediction import Shrink
+from beamstiff.diagnosis.held_out.prediction import HeldOutError
 from beamstiff.diagnosis.inference.library import Untestable
 from beamstiff.diagnosis.residual.baseline import fit_baseline
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
@@ -46,7 +46,7 @@ def beside_calibration(
     except BeamstiffError:  # stiffness that makes up for the geometry may let the machine buckle
         return diagnosis_of(found)
     found_here = {form.effect for cause in (*found.causes, *found.unclear) for form in cause.forms}
-    choice = state_choice(closed, forms_of(closed, without, {*OF_GEOMETRY, *found_here}))
+    choice = build_choice(closed, forms_of(closed, without, {*OF_GEOMETRY, *found_here}))
     step = select(choice, folds_of(closed, choice, seed).squared_errors)
     freedom = max(choice.count - choice.open_count - step.determined, 1.0)
     left = float(np.sqrt(step.squares / freedom))
@@ -130,9 +130,9 @@ def _candidates(found: Decomposition) -> tuple[Candidate, ...]:
     return tuple(result)
 
 
-def _shrink(found: Decomposition, cause: Cause) -> Shrink:
+def _shrink(found: Decomposition, cause: Cause) -> HeldOutError:
     low, high = (float(np.clip(value, 0.0, 1.0)) for value in cause.closes_interval)
-    return Shrink(
+    return HeldOutError(
         before=found.rms,
         after=cause.rms_after,
         shrink=float(np.clip(cause.closes, 0.0, 1.0)),

@@ -15,15 +15,23 @@ from beamstiff.diagnosis.decision.where import where
 from beamstiff.diagnosis.decomposed import beside_calibration, diagnosis_of
 from beamstiff.diagnosis.decomposition.decompose import decompose
 from beamstiff.diagnosis.held_out.explained import explanations
-from beamstiff.diagnosis.held_out.prediction import Fitted, Shrink, Weighted, fitted, folds, held_out, shift
-from beamstiff.diagnosis.inference.component_subspaces import FreeLaw, free_laws
-from beamstiff.diagnosis.inference.evidence import Scales, detection
-from beamstiff.diagnosis.inference.library import Library, seen_by, state_library
+from beamstiff.diagnosis.held_out.prediction import (
+    Fitted,
+    HeldOutError,
+    Weighted,
+    fitted,
+    folds,
+    held_out,
+    shift,
+)
+from beamstiff.diagnosis.inference.component_subspaces import ComponentSubspace, component_subspaces
+from beamstiff.diagnosis.inference.evidence import NoisePrior, detection
+from beamstiff.diagnosis.inference.library import Library, build_library, seen_by
 from beamstiff.diagnosis.inference.linearised import TURNS, beside_the_cause
-from beamstiff.diagnosis.inference.noise_scale import scale_after, scales_of
+from beamstiff.diagnosis.inference.noise_scale import noise_prior_of, scale_after
 from beamstiff.diagnosis.inference.pair_evidence import Pair
 from beamstiff.diagnosis.inference.search import NONE, OUTLIERS, UNKNOWN, Search, search, weighed_together
-from beamstiff.diagnosis.next_measurement.test_plan import as_plain, programme
+from beamstiff.diagnosis.next_measurement.test_plan import as_plain, propose_tests
 from beamstiff.diagnosis.notes import notes
 from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline
 from beamstiff.diagnosis.residual.screening import Screened, screen, unlikely
@@ -52,18 +60,18 @@ class Weighed:
         The one about whose stiffness effects are linear.
     white : Whitened
     library : Library
-    laws : sequence of FreeLaw
+    laws : sequence of ComponentSubspace
     found : Search
-    scales : Scales
+    scales : NoisePrior
     """
 
     screened: Screened
     linear: Baseline
     white: Whitened
     library: Library
-    laws: Sequence[FreeLaw]
+    laws: Sequence[ComponentSubspace]
     found: Search
-    scales: Scales
+    scales: NoisePrior
 
 
 def diagnose(
@@ -120,38 +128,38 @@ def _weighed_one_by_one(
             f"{measurements.source}: no row has a measured position: the gap is one of positions "
             "(dx dy dz or x y z)"
         )
-    library = state_library(baseline, whiten(baseline), without)
+    library = build_library(baseline, whiten(baseline), without)
     screened = screen(baseline, library)
     white = whiten(screened.baseline, screened.used)
     library = seen_by(library, white)
     if not library.hypotheses:
         raise BeamstiffError("no effect is left that these rows could show: measure more, or leave out fewer")
-    scales = scales_of(screened.baseline)
+    scales = noise_prior_of(screened.baseline)
     chance = _chance(white, library, scales, seed)
     weighed = _weigh(screened, white, library, scales, without)
     return _diagnosis(weighed, chance, "outliers" not in without, seed)
 
 
 def _weigh(
-    screened: Screened, white: Whitened, library: Library, scales: Scales, without: Sequence[str]
+    screened: Screened, white: Whitened, library: Library, scales: NoisePrior, without: Sequence[str]
 ) -> Weighed:
     """Return what every cause is worth, about the stiffness that the likeliest leaves."""
     linear = screened.baseline
     for turn in range(1 + TURNS):
-        laws = free_laws(linear, library, white)
+        laws = component_subspaces(linear, library, white)
         found = search(white, library.hypotheses, scales, laws)
         moved = beside_the_cause(linear, white, found, scales) if turn < TURNS else None
         if moved is None:
             break
         linear, white = moved, whiten(moved, screened.used)
-        library = state_library(linear, white, without)
+        library = build_library(linear, white, without)
     found = weighed_together(white, library.hypotheses, scales, laws, found)
     return Weighed(screened, linear, white, library, laws, found, scales)
 
 
-def _chance(white: Whitened, library: Library, scales: Scales, seed: int) -> tuple[float, float]:
+def _chance(white: Whitened, library: Library, scales: NoisePrior, seed: int) -> tuple[float, float]:
     """Return the log odds of any effect, and the share of simulated campaigns without one that reach them."""
-    fixed = [one for one in library.hypotheses if not one.shape.tuned] or library.hypotheses
+    fixed = [one for one in library.hypotheses if not one.shape.data_selected] or library.hypotheses
     nulls = np.random.default_rng(seed).standard_normal((white.gap.size, NULLS))
     odds = detection(white, fixed, scales, np.concatenate([white.gap[:, None], nulls], axis=1))
     return float(odds[0]), float((1 + (odds[1:] >= odds[0]).sum()) / (1 + NULLS))
@@ -195,7 +203,7 @@ def _diagnosis(weighed: Weighed, chance: tuple[float, float], may_be_outliers: b
     rivals = [(key, judged.probabilities[key], found.shapes[key]) for key in _rivals(judged, found)]
     test_plan = None
     with optional("what to measure next", left_out.append):
-        test_plan = programme(linear, used, rivals, scale, seed)
+        test_plan = propose_tests(linear, used, rivals, scale, seed)
     return Diagnosis(
         baseline=screened.baseline,
         linear=linear,
@@ -212,7 +220,7 @@ def _diagnosis(weighed: Weighed, chance: tuple[float, float], may_be_outliers: b
         notes=(
             *notes(screened, white, verdict.effect, scale),
             *_unclear(judged),
-            *_nameless(judged, found),
+            *_unmodelled(judged, found),
             *left_out,
         ),
         fits=fits,
@@ -235,7 +243,7 @@ def _still_wrong(screened: Screened, baseline: Baseline, shapes: Sequence[Weight
 def _each_posture_its_own(pair: Pair) -> bool:
     """Return whether a pair has parameters of some postures alone, which tell nothing of new ones."""
     shapes = [one.hypothesis.shape for shapes in pair.shapes for one in shapes]
-    return any(quantity.passing for shape in shapes for quantity in shape.parameters)
+    return any(quantity.posture_specific for shape in shapes for quantity in shape.parameters)
 
 
 def _models(judged: Judged, found: Search) -> list[list[Weighted]]:
@@ -261,7 +269,11 @@ def _in_fit(cause: Candidate, fit: Fitted) -> Candidate:
 
 
 def _features(
-    weighed: Weighed, chance: tuple[float, float], both: Shrink | None, first: Shrink, scale: float
+    weighed: Weighed,
+    chance: tuple[float, float],
+    both: HeldOutError | None,
+    first: HeldOutError,
+    scale: float,
 ) -> dict[str, float]:
     """Return what the verdict rests on, as numbers."""
     found, screened = weighed.found, weighed.screened
@@ -272,7 +284,7 @@ def _features(
         "chance": chance[1],
         "none": found.log_weight[NONE] - weight,
         "unknown": found.log_weight[UNKNOWN] - weight,
-        "left": found.left[best],
+        "left": found.residual_fraction[best],
         "free": max(found.free.values(), default=-np.inf) - weight,
         "shrink": first.shrink,
         "scale": scale,
@@ -281,7 +293,7 @@ def _features(
         "noise_position": float(screened.noise[0]),
         "noise_rotation": float(screened.noise[1]),
         "pair": pair.log_weight - weight if pair else -np.inf,
-        "pair_left": pair.left if pair else np.nan,
+        "pair_left": pair.residual_fraction if pair else np.nan,
         "pair_after": both.after if both else np.nan,
         "single_after": first.after,
     }
@@ -293,12 +305,12 @@ def _unclear(judged: Judged) -> Iterator[str]:
         yield f"there {are}, and it is not clear which: {', '.join(judged.unclear)}"
 
 
-def _nameless(judged: Judged, found: Search) -> Iterator[str]:
+def _unmodelled(judged: Judged, found: Search) -> Iterator[str]:
     """Yield what a place seems to do where that explains more than any effect, and has no name."""
-    best = max(found.nameless, key=found.nameless.__getitem__, default=None)
+    best = max(found.unmodelled, key=found.unmodelled.__getitem__, default=None)
     if judged.verdict != UNKNOWN or best is None:
         return
-    if found.nameless[best] > max(found.log_weight[found.named[0]], found.log_weight[UNKNOWN]):
+    if found.unmodelled[best] > max(found.log_weight[found.named[0]], found.log_weight[UNKNOWN]):
         yield f"what explains most is no effect of the library: {best[0]} {best[1]}"
 
 
@@ -313,7 +325,7 @@ def _candidates(
     used: NDArray[np.bool_],
     found: Search,
     judged: Judged,
-    shrinks: dict[str, Shrink],
+    shrinks: dict[str, HeldOutError],
     scale: float,
 ) -> tuple[Candidate, ...]:
     order = sorted(judged.probabilities, key=lambda key: (judged.probabilities[key], key), reverse=True)

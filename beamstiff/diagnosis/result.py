@@ -12,7 +12,7 @@ from beamstiff.diagnosis.decomposition.applied import applied
 from beamstiff.diagnosis.decomposition.decompose import Decomposition
 from beamstiff.diagnosis.decomposition.plain import causes_dict
 from beamstiff.diagnosis.effects import EFFECTS
-from beamstiff.diagnosis.held_out.prediction import Fitted, Shrink, shift
+from beamstiff.diagnosis.held_out.prediction import Fitted, HeldOutError, shift
 from beamstiff.diagnosis.inference.library import Untestable, key_of
 from beamstiff.diagnosis.residual.baseline import Baseline, at_rows, fit_baseline, nominal_pose
 from beamstiff.errors import BeamstiffError
@@ -58,7 +58,7 @@ class Candidate:
     shape : str
         The likeliest of its shapes; empty where it has none.
     estimates : tuple of Estimate
-    shrink : Shrink or None
+    shrink : HeldOutError or None
     """
 
     effect: str
@@ -66,7 +66,7 @@ class Candidate:
     probability: float
     shape: str = ""
     estimates: tuple[Estimate, ...] = ()
-    shrink: Shrink | None = None
+    shrink: HeldOutError | None = None
 
     @property
     def key(self) -> str:
@@ -291,7 +291,7 @@ def estimates_of(fit: Fitted, which: int = 0) -> tuple[Estimate, ...]:
             positive=item.positive,
         )
         for k, item in enumerate(shape.parameters)
-        if not item.passing
+        if not item.posture_specific
     )
 
 

@@ -11,7 +11,7 @@ from beamstiff.calibration.calibrate import calibrate as fit
 from beamstiff.calibration.observability import NOTICED
 from beamstiff.calibration.parameters import Parameter
 from beamstiff.calibration.result import Calibration
-from beamstiff.calibration.statement import state_calibration
+from beamstiff.calibration.statement import build_calibration
 from beamstiff.calibration.validation import errors_on
 from beamstiff.errors import BeamstiffError, OptionError, optional, shown, suggest
 from beamstiff.functions.checks import names_of, whole
@@ -105,7 +105,7 @@ def calibrate(
     }
     with doubted(doubts):
         if priors:
-            known = state_calibration(machine, rows, **said).problem.parameters
+            known = build_calibration(machine, rows, **said).problem.parameters
             said["priors"] = each_prior(priors, known)
         found = fit(machine, rows, method=method, folds=folds, **said)
         errors, left_out = {}, list[str]()

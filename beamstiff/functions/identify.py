@@ -19,11 +19,11 @@ from beamstiff.identification.identify import identify as fit
 from beamstiff.identification.input_errors import InputErrors
 from beamstiff.identification.minimise import GLOBAL, LEAST, METHODS, Effort, Progress
 from beamstiff.identification.objective import LOSSES, Loss
-from beamstiff.identification.problem import Components, state_problem
+from beamstiff.identification.problem import Components, build_problem
 from beamstiff.identification.reduce import Reduced, reduce_model
 from beamstiff.identification.result import Identification
 from beamstiff.identification.separate import with_separations
-from beamstiff.identification.statement import Statement, state_identification
+from beamstiff.identification.statement import Statement, build_identification
 from beamstiff.measure.coerce import DataLike, as_tables, doubted, doubts_of
 from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements
@@ -158,7 +158,7 @@ def identify(
                 found = with_separations(found, bare, rows, components, seed)
             if bootstrap:
                 with optional("the bootstrap", left_out.append):
-                    drawn = _draw(state_identification(bare, rows, **said), found, bootstrap, effort)
+                    drawn = _draw(build_identification(bare, rows, **said), found, bootstrap, effort)
         except KeyboardInterrupt:  # the values are there
             found = replace(found, interrupted=True)
     if reduce:
@@ -225,6 +225,6 @@ def _draw(statement: Statement, found: Identification, repetitions: int, effort:
 
 def _reduce(robot: Robot, rows: Measurements, found: Identification, components: Components) -> Reduced:
     names = [item.name for item in found.parameters]
-    problem = state_problem(robot, rows, names, components)
+    problem = build_problem(robot, rows, names, components)
     values = dict(zip(names, found.stiffness.tolist(), strict=True))
     return reduce_model(robot, find_degeneracy(problem), values, names)

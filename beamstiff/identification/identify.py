@@ -14,10 +14,10 @@ from beamstiff.identification.degeneracy import Mixed
 from beamstiff.identification.ill_determined import find_ill_determined
 from beamstiff.identification.information import Uncertainty, spread_over, uncertainty
 from beamstiff.identification.minimise import Effort, Minimum, Progress, minimise
-from beamstiff.identification.parameters import Parameters, state_parameters
+from beamstiff.identification.parameters import Parameters, build_parameters
 from beamstiff.identification.relations import INVERSE_UNITS, Joined, Sum
 from beamstiff.identification.result import Combination, Identification, Parameter
-from beamstiff.identification.statement import Options, Plan, Statement, state_identification
+from beamstiff.identification.statement import Options, Plan, Statement, build_identification
 from beamstiff.identification.validation import held_out, position_rms
 from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements
@@ -51,7 +51,7 @@ def identify(
     effort : Effort, optional
         Limits, seed and population of the method.
     """
-    statement = state_identification(robot, measurements, parameters, **options)
+    statement = build_identification(robot, measurements, parameters, **options)
     table = measurements if isinstance(measurements, Measurements) else concatenate(measurements)
     require_usable(table)
     check_units(table, float(statement.problem.model.lever.max(initial=1.0)))
@@ -85,7 +85,7 @@ def _loose(statement: Statement, options: Options) -> Statement:
     """
     stated, plan = statement.parameters, statement.plan
     bounds, priors = options.get("bounds"), options.get("priors")
-    loose = state_parameters(stated.names, stated.start, plan.ties, bounds, priors, plan.silent)
+    loose = build_parameters(stated.names, stated.start, plan.ties, bounds, priors, plan.silent)
     return replace(statement, parameters=loose)
 
 

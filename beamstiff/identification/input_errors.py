@@ -92,7 +92,7 @@ class Response:
         return Disturbance(own, by_value.swapaxes(1, 2))
 
 
-def state_response(
+def build_response(
     robot: Robot, measurements: Measurements, errors: InputErrors, parameters: tuple[str, ...]
 ) -> Response:
     """Return what errors of the inputs do to the rows of a table.

@@ -66,7 +66,7 @@ class Parameters:
         return (self.known - np.log(stiffness)) / self.known_std
 
 
-def state_parameters(
+def build_parameters(
     names: Sequence[str],
     start: Array,
     ties: Sequence[Sequence[str]] = (),

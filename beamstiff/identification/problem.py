@@ -110,7 +110,7 @@ class Problem:
         return replace(self, disturbance=disturbance, whitening=of_blocks(inverse_root(blocks)))
 
 
-def state_problem(
+def build_problem(
     robot: Robot,
     data: Measurements | Sequence[Measurements],
     parameters: Sequence[str] | None = None,

@@ -17,7 +17,7 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.fem.unknowns import turning_nodes
 from beamstiff.identification.degeneracy import Degeneracy, find_degeneracy
 from beamstiff.identification.information import invert
-from beamstiff.identification.problem import Components, Problem, state_problem
+from beamstiff.identification.problem import Components, Problem, build_problem
 from beamstiff.identification.result import Identification
 from beamstiff.measure.arrays import Integers
 from beamstiff.measure.rows import concatenate, subset
@@ -29,7 +29,7 @@ from beamstiff.se3 import Array
 
 MOST_ROWS = 60  # of the measured ones that are looked at: what a group is made of shows in a few
 POSES = 20  # of a candidate
-LEVER = 0.25  # m, of the force that makes a moment
+ROTATION_LENGTH = 0.25  # m, of the force that makes a moment
 REFLECTORS = 0.5  # m, their distance: by it the noise of a rotation follows from that of a position
 AXES = ("x", "y", "z")
 GOOD = 0.5  # relative standard deviation below which a value is bounded on both sides
@@ -176,8 +176,10 @@ Candidate = tuple[str, Measurements]
 
 def _at_the_tool(robot: Robot, table: Measurements, components: Components, seed: int) -> Iterator[Candidate]:
     """Yield rotations, loads at the tool, and postures."""
-    force = float(np.abs(table.wrench[:, :3]).max()) or float(np.abs(table.wrench[:, 3:]).max()) / LEVER
-    moment = float(np.abs(table.wrench[:, 3:]).max()) or force * LEVER
+    force = (
+        float(np.abs(table.wrench[:, :3]).max()) or float(np.abs(table.wrench[:, 3:]).max()) / ROTATION_LENGTH
+    )
+    moment = float(np.abs(table.wrench[:, 3:]).max()) or force * ROTATION_LENGTH
     size = np.repeat([force, moment], 3)
     poses = _some_poses(table)
     turns = bool(table.measured_mask[:, 3:].any()) and components != "position"
@@ -262,7 +264,7 @@ def _stated(
     if not np.isfinite(table.sigma).any():  # all count alike, as in the identification
         own = replace(table, displacement=np.where(mask, table.displacement, np.nan), sigma=_alike(table))
         rows = replace(rows, sigma=_alike(rows))
-    return state_problem(robot, [own, rows], parameters)
+    return build_problem(robot, [own, rows], parameters)
 
 
 def _alike(rows: Measurements) -> Array:

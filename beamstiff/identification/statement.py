@@ -10,10 +10,10 @@ import numpy as np
 
 from beamstiff.errors import BeamstiffError, listed, suggest
 from beamstiff.identification.degeneracy import Degeneracy, Mixed, find_degeneracy
-from beamstiff.identification.input_errors import InputErrors, Response, state_response
+from beamstiff.identification.input_errors import InputErrors, Response, build_response
 from beamstiff.identification.objective import LOSSES, Loss, Objective
-from beamstiff.identification.parameters import Parameters, state_parameters
-from beamstiff.identification.problem import Components, Problem, state_problem
+from beamstiff.identification.parameters import Parameters, build_parameters
+from beamstiff.identification.problem import Components, Problem, build_problem
 from beamstiff.identification.relations import Joined, Sum
 from beamstiff.identification.start import start_values
 from beamstiff.measure.rows import concatenate
@@ -23,7 +23,7 @@ from beamstiff.se3 import Array
 
 
 class Options(TypedDict, total=False):
-    """What else may be said of an identification; see `state_identification`."""
+    """What else may be said of an identification; see `build_identification`."""
 
     fixed: Sequence[str]
     ties: Sequence[Sequence[str]]
@@ -92,7 +92,7 @@ class Statement:
         return replace(self, problem=replace(self.problem, measured=measured))
 
 
-def state_identification(
+def build_identification(
     robot: Robot,
     measurements: Measurements | Sequence[Measurements],
     parameters: Sequence[str] | None = None,
@@ -114,13 +114,13 @@ def state_identification(
     """
     if loss not in LOSSES:
         raise BeamstiffError(f"there is no loss {loss!r}; known: {listed(LOSSES)}")
-    problem = state_problem(robot, measurements, _free_names(robot, parameters, fixed), components)
+    problem = build_problem(robot, measurements, _free_names(robot, parameters, fixed), components)
     names = problem.model.parameters
     plan = _plan(find_degeneracy(problem), ties, priors or {})
     if len(plan.silent) == len(names):
         raise BeamstiffError(f"{problem.source}: {'; '.join(plan.silent.values())}")
     start = start_values(robot, problem, plan.held)
-    stated = state_parameters(names, start, plan.ties, bounds, priors, plan.held)
+    stated = build_parameters(names, start, plan.ties, bounds, priors, plan.held)
     statement = Statement(robot, problem, stated, plan, loss)
     if not errors:
         return statement
@@ -130,7 +130,7 @@ def state_identification(
             "errors of loads and joint values"
         )
     data = measurements if isinstance(measurements, Measurements) else concatenate(measurements)
-    statement = replace(statement, response=state_response(robot, data, errors, names))
+    statement = replace(statement, response=build_response(robot, data, errors, names))
     return statement.weighed(start)
 
 

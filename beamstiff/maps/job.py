@@ -102,7 +102,7 @@ class Job:
         return {name: self.__dict__[name] for name in self.__dataclass_fields__}
 
 
-def state_job(
+def build_job(
     robot: Robot,
     over: Mapping[str, ArrayLike],
     held: Mapping[str, float] | None = None,

@@ -17,7 +17,7 @@ from beamstiff.files import remove_drafts
 from beamstiff.maps.chunk import Part, compute_chunk, compute_poses
 from beamstiff.maps.dataset import check_format, empty_dataset, put, save_dataset
 from beamstiff.maps.foresee import refuse_unless_it_fits
-from beamstiff.maps.job import Job, state_job
+from beamstiff.maps.job import Job, build_job
 from beamstiff.maps.names import Reason
 from beamstiff.maps.parts import Parts
 from beamstiff.maps.summary import reason_counts
@@ -116,7 +116,7 @@ def map_workspace(
      [705.4 794.9]] N/mm
     """
     check_places(processes, scheduler)
-    job = state_job(as_robot(robot), over, held, orientation, quantities, wrench, gravity, direction, length)
+    job = build_job(as_robot(robot), over, held, orientation, quantities, wrench, gravity, direction, length)
     if out is not None:
         check_format(job, out)
     refuse_unless_it_fits(job, out, processes)

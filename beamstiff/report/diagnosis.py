@@ -266,7 +266,7 @@ def in_words(keys: Sequence[str]) -> str:
 
 
 def proposed(result: Diagnosis) -> str:
-    """Return, in words, how many states the programme proposes, and where else they are to be read."""
+    """Return, in words, how many states the test plan proposes, and where else they are to be read."""
     told: dict[str, float] = {}
     for item in result.next:
         told[item["point"]] = told.get(item["point"], 0.0) + item["discrimination"]

@@ -7,7 +7,7 @@ import pytest
 
 from beamstiff import BeamstiffError, Robot, calibrate, load_robot
 from beamstiff.calibration.corrected import corrected
-from beamstiff.calibration.elastic import elastic_displacement, gives_way, state_elastic
+from beamstiff.calibration.elastic import build_elastic, elastic_displacement, gives_way
 from beamstiff.calibration.validation import errors_on
 from beamstiff.diagnosis.residual.baseline import nominal_pose, predict
 from beamstiff.measure.rows import concatenate
@@ -47,7 +47,7 @@ def test_the_displacement_is_that_of_the_diagnosis() -> None:
 
 def test_its_derivatives_are_those_by_compliance() -> None:
     rows = measured(SOFT, **loaded(6, 2))
-    elastic = state_elastic(SOFT, rows, JOINTS)
+    elastic = build_elastic(SOFT, rows, JOINTS)
     here = np.array([1 / SOFT.parameter(name) for name in JOINTS])
     assert elastic.displacement(here) == pytest.approx(elastic_displacement(SOFT, rows), abs=1e-12)
     for at in range(6):

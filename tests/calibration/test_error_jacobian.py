@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from beamstiff import BeamstiffError, Robot, load_robot
-from beamstiff.calibration.error_jacobian import Geometry, state_geometry
+from beamstiff.calibration.error_jacobian import Geometry, build_geometry
 from beamstiff.calibration.opening import opening_parameters, refuse_opening
 from beamstiff.calibration.parameters import known_parameters
 from beamstiff.measure.rows import concatenate
@@ -19,7 +19,7 @@ STEP = 1e-6
 def geometry_of(robot: Robot, q: Array, points: tuple[str, ...]) -> Geometry:
     tables = [measured(robot, q, turned=True, point=point) for point in points]
     rows = concatenate(tables)
-    geometry = state_geometry(robot, rows, known_parameters(robot, points, True))
+    geometry = build_geometry(robot, rows, known_parameters(robot, points, True))
     opening = opening_parameters(geometry)
     return replace(geometry, parameters=tuple(x for x in geometry.parameters if x.name not in opening))
 
@@ -62,7 +62,7 @@ def test_columns_of_two_stations_move_their_own_rows() -> None:
     tables = [measured(serial(), within(serial(), 4, seed=seed), turned=True) for seed in (1, 2)]
     known = known_parameters(serial(), ["ball"], True, 2)
     assert [item.name for item in known][:12:6] == ["base1.x", "base2.x"]
-    geometry = state_geometry(serial(), concatenate(tables), known, 2)
+    geometry = build_geometry(serial(), concatenate(tables), known, 2)
     theta = 0.2 * np.random.default_rng(3).standard_normal(len(known)) * [x.group == "base" for x in known]
     _, jacobian = geometry.jacobian(theta)
     assert np.abs(jacobian - by_differences(geometry, theta)).max() < 1e-8
@@ -75,7 +75,7 @@ def test_elastic_displacement_is_carried_along_by_the_base() -> None:
     robot = serial()
     rows = measured(robot, within(robot, 4, seed=3), turned=True)
     base = tuple(x for x in known_parameters(robot, ["ball"], True) if x.group == "base")
-    geometry = state_geometry(robot, rows, base)
+    geometry = build_geometry(robot, rows, base)
     moved = 1e-2 * np.random.default_rng(0).standard_normal((4, 6))
     theta = np.array([0.1, 0.2, -0.3, 0.4, -0.5, 1.2])
     _, jacobian = geometry.jacobian(theta, moved)
@@ -94,7 +94,7 @@ def test_a_corrected_robot_is_where_the_parameters_put_it() -> None:
             ]
         )
         errors = {x.name: value for x, value in zip(geometry.parameters, theta, strict=True)}
-        built = state_geometry(machine(robot, errors), geometry.rows, ())
+        built = build_geometry(machine(robot, errors), geometry.rows, ())
         expected, placed = built.placed(np.zeros(0)), geometry.placed(theta)
         assert placed.position == pytest.approx(expected.position, abs=1e-11)
         assert placed.rotation == pytest.approx(expected.rotation, abs=1e-11)
@@ -103,20 +103,20 @@ def test_a_corrected_robot_is_where_the_parameters_put_it() -> None:
 def test_parameters_that_would_open_a_planar_loop_are_named_with_it() -> None:
     robot = load_robot("ir663")
     rows = measured(robot, within(robot, 4, seed=1))
-    geometry = state_geometry(robot, rows, known_parameters(robot, ["n7"], False))
+    geometry = build_geometry(robot, rows, known_parameters(robot, ["n7"], False))
     opening = opening_parameters(geometry)
     assert set(opening.values()) == {"four_bar"}
     assert {"f9.r", "f9.alpha", "f3.alpha", "f8.alpha"} <= set(opening)
     assert not {"f9.d", "f3.d", "f10.d", "f11.d", "q2", "f1.r", "f1.alpha"} & set(opening)
     with pytest.raises(BeamstiffError, match=r"^f9.r: loop 'four_bar' closes with the present value only"):
         refuse_opening(opening, ["f9.d", "f9.r"])
-    assert opening_parameters(state_geometry(serial(), measured(serial(), within(serial(), 2, 0)), ())) == {}
+    assert opening_parameters(build_geometry(serial(), measured(serial(), within(serial(), 2, 0)), ())) == {}
 
 
 def test_a_pose_that_cannot_close_is_named_by_its_row() -> None:
     q = four_bar_poses()[:5].copy()
     rows = replace(measured(four_bar(), q), q=np.vstack([q[:3], [[0, 0.1, 0.8, 0, 0, 0]], q[4:]]))
-    geometry = state_geometry(four_bar(), rows, ())
+    geometry = build_geometry(four_bar(), rows, ())
     with pytest.raises(
         BeamstiffError, match=r"^<arrays>:4: loop 'slider_crank2' cannot close at .*screw2 = 0.1 m"
     ):

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from beamstiff import Frame, Node, Robot, Variable
-from beamstiff.calibration.error_jacobian import state_geometry
+from beamstiff.calibration.error_jacobian import build_geometry
 from beamstiff.calibration.observability import Observability, observability
 from beamstiff.calibration.parameters import Parameter, choose_parameters, known_parameters
 from beamstiff.se3 import Array
@@ -19,7 +19,7 @@ def seen(
     rows = measured(robot, q, turned=turned)
     known = known_parameters(robot, [robot.tcp], turned)
     parameters = choose_parameters(robot, known, None, (), last)
-    _, jacobian = state_geometry(robot, rows, parameters).jacobian(np.zeros(len(parameters)))
+    _, jacobian = build_geometry(robot, rows, parameters).jacobian(np.zeros(len(parameters)))
     weighed = (jacobian if turned else jacobian[:, :3]).reshape(-1, len(parameters)) / SIGMA
     return observability(weighed, parameters, noticed), weighed, parameters
 

@@ -18,7 +18,7 @@ from beamstiff.diagnosis.apply import (
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.held_out.prediction import Weighted, fitted
-from beamstiff.diagnosis.inference.library import key_of, state_library
+from beamstiff.diagnosis.inference.library import build_library, key_of
 from beamstiff.diagnosis.residual.baseline import at_rows, fit_baseline, predict
 from beamstiff.diagnosis.residual.whitened import whiten
 from beamstiff.diagnosis.result import Diagnosis
@@ -213,7 +213,7 @@ def test_without_an_effect_only_the_stiffness_is_written() -> None:
 
 def test_shapes_between_which_the_data_do_not_choose_and_second_causes_are_all_written() -> None:
     result = diagnosed("backlash")
-    known = state_library(result.linear, whiten(result.linear)).hypotheses
+    known = build_library(result.linear, whiten(result.linear)).hypotheses
     shapes = {(one.key, one.shape.name): one for one in known}
     knees = [shapes["backlash:q2", f"flank within {width}"] for width in ("0.005", "0.03")]
     floor = shapes["base-compliance:null", "tilt"]
@@ -237,7 +237,7 @@ def test_shapes_between_which_the_data_do_not_choose_and_second_causes_are_all_w
 def test_what_the_noise_made_negative_is_written_as_nothing() -> None:
     """The arm lies flat: nothing turns the floor about x but noise."""
     result = diagnosed("backlash")
-    known = state_library(result.linear, whiten(result.linear)).hypotheses
+    known = build_library(result.linear, whiten(result.linear)).hypotheses
     floor = next(one for one in known if (one.effect, one.shape.name) == ("base-compliance", "rotation"))
     (fit,) = fitted(result.linear, result.linear.used, [[Weighted(floor, 1.0, 1.0)]], 1.0)
     assert (fit.theta < 0).any()
@@ -286,10 +286,10 @@ def test_every_shape_means_the_same_without_the_rows_it_was_fitted_to(effect: st
     for component in law.components(fit):
         shapes = law.shapes(there, component)
         for shape in shapes[:: max(len(shapes) // 6, 1)] + shapes[-1:]:
-            if all(item.passing for item in shape.parameters):
+            if all(item.posture_specific for item in shape.parameters):
                 continue  # of the campaign alone: no part of a robot
             values = rng.uniform(-1, 1, len(shape.parameters)) * [item.size for item in shape.parameters]
-            values[[item.passing for item in shape.parameters]] = 0.0
+            values[[item.posture_specific for item in shape.parameters]] = 0.0
             values = np.where([item.positive for item in shape.parameters], np.abs(values), values)
             names = [item.name for item in shape.parameters]
             added = AddedEffect(

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from beamstiff import load_robot
 from beamstiff.identification.balance import balanced_stiffness
-from beamstiff.identification.problem import state_problem
+from beamstiff.identification.problem import build_problem
 from beamstiff.measure.table import make_measurements
 from beamstiff.model.ports import reduce_to_ports
 from benchmarks.identification_methods import SEVEN, campaign
@@ -62,7 +62,7 @@ def test_without_load_values_are_those_of_the_neighbours() -> None:
 def test_at_balanced_values_no_parameter_that_acts_is_hidden() -> None:
     """The paper's bearings are stiff beyond what readings show; balanced, all columns are of one length."""
     robot = load_robot("ir663")
-    problem = state_problem(robot, campaign(robot, [[1, 0, 0], [0, 0, -1]]), SEVEN)
+    problem = build_problem(robot, campaign(robot, [[1, 0, 0], [0, 0, -1]]), SEVEN)
 
     def lengths(stiffness: np.ndarray) -> np.ndarray:
         return np.linalg.norm(problem.jacobian(stiffness)[1], axis=0)

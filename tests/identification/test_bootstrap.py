@@ -6,7 +6,7 @@ import pytest
 from beamstiff import BeamstiffError, load_robot
 from beamstiff.identification.bootstrap import blocks_of, bootstrap, without_leverage
 from beamstiff.identification.refit import refit
-from beamstiff.identification.statement import Statement, state_identification
+from beamstiff.identification.statement import Statement, build_identification
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements, make_measurements
 from benchmarks.coverage_study import ALL_RADIAL, ir663
@@ -23,7 +23,7 @@ def whitened(table: Measurements) -> tuple[np.ndarray, np.ndarray]:
 
 
 def fitted(data: Measurements) -> tuple[Statement, np.ndarray]:
-    statement = state_identification(ROBOT, data)
+    statement = build_identification(ROBOT, data)
     return statement, refit(statement.objective, statement.parameters.begin)
 
 
@@ -118,7 +118,7 @@ def test_processes_and_workers_find_the_same_to_the_bit(scheduler: str) -> None:
 
 def test_springs_that_only_act_together_get_an_interval_of_their_sum() -> None:
     robot, campaign = load_robot("ir663"), ir663("", ("J12.torsional", "J18.torsional", *ALL_RADIAL))
-    statement = state_identification(robot, campaign.rows, campaign.parameters)
+    statement = build_identification(robot, campaign.rows, campaign.parameters)
     problem, truth = statement.problem, statement.problem.model.start
     noise = problem.sigma * np.random.default_rng(7).standard_normal(problem.sigma.shape)
     statement = statement.measuring(np.where(problem.used, problem.model.predict(truth) + noise, 0.0))
@@ -146,7 +146,7 @@ def test_draws_that_leave_a_parameter_open_are_told_and_not_counted() -> None:
         sigma_rotation=5e-5,
     )
     data = measured(ROBOT, table, white(table, 8))
-    statement = state_identification(ROBOT, data, ["J1.torsional", "J2.torsional"])
+    statement = build_identification(ROBOT, data, ["J1.torsional", "J2.torsional"])
     theta = refit(statement.objective, statement.parameters.begin)
     found = bootstrap(statement, theta, 600)
     assert found.undetermined / 600 == pytest.approx((1 - 1 / 5) ** 5, abs=0.06)

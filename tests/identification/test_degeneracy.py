@@ -6,7 +6,7 @@ import pytest
 from beamstiff import load_robot
 from beamstiff.identification.degeneracy import find_degeneracy
 from beamstiff.identification.identify import identify
-from beamstiff.identification.problem import state_problem
+from beamstiff.identification.problem import build_problem
 from beamstiff.model.linear import predict_displacements
 from benchmarks.degeneracy_graphs import faults, random_case
 from benchmarks.degeneracy_study import (
@@ -42,7 +42,7 @@ def test_groups_are_exact_on_random_graphs(planted: bool) -> None:
     for seed in range(200):
         case = random_case(seed, planted)
         count += len(case.series) + len(case.parallel)
-        found = find_degeneracy(state_problem(case.robot, case.tests))
+        found = find_degeneracy(build_problem(case.robot, case.tests))
         if fault := faults(case, found):
             wrong[seed] = fault
     assert wrong == {}
@@ -144,7 +144,7 @@ def test_a_start_of_what_a_group_cannot_tell_does_not_spoil_the_fit(softer: floa
     robot = load_robot("gantry")
     names = ["Z.axial", "Z.radial", "screw_y", "Y.radial"]
     tests = campaign(robot, poses_of(robot, 15), np.diag([900.0, 900, 900, 300, 300, 300]))
-    [group] = find_degeneracy(state_problem(robot, tests, names)).mixed
+    [group] = find_degeneracy(build_problem(robot, tests, names)).mixed
     assert set(group.members) == set(names)
     values = {name: robot.parameter(name) for name in names}
     start = robot.with_parameters({name: softer * values[name] for name in group.held})

@@ -14,7 +14,7 @@ from beamstiff.identification.identify import estimate, identify
 from beamstiff.identification.input_errors import InputErrors
 from beamstiff.identification.profile import Profile
 from beamstiff.identification.refit import refit
-from beamstiff.identification.statement import state_identification
+from beamstiff.identification.statement import build_identification
 from beamstiff.robot.kinematics import compile_kinematics, posture, twist_jacobian
 from tests.identification.campaigns import (
     compliances,
@@ -99,7 +99,7 @@ def test_noise_that_nobody_states_is_told_by_the_residual() -> None:
 def test_errors_of_loads_and_joint_values_add_what_they_move_to_the_covariance() -> None:
     table = rows(ROBOT, 5, 2)
     errors = InputErrors(load=30.0, force=20.0, moment=5.0, angle=0.004, hold_angle=1e-4)
-    statement = state_identification(ROBOT, measured(ROBOT, table), errors=errors)
+    statement = build_identification(ROBOT, measured(ROBOT, table), errors=errors)
     c = compliances(ROBOT)
 
     def displacement(q: np.ndarray, wrench: np.ndarray) -> np.ndarray:
@@ -132,7 +132,7 @@ def test_errors_of_loads_and_joint_values_add_what_they_move_to_the_covariance()
 
 
 def test_a_drive_that_does_not_hold_counts_by_itself_too() -> None:
-    statement = state_identification(
+    statement = build_identification(
         ROBOT, measured(ROBOT, rows(ROBOT, 4)), errors=InputErrors(hold_angle=1e-4)
     )
     disturbance = statement.problem.disturbance
@@ -178,7 +178,7 @@ def test_robust_losses_tell_the_scatter_that_they_have(bad: float) -> None:
     """Standard deviations under Huber's loss against the scatter of 400 refits, mean of the joints."""
     table = rows(ROBOT, 40)
     clean = measured(ROBOT, table)
-    statement = state_identification(ROBOT, clean, loss="huber")
+    statement = build_identification(ROBOT, clean, loss="huber")
     begin = statement.parameters.begin
     random = np.random.default_rng(5)
     told, found = [], []

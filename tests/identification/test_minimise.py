@@ -18,8 +18,8 @@ from beamstiff.identification.minimise import (
     searched,
 )
 from beamstiff.identification.objective import Objective
-from beamstiff.identification.parameters import state_parameters
-from beamstiff.identification.problem import state_problem
+from beamstiff.identification.parameters import build_parameters
+from beamstiff.identification.problem import build_problem
 from benchmarks.identification_methods import SOFT, TOLD, campaign
 from tests.identification.campaigns import kr240, measured, rows, white
 
@@ -28,8 +28,8 @@ def objective() -> Objective:
     robot, table = kr240(), rows(kr240(), 10)
     data = measured(robot, table, white(table, 0))
     start = robot.with_parameters({name: 3 * robot.parameter(name) for name in robot.identify})
-    problem = state_problem(start, data)
-    return Objective(problem, state_parameters(robot.identify, problem.model.start))
+    problem = build_problem(start, data)
+    return Objective(problem, build_parameters(robot.identify, problem.model.start))
 
 
 def stopping(at: int) -> Callable[[int, float], None]:
@@ -146,7 +146,7 @@ def test_a_start_that_is_none_is_refused(begin: np.ndarray) -> None:
 def test_with_everything_held_the_start_is_the_answer() -> None:
     tried = objective()
     names = tried.parameters.names
-    held = replace(tried, parameters=state_parameters(names, tried.problem.model.start, held=set(names)))
+    held = replace(tried, parameters=build_parameters(names, tried.problem.model.start, held=set(names)))
     for method in METHODS:
         found = minimise(held, method)
         assert found.message == "nothing to seek"
@@ -158,7 +158,7 @@ def test_with_everything_held_the_start_is_the_answer() -> None:
 
 
 def test_global_methods_search_the_bounds_where_given_and_a_factor_elsewhere() -> None:
-    stated = state_parameters(["a", "b"], np.array([1e5, 1e6]), bounds={"a": (2e4, 3e5)})
+    stated = build_parameters(["a", "b"], np.array([1e5, 1e6]), bounds={"a": (2e4, 3e5)})
     low, high = searched(stated, stated.begin)
     assert np.exp(low) == pytest.approx([2e4, 1e6 / FACTOR])
     assert np.exp(high) == pytest.approx([3e5, 1e6 * FACTOR])
@@ -170,7 +170,7 @@ def test_global_methods_stay_in_what_they_search_and_say_when_they_end_at_its_ed
     tried = objective()
     names, start = tried.parameters.names, tried.problem.model.start
     off = start * np.array([1e5, 1, 1, 1, 1, 1])
-    stated = replace(tried, parameters=state_parameters(names, off))
+    stated = replace(tried, parameters=build_parameters(names, off))
     effort = Effort(evaluations=3000)
     bare = minimise(stated, method, effort=effort, polish=False)
     low, high = searched(stated.parameters, stated.parameters.begin)
@@ -233,12 +233,12 @@ def test_ctrl_c_keeps_the_best_of_the_searches_that_have_ended() -> None:
 def test_a_minimum_with_a_free_and_a_rigid_spring_is_left_for_a_better_one() -> None:
     """Of the IR-663 with tilting bearings there is another minimum, with one free and the arm rigid."""
     truth = load_robot("ir663").with_parameters(SOFT)
-    problem = state_problem(truth, campaign(truth, [[1, 1, 0], [0, 1, -1]]), TOLD)
-    best = minimise(Objective(problem, state_parameters(TOLD, problem.model.start)))
+    problem = build_problem(truth, campaign(truth, [[1, 1, 0], [0, 1, -1]]), TOLD)
+    best = minimise(Objective(problem, build_parameters(TOLD, problem.model.start)))
     again = 0
     for seed in range(25):
         off = problem.model.start * 10 ** np.random.default_rng(seed).uniform(-2, 2, len(TOLD))
-        tried = Objective(problem, state_parameters(TOLD, off))
+        tried = Objective(problem, build_parameters(TOLD, off))
         found = minimise(tried)
         assert found.cost == pytest.approx(best.cost, rel=1e-9)
         if found.message.endswith("; better from balanced values"):

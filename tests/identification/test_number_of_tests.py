@@ -7,7 +7,7 @@ from beamstiff import BeamstiffError
 from beamstiff.identification.input_errors import InputErrors
 from beamstiff.identification.number_of_tests import NumberOfTests, number_of_tests
 from beamstiff.identification.refit import refit
-from beamstiff.identification.statement import Statement, state_identification
+from beamstiff.identification.statement import Statement, build_identification
 from tests.identification.campaigns import kr240, measured, rows, sensitivities, white
 
 ROBOT = kr240()
@@ -16,7 +16,7 @@ SPREAD = np.repeat([3e-5, 5e-5], 3)
 
 def fitted(count: int, loads: int = 1, noise: float = 1.0, **options: bool) -> tuple[Statement, np.ndarray]:
     table = rows(ROBOT, count, loads, **options)
-    statement = state_identification(ROBOT, measured(ROBOT, table, noise * white(table, 1)))
+    statement = build_identification(ROBOT, measured(ROBOT, table, noise * white(table, 1)))
     return statement, refit(statement.objective, statement.parameters.begin)
 
 
@@ -82,7 +82,7 @@ def test_rows_are_tests_of_their_own_unless_they_share_a_reading() -> None:
     with pytest.raises(BeamstiffError, match="share a reading"):
         number_of_tests(shared, theta, by="row")
     table = measured(ROBOT, rows(ROBOT, 5, 2))
-    errors = state_identification(ROBOT, table, errors=InputErrors(angle=0.01))
+    errors = build_identification(ROBOT, table, errors=InputErrors(angle=0.01))
     with pytest.raises(BeamstiffError, match="share a reading"):
         number_of_tests(errors, theta, by="row")
 

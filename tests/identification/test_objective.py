@@ -12,8 +12,8 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.identification.identify import identify
 from beamstiff.identification.minimise import minimise
 from beamstiff.identification.objective import LOSSES, Objective
-from beamstiff.identification.parameters import state_parameters
-from beamstiff.identification.problem import state_problem
+from beamstiff.identification.parameters import build_parameters
+from beamstiff.identification.problem import build_problem
 from beamstiff.measure.rows import subset
 from tests.identification.campaigns import (
     POSITION,
@@ -34,10 +34,10 @@ seeds = st.integers(0, 2**32 - 1)
 
 def objective_of(name: str = "kr240-2", **options: object) -> Objective:
     """Return an objective with ties, a prior and a held value, of a robot with noisy data."""
-    problem = state_problem(*any_data(name))
+    problem = build_problem(*any_data(name))
     names, start = problem.model.parameters, problem.model.start
     priors = {names[-1]: (1.1 * start[-1], 1.5)}
-    stated = state_parameters(
+    stated = build_parameters(
         names, start, ties=[names[:2]], priors=priors, held=set(names[2:3]) - {names[-1]}
     )
     return Objective(problem, stated, **options)  # type: ignore[arg-type]
@@ -213,8 +213,8 @@ def test_without_outliers_robust_losses_agree_with_least_squares_within_the_nois
 
 def test_methods_agree_under_a_robust_loss() -> None:
     robot, table = kr240(), rows(kr240(), 20)
-    problem = state_problem(robot, measured(robot, table, white(table, 8) * 3))
-    objective = Objective(problem, state_parameters(NAMES, problem.model.start), "soft_l1")
+    problem = build_problem(robot, measured(robot, table, white(table, 8) * 3))
+    objective = Objective(problem, build_parameters(NAMES, problem.model.start), "soft_l1")
     best = minimise(objective)
     for method in ("slsqp", "lbfgs", "mma", "bobyqa"):
         assert minimise(objective, method).theta == pytest.approx(best.theta, abs=1e-6)

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.identification.parameters import SPAN, state_parameters
+from beamstiff.identification.parameters import SPAN, build_parameters
 
 NAMES = ("a", "b", "c", "d")
 START = np.array([1e3, 4e5, 2e7, 5.0])
@@ -14,7 +14,7 @@ seeds = st.integers(0, 2**32 - 1)
 
 
 def test_by_themselves_the_values_are_the_exponentials_of_theta() -> None:
-    stated = state_parameters(NAMES, START)
+    stated = build_parameters(NAMES, START)
     assert stated.stiffness(stated.begin) == pytest.approx(START, rel=1e-14)
     assert (stated.sums == np.eye(4)).all()
     assert np.exp(stated.lower) == pytest.approx(START / SPAN)
@@ -23,7 +23,7 @@ def test_by_themselves_the_values_are_the_exponentials_of_theta() -> None:
 
 @given(seed=seeds)
 def test_tied_values_keep_the_ratio_of_their_starts_and_held_ones_stay(seed: int) -> None:
-    stated = state_parameters(NAMES, START, ties=[["c", "a"]], held={"d"})
+    stated = build_parameters(NAMES, START, ties=[["c", "a"]], held={"d"})
     assert stated.first.tolist() == [0, 1]
     thetas = stated.begin + np.random.default_rng(seed).normal(size=(5, 2))
     for theta in thetas:
@@ -35,7 +35,7 @@ def test_tied_values_keep_the_ratio_of_their_starts_and_held_ones_stay(seed: int
 
 
 def test_sums_are_the_derivatives_of_the_logarithms() -> None:
-    stated = state_parameters(NAMES, START, ties=[["a", "b"]], held={"d"})
+    stated = build_parameters(NAMES, START, ties=[["a", "b"]], held={"d"})
     step = 1e-6
     for at in range(stated.begin.size):
         unit = step * np.eye(stated.begin.size)[at]
@@ -45,17 +45,17 @@ def test_sums_are_the_derivatives_of_the_logarithms() -> None:
 
 def test_bounds_of_tied_values_hold_for_each_of_them() -> None:
     """a >= 500 and c <= 4e7 at a ratio of 2e4: a from 500 to 2000."""
-    stated = state_parameters(NAMES, START, ties=[["a", "c"]], bounds={"a": (500.0, None), "c": (None, 4e7)})
+    stated = build_parameters(NAMES, START, ties=[["a", "c"]], bounds={"a": (500.0, None), "c": (None, 4e7)})
     assert np.exp([stated.lower[0], stated.upper[0]]) == pytest.approx([500.0, 2000.0], rel=1e-12)
 
 
 def test_a_start_outside_the_bounds_begins_at_the_nearer_one() -> None:
-    stated = state_parameters(NAMES, START, bounds={"a": (2e3, None), "b": (None, 1e5)})
+    stated = build_parameters(NAMES, START, bounds={"a": (2e3, None), "b": (None, 1e5)})
     assert np.exp(stated.begin) == pytest.approx([2e3, 1e5, 2e7, 5.0], rel=1e-12)
 
 
 def test_priors_count_logarithms_in_standard_deviations() -> None:
-    stated = state_parameters(NAMES, START, priors={"b": (2e5, 1.5)})
+    stated = build_parameters(NAMES, START, priors={"b": (2e5, 1.5)})
     k = START.copy()
     assert stated.prior(k).tolist() == pytest.approx([0, np.log(0.5) / np.log(1.5), 0, 0])
     k[1] = 2e5 * 1.5**2
@@ -84,4 +84,4 @@ def test_priors_count_logarithms_in_standard_deviations() -> None:
 )
 def test_what_makes_no_sense_is_named(options: dict, message: str) -> None:
     with pytest.raises(BeamstiffError, match=message):
-        state_parameters(NAMES, START, **options)
+        build_parameters(NAMES, START, **options)

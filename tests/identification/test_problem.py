@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from beamstiff import Robot, load_robot
 from beamstiff.errors import BeamstiffError
 from beamstiff.identification.identify import identify
-from beamstiff.identification.problem import state_problem
+from beamstiff.identification.problem import build_problem
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements, make_measurements
 from tests.identification.campaigns import (
@@ -33,14 +33,14 @@ BY = ("log", "stiffness", "compliance")
 def test_residuals_are_what_is_measured_beyond_the_model_in_standard_deviations() -> None:
     robot, table = kr240(), rows(kr240(), 5, 2)
     noise = white(table, 0)
-    problem = state_problem(robot, measured(robot, table, noise))
+    problem = build_problem(robot, measured(robot, table, noise))
     residuals = problem.residuals(problem.model.start)
     assert residuals == pytest.approx((noise / SPREAD).ravel(), abs=1e-9)
 
 
 def test_residuals_of_rows_that_share_a_reading_whiten_its_covariance() -> None:
     robot, table = kr240(), rows(kr240(), 4, 3, shared=True)
-    problem = state_problem(robot, measured(robot, table))
+    problem = build_problem(robot, measured(robot, table))
     whitening = problem.whitening.toarray()
     product = whitening @ shared_covariance(table) @ whitening.T
     assert product == pytest.approx(np.eye(len(product)), abs=1e-12)
@@ -50,7 +50,7 @@ def test_residuals_of_rows_that_share_a_reading_whiten_its_covariance() -> None:
 @pytest.mark.parametrize("name", ["kr240-2", "ir663", "ir663-screws-beams"])
 def test_derivatives_by_every_parametrisation_are_differences_of_the_residuals(name: str, by: str) -> None:
     """Fourth-order central differences in the parametrisation itself."""
-    problem = state_problem(*any_data(name))
+    problem = build_problem(*any_data(name))
     stiffness = problem.model.start * 10 ** np.random.default_rng(3).uniform(
         -0.5, 0.5, len(problem.model.start)
     )
@@ -73,7 +73,7 @@ def test_derivatives_by_every_parametrisation_are_differences_of_the_residuals(n
 
 
 def test_the_default_derivatives_are_by_the_logarithm() -> None:
-    problem = state_problem(*any_data("kr240-2"))
+    problem = build_problem(*any_data("kr240-2"))
     k = problem.model.start
     assert (problem.jacobian(k)[1] == problem.jacobian(k, "log")[1]).all()
 
@@ -81,7 +81,7 @@ def test_the_default_derivatives_are_by_the_logarithm() -> None:
 def test_by_the_compliances_the_derivatives_of_a_serial_robot_are_those_of_its_paper() -> None:
     """Seed 000, eq. 20: columns ``J_j (J^T w)_j``, whatever the stiffness."""
     robot, table = kr240(), rows(kr240(), 6)
-    problem = state_problem(robot, measured(robot, table))
+    problem = build_problem(robot, measured(robot, table))
     expected = -(sensitivities(robot, table) / SPREAD[:, None]).reshape(-1, 6)
     for factor in (1e-3, 1.0, 1e3):
         found = problem.jacobian(factor * problem.model.start, "compliance")[1]
@@ -89,7 +89,7 @@ def test_by_the_compliances_the_derivatives_of_a_serial_robot_are_those_of_its_p
 
 
 def test_an_unknown_parametrisation_is_named() -> None:
-    problem = state_problem(*any_data("kr240-2"))
+    problem = build_problem(*any_data("kr240-2"))
     with pytest.raises(
         BeamstiffError, match=r"no derivatives by 'compliances' \(did you mean 'compliance'\?\)"
     ):
@@ -170,7 +170,7 @@ def test_tables_of_other_variables_are_refused_with_both_names() -> None:
 def test_data_that_cannot_carry_an_identification_are_refused(change: dict, message: str) -> None:
     table = measured(kr240(), rows(kr240(), 4))
     with pytest.raises(BeamstiffError, match=message):
-        state_problem(kr240(), replace(table, **change))
+        build_problem(kr240(), replace(table, **change))
 
 
 def test_fewer_readings_than_parameters_are_counted() -> None:
@@ -178,7 +178,7 @@ def test_fewer_readings_than_parameters_are_counted() -> None:
     displacement = table.displacement.copy()
     displacement[:, 3:] = np.nan
     with pytest.raises(BeamstiffError, match="3 measured components in 1 row for 6 parameters"):
-        state_problem(kr240(), replace(table, displacement=displacement))
+        build_problem(kr240(), replace(table, displacement=displacement))
 
 
 def test_noise_stated_for_some_rows_only_is_refused_with_the_row() -> None:
@@ -186,14 +186,14 @@ def test_noise_stated_for_some_rows_only_is_refused_with_the_row() -> None:
     sigma = table.sigma.copy()
     sigma[2] = np.nan
     with pytest.raises(BeamstiffError, match="the noise of this row is not stated"):
-        state_problem(kr240(), replace(table, sigma=sigma))
+        build_problem(kr240(), replace(table, sigma=sigma))
 
 
 def test_rotations_of_unknown_noise_are_left_aside_and_it_is_said() -> None:
     table = measured(kr240(), rows(kr240(), 4))
     sigma = table.sigma.copy()
     sigma[:, 3:] = np.nan
-    problem = state_problem(kr240(), replace(table, sigma=sigma))
+    problem = build_problem(kr240(), replace(table, sigma=sigma))
     assert not problem.used[:, 3:].any()
     assert "sigma_rotation" in problem.notes[0]
 

@@ -6,7 +6,7 @@ import pytest
 from beamstiff.identification.minimise import minimise
 from beamstiff.identification.objective import Loss
 from beamstiff.identification.refit import refit
-from beamstiff.identification.statement import state_identification
+from beamstiff.identification.statement import build_identification
 from tests.identification.campaigns import kr240, measured, rows, sensitivities, white
 
 ROBOT = kr240()
@@ -17,7 +17,7 @@ ROBOT = kr240()
 def test_refits_end_where_the_trust_region_does(loss: Loss, seed: int) -> None:
     table = rows(ROBOT, 10)
     noise = white(table, seed) * np.where(np.arange(10) % 5 == 0, 20.0, 1.0)[:, None]  # two bad rows
-    objective = state_identification(ROBOT, measured(ROBOT, table, noise), loss=loss).objective
+    objective = build_identification(ROBOT, measured(ROBOT, table, noise), loss=loss).objective
     begin = objective.parameters.begin
     found, expected = refit(objective, begin), minimise(objective, begin=begin)
     assert objective.cost(found) <= expected.cost * (1 + 1e-8)
@@ -27,7 +27,7 @@ def test_refits_end_where_the_trust_region_does(loss: Loss, seed: int) -> None:
 
 def test_refits_keep_priors_ties_and_bounds() -> None:
     table = rows(ROBOT, 10)
-    objective = state_identification(
+    objective = build_identification(
         ROBOT,
         measured(ROBOT, table, white(table, 4)),
         ties=[["J4.torsional", "J5.torsional"]],
@@ -50,7 +50,7 @@ def test_a_spring_as_good_as_rigid_stops_at_its_bound_where_least_squares_finds_
     for seed in range(8):
         data = measured(stiff, table, white(table, seed))
         free = np.linalg.lstsq(a, (data.displacement / spread).ravel())[0]
-        objective = state_identification(ROBOT, data).objective
+        objective = build_identification(ROBOT, data).objective
         theta = refit(objective, objective.parameters.begin)
         if free[0] < 0:
             below += 1

@@ -9,7 +9,7 @@ from beamstiff import BeamstiffError, load_robot
 from beamstiff.identification.input_errors import InputErrors
 from beamstiff.identification.refit import refit
 from beamstiff.identification.sensitivity import Sensitivity, sensitivity
-from beamstiff.identification.statement import state_identification
+from beamstiff.identification.statement import build_identification
 from beamstiff.robot.kinematics import compile_kinematics, posture, twist_jacobian
 from benchmarks.coverage_study import ALL_RADIAL, ir663
 from tests.identification.campaigns import (
@@ -28,7 +28,7 @@ ERRORS = InputErrors(load=15.0, angle=0.003, hold_angle=2e-5)
 
 def study(shared: bool = False, repetitions: int = 800) -> Sensitivity:
     table = measured(ROBOT, rows(ROBOT, 8, 2, shared=shared))
-    statement = state_identification(ROBOT, table)
+    statement = build_identification(ROBOT, table)
     theta = refit(statement.objective, statement.parameters.begin)
     return sensitivity(statement, table, theta, ERRORS, repetitions, seed=1)
 
@@ -78,7 +78,7 @@ def test_errors_of_each_source_scatter_as_least_squares_propagates_them(shared: 
 
 def test_sums_that_are_known_scatter_too() -> None:
     robot, campaign = load_robot("ir663"), ir663("", ("J12.torsional", "J18.torsional", *ALL_RADIAL))
-    statement = state_identification(robot, campaign.rows, campaign.parameters)
+    statement = build_identification(robot, campaign.rows, campaign.parameters)
     begin = np.log(statement.problem.model.start)[statement.parameters.first]
     found = sensitivity(statement, campaign.rows, begin, InputErrors(force=2.0), 60)
     assert found.sources == ("readings", "force", "all")
@@ -91,7 +91,7 @@ def test_sums_that_are_known_scatter_too() -> None:
 
 def test_without_errors_of_the_inputs_the_readings_stand_alone() -> None:
     table = measured(ROBOT, rows(ROBOT, 5))
-    statement = state_identification(ROBOT, table)
+    statement = build_identification(ROBOT, table)
     found = sensitivity(statement, table, statement.parameters.begin, InputErrors(), 5)
     assert found.sources == ("readings",)
     np.testing.assert_allclose(1 / found.true, compliances(ROBOT))
@@ -99,13 +99,13 @@ def test_without_errors_of_the_inputs_the_readings_stand_alone() -> None:
 
 def test_another_table_no_noise_or_one_repetition_are_refused() -> None:
     table = measured(ROBOT, rows(ROBOT, 8))
-    statement = state_identification(ROBOT, table)
+    statement = build_identification(ROBOT, table)
     theta = statement.parameters.begin
     with pytest.raises(BeamstiffError, match="found 5 rows, expected the 8"):
         sensitivity(statement, rows(ROBOT, 5), theta, ERRORS)
     with pytest.raises(BeamstiffError, match="found 1 repetitions"):
         sensitivity(statement, table, theta, ERRORS, 1)
     silent = measured(ROBOT, rows(ROBOT, 8, sigma=False))
-    unknown = state_identification(ROBOT, silent, ROBOT.identify[:5])
+    unknown = build_identification(ROBOT, silent, ROBOT.identify[:5])
     with pytest.raises(BeamstiffError, match="no noise"):
         sensitivity(unknown, silent, unknown.parameters.begin, ERRORS)

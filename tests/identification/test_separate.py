@@ -10,7 +10,7 @@ from beamstiff import Robot, load_robot
 from beamstiff.errors import BeamstiffError
 from beamstiff.identification.degeneracy import Degeneracy, find_degeneracy
 from beamstiff.identification.identify import identify
-from beamstiff.identification.problem import state_problem
+from beamstiff.identification.problem import build_problem
 from beamstiff.identification.reduce import reduce_model
 from beamstiff.identification.relations import Joined, Spring
 from beamstiff.identification.separate import find_separations, separation_text, with_separations
@@ -49,7 +49,7 @@ def test_no_load_at_the_tool_parts_bearings_in_series_but_a_reflector_between_do
     assert not any("at the tool" in other.measure for other in others)
     node = best.measure.split()[3]
     there = replace(tests, point=np.full(len(tests), node))
-    both = find_degeneracy(state_problem(robot, [tests, there], NAMES))
+    both = find_degeneracy(build_problem(robot, [tests, there], NAMES))
     assert not any({"J99.radial", "J1010.radial"} <= set(group.members) for group in both.joined)
 
 
@@ -75,7 +75,7 @@ def test_the_reduced_robot_does_the_same_on_the_rows_and_has_no_groups_left() ->
     names = [*NAMES, "J12.axial"]
     tests = campaign(robot, poses_of(robot), loads_of(("x", "z")), components="position")
     found = identify(robot, tests, names)
-    problem = state_problem(robot, tests, names)
+    problem = build_problem(robot, tests, names)
     values = dict(zip(names, found.stiffness.tolist(), strict=True))
     reduced = reduce_model(robot, find_degeneracy(problem), values, names)
     assert reduced.held == ("J12.axial",)
@@ -95,13 +95,13 @@ def test_the_reduced_robot_does_the_same_on_the_rows_and_has_no_groups_left() ->
 @pytest.mark.parametrize("seed", range(60))
 def test_random_groups_are_reduced_without_a_change_at_the_tool(seed: int) -> None:
     case = random_case(seed, planted=True)
-    found = find_degeneracy(state_problem(case.robot, case.tests))
+    found = find_degeneracy(build_problem(case.robot, case.tests))
     values = {name: case.robot.parameter(name) for name in case.robot.identify}
     reduced = reduce_model(case.robot, found, values)
     before, after = (predict_displacements(one, case.tests) for one in (case.robot, reduced.robot))
     assert np.abs(after - before).max() <= 1e-8 * np.abs(before).max()
     if reduced.robot.identify:
-        left = find_degeneracy(state_problem(reduced.robot, case.tests))
+        left = find_degeneracy(build_problem(reduced.robot, case.tests))
         assert (left.silent, left.joined, left.mixed) == ((), (), ())
 
 
@@ -174,7 +174,7 @@ def test_springs_in_series_within_springs_in_parallel_are_found_and_reduced(seed
         sigma_position=3e-5,
         sigma_rotation=3e-5,
     )
-    found = find_degeneracy(state_problem(robot, tests))
+    found = find_degeneracy(build_problem(robot, tests))
     assert (found.silent, found.mixed) == ((), ())
     assert {group.text() for group in found.joined} == {
         "1/j1.torsional + 1/j4.torsional + 1/(j2.torsional + j3.torsional)",

@@ -7,7 +7,7 @@ import pytest
 
 from beamstiff import BeamstiffError
 from beamstiff.identification.refit import refit
-from beamstiff.identification.statement import state_identification
+from beamstiff.identification.statement import build_identification
 from beamstiff.identification.validation import held_out, position_rms, repeatability, without_folds
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import make_measurements
@@ -21,7 +21,7 @@ def test_each_pose_left_out_is_missed_by_its_leave_one_out_residual() -> None:
     """Least squares without the rows i misses them by ``(1 - H_ii)^-1 e_i`` (Cook and Weisberg 1982, 2.1)."""
     table = rows(ROBOT, 9, 2)
     data = measured(ROBOT, table, white(table, 1))
-    statement = state_identification(ROBOT, data)
+    statement = build_identification(ROBOT, data)
     found = refit(statement.objective, statement.parameters.begin)
     a = (sensitivities(ROBOT, table) / SPREAD[:, None]).reshape(-1, 6)
     y = (data.displacement / SPREAD).ravel()
@@ -42,7 +42,7 @@ def test_each_pose_left_out_is_missed_by_its_leave_one_out_residual() -> None:
 def test_rows_of_a_load_are_left_out_together() -> None:
     table = rows(ROBOT, 12)
     table = replace(table, wrench=table.wrench[np.arange(12) % 3])
-    statement = state_identification(ROBOT, measured(ROBOT, table, white(table, 2)))
+    statement = build_identification(ROBOT, measured(ROBOT, table, white(table, 2)))
     begin = refit(statement.objective, statement.parameters.begin)
     folds = [out for out, _, _ in without_folds(statement.objective, statement.problem.load, 10, begin)]
     assert sorted(tuple(np.flatnonzero(out)) for out in folds) == [
@@ -55,7 +55,7 @@ def test_what_was_not_measured_has_no_error() -> None:
     data = measured(ROBOT, table, white(table, 3))
     data.displacement[2] = np.nan
     data.displacement[4, :3] = np.nan
-    statement = state_identification(ROBOT, data)
+    statement = build_identification(ROBOT, data)
     out = held_out(statement.objective, statement.problem.pose, 9, statement.parameters.begin)
     assert out is not None
     assert np.flatnonzero(np.isnan(out.gap)).tolist() == [2, 4]
@@ -65,13 +65,13 @@ def test_what_was_not_measured_has_no_error() -> None:
 
 def test_too_few_groups_leave_nothing_to_hold_out() -> None:
     table = rows(ROBOT, 3)
-    statement = state_identification(ROBOT, measured(ROBOT, table))
+    statement = build_identification(ROBOT, measured(ROBOT, table))
     begin = statement.parameters.begin
     assert held_out(statement.objective, np.array([0, 0, 1]), 5, begin) is None
     assert held_out(statement.objective, statement.problem.pose, 0, begin) is None
     with pytest.raises(BeamstiffError, match="found 2 groups of rows and 5 folds"):
         list(without_folds(statement.objective, np.array([0, 0, 1]), 5, begin))
-    single = state_identification(ROBOT, measured(ROBOT, rows(ROBOT, 1, 3)), ["J1.torsional"])
+    single = build_identification(ROBOT, measured(ROBOT, rows(ROBOT, 1, 3)), ["J1.torsional"])
     assert held_out(single.objective, np.array([0, 1, 2]), 3, single.parameters.begin) is not None
 
 

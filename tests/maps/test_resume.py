@@ -246,7 +246,7 @@ def test_the_memory_foreseen_is_what_a_chunk_takes() -> None:
         ("kr240-2", {"q2": np.linspace(0.2, 1.2, 64), "q3": np.linspace(-2.0, -0.5, 64)}, HELD),
         ("ir663", {"q2": np.linspace(-0.5, 0.8, 64), "q8": np.linspace(0.4, 1.2, 64)}, {}),
     ):
-        one = job.state_job(load_robot(name), over, held, quantities=["compliance", "kappa"], length=0.7)
+        one = job.build_job(load_robot(name), over, held, quantities=["compliance", "kappa"], length=0.7)
         points = one.grid.points((slice(64), slice(64)))
         run.compute_poses(one, points)  # programs are written down once
         tracemalloc.start()

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dpotrf, dpotri
 
-from beamstiff.diagnosis.inference.component_subspaces import FreeLaw
+from beamstiff.diagnosis.inference.component_subspaces import ComponentSubspace
 from beamstiff.diagnosis.residual.whitened import Whitened
 from beamstiff.se3 import Array
 
@@ -48,14 +48,14 @@ class Attribution:
     covariance: Array
 
 
-def attribute(white: Whitened, laws: Sequence[FreeLaw], noise: float) -> Attribution:
+def attribute(white: Whitened, laws: Sequence[ComponentSubspace], noise: float) -> Attribution:
     """Return the gap attributed to the places of the laws, `noise` times the sigma counted with."""
     places = tuple(dict.fromkeys(law.place for law in laws))
     of = np.concatenate(
         [np.zeros(0, dtype=np.intp), *(np.full(law.modes.shape[1], places.index(law.place)) for law in laws)]
     )
     columns = np.concatenate([np.zeros((white.gap.size, 0)), *(law.modes for law in laws)], axis=1)
-    y = white.leave(white.gap[:, None])[:, 0]
+    y = white.project_out(white.gap[:, None])[:, 0]
     gram, toward = columns.T @ columns, columns.T @ y
     precision = np.full(len(places), 10.0 * len(places) * columns.shape[0] / max(float(y @ y), 1.0))
     count = np.bincount(of, minlength=len(places))
@@ -97,7 +97,7 @@ def shares(
 
     The average over the causes, each with its probability, and over what the free laws could do as well.
     """
-    y = white.leave(white.gap[:, None])[:, 0]
+    y = white.project_out(white.gap[:, None])[:, 0]
     if not found.places or not y.any():
         return []
     rng = np.random.default_rng(seed)
@@ -153,7 +153,10 @@ def ceiling(found: Attribution, white: Whitened, fold: NDArray[np.intp], sigma: 
         Scale of the noise against them.
     """
     own = np.concatenate([white.tangent, found.columns], axis=1)
-    columns, gap = white.undo(own), white.undo(white.gap[:, None])[:, 0]  # in units of what was measured
+    columns, gap = (
+        white.unwhiten(own),
+        white.unwhiten(white.gap[:, None])[:, 0],
+    )  # in units of what was measured
     scale = noise * sigma[white.used]
     columns, gap = columns / scale[:, None], gap / scale
     ridge = np.concatenate([np.full(white.tangent.shape[1], 1e-9), found.precision[found.of]])

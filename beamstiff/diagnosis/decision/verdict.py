@@ -2,11 +2,11 @@
 
 Evidence takes its shapes for true, and no real drive or link has exactly the shape of a library: a truth
 that is off by a share of its own size shifts log odds by an amount that grows with the evidence itself. Log
-odds between effects are therefore divided by ``1 + E / FAITH``, E the log odds of the best against the
+odds between effects are therefore divided by ``1 + E / TEMPERING``, E the log odds of the best against the
 unknown, and more where values are few; those between pairs, which are free enough to show by what they leave
-how far off they are, by ``1 + sqrt(E left)``. What a cause leaves to the unknown, what it is worth on
-postures it did not see, and how far the free laws of the places explain more than it does, decide between it
-and `unknown`.
+how far off they are, by ``1 + sqrt(E residual_fraction)``. The residual that a cause leaves to the
+unknown, the fraction it explains on held-out postures, and how far the subspaces of the components explain
+more than it does, decide between it and `unknown`.
 
 The constants are those of simulated campaigns (`beamstiff exam`) on seeds of their own, which are not
 reported.
@@ -19,13 +19,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from beamstiff.diagnosis.held_out.prediction import Shrink
+from beamstiff.diagnosis.held_out.prediction import HeldOutError
 from beamstiff.diagnosis.inference.component_subspaces import OF_POSTURES
 from beamstiff.diagnosis.inference.evidence import logsumexp
 from beamstiff.diagnosis.inference.pair_evidence import Pair
 from beamstiff.diagnosis.inference.search import NONE, OUTLIERS, UNKNOWN, Search
 
-FAITH = 60.0
+TEMPERING = 60.0
 # log odds that a cause is real: of its share left to the unknown, of the share of its evidence that free laws
 # of the places have, and of its worth on held-out postures
 REAL, LEFT, FREE, WORTH = 2.2, 1.25, 6.8, 2.6
@@ -33,7 +33,7 @@ BEHIND = 20.0  # log odds that are added to both evidences
 APART = 0.7  # share below which free laws do not speak for a cause any more
 FEW = 60  # values less fitted ones, below which nothing can be called unknown
 SCARCE, OPEN = 30, -0.7  # and below which the unknown keeps at least these log odds: nothing is sure
-LEAST_QUIET, PER_ODDS = 0.2, 10.0  # log odds of none that so few values allow: one for so many more
+LEAST_LOG_ODDS_NONE, PER_ODDS = 0.2, 10.0  # log odds of none that so few values allow: one for so many more
 ENOUGH = 300  # values less fitted ones, below which shapes are believed less
 FAINT, BARE = 15.0, 0.3  # log odds against none below which a cause has to be worth this share as well
 CAUTION = 2.0  # log odds that any effect needs before it is as likely as none
@@ -93,53 +93,53 @@ def tempered(log_weight: Mapping[str, float], divisor: float) -> dict[str, float
     return dict(zip(keys, share.tolist(), strict=True))
 
 
-def doubt(left: float, free: float, worth: float) -> float:
+def doubt(residual_fraction: float, free: float, explained_fraction: float) -> float:
     """Return the log odds of the unknown against a cause.
 
     Parameters
     ----------
-    left : float
+    residual_fraction : float
         Share of the gap's size that it leaves to the unknown.
     free : float
         Share of its evidence that the best free law of a place has.
     worth : float
         The share of the gap that it closes on held-out postures.
     """
-    return LEFT * float(np.log(left + 0.01)) + FREE * free - WORTH * worth - REAL
+    return LEFT * float(np.log(residual_fraction + 0.01)) + FREE * free - WORTH * explained_fraction - REAL
 
 
-def share_of_free_laws(search: Search, log_weight: float) -> float:
+def share_of_subspaces(search: Search, log_weight: float) -> float:
     """Return the share of a cause's evidence that the best free law of a place has."""
     nothing = search.log_weight[NONE]
     free = max(search.free.values(), default=-np.inf) - nothing + BEHIND
     return float(np.clip(free / (max(log_weight - nothing, 0.0) + BEHIND), APART, 2.0))
 
 
-def odds_of_nameless(search: Search, log_weight: float) -> float:
+def odds_of_unmodelled(search: Search, log_weight: float) -> float:
     """Return the log odds that some place follows a law that has no name, against a cause.
 
     Divided as those between causes are. Play of the structure looks like a soft place that stiffens, a drive
     that creeps like one with friction, and each is another repair. What is another in every posture holds
     every law that follows the posture, and so counts only where it is the better one by far.
     """
-    nameless = max(
+    unmodelled = max(
         (
             weight
-            for (_, does), weight in search.nameless.items()
+            for (_, does), weight in search.unmodelled.items()
             if does not in OF_POSTURES or weight > log_weight + BY_FAR
         ),
         default=-np.inf,
     )
     evidence = log_weight - search.log_weight[NONE]
-    return float((nameless - log_weight) / (1.0 + max(evidence, 0.0) / FAITH))
+    return float((unmodelled - log_weight) / (1.0 + max(evidence, 0.0) / TEMPERING))
 
 
 def accepted(
     pair: Pair | None,
     search: Search,
-    single: Shrink,
-    both: Shrink | None,
-    by_load: tuple[Shrink, Shrink] | None = None,
+    single: HeldOutError,
+    both: HeldOutError | None,
+    by_load: tuple[HeldOutError, HeldOutError] | None = None,
 ) -> bool:
     """Return whether there are two causes.
 
@@ -152,19 +152,23 @@ def accepted(
         return False
     best = search.named[0]
     ahead = pair.log_weight - search.log_weight[best]
-    whole = pair.left <= LITTLE and both.misfit <= single.misfit
+    whole = pair.residual_fraction <= LITTLE and both.misfit <= single.misfit
     if whole and ahead >= INSTEAD and best not in (pair.first, pair.second):
         return True
-    if single.misfit < STILL_OPEN or pair.left > SECOND_LEFT or ahead < SECOND:
+    if single.misfit < STILL_OPEN or pair.residual_fraction > SECOND_LEFT or ahead < SECOND:
         return False
-    known = both.worth >= KNOWN and 1.0 - both.worth <= HALVED * (1.0 - single.worth)
+    known = both.explained_fraction >= KNOWN and 1.0 - both.explained_fraction <= HALVED * (
+        1.0 - single.explained_fraction
+    )
     if whole and ahead >= EVIDENT and known:
         return True
-    of_loads = by_load is not None and pair.left <= LITTLE and ahead >= EVIDENT and _closes(*by_load)
+    of_loads = (
+        by_load is not None and pair.residual_fraction <= LITTLE and ahead >= EVIDENT and _closes(*by_load)
+    )
     return of_loads or _closes(single, both)
 
 
-def _closes(single: Shrink, both: Shrink) -> bool:
+def _closes(single: HeldOutError, both: HeldOutError) -> bool:
     """Return whether a second cause closes most of what the first leaves."""
     return both.misfit**2 - 1.0 <= (1.0 - SECOND_WORTH) * (single.misfit**2 - 1.0)
 
@@ -174,10 +178,10 @@ def judge(
     freedom: int,
     chance: float,
     outliers: tuple[int, float, bool],
-    single: Shrink,
-    both: Shrink | None,
+    single: HeldOutError,
+    both: HeldOutError | None,
     may_be_outliers: bool = True,
-    by_load: tuple[Shrink, Shrink] | None = None,
+    by_load: tuple[HeldOutError, HeldOutError] | None = None,
 ) -> Judged:
     """Return the verdict.
 
@@ -191,11 +195,11 @@ def judge(
     outliers : (int, float, bool)
         How many rows were left out that nothing explains, their strength, and whether they are isolated
         (`Screened`).
-    single, both : Shrink
+    single, both : HeldOutError
         Held-out worth of the best cause, and of the best pair.
     may_be_outliers : bool
         Whether rows that nothing explains may be called wrong; else they are what is unknown.
-    by_load : (Shrink, Shrink), optional
+    by_load : (HeldOutError, HeldOutError), optional
         The worth of both on held-out loads, where the pair has something to itself in each posture.
     """
     named = search.named
@@ -203,31 +207,48 @@ def judge(
     nothing = OUTLIERS if odd_rows and may_be_outliers else NONE
     best = named[0]
     evidence = search.log_weight[best] - search.log_weight[UNKNOWN]
-    faith = FAITH * min(1.0, max(freedom, 1) / ENOUGH)
-    effects = tempered({key: search.log_weight[key] for key in named}, 1.0 + max(evidence, 0.0) / faith)
+    tempering = TEMPERING * min(1.0, max(freedom, 1) / ENOUGH)
+    effects = tempered({key: search.log_weight[key] for key in named}, 1.0 + max(evidence, 0.0) / tempering)
     total = float(logsumexp(np.array([search.log_weight[key] for key in named])))
-    quiet = search.log_weight[NONE] - total  # log odds of nothing against any effect
-    evidence_of_any = -quiet
-    quiet += CAUTION
+    log_odds_none = search.log_weight[NONE] - total  # log odds of nothing against any effect
+    evidence_of_any = -log_odds_none
+    log_odds_none += CAUTION
     if evidence_of_any < FAINT:
-        quiet += 3.0 * max(0.0, 1.0 - single.worth / BARE)
+        log_odds_none += 3.0 * max(0.0, 1.0 - single.explained_fraction / BARE)
     if chance > CHANCE:
-        quiet = max(quiet, np.log(chance / CHANCE))
+        log_odds_none = max(log_odds_none, np.log(chance / CHANCE))
     pair = search.pairs[0] if search.pairs else None
     two = accepted(pair, search, single, both, by_load)
-    left, worth, weight = search.left[best], single.worth, search.log_weight[best]
+    left, explained_fraction, weight = (
+        search.residual_fraction[best],
+        single.explained_fraction,
+        search.log_weight[best],
+    )
     if two and pair is not None and both is not None:
-        worth = max(both.worth, by_load[1].worth) if by_load is not None else both.worth
-        left, weight = pair.left, pair.log_weight
-    odd = doubt(left, share_of_free_laws(search, weight), worth)
-    odd = float(np.logaddexp(odd, odds_of_nameless(search, weight)))
+        explained_fraction = (
+            max(both.explained_fraction, by_load[1].explained_fraction)
+            if by_load is not None
+            else both.explained_fraction
+        )
+        left, weight = pair.residual_fraction, pair.log_weight
+    log_odds_unknown = doubt(left, share_of_subspaces(search, weight), explained_fraction)
+    log_odds_unknown = float(np.logaddexp(log_odds_unknown, odds_of_unmodelled(search, weight)))
     if freedom < FEW:
-        odd = min(odd, search.log_weight[UNKNOWN] - total, -1.0)
+        log_odds_unknown = min(log_odds_unknown, search.log_weight[UNKNOWN] - total, -1.0)
     if freedom < SCARCE:  # nothing may show because nothing could
-        odd, quiet = max(odd, OPEN), min(quiet, LEAST_QUIET + freedom / PER_ODDS)
-    logs = {NONE: -np.inf, nothing: quiet, UNKNOWN: min(odd, odd - quiet if quiet > 0 else odd)}
+        log_odds_unknown, log_odds_none = (
+            max(log_odds_unknown, OPEN),
+            min(log_odds_none, LEAST_LOG_ODDS_NONE + freedom / PER_ODDS),
+        )
+    logs = {
+        NONE: -np.inf,
+        nothing: log_odds_none,
+        UNKNOWN: min(
+            log_odds_unknown, log_odds_unknown - log_odds_none if log_odds_none > 0 else log_odds_unknown
+        ),
+    }
     if odd_rows and not may_be_outliers:
-        logs = {NONE: -np.inf, UNKNOWN: float(np.logaddexp(logs[UNKNOWN], quiet))}
+        logs = {NONE: -np.inf, UNKNOWN: float(np.logaddexp(logs[UNKNOWN], log_odds_none))}
     whole = logsumexp(np.array([0.0, *logs.values()]))
     shares = {key: float(np.exp(value - whole)) for key, value in logs.items()}
     real = float(np.exp(-whole))
@@ -266,7 +287,7 @@ def _two(
 ) -> Judged:
     names = {f"{k}": one for k, one in enumerate(search.pairs)}
     evidence = pair.log_weight - search.log_weight[UNKNOWN]
-    divisor = 1.0 + float(np.sqrt(max(evidence, 0.0) * pair.left))
+    divisor = 1.0 + float(np.sqrt(max(evidence, 0.0) * pair.residual_fraction))
     among = tempered({k: one.log_weight for k, one in names.items()}, divisor)
     member: dict[str, float] = {}
     for k, share in among.items():

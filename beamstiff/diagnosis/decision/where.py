@@ -1,6 +1,6 @@
 """Where the gap is: by direction, load, history, time, place and posture; and the places that could make it.
 
-Every place gets what it could do at most (`free_laws`), and its share of the gap (`attribution`).
+Every place gets what it could do at most (`component_subspaces`), and its share of the gap (`attribution`).
 """
 
 from __future__ import annotations

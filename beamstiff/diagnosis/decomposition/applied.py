@@ -58,7 +58,7 @@ def _added(found: Decomposition, cause: Cause) -> Iterator[AddedEffect]:
         parameters = {
             item.name: f"{value!r} {item.unit}" if item.unit[0].isalpha() and item.unit != "SI" else value
             for item, value in zip(form.shape.parameters, values.tolist(), strict=True)
-            if not item.passing
+            if not item.posture_specific
         }
         if not parameters:
             continue

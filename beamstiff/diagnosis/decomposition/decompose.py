@@ -16,13 +16,13 @@ from beamstiff.diagnosis.decomposition.remainder import Remainder, remainder_of
 from beamstiff.diagnosis.decomposition.selection import (
     Choice,
     Step,
+    build_choice,
     causes_of,
     fit_step,
     forms_in,
     gain,
     resampled,
     select,
-    state_choice,
 )
 from beamstiff.diagnosis.effects.target_slip import slip_row
 from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline
@@ -171,10 +171,10 @@ def decompose(
     """
     if rows.kind != "absolute":
         model = open_stiffness(baseline or fit_baseline(robot, rows))
-        folds = folds_of(model, state_choice(model, forms_of(model, without)), seed)
+        folds = folds_of(model, build_choice(model, forms_of(model, without)), seed)
         return _told(folds, select(folds.choice, folds.squared_errors), seed)
     model = open_geometry(robot, rows)
-    choice = state_choice(model, forms_of(model, without))
+    choice = build_choice(model, forms_of(model, without))
     if model.count < VALUES_A_PARAMETER * choice.open_count:
         raise BeamstiffError(
             f"{rows.source}: {model.count} measured values for {choice.open_count} open parameters of the "
@@ -189,7 +189,7 @@ def decompose(
         if not chosen:
             break
         model = open_geometry(robot, model.baseline.rows, moved_by(model, chosen))
-        choice = state_choice(model, forms_of(model, without))
+        choice = build_choice(model, forms_of(model, without))
         folds = folds_of(model, choice, seed)
         step = select(choice, folds.squared_errors)
         if {choice.forms[number].key for number in step.chosen} == {form.key for form in chosen}:

@@ -116,7 +116,7 @@ def _fits(effect: str, shape: Shape) -> bool:
     if effect == SLIP:
         return True
     few = len(shape.parameters) <= MOST_PARAMETERS
-    return few and not shape.tuned and not any(item.passing for item in shape.parameters)
+    return few and not shape.data_selected and not any(item.posture_specific for item in shape.parameters)
 
 
 def _weighed(

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from beamstiff.calibration.calibrate import calibrate, calibrated
 from beamstiff.calibration.problem import Problem
-from beamstiff.calibration.statement import state_calibration
+from beamstiff.calibration.statement import build_calibration
 from beamstiff.calibration.validation import in_base_frame
 from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR, Baseline, fit_baseline
 from beamstiff.identification.whitening import Whitening, whitening
@@ -118,7 +118,7 @@ def open_geometry(robot: Robot, rows: Measurements, moved: Array | None = None) 
         name: robot.parameter(name) for name in robot.identify if not found.robot.parameter(name) < np.inf
     }
     about = found.robot.with_parameters(given).model_copy(update={"identify": ()})
-    problem = state_calibration(about, there, compliances=robot.identify).problem
+    problem = build_calibration(about, there, compliances=robot.identify).problem
     residual, tangent = problem.linearised(problem.expected)
     change = {one.name: one.change for one in found.parameters}
     known = [at for at, item in enumerate(problem.parameters) if item.group in ("offset", "frame")]

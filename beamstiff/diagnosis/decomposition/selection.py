@@ -106,7 +106,7 @@ class Step:
     bic: float
 
 
-def state_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
+def build_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
     """Return the forms of an open model as one problem."""
     basis = orthonormal(model.tangent)
     residual = model.residual - basis @ (basis.T @ model.residual)

@@ -8,9 +8,9 @@ from __future__ import annotations
 from importlib import import_module
 from pkgutil import iter_modules
 
-from beamstiff.diagnosis.effects.effect import Effect, Quantity, Scales, Shape
+from beamstiff.diagnosis.effects.effect import Effect, Normalisation, Quantity, Shape
 
-__all__ = ["EFFECTS", "Effect", "Quantity", "Scales", "Shape"]
+__all__ = ["EFFECTS", "Effect", "Normalisation", "Quantity", "Shape"]
 
 
 def _found() -> dict[str, Effect]:

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from beamstiff.diagnosis.effects.effect import Effect, Quantity, Scales, Shape, stated_scale
+from beamstiff.diagnosis.effects.effect import Effect, Normalisation, Quantity, Shape, stated_scale
 from beamstiff.diagnosis.effects.torque_laws import (
     axis_at,
     by_law,
@@ -121,7 +121,7 @@ def _usual_course(baseline: Baseline, component: str) -> dict[str, float]:
     return result
 
 
-def _scales(baseline: Baseline, component: str | None) -> Scales:
+def _normalisation(baseline: Baseline, component: str | None) -> Normalisation:
     return torque_scale(baseline, component) | _usual_course(baseline, str(component))
 
 
@@ -134,5 +134,5 @@ EFFECT = Effect(
     separation="fine load steps through zero torque of this joint, in both directions",
     look_alikes=("hardening", "hysteresis"),
     sources="lost motion below 1 arcmin (Harmonic Drive CHA); worn gears a few",
-    scales=_scales,
+    scales=_normalisation,
 )

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from beamstiff.diagnosis.effects.effect import Effect, Quantity, Scales, Shape
+from beamstiff.diagnosis.effects.effect import Effect, Normalisation, Quantity, Shape
 from beamstiff.diagnosis.effects.torque_laws import by_compliance, by_contacts, load_scales, softness
 from beamstiff.diagnosis.residual.baseline import Baseline
 
@@ -89,7 +89,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     return [replace(one, against=None if "stiffen" in one.name else ()) for one in found]
 
 
-def _scales(baseline: Baseline, component: str | None) -> Scales:  # noqa: ARG001
+def _normalisation(baseline: Baseline, component: str | None) -> Normalisation:  # noqa: ARG001
     return {**load_scales(baseline, baseline.fit.places.base)}
 
 
@@ -102,6 +102,6 @@ EFFECT = Effect(
     separation="the same load with the first joint turned by 90 degrees; a reflector on the pedestal",
     look_alikes=("bearing-tilt",),
     sources="1e-8 to 2e-7 rad/(N m), engineering estimate",
-    scales=_scales,
+    scales=_normalisation,
     place="base",
 )

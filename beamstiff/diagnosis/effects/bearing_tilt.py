@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from beamstiff.diagnosis.effects.effect import Effect, Quantity, Scales, Shape, stated_scale
+from beamstiff.diagnosis.effects.effect import Effect, Normalisation, Quantity, Shape, stated_scale
 from beamstiff.diagnosis.effects.torque_laws import (
     CONTACT,
     any_symmetric,
@@ -217,7 +217,7 @@ def _unloaded(knee: float) -> Callable[[Array], Array]:
     return law
 
 
-def _scales(baseline: Baseline, component: str | None) -> Scales:
+def _normalisation(baseline: Baseline, component: str | None) -> Normalisation:
     return {"moment": usual_moment(baseline, str(component))}
 
 
@@ -230,5 +230,5 @@ EFFECT = Effect(
     separation="a reflector on either side of the joint",
     look_alikes=("link-bending", "base-compliance"),
     sources="of a heavy robot 1e-7 to 5e-7 rad/(N m), as much as its drives; engineering estimate",
-    scales=_scales,
+    scales=_normalisation,
 )

@@ -20,7 +20,7 @@ Choice = TypeVar("Choice")
 
 BOUND = 5.0  # usual sizes beyond which a value counts as one at this bound: a bad row must not choose
 TIED = 1e-6  # share of what is explained, within which two choices are equals
-LEVER = 0.5  # m, by which rotations count beside positions, whatever the noise is thought to be
+ROTATION_LENGTH = 0.5  # m, by which rotations count beside positions, whatever the noise is thought to be
 
 
 @dataclass(frozen=True)
@@ -74,5 +74,5 @@ def best_of(choices: Sequence[Choice], left: Left, columns: Callable[[Choice], A
 
 
 def _weighted(fit: Baseline, columns: Array) -> Array:
-    result: Array = (columns * np.repeat([1.0, LEVER], 3)[:, None])[fit.used]
+    result: Array = (columns * np.repeat([1.0, ROTATION_LENGTH], 3)[:, None])[fit.used]
     return result

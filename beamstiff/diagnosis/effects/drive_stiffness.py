@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from beamstiff.diagnosis.effects.effect import Scales
+from beamstiff.diagnosis.effects.effect import Normalisation
 from beamstiff.diagnosis.effects.torque_laws import Axis, axis_at
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.se3 import Array
@@ -31,7 +31,7 @@ def fitted_angles(baseline: Baseline, variable: str) -> tuple[Array, Array]:
     return angles, counts.astype(np.float64)
 
 
-def angle_scales(baseline: Baseline, component: str | None) -> Scales:
+def angle_scales(baseline: Baseline, component: str | None) -> Normalisation:
     """Return the scales of effects that follow the angle: what of them varied over the rows fitted."""
     variable = axis_at(baseline, str(component)).joint.variable
     if variable is None:

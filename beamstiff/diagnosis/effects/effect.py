@@ -30,7 +30,7 @@ class Quantity:
     unit: str
     size: float
     positive: bool = False
-    passing: bool = False
+    posture_specific: bool = False
     within: tuple[str, str] | None = None
 
 
@@ -64,10 +64,10 @@ class Shape:
     weight: float = 1.0
     realistic: float | None = None
     against: tuple[str, ...] | None = None
-    tuned: bool = False
+    data_selected: bool = False
 
 
-Scales = dict[str, float | tuple[float, ...]]
+Normalisation = dict[str, float | tuple[float, ...]]
 
 
 def stated_scale(baseline: Baseline, name: str) -> float | None:
@@ -76,7 +76,7 @@ def stated_scale(baseline: Baseline, name: str) -> float | None:
     return value if isinstance(value, float) else None
 
 
-def no_scales(baseline: Baseline, component: str | None) -> Scales:  # noqa: ARG001
+def no_normalisation(baseline: Baseline, component: str | None) -> Normalisation:  # noqa: ARG001
     """Return nothing: the shapes do not depend on the rows that were fitted."""
     return {}
 
@@ -121,7 +121,7 @@ class Effect:
     separation: str
     look_alikes: tuple[str, ...] = field(default=())
     sources: str = "engineering estimate"
-    scales: Callable[[Baseline, str | None], Scales] = no_scales
+    scales: Callable[[Baseline, str | None], Normalisation] = no_normalisation
     place: str = ""
     places_of: Callable[[str], tuple[str, ...]] = itself
 

@@ -37,7 +37,7 @@ def tool_axes(baseline: Baseline) -> Array:
 
 
 @dataclass(frozen=True)
-class Campaign:
+class Clock:
     """When the rows that were fitted began, how long they took (0: no times), and how many they are."""
 
     start: float
@@ -45,20 +45,20 @@ class Campaign:
     rows: float
 
 
-def campaign(baseline: Baseline) -> Campaign:
+def clock_of(baseline: Baseline) -> Clock:
     """Return the campaign by which the clock goes: as stated, else that of the rows that were fitted."""
-    stated = [stated_scale(baseline, item.name) for item in fields(Campaign)]
+    stated = [stated_scale(baseline, item.name) for item in fields(Clock)]
     if None not in stated:
-        return Campaign(*(value for value in stated if value is not None))
+        return Clock(*(value for value in stated if value is not None))
     fitted, time = baseline.fit.rows, _elapsed(baseline.fit.rows)
     if not np.isfinite(time).all():
-        return Campaign(0.0, 0.0, float(len(fitted)))
-    return Campaign(float(time.min()), float(np.ptp(time)), float(len(fitted)))
+        return Clock(0.0, 0.0, float(len(fitted)))
+    return Clock(float(time.min()), float(np.ptp(time)), float(len(fitted)))
 
 
 def clock(baseline: Baseline) -> Array:
     """Return when each row was read, (N,): its time, else its place in the order, from 0 to about 1."""
-    rows, fitted = baseline.rows, campaign(baseline)
+    rows, fitted = baseline.rows, clock_of(baseline)
     if fitted.duration > 0:
         read: Array = np.nan_to_num((_elapsed(rows) - fitted.start) / fitted.duration)
         return read
@@ -155,7 +155,7 @@ def anew(
             return
         parts.append((columns[:, :, None] * here[:, None, :, None]).reshape(*columns.shape[:2], -1))
         every += [
-            replace(one, name=f"{one.name}_in_{k}", passing=True)
+            replace(one, name=f"{one.name}_in_{k}", posture_specific=True)
             for k in range(here.shape[1])
             for one in quantities
         ]

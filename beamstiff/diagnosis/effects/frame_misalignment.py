@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.diagnosis.effects.data_selected import best_of, left_by
-from beamstiff.diagnosis.effects.effect import Effect, Quantity, Scales, Shape, stated_scale
-from beamstiff.diagnosis.effects.external import anew, campaign, clock
+from beamstiff.diagnosis.effects.effect import Effect, Normalisation, Quantity, Shape, stated_scale
+from beamstiff.diagnosis.effects.external import anew, clock, clock_of
 from beamstiff.diagnosis.effects.misread import SCALE, misread
 from beamstiff.diagnosis.residual.baseline import Baseline, nominal_pose
 from beamstiff.se3 import Array
@@ -110,7 +110,7 @@ def _moved(
         later = tuple(replace(one, name=f"{one.name}_later") for one in quantities)
         both = np.concatenate([columns, after], -1)
         # the choice of the moment is paid for
-        yield Shape(f"{name}, {MOVED}", both, (*quantities, *later), weight=1.0 / MOMENTS, tuned=True)
+        yield Shape(f"{name}, {MOVED}", both, (*quantities, *later), weight=1.0 / MOMENTS, data_selected=True)
 
 
 def _later_than(at: float, baseline: Baseline) -> NDArray[np.bool_]:
@@ -118,7 +118,7 @@ def _later_than(at: float, baseline: Baseline) -> NDArray[np.bool_]:
 
     Other rows than those of the campaign are, where times do not say otherwise: it is the frame of today.
     """
-    rows, fitted = baseline.rows, campaign(baseline)
+    rows, fitted = baseline.rows, clock_of(baseline)
     own = baseline.stated is None and baseline.fit_rows is None
     told = np.isfinite(rows.time).all() if fitted.duration > 0 else len(rows) == fitted.rows
     return clock(baseline) > at if own or told else np.ones(len(rows), dtype=np.bool_)
@@ -146,9 +146,9 @@ def _moment(baseline: Baseline) -> float | None:
     return best_of(some.tolist(), left, lambda at: np.where((time > at)[:, None, None], columns, 0.0))
 
 
-def _scales(baseline: Baseline, component: str | None) -> Scales:  # noqa: ARG001
+def _normalisation(baseline: Baseline, component: str | None) -> Normalisation:  # noqa: ARG001
     at = _moment(baseline)
-    return {} if at is None else {"moved_at": at, **asdict(campaign(baseline))}
+    return {} if at is None else {"moved_at": at, **asdict(clock_of(baseline))}
 
 
 EFFECT = Effect(
@@ -161,5 +161,5 @@ EFFECT = Effect(
     look_alikes=("load-error", "geometry-error"),
     sources="0.2 to 3 deg, engineering estimate",
     place="readings",
-    scales=_scales,
+    scales=_normalisation,
 )

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from beamstiff.diagnosis.effects.drive_stiffness import PHASES, Following, angle_scales, scaled_torque
-from beamstiff.diagnosis.effects.effect import Effect, Quantity, Scales, Shape, stated_scale
+from beamstiff.diagnosis.effects.effect import Effect, Normalisation, Quantity, Shape, stated_scale
 from beamstiff.diagnosis.effects.torque_laws import Axis, axis_at, drive_compliance, drives
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.robot.fields import RIGID
@@ -110,7 +110,7 @@ def _compliance(baseline: Baseline, axis: Axis) -> float:
     return stated_scale(baseline, "compliance") or drive_compliance(axis)
 
 
-def _scales(baseline: Baseline, component: str | None) -> Scales:
+def _normalisation(baseline: Baseline, component: str | None) -> Normalisation:
     compliance = _compliance(baseline, axis_at(baseline, str(component)))
     return {**angle_scales(baseline, component), "compliance": compliance}
 
@@ -140,5 +140,5 @@ EFFECT = Effect(
     separation="the same loads with the spring disconnected",
     look_alikes=("actuator-lever",),
     sources="several to 30 % of the drive's stiffness (arXiv 1311.6674, 1311.6810)",
-    scales=_scales,
+    scales=_normalisation,
 )

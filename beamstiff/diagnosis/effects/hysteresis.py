@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from beamstiff.diagnosis.effects.effect import Effect, Quantity, Scales, Shape, stated_scale
+from beamstiff.diagnosis.effects.effect import Effect, Normalisation, Quantity, Shape, stated_scale
 from beamstiff.diagnosis.effects.torque_laws import (
     Axis,
     axis_at,
@@ -234,7 +234,7 @@ def _lasts(baseline: Baseline) -> float | None:
     return float(np.median(taken[taken > 0])) if (taken > 0).any() else None
 
 
-def _scales(baseline: Baseline, component: str | None) -> Scales:
+def _normalisation(baseline: Baseline, component: str | None) -> Normalisation:
     lasts = _lasts(baseline)
     return torque_scale(baseline, component) | ({} if lasts is None else {"lasts": lasts})
 
@@ -254,5 +254,5 @@ EFFECT = Effect(
     separation="a closed load cycle with a return to zero load",
     look_alikes=("load-error", "backlash"),
     sources="below 1 to 3 arcmin (Harmonic Drive CHA)",
-    scales=_scales,
+    scales=_normalisation,
 )

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from beamstiff.diagnosis.effects.effect import Effect, Quantity, Scales, Shape, stated_scale
+from beamstiff.diagnosis.effects.effect import Effect, Normalisation, Quantity, Shape, stated_scale
 from beamstiff.diagnosis.effects.external import each_by_each, tool_axes
 from beamstiff.diagnosis.residual.baseline import Baseline, nominal_pose
 from beamstiff.measure.rows import history_order
@@ -22,7 +22,7 @@ from beamstiff.se3 import Array
 ANGLE = 0.03  # rad
 GAIN = 0.03
 TARE = 10.0  # N
-LEVER = 0.01  # m, of a moment that a cell reads of a force
+ROTATION_LENGTH = 0.01  # m, of a moment that a cell reads of a force
 SAME = 1e-9  # of a load, within which it stays
 SPREAD = 4.0  # cells and cables are no better and no worse than the sources say by more than this
 
@@ -32,7 +32,7 @@ def _largest_force(baseline: Baseline) -> float:
     return stated_scale(baseline, "force") or float(force.max(initial=0.0)) or 1.0
 
 
-def _scales(baseline: Baseline, component: str | None) -> Scales:  # noqa: ARG001
+def _normalisation(baseline: Baseline, component: str | None) -> Normalisation:  # noqa: ARG001
     return {"force": _largest_force(baseline)}
 
 
@@ -92,7 +92,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     size = np.linalg.norm(wrench[:, :3], axis=1, keepdims=True) / largest
     along = np.divide(wrench, size * largest, out=np.zeros_like(wrench), where=size > 0)
     tare = (wrench, along)
-    levers = tuple(Quantity(f"moment_tool_{a}_by_{b}", "m", LEVER) for a in "xyz" for b in "xyz")
+    levers = tuple(Quantity(f"moment_tool_{a}_by_{b}", "m", ROTATION_LENGTH) for a in "xyz" for b in "xyz")
     bent = Quantity("nonlinearity_at_largest_load", "1", GAIN)
     result = [
         Shape("direction", turned(base), named("direction", "rad", ANGLE)),
@@ -171,6 +171,6 @@ EFFECT = Effect(
     separation="a plumb line beside the cable, a load cell at the tool, a closed load cycle",
     look_alikes=("frame-misalignment", "tool-offset"),
     sources="0.5 to 5 deg, 1 to 10 %, engineering estimate",
-    scales=_scales,
+    scales=_normalisation,
     place="load",
 )

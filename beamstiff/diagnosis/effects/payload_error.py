@@ -13,7 +13,7 @@ from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 
 MASS = 10.0  # kg
-LEVER = 2.0  # kg m
+MASS_MOMENT = 2.0  # kg m
 PULL = 50.0  # N
 STRETCH = 50.0  # N/m
 
@@ -37,10 +37,10 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     drawn = each_by_each(base, place)
     drawn = response @ np.concatenate([drawn, np.zeros_like(drawn)], 1)
     springs = tuple(Quantity(f"pull_{a}_by_{b}", "N/m", STRETCH) for a in "xyz" for b in "xyz")
-    shifts = tuple(Quantity(f"mass_times_{a}_by_{b}", "kg*m", LEVER) for a in "xyz" for b in "xyz")
+    shifts = tuple(Quantity(f"mass_times_{a}_by_{b}", "kg*m", MASS_MOMENT) for a in "xyz" for b in "xyz")
     pulls = tuple(Quantity(f"pull_{where}{axis}", "N", PULL) for where in ("", "tool_") for axis in "xyz")
     mass = Quantity("mass", "kg", MASS)
-    levers = tuple(Quantity(f"mass_times_{axis}", "kg*m", LEVER) for axis in "xyz")
+    levers = tuple(Quantity(f"mass_times_{axis}", "kg*m", MASS_MOMENT) for axis in "xyz")
     return [
         Shape("mass", heavier + further @ _centre(baseline.nominal)[:, None], (mass,)),
         Shape("centre of gravity", further, levers),

@@ -14,7 +14,7 @@ from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.measure.rows import history_order
 
 SIZE = 5e-4  # m
-SLIPS = tuple(Quantity(f"slip_{axis}", "m", SIZE, passing=True) for axis in "xyz")
+SLIPS = tuple(Quantity(f"slip_{axis}", "m", SIZE, posture_specific=True) for axis in "xyz")
 MOMENTS = 200  # at most, of one target: of longer campaigns every second, third, ... row is one
 FEWEST = 3  # rows before a slip and after it: fewer are gross errors
 

@@ -21,8 +21,8 @@ from beamstiff.diagnosis.effects.drifts import (
     parts_of,
     turning,
 )
-from beamstiff.diagnosis.effects.effect import Effect, Quantity, Scales, Shape
-from beamstiff.diagnosis.effects.external import campaign, clock, first_of_pose, since_pose
+from beamstiff.diagnosis.effects.effect import Effect, Normalisation, Quantity, Shape
+from beamstiff.diagnosis.effects.external import clock, clock_of, first_of_pose, since_pose
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.se3 import Array
 
@@ -106,13 +106,15 @@ def _cycling(baseline: Baseline, shared: bool) -> list[Shape]:
         turns = [item for name in ("sine", "cosine") for item in named(f"turn_{name}", "rad", TURN)]
         weight = 0.5 / cycle.choices
         result += [
-            Shape(f"cycle{since}", np.concatenate(drifts, -1), tuple(names), weight=weight, tuned=True),
+            Shape(
+                f"cycle{since}", np.concatenate(drifts, -1), tuple(names), weight=weight, data_selected=True
+            ),
             Shape(
                 f"cycle, turning{since}",
                 np.concatenate([*drifts, *about], -1),
                 (*names, *turns),
                 weight=weight,
-                tuned=True,
+                data_selected=True,
             ),
         ]
     return result
@@ -181,10 +183,10 @@ def _with_warmth(
     return [*result, *([by_part(parts, own, label, since)] if parts else [])]
 
 
-def _scales(baseline: Baseline, component: str | None) -> Scales:  # noqa: ARG001
+def _normalisation(baseline: Baseline, component: str | None) -> Normalisation:  # noqa: ARG001
     shared = not baseline.absolute and baseline.fit.rows.shared_unloaded
     cycles = cycle_of(baseline, shared).count
-    found: Scales = {**asdict(campaign(baseline)), "temperature": mean_temperature(baseline)}
+    found: Normalisation = {**asdict(clock_of(baseline)), "temperature": mean_temperature(baseline)}
     return found | ({"cycles": cycles} if cycles else {})
 
 
@@ -207,6 +209,6 @@ EFFECT = Effect(
     separation="re-measure the reference pose now and then",
     look_alikes=("outliers",),
     sources="5 to 50 um/K, engineering estimate",
-    scales=_scales,
+    scales=_normalisation,
     place="readings",
 )

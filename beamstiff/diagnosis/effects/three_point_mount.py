@@ -16,7 +16,7 @@ from itertools import product
 import numpy as np
 
 from beamstiff.diagnosis.effects.data_selected import best_of, left_by
-from beamstiff.diagnosis.effects.effect import Scales, stated_scale
+from beamstiff.diagnosis.effects.effect import Normalisation, stated_scale
 from beamstiff.diagnosis.effects.torque_laws import any_compliance, most_of
 from beamstiff.diagnosis.residual.baseline import SILENT, Baseline
 from beamstiff.diagnosis.residual.internal_wrench import Place
@@ -63,7 +63,7 @@ class Seats:
         return np.stack([np.cos(angle), np.sin(angle)], -1)
 
 
-def seat_scales(baseline: Baseline) -> Scales:
+def seat_scales(baseline: Baseline) -> Normalisation:
     """Return where the seats stand and their largest force, by the names that `seats_of` finds again."""
     seats = seats_of(baseline)
     if seats is None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from beamstiff.diagnosis.effects.effect import Effect, Quantity, Scales, Shape
+from beamstiff.diagnosis.effects.effect import Effect, Normalisation, Quantity, Shape
 from beamstiff.diagnosis.effects.three_point_mount import NAMES, by_seats, choices, seat_scales, seats_of
 from beamstiff.diagnosis.effects.torque_laws import (
     SEAM,
@@ -145,7 +145,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
                 np.concatenate([columns, by_seats(baseline, place, seats)], -1),
                 (*rotations, *slides, couplings[1], couplings[3], *ways),
                 weight=0.5 / choices(),
-                tuned=True,
+                data_selected=True,
             )
         )
     return [
@@ -154,7 +154,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     ]
 
 
-def _scales(baseline: Baseline, component: str | None) -> Scales:  # noqa: ARG001
+def _normalisation(baseline: Baseline, component: str | None) -> Normalisation:  # noqa: ARG001
     return load_scales(baseline, baseline.fit.places.flange) | seat_scales(baseline)
 
 
@@ -167,6 +167,6 @@ EFFECT = Effect(
     separation="reflectors on flange and tool; a pure moment at the tool",
     look_alikes=("actuator-lever", "tool-offset"),
     sources="of a heavy robot 5e-7 to 1e-5 rad/(N m), engineering estimate",
-    scales=_scales,
+    scales=_normalisation,
     place="tool",
 )

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from beamstiff.diagnosis.effects.effect import Quantity, Scales, Shape, stated_scale
+from beamstiff.diagnosis.effects.effect import Normalisation, Quantity, Shape, stated_scale
 from beamstiff.diagnosis.residual.baseline import SILENT, Baseline, own_direction
 from beamstiff.diagnosis.residual.internal_wrench import Place
 from beamstiff.robot.description import Robot
@@ -95,7 +95,7 @@ def most_of(place: Place) -> Array:
     return np.concatenate([place.load + place.dead, place.dead])
 
 
-def torque_scale(baseline: Baseline, component: str | None) -> Scales:
+def torque_scale(baseline: Baseline, component: str | None) -> Normalisation:
     """Return the scale of the effects that count torques against the largest one."""
     return {"torque": axis_at(baseline, str(component)).typical}
 

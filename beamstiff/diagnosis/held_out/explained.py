@@ -29,7 +29,7 @@ def explanations(
     for one in candidates:
         if one.shrink is not None:
             parts = _parts(baseline, pair[0]) if pair and one.key == verdict.key else {one.key: 1.0}
-            share = {place: one.shrink.worth * part for place, part in _by_place(parts).items()}
+            share = {place: one.shrink.explained_fraction * part for place, part in _by_place(parts).items()}
             found.append(Explanation(one.probability, share))
     return found
 

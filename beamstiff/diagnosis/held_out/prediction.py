@@ -56,7 +56,7 @@ class Fitted:
 
 
 @dataclass(frozen=True)
-class Shrink:
+class HeldOutError:
     """Position gap on held-out postures, RMS of the norm, m.
 
     Attributes
@@ -90,7 +90,7 @@ class Shrink:
     surely: float = 0.0
 
     @property
-    def worth(self) -> float:
+    def explained_fraction(self) -> float:
         """Share of the explainable gap that closes, of positions, of all values or of those that are sure."""
         if self.open < SEEN:
             return self.shrink
@@ -234,7 +234,7 @@ def held_out(
     scale: float,
     seed: int,
     by_load: bool = False,
-) -> Shrink:
+) -> HeldOutError:
     """Return what effects are worth on held-out postures, or loads; parameters as for `fitted`."""
     rng = np.random.default_rng(seed)
     fold, poses = folds(baseline, used, rng, by_load)
@@ -275,7 +275,7 @@ def held_out(
     # few postures carry most of some gaps: the estimate of all may lie beyond those of their samples
     low, high = np.quantile(samples, [0.05, 0.95])
     interval = (min(float(low), shrink), max(float(high), shrink))
-    return Shrink(
+    return HeldOutError(
         before=float(np.sqrt(total[0] / total[3])),
         after=float(np.sqrt(total[1] / total[3])),
         shrink=shrink,

@@ -61,7 +61,7 @@ INSIDE = ("structure", "drive")  # families of effects whose places have laws of
 
 
 @dataclass(frozen=True, eq=False)
-class FreeLaw:
+class ComponentSubspace:
     """Everything that a place could do.
 
     Attributes
@@ -72,7 +72,7 @@ class FreeLaw:
         Its main modes, whitened, less what the fit absorbs; all together have mean square 1.
     inside : bool
         Whether it is a place of the machine that gives way.
-    nameless : dict of str to (n, k) array
+    unmodelled : dict of str to (n, k) array
         Main modes of what no effect of the library is, by what the place would do: play of the structure,
         friction at base and tool, a tether or a stop; of a drive what softens, stays softer to one side,
         changes with the time or from posture to posture, or creeps; of readings that they stick. Few enough
@@ -82,10 +82,10 @@ class FreeLaw:
     place: str
     modes: Array
     inside: bool = True
-    nameless: Mapping[str, Array] = field(default_factory=dict)
+    unmodelled: Mapping[str, Array] = field(default_factory=dict)
 
 
-def free_laws(baseline: Baseline, library: Library, white: Whitened) -> list[FreeLaw]:
+def component_subspaces(baseline: Baseline, library: Library, white: Whitened) -> list[ComponentSubspace]:
     """Return the free laws of the structure's places, of the drives, and of all that is outside the machine.
 
     Of what is outside, all shapes of the library together count as free.
@@ -98,39 +98,42 @@ def free_laws(baseline: Baseline, library: Library, white: Whitened) -> list[Fre
     found = []
     for name, at in structure:
         compliance, bent, play = _of_structure(baseline, at)
-        nameless = {PLAY: _modes(white, (play,))}
+        unmodelled = {PLAY: _modes(white, (play,))}
         if at is places.base or at is places.flange:
-            nameless[SLIPPING] = _modes(white, (slipping(baseline, at),))
+            unmodelled[SLIPPING] = _modes(white, (slipping(baseline, at),))
         if at is places.flange:
             held = held_tool(baseline)
-            nameless[TETHERED] = _modes(white, tethered(baseline, held, white))
-            nameless[STOPPED] = _modes(white, (stopped(held),))
-        found.append(FreeLaw(name, _modes(white, (compliance, bent)), nameless=nameless))
+            unmodelled[TETHERED] = _modes(white, tethered(baseline, held, white))
+            unmodelled[STOPPED] = _modes(white, (stopped(held),))
+        found.append(ComponentSubspace(name, _modes(white, (compliance, bent)), unmodelled=unmodelled))
     for drive in map(str, drives(baseline)):
         named, others = _of_drive(baseline, drive)
-        nameless = {does: _modes(white, (law,)) for does, law in others.items()}
-        softer = white.turn(_softening(baseline, drive))
+        unmodelled = {does: _modes(white, (law,)) for does, law in others.items()}
+        softer = white.whiten(_softening(baseline, drive))
         if _softens(white, softer):
-            nameless[SOFTENING] = _main(white, [softer])
+            unmodelled[SOFTENING] = _main(white, [softer])
         each = _by_posture(baseline, drive)
-        nameless |= {does: _main(white, [white.turn(law)], POSTURES) for does, law in each.items()}
-        found.append(FreeLaw(drive, _modes(white, (*named, *others.values())), nameless=nameless))
+        unmodelled |= {does: _main(white, [white.whiten(law)], POSTURES) for does, law in each.items()}
+        found.append(
+            ComponentSubspace(drive, _modes(white, (*named, *others.values())), unmodelled=unmodelled)
+        )
     outside: dict[str, list[Array]] = {READINGS: []}
     for one in library.hypotheses:
         if EFFECTS[one.effect].family not in INSIDE:
-            lasting = [not item.passing for item in one.shape.parameters]
+            lasting = [not item.posture_specific for item in one.shape.parameters]
             for place in one.places:
                 outside.setdefault(place, []).append(one.columns[:, lasting])
     for place, columns in outside.items():
         stuck = {STICKING: _modes(white, (lagging(baseline),))} if place == READINGS else {}
-        found.append(FreeLaw(place, _main(white, columns), inside=False, nameless=stuck))
+        found.append(ComponentSubspace(place, _main(white, columns), inside=False, unmodelled=stuck))
     found = [
-        replace(law, nameless={does: m for does, m in law.nameless.items() if m.shape[1]}) for law in found
+        replace(law, unmodelled={does: m for does, m in law.unmodelled.items() if m.shape[1]})
+        for law in found
     ]
-    return [law for law in found if law.modes.shape[1] or law.nameless]
+    return [law for law in found if law.modes.shape[1] or law.unmodelled]
 
 
-def modes_of(laws: Sequence[FreeLaw], places: Collection[str], values: int) -> Array:
+def modes_of(laws: Sequence[ComponentSubspace], places: Collection[str], values: int) -> Array:
     """Return the modes (n, m) of some places, n whitened values, together of mean square 1; none is m = 0."""
     own = [law.modes for law in laws if law.place in places and law.modes.shape[1]]
     result: Array = np.concatenate([np.zeros((values, 0)), *own], axis=1) / np.sqrt(max(len(own), 1))
@@ -139,14 +142,14 @@ def modes_of(laws: Sequence[FreeLaw], places: Collection[str], values: int) -> A
 
 def _modes(white: Whitened, groups: Iterable[Array]) -> Array:
     """Return the main modes of kinds of freedom (N, 6, c), each with as much variance as the others."""
-    return _main(white, [white.turn(group) for group in groups])
+    return _main(white, [white.whiten(group) for group in groups])
 
 
 def _main(white: Whitened, groups: Sequence[Array], most: int = MODES) -> Array:
     """Return the main modes of groups of whitened columns (n, c); (n, 0) where the fit leaves none."""
     parts = []
     for whole in groups:
-        columns = white.leave(whole)
+        columns = white.project_out(whole)
         size, before = np.linalg.norm(columns, axis=0), np.linalg.norm(whole, axis=0)
         # a column that is small beside the others of its kind moves nothing but by rounding
         kept = size > np.maximum(ABSORBED * before, SILENT * before.max(initial=0.0))
@@ -226,12 +229,14 @@ def _softening(baseline: Baseline, name: str) -> Array:
 
 def _softens(white: Whitened, columns: Array) -> bool:
     """Return whether the gap shows a drive that softens: one that hardens has the same laws backwards."""
-    left = white.leave(columns)
+    left = white.project_out(columns)
     size = np.linalg.norm(left, axis=0)
     kept = size > ABSORBED * np.linalg.norm(columns, axis=0)
     if not kept.any():
         return False
-    factor = np.linalg.lstsq(left[:, kept] / size[kept], white.leave(white.gap[:, None])[:, 0], rcond=1e-3)[0]
+    factor = np.linalg.lstsq(
+        left[:, kept] / size[kept], white.project_out(white.gap[:, None])[:, 0], rcond=1e-3
+    )[0]
     return bool((1.0 - np.array(GIVING)[kept]) @ (factor / size[kept]) > 0)
 
 

@@ -31,7 +31,7 @@ AMISS, FACTOR = 0.12, 2.0  # what it is off by otherwise, of its own size; withi
 
 
 @dataclass(frozen=True)
-class Scales:
+class NoisePrior:
     """Prior of the noise scale s against the stated sigma: values and their log weights, (S,)."""
 
     value: Array
@@ -49,7 +49,7 @@ class Evidence:
         With each shape taken as exactly right.
     magnitude : (H,) array
         Size u that fits best, in realistic sizes.
-    left : (H,) array
+    residual_fraction : (H,) array
         Share of the gap's size that a shape leaves to the unknown, whatever was expected of it.
     none, unknown : float
     """
@@ -57,7 +57,7 @@ class Evidence:
     hypotheses: Array
     exact: Array
     magnitude: Array
-    left: Array
+    residual_fraction: Array
     none: float
     unknown: float
 
@@ -115,7 +115,7 @@ def stacks_of(hypotheses: Sequence[Hypothesis]) -> list[Stack]:
 def evidence(
     white: Whitened,
     hypotheses: Sequence[Hypothesis],
-    scales: Scales,
+    scales: NoisePrior,
     shares: Array = SHARES,
     stacks: Sequence[Stack] | None = None,
 ) -> Evidence:
@@ -125,7 +125,7 @@ def evidence(
     ----------
     white : Whitened
     hypotheses : sequence of Hypothesis
-    scales : Scales
+    scales : NoisePrior
     shares : (R,) array
         Of the unknown, in sigma.
     stacks : sequence of Stack, optional
@@ -140,7 +140,7 @@ def evidence(
     span = np.log(spread)
     amplitude = np.empty(len(hypotheses))
     for stack in stacks:
-        left_of = (white.leave(stack.columns) ** 2).sum(axis=0).reshape(-1, stack.count).sum(axis=1)
+        left_of = (white.project_out(stack.columns) ** 2).sum(axis=0).reshape(-1, stack.count).sum(axis=1)
         amplitude[stack.index] = np.sqrt(left_of / max(white.freedom, 1))
     size = np.maximum(amplitude, 1e-9)[:, None] * np.exp(span[:, None] * MAGNITUDES)  # (H, U), in sigma
     weights = _share_weights(size, shares)  # (R, H, U)
@@ -149,20 +149,20 @@ def evidence(
     unknown = logsumexp(flat[1:]) - np.log(len(shares) - 1)
     of_size = np.exp(joint - logsumexp(joint, axis=(0, 2))[:, None])  # (R, H, U)
     freely = np.exp(logs[:, 1:] - logsumexp(logs[:, 1:], axis=(0, 2))[:, None])
-    whole = np.sqrt((white.leave(white.gap[:, None]) ** 2).sum() / max(white.freedom, 1))
+    whole = np.sqrt((white.project_out(white.gap[:, None]) ** 2).sum() / max(white.freedom, 1))
     left = (freely.sum(axis=2) * shares[:, None]).sum(axis=0) / (whole or 1.0)
     best = MAGNITUDES[np.argmax(of_size.sum(axis=0), axis=1)]
     return Evidence(
         hypotheses=averaged,
         exact=logsumexp(logs[0, 1:], axis=1) - np.log(MAGNITUDES.size),
         magnitude=np.exp(span * best),
-        left=left,
+        residual_fraction=left,
         none=float(flat[0]),
         unknown=float(unknown),
     )
 
 
-def detection(white: Whitened, hypotheses: Sequence[Hypothesis], scales: Scales, gaps: Array) -> Array:
+def detection(white: Whitened, hypotheses: Sequence[Hypothesis], scales: NoisePrior, gaps: Array) -> Array:
     """Return the log odds of any effect against none for gaps (n, d), (d,), each shape taken as exact."""
     spread = np.array([one.shape.spread for one in hypotheses])
     logs = _given_share(white, stacks_of(hypotheses), spread, scales, 0.0, gaps)
@@ -184,7 +184,7 @@ def _share_weights(size: Array, shares: Array) -> Array:
 
 
 def _given_share(
-    white: Whitened, stacks: Sequence[Stack], spread: Array, scales: Scales, share: float, gaps: Array
+    white: Whitened, stacks: Sequence[Stack], spread: Array, scales: NoisePrior, share: float, gaps: Array
 ) -> Array:
     """Return log densities (1 + H, U, d) of gaps (n, d); the first is that of no effect, for any u."""
     weight = 1.0 / (1.0 + share**2 * white.unknown)

@@ -77,7 +77,7 @@ def key_of(effect: str, component: str | None) -> str:
     return f"{effect}:{'null' if component is None else component}"
 
 
-def state_library(baseline: Baseline, white: Whitened, without: Sequence[str] = ()) -> Library:
+def build_library(baseline: Baseline, white: Whitened, without: Sequence[str] = ()) -> Library:
     """Return what the data could be explained by.
 
     Parameters
@@ -162,7 +162,7 @@ def _check(baseline: Baseline, without: Sequence[str]) -> None:
 
 def whitened(hypotheses: Sequence[Hypothesis], white: Whitened) -> tuple[Hypothesis, ...]:
     """Return hypotheses with their columns whitened."""
-    return tuple(replace(one, columns=white.turn(one.shape.columns * one.sizes)) for one in hypotheses)
+    return tuple(replace(one, columns=white.whiten(one.shape.columns * one.sizes)) for one in hypotheses)
 
 
 def _hidden(hypotheses: Sequence[Hypothesis], white: Whitened) -> str:
@@ -170,7 +170,7 @@ def _hidden(hypotheses: Sequence[Hypothesis], white: Whitened) -> str:
     if not hypotheses:
         return ""
     size = np.array([np.sqrt((one.columns**2).sum()) for one in hypotheses])
-    left = np.array([np.sqrt((white.leave(one.columns) ** 2).sum()) for one in hypotheses])
+    left = np.array([np.sqrt((white.project_out(one.columns) ** 2).sum()) for one in hypotheses])
     most = left * np.array([one.shape.spread for one in hypotheses]) / np.sqrt(max(white.freedom, 1))
     if not size.any():
         return "these loads and postures do not excite it"

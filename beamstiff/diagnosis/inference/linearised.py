@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from beamstiff.diagnosis.held_out.prediction import Weighted, solve, stated
-from beamstiff.diagnosis.inference.evidence import Scales
+from beamstiff.diagnosis.inference.evidence import NoisePrior
 from beamstiff.diagnosis.inference.noise_scale import scale_after
 from beamstiff.diagnosis.inference.search import NONE, Search
 from beamstiff.diagnosis.residual.baseline import Baseline, around
@@ -28,7 +28,9 @@ SPREAD = 1.0  # standard deviation of a compliance about its nominal value, of t
 LEAST, MOST = 0.2, 5.0  # times its nominal value
 
 
-def beside_the_cause(baseline: Baseline, white: Whitened, found: Search, scales: Scales) -> Baseline | None:
+def beside_the_cause(
+    baseline: Baseline, white: Whitened, found: Search, scales: NoisePrior
+) -> Baseline | None:
     """Return a baseline linear about the stiffness beside the likeliest cause or pair; None if it is.
 
     Parameters
@@ -37,7 +39,7 @@ def beside_the_cause(baseline: Baseline, white: Whitened, found: Search, scales:
     white : Whitened
         Of it: what counts of it.
     found : Search
-    scales : Scales
+    scales : NoisePrior
         Of the noise.
     """
     if not baseline.fitted or found.log_weight[NONE] > found.log_weight[found.named[0]]:

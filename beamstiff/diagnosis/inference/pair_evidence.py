@@ -15,8 +15,8 @@ import numpy as np
 from scipy.special import logsumexp
 
 from beamstiff.diagnosis.held_out.prediction import Weighted
-from beamstiff.diagnosis.inference.component_subspaces import FreeLaw, modes_of
-from beamstiff.diagnosis.inference.evidence import COARSE, Scales, evidence, log_weights
+from beamstiff.diagnosis.inference.component_subspaces import ComponentSubspace, modes_of
+from beamstiff.diagnosis.inference.evidence import COARSE, NoisePrior, evidence, log_weights
 from beamstiff.diagnosis.inference.library import Hypothesis
 from beamstiff.diagnosis.residual.whitened import Whitened
 from beamstiff.se3 import Array
@@ -37,7 +37,7 @@ class Pair:
     log_weight : float
         Log of the priors of their shapes times the evidence of both; of a search, the log weight of the
         likeliest single cause and the log odds of the pair against it.
-    left : float
+    residual_fraction : float
         Share of the gap's size that both leave to the unknown.
     shapes : (list of Weighted, list of Weighted)
         Of the first, and of the second beside it.
@@ -46,7 +46,7 @@ class Pair:
     first: str
     second: str
     log_weight: float
-    left: float
+    residual_fraction: float
     shapes: tuple[list[Weighted], list[Weighted]]
 
 
@@ -55,8 +55,8 @@ def together(
     first: Sequence[Hypothesis],
     second: Sequence[Hypothesis],
     start: Hypothesis,
-    scales: Scales,
-    laws: Sequence[FreeLaw],
+    scales: NoisePrior,
+    laws: Sequence[ComponentSubspace],
 ) -> Pair:
     """Return what two causes are worth together.
 
@@ -67,15 +67,15 @@ def together(
         The shapes of each.
     start : Hypothesis
         The shape of the first that is the best alone.
-    scales : Scales
-    laws : sequence of FreeLaw
+    scales : NoisePrior
+    laws : sequence of ComponentSubspace
     """
     loose = modes_of(laws, {*first[0].places, *second[0].places}, white.gap.size)
     best = start
     for _ in range(TURNS):
-        of_second = evidence(white.beside(best.columns, loose), second, scales, COARSE)
+        of_second = evidence(white.with_fitted(best.columns, loose), second, scales, COARSE)
         other = second[int(np.argmax(log_weights(second, of_second)))]
-        of_first = evidence(white.beside(other.columns, loose), first, scales, COARSE)
+        of_first = evidence(white.with_fitted(other.columns, loose), first, scales, COARSE)
         before, best = best, first[int(np.argmax(log_weights(first, of_first)))]
         if best.shape.name == before.shape.name:
             break
@@ -86,7 +86,7 @@ def together(
     ]
     sizes = of_first.magnitude, of_second.magnitude
     both = [_joined(first[a], second[b], sizes[0][a], sizes[1][b]) for a, b in ways]
-    found = evidence(white.beside(first[0].columns[:, :0], loose), both, scales)
+    found = evidence(white.with_fitted(first[0].columns[:, :0], loose), both, scales)
     weights = log_weights(both, found)
     total = float(logsumexp(weights))
     share = np.exp(weights - total)
@@ -100,13 +100,15 @@ def together(
         [Weighted(first[a], p / a_sum, float(sizes[0][a])) for a, p in kept.items()],
         [Weighted(second[b], 1.0, float(sizes[1][b]))],
     )
-    return Pair(first[0].key, second[0].key, total, float(found.left[top]), shapes)
+    return Pair(first[0].key, second[0].key, total, float(found.residual_fraction[top]), shapes)
 
 
-def alone(white: Whitened, shapes: Sequence[Hypothesis], scales: Scales, laws: Sequence[FreeLaw]) -> float:
+def alone(
+    white: Whitened, shapes: Sequence[Hypothesis], scales: NoisePrior, laws: Sequence[ComponentSubspace]
+) -> float:
     """Return the log evidence of one cause whose place may do more than its shapes, as in `together`."""
     loose = modes_of(laws, set(shapes[0].places), white.gap.size)
-    found = evidence(white.beside(shapes[0].columns[:, :0], loose), shapes, scales)
+    found = evidence(white.with_fitted(shapes[0].columns[:, :0], loose), shapes, scales)
     return float(logsumexp(log_weights(shapes, found)))
 
 

@@ -16,12 +16,12 @@ from scipy.special import logsumexp
 
 from beamstiff.diagnosis.effects import Shape
 from beamstiff.diagnosis.held_out.prediction import Weighted
-from beamstiff.diagnosis.inference.component_subspaces import FreeLaw, modes_of
+from beamstiff.diagnosis.inference.component_subspaces import ComponentSubspace, modes_of
 from beamstiff.diagnosis.inference.evidence import (
     COARSE,
     EXACT,
     Evidence,
-    Scales,
+    NoisePrior,
     Stack,
     evidence,
     log_weights,
@@ -56,21 +56,21 @@ class Search:
         The likeliest first.
     shapes : dict of str to list of Weighted
         Of every candidate alone.
-    left : dict of str to float
+    residual_fraction : dict of str to float
         Share of the gap's size that it leaves to the unknown.
     free : dict of str to float
         Log evidence of what each place could do at most.
-    nameless : dict of (str, str) to float
-        Of each place doing what is no effect of the library (`FreeLaw.nameless`): log of prior times
-        evidence.
+    unmodelled : dict of (str, str) to float
+        Of each place doing what is no effect of the library (`ComponentSubspace.unmodelled`): log of prior
+        times evidence.
     """
 
     log_weight: dict[str, float]
     pairs: tuple[Pair, ...]
     shapes: dict[str, list[Weighted]]
-    left: dict[str, float]
+    residual_fraction: dict[str, float]
     free: dict[str, float] = field(default_factory=dict)
-    nameless: dict[tuple[str, str], float] = field(default_factory=dict)
+    unmodelled: dict[tuple[str, str], float] = field(default_factory=dict)
 
     @property
     def single(self) -> dict[str, float]:
@@ -91,8 +91,8 @@ class Search:
 def search(
     white: Whitened,
     hypotheses: Sequence[Hypothesis],
-    scales: Scales,
-    laws: Sequence[FreeLaw] = (),
+    scales: NoisePrior,
+    laws: Sequence[ComponentSubspace] = (),
     pairs: bool = True,
 ) -> Search:
     """Weigh every candidate, the places' free laws, and the likeliest candidates with a second."""
@@ -113,9 +113,9 @@ def search(
             if p > 0.02
         ]
         shapes[key] = kept
-        left[key] = float(alone.left[order[0]])
-    free, nameless = _freely(white, laws, scales), _namelessly(white, laws, scales)
-    result = Search(log_weight, (), shapes, left, free, nameless)
+        left[key] = float(alone.residual_fraction[order[0]])
+    free, unmodelled = _freely(white, laws, scales), _unmodelled_by_place(white, laws, scales)
+    result = Search(log_weight, (), shapes, left, free, unmodelled)
     if not pairs:
         return result
     found: dict[frozenset[str], Pair] = {}
@@ -140,8 +140,8 @@ def search(
 def weighed_together(
     white: Whitened,
     hypotheses: Sequence[Hypothesis],
-    scales: Scales,
-    laws: Sequence[FreeLaw],
+    scales: NoisePrior,
+    laws: Sequence[ComponentSubspace],
     found: Search,
 ) -> Search:
     """Return a search whose pairs are weighed anew, both causes together; parameters as for `search`."""
@@ -166,19 +166,19 @@ def _beside(
     hypotheses: Sequence[Hypothesis],
     stacks: Sequence[Stack],
     by_key: Mapping[str, Sequence[int]],
-    scales: Scales,
-    laws: Sequence[FreeLaw],
+    scales: NoisePrior,
+    laws: Sequence[ComponentSubspace],
     at: int,
     alone: Search,
 ) -> Iterator[Pair]:
     """Yield every second cause beside a first, whose place may do more than its shape says."""
     first = hypotheses[at]
     loose = modes_of(laws, first.places, white.gap.size)
-    alike = evidence(white.beside(first.columns[:, :0], loose), [first], scales, COARSE)
-    beside = white.beside(first.columns, loose)
+    alike = evidence(white.with_fitted(first.columns[:, :0], loose), [first], scales, COARSE)
+    beside = white.with_fitted(first.columns, loose)
     second = evidence(beside, hypotheses, scales, COARSE, stacks)
-    whole = float(np.linalg.norm(white.leave(white.gap[:, None]))) or 1.0
-    part = float(np.linalg.norm(beside.leave(white.gap[:, None]))) / whole
+    whole = float(np.linalg.norm(white.project_out(white.gap[:, None]))) or 1.0
+    part = float(np.linalg.norm(beside.project_out(white.gap[:, None]))) / whole
     base = float(_log_weights([first], alike)[0])
     nothing = np.logaddexp(np.log(EXACT) + second.none, np.log(1.0 - EXACT) + second.unknown)
     rest = _log_weights(hypotheses, second) - nothing + np.log(PAIR)
@@ -188,23 +188,29 @@ def _beside(
             shapes = [Weighted(hypotheses[best], 1.0, float(second.magnitude[best]))]
             weight = base + float(logsumexp(rest[some]))
             yield Pair(
-                first.key, key, weight, part * float(second.left[best]), (alone.shapes[first.key], shapes)
+                first.key,
+                key,
+                weight,
+                part * float(second.residual_fraction[best]),
+                (alone.shapes[first.key], shapes),
             )
 
 
-def _freely(white: Whitened, laws: Sequence[FreeLaw], scales: Scales) -> dict[str, float]:
+def _freely(white: Whitened, laws: Sequence[ComponentSubspace], scales: NoisePrior) -> dict[str, float]:
     """Return the log evidence of each place's free law, the better of its structure's and its drive's."""
     return _weighed(white, [(law.place, law.modes) for law in laws if law.inside], scales)
 
 
-def _namelessly(white: Whitened, laws: Sequence[FreeLaw], scales: Scales) -> dict[tuple[str, str], float]:
+def _unmodelled_by_place(
+    white: Whitened, laws: Sequence[ComponentSubspace], scales: NoisePrior
+) -> dict[tuple[str, str], float]:
     """Return log prior times evidence of what each place could do that no effect of the library does."""
-    every = [((law.place, does), modes) for law in laws for does, modes in law.nameless.items()]
+    every = [((law.place, does), modes) for law in laws for does, modes in law.unmodelled.items()]
     prior = float(np.log(PRIOR[UNKNOWN] / max(len(every), 1)))
     return {key: prior + value for key, value in _weighed(white, every, scales).items()}
 
 
-def _weighed(white: Whitened, laws: Sequence[tuple[Key, Array]], scales: Scales) -> dict[Key, float]:
+def _weighed(white: Whitened, laws: Sequence[tuple[Key, Array]], scales: NoisePrior) -> dict[Key, float]:
     """Return the log evidence of laws by their keys, the better where two have one key."""
     shape = Shape("free", np.zeros((0, 6, 0)), (), spread=FREE_SPREAD)
     some = [(key, modes) for key, modes in laws if modes.shape[1]]

@@ -92,12 +92,12 @@ def suggested_spring(held: Held, white: Whitened) -> Array:
 
     Springs pull back: what would push is left out.
     """
-    columns = white.leave(white.turn(_more(held, np.zeros((3, 3)))))
+    columns = white.project_out(white.whiten(_more(held, np.zeros((3, 3)))))
     size = np.linalg.norm(columns, axis=0)
     shown = size > SILENT * size.max(initial=0.0)
     factor = np.zeros(len(AXES))
     if shown.any():
-        gap = white.leave(white.gap[:, None])[:, 0]
+        gap = white.project_out(white.gap[:, None])[:, 0]
         factor[shown] = np.linalg.lstsq(columns[:, shown] / size[shown], gap, rcond=UNSEEN)[0] / size[shown]
     values, axes = np.linalg.eigh(np.tensordot(factor, _units(), axes=1))
     result: Array = (axes * np.maximum(values, 0.0)) @ axes.T

@@ -60,7 +60,7 @@ class Rival:
     fit: Fitted
 
 
-def programme(
+def propose_tests(
     baseline: Baseline,
     used: NDArray[np.bool_],
     rivals: Sequence[tuple[str, float, Sequence[Weighted]]],
@@ -137,7 +137,7 @@ def _rival(
 def _with_a_second_reflector(
     found: Programme, baseline: Baseline, rivals: Sequence[Rival], scale: float
 ) -> Programme:
-    """Return a programme with a second reflector where one tells far more than the TCP does."""
+    """Return a test plan with a second reflector where one tells far more than the TCP does."""
     nodes, states = reflector_nodes(baseline), np.arange(len(found.rows))
     if not nodes:
         return found
@@ -155,7 +155,7 @@ def _with_a_second_reflector(
 
 
 def as_plain(found: Programme | None) -> list[dict[str, Any]]:
-    """Return a programme as the report has it."""
+    """Return a test plan as the report has it."""
     if found is None:
         return []
     rows = found.rows
@@ -171,7 +171,7 @@ def as_plain(found: Programme | None) -> list[dict[str, Any]]:
     ]
 
 
-def programme_csv(result: Diagnosis) -> str:
+def test_plan_csv(result: Diagnosis) -> str:
     """Return the proposed states of a diagnosis as a table to fill in.
 
     Raises

@@ -19,7 +19,7 @@ from beamstiff.fem.geometric import loaded_displacement
 from beamstiff.fem.structure import compile_structure
 from beamstiff.identification.minimise import minimise
 from beamstiff.identification.objective import Objective
-from beamstiff.identification.parameters import state_parameters
+from beamstiff.identification.parameters import build_parameters
 from beamstiff.identification.problem import Problem
 from beamstiff.identification.whitening import whitening
 from beamstiff.measure.arrays import Integers
@@ -69,7 +69,7 @@ class Baseline:
     fit_rows : Baseline or None
         The baseline that was fitted, where this one is its prediction for other rows.
     stated : mapping of str to float or tuple of float, or None
-        Scales of an effect that the robot has, in place of those of the rows that were fitted.
+        Normalisation of an effect that the robot has, in place of those of the rows that were fitted.
     """
 
     robot: Robot
@@ -189,7 +189,7 @@ def fit_baseline(
             near = {
                 name: (value, KNOWN_FACTOR) for name, value in zip(names, model.start.tolist(), strict=True)
             }
-            stated = state_parameters(names, model.start, priors=near)
+            stated = build_parameters(names, model.start, priors=near)
             found = minimise(Objective(problem, stated), begin=theta)
             before, theta = stiffness, found.theta
             stiffness = stated.stiffness(theta)

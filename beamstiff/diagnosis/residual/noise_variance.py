@@ -94,11 +94,11 @@ def estimate(white: Whitened, columns: Array, width: float, sound: bool = False)
     """
     gap = white.gap
     if not sound:
-        left = white.leave(gap[:, None])[:, 0]
+        left = white.project_out(gap[:, None])[:, 0]
         most = WINSOR * max(float(np.median(np.abs(left))) / MEDIAN, 1e-9)
         gap = white.gap - left + np.clip(left, -most, most)
     rotation = white.component >= 3
-    typical = max(float(np.median(np.abs(white.leave(gap[:, None])))) / MEDIAN, 1e-3) ** 2
+    typical = max(float(np.median(np.abs(white.project_out(gap[:, None])))) / MEDIAN, 1e-3) ** 2
 
     def loss(theta: Array) -> tuple[float, Array]:
         f, v, a = np.exp(theta[:2]), float(np.exp(theta[2])), float(np.exp(theta[3]))

@@ -144,7 +144,7 @@ def _silent(white: Whitened) -> NDArray[np.bool_]:
 
     What is left then is of the program that made the rows, or of averaging; no claim is off by so much.
     """
-    left = white.leave(white.gap[:, None])[:, 0]
+    left = white.project_out(white.gap[:, None])[:, 0]
     rotation = white.component >= 3
     sizes = [np.sqrt((left[own] ** 2).mean()) if own.any() else np.inf for own in (~rotation, rotation)]
     return np.array(sizes) < SILENCE
@@ -164,8 +164,8 @@ def _left_out(
     Of rows left out together, none counts among the others; only they have distances then.
     """
     inverse, _ = precision(white, columns, variance)
-    seen = white.back(inverse.times(white.gap)[:, None])[:, 0]
-    taken = white.back(inverse.factor.T)  # (n, c + t), of values as they were measured
+    seen = white.adjoint(inverse.times(white.gap)[:, None])[:, 0]
+    taken = white.adjoint(inverse.factor.T)  # (n, c + t), of values as they were measured
     row = np.nonzero(white.used)[0]
     distance, count = np.zeros(len(white.used)), np.zeros(len(white.used), dtype=np.intp)
     if together:
@@ -217,7 +217,7 @@ def _unit_columns(some: Sequence[Hypothesis], white: Whitened) -> Array:
     parts = [np.zeros((white.gap.size, 0))]
     for one in whitened(some, white):
         # what the fit absorbs of a shape, and one that moves nothing, would drown the rest in rounding
-        left = white.leave(one.columns)
+        left = white.project_out(one.columns)
         size = np.linalg.norm(left)
         if size > SILENT * max(float(np.linalg.norm(one.columns)), 1.0):
             parts.append(left * np.sqrt(white.gap.size) / size)

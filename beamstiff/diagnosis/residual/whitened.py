@@ -20,7 +20,7 @@ from beamstiff.se3 import Array
 LARGE = 800  # rows from which on postures are taken one by one, and of one posture as many at a time
 AT_ONCE = 1_000_000  # entries of the blocks that are made at a time
 REACH = 1.0  # rad or m over which the unknown changes with the posture
-LEVER = 0.7  # m: unknown rotations are unknown displacements over this
+ROTATION_LENGTH = 0.7  # m: unknown rotations are unknown displacements over this
 CONSTANT, SQUARE = 0.3, 0.5  # weights of what does not grow with the load, or with its square
 
 
@@ -57,19 +57,19 @@ class Whitened:
         """Values less fitted parameters."""
         return int(self.gap.size - self.tangent.shape[1])
 
-    def turn(self, columns: Array) -> Array:
+    def whiten(self, columns: Array) -> Array:
         """Return columns (N, 6, c) whitened, (n, c)."""
         values = columns[self.used]
         return np.concatenate([(block @ values[at]).reshape(at.size, -1) for at, block in self.axes])
 
-    def back(self, columns: Array) -> Array:
+    def adjoint(self, columns: Array) -> Array:
         """Return the transpose of `turn`: columns (n, c) of whitened values to (n, c) of used values."""
         result = np.empty_like(columns)
         for at, block, own in self._blocks(columns):
             result[at] = block.swapaxes(1, 2) @ own
         return result
 
-    def undo(self, columns: Array) -> Array:
+    def unwhiten(self, columns: Array) -> Array:
         """Return the inverse of `turn`: columns (n, c) of whitened values as they were measured, (n, c)."""
         result = np.empty_like(columns)
         for at, block, own in self._blocks(columns):
@@ -102,7 +102,7 @@ class Whitened:
             yield at, block, columns[start : start + at.size].reshape(*at.shape, -1)
             start += at.size
 
-    def beside(self, cause: Array, loose: Array | None = None) -> Whitened:
+    def with_fitted(self, cause: Array, loose: Array | None = None) -> Whitened:
         """Return the same where the whitened columns (n, c) of a cause are fitted as well.
 
         Beside them `loose` (n, m), of mean square 1 together, is what its place may do else.
@@ -110,7 +110,7 @@ class Whitened:
         fitted = orthonormal(np.concatenate([self.tangent, shown(cause)], axis=1))
         return replace(self, tangent=fitted, loose=self.loose if loose is None else loose)
 
-    def leave(self, columns: Array) -> Array:
+    def project_out(self, columns: Array) -> Array:
         """Return what the fit leaves of whitened columns (n, c)."""
         result: Array = columns - self.tangent @ (self.tangent.T @ columns)
         return result
@@ -129,8 +129,8 @@ def whiten(baseline: Baseline, used: NDArray[np.bool_] | None = None) -> Whitene
     axes, unknown, component = _axes(baseline, chosen)
     nothing = np.zeros((int(chosen.sum()), 0))
     white = Whitened(axes, unknown, component, np.zeros(len(nothing)), nothing, chosen, nothing)
-    gap = white.turn(baseline.gap[..., None])[:, 0]
-    return replace(white, gap=gap, tangent=orthonormal(white.turn(baseline.tangent)))
+    gap = white.whiten(baseline.gap[..., None])[:, 0]
+    return replace(white, gap=gap, tangent=orthonormal(white.whiten(baseline.tangent)))
 
 
 def shown(columns: Array) -> Array:
@@ -167,7 +167,7 @@ def _axes(
         at = order[starts[blocks][:, None] + np.arange(sizes[blocks[0]])]
         rows, kind = row[at], component[at]
         own = _closeness(baseline, rows) * np.stack([some @ some.T for some in features[rows]])
-        scale = np.where(kind < 3, 1.0, 1.0 / LEVER**2)[:, :, None]
+        scale = np.where(kind < 3, 1.0, 1.0 / ROTATION_LENGTH**2)[:, :, None]
         rooted = white.among(at)
         values, vectors = np.linalg.eigh((scale * rooted) @ own @ rooted.swapaxes(1, 2))
         axes.append((at.astype(np.intp), vectors.swapaxes(1, 2) @ rooted))

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.identification.models.fuzzy_rules import Method, Readings, fit_conclusions, state_readings
+from beamstiff.identification.models.fuzzy_rules import Method, Readings, build_readings, fit_conclusions
 from beamstiff.identification.models.split import configurations
 from beamstiff.identification.solis_wets import solis_wets
 from beamstiff.measure.table import Measurements
@@ -133,7 +133,7 @@ def _state_task(robot: Robot, table: Measurements, inputs: Sequence[str] | None,
     if inputs is None and (varying := np.ptp(x, axis=0) > 0).any():
         names = tuple(name for name, varies in zip(names, varying, strict=True) if varies)
         x = x[:, varying]
-    readings = state_readings(table, compile_kinematics(robot).size, robot.tcp)
+    readings = build_readings(table, compile_kinematics(robot).size, robot.tcp)
     stood = configurations(table)
     poses = np.unique(stood)
     held = round(TEST_SHARE * len(poses))

@@ -63,7 +63,7 @@ class Readings:
         return result
 
 
-def state_readings(table: Measurements, length: float, tcp: str) -> Readings:
+def build_readings(table: Measurements, length: float, tcp: str) -> Readings:
     """Return what a table says of compliance terms; the compliance is symmetric (Maxwell and Betti).
 
     Parameters

@@ -16,18 +16,18 @@ from beamstiff.diagnosis.decision.verdict import (
     accepted,
     doubt,
     judge,
-    share_of_free_laws,
+    share_of_subspaces,
     tempered,
 )
-from beamstiff.diagnosis.held_out.prediction import Shrink
+from beamstiff.diagnosis.held_out.prediction import HeldOutError
 from beamstiff.diagnosis.inference.component_subspaces import CREEPING, OF_POSTURES
 from beamstiff.diagnosis.inference.pair_evidence import Pair
 from beamstiff.diagnosis.inference.search import NONE, OUTLIERS, UNKNOWN, Search
 
 NOISE = 5e-5  # m
-GOOD = Shrink(4e-4, 5.2e-5, 0.99, (0.97, 1.0), postures=14, noise=NOISE, misfit=1.02)
-USELESS = Shrink(4e-4, 4e-4, 0.0, (0.0, 0.05), postures=14, noise=NOISE, misfit=8.0)
-HALF = Shrink(4e-4, 3e-4, 0.5, (0.4, 0.6), postures=14, noise=NOISE, misfit=6.0)
+GOOD = HeldOutError(4e-4, 5.2e-5, 0.99, (0.97, 1.0), postures=14, noise=NOISE, misfit=1.02)
+USELESS = HeldOutError(4e-4, 4e-4, 0.0, (0.0, 0.05), postures=14, noise=NOISE, misfit=8.0)
+HALF = HeldOutError(4e-4, 3e-4, 0.5, (0.4, 0.6), postures=14, noise=NOISE, misfit=6.0)
 CLEAN, WRONG = (0, 0.0, False), (3, 3.0, True)  # rows left out: how many, how strongly, whether isolated
 
 
@@ -120,11 +120,11 @@ def test_of_a_handful_of_values_nothing_is_sure() -> None:
 
 @pytest.mark.parametrize(("freedom", "most"), [(0, 0.5), (1, 0.52), (5, 0.65), (15, 0.85), (29, 0.96)])
 def test_of_a_handful_of_values_not_even_nothing_is_sure(freedom: int, most: float) -> None:
-    quiet = search_of({"backlash:q3": -2.0, "hardening:q3": -2.5}, none=0.0, unknown=-3.0)
-    found = judged(quiet, freedom=freedom, chance=1.0, single=USELESS)
+    log_odds_none = search_of({"backlash:q3": -2.0, "hardening:q3": -2.5}, none=0.0, unknown=-3.0)
+    found = judged(log_odds_none, freedom=freedom, chance=1.0, single=USELESS)
     assert found.verdict == NONE
     assert found.probabilities[NONE] < most
-    assert judged(quiet, freedom=400, chance=1.0, single=USELESS).probabilities[NONE] > 0.97
+    assert judged(log_odds_none, freedom=400, chance=1.0, single=USELESS).probabilities[NONE] > 0.97
 
 
 def test_causes_as_likely_as_the_verdict_are_its_equivalents() -> None:
@@ -172,7 +172,7 @@ def test_a_law_of_its_own_that_explains_far_more_than_any_name_is_unknown() -> N
     assert judged(search_of(CLEAR, left=0.15, free=-20.0)).verdict == "backlash:q3"
     found = judged(search_of(CLEAR, left=0.15, free=160.0))
     assert found.verdict == UNKNOWN
-    assert share_of_free_laws(search_of(CLEAR, free=20.0), 0.0) == pytest.approx(240 / 220)
+    assert share_of_subspaces(search_of(CLEAR, free=20.0), 0.0) == pytest.approx(240 / 220)
 
 
 def test_a_name_that_is_doubted_says_so_in_its_set_and_the_unknown_says_what_it_could_be() -> None:
@@ -191,11 +191,11 @@ def test_rows_are_wrong_beside_a_cause_where_they_are_isolated() -> None:
 
 
 def test_rows_that_nothing_explains_are_unknown_where_they_may_not_be_called_wrong() -> None:
-    quiet = search_of(CLEAR, none=20.0, unknown=5.0)
+    log_odds_none = search_of(CLEAR, none=20.0, unknown=5.0)
     more: dict[str, Any] = {"chance": 0.5, "outliers": WRONG, "single": USELESS}
-    found = judged(quiet, may_be_outliers=False, **more)
+    found = judged(log_odds_none, may_be_outliers=False, **more)
     assert (found.verdict, found.probabilities[NONE]) == (UNKNOWN, 0.0)
-    assert judged(quiet, may_be_outliers=False, **(more | {"outliers": CLEAN})).verdict == NONE
+    assert judged(log_odds_none, may_be_outliers=False, **(more | {"outliers": CLEAN})).verdict == NONE
     named = judged(search_of(CLEAR), outliers=WRONG, may_be_outliers=False)
     assert (named.verdict, named.also, named.indistinguishable) == ("backlash:q3", None, (UNKNOWN,))
 
@@ -222,7 +222,7 @@ def test_of_two_causes_the_likelier_alone_comes_first() -> None:
 
 
 def test_a_second_cause_that_shows_in_rotations_alone_is_seen() -> None:
-    turned = Shrink(4e-4, 5.2e-5, 0.99, (0.97, 1.0), postures=14, noise=NOISE, misfit=3.0)
+    turned = HeldOutError(4e-4, 5.2e-5, 0.99, (0.97, 1.0), postures=14, noise=NOISE, misfit=3.0)
     search = search_of(CLEAR, left=0.4, pairs=(PAIR,))
     assert accepted(PAIR, search, turned, GOOD)
 
@@ -245,7 +245,7 @@ def test_two_causes_of_which_none_is_clear_are_unknown_and_said() -> None:
 def test_of_two_causes_the_clear_one_is_named_alone_where_the_other_is_not() -> None:
     seconds = ("b:2", "c:3", "d:4")
     pairs = tuple(pair_of("a:1", second, 60.0 - 0.1 * at) for at, second in enumerate(seconds))
-    far = tuple(replace(one, left=0.3) for one in pairs)
+    far = tuple(replace(one, residual_fraction=0.3) for one in pairs)
     weights = {"a:1": 0.0} | dict.fromkeys(seconds, -50.0)
     found = judged(search_of(weights, left=0.4, pairs=pairs), single=HALF, both=GOOD)
     assert (found.verdict, found.also) == ("a:1", None)
@@ -265,7 +265,7 @@ def test_two_causes_that_are_doubted_say_so_too() -> None:
 
 
 @pytest.mark.parametrize(
-    ("ahead", "left", "misfit", "worth", "told"),
+    ("ahead", "left", "misfit", "explained_fraction", "told"),
     [
         (60.0, 0.05, 4.0, 0.95, True),
         (40.0, 0.05, 4.0, 0.95, False),  # not evident
@@ -275,17 +275,27 @@ def test_two_causes_that_are_doubted_say_so_too() -> None:
     ],
 )
 def test_what_each_posture_has_to_itself_is_a_second_cause_where_it_is_evident(
-    ahead: float, left: float, misfit: float, worth: float, told: bool
+    ahead: float, left: float, misfit: float, explained_fraction: float, told: bool
 ) -> None:
     """Whoever hooks a load on anew for each posture leaves nothing of it to be told of the next."""
     pair = pair_of("backlash:q3", "tool-offset:null", ahead, left=left)
-    both = Shrink(
-        4e-4, 3e-4, 0.5, (0.4, 0.6), postures=14, noise=NOISE, misfit=misfit, surely=worth, open=7.0
+    both = HeldOutError(
+        4e-4,
+        3e-4,
+        0.5,
+        (0.4, 0.6),
+        postures=14,
+        noise=NOISE,
+        misfit=misfit,
+        surely=explained_fraction,
+        open=7.0,
     )
-    assert both.worth == pytest.approx(worth)
+    assert both.explained_fraction == pytest.approx(explained_fraction)
     assert accepted(pair, search_of(CLEAR, left=0.4, pairs=(pair,)), HALF, both) == told
     known = replace(HALF, surely=0.92, open=7.0)  # of what is known the first leaves next to nothing
-    assert not accepted(pair, search_of(CLEAR, left=0.4, pairs=(pair,)), known, replace(both, surely=0.95))
+    assert not accepted(
+        pair, search_of(CLEAR, residual_fraction=0.4, pairs=(pair,)), known, replace(both, surely=0.95)
+    )
 
 
 @pytest.mark.parametrize(
@@ -341,7 +351,7 @@ def test_two_others_stand_instead_of_a_flexible_cause_that_stood_in_for_both() -
     ],
     ids=["no evidence", "left", "worth less", "beside it"],
 )
-def test_two_causes_do_not_replace_one_that_explains_it_as_well(two: Pair, both: Shrink) -> None:
+def test_two_causes_do_not_replace_one_that_explains_it_as_well(two: Pair, both: HeldOutError) -> None:
     assert not accepted(two, search_of(CLEAR, pairs=(two,)), replace(GOOD, misfit=1.025), both)
 
 
@@ -358,7 +368,7 @@ def test_two_causes_do_not_replace_one_that_explains_it_as_well(two: Pair, both:
     ids=["no pair", "not tried", "no evidence", "no less left", "no worth", "nothing left"],
 )
 def test_a_second_cause_is_refused_without_evidence_and_worth(
-    pair: Pair | None, single: Shrink, both: Shrink | None
+    pair: Pair | None, single: HeldOutError, both: HeldOutError | None
 ) -> None:
     search = search_of(CLEAR, left=0.4, pairs=() if pair is None else (pair,))
     assert not accepted(pair, search, single, both)
@@ -370,7 +380,7 @@ def test_what_is_another_in_every_posture_counts_only_where_it_is_better() -> No
     search = search_of({"actuator-lever:q2": -40.0})
 
     def unknown(does: str, log_weight: float) -> float:
-        return judged(replace(search, nameless={("q2", does): log_weight})).probabilities[UNKNOWN]
+        return judged(replace(search, unmodelled={("q2", does): log_weight})).probabilities[UNKNOWN]
 
     without = judged(search).probabilities[UNKNOWN]
     for does in OF_POSTURES:

@@ -32,7 +32,7 @@ def test_what_a_sure_cause_explains_is_at_its_place(name: str) -> None:
     (place,) = effect.places(verdict.component)
     share = {item["component"]: item["share"] for item in found.where["components"]}[place]
     assert verdict.shrink is not None
-    assert share >= verdict.probability * verdict.shrink.worth - 1e-9
+    assert share >= verdict.probability * verdict.shrink.explained_fraction - 1e-9
 
 
 def test_two_causes_share_the_gap_by_what_each_moves() -> None:
@@ -46,7 +46,7 @@ def test_two_causes_share_the_gap_by_what_each_moves() -> None:
     (found,) = explanations(there.linear, [there.verdict], there.verdict, [pair])
     assert found.probability == there.verdict.probability
     assert there.verdict.shrink is not None
-    half = 0.5 * there.verdict.shrink.worth
+    half = 0.5 * there.verdict.shrink.explained_fraction
     assert dict(found.share) == pytest.approx({"q3": half, "q2": half})
 
 

@@ -7,8 +7,8 @@ import pytest
 
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.effects.torque_laws import axis_at
-from beamstiff.diagnosis.inference.evidence import Scales, evidence
-from beamstiff.diagnosis.inference.library import state_library
+from beamstiff.diagnosis.inference.evidence import Normalisation, evidence
+from beamstiff.diagnosis.inference.library import build_library
 from beamstiff.diagnosis.residual.whitened import whiten
 from tests.diagnosis.hypotheses import of_any_sign
 from tests.diagnosis.machines import FORE, POSITION, close, elbow, kr240, nominal, rows_of, shape_of
@@ -101,9 +101,9 @@ def test_no_zone_that_follows_the_angle_makes_up_for_one_below_nothing() -> None
     noise = POSITION * rng.standard_normal((60, 3))
     measured = replace(there, measured=there.predicted + less + np.pad(noise, ((0, 0), (0, 3))))
     white = whiten(measured)
-    own = [one for one in state_library(measured, white).hypotheses if one.effect == "backlash"]
+    own = [one for one in build_library(measured, white).hypotheses if one.effect == "backlash"]
     found, freely = (
-        evidence(white, some, Scales(np.ones(1), np.zeros(1)))
+        evidence(white, some, Normalisation(np.ones(1), np.zeros(1)))
         for some in (own, [of_any_sign(one) for one in own])
     )
     assert max(freely.hypotheses) > found.none + 300

@@ -134,7 +134,7 @@ def test_a_frame_that_was_moved_reads_otherwise_after_that(kind: str) -> None:
     shape = shape_of(moved, "frame-misalignment", None, name)
     at = [item.name for item in shape.parameters].index("rotation_z_later")
     close(3e-4 * shape.columns[..., at], measured - there.predicted, 1e-3, least=1e-9)
-    assert shape.tuned
+    assert shape.data_selected
     # a robot states the moment, for the same rows again
     scales = EFFECTS["frame-misalignment"].scales(moved, None)
     assert 23 / 39 < scales["moved_at"] < 24 / 39
@@ -206,7 +206,7 @@ def test_a_frame_that_is_set_up_again_is_turned_another_way_in_every_posture() -
     off = np.concatenate([turns.apply(d), turns.apply(r)], axis=1) - there.predicted
     shape = shape_of(there, "frame-misalignment", None, "turned, another way in every posture")
     assert unexplained(off, shape.columns) < 1e-5
-    assert [item.passing for item in shape.parameters] == 3 * [False] + 15 * [True]
+    assert [item.posture_specific for item in shape.parameters] == 3 * [False] + 15 * [True]
 
 
 def test_absolute_positions_along_axes_of_other_scales_and_not_square() -> None:

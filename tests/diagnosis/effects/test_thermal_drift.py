@@ -264,7 +264,7 @@ def test_a_machine_without_anything_to_fit_may_drift_as_well() -> None:
     rows = at_random(robot, 60, seed=1, time=np.arange(60.0))
     there = fit_baseline(robot, rows, keep=())
     assert cycle_of(there, False).count >= 2.0
-    assert shape_of(there, "thermal-drift", None, "cycle").tuned
+    assert shape_of(there, "thermal-drift", None, "cycle").data_selected
 
 
 def test_few_readings_are_no_reason_to_believe_in_a_cycle() -> None:

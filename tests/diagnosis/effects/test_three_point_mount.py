@@ -131,7 +131,7 @@ def test_the_choice_of_the_seats_is_paid_for() -> None:
     moved = on_a_body(there, PLANTED, there.rows.wrench) * 3e-4
     seen = replace(there, measured=there.predicted + moved)
     found = shape_of(seen, "tool-compliance", None, "on three seats")
-    assert found.tuned
+    assert found.data_selected
     assert found.weight * choices() < 1.0
 
 

@@ -166,7 +166,7 @@ def test_a_load_that_is_hooked_on_anew_sits_elsewhere_in_every_posture() -> None
     moved = np.einsum("nab,nb->na", there.response[:, :, 3:], moment)
     shape = shape_of(there, "tool-offset", None, "load, hooked on anew in every posture")
     assert unexplained(moved, shape.columns) < 1e-9
-    assert sum(not item.passing for item in shape.parameters) == 3
+    assert sum(not item.posture_specific for item in shape.parameters) == 3
     # of postures that were not measured it knows the common point alone
     other = at_random(kr240(), 6, seed=12)
     elsewhere = replace(nominal(kr240(), other), fit_rows=there)

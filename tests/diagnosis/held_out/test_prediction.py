@@ -104,8 +104,8 @@ def test_the_misfit_counts_rotations_too() -> None:
     assert (with_it.open, without.open) == pytest.approx((without.misfit, without.misfit))
     # positions say next to nothing, and yet the effect is worth all that there is
     assert with_it.interval[0] < 0.1
-    assert with_it.worth > 0.95
-    assert without.worth < 0.3
+    assert with_it.explained_fraction > 0.95
+    assert without.explained_fraction < 0.3
 
 
 def test_what_fits_each_posture_by_itself_is_worth_nothing_on_others() -> None:
@@ -116,7 +116,7 @@ def test_what_fits_each_posture_by_itself_is_worth_nothing_on_others() -> None:
     gap[:, 0] = by_pose[:, 0] @ rng.standard_normal(40) * 30 * POSITION
     found = held_out(with_gap(there, gap), there.used, [[weighted(by_pose)]], 1.0, 0)
     assert found.shrink < 0.05
-    assert found.worth < 0.05
+    assert found.explained_fraction < 0.05
 
 
 def test_what_each_posture_has_to_itself_is_worth_something_on_its_other_loads() -> None:
@@ -129,8 +129,8 @@ def test_what_each_posture_has_to_itself_is_worth_something_on_its_other_loads()
         held_out(with_gap(there, gap), there.used, [[weighted(own)]], 1.0, 0, by_load=held)
         for held in (False, True)
     )
-    assert by_posture.worth < 0.3
-    assert by_load.worth > 0.95
+    assert by_posture.explained_fraction < 0.3
+    assert by_load.explained_fraction > 0.95
     assert by_load.misfit == pytest.approx(1.0, abs=0.1)
     assert by_load.postures == by_posture.postures == 12
 
@@ -144,7 +144,7 @@ def test_a_posture_that_an_effect_says_little_of_does_not_spoil_what_it_is_worth
     gap = columns @ [5.0, 0.5] + rng.standard_normal((120, 6)) * SIGMA
     found = held_out(with_gap(there, gap), there.used, [[weighted(columns, magnitude=1.0)]], 1.0, 0)
     assert found.shrink < 0.3
-    assert found.surely == found.worth > 0.9
+    assert found.surely == found.explained_fraction > 0.9
 
 
 def test_a_gap_below_the_noise_has_nothing_to_close() -> None:

@@ -18,19 +18,19 @@ from beamstiff.diagnosis.inference.component_subspaces import (
     STOPPED,
     TETHERED,
     UNSTEADY,
-    FreeLaw,
+    ComponentSubspace,
     _by_posture,
     _remembered,
-    free_laws,
+    component_subspaces,
     modes_of,
 )
-from beamstiff.diagnosis.inference.library import Library, state_library
+from beamstiff.diagnosis.inference.library import Library, build_library
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.diagnosis.residual.whitened import Whitened, whiten
 from beamstiff.se3 import Array
 from tests.diagnosis.machines import POSITION, ROTATION, arm_at, at_random, elbow, kr240, nominal, rows_of
 
-Found = tuple[Baseline, Whitened, Library, list[FreeLaw]]
+Found = tuple[Baseline, Whitened, Library, list[ComponentSubspace]]
 
 
 @pytest.fixture(scope="module")
@@ -38,11 +38,11 @@ def found() -> Found:
     rows = at_random(kr240(), 60, seed=1, sigma_position=POSITION, sigma_rotation=ROTATION)
     there = nominal(kr240(), rows)
     white = whiten(there)
-    library = state_library(there, white)
-    return there, white, library, free_laws(there, library, white)
+    library = build_library(there, white)
+    return there, white, library, component_subspaces(there, library, white)
 
 
-def within(law: FreeLaw, columns: Array) -> float:
+def within(law: ComponentSubspace, columns: Array) -> float:
     """Return the share of columns' square that lies in a law's modes."""
     span, _ = np.linalg.qr(law.modes)
     return float(((span.T @ columns) ** 2).sum() / (columns**2).sum())
@@ -51,10 +51,10 @@ def within(law: FreeLaw, columns: Array) -> float:
 def signature(found: Found, effect: str, component: str | None, shape: str) -> Array:
     there, white, _, _ = found
     columns = next(one for one in EFFECTS[effect].shapes(there, component) if one.name == shape).columns
-    return white.leave(white.turn(columns))
+    return white.project_out(white.whiten(columns))
 
 
-def law_at(found: Found, place: str, which: int = 0) -> FreeLaw:
+def law_at(found: Found, place: str, which: int = 0) -> ComponentSubspace:
     return [law for law in found[3] if law.place == place][which]
 
 
@@ -104,10 +104,10 @@ def test_rivals_without_a_name_stand_beside_the_places_that_could_have_them(abso
     read = {"position": arm.tip, "rotation": Rotation.from_matrix(arm.tool).as_rotvec()} if absolute else {}
     there = nominal(kr240(), rows_of(kr240(), q, wrench, pose=pose, **read))
     white = whiten(there)
-    laws = free_laws(there, state_library(there, white), white)
+    laws = component_subspaces(there, build_library(there, white), white)
     of: dict[str, set[str]] = {}
     for law in laws:
-        of.setdefault(law.place, set()).update(law.nameless)
+        of.setdefault(law.place, set()).update(law.unmodelled)
     assert STOPPED in of["tool"]
     assert {UNSTEADY, ASTRAY} & of["q2"] == ({UNSTEADY, ASTRAY} if absolute else {UNSTEADY})
 
@@ -142,12 +142,12 @@ def test_a_drive_that_softens_has_no_name_and_one_that_hardens_is_none(knee: flo
     def of(gap: Array) -> Mapping[str, Array]:
         seen = replace(there, measured=there.predicted + gap + noise)
         white = whiten(seen)
-        laws = free_laws(seen, state_library(seen, white), white)
-        return {does: modes for one in laws if one.place == "q2" for does, modes in one.nameless.items()}
+        laws = component_subspaces(seen, build_library(seen, white), white)
+        return {does: modes for one in laws if one.place == "q2" for does, modes in one.unmodelled.items()}
 
     columns = of(law)[SOFTENING]
     white = whiten(there)
-    moved = white.leave(white.turn(law[..., None]))
+    moved = white.project_out(white.whiten(law[..., None]))
     left = moved - columns @ np.linalg.lstsq(columns, moved)[0]
     assert np.linalg.norm(left) < 0.05 * np.linalg.norm(moved)
     assert SOFTENING not in of(-law)
@@ -173,8 +173,8 @@ def test_drives_that_carry_nothing_take_nothing_from_the_others() -> None:
     down = np.tile([0.0, 0.0, -900.0, 0.0, 0.0, 0.0], (24, 1))
     there = nominal(kr240(), rows_of(kr240(), q, down, sigma_position=POSITION, sigma_rotation=ROTATION))
     white = whiten(there)
-    laws = free_laws(there, state_library(there, white), white)
-    assert all(modes.shape[1] for law in laws for modes in law.nameless.values())
+    laws = component_subspaces(there, build_library(there, white), white)
+    assert all(modes.shape[1] for law in laws for modes in law.unmodelled.values())
     for place in ("q1", "q2", "tool"):  # nothing turns the first axis
         assert (modes_of(laws, {place}, white.gap.size) ** 2).sum() == pytest.approx(white.gap.size)
 
@@ -187,9 +187,9 @@ def test_a_link_may_be_called_what_a_place_is_called() -> None:
     arm = arm.model_copy(update={"rigids": renamed})
     there = nominal(arm, at_random(arm, 12, seed=6))
     white = whiten(there)
-    library = state_library(there, white)
-    link, flange = (law for law in free_laws(there, library, white) if law.place == "tool")
-    assert TETHERED in flange.nameless
-    assert TETHERED not in link.nameless
+    library = build_library(there, white)
+    link, flange = (law for law in component_subspaces(there, library, white) if law.place == "tool")
+    assert TETHERED in flange.unmodelled
+    assert TETHERED not in link.unmodelled
     bending = {one.component: one.places for one in library.hypotheses if one.effect == "link-bending"}
     assert bending["link.1"] == ("link.1",)

@@ -12,7 +12,7 @@ from beamstiff.diagnosis.inference.evidence import (
     FACTOR,
     MAGNITUDES,
     SHARES,
-    Scales,
+    NoisePrior,
     detection,
     evidence,
     logsumexp,
@@ -22,8 +22,8 @@ from beamstiff.diagnosis.residual.whitened import Whitened
 from beamstiff.se3 import Array
 from tests.diagnosis.hypotheses import complement, gap_of, hypothesis
 
-ONE = Scales(np.ones(1), np.zeros(1))
-SEVERAL = Scales(np.array([0.5, 1.0, 2.0]), np.log([0.2, 0.5, 0.3]))
+ONE = NoisePrior(np.ones(1), np.zeros(1))
+SEVERAL = NoisePrior(np.array([0.5, 1.0, 2.0]), np.log([0.2, 0.5, 0.3]))
 CASES = [(n, c, t) for n in (4, 5, 6) for c in (1, 2) for t in (0, 1, 2)]
 
 
@@ -41,7 +41,7 @@ def density(white: Whitened, covariance: Array) -> float:
 
 
 def dense(
-    white: Whitened, scales: Scales, share: float, columns: Array | None = None, u: float = 0.0
+    white: Whitened, scales: NoisePrior, share: float, columns: Array | None = None, u: float = 0.0
 ) -> float:
     signal = np.zeros((white.gap.size,) * 2) if columns is None else u**2 * columns @ columns.T
     noise = np.diag(1 + share**2 * white.unknown)
@@ -66,7 +66,7 @@ def constant(white: Whitened) -> float:
 
 @pytest.mark.parametrize(("n", "c", "t"), CASES)
 @pytest.mark.parametrize("scales", [ONE, SEVERAL], ids=["one", "several"])
-def test_evidence_is_the_mean_of_dense_densities(n: int, c: int, t: int, scales: Scales) -> None:
+def test_evidence_is_the_mean_of_dense_densities(n: int, c: int, t: int, scales: NoisePrior) -> None:
     white, one = case(n, c, t)
     found = evidence(white, [one], scales)
     sizes = one.shape.spread**MAGNITUDES
@@ -165,7 +165,7 @@ def test_many_hypotheses_at_once_are_weighed_as_each_alone() -> None:
     together = evidence(white, several, SEVERAL)
     for at, one in enumerate(several):
         alone = evidence(white, [one], SEVERAL)
-        for name in ("hypotheses", "exact", "magnitude", "left"):
+        for name in ("hypotheses", "exact", "magnitude", "residual_fraction"):
             assert getattr(together, name)[at] == pytest.approx(getattr(alone, name)[0], rel=1e-9)
 
 
@@ -202,7 +202,7 @@ def test_what_the_fit_absorbs_is_neither_for_nor_against_a_hypothesis() -> None:
 
 
 @pytest.mark.parametrize("scales", [ONE, SEVERAL], ids=["one", "several"])
-def test_without_an_effect_the_odds_of_one_are_1_on_average(scales: Scales) -> None:
+def test_without_an_effect_the_odds_of_one_are_1_on_average(scales: NoisePrior) -> None:
     # the mean over y of p(y | effect) / p(y | none), y drawn without one, is the integral of p(y | effect)
     rng = np.random.default_rng(7)
     some = [
@@ -251,8 +251,8 @@ def test_the_shape_that_is_there_wins_and_leaves_little() -> None:
     white, shapes = planted(5.0)
     found = evidence(white, shapes, ONE)
     assert found.hypotheses[0] - max(found.hypotheses[1], found.none, found.unknown) > 50
-    assert found.left[0] < 0.1
-    assert found.left[1] > 0.7
+    assert found.residual_fraction[0] < 0.1
+    assert found.residual_fraction[1] > 0.7
     assert found.magnitude[0] == pytest.approx(5.0, rel=1.8)
 
 
@@ -260,7 +260,7 @@ def test_the_shape_that_is_there_wins_and_leaves_little() -> None:
 def test_what_a_shape_leaves_is_seen(off: float) -> None:
     white, shapes = planted(30.0, off=off)
     found = evidence(white, shapes, ONE)
-    assert found.left[0] == pytest.approx(off / np.hypot(1, off), rel=0.5)
+    assert found.residual_fraction[0] == pytest.approx(off / np.hypot(1, off), rel=0.5)
 
 
 def test_a_gap_of_noise_speaks_for_none_over_every_shape() -> None:
@@ -273,7 +273,7 @@ def test_a_gap_of_noise_speaks_for_none_over_every_shape() -> None:
 def test_a_gap_of_nothing_at_all_is_weighed_without_a_warning() -> None:
     white, shapes = planted(0.0, noise=0.0)
     found = evidence(white, shapes, SEVERAL)
-    assert np.isfinite(found.left).all()
+    assert np.isfinite(found.residual_fraction).all()
     assert found.none > found.hypotheses.max()
 
 

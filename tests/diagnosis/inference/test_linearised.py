@@ -7,7 +7,7 @@ import numpy as np
 from beamstiff import Robot
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.held_out.prediction import Weighted, fitted
-from beamstiff.diagnosis.inference.library import state_library
+from beamstiff.diagnosis.inference.library import build_library
 from beamstiff.diagnosis.residual.baseline import around, fit_baseline
 from beamstiff.diagnosis.residual.whitened import whiten
 from beamstiff.measure.table import Measurements
@@ -63,7 +63,7 @@ def test_effects_are_weighed_about_the_stiffness_beside_the_cause_and_not_the_on
     assert np.linalg.norm(np.subtract(values, AWAY)) < 0.1 * np.linalg.norm(AWAY)
     (load,) = (
         one
-        for one in state_library(found.baseline, whiten(found.baseline)).hypotheses
+        for one in build_library(found.baseline, whiten(found.baseline)).hypotheses
         if (one.key, one.shape.name) == ("tool-offset:null", "load")
     )
     about_bent = fitted(found.baseline, found.baseline.used, [[Weighted(load, 1.0, 10.0)]], 1.0)[0]

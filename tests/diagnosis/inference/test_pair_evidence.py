@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from beamstiff.diagnosis.inference.component_subspaces import FreeLaw, modes_of
-from beamstiff.diagnosis.inference.evidence import MAGNITUDES, Scales
+from beamstiff.diagnosis.inference.component_subspaces import ComponentSubspace, modes_of
+from beamstiff.diagnosis.inference.evidence import MAGNITUDES, NoisePrior
 from beamstiff.diagnosis.inference.library import Hypothesis
 from beamstiff.diagnosis.inference.pair_evidence import COMMON, Pair, alone, together
 from beamstiff.diagnosis.residual.whitened import Whitened
@@ -13,7 +13,7 @@ from beamstiff.se3 import Array
 from tests.diagnosis.hypotheses import complement, gap_of, hypothesis
 
 VALUES = 40
-ONE = Scales(np.ones(1), np.zeros(1))
+ONE = NoisePrior(np.ones(1), np.zeros(1))
 
 
 def columns_of(seed: int, count: int = 1, size: float = 3.0) -> Array:
@@ -25,7 +25,7 @@ def gap_with(signal: Array, seed: int = 0) -> Whitened:
     return gap_of(signal + rng.standard_normal(VALUES), rng.standard_normal((VALUES, 2)), np.ones(VALUES))
 
 
-def weighed(white: Whitened, first: Hypothesis, second: Hypothesis, *laws: FreeLaw) -> Pair:
+def weighed(white: Whitened, first: Hypothesis, second: Hypothesis, *laws: ComponentSubspace) -> Pair:
     return together(white, [first], [second], first, ONE, laws)
 
 
@@ -56,7 +56,7 @@ def test_the_order_of_the_two_is_of_no_account(seed: int) -> None:
     white = gap_with(a.columns[:, 0] - b.columns[:, 0], seed)
     one, other = weighed(white, a, b), weighed(white, b, a)
     assert one.log_weight == pytest.approx(other.log_weight, abs=0.05)
-    assert one.left == pytest.approx(other.left, abs=0.02)
+    assert one.residual_fraction == pytest.approx(other.residual_fraction, abs=0.02)
 
 
 def test_the_two_that_are_there_outweigh_one_and_each_other_pair() -> None:
@@ -90,7 +90,7 @@ def test_each_shape_is_chosen_beside_the_other_cause() -> None:
 def test_what_a_place_does_beside_its_shape_counts_for_the_pair_at_that_place() -> None:
     a, b = columns_of(1), columns_of(2)
     more = columns_of(4)
-    law = FreeLaw("q1", more / np.sqrt((more**2).mean()))
+    law = ComponentSubspace("q1", more / np.sqrt((more**2).mean()))
     white = gap_with(2 * a[:, 0] + 2 * b[:, 0] + 0.6 * more[:, 0])
     there, elsewhere = (hypothesis(b, places=(place,)) for place in ("q1", "q2"))
     first = hypothesis(a, places=("q3",))
@@ -103,7 +103,7 @@ def test_modes_of_places_have_mean_square_1_together() -> None:
     laws = []
     for place in ("q1", "q2", "base"):
         modes = columns_of(len(laws), 3)
-        laws.append(FreeLaw(place, modes / np.sqrt((modes**2).sum() / VALUES)))
+        laws.append(ComponentSubspace(place, modes / np.sqrt((modes**2).sum() / VALUES)))
     both = modes_of(laws, {"q1", "base", "tool"}, VALUES)
     assert both.shape == (VALUES, 6)
     assert (both**2).sum() / VALUES == pytest.approx(1.0)

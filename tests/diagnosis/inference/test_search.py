@@ -9,7 +9,7 @@ import pytest
 
 import beamstiff.diagnosis.inference.search as searching
 from beamstiff.diagnosis.effects import Quantity, Shape
-from beamstiff.diagnosis.inference.evidence import Scales
+from beamstiff.diagnosis.inference.evidence import NoisePrior
 from beamstiff.diagnosis.inference.library import Hypothesis, whitened
 from beamstiff.diagnosis.inference.pair_evidence import Pair
 from beamstiff.diagnosis.inference.search import NONE, PRIOR, UNKNOWN, Search, rivals, search
@@ -19,7 +19,7 @@ from beamstiff.se3 import Array
 from tests.diagnosis.machines import POSITION, ROTATION, at_random, elbow, nominal
 
 SIGMA = np.repeat([POSITION, ROTATION], 3)
-SCALES = Scales(np.exp([-0.2, 0.0, 0.2]), np.log([0.25, 0.5, 0.25]))
+SCALES = NoisePrior(np.exp([-0.2, 0.0, 0.2]), np.log([0.25, 0.5, 0.25]))
 NAMES = ("a:q1", "b:q1", "c:q2", "d:q2", "e:null", "f:null")
 
 
@@ -58,8 +58,8 @@ def test_the_cause_that_is_there_is_the_likeliest(
     result = found(there, columns, 5 * columns[name])
     assert result.named[0] == name
     assert result.single[name] > 0.99
-    assert result.left[name] < 0.2
-    assert all(result.left[other] > 0.5 for other in NAMES if other != name)
+    assert result.residual_fraction[name] < 0.2
+    assert all(result.residual_fraction[other] > 0.5 for other in NAMES if other != name)
 
 
 def test_probabilities_sum_to_1_over_effects_none_and_unknown(
@@ -91,7 +91,7 @@ def test_two_causes_are_found_together(there: Baseline, columns: dict[str, Array
     pair = result.pairs[0]
     assert {pair.first, pair.second} == {"a:q1", "e:null"}
     assert pair.log_weight - max(result.log_weight.values()) > 20
-    assert pair.left < 0.2
+    assert pair.residual_fraction < 0.2
     first, second = pair.shapes
     assert {first[0].hypothesis.key, second[0].hypothesis.key} == {"a:q1", "e:null"}
 

@@ -7,8 +7,8 @@ from beamstiff import BeamstiffError
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.held_out.prediction import Weighted
 from beamstiff.diagnosis.inference.evidence import evidence
-from beamstiff.diagnosis.inference.library import state_library
-from beamstiff.diagnosis.inference.noise_scale import scales_of
+from beamstiff.diagnosis.inference.library import build_library
+from beamstiff.diagnosis.inference.noise_scale import noise_prior_of
 from beamstiff.diagnosis.inference.search import search
 from beamstiff.diagnosis.next_measurement.candidates import NEAR, STEPS, inside
 from beamstiff.diagnosis.next_measurement.test_plan import (
@@ -17,8 +17,8 @@ from beamstiff.diagnosis.next_measurement.test_plan import (
     WORTH,
     Programme,
     as_plain,
-    programme,
-    programme_csv,
+    propose_tests,
+    test_plan_csv,
 )
 from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline
 from beamstiff.diagnosis.residual.whitened import whiten
@@ -34,17 +34,17 @@ from tests.diagnosis.planted import Plan, base_compliance, campaign, diagnosed, 
 def rivals_at(there: Baseline) -> list[tuple[str, float, list[Weighted]]]:
     """Return backlash and hardening at the second joint, as likely as one another."""
     white = whiten(there)
-    library = state_library(there, white)
-    found = search(white, library.hypotheses, scales_of(there), pairs=False)
+    library = build_library(there, white)
+    found = search(white, library.hypotheses, noise_prior_of(there), pairs=False)
     return [(key, 0.5, found.shapes[key]) for key in ("hardening:q2", "backlash:q2")]
 
 
 @pytest.fixture(scope="module")
 def split() -> tuple[Baseline, Programme]:
-    """Return a baseline, and the programme that splits backlash from hardening at the second joint."""
+    """Return a baseline, and the tests that distinguish backlash from hardening at the second joint."""
     there = fit_baseline(kr240(), campaign(plan(8), hardening))
     rivals = rivals_at(there)
-    result = programme(there, there.used, rivals, 1.0, 0)
+    result = propose_tests(there, there.used, rivals, 1.0, 0)
     assert result is not None
     return there, result
 
@@ -79,12 +79,14 @@ def test_postures_are_proposed_where_the_tool_was_measured_or_in_a_region(
     region = ((-np.inf, np.inf), (-np.inf, 0.0), (0.8, 1.8))
     stated = replace(there, rows=replace(there.rows, region=region))
     rivals = [(key, 0.5, ()) for key in near.separates]
-    found = programme(stated, there.used, rivals, 1.0, 0)
+    found = propose_tests(stated, there.used, rivals, 1.0, 0)
     assert found is not None
     assert inside(region, tool_at(found.rows.q)).all()
     assert not inside(region, proposed).all()
     with pytest.raises(BeamstiffError, match="make it larger"):
-        programme(replace(there, rows=replace(there.rows, region=((9, 10),) * 3)), there.used, rivals, 1.0, 0)
+        propose_tests(
+            replace(there, rows=replace(there.rows, region=((9, 10),) * 3)), there.used, rivals, 1.0, 0
+        )
 
 
 def test_postures_have_the_digits_of_a_pendant_in_the_units_of_the_table(
@@ -92,14 +94,14 @@ def test_postures_have_the_digits_of_a_pendant_in_the_units_of_the_table(
 ) -> None:
     in_degrees = replace(split[0].rows, units=dict.fromkeys(split[0].rows.variables, "deg"))
     there = replace(split[0], rows=in_degrees)
-    rows = programme(there, there.used, rivals_at(there), 1.0, 0)
+    rows = propose_tests(there, there.used, rivals_at(there), 1.0, 0)
     assert rows is not None
     measured = set(map(tuple, np.unique(there.rows.q, axis=0).tolist()))
     new = [q for q in rows.rows.q.tolist() if tuple(q) not in measured]
     assert new
     np.testing.assert_allclose(np.degrees(new), np.round(np.degrees(new), 1), atol=1e-12)
     again = replace(diagnosed("backlash"), baseline=there, next=as_plain(rows))
-    header, *lines = (line for line in programme_csv(again).splitlines() if not line.startswith("#"))
+    header, *lines = (line for line in test_plan_csv(again).splitlines() if not line.startswith("#"))
     assert header.startswith("q1 [deg],q2 [deg]")
     assert not any("-0.0," in line for line in lines)
 
@@ -123,14 +125,14 @@ def test_the_proposed_states_tell_more_than_states_at_random(split: tuple[Baseli
         rows = campaign(joined, hardening, seed=3)
         there = fit_baseline(kr240(), rows)
         white = whiten(there)
-        some = [one for one in state_library(there, white).hypotheses if one.key in found.separates]
-        log = evidence(white, some, scales_of(there)).hypotheses
+        some = [one for one in build_library(there, white).hypotheses if one.key in found.separates]
+        log = evidence(white, some, noise_prior_of(there)).hypotheses
         by_key = {key: max(log[k] for k, one in enumerate(some) if one.key == key) for key in found.separates}
         return by_key["hardening:q2"] - by_key["backlash:q2"]
 
     designed = []
     for seed in range(4):
-        proposed = programme(there, there.used, rivals, 1.0, seed)
+        proposed = propose_tests(there, there.used, rivals, 1.0, seed)
         assert proposed is not None
         rows = proposed.rows
         designed.append(odds(Plan(rows.q, rows.wrench, rows.pose, rows.step, rows.time)))
@@ -154,8 +156,8 @@ def between_pedestal_and_bearing(rows: Measurements) -> Programme:
     """Return what would tell the pedestal from the first bearing, either as likely as the other."""
     there = fit_baseline(kr240(), rows)
     white = whiten(there)
-    found = search(white, state_library(there, white).hypotheses, scales_of(there), pairs=False)
-    proposed = programme(there, there.used, [(key, 0.5, found.shapes[key]) for key in LEANING], 1.0, 0)
+    found = search(white, build_library(there, white).hypotheses, noise_prior_of(there), pairs=False)
+    proposed = propose_tests(there, there.used, [(key, 0.5, found.shapes[key]) for key in LEANING], 1.0, 0)
     assert proposed is not None
     return proposed
 
@@ -219,9 +221,9 @@ def test_positions_without_loads_are_proposed_where_none_was_measured() -> None:
     rows = rows_of(robot, q, nothing, position=tool_at(q), sigma_position=POSITION)
     there = fit_baseline(robot, rows)
     white = whiten(there)
-    found = search(white, state_library(there, white).hypotheses, scales_of(there), pairs=False)
+    found = search(white, build_library(there, white).hypotheses, noise_prior_of(there), pairs=False)
     keys = list(found.shapes)[:2]
-    proposed = programme(there, there.used, [(key, 0.5, found.shapes[key]) for key in keys], 1.0, 0)
+    proposed = propose_tests(there, there.used, [(key, 0.5, found.shapes[key]) for key in keys], 1.0, 0)
     assert proposed is not None
     new = proposed.rows
     assert (new.kind, new.wrench.any(), new.measured_mask.any()) == ("absolute", False, False)
@@ -231,14 +233,14 @@ def test_positions_without_loads_are_proposed_where_none_was_measured() -> None:
 
 def test_one_explanation_alone_leaves_nothing_to_split() -> None:
     there = diagnosed("backlash").baseline
-    assert programme(there, there.used, [("backlash:q3", 1.0, ())], 1.0, 0) is None
+    assert propose_tests(there, there.used, [("backlash:q3", 1.0, ())], 1.0, 0) is None
     assert as_plain(None) == []
 
 
 def test_a_programme_is_a_table_to_fill_in() -> None:
     found = diagnosed("backlash")
     assert found.next
-    text = programme_csv(found)
+    text = test_plan_csv(found)
     assert text.startswith("# robot: kr240-2\n")
     rows = parse_measurements(text, kr240(), require_measured=False)
     assert len(rows) == len(found.next)
@@ -246,4 +248,4 @@ def test_a_programme_is_a_table_to_fill_in() -> None:
     known = found.baseline.rows
     assert (rows.sigma_position, rows.sigma_rotation) == (known.sigma_position, known.sigma_rotation)
     with pytest.raises(BeamstiffError, match="no states to propose"):
-        programme_csv(replace(found, next=()))
+        test_plan_csv(replace(found, next=()))

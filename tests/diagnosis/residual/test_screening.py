@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from beamstiff.diagnosis.inference.library import Library, state_library
+from beamstiff.diagnosis.inference.library import Library, build_library
 from beamstiff.diagnosis.residual import screening
 from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline
 from beamstiff.diagnosis.residual.noise_variance import Variance
@@ -25,7 +25,7 @@ ROWS = len(PLAN.q)
 
 def prepared(rows: Measurements) -> tuple[Baseline, Library]:
     there = fit_baseline(kr240(), rows)
-    return there, state_library(there, whiten(there))
+    return there, build_library(there, whiten(there))
 
 
 def screened(rows: Measurements) -> Screened:
@@ -147,7 +147,7 @@ def test_rows_left_out_together_are_compared_with_what_the_others_predict() -> N
     """Against the conditional distribution of a dense Gaussian, the fitted parameters nearly free."""
     rng = np.random.default_rng(6)
     white = whiten(prepared(planted.campaign(PLAN, planted.backlash, seed=1))[0])
-    columns = white.leave(rng.standard_normal((white.gap.size, 4)))
+    columns = white.project_out(rng.standard_normal((white.gap.size, 4)))
     scales = Variance(np.array([1.2, 0.9]), 0.3, 2.0)
     some = [5, 6, 40]
     distance, count = _left_out(white, columns, scales, some)
@@ -156,7 +156,7 @@ def test_rows_left_out_together_are_compared_with_what_the_others_predict() -> N
     free = 1e4 * white.tangent / np.linalg.norm(white.tangent, axis=0)
     covariance = np.diag(scales.noise[rotation] ** 2 + scales.unknown * white.unknown)
     covariance += scales.library * columns @ columns.T + free @ free.T
-    axes = white.undo(np.eye(white.gap.size))  # to the values as they were measured
+    axes = white.unwhiten(np.eye(white.gap.size))  # to the values as they were measured
     covariance, gap = axes @ covariance @ axes.T, axes @ white.gap
     number = np.cumsum(white.used.ravel()).reshape(white.used.shape) - 1
     out = np.concatenate([number[row][white.used[row]] for row in some])

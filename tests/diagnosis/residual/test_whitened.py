@@ -46,7 +46,7 @@ def matrix(white: Whitened) -> Array:
     """Return the matrix (n, n) by which values become whitened ones."""
     columns = np.zeros((*white.used.shape, int(white.used.sum())))
     columns[white.used] = np.eye(columns.shape[-1])
-    return white.turn(columns)
+    return white.whiten(columns)
 
 
 @pytest.mark.parametrize("shared", [False, True], ids=["independent", "shared reading"])
@@ -95,16 +95,16 @@ def test_each_whitened_value_is_of_one_component() -> None:
 def test_turning_back_is_the_transpose() -> None:
     white = whiten(baseline(shared=True))
     values = np.random.default_rng(0).standard_normal((int(white.used.sum()), 2))
-    np.testing.assert_allclose(white.back(values), matrix(white).T @ values, atol=1e-6)
+    np.testing.assert_allclose(white.adjoint(values), matrix(white).T @ values, atol=1e-6)
 
 
 def test_the_fit_leaves_nothing_of_the_tangent_and_all_that_is_across_it() -> None:
     found = baseline()
     white = whiten(found)
-    tangent = white.turn(found.tangent)
-    np.testing.assert_allclose(white.leave(tangent) / np.linalg.norm(tangent), 0, atol=1e-12)
-    left = white.leave(np.random.default_rng(1).standard_normal((white.gap.size, 3)))
-    np.testing.assert_allclose(white.leave(left), left, atol=1e-12)
+    tangent = white.whiten(found.tangent)
+    np.testing.assert_allclose(white.project_out(tangent) / np.linalg.norm(tangent), 0, atol=1e-12)
+    left = white.project_out(np.random.default_rng(1).standard_normal((white.gap.size, 3)))
+    np.testing.assert_allclose(white.project_out(left), left, atol=1e-12)
     np.testing.assert_allclose(left.T @ tangent / np.linalg.norm(tangent), 0, atol=1e-10)
     assert white.freedom == found.used.sum() - 2
 
@@ -118,10 +118,10 @@ def test_a_parameter_that_does_nothing_costs_no_freedom() -> None:
 def test_what_is_fitted_beside_is_left_out_as_well() -> None:
     white = whiten(baseline())
     columns = np.random.default_rng(2).standard_normal((white.gap.size, 2))
-    beside = white.beside(columns)
-    np.testing.assert_allclose(beside.leave(columns), 0, atol=1e-10)
+    beside = white.with_fitted(columns)
+    np.testing.assert_allclose(beside.project_out(columns), 0, atol=1e-10)
     assert beside.freedom == white.freedom - 2
-    assert white.beside(white.tangent).freedom == white.freedom
+    assert white.with_fitted(white.tangent).freedom == white.freedom
 
 
 def test_values_left_out_are_as_good_as_never_measured() -> None:
@@ -138,5 +138,5 @@ def test_many_rows_are_taken_posture_by_posture_and_noise_is_white_all_the_same(
     white = whiten(found)
     assert sum(len(at) for at, _ in white.axes) == 6 * (LARGE // 20 + 1)
     some = np.random.default_rng(3).standard_normal((int(white.used.sum()), 4))
-    back = white.back(some)  # W^T x; its covariance is the product x^T x
+    back = white.adjoint(some)  # W^T x; its covariance is the product x^T x
     np.testing.assert_allclose(back.T @ (covariance(found) @ back), some.T @ some, rtol=1e-9, atol=1e-9)

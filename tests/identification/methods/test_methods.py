@@ -18,8 +18,8 @@ from beamstiff.identification.identify import identify
 from beamstiff.identification.methods.linear import nonnegative_step
 from beamstiff.identification.minimise import GLOBAL, METHODS, Effort, minimise
 from beamstiff.identification.objective import Objective
-from beamstiff.identification.parameters import state_parameters
-from beamstiff.identification.problem import state_problem
+from beamstiff.identification.parameters import build_parameters
+from beamstiff.identification.problem import build_problem
 from benchmarks.identification_methods import SEVEN, SOFT, campaign
 from tests.identification.campaigns import (
     POSITION,
@@ -41,11 +41,11 @@ def kr240_objective(seed: int = 0, factor: float = 3.0) -> tuple[Objective, np.n
     robot, table = kr240(), rows(kr240(), 10, 2)
     data = measured(robot, table, white(table, seed))
     start = robot.with_parameters({name: factor * robot.parameter(name) for name in robot.identify})
-    problem = state_problem(start, data)
+    problem = build_problem(start, data)
     spread = np.tile(np.repeat([POSITION, ROTATION], 3), len(table))
     a = sensitivities(robot, table).reshape(-1, 6)
     best, *_ = least_squares(a, data.displacement.ravel(), np.diag(spread**2))
-    return Objective(problem, state_parameters(robot.identify, problem.model.start)), best
+    return Objective(problem, build_parameters(robot.identify, problem.model.start)), best
 
 
 def ir663_objective() -> Objective:
@@ -54,8 +54,8 @@ def ir663_objective() -> Objective:
     factors = 10 ** np.random.default_rng(1).uniform(-0.5, 0.5, 7)
     off = zip(names, factors, strict=True)
     start = truth.with_parameters({name: truth.parameter(name) * factor for name, factor in off})
-    problem = state_problem(start, campaign(truth, [[1, 1, 0], [0, 1, -1]]), names)
-    return Objective(problem, state_parameters(names, problem.model.start))
+    problem = build_problem(start, campaign(truth, [[1, 1, 0], [0, 1, -1]]), names)
+    return Objective(problem, build_parameters(names, problem.model.start))
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -110,7 +110,7 @@ def test_methods_that_know_bounds_keep_them(method: str) -> None:
     bound = 1.3 / best[1]
     limited = replace(
         objective,
-        parameters=state_parameters(names, objective.problem.model.start, bounds={names[1]: (bound, None)}),
+        parameters=build_parameters(names, objective.problem.model.start, bounds={names[1]: (bound, None)}),
     )
     if method == "levenberg-marquardt":
         with pytest.raises(BeamstiffError, match="left the bounds, which it does not know; use trust-region"):
@@ -136,8 +136,8 @@ def test_the_linear_method_is_nonnegative_least_squares() -> None:
         expected, _ = nnls(
             a * 1e-6, data.displacement.ravel() / np.tile(np.repeat([POSITION, ROTATION], 3), 2)
         )
-        problem = state_problem(robot, data)
-        found = minimise(Objective(problem, state_parameters(robot.identify, problem.model.start)), "linear")
+        problem = build_problem(robot, data)
+        found = minimise(Objective(problem, build_parameters(robot.identify, problem.model.start)), "linear")
         assert 1e6 * np.exp(-found.theta) == pytest.approx(expected, rel=1e-6, abs=1e-6 * expected.max())
         if expected[3] == 0:
             return
@@ -170,13 +170,13 @@ def test_methods_of_plain_least_squares_refuse_a_robust_loss(method: str) -> Non
 def test_levenberg_marquardt_turns_back_from_steps_without_values() -> None:
     """Springs in series: the flat valley sends its steps beyond all numbers."""
     robot = load_robot("ir663")
-    problem = state_problem(robot, campaign(robot, [[1, 0, 0], [0, 0, -1]]), SEVEN)
-    best = minimise(Objective(problem, state_parameters(SEVEN, problem.model.start))).cost
+    problem = build_problem(robot, campaign(robot, [[1, 0, 0], [0, 0, -1]]), SEVEN)
+    best = minimise(Objective(problem, build_parameters(SEVEN, problem.model.start))).cost
     ended = {"at the bottom": 0, "outside": 0}
     for seed in range(8):
         start = problem.model.start * 10 ** np.random.default_rng(seed).uniform(-0.5, 0.5, 7)
         try:
-            found = minimise(Objective(problem, state_parameters(SEVEN, start)), "levenberg-marquardt")
+            found = minimise(Objective(problem, build_parameters(SEVEN, start)), "levenberg-marquardt")
             ended["at the bottom"] += found.cost <= best * (1 + 1e-9)
         except BeamstiffError as error:
             ended["outside"] += "left the bounds, which it does not know; use trust-region" in str(error)

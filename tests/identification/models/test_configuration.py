@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from beamstiff import BeamstiffError
 from beamstiff.identification.models.configuration import COMMON, begin_with, fit_varying
-from beamstiff.identification.problem import Problem, state_problem
+from beamstiff.identification.problem import Problem, build_problem
 from beamstiff.model.ports import reduce_to_ports
 from tests.identification.varying_machines import compliances, kr500, loads, nothing, postures, table
 
@@ -20,7 +20,7 @@ def halves(q: np.ndarray) -> np.ndarray:
 
 def of_halves(change: np.ndarray) -> Problem:
     q = np.repeat(postures(30), 2, axis=0)
-    return state_problem(kr500(), table(q, loads(60), lambda q: halves(q) @ change, noise=0.0, sigma=1e-7))
+    return build_problem(kr500(), table(q, loads(60), lambda q: halves(q) @ change, noise=0.0, sigma=1e-7))
 
 
 def test_planted_compliances_of_halves_come_back() -> None:
@@ -36,7 +36,7 @@ def test_the_linear_case_is_the_gaussian_posterior_of_textbooks() -> None:
     q = np.repeat(postures(8), 2, axis=0)
     weights, tau = halves(q), np.full(6, 1e-3)
     change = np.random.default_rng(2).normal(size=(2, 6)) * 1e-3
-    problem = state_problem(kr500(), table(q, loads(16), lambda q: halves(q) @ change, noise=1e-7))
+    problem = build_problem(kr500(), table(q, loads(16), lambda q: halves(q) @ change, noise=1e-7))
     found = fit_varying(problem, weights, compliances(), spread=tau)
     shares = reduce_to_ports(kr500(), table(q, loads(16), nothing), kr500().identify).by_compliance
     assert shares is not None
@@ -64,7 +64,7 @@ def test_a_weight_without_readings_has_the_common_value_and_the_spread_of_the_ot
 
 def test_where_nothing_varies_the_spread_vanishes() -> None:
     q = np.repeat(postures(40), 2, axis=0)
-    problem = state_problem(kr500(), table(q, loads(80), nothing))
+    problem = build_problem(kr500(), table(q, loads(80), nothing))
     found = fit_varying(problem, halves(q), compliances())
     assert (found.spread < 0.03).all()
     assert np.ptp(found.change, axis=0).max() < 0.02
@@ -79,7 +79,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(seed: int) -> None:
     cell = np.repeat(np.arange(36) % 6, 2)
     change = 0.2 * random.standard_normal((6, 6))
     rows = table(q, loads(72), lambda _: change[cell], seed=seed)
-    found = fit_varying(state_problem(kr500(), rows), np.eye(6)[cell], compliances())
+    found = fit_varying(build_problem(kr500(), rows), np.eye(6)[cell], compliances())
     away = np.abs(found.change - change) / found.std
     assert (away < 3.5).mean() > 0.9
     assert np.sqrt((away**2).mean()) > 0.5
@@ -87,13 +87,13 @@ def test_intervals_hold_the_truth_as_often_as_they_say(seed: int) -> None:
 
 def test_noise_that_was_understated_is_found() -> None:
     q = np.repeat(postures(40), 2, axis=0)
-    problem = state_problem(kr500(), table(q, loads(80), nothing, noise=3e-5, sigma=1e-5))
+    problem = build_problem(kr500(), table(q, loads(80), nothing, noise=3e-5, sigma=1e-5))
     assert 2.7 < fit_varying(problem, halves(q), compliances()).noise < 3.3
 
 
 def test_more_weights_than_the_readings_ask_for_have_less_evidence() -> None:
     q = np.repeat(postures(30), 2, axis=0)
-    problem = state_problem(kr500(), table(q, loads(60), nothing))
+    problem = build_problem(kr500(), table(q, loads(60), nothing))
     single, many = np.ones((60, 1)), np.eye(30)[np.repeat(np.arange(30), 2)]
     fits = [fit_varying(problem, weights, compliances()) for weights in (single, many)]
     assert fits[0].evidence > fits[1].evidence - 1.0

@@ -12,7 +12,7 @@ from scipy.optimize import minimize
 
 from beamstiff import BeamstiffError, Robot, load_robot
 from beamstiff.identification.models.fuzzy import fit_fuzzy
-from beamstiff.identification.models.fuzzy_rules import fit_conclusions, rapid_prototype, state_readings
+from beamstiff.identification.models.fuzzy_rules import build_readings, fit_conclusions, rapid_prototype
 from beamstiff.identification.solis_wets import solis_wets
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.fuzzy import FuzzySystem, Partition
@@ -67,7 +67,7 @@ PARTITION = Partition(("q2", "q8"), (np.array([-1.0, 0.2, 1.0]), np.array([-1.0,
 def test_planted_conclusions_come_back(loads: int) -> None:
     truth = planted(PARTITION)
     table = rows(truth.predict, 120, loads=loads)
-    readings = state_readings(table, LENGTH, "n7")
+    readings = build_readings(table, LENGTH, "n7")
     found = readings.matrices(fit_conclusions(readings, PARTITION, PARTITION.firing(table.q)))
     assert np.isfinite(found[0]).sum() == loads**2
     error = (found - truth.system.conclusions)[:, :loads, :loads]
@@ -77,7 +77,7 @@ def test_planted_conclusions_come_back(loads: int) -> None:
 
 def test_descent_ends_where_the_direct_solution_is() -> None:
     table = rows(planted(PARTITION).predict, 60, noise=5e-5)
-    readings, firing = state_readings(table, LENGTH, "n7"), PARTITION.firing(table.q)
+    readings, firing = build_readings(table, LENGTH, "n7"), PARTITION.firing(table.q)
     exact = fit_conclusions(readings, PARTITION, firing)
     descent = fit_conclusions(readings, PARTITION, firing, method="gradient")
     assert np.abs(exact - descent).max() < 1e-5 * np.abs(exact).max()
@@ -120,7 +120,7 @@ def test_definite_conclusions_are_the_best_that_are() -> None:
     assert np.linalg.eigvalsh(wrong[:3, :3])[0] < 0
     table = rows(lambda _, wrench: wrench @ wrong, 50, noise=1e-5)
     single = Partition(("q2", "q8"), (np.array([0.0]), np.array([0.0])))
-    readings, firing = state_readings(table, LENGTH, "n7"), np.ones((50, 1))
+    readings, firing = build_readings(table, LENGTH, "n7"), np.ones((50, 1))
     found = readings.matrices(fit_conclusions(readings, single, firing, positive=True))[0, :3, :3]
     _, best = barely_definite(table)
     values = np.linalg.eigvalsh(found)
@@ -133,7 +133,7 @@ def test_definite_conclusions_are_the_best_that_are() -> None:
 def test_definite_conclusions_stay_definite_whatever_the_readings(seed: int) -> None:
     random = np.random.default_rng(seed)
     table = rows(lambda q, _: 1e-3 * random.standard_normal((len(q), 6)), 30)
-    readings, firing = state_readings(table, LENGTH, "n7"), PARTITION.firing(table.q)
+    readings, firing = build_readings(table, LENGTH, "n7"), PARTITION.firing(table.q)
     found = readings.matrices(fit_conclusions(readings, PARTITION, firing, positive=True))[:, :3, :3]
     assert np.abs(found - found.swapaxes(1, 2)).max() == 0.0
     assert np.linalg.eigvalsh(found)[:, 0].min() > 0
@@ -141,7 +141,7 @@ def test_definite_conclusions_stay_definite_whatever_the_readings(seed: int) -> 
 
 def test_conclusions_that_are_definite_anyway_are_left_alone() -> None:
     table = rows(planted(PARTITION).predict, 60, noise=1e-6)
-    readings, firing = state_readings(table, LENGTH, "n7"), PARTITION.firing(table.q)
+    readings, firing = build_readings(table, LENGTH, "n7"), PARTITION.firing(table.q)
     free, held = (fit_conclusions(readings, PARTITION, firing, positive=p) for p in (False, True))
     assert np.array_equal(free, held)
 
@@ -150,7 +150,7 @@ def test_the_rapid_prototype_is_the_mean_of_readings_weighted_by_firing() -> Non
     random = np.random.default_rng(2)
     compliance = 1e-6 * random.uniform(1, 2, 40)
     table = rows(lambda _, wrench: compliance[:, None] * wrench, 40, loads=1)
-    readings = state_readings(table, LENGTH, "n7")
+    readings = build_readings(table, LENGTH, "n7")
     firing = PARTITION.firing(table.q)
     found = readings.matrices(rapid_prototype(readings, firing))[:, 0, 0]
     weight = firing * table.wrench[:, :1] ** 2  # loads differ: a reading counts by how well it tells
@@ -165,7 +165,7 @@ def test_a_rule_that_no_reading_reaches_follows_its_neighbours() -> None:
     few = replace(
         few, displacement=np.where(np.arange(6) < 3, (2e-6 + 1e-6 * few.q[:, :1]) * few.wrench, np.nan)
     )
-    readings = state_readings(few, LENGTH, "n7")
+    readings = build_readings(few, LENGTH, "n7")
     found = readings.matrices(fit_conclusions(readings, line, line.firing(few.q)))
     assert np.allclose(found[:, 0, 0], 2e-6 + 1e-6 * modal, rtol=1e-3)
 
@@ -231,11 +231,11 @@ def test_readings_elsewhere_or_of_another_kind_are_refused() -> None:
     with pytest.raises(
         BeamstiffError, match=r"measured at 'n10' under a load at 'n7', expected the TCP 'n7'"
     ):
-        state_readings(replace(table, point=np.full(20, "n10")), LENGTH, "n7")
+        build_readings(replace(table, point=np.full(20, "n10")), LENGTH, "n7")
     with pytest.raises(BeamstiffError, match=r"holds absolute positions"):
-        state_readings(make_measurements(["q2"], [[0.0]], tcp="n7", position=[[0.0, 0, 0]]), LENGTH, "n7")
+        build_readings(make_measurements(["q2"], [[0.0]], tcp="n7", position=[[0.0, 0, 0]]), LENGTH, "n7")
     with pytest.raises(BeamstiffError, match=r"no loaded row with a measured displacement"):
-        state_readings(replace(table, wrench=0 * table.wrench), LENGTH, "n7")
+        build_readings(replace(table, wrench=0 * table.wrench), LENGTH, "n7")
 
 
 def test_too_few_poses_for_a_test_set_are_refused() -> None:
