@@ -66,7 +66,7 @@ def diagnose(
       beamstiff diagnose robot.yaml data.csv --next next.csv --region z=0.3m:2m
       beamstiff diagnose robot.yaml data.csv next.csv
     """  # noqa: D301
-    from beamstiff.diagnosis.next_measurement.test_plan import test_plan_csv
+    from beamstiff.diagnosis.next_measurement.test_plan import proposed_csv
     from beamstiff.functions.checks import effects_text
     from beamstiff.functions.diagnose import diagnose as run
     from beamstiff.functions.robots import as_robot
@@ -88,7 +88,7 @@ def diagnose(
     outputs.result(result.notes, [*diagnosis_tables(result), *before], result.to_dict())
     if next_to is not None and result.next:
         with optional_file(next_to, quiet):
-            write_output(next_to, test_plan_csv(result))
+            write_output(next_to, proposed_csv(result))
     elif next_to is not None:  # a diagnosis was made all the same
         say(f"note: {next_to} was not written: this diagnosis proposes no states to measure", quiet)
     if apply is not None:

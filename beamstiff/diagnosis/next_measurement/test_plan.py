@@ -171,7 +171,7 @@ def as_plain(found: Programme | None) -> list[dict[str, Any]]:
     ]
 
 
-def test_plan_csv(result: Diagnosis) -> str:
+def proposed_csv(result: Diagnosis) -> str:
     """Return the proposed states of a diagnosis as a table to fill in.
 
     Raises

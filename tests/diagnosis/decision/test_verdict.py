@@ -293,9 +293,7 @@ def test_what_each_posture_has_to_itself_is_a_second_cause_where_it_is_evident(
     assert both.explained_fraction == pytest.approx(explained_fraction)
     assert accepted(pair, search_of(CLEAR, left=0.4, pairs=(pair,)), HALF, both) == told
     known = replace(HALF, surely=0.92, open=7.0)  # of what is known the first leaves next to nothing
-    assert not accepted(
-        pair, search_of(CLEAR, residual_fraction=0.4, pairs=(pair,)), known, replace(both, surely=0.95)
-    )
+    assert not accepted(pair, search_of(CLEAR, left=0.4, pairs=(pair,)), known, replace(both, surely=0.95))
 
 
 @pytest.mark.parametrize(

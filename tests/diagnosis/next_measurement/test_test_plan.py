@@ -18,7 +18,7 @@ from beamstiff.diagnosis.next_measurement.test_plan import (
     Programme,
     as_plain,
     propose_tests,
-    test_plan_csv,
+    proposed_csv,
 )
 from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline
 from beamstiff.diagnosis.residual.whitened import whiten
@@ -101,7 +101,7 @@ def test_postures_have_the_digits_of_a_pendant_in_the_units_of_the_table(
     assert new
     np.testing.assert_allclose(np.degrees(new), np.round(np.degrees(new), 1), atol=1e-12)
     again = replace(diagnosed("backlash"), baseline=there, next=as_plain(rows))
-    header, *lines = (line for line in test_plan_csv(again).splitlines() if not line.startswith("#"))
+    header, *lines = (line for line in proposed_csv(again).splitlines() if not line.startswith("#"))
     assert header.startswith("q1 [deg],q2 [deg]")
     assert not any("-0.0," in line for line in lines)
 
@@ -240,7 +240,7 @@ def test_one_explanation_alone_leaves_nothing_to_split() -> None:
 def test_a_programme_is_a_table_to_fill_in() -> None:
     found = diagnosed("backlash")
     assert found.next
-    text = test_plan_csv(found)
+    text = proposed_csv(found)
     assert text.startswith("# robot: kr240-2\n")
     rows = parse_measurements(text, kr240(), require_measured=False)
     assert len(rows) == len(found.next)
@@ -248,4 +248,4 @@ def test_a_programme_is_a_table_to_fill_in() -> None:
     known = found.baseline.rows
     assert (rows.sigma_position, rows.sigma_rotation) == (known.sigma_position, known.sigma_rotation)
     with pytest.raises(BeamstiffError, match="no states to propose"):
-        test_plan_csv(replace(found, next=()))
+        proposed_csv(replace(found, next=()))
