@@ -11,7 +11,7 @@ from scipy import stats
 from beamstiff.calibration.corrected import corrected, nominal_value
 from beamstiff.calibration.elastic import build_elastic, gives_way, is_rigid
 from beamstiff.calibration.estimate import Estimate, covariance_of, estimate
-from beamstiff.calibration.observability import NOTICED
+from beamstiff.calibration.observability import NOTICED, observability
 from beamstiff.calibration.problem import Problem
 from beamstiff.calibration.registration import rigid_gap
 from beamstiff.calibration.result import Calibration, Found, errors_of
@@ -66,6 +66,12 @@ def calibrate(
         stations=stations,
     )
     problem, found = _settled(statement, method)
+    seen = observability(problem.linearised(found.theta, deformed=False)[1], problem.parameters, noticed)
+    if len(seen.identified) > len(
+        statement.identified
+    ):  # a reflector guessed on an axis hides the axis' zero
+        statement = replace(statement, begin=found.theta, observability=seen)
+        problem, found = _settled(statement, method)
     return _told(statement, problem, found, method, folds)
 
 

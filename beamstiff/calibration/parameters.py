@@ -115,7 +115,8 @@ def choose_parameters(
     Parameters
     ----------
     names : sequence of str, optional
-        Parameters, groups (base, target, offsets, frames) or frames (all parameters of one); default all.
+        Parameters, groups (base, target, offsets, frames), frames or reflectors (all parameters of one); default
+        all.
     fixed : sequence of str
         Likewise: what stays as it is.
     last : sequence of str
@@ -132,17 +133,17 @@ def choose_parameters(
 
 def _named(robot: Robot, known: Sequence[Parameter], names: Sequence[str]) -> set[str]:
     every = {item.name for item in known}
-    frames = {frame.name for frame in robot.frames}
+    owners = {frame.name for frame in robot.frames} | {item.name.rpartition(".")[0] for item in known} - {""}
     found: set[str] = set()
     for name in names:
         if name in every:
             found.add(name)
         elif name in GROUPS:
             found |= {item.name for item in known if item.group == name.removesuffix("s")}
-        elif name in frames:
+        elif name in owners:
             found |= {item.name for item in known if item.name.startswith(f"{name}.")}
         else:
-            raise _unknown(robot, name, every | frames)
+            raise _unknown(robot, name, every | owners)
     return found
 
 

@@ -139,6 +139,21 @@ def test_several_reflectors_share_one_geometry() -> None:
         assert errors_on(found, fresh).position_rms == pytest.approx(1.732 * SIGMA, rel=0.3)
 
 
+def test_a_reflector_guessed_on_the_last_axis_hides_nothing_in_the_end() -> None:
+    """Guessed there it does not move with the last joint, whose zero seems unobservable until it is found."""
+    real = serial()
+    there = {"ball.x": -0.05, "ball.y": -0.02}
+    guessed = corrected(real, there, within(real, 1, 0))
+    rows = measured(real, within(real, 60, 1))
+    off = calibrate(real, rows, folds=0).observability.identified
+    found = calibrate(guessed, rows, folds=0)
+    assert set(found.observability.identified) == set(off)
+    moved = {one.name: one.change for one in found.parameters}
+    assert [moved["ball.x"], moved["ball.y"]] == pytest.approx([0.05, 0.02], abs=2e-3)
+    whole = calibrate(guessed, rows, parameters=["base", "ball"], folds=0).observability.names
+    assert {"ball.x", "ball.y", "ball.z"} <= set(whole)
+
+
 def test_tables_from_several_stations_share_one_geometry() -> None:
     other = transform(rotation_from_vector(np.array([0.0, 0.1, -2.0])), np.array([-1.0, 4.0, 0.2]))
     tables = [
