@@ -67,9 +67,8 @@ def calibrate(
     )
     problem, found = _settled(statement, method)
     seen = observability(problem.linearised(found.theta, deformed=False)[1], problem.parameters, noticed)
-    if len(seen.identified) > len(
-        statement.identified
-    ):  # a reflector guessed on an axis hides the axis' zero
+    more = len(seen.identified) > len(statement.identified)
+    if more:  # as of a reflector that was guessed on an axis, and hid its zero
         statement = replace(statement, begin=found.theta, observability=seen)
         problem, found = _settled(statement, method)
     return _told(statement, problem, found, method, folds)

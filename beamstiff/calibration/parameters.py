@@ -115,8 +115,7 @@ def choose_parameters(
     Parameters
     ----------
     names : sequence of str, optional
-        Parameters, groups (base, target, offsets, frames), frames or reflectors (all parameters of one); default
-        all.
+        Parameters, groups (base, target, offsets, frames), frames or reflectors (all of one); default all.
     fixed : sequence of str
         Likewise: what stays as it is.
     last : sequence of str
