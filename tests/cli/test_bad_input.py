@@ -175,6 +175,15 @@ def test_a_displacement_whose_square_is_no_number_is_refused_where_it_stands(
     assert "broken.csv:3: dx: found '-1e308', expected at most 1e+100 in SI" in line
 
 
+@pytest.mark.parametrize("load", ["0", "1e-300"])
+def test_loads_whose_square_is_no_number_are_none(run: Run, folder: Path, load: str) -> None:
+    (folder / "rows.csv").write_text(f"q1,fy,dy [mm]\n0,{load},1\n1,{load},1\n")
+    result = run("diagnose", "crane.yaml", "rows.csv")
+    assert result.exit_code == 0
+    assert "no row carries a load" in result.stderr
+    assert "without load" in refused(run, folder, "identify", "crane.yaml", "rows.csv")
+
+
 def test_a_mechanism_is_refused_and_its_motion_named(run: Run, folder: Path) -> None:
     text = (folder / "crane.yaml").read_text().replace('torsional: "1e6 N*m/rad"', "torsional: free")
     (folder / "loose.yaml").write_text(text.replace("identify: [J1.torsional]", ""))
