@@ -144,6 +144,8 @@ PLACES: list[tuple[str, Kind]] = [
     ("diagnose robot.yaml rows.csv", ROBOT),
     ("diagnose robot.yaml rows.csv", TABLE),
     ("diagnose crane.yaml readings.csv", ABSOLUTE),
+    ("verify robot.yaml rows.csv", ROBOT),
+    ("verify robot.yaml rows.csv", TABLE),
     ("plan crane.yaml --force 1000N --tests 4", BARE),
     ("map robot.yaml --grid q1=0:1:3 --quantity compliance_trace", ROBOT),
     ("exam crane.yaml --cases 1 --classes null", BARE),
