@@ -13,6 +13,7 @@ from matplotlib.image import imread
 
 from beamstiff import load_robot, read_measurements
 from beamstiff.errors import BeamstiffError
+from beamstiff.maps.dataset import save_dataset
 from beamstiff.outputs import LEDGER, check_distinct, check_replaceable, is_sealed, sealed, write_output
 from beamstiff.report.figures import figure_bytes, new_figure
 from beamstiff.robot.library import robot_path
@@ -101,6 +102,26 @@ def test_an_output_is_replaced_until_it_is_edited(tmp_path: Path) -> None:
     with pytest.raises(BeamstiffError, match=r"plan.csv: exists, and is not as beamstiff wrote it"):
         write_output(path, CSV)
     assert path.read_text().endswith("-1.2\n")
+
+
+@pytest.mark.parametrize("change", ["added", "edited", "removed"])
+def test_a_folder_that_is_an_output_is_replaced_until_it_is_edited(tmp_path: Path, change: str) -> None:
+    pytest.importorskip("zarr")
+    xarray = pytest.importorskip("xarray")
+    out, dataset = tmp_path / "map.zarr", xarray.Dataset({"a": ("x", [1.0, 2.0])})
+    save_dataset(dataset, out)
+    save_dataset(dataset, out)
+    files = sorted(path for path in (out / "a").rglob("*") if path.is_file())
+    if change == "added":
+        (out / "mine.txt").write_text("mine")
+    elif change == "edited":
+        files[0].write_bytes(files[0].read_bytes() + b" ")
+    else:
+        files[-1].unlink()
+    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
+    with pytest.raises(BeamstiffError, match="not as beamstiff wrote it"):
+        save_dataset(dataset, out)
+    assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
 
 
 def test_an_empty_file_holds_nothing_to_lose(tmp_path: Path) -> None:

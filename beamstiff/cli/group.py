@@ -66,7 +66,7 @@ class Commands(TyperGroup):
             code = INTERRUPTED
         except Exception as error:  # whatever it is, people get one line
             with _unless_nobody_can_be_told():
-                code = REFUSED if isinstance(error, BeamstiffError) else FAILURE
+                code = REFUSED if isinstance(error, BeamstiffError) or _no_room(error) else FAILURE
                 code = _explain(error, debug="--debug" in arguments)
         with _unless_nobody_can_be_told():
             if code == INTERRUPTED:
@@ -96,9 +96,9 @@ def _explain(error: Exception, debug: bool) -> int:
     if hasattr(error, "format_message"):  # typer's own: what was typed is no valid command
         say(f"error: {_usage(error)}")
         return REFUSED
-    if isinstance(error, OSError) and error.filename is None and error.errno in NO_ROOM:
+    if _no_room(error):
         silence(sys.stdout)  # what is left in its buffer would be tried again at the end
-        say(f"error: stdout: cannot be written: {(error.strerror or str(error)).lower()}")
+        say(f"error: stdout: cannot be written: {str(getattr(error, 'strerror', None) or error).lower()}")
         return REFUSED
     if isinstance(error, MemoryError):
         say("error: not enough memory for a robot or table of this size")
@@ -109,6 +109,11 @@ def _explain(error: Exception, debug: bool) -> int:
         f"internal error: {what}: a fault of beamstiff, please report it with the command and its files{more}"
     )
     return FAILURE
+
+
+def _no_room(error: Exception) -> bool:
+    """Tell whether stdout takes nothing more."""
+    return isinstance(error, OSError) and error.filename is None and error.errno in NO_ROOM
 
 
 def _told(error: BeamstiffError) -> str:

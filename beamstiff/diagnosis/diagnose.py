@@ -38,6 +38,7 @@ from beamstiff.diagnosis.residual.screening import Screened, screen, unlikely
 from beamstiff.diagnosis.residual.whitened import Whitened, whiten
 from beamstiff.diagnosis.result import Candidate, Diagnosis, estimates_of
 from beamstiff.errors import BeamstiffError, optional
+from beamstiff.identification.problem import LEAST_LOAD
 from beamstiff.measure.table import Measurements
 from beamstiff.measure.usable import counted_once, require_usable
 from beamstiff.robot.description import Robot
@@ -106,6 +107,7 @@ def diagnose(
 def _diagnose(robot: Robot, measurements: Measurements, without: Sequence[str], seed: int) -> Diagnosis:
     require_usable(measurements)
     rows = counted_once(measurements)
+    rows = replace(rows, wrench=np.where(np.abs(rows.wrench) > LEAST_LOAD, rows.wrench, 0.0))
     beside = beside_calibration(robot, rows, without, seed) if rows.kind == "absolute" else None
     if beside is not None:
         return beside

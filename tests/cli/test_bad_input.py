@@ -150,6 +150,17 @@ def test_a_displacement_whose_square_is_no_number_is_refused_where_it_stands(
     refused([command, "crane.yaml", "broken.csv"], says)
 
 
+@pytest.mark.parametrize("load", ["0", "1e-300"])
+def test_loads_whose_square_is_no_number_are_none(
+    run: Run, refused: Refused, folder: Path, load: str
+) -> None:
+    (folder / "rows.csv").write_text(f"q1,fy,dy [mm]\n0,{load},1\n1,{load},1\n")
+    result = run("diagnose", "crane.yaml", "rows.csv")
+    assert result.exit_code == 0
+    assert "no row carries a load" in result.stderr
+    refused(["identify", "crane.yaml", "rows.csv"], "without load")
+
+
 def test_a_mechanism_is_refused_and_its_motion_named(refused: Refused, folder: Path) -> None:
     text = (folder / "crane.yaml").read_text().replace('torsional: "1e6 N*m/rad"', "torsional: free")
     (folder / "loose.yaml").write_text(text.replace("identify: [J1.torsional]", ""))

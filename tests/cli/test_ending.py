@@ -161,7 +161,11 @@ def test_a_stderr_that_takes_nothing_leaves_the_exit_code(folder: Path) -> None:
         ended = subprocess.run(
             [*COMMAND, "show", "none.yaml"], cwd=folder, stdout=subprocess.PIPE, stderr=full, check=False
         )
+        both = subprocess.run(
+            [*COMMAND, "show", "crane.yaml"], cwd=folder, stdout=full, stderr=full, check=False
+        )
     assert (ended.returncode, ended.stdout) == (2, b"")
+    assert both.returncode == 2
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
