@@ -216,7 +216,6 @@ def test_what_are_no_results_is_said(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "content",
     [
-        "",
         '{"precious": 1}',
         '{"precious": 1}\n',
         '{"format": "beamstiff-exam/1", "exam": {}}',
