@@ -6,10 +6,11 @@ import pytest
 from beamstiff import Robot, load_robot
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.residual.baseline import fit_baseline
-from beamstiff.diagnosis.residual.internal_wrench import Place, find_places, has_loops
+from beamstiff.diagnosis.residual.internal_wrench import Place, across, find_places, has_loops
 from beamstiff.measure.table import Measurements
 from beamstiff.model.linear import predict_displacements
-from beamstiff.robot.parts import Beam, Frame, Material, Node, Strut, Variable
+from beamstiff.robot.kinematics import compile_kinematics, posture
+from beamstiff.robot.parts import Beam, Frame, Material, Node, Rigid, Strut, Variable
 from beamstiff.robot.sections import Section, section_properties
 from beamstiff.se3 import Array
 from tests.diagnosis.machines import FORE, UPPER, at_random, bent, by_compliance_of, elbow, kr240, rows_of
@@ -220,6 +221,39 @@ def test_what_hangs_at_the_tcp_passes_through_the_flange_and_a_beam_that_ends_th
     assert np.abs(found.joints["J2"].dead - without.joints["J2"].dead).max() > 10.0
     np.testing.assert_array_equal(found.flange.dead, without.flange.dead)
     np.testing.assert_allclose(np.linalg.norm(found.flange.dead[:, :3], axis=1), 20.0 * 9.81)
+
+
+def test_a_reflector_beside_the_tcp_is_on_the_tool_where_nothing_is_read_at_the_tcp() -> None:
+    """Turned about the TCP by r, a point of the same body, p off, moves by ``r x p``."""
+    robot = kr240()
+    ball = Node(
+        name="ball", frame=next(n.frame for n in robot.nodes if n.name == robot.tcp), at=(0.1, 0.2, 0.3)
+    )
+    more = {
+        "nodes": (*robot.nodes, ball),
+        "rigids": (*robot.rigids, Rigid(name="arm", nodes=(robot.tcp, "ball"))),
+    }
+    robot = robot.model_copy(update=more)
+    rows = at_random(robot, 6, seed=1)
+    kinematics = compile_kinematics(robot)
+    at = posture(kinematics, rows.q).node_positions
+    off = at[:, kinematics.node_index["ball"]] - at[:, kinematics.node_index[robot.tcp]]
+    alone = replace(rows, point=np.full(6, "ball"))
+    found = find_places(robot, alone).flange
+    turned = found.turn @ [0.1, -0.2, 0.3]
+    shown = (found.shift @ [0, 0, 0, 0.1, -0.2, 0.3])[:, :3]
+    np.testing.assert_allclose(shown, np.cross(turned, off), atol=1e-12)
+    both = replace(rows, point=np.where(np.arange(6) < 3, "ball", robot.tcp))
+    assert not find_places(robot, both).flange.shift[:3].any()
+
+
+@pytest.mark.parametrize("main", range(3))
+def test_axes_about_a_link_along_a_coordinate_axis_do_not_swap(main: int) -> None:
+    rng = np.random.default_rng(main)
+    along = np.eye(3)[main] + 1e-3 * rng.standard_normal((50, 3))
+    chosen = [across(one / np.linalg.norm(one)) for one in along]
+    np.testing.assert_array_equal(chosen, np.tile(chosen[0], (50, 1)))
+    assert chosen[0] @ np.eye(3)[main] == 0.0
 
 
 def test_links_that_stand_on_the_ground_are_named_and_the_base_gives_all_that_they_can() -> None:

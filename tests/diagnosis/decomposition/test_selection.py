@@ -1,0 +1,80 @@
+"""The selection against a second formulation: explicit least squares of each fold, and hand-made problems."""
+
+import numpy as np
+import pytest
+
+from beamstiff import load_robot
+from beamstiff.diagnosis.decomposition.forms import Form, forms_of, stacked
+from beamstiff.diagnosis.decomposition.held_out import Folds, folds_of, ordered, unweighed
+from beamstiff.diagnosis.decomposition.open_model import open_geometry
+from beamstiff.diagnosis.decomposition.selection import Choice, build_choice, fit_step, forms_in, select
+from beamstiff.diagnosis.effects import Quantity, Shape
+from tests.diagnosis.decomposition.test_decompose import UR10, read
+
+VALUES = 60
+
+
+def form(columns: np.ndarray, *parameters: Quantity) -> Form:
+    return Form("joint-compliance", "q2", Shape("by hand", np.zeros((1, 6, 0)), parameters), columns, 0.0)
+
+
+def choice_of(residual: np.ndarray, *forms: Form) -> Choice:
+    """Return forms to choose from beside one open parameter that they do not touch."""
+    count = len(residual)
+    model = type("Model", (), {"tangent": np.zeros((count, 1)), "residual": residual, "count": count})
+    model.tangent[0] = 1.0  # type: ignore[attr-defined]
+    return build_choice(model, forms)  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def folds() -> Folds:
+    robot, rng = load_robot(UR10).model_copy(update={"identify": ()}), np.random.default_rng(1)
+    rows = read(robot, rng.uniform(-2.5, 2.5, (45, 6)), ("approach", "gear"), rng)
+    model = open_geometry(robot, rows)
+    kept = [one for one in forms_of(model) if one.effect in ("approach-direction", "angle-curve")]
+    return folds_of(model, build_choice(model, kept), 0)
+
+
+def test_held_out_errors_are_those_of_fits_without_the_fold(folds: Folds) -> None:
+    model, step = folds.model, select(folds.choice, folds.squared_errors)
+    assert len(step.chosen) >= 2
+    for tried in (fit_step(folds.choice, ()), step):
+        matrix, right = stacked(model, list(forms_in(folds.choice, tried).values()))
+        left = np.zeros(model.count)
+        for one in range(folds.fold.max() + 1):
+            out = np.flatnonzero(folds.fold == one)
+            theta = np.linalg.lstsq(np.delete(matrix, out, axis=0), np.delete(right, out), rcond=1e-12)[0]
+            left[out] = right[out] - matrix[out] @ theta
+        squares = unweighed(model, left)[folds.position] ** 2
+        assert folds.squared_errors(tried).sum() == pytest.approx(squares.sum(), rel=1e-3)
+
+
+def test_causes_come_in_the_order_of_what_they_close(folds: Folds) -> None:
+    step = select(folds.choice, folds.squared_errors)
+    order, errors = ordered(folds, [(number,) for number in step.chosen])
+    sums = [error.sum() for error in errors]
+    assert sums == sorted(sums, reverse=True)
+    assert folds.choice.forms[order[0][0]].key == "approach-direction:q2"
+
+
+def test_no_parameter_takes_a_sign_that_it_cannot_have() -> None:
+    rng = np.random.default_rng(0)
+    columns = rng.standard_normal((VALUES, 2))
+    residual = columns @ [3.0, -2.0] + 0.1 * rng.standard_normal(VALUES)
+    pair = [Quantity("first", "m", 1.0, positive=True), Quantity("second", "m", 1.0, positive=True)]
+    step = fit_step(choice_of(residual, form(columns, *pair)), (0,))
+    assert step.free[0].tolist() == [True, False]
+    alone = np.linalg.lstsq(columns[1:, :1], residual[1:], rcond=None)[1][0]
+    assert step.squares == pytest.approx(alone, rel=0.05)
+
+
+@pytest.mark.parametrize(("coupling", "used"), [(1.0, True), (4.0, False)])
+def test_a_coupling_stays_within_what_it_couples(coupling: float, used: bool) -> None:
+    """``c_ab^2 <= c_aa c_bb``: of compliances 2 and 3 at most 2.45."""
+    rng = np.random.default_rng(0)
+    columns = rng.standard_normal((VALUES, 3))
+    residual = columns @ [2.0, 3.0, coupling] + 0.01 * rng.standard_normal(VALUES)
+    y, z = (Quantity(f"compliance_{axis}", "m/N", 1.0, positive=True) for axis in "yz")
+    both = Quantity("compliance_yz", "m/N", 1.0, within=(y.name, z.name))
+    step = fit_step(choice_of(residual, form(columns, y, z, both)), (0,))
+    assert step.free[0].tolist() == [True, True, used]
