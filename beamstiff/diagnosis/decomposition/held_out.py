@@ -49,32 +49,39 @@ class Folds:
         """Return the sum of squared position errors of each posture, (P,), m^2, in fits without its fold."""
         basis = np.concatenate([self.choice.open_basis, step.basis], axis=1)
         left = np.zeros(self.model.count)
-        for out, told in self.parts:
-            own = told.T @ basis[out]
-            values, vectors = np.linalg.eigh(np.eye(len(own)) - own @ own.T)
-            seen = vectors.T @ (told.T @ step.left[out])
-            left[out] = told @ (vectors @ (seen / np.maximum(values, ROUNDING)))
+        for out, untold in self.parts:
+            own, seen = basis[out], step.left[out]
+            left[out] = _predicted(own - untold @ (untold.T @ own), seen - untold @ (untold.T @ seen))
         error = unweighed(self.model, left)
         return np.bincount(self.posture[self.position], weights=error[self.position] ** 2).astype(np.float64)
 
     @cached_property
     def parts(self) -> list[tuple[Integers, Array]]:
-        """Return the values of each fold, and an orthonormal basis of what other folds can tell of them.
+        """Return the values of each fold, and an orthonormal basis of what other folds cannot tell of them.
 
-        What they cannot is not held out: a reflector that was read in one fold alone has to be found there.
+        That is not held out: a reflector that was read in one fold alone has to be found there.
         """
         result = []
         for one in range(int(self.fold.max()) + 1):
             out = np.flatnonzero(self.fold == one)
-            own = self.choice.open_basis[out]
-            values, vectors = np.linalg.eigh(np.eye(len(out)) - own @ own.T)
-            result.append((out, vectors[:, values > ALONE]))
+            left, values, _ = np.linalg.svd(self.choice.open_basis[out], full_matrices=False)
+            result.append((out, left[:, values**2 >= 1.0 - ALONE]))
         return result
 
     @property
     def rows(self) -> int:
         """Number of rows with a measured position."""
         return int(self.model.used[:, :3].any(axis=1).sum())
+
+
+def _predicted(basis: Array, left: Array) -> Array:
+    """Return ``(1 - Q Q^T)^-1 e``; the smaller of ``1 - Q Q^T`` and ``1 - Q^T Q`` is inverted (Woodbury)."""
+    few = len(basis) <= basis.shape[1]
+    inner = basis @ basis.T if few else basis.T @ basis
+    values, vectors = np.linalg.eigh(np.eye(len(inner)) - inner)
+    seen = vectors.T @ (left if few else basis.T @ left)
+    inverse: Array = vectors @ (seen / np.maximum(values, ROUNDING))
+    return inverse if few else left + basis @ inverse
 
 
 def unweighed(model: OpenModel, values: Array) -> Array:

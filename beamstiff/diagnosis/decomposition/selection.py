@@ -11,10 +11,12 @@ the scatter of the machine about any smooth law, not what the tracker reads to.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
 from scipy.optimize import lsq_linear
 
 from beamstiff.diagnosis.decomposition.forms import REPEATED, Form
@@ -61,6 +63,8 @@ class Choice:
         Open parameters.
     count : int
         Measured values.
+    products : dict of int to array
+        See `products_of`.
     """
 
     forms: tuple[Form, ...]
@@ -74,6 +78,18 @@ class Choice:
     groups: tuple[tuple[Integers, Integers, Array], ...]
     open_count: int
     count: int
+    products: dict[int, Array] = field(default_factory=dict)
+
+    @cached_property
+    def pull(self) -> Array:
+        """Products (C,) of the columns with the residual."""
+        return np.asarray(self.residual @ self.columns)
+
+    def products_of(self, number: int) -> Array:
+        """Return the products (c, C) of a form's columns with all columns; they are kept."""
+        if number not in self.products:
+            self.products[number] = self.columns[:, self.at[number]].T @ self.columns
+        return self.products[number]
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +103,11 @@ class Step:
     free : tuple of (c,) bool array
         Of each form, which parameters the fit uses; the others would be negative, which they cannot be.
     basis : (n, c) array
-        Of their columns, orthonormal together with what is known of their parameters beforehand.
+        Of the columns that are used, orthonormal together with what is known of their parameters beforehand.
+    triangle : (c, c) array
+        Columns from the basis.
+    theta : (c,) array
+        Parameters, per unit column.
     left : (n,) array
         What is left of the residual.
     squares : float
@@ -100,6 +120,8 @@ class Step:
     chosen: tuple[int, ...]
     free: tuple[NDArray[np.bool_], ...]
     basis: Array
+    triangle: Array
+    theta: Array
     left: Array
     squares: float
     determined: float
@@ -149,14 +171,15 @@ def fit_step(choice: Choice, chosen: Sequence[int]) -> Step:
     determined = float((basis[:n] ** 2).sum())  # a sign that was left out is a choice too, and costs as much
     free = _allowed(choice, chosen, at, sizes, triangle, basis[:n].T @ choice.residual)
     if not free.all():
-        basis, _ = _factor(choice, at[free])
+        basis, triangle = _factor(choice, at[free])
     fitted = basis @ (basis[:n].T @ choice.residual)
     left = choice.residual - fitted[:n]
     squares = float(left @ left + fitted[n:] @ fitted[n:])
     prior = sum(choice.forms[number].log_prior for number in chosen)
     value = float(bic(squares, choice.open_count + determined, choice.count, prior))
     each = tuple(np.split(free, sizes[:-1])) if len(sizes) else ()
-    return Step(tuple(chosen), each, basis[:n], left, squares, determined, value)
+    theta = np.asarray(np.linalg.solve(triangle, basis[:n].T @ choice.residual))
+    return Step(tuple(chosen), each, basis[:n], triangle, theta, left, squares, determined, value)
 
 
 def _allowed(
@@ -224,8 +247,13 @@ def with_each(choice: Choice, step: Step) -> Array:
     result = np.full(len(choice.forms), np.inf)
     log_prior = np.array([form.log_prior for form in choice.forms])
     known = float(log_prior[list(step.chosen)].sum())
-    inside = step.basis.T @ choice.columns
-    pull = step.left @ choice.columns
+    inside: Array = np.zeros((0, len(choice.precision)))
+    pull = choice.pull
+    if len(step.theta):
+        parts = [choice.products_of(k)[free] for k, free in zip(step.chosen, step.free, strict=True)]
+        products = np.concatenate(parts)
+        inside = np.asarray(solve_triangular(step.triangle, products, trans="T"))
+        pull = pull - step.theta @ products
     forms = [choice.forms[number] for number in step.chosen]
     taken = {form.key for form in forms if form.effect not in REPEATED}
     for numbers, at, own in choice.groups:
@@ -291,12 +319,30 @@ def resampled(values: Array) -> Array:
 def _needed(choice: Choice, step: Step) -> Step:
     """Return a fit without the forms that it does not need, the least needed first."""
     while step.chosen:
-        others = [[k for k in step.chosen if k != number] for number in step.chosen]
-        least = min((fit_step(choice, some) for some in others), key=lambda fit: fit.bic)
-        if least.bic >= step.bic + ENOUGH:
+        needs = _rises(choice, step)
+        least = step.chosen[int(np.argmin(needs))]
+        without = fit_step(choice, [k for k in step.chosen if k != least])
+        if without.bic >= step.bic + ENOUGH:
             break
-        step = least
+        step = without
     return step
+
+
+def _rises(choice: Choice, step: Step) -> list[float]:
+    """Return by how much the BIC would rise without each form, signs left as they are.
+
+    Without parameters b the sum of squares is larger by ``b^T (A^-1)_bb^-1 b``, ``A`` the normal matrix.
+    """
+    root = np.linalg.inv(step.triangle)
+    ends = np.cumsum([int(free.sum()) for free in step.free])
+    result = []
+    for number, end, free in zip(step.chosen, ends.tolist(), step.free, strict=True):
+        some = slice(end - int(free.sum()), end)
+        own = step.theta[some]
+        rise = float(own @ np.linalg.solve(root[some] @ root[some].T, own)) if own.size else 0.0
+        price = own.size * np.log(choice.count) - 2.0 * choice.forms[number].log_prior
+        result.append(choice.count * float(np.log1p(rise / max(step.squares, 1e-12))) - price)
+    return result
 
 
 def _exchanged(choice: Choice, step: Step, held_out: HeldOut) -> Step | None:
