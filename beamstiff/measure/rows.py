@@ -48,6 +48,29 @@ def subset(measurements: Measurements, mask: ArrayLike) -> Measurements:
     )
 
 
+def in_runs(measurements: Measurements, most: int, runs: int = 10) -> Measurements:
+    """Return at most so many rows: runs of whole postures, as they were measured, evenly spread over a table.
+
+    Neighbours stay together, for a machine has a memory.
+
+    Examples
+    --------
+    >>> from beamstiff.measure import make_measurements
+    >>> q = 0.1 * np.arange(100)[:, None]
+    >>> table = make_measurements(["q1"], q, tcp="tip", displacement=np.zeros((100, 3)))
+    >>> [round(float(q), 1) for q in in_runs(table, 6, runs=2).q[:, 0]]
+    [0.0, 0.1, 0.2, 5.0, 5.1, 5.2]
+    """
+    if len(measurements) <= most:
+        return measurements
+    _, first, posture = np.unique(measurements.pose, return_index=True, return_inverse=True)
+    place = np.argsort(np.argsort(first))[posture]  # number of each row's posture, in the order of the table
+    count = np.bincount(place)
+    run, end = np.arange(len(first)) * runs // len(first), np.cumsum(count)
+    start = (end - count)[np.searchsorted(run, np.arange(runs))]
+    return subset(measurements, (end - start[run] <= most // runs)[place])
+
+
 def concatenate(tables: Sequence[Measurements]) -> Measurements:
     """Return several tables as one. Poses are numbered anew: those of different files stay apart.
 
