@@ -1,4 +1,4 @@
-"""How commands grow with the rows of a table: `python -m benchmarks.rows_scaling [--large]`.
+"""How commands grow with the rows of a table: `python -m benchmarks.rows_scaling`.
 
 `identify`, `diagnose` and `deflect` of the KR 240-2, five loads in each posture, as they are typed: the table
 is read, JSON is written. Each run is a process of its own, whose peak memory the system tells (it begins with
@@ -31,7 +31,6 @@ SIZES = (1_000, 10_000, 100_000)
 LOADS = 5  # in each posture
 START = 5  # rows of a run that is nothing but a start
 NOISE = (3e-5, 5e-5)  # m, rad
-LARGE_DIAGNOSIS = 100_000  # rows: the better part of an hour, and more memory than most machines have
 LINEAR = 1.1  # exponent of time and memory, at most
 SECONDS, GIGABYTES = 300.0, 2.0  # `identify` of 100,000 rows, at most
 
@@ -107,7 +106,7 @@ def exponent(sizes: Sequence[int], costs: Sequence[float]) -> float:
     return float(np.log(costs[-1] / costs[-2]) / np.log(sizes[-1] / sizes[-2]))
 
 
-def scaling(commands: Sequence[str], sizes: Sequence[int], large: bool) -> Iterator[tuple[str, ...]]:
+def scaling(commands: Sequence[str], sizes: Sequence[int]) -> Iterator[tuple[str, ...]]:
     """Yield the rows of the table: command, rows, seconds, peak memory, target and result."""
     yield ("command", "rows", "processor time, s", "peak GB", "target", "result")
     with tempfile.TemporaryDirectory() as folder:
@@ -116,9 +115,8 @@ def scaling(commands: Sequence[str], sizes: Sequence[int], large: bool) -> Itera
             in_a_process("--write", str(rows), str(table))
         start = costs_of("deflect", tables[START])
         for command in commands:
-            some = [rows for rows in sizes if large or command != "diagnose" or rows < LARGE_DIAGNOSIS]
             found = []
-            for rows in some:
+            for rows in sizes:
                 seconds, peak = costs_of(command, tables[rows])
                 found.append((seconds - start[0], peak - start[1]))
                 target = result = ""
@@ -126,8 +124,8 @@ def scaling(commands: Sequence[str], sizes: Sequence[int], large: bool) -> Itera
                     target = f"<= {SECONDS:g} s, <= {GIGABYTES:g} GB"
                     result = verdict(seconds <= SECONDS and peak <= GIGABYTES * 1e9)
                 yield (command, f"{rows:,}", f"{seconds:.1f}", f"{peak / 1e9:.2f}", target, result)
-            if len(some) > 1:
-                p = [exponent(some, costs) for costs in zip(*found, strict=True)]
+            if len(sizes) > 1:
+                p = [exponent(sizes, costs) for costs in zip(*found, strict=True)]
                 fitted = f"{p[0]:.2f}", f"{p[1]:.2f}"
                 yield (command, "exponent", *fitted, f"<= {LINEAR:g} each", verdict(max(p) <= LINEAR))
 
@@ -140,7 +138,6 @@ def verdict(reached: bool) -> str:
 def main() -> None:
     """Print the table as Markdown."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--large", action="store_true", help="diagnose 100,000 rows too")
     parser.add_argument("--rows", type=int, nargs="+", default=list(SIZES))
     parser.add_argument("--commands", nargs="+", default=["identify", "deflect", "diagnose"])
     parser.add_argument("--measure", nargs=2, metavar=("COMMAND", "TABLE"), help=argparse.SUPPRESS)
@@ -152,7 +149,7 @@ def main() -> None:
     if asked.measure:
         measure(*asked.measure)
         return
-    for at, row in enumerate(scaling(asked.commands, asked.rows, asked.large)):
+    for at, row in enumerate(scaling(asked.commands, asked.rows)):
         print(f"| {' | '.join(row)} |", flush=True)
         if at == 0:
             print(f"| {' | '.join('---' for _ in row)} |")
