@@ -11,6 +11,7 @@ from beamstiff.calibration.calibrate import calibrate
 from beamstiff.calibration.corrected import corrected
 from beamstiff.diagnosis.decomposition.decompose import Cause, Decomposition
 from beamstiff.diagnosis.effects import EFFECTS
+from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import AddedEffect
 
@@ -47,7 +48,11 @@ def _calibrated(found: Decomposition, causes: Iterable[Cause]) -> Robot:
     bare = model.given.model_copy(update={"identify": ()})
     beside = replace(rows, position=rows.position - moved)
     robot = calibrate(bare, beside, compliances=model.given.identify, folds=0).robot
-    return robot.model_copy(update={"identify": linear.identify})
+    # effects of a drive are beside its compliance: one that was fitted as rigid is very stiff
+    given = {name: model.given.parameter(name) for name in model.given.identify}
+    stiff = {name: KNOWN_FACTOR * value for name, value in given.items() if np.isinf(robot.parameter(name))}
+    finite = {name: value for name, value in stiff.items() if value < np.inf}
+    return robot.with_parameters(finite).model_copy(update={"identify": linear.identify})
 
 
 def _added(found: Decomposition, cause: Cause) -> Iterator[AddedEffect]:

@@ -1,5 +1,6 @@
 """Several causes at once beside a calibration: machines moved by plain rigid-body motion and statics."""
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -123,3 +124,32 @@ def test_of_a_cause_that_is_withheld_most_stays_and_the_remainder_says_what_it_f
     assert sum(cause["closes"] for cause in report["causes"]) < 0.6  # curves of q2 take a part
     assert report["remainder"]["share"] > 0.4
     assert "direction of approach of q2" in [one["what"] for one in report["remainder"]["follows"]]
+
+
+def test_a_drive_that_is_rigid_in_truth_keeps_a_place_for_its_play() -> None:
+    """The file has drives soft: fits make them rigid, and one has play by the sign of its weight's moment."""
+    drives = ("J2.torsional", "J3.torsional", "J4.torsional")
+    robot = (
+        load_robot(UR10).with_parameters(dict.fromkeys(drives, 5e4)).model_copy(update={"identify": drives})
+    )
+    rng = np.random.default_rng(1)
+    q = rng.uniform(-2.5, 2.5, (POSES, 6))
+    kinematics = compile_kinematics(machine(load_robot(UR10)))
+
+    def potential(turned: Array) -> Array:
+        where = posture(kinematics, q + turned)
+        at = [kinematics.node_index[mass.node] for mass in robot.masses]
+        arm = np.array([mass.at for mass in robot.masses])
+        frames = where.transforms[:, kinematics.node_frame[at], :3, :3]
+        height = (where.node_positions[:, at] + (frames @ arm[..., None])[..., 0])[..., 2]
+        return np.asarray(height @ [mass.mass for mass in robot.masses])
+
+    step = 1e-5 * np.eye(6)[1]
+    moment = potential(-step) - potential(step)
+    turned = 6e-4 * np.sign(moment)[:, None] * np.eye(6)[1]
+    rows = read(load_robot(UR10), q + turned, (), rng)
+    found = diagnose(robot, replace(rows, q=q))
+    assert (found.verdict.effect, found.verdict.component) == ("backlash", "q2")
+    larger = extended(found)
+    assert all(5e4 <= larger.parameter(name) < np.inf for name in drives)
+    assert verify(larger, replace(rows, q=q), refit_frame=True).after < 5 * NOISE
