@@ -18,6 +18,8 @@ from beamstiff.report.tables import Column, Table, add_rows, counted, small, tab
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from beamstiff.diagnosis.decomposition.decompose import Decomposition
+
 SHOWN = 8
 PARTS_OF_GAP = {
     "directions": "By direction",
@@ -25,6 +27,7 @@ PARTS_OF_GAP = {
     "history": "Loading and unloading",
     "time": "Over time",
 }
+CAUSES = "Causes, in the order of what each closes after those before it"
 LIKELY = 0.6  # probability below which a verdict is no more than the likeliest
 DUST = 1e-6  # of its standard deviation, below which a value is nothing but rounding
 NAMED = 3  # explanations that are named where nothing is decided
@@ -35,6 +38,9 @@ def diagnosis_tables(result: Diagnosis) -> Iterator[RenderableType]:
     """Yield what a terminal shows of a diagnosis."""
     yield Text(summary(result))
     yield Text("")
+    if result.decomposition is not None and result.decomposition.gap_shows:
+        yield causes_table(result.decomposition, CAUSES)
+        yield Text(remainder_text(result.decomposition))
     yield candidates_table(result, result.candidates[:SHOWN], "Which effect")
     sizes = sizes_table(result, "How large")
     if sizes.rows:
@@ -51,6 +57,35 @@ def diagnosis_tables(result: Diagnosis) -> Iterator[RenderableType]:
         yield Text(f"\nTo measure next: {proposed(result)} (--next writes them).")
     for line in separations(result):
         yield Text(line)
+
+
+def causes_table(found: Decomposition, title: str) -> Table:
+    """Return the causes of a gap that has several."""
+    heads = ("closes", "90 %", "gap after", "probability", Column("not distinguished from", left=True))
+    made = table(title, Column("cause", left=True), *heads)
+    for cause in found.causes:
+        form = cause.forms[0]
+        made.add_row(
+            f"{form.effect} at {form.component}" if form.component else form.effect,
+            percent(cause.closes),
+            percents(cause.closes_interval),
+            f"{1e3 * cause.rms_after:.3f} mm",
+            f"{cause.probability:.2f}",
+            in_words(cause.indistinguishable) if cause.indistinguishable else "-",
+        )
+    return made
+
+
+def remainder_text(found: Decomposition) -> str:
+    """Return, in words, what the causes leave of a gap, and what that follows."""
+    rest = found.remainder
+    said = f"Remainder: {1e3 * rest.rms:.3f} mm RMS ({percent(rest.share)} of the explainable gap)"
+    if rest.follows:
+        said += f"; it follows the {' and the '.join(name for name, _ in rest.follows[:2])}"
+    if found.unclear:
+        said += f". Minor or undecided, {percent(sum(one.closes for one in found.unclear))} together: "
+        said += in_words([one.key for one in found.unclear])
+    return f"{said}."
 
 
 def candidates_table(result: Diagnosis, some: Sequence[Candidate], title: str) -> Table:

@@ -10,10 +10,12 @@ import numpy as np
 from beamstiff.diagnosis.held_out.prediction import shift
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.report.diagnosis import (
+    CAUSES,
     PARTS_OF_GAP,
     SHOWN,
     candidates_table,
     causes,
+    causes_table,
     gap_table,
     headline,
     named,
@@ -126,7 +128,10 @@ def _which(result: Diagnosis) -> Section:
         candidates_table(result, likely, "The candidates"),
     )
     large = sizes_table(result, "How large: its parameters")
-    return Section("which", "Which cause", figures=[figure], tables=[large] if large.rows else [])
+    several = result.decomposition
+    tables = [causes_table(several, CAUSES)] if several is not None and several.causes else []
+    tables += [large] if large.rows else []
+    return Section("which", "Which cause", figures=[figure], tables=tables)
 
 
 def _where(result: Diagnosis) -> Section:
