@@ -151,11 +151,11 @@ def test_anchors_stand_for_what_they_name() -> None:
     ],
 )
 def test_what_is_refused_is_named_with_its_line(text: str, expected: str) -> None:
-    start = time.perf_counter()
+    start = time.process_time()
     with pytest.raises(BeamstiffError) as error:
         parse_yaml(text, "t.yaml")
     assert expected in str(error.value)
-    assert time.perf_counter() - start < 2.0
+    assert time.process_time() - start < 2.0
 
 
 @pytest.mark.usefixtures("loader")

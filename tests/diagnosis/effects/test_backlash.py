@@ -7,7 +7,7 @@ import pytest
 
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.effects.torque_laws import axis_at
-from beamstiff.diagnosis.inference.evidence import Normalisation, evidence
+from beamstiff.diagnosis.inference.evidence import NoisePrior, evidence
 from beamstiff.diagnosis.inference.library import build_library
 from beamstiff.diagnosis.residual.whitened import whiten
 from tests.diagnosis.hypotheses import of_any_sign
@@ -103,7 +103,7 @@ def test_no_zone_that_follows_the_angle_makes_up_for_one_below_nothing() -> None
     white = whiten(measured)
     own = [one for one in build_library(measured, white).hypotheses if one.effect == "backlash"]
     found, freely = (
-        evidence(white, some, Normalisation(np.ones(1), np.zeros(1)))
+        evidence(white, some, NoisePrior(np.ones(1), np.zeros(1)))
         for some in (own, [of_any_sign(one) for one in own])
     )
     assert max(freely.hypotheses) > found.none + 300

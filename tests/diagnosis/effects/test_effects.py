@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from beamstiff import load_robot
 from beamstiff.diagnosis.effects import EFFECTS
-from beamstiff.diagnosis.inference.evidence import Normalisation, evidence
+from beamstiff.diagnosis.inference.evidence import NoisePrior, evidence
 from beamstiff.diagnosis.inference.library import build_library
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.diagnosis.residual.whitened import whiten
@@ -125,7 +125,7 @@ def test_nothing_gives_way_against_its_load(effect: str, component: str | None, 
     key = (effect, component, shape)
     own = [h for h in build_library(there, white).hypotheses if (h.effect, h.component, h.shape.name) == key]
     found, freely = (
-        evidence(white, some, Normalisation(np.ones(1), np.zeros(1)))
+        evidence(white, some, NoisePrior(np.ones(1), np.zeros(1)))
         for some in (own, [of_any_sign(one) for one in own])
     )
     assert freely.hypotheses[0] > freely.unknown + 50
