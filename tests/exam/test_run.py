@@ -216,6 +216,7 @@ def test_what_are_no_results_is_said(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "content",
     [
+        "\n",
         '{"precious": 1}',
         '{"precious": 1}\n',
         '{"format": "beamstiff-exam/1", "exam": {}}',
@@ -231,6 +232,18 @@ def test_a_file_of_the_users_is_refused_and_stays(tmp_path: Path, content: str) 
         run_exam(EXAM, 1, Examiner(always_none), results=results)
     assert results.read_text() == content
     assert [path.name for path in tmp_path.iterdir()] == ["results.jsonl"]
+
+
+def test_an_empty_file_is_a_new_one(tmp_path: Path) -> None:
+    for name in ("new.jsonl", "empty.jsonl"):
+        run_exam(EXAM, 1, Examiner(always_none), results=tmp_path / name)
+        (tmp_path / "empty.jsonl").touch()
+    new, empty = (
+        [json.loads(line) for line in (tmp_path / name).read_text().splitlines()]
+        for name in ("new.jsonl", "empty.jsonl")
+    )
+    assert [line.keys() for line in new] == [line.keys() for line in empty]
+    assert new[0] == empty[0]
 
 
 def test_a_line_that_was_cut_short_anywhere_is_taken_up(tmp_path: Path) -> None:
