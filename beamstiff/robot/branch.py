@@ -47,6 +47,15 @@ class Assembly:
             same &= np.linalg.det(np.swapaxes(there, -1, -2) @ here) > 0.0
         return same
 
+    def determinants(self, jacobian: Array) -> Array:
+        """Return ``det(J_reference^T J_p)`` of all blocks of Jacobians (P, M, Q), over the reference's, (P, B)."""
+        found = np.empty((len(jacobian), len(self.blocks)))
+        for at, (rows, columns) in enumerate(self.blocks):
+            there = self.jacobian[rows[:, None], columns]
+            both = np.linalg.det(there.T @ jacobian[:, rows[:, None], columns])
+            found[:, at] = both / np.linalg.det(there.T @ there)
+        return found
+
 
 def assembly_at(system: LoopSystem, free: Array) -> Assembly | None:
     """Return the assembly at a closed posture (A + Q,), or None where passive variables are undetermined."""

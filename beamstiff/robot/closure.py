@@ -6,11 +6,13 @@ poses that did not close, or closed in another branch, are reached by continuati
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from beamstiff.errors import BeamstiffError, listed
+from beamstiff.robot.assemblies import MUCH, NEAR_GUESS, Closest, closest_assemblies
 from beamstiff.robot.branch import NEAR_SINGULAR, Assembly, assembly_at, scattered
 from beamstiff.robot.continuation import close_in_branch, grid_of_starts, spread
 from beamstiff.robot.forward import body_of, screws_of
@@ -20,6 +22,8 @@ from beamstiff.robot.newton import Mask, newton
 from beamstiff.se3 import Array
 
 HELD = 1e-6  # gap per motion, in machine sizes and rad, that no passive motion makes up for
+FAR = np.radians(30.0)  # from the guesses, that the nearest assembly is worth a note; 1 rad is a machine size
+ROUNDING = 1e-6  # rad: two assemblies that both keep to the guesses exactly
 GRID = 512  # poses: for fewer it is not worth making a grid of starts
 SCATTERED = 48  # starts where the guess does not lead to a closed posture
 
@@ -107,11 +111,65 @@ def closure_rates(kinematics: Kinematics, values: Array, transforms: Array) -> A
     return scaled
 
 
-def find_assembly(kinematics: Kinematics) -> Assembly | None:
-    """Return where the loops close near the declared guess, or None if they do not close there."""
+def assembled(kinematics: Kinematics) -> Kinematics:
+    """Return the kinematics with the assembly that its guesses mean; without one where no loop closes.
+
+    Raises
+    ------
+    BeamstiffError
+        When no loop determines a passive variable, or two assemblies are equally near to the guesses.
+    """
     system, start = loop_system(kinematics), declared_start(kinematics)
     _check_determined(system, start)
-    return _assembly_near(system, start[None])
+    closest = closest_assemblies(system, start)
+    if not closest:
+        return replace(kinematics, assembly=_assembly_near(system, start[None]))
+    if len(closest) > 1 and closest[1].distance < MUCH * closest[0].distance + ROUNDING:
+        raise BeamstiffError(
+            f"robot {kinematics.robot.name!r}: two ways to put its loops together are equally near to the "
+            f"guesses: {assembly_text(kinematics, closest[0])}; {assembly_text(kinematics, closest[1])}: "
+            "give guesses that are nearer to one of them, or limits that only one of them keeps"
+        )
+    return replace(kinematics, assembly=assembly_at(system, closest[0].free), closest=closest)
+
+
+def assembly_doubts(kinematics: Kinematics) -> tuple[str, ...]:
+    """Return, one sentence each, why the assembly taken may not be the one meant; mostly nothing."""
+    if not kinematics.closest:
+        return ()
+    taken, rivals = kinematics.closest[0], kinematics.closest[1:]
+    head = f"robot {kinematics.robot.name!r}: the loops are put together at"
+    if rivals and rivals[0].farthest < NEAR_GUESS:
+        return (
+            f"{head} {assembly_text(kinematics, taken)}; but another assembly is near the guesses too, at "
+            f"{assembly_text(kinematics, rivals[0])}: look which is meant, give nearer guesses or limits",
+        )
+    if taken.farthest > FAR:
+        return (
+            f"{head} {assembly_text(kinematics, taken)}, far from the guesses: look whether this is the "
+            "assembly meant, and give nearer guesses",
+        )
+    return ()
+
+
+def assembly_text(kinematics: Kinematics, closest: Closest) -> str:
+    """Return an assembly in words: the passive variables there, and how far they are off their guesses."""
+    joined = kinematics.coupling
+    prismatic = dict(zip(joined.names, kinematics.prismatic, strict=True))
+    values = listed(
+        (
+            f"{name} = {value * 1e3:.4g} mm" if prismatic[name] else f"{name} = {np.degrees(value):.4g} deg"
+            for name, value in zip(
+                joined.free[joined.actuated :], closest.free[joined.actuated :], strict=True
+            )
+        ),
+        most=6,
+    )
+    off = np.abs(closest.free - declared_start(kinematics))[joined.actuated :]
+    lengths = kinematics.prismatic[[joined.names.index(name) for name in joined.free[joined.actuated :]]]
+    ways = [f"{np.degrees(off[~lengths].max()):.2g} deg"] if not lengths.all() else []
+    ways += [f"{off[lengths].max() * 1e3:.2g} mm"] if lengths.any() else []
+    return f"{values} ({' and '.join(ways)} off)"
 
 
 def declared_start(kinematics: Kinematics) -> Array:

@@ -7,8 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from beamstiff.errors import listed
+from beamstiff.robot.closure import assembly_doubts
 from beamstiff.robot.coupling import frame_expressions
 from beamstiff.robot.description import Robot
+from beamstiff.robot.kinematics import compile_kinematics
 
 MOST_TURNS = 10  # each way, that a joint without a mistake may have as its limit
 FARTHEST = 200.0  # m, that a slide may have
@@ -19,7 +21,12 @@ def robot_doubts(robot: Robot) -> tuple[str, ...]:
 
     These are no errors: a plain number is SI, and strange machines are built.
     """
-    return (*_of_limits(robot), *_of_joints(robot))
+    return (*_of_limits(robot), *_of_joints(robot), *_of_loops(robot))
+
+
+def _of_loops(robot: Robot) -> tuple[str, ...]:
+    """Return why the loops may be put together in another way than is meant."""
+    return assembly_doubts(compile_kinematics(robot)) if robot.loops else ()
 
 
 def _of_limits(robot: Robot) -> Iterator[str]:

@@ -14,6 +14,7 @@ from beamstiff.robot.coupling import Coupling, coupling, frame_expressions, vari
 from beamstiff.se3 import Array
 
 if TYPE_CHECKING:
+    from beamstiff.robot.assemblies import Closest
     from beamstiff.robot.branch import Assembly
     from beamstiff.robot.description import Robot
 
@@ -65,6 +66,7 @@ class Kinematics:
     # where the loops close and in which assembly branch; None without loops, or when the declared guess does
     # not close and the poses have to tell
     assembly: Assembly | None = None
+    closest: tuple[Closest, ...] = ()  # that assembly where it comes nearest to the guess, and the next one
 
 
 def same_geometry(one: Kinematics, other: Kinematics) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from beamstiff.errors import BeamstiffError, listed, suggest
-from beamstiff.robot.closure import close_loops, closure_rates, find_assembly
+from beamstiff.robot.closure import assembled, close_loops, closure_rates
 from beamstiff.robot.forward import chain_to, forward, frame_twists, screws_of, twists_at
 from beamstiff.robot.frames import Kinematics, compile_frames
 from beamstiff.se3 import Array
@@ -83,7 +82,7 @@ class ClosedPosture(Posture):
 def compile_kinematics(robot: Robot) -> Kinematics:
     """Return the kinematics of a robot: everything that is the same for all poses."""
     kinematics = compile_frames(robot)
-    return dataclasses.replace(kinematics, assembly=find_assembly(kinematics)) if robot.loops else kinematics
+    return assembled(kinematics) if robot.loops else kinematics
 
 
 def actuated_values(robot: Robot, q: Mapping[str, ArrayLike] | ArrayLike) -> Array:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from beamstiff.expression_graph.expression import Recorder
 from beamstiff.expression_graph.graph import ExpressionGraph, compile_graph
 from beamstiff.robot.forward import Body, Screw, chain_to, place, twists_at
-from beamstiff.robot.frames import Kinematics, all_values
+from beamstiff.robot.frames import MOTIONS, Kinematics, all_values
 from beamstiff.se3 import Array, skew, vector_from_rotation
 
 ROWS = {"position": 3, "plane": 2, "pose": 6}
@@ -32,6 +32,7 @@ class LoopSystem:
     frames: tuple[int, ...]  # frames between the ends of the loops, the last one that all share first
     rows: tuple[slice, ...]  # rows of each loop
     prismatic: NDArray[np.bool_]  # (A + Q,): which free variables are lengths
+    turning: NDArray[np.bool_]  # (A + Q,): which come to the same after a whole turn
     scale: Array  # (A + Q,): one rad, or one machine size, for each free variable
     actuated: int  # number of actuated variables A; the passive ones stand behind them
     moving: NDArray[np.bool_]  # (A,): which actuated variables move the loops at all
@@ -51,10 +52,19 @@ def loop_system(kinematics: Kinematics) -> LoopSystem:
         frames=frames,
         rows=tuple(slice(int(a), int(b)) for a, b in itertools.pairwise(ends)),
         prismatic=prismatic,
+        turning=~prismatic & _whole_turns(kinematics),
         scale=np.where(prismatic, kinematics.size, 1.0),
         actuated=joined.actuated,
         moving=driving[: joined.actuated] > 0.0,
     )
+
+
+def _whole_turns(kinematics: Kinematics) -> NDArray[np.bool_]:
+    """Return which free variables move angles alone, each by a whole multiple, (A + Q,)."""
+    angles = np.array([kind == "turn" for _, kind, _ in MOTIONS])
+    by_free = kinematics.coefficients @ kinematics.coupling.matrix
+    whole = np.abs(by_free - np.round(by_free)) < 1e-12
+    return np.asarray(np.where(angles[:, None], whole, by_free == 0.0).all(axis=(0, 1)))
 
 
 @lru_cache(maxsize=32)

@@ -1,0 +1,269 @@
+"""The ways to put closed loops together, and which of them the guesses mean.
+
+The guess says where the passive variables are, not at which posture of the drives. So every closed posture
+within the limits counts, and the assembly is the one that comes nearest to the guess anywhere: many starts
+are closed, and each is moved along its own assembly towards the guess, the actuated variables following as
+far as they need to. Angles are counted without whole turns.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamstiff.robot.branch import NEAR_SINGULAR, Assembly, assembly_at
+from beamstiff.robot.continuation import continuation, spread
+from beamstiff.robot.forward import forward
+from beamstiff.robot.frames import all_values
+from beamstiff.robot.loops import LoopSystem, loop_equations
+from beamstiff.robot.newton import LARGEST_SHIFT, LARGEST_STEP, Mask, newton
+from beamstiff.se3 import Array
+
+STARTS = 64  # a third of them at the guess itself, at drawn actuated variables
+CLOSING = 6  # steps of all variables together before the passive ones alone close the loops
+STEPS = 40  # towards the guess
+LEAST_STEP = 0.01  # rad and machine sizes: below it a posture has arrived
+EASE = 0.02  # weight of the actuated variables beside the passive ones: they follow, half a turn for 4 deg
+MOST = 2  # assemblies: the nearest, and one to take it for
+NEAR_GUESS = np.radians(60.0)  # an assembly within it may have been meant by a guess that is 45 deg off
+MUCH = 1.1  # an assembly whose distance is less than this times another's is as near
+CLOSED = 1e-3  # machine sizes and rad, on the way to the guess
+ALIKE = 0.02  # rad and machine sizes: two ends of the way to the guess
+SAME_PLACE = 1e-4  # machine sizes: nodes that coincide, postures that are one
+
+
+@dataclass(frozen=True, eq=False)
+class Closest:
+    """An assembly where it comes nearest to the guess.
+
+    Attributes
+    ----------
+    free : (A + Q,) array, rad or m
+        Actuated and passive variables there.
+    distance : float, rad
+        Root sum of squares of what the variables are off the guess, the actuated ones (off the middle of
+        their limits) by `EASE` only; one machine size counts as 1 rad.
+    farthest : float, rad
+        Of the passive variable that is off most.
+    """
+
+    free: Array
+    distance: float
+    farthest: float
+
+
+@dataclass(frozen=True)
+class _Geometry:
+    """What the search depends on; robots of equal geometry share its result."""
+
+    key: tuple[object, ...]
+    system: LoopSystem = field(compare=False)
+    guess: Array = field(compare=False)
+
+
+def closest_assemblies(system: LoopSystem, guess: Array) -> tuple[Closest, ...]:
+    """Return the assemblies where they come nearest to the guess (A + Q,), the nearest first, two at most.
+
+    Two closed postures are one assembly where the one is reached from the other without passing a singular
+    posture, along a straight line of the actuated variables; or where all nodes coincide, as with the two
+    ways to write the angles of a universal joint. The second is left out where nobody would take it for the first:
+    farther from the guess than `NEAR_GUESS`, and than the first by more than `MUCH`.
+    """
+    kinematics = system.kinematics
+    arrays = (kinematics.constants, kinematics.coefficients, kinematics.parents, kinematics.node_at, guess)
+    ends = tuple(
+        (loop.constrain, loop.frame_a, loop.at_a.tobytes(), loop.frame_b, loop.at_b.tobytes())
+        for loop in kinematics.loops
+    )
+    limits = tuple((item.name, item.limits) for item in kinematics.robot.variables)
+    coupled = (kinematics.coupling.free, kinematics.coupling.matrix.tobytes())
+    return _closest(_Geometry((*(array.tobytes() for array in arrays), ends, limits, coupled), system, guess))
+
+
+@lru_cache(maxsize=256)
+def _closest(geometry: _Geometry) -> tuple[Closest, ...]:
+    system, guess = geometry.system, geometry.guess
+    low, high = _limits(system, guess)
+    postures, signs, reference = _closed_postures(system, guess, low, high)
+    if reference is None:
+        return ()
+    postures = _towards(system, reference, signs, postures, guess, low, high)
+    postures, _, jacobian, closed = newton(system, postures)
+    postures[:, system.actuated :] = _unwound(system, postures, guess)
+    keep = (
+        closed & (np.sign(reference.determinants(jacobian)) == signs).all(axis=1) & ~near_singular(jacobian)
+    )
+    keep &= ((postures >= low - 1e-9) & (postures <= high + 1e-9)).all(axis=1)
+    postures = postures[keep]
+    away = np.abs(postures - guess) / system.scale
+    off = away[:, system.actuated :]
+    distance = np.hypot(
+        np.linalg.norm(off, axis=1), EASE * np.linalg.norm(away[:, : system.actuated], axis=1)
+    )
+    found: list[Closest] = []
+    order = np.argsort(distance, kind="stable")
+    left = order[_distinct(postures[order] / system.scale)]
+    farthest = off.max(axis=1, initial=0.0)
+    while left.size and len(found) < MOST:
+        first = int(left[0])
+        found.append(Closest(postures[first], float(distance[first]), float(farthest[first])))
+        rivals = left[1:][(farthest[left[1:]] < NEAR_GUESS) | (distance[left[1:]] < MUCH * found[0].distance)]
+        left = rivals[~_same(system, postures[first], postures[rivals])]
+    return tuple(found)
+
+
+def _distinct(rows: Array) -> NDArray[np.intp]:
+    """Return the first of rows (P, n) that are alike, in their order."""
+    left, kept = np.arange(len(rows)), []
+    while left.size:
+        kept.append(left[0])
+        left = left[np.abs(rows[left] - rows[left[0]]).max(axis=1) > ALIKE]
+    return np.array(kept, dtype=np.intp)
+
+
+def near_singular(jacobian: Array) -> Mask:
+    """Return where J_p (P, M, Q) is so close to singular that branches meet, (P,)."""
+    s = np.linalg.svd(jacobian, compute_uv=False)
+    if not s.shape[1]:
+        return np.zeros(len(jacobian), dtype=np.bool_)
+    return np.asarray(s[:, -1] < NEAR_SINGULAR * s[:, 0])
+
+
+def _limits(system: LoopSystem, guess: Array) -> tuple[Array, Array]:
+    """Return the limits of the free variables, (A + Q,): the declared ones, else none."""
+    declared = {item.name: item.limits for item in system.kinematics.robot.variables}
+    box = [declared[name] or (-np.inf, np.inf) for name in system.kinematics.coupling.free]
+    low, high = np.array(box, dtype=np.float64).T
+    still = ~system.moving  # moves no loop
+    low[: system.actuated][still] = high[: system.actuated][still] = guess[: system.actuated][still]
+    return low, high
+
+
+def _closed_postures(
+    system: LoopSystem, guess: Array, low: Array, high: Array
+) -> tuple[Array, Array, Assembly | None]:
+    """Return closed postures (P, A + Q) all over the limits, the signs of their branches, the reference."""
+    first, random = system.actuated, np.random.default_rng(0)
+    starts = np.tile(guess, (STARTS, 1))
+    wide = np.where(system.prismatic, system.scale, np.pi)[:first]
+    from_, to = np.maximum(low[:first], guess[:first] - wide), np.minimum(high[:first], guess[:first] + wide)
+    starts[1:, :first] = random.uniform(from_, to, (STARTS - 1, first))
+    shifts = random.uniform(-1.0, 1.0, (STARTS, len(guess) - first)) * spread(system)
+    shifts[: STARTS // 3] = 0.0
+    starts[:, first:] += shifts
+    starts = _drawn_together(system, starts, low, high)
+    postures, _, jacobian, closed = newton(system, starts, iterations=30)
+    good = closed & ~near_singular(jacobian)
+    reference = next(
+        (found for at in np.flatnonzero(good) if (found := assembly_at(system, postures[at])) is not None),
+        None,
+    )
+    if reference is None:
+        return postures[:0], np.zeros((0, 0)), None
+    return postures[good], np.sign(reference.determinants(jacobian[good])), reference
+
+
+def _towards(
+    system: LoopSystem,
+    reference: Assembly,
+    signs: Array,
+    postures: Array,
+    guess: Array,
+    low: Array,
+    high: Array,
+) -> Array:
+    """Move closed postures towards the guess, each along its own assembly.
+
+    Steps are halved where the branch would be left.
+    """
+    first, scale = system.actuated, system.scale
+    postures, part = postures.copy(), np.ones(len(postures))
+    gaps, jacobian = loop_equations(system, postures)
+    active = np.arange(len(postures))
+    for _ in range(STEPS):
+        if not active.size:
+            break
+        here = postures[active]
+        here[:, first:] = _unwound(system, here, guess)
+        step = _step(system, here, guess - here, gaps[active], jacobian[active], low, high)
+        step *= part[active, None]
+        trial = np.clip(here + step * scale, low, high)
+        trial, trial_gaps, to_passive, _ = newton(system, trial, iterations=2)
+        stays = np.linalg.norm(trial_gaps, axis=1) < CLOSED
+        stays &= (np.sign(reference.determinants(to_passive)) == signs[active]).all(axis=1)
+        taken = active[stays]
+        postures[taken] = trial[stays]
+        gaps[taken], jacobian[taken] = loop_equations(system, trial[stays])
+        part[active] = np.where(stays, np.minimum(1.5 * part[active], 1.0), 0.5 * part[active])
+        active = active[(np.abs(step).max(axis=1, initial=0.0) > LEAST_STEP) & (part[active] > 1e-2)]
+    return postures
+
+
+def _drawn_together(system: LoopSystem, starts: Array, low: Array, high: Array) -> Array:
+    """Return starts nearer to closing, all variables moved for it, the actuated ones first."""
+    starts = starts.copy()
+    for _ in range(CLOSING):
+        gaps, jacobian = loop_equations(system, starts)
+        step = _step(system, starts, np.zeros_like(starts), gaps, jacobian, low, high)
+        starts = np.clip(starts + step * system.scale, low, high)
+    return starts
+
+
+def _step(
+    system: LoopSystem, here: Array, wanted: Array, gaps: Array, jacobian: Array, low: Array, high: Array
+) -> Array:
+    """Return the limited step dx (P, A + Q), scaled: min ``|w (dx - wanted)|`` under ``J dx = -gaps``."""
+    weight = np.where(np.arange(here.shape[1]) < system.actuated, EASE, 1.0)
+    wanted = wanted / system.scale
+    # a variable at its limit that wants to leave it stays
+    held = ((here <= low) & (wanted < 0.0)) | ((here >= high) & (wanted > 0.0)) | (low == high)
+    ease = np.where(held, 0.0, 1.0 / weight)
+    rows = jacobian * ease[:, None, :]
+    goal = np.where(held, 0.0, weight * wanted)
+    square = rows @ rows.swapaxes(1, 2)
+    ridge = 1e-9 * np.trace(square, axis1=1, axis2=2) + 1e-300
+    square += ridge[:, None, None] * np.eye(square.shape[1])
+    lack = (rows @ goal[:, :, None])[:, :, 0] + gaps
+    pull = (rows.swapaxes(1, 2) @ np.linalg.solve(square, lack[:, :, None]))[:, :, 0]
+    step = ease * (goal - pull)
+    largest = np.where(system.prismatic, LARGEST_SHIFT, LARGEST_STEP)
+    limited: Array = step / np.maximum(1.0, np.abs(step / largest).max(axis=1, initial=0.0))[:, None]
+    return limited
+
+
+def _unwound(system: LoopSystem, postures: Array, guess: Array) -> Array:
+    """Return the passive variables (P, Q), the angles without whole turns from the guess."""
+    first = system.actuated
+    passive = postures[:, first:]
+    turns = np.where(system.turning[first:], np.round((passive - guess[first:]) / (2 * np.pi)), 0.0)
+    unwound: Array = passive - 2 * np.pi * turns
+    return unwound
+
+
+def _same(system: LoopSystem, one: Array, others: Array) -> Mask:
+    """Return which closed postures (P, A + Q) belong to the assembly of the posture `one` (A + Q,), (P,)."""
+    assembly = assembly_at(system, one)
+    if assembly is None or not len(others):
+        return np.zeros(len(others), dtype=np.bool_)
+    if all(len(columns) <= 2 for _, columns in assembly.blocks):  # two ways each, as circles cut
+        jacobian = loop_equations(system, others)[1][:, :, system.actuated :]
+        return assembly.same_branch(jacobian)
+    origin = np.repeat(one[None], len(others), axis=0)
+    moved, arrived = continuation(system, assembly, origin, others[:, : system.actuated])
+    same = np.zeros(len(others), dtype=np.bool_)
+    here, there = _nodes(system, moved[arrived]), _nodes(system, others[arrived])
+    apart = np.abs(here - there).max(axis=(1, 2), initial=0.0)
+    same[arrived] = apart < SAME_PLACE * system.kinematics.size
+    return same
+
+
+def _nodes(system: LoopSystem, free: Array) -> Array:
+    """Return where all nodes and the ends of the loops are, (P, N, 3)."""
+    kinematics = system.kinematics
+    transforms = forward(kinematics, all_values(kinematics, free))
+    at = transforms[:, kinematics.node_frame]
+    nodes = (at[..., :3, :3] @ kinematics.node_at[:, :, None])[..., 0] + at[..., :3, 3]
+    return np.concatenate([nodes, transforms[:, list(system.frames)][..., :3, 3]], axis=1)
