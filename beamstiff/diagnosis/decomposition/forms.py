@@ -136,6 +136,19 @@ def _weighed(
     ]
 
 
+def by_form(chosen: Sequence[Form], values: Array) -> list[Array]:
+    """Return parameters of several forms, one after another, as an array (c,) for each."""
+    return np.split(values, np.cumsum([form.sizes.size for form in chosen], dtype=int))[:-1]
+
+
+def shift_of(chosen: Sequence[Form], theta: Sequence[Array], rows: int) -> Array:
+    """Return what forms with their parameters add to all rows, (N, 6), m and rad."""
+    moved = np.zeros((rows, 6))
+    for form, part in zip(chosen, theta, strict=True):
+        moved += form.shape.columns @ (part * form.sizes)
+    return moved
+
+
 def stacked(model: OpenModel, chosen: Sequence[Form]) -> tuple[Array, Array]:
     """Return matrix (m, t + c) and right side (m,) of a fit of what is open with some forms.
 
