@@ -139,6 +139,27 @@ def by_compliance(baseline: Baseline, place: Place, pairs: list[tuple[int, int]]
     return result
 
 
+def compliance_quantities(rotation: float, translation: float) -> tuple[tuple[Quantity, ...], ...]:
+    """Return the entries of a place's compliance: rotations, their couplings, translations, theirs.
+
+    Three each, (xx, yy, zz) or (xy, xz, yz), of realistic sizes `rotation`, rad/(N m), and `translation`,
+    m/N; couplings are 0.3 of these.
+    """
+
+    def own(name: str, unit: str, size: float) -> tuple[Quantity, ...]:
+        return tuple(Quantity(f"{name}_{axis}", unit, size, positive=True) for axis in "xyz")
+
+    def coupled(name: str, unit: str, size: float) -> tuple[Quantity, ...]:
+        return tuple(
+            Quantity(f"{name}_{a}{b}", unit, 0.3 * size, within=(f"{name}_{a}", f"{name}_{b}"))
+            for a, b in ("xy", "xz", "yz")
+        )
+
+    turning = ("rotational_compliance", "rad/(N*m)", rotation)
+    sliding = ("translational_compliance", "m/N", translation)
+    return own(*turning), coupled(*turning), own(*sliding), coupled(*sliding)
+
+
 def any_compliance(baseline: Baseline, place: Place) -> Array:
     """Return the displacements (N, 6, 21) of all unit symmetric compliances of a place."""
     return np.stack([by_compliance(baseline, place, [pair]) for pair in PAIRS], -1)
