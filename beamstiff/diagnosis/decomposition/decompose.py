@@ -182,7 +182,7 @@ def decompose(
         )
     folds = folds_of(model, choice, seed)
     step = fit_step(choice, ())
-    if _more_than_noise(choice, model):
+    if _more_than_noise(choice, model, step):
         step = select(choice, folds.squared_errors)
     for _ in range(ROUNDS):
         chosen = list(forms_in(choice, step).values())
@@ -197,9 +197,8 @@ def decompose(
     return _told(folds, step, seed)
 
 
-def _more_than_noise(choice: Choice, model: OpenModel) -> bool:
-    """Return whether the open model leaves more than the stated noise would by chance."""
-    nothing = fit_step(choice, ())
+def _more_than_noise(choice: Choice, model: OpenModel, nothing: Step) -> bool:
+    """Return whether the open model without a cause leaves more than stated noise would by chance."""
     freedom = len(model.residual) - choice.open_count
     return not model.baseline.claimed or bool(stats.chi2.sf(nothing.squares, freedom) < CHANCE)
 
