@@ -20,7 +20,7 @@ class Quantity:
         A middling realistic magnitude, in `unit`.
     positive : bool
         Whether it cannot be negative: nothing gives way against its load.
-    passing : bool
+    posture_specific : bool
         Whether it is of the postures at hand alone: it says nothing of others, and is not told.
     within : pair of str, optional
         Of a compliance that couples two directions, the names of theirs: their product bounds its square.
@@ -52,7 +52,7 @@ class Shape:
         The same of those that are realistic, where there are machines unlike the usual; None is `spread`.
     against : tuple of str, optional
         The scales of the effect that its columns count against; by default all of them.
-    tuned : bool
+    data_selected : bool
         Whether its columns were chosen by the gap itself: campaigns without an effect, that were simulated,
         cannot be compared under it.
     """
