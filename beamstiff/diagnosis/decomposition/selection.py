@@ -137,7 +137,7 @@ def build_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
     size = np.linalg.norm(every, axis=0)
     every = every / np.where(size > 0, size, 1.0)
     every = every - basis @ (basis.T @ every)
-    spread = np.concatenate([np.zeros(0), *(form.spread for form in forms)])
+    spread = np.concatenate([np.zeros(0), *(form.prior_std for form in forms)])
     groups = []
     for count in sorted(set(sizes)):
         some = np.flatnonzero(np.array(sizes) == count)

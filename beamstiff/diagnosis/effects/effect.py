@@ -44,12 +44,12 @@ class Shape:
     columns : (N, 6, c) array, m and rad per unit
         What each parameter adds to the prediction.
     parameters : tuple of Quantity (c)
-    spread : float
+    prior_factor : float
         Magnitudes lie between the sizes divided and multiplied by this.
     weight : float
         Prior weight among the shapes of its effect.
     realistic : float or None
-        The same of those that are realistic, where there are machines unlike the usual; None is `spread`.
+        The same of those that are realistic, where machines differ from the usual; None is `prior_factor`.
     against : tuple of str, optional
         The scales of the effect that its columns count against; by default all of them.
     data_selected : bool
@@ -60,7 +60,7 @@ class Shape:
     name: str
     columns: Array
     parameters: tuple[Quantity, ...]
-    spread: float = 10.0
+    prior_factor: float = 10.0
     weight: float = 1.0
     realistic: float | None = None
     against: tuple[str, ...] | None = None

@@ -127,7 +127,9 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
             )
         )
     return [
-        replace(one, spread=SPREAD, realistic=REALISTIC, against=None if one.name.startswith(LAWS) else ())
+        replace(
+            one, prior_factor=SPREAD, realistic=REALISTIC, against=None if one.name.startswith(LAWS) else ()
+        )
         for one in found
     ]
 

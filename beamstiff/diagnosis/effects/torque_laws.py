@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamstiff.diagnosis.effects.effect import Normalisation, Quantity, Shape, stated_scale
-from beamstiff.diagnosis.residual.baseline import SILENT, Baseline, own_direction
+from beamstiff.diagnosis.residual.baseline import ROUNDING, Baseline, own_direction
 from beamstiff.diagnosis.residual.internal_wrench import Place
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import FREE, RIGID
@@ -87,7 +87,7 @@ def _largest(place: Place, at: int) -> float:
     """Return the largest entry of a place's wrenches; 0 where it is nothing but the rounding of others."""
     every = most_of(place)
     largest = float(np.abs(every[:, at]).max(initial=0.0))
-    return largest if largest > SILENT * float(np.linalg.norm(every, axis=1).max(initial=0.0)) else 0.0
+    return largest if largest > ROUNDING * float(np.linalg.norm(every, axis=1).max(initial=0.0)) else 0.0
 
 
 def most_of(place: Place) -> Array:
