@@ -168,10 +168,6 @@ def extended(diagnosis: Diagnosis) -> Robot:
     to it. The parameters are averaged over the shapes of a candidate, each by its weight, so that every shape
     makes an entry. Without an effect (`none`, `unknown`, `outliers`) only the stiffness changes.
 
-    Parameters
-    ----------
-    diagnosis : Diagnosis
-
     Returns
     -------
     Robot
