@@ -193,7 +193,7 @@ SETS: dict[str, Callable[[], tuple[Robot, Measurements]]] = {
 }
 
 
-def in_runs(rows: Measurements) -> tuple[Measurements, Measurements]:
+def fitted_and_held_out(rows: Measurements) -> tuple[Measurements, Measurements]:
     """Return rows to fit, and every third run of postures as they were driven: effects have a memory."""
     poses = np.unique(rows.pose)
     run = min(RUN, max(len(poses) // 9, 1))
@@ -204,7 +204,7 @@ def in_runs(rows: Measurements) -> tuple[Measurements, Measurements]:
 def study(name: str, console: Console) -> None:
     """Print one robot's causes, and what they leave of held-out postures."""
     robot, rows = SETS[name]()
-    fitted, held = in_runs(rows)
+    fitted, held = fitted_and_held_out(rows)
     start = time.perf_counter()
     found = diagnose(robot, fitted)
     seconds = time.perf_counter() - start

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -19,9 +19,6 @@ from beamstiff.cli.options import (
     robot_file,
 )
 from beamstiff.cli.output import Outputs, progress
-
-if TYPE_CHECKING:
-    pass
 
 
 def exam(

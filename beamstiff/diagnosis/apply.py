@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import lsq_linear
 
+from beamstiff.diagnosis.added_effect import added_effect, needed_scales
 from beamstiff.diagnosis.decomposition.applied import applied
 from beamstiff.diagnosis.effects import EFFECTS, Normalisation, Shape
 from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR, Baseline, fit_baseline, predict
@@ -167,10 +168,6 @@ def extended(diagnosis: Diagnosis) -> Robot:
     to it. The parameters are averaged over the shapes of a candidate, each by its weight, so that every shape
     makes an entry. Without an effect (`none`, `unknown`, `outliers`) only the stiffness changes.
 
-    Parameters
-    ----------
-    diagnosis : Diagnosis
-
     Returns
     -------
     Robot
@@ -193,23 +190,9 @@ def extended(diagnosis: Diagnosis) -> Robot:
             before = found[key][1] if key in found else 0.0
             found[key] = (hypothesis.shape, before + values)
     entries = [key[:2] for key in found]
-    for key, (shape, values) in found.items():
-        if entries.count(key[:2]) == 1:  # what the noise made negative, of what gives way with its load
-            cannot = np.array([item.positive for item in shape.parameters])
-            found[key] = shape, np.where(cannot, np.maximum(values, 0.0), values)
     added = tuple(
-        AddedEffect(
-            effect=effect,
-            component=component,
-            shape=name,
-            parameters={
-                item.name: _written(value, item.unit)
-                for item, value in zip(shape.parameters, values.tolist(), strict=True)
-                if not item.posture_specific
-            },
-            scales=_against(shape, EFFECTS[effect].scales(fit, component)),
-        )
-        for (effect, component, name), (shape, values) in found.items()
+        added_effect(fit, effect, component, shape, values, bounded=entries.count((effect, component)) == 1)
+        for (effect, component, _), (shape, values) in found.items()
     )
     robot = fit.robot.with_parameters(_stiffness(diagnosis)) if diagnosis.fits and fit.fitted else fit.robot
     return robot.model_copy(update={"effects": (*robot.effects, *added)})
@@ -236,7 +219,7 @@ def _displacement(effect: AddedEffect, bare: Baseline, alone: bool) -> Array:
         return np.zeros((len(view.rows), 6))
     shape = shapes[effect.shape]
     values = _values(effect, shape, alone)
-    if missing := [name for name in _against(shape, scales) if name not in effect.scales]:
+    if missing := [name for name in needed_scales(shape, scales) if name not in effect.scales]:
         raise BeamstiffError(
             f"scales: {listed(missing)} missing: what the parameters are counted against, SI, as "
             "`beamstiff diagnose --apply` writes it"
@@ -270,10 +253,6 @@ def _values(effect: AddedEffect, shape: Shape, alone: bool) -> Array:
     return values
 
 
-def _against(shape: Shape, scales: Normalisation) -> Normalisation:
-    return {name: value for name, value in scales.items() if shape.against is None or name in shape.against}
-
-
 def _check_scales(effect: AddedEffect, expected: Normalisation) -> None:
     for name, value in effect.scales.items():
         _known("scale", name, expected)
@@ -302,11 +281,6 @@ def _unknown_component(effect: AddedEffect, components: Collection[str | None]) 
     found = "component" if effect.component is None else f"component {effect.component!r}"
     whole = "it is of the machine as a whole" if None in components else "this robot has no place for it"
     raise BeamstiffError(f"{found}: {whole}")
-
-
-def _written(value: float, unit: str) -> float | str:
-    """Return a parameter with its unit where that can be read beside a number."""
-    return f"{value!r} {unit}" if unit[0].isalpha() and unit != "SI" else value
 
 
 def _stiffness(diagnosis: Diagnosis) -> dict[str, float]:

@@ -80,28 +80,7 @@ class Weighed:
 def diagnose(
     robot: Robot, measurements: Measurements, *, without: Sequence[str] = (), seed: int = 0
 ) -> Diagnosis:
-    """Diagnose the gap between a model and measurements.
-
-    Parameters
-    ----------
-    robot : Robot
-        Its `identify` parameters are fitted first.
-    measurements : Measurements
-        Displacements or absolute positions.
-    without : sequence of str
-        Effects, or ``effect:component``, that are no candidates.
-    seed : int
-
-    Returns
-    -------
-    Diagnosis
-
-    Raises
-    ------
-    BeamstiffError
-        When the rows cannot be predicted, hold no position or nothing that an effect could show in
-        (nothing but zeros, all against their load), or `without` names no effect.
-    """
+    """Diagnose the gap of a robot and a table; as of `beamstiff.diagnose`."""
     with threadpool_limits(limits=1, user_api="blas"):  # small matrices are slower on several threads
         return _diagnose(robot, measurements, without, seed)
 

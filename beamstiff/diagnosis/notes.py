@@ -45,7 +45,7 @@ def notes(screened: Screened, white: Whitened, verdict: str, scale: float) -> It
         for name, factor in zip(("position", "rotation"), screened.noise.tolist(), strict=True):
             if factor > OFF or factor < 1.0 / OFF:
                 yield f"the noise of the {name}s looks {factor:.2g} times what the table claims"
-    if screened.silent:
+    if screened.below_claim:
         yield (
             "the rows scatter by less than a third of the noise that the table claims, as simulated ones do: "
             "what is smaller than the claim is not looked at"

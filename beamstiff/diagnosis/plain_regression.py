@@ -14,7 +14,7 @@ from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 
 ABSORBED = 1e-6  # share of a column that the fit leaves, below which it leaves nothing
-SILENT = 1e-9  # singular value of unit columns below which a direction is none
+ROUNDING = 1e-9  # singular value of unit columns below which a direction is none
 
 
 def plain_bic(robot: Robot, measurements: Measurements, withheld: Sequence[str] = ()) -> str:

@@ -279,7 +279,7 @@ def estimates_of(fit: Fitted, which: int = 0) -> tuple[Estimate, ...]:
     """Return the parameters of one of the shapes of a fit, but those of the postures at hand alone."""
     start = sum(one.hypothesis.columns.shape[1] for one in fit.shapes[:which])
     shape = fit.shapes[which].hypothesis.shape
-    factor = shape.realistic or shape.spread
+    factor = shape.realistic or shape.prior_factor
     std = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))[fit.compliance.size :]
     return tuple(
         Estimate(

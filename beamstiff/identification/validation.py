@@ -12,7 +12,7 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.identification.objective import Objective
 from beamstiff.identification.problem import Problem
 from beamstiff.identification.refit import refit
-from beamstiff.measure.arrays import Integers, places_of_each
+from beamstiff.measure.arrays import Integers
 from beamstiff.measure.samples import pooled_sigma, repeated_states
 from beamstiff.measure.table import Measurements
 from beamstiff.se3 import Array
@@ -50,15 +50,6 @@ class HeldOut:
         """Root mean square of it over all rows, m; None where no position was measured."""
         gap = self.gap
         return float(np.sqrt(np.nanmean(gap**2))) if np.isfinite(gap).any() else None
-
-    def by_group(self) -> dict[int, float]:
-        """Return the root mean square of each group, m: which poses, or loads, the model misses."""
-        gap = self.gap
-        known = np.flatnonzero(np.isfinite(gap))
-        return {
-            int(self.groups[known[at[0]]]): float(np.sqrt((gap[known[at]] ** 2).mean()))
-            for at in places_of_each(self.groups[known])
-        }
 
 
 def held_out(objective: Objective, groups: Integers, folds: int, begin: Array) -> HeldOut | None:

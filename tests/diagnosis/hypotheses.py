@@ -43,7 +43,7 @@ def gap_of(gap: Any, tangent: Any = None, unknown: Any = None, component: Any = 
         gap=gap,
         tangent=tangent,
         used=used,
-        loose=np.zeros((n, 0)),
+        nuisance=np.zeros((n, 0)),
     )
 
 

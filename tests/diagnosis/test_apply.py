@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from beamstiff import BeamstiffError, Robot
+from beamstiff.diagnosis.added_effect import needed_scales
 from beamstiff.diagnosis.apply import (
-    _against,
     effects_displacement,
     extended,
     predict_with_effects,
@@ -297,7 +297,7 @@ def test_every_shape_means_the_same_without_the_rows_it_was_fitted_to(effect: st
                 component=component,
                 shape=shape.name,
                 parameters={name: value for name, value in zip(names, values.tolist(), strict=True) if value},
-                scales=_against(shape, law.scales(fit, component)),
+                scales=needed_scales(shape, law.scales(fit, component)),
             )
             robot = fit.robot.model_copy(update={"effects": (added,)})
             robot = parse_robot(robot_to_yaml(robot))

@@ -33,7 +33,7 @@ def said(
         screen(there, SILENCE),
         noise=np.array(noise),
         outliers=np.arange(outliers, dtype=np.intp),
-        silent=silent,
+        below_claim=silent,
     )
     assert isinstance(found, Screened)
     return "\n".join(notes(found, whiten(there), verdict, scale))

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from beamstiff.calibration.calibrate import calibrate
 from beamstiff.calibration.corrected import corrected
+from beamstiff.diagnosis.added_effect import added_effect
 from beamstiff.diagnosis.decomposition.decompose import Cause, Decomposition
-from beamstiff.diagnosis.effects import EFFECTS
+from beamstiff.diagnosis.decomposition.forms import shift_of
 from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import AddedEffect
@@ -36,15 +37,14 @@ def applied(found: Decomposition) -> Robot:
     return robot.model_copy(update={"effects": (*robot.effects, *added)})
 
 
-def _calibrated(found: Decomposition, causes: Iterable[Cause]) -> Robot:
+def _calibrated(found: Decomposition, causes: Sequence[Cause]) -> Robot:
     model = found.model
     linear = model.robot(found.change)
     if model.problem is None:
         return linear
-    moved, rows = np.zeros_like(model.baseline.rows.position), model.baseline.rows
-    for cause in causes:
-        for form, theta in zip(cause.forms, cause.theta, strict=True):
-            moved += (form.shape.columns @ (theta * form.sizes))[:, :3]
+    rows = model.baseline.rows
+    forms = [form for cause in causes for form in cause.forms]
+    moved = shift_of(forms, [theta for cause in causes for theta in cause.theta], len(rows))[:, :3]
     bare = model.given.model_copy(update={"identify": ()})
     beside = replace(rows, position=rows.position - moved)
     robot = calibrate(bare, beside, compliances=model.given.identify, folds=0).robot
@@ -58,22 +58,13 @@ def _calibrated(found: Decomposition, causes: Iterable[Cause]) -> Robot:
 def _added(found: Decomposition, cause: Cause) -> Iterator[AddedEffect]:
     """Yield an entry for every form of a cause; what the cause closes stands in the first."""
     for at, (form, theta) in enumerate(zip(cause.forms, cause.theta, strict=True)):
-        values = theta * form.sizes
-        values = np.where(form.positive, np.maximum(values, 0.0), values)
-        parameters = {
-            item.name: f"{value!r} {item.unit}" if item.unit[0].isalpha() and item.unit != "SI" else value
-            for item, value in zip(form.shape.parameters, values.tolist(), strict=True)
-            if not item.posture_specific
-        }
-        if not parameters:
+        if all(item.posture_specific for item in form.shape.parameters):
             continue
-        scales = EFFECTS[form.effect].scales(found.model.baseline, form.component)
-        against = form.shape.against
-        yield AddedEffect(
-            effect=form.effect,
-            component=form.component,
-            shape=form.shape.name,
-            parameters=parameters,
-            scales={name: value for name, value in scales.items() if against is None or name in against},
+        yield added_effect(
+            found.model.baseline,
+            form.effect,
+            form.component,
+            form.shape,
+            theta * form.sizes,
             closes=None if at else round(cause.closes, 4),
         )

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from beamstiff.diagnosis.decomposition.forms import SLIP, Form, forms_of, stacked
+from beamstiff.diagnosis.decomposition.forms import SLIP, Form, by_form, forms_of, shift_of, stacked
 from beamstiff.diagnosis.decomposition.held_out import Folds, folds_of, interval, ordered
 from beamstiff.diagnosis.decomposition.look_alikes import rival_of, with_usual_name
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, open_geometry, open_stiffness
@@ -182,7 +182,7 @@ def decompose(
         )
     folds = folds_of(model, choice, seed)
     step = fit_step(choice, ())
-    if _more_than_noise(choice, model):
+    if _more_than_noise(choice, model, step):
         step = select(choice, folds.squared_errors)
     for _ in range(ROUNDS):
         chosen = list(forms_in(choice, step).values())
@@ -197,9 +197,8 @@ def decompose(
     return _told(folds, step, seed)
 
 
-def _more_than_noise(choice: Choice, model: OpenModel) -> bool:
-    """Return whether the open model leaves more than the stated noise would by chance."""
-    nothing = fit_step(choice, ())
+def _more_than_noise(choice: Choice, model: OpenModel, nothing: Step) -> bool:
+    """Return whether the open model without a cause leaves more than stated noise would by chance."""
     freedom = len(model.residual) - choice.open_count
     return not model.baseline.claimed or bool(stats.chi2.sf(nothing.squares, freedom) < CHANCE)
 
@@ -218,12 +217,7 @@ def solved(model: OpenModel, chosen: Sequence[Form]) -> tuple[Array, Array]:
 def moved_by(model: OpenModel, chosen: Sequence[Form]) -> Array:
     """Return what causes move the points of all rows, (N, 6), m and rad, as fitted beside what is open."""
     theta, _ = solved(model, chosen)
-    start, moved = model.tangent.shape[1], np.zeros((len(model.baseline.rows), 6))
-    for form in chosen:
-        count = form.sizes.size
-        moved += form.shape.columns @ (theta[start : start + count] * form.sizes)
-        start += count
-    return moved
+    return shift_of(chosen, by_form(chosen, theta[model.tangent.shape[1] :]), len(model.baseline.rows))
 
 
 def _told(folds: Folds, step: Step, seed: int) -> Decomposition:
@@ -239,19 +233,17 @@ def _told(folds: Folds, step: Step, seed: int) -> Decomposition:
     free = len(model.residual) - choice.open_count - step.determined
     scatter = float(np.sqrt(step.squares / max(free, 1.0)))
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0)) * max(scatter, 1.0)
-    ends = model.tangent.shape[1] + np.cumsum([form.sizes.size for form in forms], dtype=int)
-    parts = {
-        number: slice(end - form.sizes.size, end)
-        for number, form, end in zip(step.chosen, forms, ends.tolist(), strict=True)
-    }
+    opened = model.tangent.shape[1]
+    thetas = dict(zip(step.chosen, by_form(forms, theta[opened:]), strict=True))
+    stds = dict(zip(step.chosen, by_form(forms, std[opened:]), strict=True))
     causes = []
     for cause, before, after in zip(order, errors[:-1], errors[1:], strict=True):
         rival = rival_of(choice, step, cause, robot, folds.squared_errors)
         causes.append(
             Cause(
                 forms=tuple(choice.forms[number] for number in cause),
-                theta=tuple(theta[parts[number]] for number in cause),
-                std=tuple(std[parts[number]] for number in cause),
+                theta=tuple(thetas[number] for number in cause),
+                std=tuple(stds[number] for number in cause),
                 probability=rival.probability,
                 closes=float((before - after).sum()) / (total - noise2) if total > noise2 else 0.0,
                 closes_interval=interval(before, after, noise2, total, seed),
@@ -266,7 +258,7 @@ def _told(folds: Folds, step: Step, seed: int) -> Decomposition:
         remainder=remainder_of(model, forms, noise2, total, folds.rows),
         rms=float(np.sqrt(total / folds.rows)),
         noise=float(np.sqrt(noise2 / folds.rows)),
-        change=theta[: model.tangent.shape[1]],
+        change=theta[:opened],
         scatter=scatter,
         bic=least,
         largest=_largest(errors),

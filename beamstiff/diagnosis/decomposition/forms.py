@@ -57,10 +57,10 @@ class Form:
         return np.array([quantity.size for quantity in self.shape.parameters])
 
     @property
-    def spread(self) -> Array:
+    def prior_std(self) -> Array:
         """Standard deviation of each parameter before the data, in realistic sizes, (c,)."""
         compliant = np.array([quantity.unit in COMPLIANCE_UNITS for quantity in self.shape.parameters])
-        return np.where(compliant, UNKNOWN_SCALE * self.shape.spread, self.shape.spread)
+        return np.where(compliant, UNKNOWN_SCALE * self.shape.prior_factor, self.shape.prior_factor)
 
     @cached_property
     def couplings(self) -> Integers:
@@ -136,13 +136,26 @@ def _weighed(
     ]
 
 
+def by_form(chosen: Sequence[Form], values: Array) -> list[Array]:
+    """Return parameters of several forms, one after another, as an array (c,) for each."""
+    return np.split(values, np.cumsum([form.sizes.size for form in chosen], dtype=int))[:-1]
+
+
+def shift_of(chosen: Sequence[Form], theta: Sequence[Array], rows: int) -> Array:
+    """Return what forms with their parameters add to all rows, (N, 6), m and rad."""
+    moved = np.zeros((rows, 6))
+    for form, part in zip(chosen, theta, strict=True):
+        moved += form.shape.columns @ (part * form.sizes)
+    return moved
+
+
 def stacked(model: OpenModel, chosen: Sequence[Form]) -> tuple[Array, Array]:
     """Return matrix (m, t + c) and right side (m,) of a fit of what is open with some forms.
 
     The n measured values come first, then what is known of the parameters beforehand.
     """
     columns = np.concatenate([model.tangent, *(form.columns for form in chosen)], axis=1)
-    spread = np.concatenate([np.zeros(0), *(form.spread for form in chosen)])
+    spread = np.concatenate([np.zeros(0), *(form.prior_std for form in chosen)])
     known = np.zeros((spread.size, columns.shape[1]))
     known[:, columns.shape[1] - spread.size :] = np.diag(1.0 / spread)
     return np.concatenate([columns, known]), np.concatenate([model.residual, np.zeros(spread.size)])

@@ -12,7 +12,7 @@ from beamstiff.diagnosis.effects import Quantity
 def parameters_of(cause: Cause) -> Iterator[tuple[str, Quantity, float, float, float]]:
     """Yield name, quantity, value, standard deviation (SI) and the factor of its sizes of each parameter."""
     for at, (form, theta, std) in enumerate(zip(cause.forms, cause.theta, cause.std, strict=True)):
-        factor = form.shape.realistic or form.shape.spread
+        factor = form.shape.realistic or form.shape.prior_factor
         for item, value, error in zip(form.shape.parameters, theta.tolist(), std.tolist(), strict=True):
             name = f"{item.name}_{at + 1}" if len(cause.rows) > 1 else item.name
             yield name, item, value * item.size, error * item.size, factor

@@ -24,9 +24,8 @@ from beamstiff.diagnosis.decomposition.open_model import OpenModel, orthonormal
 from beamstiff.measure.arrays import Integers
 from beamstiff.se3 import Array
 
-ENOUGH = (
-    10.0  # fall of the BIC from which a cause counts: "very strong" (Kass and Raftery, JASA 90 (1995) 773)
-)
+# fall of the BIC from which a cause counts: "very strong" (Kass and Raftery, JASA 90 (1995) 773)
+ENOUGH = 10.0
 MOST = 100  # forms
 ROUNDS = 20  # of revising a fit
 TRIED = 30  # forms, best first, of which one has to help on held-out postures
@@ -138,7 +137,7 @@ def build_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
     size = np.linalg.norm(every, axis=0)
     every = every / np.where(size > 0, size, 1.0)
     every = every - basis @ (basis.T @ every)
-    spread = np.concatenate([np.zeros(0), *(form.spread for form in forms)])
+    spread = np.concatenate([np.zeros(0), *(form.prior_std for form in forms)])
     groups = []
     for count in sorted(set(sizes)):
         some = np.flatnonzero(np.array(sizes) == count)

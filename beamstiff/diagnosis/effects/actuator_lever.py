@@ -74,7 +74,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     def any_of(name: str, some: list[Crank]) -> Shape:
         whole = [scaled_torque(baseline, axis, mode) for mode in follow.family(lambda q: laws(q, some)).T]
         names = (Quantity(f"compliance_mode_{k + 1}", unit, VARIES * compliance) for k in range(len(whole)))
-        return Shape(name, np.stack(whole, -1), tuple(names), spread=3.0, weight=0.5)
+        return Shape(name, np.stack(whole, -1), tuple(names), prior_factor=3.0, weight=0.5)
 
     gentle = _possible(follow, FINE_RATIOS, FINE, GEARS, GENTLE)
     result = [
@@ -82,7 +82,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
             f"crank {ratio:g}, {np.degrees(phase):.0f} deg",
             column[..., None],
             (gain,),
-            spread=3.0,
+            prior_factor=3.0,
             weight=1.0 / len(cranks),
         )
         for (ratio, phase, _, _), column in zip(cranks, columns, strict=True)
@@ -96,8 +96,8 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     )
     return [
         *result,
-        Shape("once a turn", waves[..., :2], parts[:2], spread=3.0),
-        Shape("once and twice a turn", waves, parts, spread=3.0, weight=0.5),
+        Shape("once a turn", waves[..., :2], parts[:2], prior_factor=3.0),
+        Shape("once and twice a turn", waves, parts, prior_factor=3.0, weight=0.5),
         any_of("any crank", family),
         *([any_of("any gentle crank", gentle)] if gentle else []),
     ]

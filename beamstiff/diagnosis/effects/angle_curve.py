@@ -46,7 +46,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
             f"order {k}",
             np.stack([turn * course(k * angle)[:, None] for course in (np.sin, np.cos)], axis=-1),
             tuple(Quantity(f"{way}_{k}", "rad", SIZE) for way in ("sine", "cosine")),
-            spread=30.0,
+            prior_factor=30.0,
         )
         for k in range(1, most + 1)
     ]

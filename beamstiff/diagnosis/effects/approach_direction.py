@@ -50,7 +50,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     kind = next(item.kind for item in baseline.nominal.actuated if item.name == name)
     half = Quantity("half_lost_motion", "rad" if kind == "angle" else "m", SIZE)
     columns = pose_change(baseline, name) * last_direction(baseline.rows, name)[:, None]
-    return [Shape("direction of the last motion", columns[..., None], (half,), spread=30.0)]
+    return [Shape("direction of the last motion", columns[..., None], (half,), prior_factor=30.0)]
 
 
 EFFECT = Effect(

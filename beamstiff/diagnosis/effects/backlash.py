@@ -53,7 +53,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         one, spread = sized(width)
         ways = tuple(replace(one, name=f"width_{side}") for side in SIDES)
         name = f"{kind} within {width:g}, off rest"
-        return Shape(name, np.stack(both, -1), ways, spread=spread, weight=weight)
+        return Shape(name, np.stack(both, -1), ways, prior_factor=spread, weight=weight)
 
     sided = [to_sides(_one_side, width) for width in WIDTHS]
     flanks = [up + down for up, down in sided]
@@ -61,21 +61,23 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     for width, odd, both in zip(WIDTHS, flanks, sided, strict=True):
         one, spread = sized(width)
         result += [
-            Shape(f"flank within {width:g}", odd[..., None], (one,), spread=spread, weight=2.0),
+            Shape(f"flank within {width:g}", odd[..., None], (one,), prior_factor=spread, weight=2.0),
             off_rest("flank", both, width),
         ]
     result += [off_rest("flank", to_sides(_one_side, width), width, RARELY) for width in BETWEEN]
     result += [off_rest("straight flank", to_sides(_straight, width), width, RARELY) for width in STRAIGHT]
     way = replace(half, size=0.5 * half.size)
     halves = tuple(replace(way, name=f"half_width_{width:g}") for width in WIDTHS)
-    result.append(Shape("flanks one after another", np.stack(flanks, -1), halves, spread=6.0, weight=0.5))
+    result.append(
+        Shape("flanks one after another", np.stack(flanks, -1), halves, prior_factor=6.0, weight=0.5)
+    )
     sides = tuple(replace(way, name=f"width_{width:g}_{side}") for width in WIDTHS for side in SIDES)
     result.append(
         Shape(
             "flanks one after another, other ones to each side",
             np.stack([one for both in sided for one in both], -1),
             sides,
-            spread=6.0,
+            prior_factor=6.0,
             weight=0.5,
         )
     )
@@ -91,7 +93,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
                     f"flank within {width:g}, by the angle",
                     np.stack([odd * course[:, None] for course in courses], -1),
                     (one, *(replace(wave, name=f"half_width_{name}") for name in WAVES)),
-                    spread=spread,
+                    prior_factor=spread,
                     weight=0.5,
                     against=("torque", *WAVES),
                 )

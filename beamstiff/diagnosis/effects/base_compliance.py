@@ -7,7 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from beamstiff.diagnosis.effects.effect import Effect, Normalisation, Quantity, Shape
-from beamstiff.diagnosis.effects.torque_laws import by_compliance, by_contacts, load_scales, softness
+from beamstiff.diagnosis.effects.torque_laws import (
+    by_compliance,
+    by_contacts,
+    compliance_quantities,
+    load_scales,
+    softness,
+)
 from beamstiff.diagnosis.residual.baseline import Baseline
 
 ROTATION = 5e-8  # rad/(N m)
@@ -24,30 +30,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     soft = float(np.sqrt(softness(baseline)))  # a small robot may stand on the floor of a large one
     rotation, translation, coupling = soft * ROTATION, soft * TRANSLATION, soft * COUPLING
     tilt = Quantity("tilting_compliance", "rad/(N*m)", rotation, positive=True)
-    rotations = tuple(
-        Quantity(f"rotational_compliance_{axis}", "rad/(N*m)", rotation, positive=True) for axis in "xyz"
-    )
-    skews = tuple(
-        Quantity(
-            f"rotational_compliance_{a}{b}",
-            "rad/(N*m)",
-            0.3 * rotation,
-            within=(f"rotational_compliance_{a}", f"rotational_compliance_{b}"),
-        )
-        for a, b in ("xy", "xz", "yz")
-    )
-    slides = tuple(
-        Quantity(f"translational_compliance_{axis}", "m/N", translation, positive=True) for axis in "xyz"
-    )
-    slants = tuple(
-        Quantity(
-            f"translational_compliance_{a}{b}",
-            "m/N",
-            0.3 * translation,
-            within=(f"translational_compliance_{a}", f"translational_compliance_{b}"),
-        )
-        for a, b in ("xy", "xz", "yz")
-    )
+    rotations, skews, slides, slants = compliance_quantities(rotation, translation)
     couplings = tuple(Quantity(f"coupling_{pair}", "1/N", coupling) for pair in ("x_ry", "y_rx"))
     others = tuple(
         Quantity(f"coupling_{'xyz'[a]}_r{'xyz'[b]}", "1/N", 0.5 * coupling)

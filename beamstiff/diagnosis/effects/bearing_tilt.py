@@ -115,7 +115,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     return [
         replace(
             one,
-            spread=SPREAD,
+            prior_factor=SPREAD,
             realistic=REALISTIC,
             against=None if any(how in one.name for how in counted) else (),
         )

@@ -12,7 +12,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from beamstiff.diagnosis.residual.baseline import SILENT, Baseline
+from beamstiff.diagnosis.residual.baseline import ROUNDING, Baseline
 from beamstiff.diagnosis.residual.whitened import orthonormal, shown
 from beamstiff.se3 import Array
 
@@ -44,7 +44,7 @@ class Left:
         """Return how much of it columns (N, 6, c) of the rows that were fitted explain, squared."""
         whole = _weighted(self.fit, columns)
         flat = whole - self.own @ (self.own.T @ whole)
-        flat = flat[:, np.linalg.norm(flat, axis=0) > SILENT * np.linalg.norm(whole, axis=0)]
+        flat = flat[:, np.linalg.norm(flat, axis=0) > ROUNDING * np.linalg.norm(whole, axis=0)]
         if not flat.shape[1]:
             return 0.0
         toward = flat.T @ self.gap
@@ -68,7 +68,7 @@ def best_of(choices: Sequence[Choice], left: Left, columns: Callable[[Choice], A
     Of few rows many explain all: the first, for rounding must not choose.
     """
     values = np.array([left.explained(columns(one)) for one in choices])
-    if not values.size or not values.max() > SILENT * (left.fit.gap**2).sum():
+    if not values.size or not values.max() > ROUNDING * (left.fit.gap**2).sum():
         return None
     return choices[int(np.argmax(values >= (1.0 - TIED) * values.max()))]
 

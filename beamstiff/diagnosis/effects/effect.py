@@ -20,7 +20,7 @@ class Quantity:
         A middling realistic magnitude, in `unit`.
     positive : bool
         Whether it cannot be negative: nothing gives way against its load.
-    passing : bool
+    posture_specific : bool
         Whether it is of the postures at hand alone: it says nothing of others, and is not told.
     within : pair of str, optional
         Of a compliance that couples two directions, the names of theirs: their product bounds its square.
@@ -44,15 +44,15 @@ class Shape:
     columns : (N, 6, c) array, m and rad per unit
         What each parameter adds to the prediction.
     parameters : tuple of Quantity (c)
-    spread : float
+    prior_factor : float
         Magnitudes lie between the sizes divided and multiplied by this.
     weight : float
         Prior weight among the shapes of its effect.
     realistic : float or None
-        The same of those that are realistic, where there are machines unlike the usual; None is `spread`.
+        The same of those that are realistic, where machines differ from the usual; None is `prior_factor`.
     against : tuple of str, optional
         The scales of the effect that its columns count against; by default all of them.
-    tuned : bool
+    data_selected : bool
         Whether its columns were chosen by the gap itself: campaigns without an effect, that were simulated,
         cannot be compared under it.
     """
@@ -60,7 +60,7 @@ class Shape:
     name: str
     columns: Array
     parameters: tuple[Quantity, ...]
-    spread: float = 10.0
+    prior_factor: float = 10.0
     weight: float = 1.0
     realistic: float | None = None
     against: tuple[str, ...] | None = None

@@ -159,7 +159,7 @@ def anew(
             for k in range(here.shape[1])
             for one in quantities
         ]
-    yield Shape(name, np.concatenate(parts, -1), tuple(every), spread=SPREAD, weight=0.5)
+    yield Shape(name, np.concatenate(parts, -1), tuple(every), prior_factor=SPREAD, weight=0.5)
 
 
 def first_of_pose(baseline: Baseline) -> NDArray[np.intp]:

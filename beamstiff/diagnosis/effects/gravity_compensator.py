@@ -79,12 +79,12 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
             columns = np.concatenate([wound(_largest_torque(follow.angle, *chosen)[None]), columns], -1)
         ratio, free, phase = chosen
         name = f"spring {ratio:g}, free {free:g}, {np.degrees(phase):.0f} deg"
-        result.append(Shape(name, columns, one, spread=spread, weight=1.0 / len(springs)))
+        result.append(Shape(name, columns, one, prior_factor=spread, weight=1.0 / len(springs)))
     modes = follow.family(lambda q: laws(q, family)).T
     whole = softer(modes)
     every = tuple(Quantity(f"stiffness_mode_{k + 1}", "N*m/rad", 0.5 * stiff) for k in range(len(modes)))
     if not seen:
-        return [*result, Shape("any spring", whole, every, spread=spread)]
+        return [*result, Shape("any spring", whole, every, prior_factor=spread)]
     courses = (laws(follow.angle, family, TORQUE) @ follow.mixture(laws(follow.fitted, family, TORQUE))).T
     whole = np.concatenate([wound(courses), whole], -1)
     every = (*(Quantity(f"torque_mode_{k + 1}", "N*m", turn) for k in range(len(courses))), *every)
@@ -93,8 +93,8 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     more = (Quantity("torque", "N*m", turn), Quantity("torque_by_angle", "N*m/rad", turn))
     return [
         *result,
-        Shape("any spring", whole, every, spread=spread),
-        Shape("any spring, and a wound one", coil, (*more, *every), spread=spread),
+        Shape("any spring", whole, every, prior_factor=spread),
+        Shape("any spring, and a wound one", coil, (*more, *every), prior_factor=spread),
     ]
 
 

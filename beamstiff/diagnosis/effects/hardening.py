@@ -40,12 +40,12 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         return np.clip(torque / (at * largest), -1.0, 1.0)
 
     result = [
-        Shape("cubic", by_law(baseline, axis, cubic)[..., None], (scale,), spread=5.0),
-        Shape("square", by_law(baseline, axis, square)[..., None], (scale,), spread=5.0),
+        Shape("cubic", by_law(baseline, axis, cubic)[..., None], (scale,), prior_factor=5.0),
+        Shape("square", by_law(baseline, axis, square)[..., None], (scale,), prior_factor=5.0),
     ]
     windups = [by_law(baseline, axis, lambda torque, at=at: knee(torque, at)) for at in KNEES]  # type: ignore[misc]
     result += [
-        Shape(f"knee at {at:g}", column[..., None], (soft("extra_windup", at),), spread=4.0)
+        Shape(f"knee at {at:g}", column[..., None], (soft("extra_windup", at),), prior_factor=4.0)
         for at, column in zip(KNEES, windups, strict=True)
     ]
 
@@ -57,7 +57,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
             f"smooth, over {at:g}",
             by_law(baseline, axis, lambda torque, at=at: fading(torque, at))[..., None],  # type: ignore[misc]
             (soft("extra_windup", at),),
-            spread=4.0,
+            prior_factor=4.0,
         )
         for at in FADES
     ]
@@ -72,9 +72,11 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     ]
     sides = tuple(soft(f"extra_windup_{at:g}_{side}", at) for at in KNEES for side in ("up", "down"))
     several = tuple(soft(f"extra_windup_{at:g}", at) for at in KNEES)
-    result.append(Shape("several knees", np.stack(windups, -1), several, spread=4.0))
+    result.append(Shape("several knees", np.stack(windups, -1), several, prior_factor=4.0))
     result.append(
-        Shape("several knees, other ones to each side", np.stack(sided, -1), sides, spread=4.0, weight=0.5)
+        Shape(
+            "several knees, other ones to each side", np.stack(sided, -1), sides, prior_factor=4.0, weight=0.5
+        )
     )
     return result
 

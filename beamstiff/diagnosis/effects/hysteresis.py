@@ -185,18 +185,18 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         steady = every(STEADY)
         for at, limit in enumerate(LIMITS):
             one = steady[:, :, at * len(ways) : (at + 1) * len(ways)]
-            result.append(Shape(f"friction {limit:g}{begin}", one, tuple(lags), spread=4.0))
+            result.append(Shape(f"friction {limit:g}{begin}", one, tuple(lags), prior_factor=4.0))
         if len(ways) > FEW:
             continue
         kinds = {"distributed friction": (STEADY, steady, 1.0)}
         kinds["friction that grows with the torque"] = (growing, every(growing), 0.5)
         for kind, (limits, columns, weight) in kinds.items():
-            result.append(Shape(f"{kind}{begin}", columns, named(limits), spread=4.0, weight=weight))
+            result.append(Shape(f"{kind}{begin}", columns, named(limits), prior_factor=4.0, weight=weight))
             if kept is not None and len(ways) == 1:
                 both = np.concatenate([columns, every(limits, kept)], -1)
                 quantities = (*named(limits), *named(limits, "_let_go"))
                 name = f"{kind}{begin}{LET_GO}"
-                result.append(Shape(name, both, quantities, spread=4.0, weight=0.5 * weight))
+                result.append(Shape(name, both, quantities, prior_factor=4.0, weight=0.5 * weight))
     return [one if one.name.endswith(LET_GO) else replace(one, against=("torque",)) for one in result]
 
 

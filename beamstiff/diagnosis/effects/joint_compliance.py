@@ -41,9 +41,11 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     others = tuple(Quantity(part, unit, 0.5 * size) for part in parts)
     stiffer = Quantity("compliance_lost_at_much_torque", unit, 0.5 * size, positive=True)
     found = [
-        Shape("linear", linear[..., None], (compliance,), spread=30.0),
-        Shape("stiffening", np.stack([linear, less], -1), (compliance, stiffer), spread=30.0, weight=0.5),
-        Shape("any law", np.stack(any_law, -1), (compliance, *others), spread=30.0, weight=0.5),
+        Shape("linear", linear[..., None], (compliance,), prior_factor=30.0),
+        Shape(
+            "stiffening", np.stack([linear, less], -1), (compliance, stiffer), prior_factor=30.0, weight=0.5
+        ),
+        Shape("any law", np.stack(any_law, -1), (compliance, *others), prior_factor=30.0, weight=0.5),
     ]
     if axis.turns and axis.joint.variable is not None:  # what carries it changes with the posture
         angle = baseline.joint_values[axis.joint.variable]
@@ -51,12 +53,12 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         by_angle = np.stack([linear, *(linear * course[:, None] for course in courses)], -1)
         names = [f"compliance_by_{wave}_{k}" for k in ("q", "2q") for wave in ("cosine", "sine")]
         waves = tuple(Quantity(name, unit, 0.3 * size) for name in names)
-        found.append(Shape("by its angle", by_angle, (compliance, *waves), spread=30.0, weight=0.5))
+        found.append(Shape("by its angle", by_angle, (compliance, *waves), prior_factor=30.0, weight=0.5))
         # worn or stiff sectors
         bumps = np.exp((np.cos(angle[:, None] - np.deg2rad(SECTORS)) - 1.0) / np.deg2rad(SECTOR) ** 2)
         near = np.concatenate([linear[..., None], linear[..., None] * bumps[:, None]], -1)
         sectors = tuple(Quantity(f"compliance_near_{at}_deg", unit, 0.5 * size) for at in SECTORS)
-        found.append(Shape("by sectors", near, (compliance, *sectors), spread=30.0, weight=0.5))
+        found.append(Shape("by sectors", near, (compliance, *sectors), prior_factor=30.0, weight=0.5))
     return found
 
 

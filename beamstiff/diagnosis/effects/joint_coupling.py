@@ -39,8 +39,8 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         Quantity("coupling_compliance_second", unit, size),
     )
     found = [
-        Shape("reciprocal", (one + other)[..., None], (shared,), spread=4.0),
-        Shape("one way each", np.stack([one, other], -1), both, spread=4.0, weight=0.5),
+        Shape("reciprocal", (one + other)[..., None], (shared,), prior_factor=4.0),
+        Shape("one way each", np.stack([one, other], -1), both, prior_factor=4.0, weight=0.5),
     ]
     angles = {
         k: baseline.joint_values[str(axis.joint.variable)]
@@ -63,7 +63,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
 
     def shape(name: str, parts: list[tuple[Array, Quantity]]) -> Shape:
         columns, quantities = np.stack([part for part, _ in parts], -1), tuple(part for _, part in parts)
-        return Shape(name, columns, quantities, spread=4.0, weight=0.5)
+        return Shape(name, columns, quantities, prior_factor=4.0, weight=0.5)
 
     if turns:
         parts = followed(cross, "coupling_compliance", size, turns, unit)

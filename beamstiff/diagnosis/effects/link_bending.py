@@ -121,7 +121,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     every = np.stack([column for columns in weak for column in columns], -1)
     found.append(Shape("weak at several sections", every, several, weight=0.5))
     found.append(any_symmetric(baseline, place, _sizes(length, soft), "any, as round a corner"))
-    return [replace(one, spread=SPREAD, realistic=REALISTIC) for one in found]
+    return [replace(one, prior_factor=SPREAD, realistic=REALISTIC) for one in found]
 
 
 def _section(arm: float, a: int, b: int) -> Array:

@@ -137,7 +137,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
         branch = rising(baseline)
         friction = Quantity("pulley_friction", "1", GAIN)
         result.append(Shape("pulley friction", moved((wrench * branch[:, None])[..., None]), (friction,)))
-    return [replace(one, spread=SPREAD) for one in result]
+    return [replace(one, prior_factor=SPREAD) for one in result]
 
 
 def rising(baseline: Baseline) -> Array:

@@ -51,7 +51,7 @@ def misread(baseline: Baseline, turn: Array, turns: tuple[Quantity, ...]) -> Ite
     }
     for name, ((columns, quantities), first) in ways.items():
         both = np.concatenate([turned, columns[..., :first]], -1)
-        yield Shape(name, both, (*turns, *quantities[:first]), spread=FEW_TIMES, weight=0.5)
+        yield Shape(name, both, (*turns, *quantities[:first]), prior_factor=FEW_TIMES, weight=0.5)
 
 
 def _of_each_place(moved: Array, place: Array) -> tuple[Array, list[Quantity]]:

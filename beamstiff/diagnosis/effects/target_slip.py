@@ -55,7 +55,9 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     for at in range(FEWEST, last + 1):
         after[own[at - 1]] = 0.0
         if (at - FEWEST) % every == 0:
-            shapes.append(Shape(f"from row {own[at]} on", moved * after[:, None, None], SLIPS, spread=30.0))
+            shapes.append(
+                Shape(f"from row {own[at]} on", moved * after[:, None, None], SLIPS, prior_factor=30.0)
+            )
     return shapes
 
 

@@ -61,7 +61,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
         moved = {name: since_pose(baseline, mode) for name, mode in modes.items()}
         short = _in_time(baseline, since, moved, ", since the unloaded reading")
         short += _of_parts(baseline, parts, since, moved, ", since the unloaded reading")
-        result += [replace(one, spread=SHORT, realistic=one.spread) for one in short]
+        result += [replace(one, prior_factor=SHORT, realistic=one.prior_factor) for one in short]
     if stated or (np.isfinite(fitted.temperature).all() and np.ptp(fitted.temperature) > 0):
         warmth = {
             "temperature" if lag == 0 else f"temperature, lagging by {lag:g}": lagged(baseline, lag)
@@ -72,7 +72,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
         if stated or shared:
             change = {name: since_pose(baseline, course) for name, course in warmth.items()}
             short = _with_warmth(baseline, parts, change, ", since the unloaded reading")
-            result += [replace(one, spread=SHORT, realistic=one.spread) for one in short]
+            result += [replace(one, prior_factor=SHORT, realistic=one.prior_factor) for one in short]
     return [*result, *_cycling(baseline, shared)]
 
 

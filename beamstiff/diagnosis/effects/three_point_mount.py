@@ -18,7 +18,7 @@ import numpy as np
 from beamstiff.diagnosis.effects.data_selected import best_of, left_by
 from beamstiff.diagnosis.effects.effect import Normalisation, stated_scale
 from beamstiff.diagnosis.effects.torque_laws import any_compliance, most_of
-from beamstiff.diagnosis.residual.baseline import SILENT, Baseline
+from beamstiff.diagnosis.residual.baseline import ROUNDING, Baseline
 from beamstiff.diagnosis.residual.internal_wrench import Place
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.se3 import Array
@@ -149,5 +149,5 @@ def _at(baseline: Baseline, distance: float, radius: float, angle: float) -> Sea
     every = most_of(place)
     largest = float(np.abs(seats.forces(every)).max(initial=0.0))
     most = np.linalg.norm(every[:, :3], axis=1) + np.linalg.norm(every[:, 3:], axis=1) / radius
-    loaded = largest > SILENT * float(most.max(initial=0.0))
+    loaded = largest > ROUNDING * float(most.max(initial=0.0))
     return replace(seats, force=largest) if loaded else None

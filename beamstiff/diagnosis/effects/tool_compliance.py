@@ -13,6 +13,7 @@ from beamstiff.diagnosis.effects.torque_laws import (
     by_compliance,
     by_contacts,
     by_side,
+    compliance_quantities,
     load_scales,
     softness,
 )
@@ -35,30 +36,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     soft = softness(baseline)
     rotation, translation, coupling = soft * ROTATION, soft * TRANSLATION, soft * COUPLING
     even = Quantity("rotational_compliance", "rad/(N*m)", rotation, positive=True)
-    rotations = tuple(
-        Quantity(f"rotational_compliance_{axis}", "rad/(N*m)", rotation, positive=True) for axis in "xyz"
-    )
-    skews = tuple(
-        Quantity(
-            f"rotational_compliance_{a}{b}",
-            "rad/(N*m)",
-            0.3 * rotation,
-            within=(f"rotational_compliance_{a}", f"rotational_compliance_{b}"),
-        )
-        for a, b in ("xy", "xz", "yz")
-    )
-    slides = tuple(
-        Quantity(f"translational_compliance_{axis}", "m/N", translation, positive=True) for axis in "xyz"
-    )
-    slants = tuple(
-        Quantity(
-            f"translational_compliance_{a}{b}",
-            "m/N",
-            0.3 * translation,
-            within=(f"translational_compliance_{a}", f"translational_compliance_{b}"),
-        )
-        for a, b in ("xy", "xz", "yz")
-    )
+    rotations, skews, slides, slants = compliance_quantities(rotation, translation)
     couplings = tuple(
         Quantity(f"coupling_{'xyz'[a]}_r{'xyz'[b]}", "1/N", coupling) for a in range(3) for b in range(3)
     )
@@ -149,7 +127,9 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
             )
         )
     return [
-        replace(one, spread=SPREAD, realistic=REALISTIC, against=None if one.name.startswith(LAWS) else ())
+        replace(
+            one, prior_factor=SPREAD, realistic=REALISTIC, against=None if one.name.startswith(LAWS) else ()
+        )
         for one in found
     ]
 

@@ -170,7 +170,7 @@ def _where_nothing_else_turns(baseline: Baseline, loaded: Array) -> tuple[Array,
     rows = baseline.rows
     drives_here = [(str(name), axis_at(baseline, str(name))) for name in drives(baseline)]
     if baseline.stated is None:
-        drives_here = [one for one in drives_here if _is_silent(baseline.fit, one[1])]
+        drives_here = [one for one in drives_here if _is_insensitive(baseline.fit, one[1])]
     if not drives_here:
         return np.zeros((len(rows), 6, 0)), ()
     there = baseline
@@ -185,7 +185,7 @@ def _where_nothing_else_turns(baseline: Baseline, loaded: Array) -> tuple[Array,
     return np.concatenate(columns, -1), tuple(quantities)
 
 
-def _is_silent(fit: Baseline, axis: Axis) -> bool:
+def _is_insensitive(fit: Baseline, axis: Axis) -> bool:
     """Return whether a drive was fitted, and moves nothing by more than rounding, however soft it is."""
     name = f"{axis.joint.name}.{own_direction(fit.nominal, axis.joint.name)}"
     if name not in fit.fitted:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamstiff.diagnosis.effects.effect import Normalisation, Quantity, Shape, stated_scale
-from beamstiff.diagnosis.residual.baseline import SILENT, Baseline, own_direction
+from beamstiff.diagnosis.residual.baseline import ROUNDING, Baseline, own_direction
 from beamstiff.diagnosis.residual.internal_wrench import Place
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import FREE, RIGID
@@ -87,7 +87,7 @@ def _largest(place: Place, at: int) -> float:
     """Return the largest entry of a place's wrenches; 0 where it is nothing but the rounding of others."""
     every = most_of(place)
     largest = float(np.abs(every[:, at]).max(initial=0.0))
-    return largest if largest > SILENT * float(np.linalg.norm(every, axis=1).max(initial=0.0)) else 0.0
+    return largest if largest > ROUNDING * float(np.linalg.norm(every, axis=1).max(initial=0.0)) else 0.0
 
 
 def most_of(place: Place) -> Array:
@@ -137,6 +137,27 @@ def by_compliance(baseline: Baseline, place: Place, pairs: list[tuple[int, int]]
             slip[:, b] += passed[:, a]
     result: Array = np.einsum("nab,nb->na", place.shift, slip)
     return result
+
+
+def compliance_quantities(rotation: float, translation: float) -> tuple[tuple[Quantity, ...], ...]:
+    """Return the entries of a place's compliance: rotations, their couplings, translations, theirs.
+
+    Three each, (xx, yy, zz) or (xy, xz, yz), of realistic sizes `rotation`, rad/(N m), and `translation`,
+    m/N; couplings are 0.3 of these.
+    """
+
+    def own(name: str, unit: str, size: float) -> tuple[Quantity, ...]:
+        return tuple(Quantity(f"{name}_{axis}", unit, size, positive=True) for axis in "xyz")
+
+    def coupled(name: str, unit: str, size: float) -> tuple[Quantity, ...]:
+        return tuple(
+            Quantity(f"{name}_{a}{b}", unit, 0.3 * size, within=(f"{name}_{a}", f"{name}_{b}"))
+            for a, b in ("xy", "xz", "yz")
+        )
+
+    turning = ("rotational_compliance", "rad/(N*m)", rotation)
+    sliding = ("translational_compliance", "m/N", translation)
+    return own(*turning), coupled(*turning), own(*sliding), coupled(*sliding)
 
 
 def any_compliance(baseline: Baseline, place: Place) -> Array:

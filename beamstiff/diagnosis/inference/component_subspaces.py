@@ -29,7 +29,7 @@ from beamstiff.diagnosis.effects.torque_laws import (
 from beamstiff.diagnosis.inference.external_friction import lagging, slipping
 from beamstiff.diagnosis.inference.library import Library
 from beamstiff.diagnosis.inference.tool_ground_spring import held_tool, stopped, tethered
-from beamstiff.diagnosis.residual.baseline import SILENT, Baseline
+from beamstiff.diagnosis.residual.baseline import ROUNDING, Baseline
 from beamstiff.diagnosis.residual.internal_wrench import Place
 from beamstiff.diagnosis.residual.whitened import LARGE, Whitened
 from beamstiff.measure.arrays import places_of_each
@@ -152,7 +152,7 @@ def _main(white: Whitened, groups: Sequence[Array], most: int = MODES) -> Array:
         columns = white.project_out(whole)
         size, before = np.linalg.norm(columns, axis=0), np.linalg.norm(whole, axis=0)
         # a column that is small beside the others of its kind moves nothing but by rounding
-        kept = size > np.maximum(ABSORBED * before, SILENT * before.max(initial=0.0))
+        kept = size > np.maximum(ABSORBED * before, ROUNDING * before.max(initial=0.0))
         if kept.any():
             parts.append(columns[:, kept] / size[kept] / np.sqrt(kept.sum()))
     if not parts:

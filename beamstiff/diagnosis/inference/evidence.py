@@ -132,7 +132,7 @@ def evidence(
         The hypotheses side by side, where they are weighed several times in the same axes.
     """
     stacks = stacks_of(hypotheses) if stacks is None else stacks
-    spread = np.array([one.shape.spread for one in hypotheses])
+    spread = np.array([one.shape.prior_factor for one in hypotheses])
     logs = np.stack(
         [_given_share(white, stacks, spread, scales, share, white.gap[:, None])[..., 0] for share in shares]
     )  # (R, 1 + H, U)
@@ -164,7 +164,7 @@ def evidence(
 
 def detection(white: Whitened, hypotheses: Sequence[Hypothesis], scales: NoisePrior, gaps: Array) -> Array:
     """Return the log odds of any effect against none for gaps (n, d), (d,), each shape taken as exact."""
-    spread = np.array([one.shape.spread for one in hypotheses])
+    spread = np.array([one.shape.prior_factor for one in hypotheses])
     logs = _given_share(white, stacks_of(hypotheses), spread, scales, 0.0, gaps)
     prior = np.log([one.prior for one in hypotheses])
     some = logsumexp(logs[1:], axis=1) - np.log(MAGNITUDES.size)  # (H, d)
@@ -189,8 +189,8 @@ def _given_share(
     """Return log densities (1 + H, U, d) of gaps (n, d); the first is that of no effect, for any u."""
     weight = 1.0 / (1.0 + share**2 * white.unknown)
     n, t = white.tangent.shape
-    # what is loose is fitted too, with a variance of its own: free columns have none to pay for
-    own = np.concatenate([white.tangent, share * white.loose], axis=1)
+    # nuisance columns are fitted too, with a variance of its own: free columns have none to pay for
+    own = np.concatenate([white.tangent, share * white.nuisance], axis=1)
     fitted = own.T @ (weight[:, None] * own)
     fitted[np.arange(t, len(fitted)), np.arange(t, len(fitted))] += 1.0
     chol = np.linalg.cholesky(fitted)

@@ -171,7 +171,7 @@ def _hidden(hypotheses: Sequence[Hypothesis], white: Whitened) -> str:
         return ""
     size = np.array([np.sqrt((one.columns**2).sum()) for one in hypotheses])
     left = np.array([np.sqrt((white.project_out(one.columns) ** 2).sum()) for one in hypotheses])
-    most = left * np.array([one.shape.spread for one in hypotheses]) / np.sqrt(max(white.freedom, 1))
+    most = left * np.array([one.shape.prior_factor for one in hypotheses]) / np.sqrt(max(white.freedom, 1))
     if not size.any():
         return "these loads and postures do not excite it"
     if (left < ABSORBED * size).all():

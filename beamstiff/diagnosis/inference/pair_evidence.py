@@ -70,12 +70,12 @@ def together(
     scales : NoisePrior
     laws : sequence of ComponentSubspace
     """
-    loose = modes_of(laws, {*first[0].places, *second[0].places}, white.gap.size)
+    nuisance = modes_of(laws, {*first[0].places, *second[0].places}, white.gap.size)
     best = start
     for _ in range(TURNS):
-        of_second = evidence(white.with_fitted(best.columns, loose), second, scales, COARSE)
+        of_second = evidence(white.with_fitted(best.columns, nuisance), second, scales, COARSE)
         other = second[int(np.argmax(log_weights(second, of_second)))]
-        of_first = evidence(white.with_fitted(other.columns, loose), first, scales, COARSE)
+        of_first = evidence(white.with_fitted(other.columns, nuisance), first, scales, COARSE)
         before, best = best, first[int(np.argmax(log_weights(first, of_first)))]
         if best.shape.name == before.shape.name:
             break
@@ -86,7 +86,7 @@ def together(
     ]
     sizes = of_first.magnitude, of_second.magnitude
     both = [_joined(first[a], second[b], sizes[0][a], sizes[1][b]) for a, b in ways]
-    found = evidence(white.with_fitted(first[0].columns[:, :0], loose), both, scales)
+    found = evidence(white.with_fitted(first[0].columns[:, :0], nuisance), both, scales)
     weights = log_weights(both, found)
     total = float(logsumexp(weights))
     share = np.exp(weights - total)
@@ -107,8 +107,8 @@ def alone(
     white: Whitened, shapes: Sequence[Hypothesis], scales: NoisePrior, laws: Sequence[ComponentSubspace]
 ) -> float:
     """Return the log evidence of one cause whose place may do more than its shapes, as in `together`."""
-    loose = modes_of(laws, set(shapes[0].places), white.gap.size)
-    found = evidence(white.with_fitted(shapes[0].columns[:, :0], loose), shapes, scales)
+    nuisance = modes_of(laws, set(shapes[0].places), white.gap.size)
+    found = evidence(white.with_fitted(shapes[0].columns[:, :0], nuisance), shapes, scales)
     return float(logsumexp(log_weights(shapes, found)))
 
 
@@ -117,7 +117,7 @@ def _joined(first: Hypothesis, second: Hypothesis, size: float, other: float) ->
     parameters = (*first.shape.parameters, *second.shape.parameters)
     return replace(
         first,
-        shape=replace(first.shape, spread=COMMON, parameters=parameters),
+        shape=replace(first.shape, prior_factor=COMMON, parameters=parameters),
         prior=first.prior * second.prior,
         columns=columns,
         places=(*first.places, *second.places),

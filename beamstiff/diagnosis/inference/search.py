@@ -173,9 +173,9 @@ def _beside(
 ) -> Iterator[Pair]:
     """Yield every second cause beside a first, whose place may do more than its shape says."""
     first = hypotheses[at]
-    loose = modes_of(laws, first.places, white.gap.size)
-    alike = evidence(white.with_fitted(first.columns[:, :0], loose), [first], scales, COARSE)
-    beside = white.with_fitted(first.columns, loose)
+    nuisance = modes_of(laws, first.places, white.gap.size)
+    alike = evidence(white.with_fitted(first.columns[:, :0], nuisance), [first], scales, COARSE)
+    beside = white.with_fitted(first.columns, nuisance)
     second = evidence(beside, hypotheses, scales, COARSE, stacks)
     whole = float(np.linalg.norm(white.project_out(white.gap[:, None]))) or 1.0
     part = float(np.linalg.norm(beside.project_out(white.gap[:, None]))) / whole
@@ -212,7 +212,7 @@ def _unmodelled_by_place(
 
 def _weighed(white: Whitened, laws: Sequence[tuple[Key, Array]], scales: NoisePrior) -> dict[Key, float]:
     """Return the log evidence of laws by their keys, the better where two have one key."""
-    shape = Shape("free", np.zeros((0, 6, 0)), (), spread=FREE_SPREAD)
+    shape = Shape("free", np.zeros((0, 6, 0)), (), prior_factor=FREE_SPREAD)
     some = [(key, modes) for key, modes in laws if modes.shape[1]]
     free = [Hypothesis("unknown", None, shape, 1.0, FREE_SIZE * modes) for _, modes in some]
     found: dict[Key, float] = {}

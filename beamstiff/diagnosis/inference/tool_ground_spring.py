@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from beamstiff.diagnosis.residual.baseline import (
-    SILENT,
+    ROUNDING,
     Baseline,
     nominal_pose,
     predict,
@@ -94,7 +94,7 @@ def suggested_spring(held: Held, white: Whitened) -> Array:
     """
     columns = white.project_out(white.whiten(_more(held, np.zeros((3, 3)))))
     size = np.linalg.norm(columns, axis=0)
-    shown = size > SILENT * size.max(initial=0.0)
+    shown = size > ROUNDING * size.max(initial=0.0)
     factor = np.zeros(len(AXES))
     if shown.any():
         gap = white.project_out(white.gap[:, None])[:, 0]

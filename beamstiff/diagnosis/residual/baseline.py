@@ -33,7 +33,7 @@ from beamstiff.robot.stiffness import stiffness_parameters
 from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 
 ROUNDS = 3  # of fitting and correcting for the loaded machine
-SILENT = 1e-9  # share of its like, below which a quantity is nothing but rounding
+ROUNDING = 1e-9  # share of its like, below which a quantity is nothing but rounding
 POSITION_NOISE, ROTATION_NOISE = 3e-5, 5e-5  # m, rad: where a table says none, to begin with
 JOINT_STEP = 1e-5  # m or rad
 KNOWN_FACTOR = 1e4  # a fitted stiffness stays near its start unless the data say otherwise, by this factor
@@ -249,7 +249,7 @@ def _by_compliance(model: PortModel, stiffness: Array) -> Array:
     """Return the derivative of the displacements by compliances, (N, 6, t); 0 where it is but rounding."""
     tangent: Array = -model.derivatives(stiffness)[1] * stiffness**2
     size = np.linalg.norm(tangent, axis=(0, 1)) / stiffness
-    return np.where(size > SILENT * size.max(initial=0.0), tangent, 0.0)
+    return np.where(size > ROUNDING * size.max(initial=0.0), tangent, 0.0)
 
 
 def around(fit: Baseline, stiffness: Array) -> Baseline:

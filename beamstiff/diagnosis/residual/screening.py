@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from beamstiff.diagnosis.inference.library import Hypothesis, Library, by_candidate, whitened
-from beamstiff.diagnosis.residual.baseline import SILENT, Baseline
+from beamstiff.diagnosis.residual.baseline import ROUNDING, Baseline
 from beamstiff.diagnosis.residual.gross_errors import by_chance
 from beamstiff.diagnosis.residual.noise_variance import Variance, estimate, precision
 from beamstiff.diagnosis.residual.whitened import Whitened, whiten
@@ -49,7 +49,7 @@ class Screened:
         How many times farther the outliers are than the farthest sound row would be, squared; their median.
     isolated : bool
         Whether they stand apart as mishaps do (`mishaps`), and all other rows are as near as sound ones are.
-    silent : bool
+    below_claim : bool
         Whether the rows scatter so much less than the noise claimed, as simulated ones do, that the claim is
         kept.
     """
@@ -60,7 +60,7 @@ class Screened:
     noise: Array
     strength: float = 0.0
     isolated: bool = False
-    silent: bool = False
+    below_claim: bool = False
 
 
 def screen(baseline: Baseline, library: Library) -> Screened:
@@ -109,8 +109,8 @@ def screen(baseline: Baseline, library: Library) -> Screened:
             break
         found |= {int(row): float(excess[row]) for row in worst}
         used[worst] = False
-    silent = _silent(whole) if baseline.claimed else np.zeros(2, dtype=np.bool_)
-    noise = np.where(silent, 1.0, noise)
+    below_claim = _below_claim(whole) if baseline.claimed else np.zeros(2, dtype=np.bool_)
+    noise = np.where(below_claim, 1.0, noise)
     sigma = baseline.sigma * np.repeat(noise, 3)
     order = sorted(found, key=found.__getitem__, reverse=True)
     strength = float(np.median(list(found.values()))) if found else 0.0
@@ -118,7 +118,7 @@ def screen(baseline: Baseline, library: Library) -> Screened:
     isolated = len(order) > 0 and bool(np.sort(excess)[-1 - BUT] < SOUND) and by_chance(baseline, order)
     outliers = np.array(order, dtype=np.intp)
     shown = replace(baseline, sigma=sigma)
-    return Screened(shown, used, outliers, noise, strength, isolated, bool(silent.any()))
+    return Screened(shown, used, outliers, noise, strength, isolated, bool(below_claim.any()))
 
 
 def unlikely(squared: Array, values: NDArray[np.intp], rows: int) -> NDArray[np.bool_]:
@@ -139,7 +139,7 @@ def _apart(
     return {row: float(excess[row]) for row in some}
 
 
-def _silent(white: Whitened) -> NDArray[np.bool_]:
+def _below_claim(white: Whitened) -> NDArray[np.bool_]:
     """Return whether all that the fit leaves of positions, and of rotations, is far below the noise claimed.
 
     What is left then is of the program that made the rows, or of averaging; no claim is off by so much.
@@ -219,7 +219,7 @@ def _unit_columns(some: Sequence[Hypothesis], white: Whitened) -> Array:
         # what the fit absorbs of a shape, and one that moves nothing, would drown the rest in rounding
         left = white.project_out(one.columns)
         size = np.linalg.norm(left)
-        if size > SILENT * max(float(np.linalg.norm(one.columns)), 1.0):
+        if size > ROUNDING * max(float(np.linalg.norm(one.columns)), 1.0):
             parts.append(left * np.sqrt(white.gap.size) / size)
     columns = np.concatenate(parts, axis=1)
     values, vectors = np.linalg.eigh(columns.T @ columns)

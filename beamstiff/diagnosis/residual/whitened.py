@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from beamstiff.diagnosis.residual.baseline import SILENT, Baseline
+from beamstiff.diagnosis.residual.baseline import ROUNDING, Baseline
 from beamstiff.identification.whitening import whitening
 from beamstiff.se3 import Array
 
@@ -40,7 +40,7 @@ class Whitened:
     tangent : (n, t) array
         Orthonormal.
     used : (N, 6) bool array
-    loose : (n, m) array
+    nuisance : (n, m) array
         What a cause that is fitted as well may do beside its shape: the unknown has it in addition to K.
     """
 
@@ -50,7 +50,7 @@ class Whitened:
     gap: Array
     tangent: Array
     used: NDArray[np.bool_]
-    loose: Array
+    nuisance: Array
 
     @property
     def freedom(self) -> int:
@@ -102,13 +102,13 @@ class Whitened:
             yield at, block, columns[start : start + at.size].reshape(*at.shape, -1)
             start += at.size
 
-    def with_fitted(self, cause: Array, loose: Array | None = None) -> Whitened:
+    def with_fitted(self, cause: Array, nuisance: Array | None = None) -> Whitened:
         """Return the same where the whitened columns (n, c) of a cause are fitted as well.
 
-        Beside them `loose` (n, m), of mean square 1 together, is what its place may do else.
+        Beside them `nuisance` (n, m), of mean square 1 together, is what its place may do else.
         """
         fitted = orthonormal(np.concatenate([self.tangent, shown(cause)], axis=1))
-        return replace(self, tangent=fitted, loose=self.loose if loose is None else loose)
+        return replace(self, tangent=fitted, nuisance=self.nuisance if nuisance is None else nuisance)
 
     def project_out(self, columns: Array) -> Array:
         """Return what the fit leaves of whitened columns (n, c)."""
@@ -136,7 +136,7 @@ def whiten(baseline: Baseline, used: NDArray[np.bool_] | None = None) -> Whitene
 def shown(columns: Array) -> Array:
     """Return columns (n, c) without those that are nothing but rounding beside the others."""
     size = np.linalg.norm(columns, axis=0)
-    result: Array = columns[:, size > SILENT * size.max(initial=0.0)]
+    result: Array = columns[:, size > ROUNDING * size.max(initial=0.0)]
     return result
 
 
@@ -147,7 +147,7 @@ def orthonormal(columns: Array) -> Array:
     if not kept.shape[1]:
         return np.zeros((len(columns), 0))
     left, values, _ = np.linalg.svd(kept, full_matrices=False)
-    result: Array = left[:, values > SILENT * values[0]]
+    result: Array = left[:, values > ROUNDING * values[0]]
     return result
 
 

@@ -72,7 +72,7 @@ def test_shapes_are_finite_columns_with_named_sizes(
         for one in shapes:
             assert one.columns.shape == (len(there.rows), 6, len(one.parameters))
             assert np.isfinite(one.columns).all()
-            assert one.spread > 1
+            assert one.prior_factor > 1
             assert one.weight > 0
             assert len({item.name for item in one.parameters}) == len(one.parameters)
             assert all(item.size > 0 and item.unit for item in one.parameters)

@@ -69,7 +69,7 @@ def constant(white: Whitened) -> float:
 def test_evidence_is_the_mean_of_dense_densities(n: int, c: int, t: int, scales: NoisePrior) -> None:
     white, one = case(n, c, t)
     found = evidence(white, [one], scales)
-    sizes = one.shape.spread**MAGNITUDES
+    sizes = one.shape.prior_factor**MAGNITUDES
     by_size = [[dense(white, scales, share, one.columns, u) for share in SHARES] for u in sizes]
     weighted = [share_prior(white, one.columns, u) @ row for u, row in zip(sizes, by_size, strict=True)]
     assert found.hypotheses[0] == pytest.approx(np.log(np.mean(weighted)) + constant(white), abs=1e-9)
