@@ -1,0 +1,140 @@
+"""A plain method to compare with on crowded machines: forward stepwise regression, the best BIC enters.
+
+Geometry, base frame, reflectors and drives are fitted; then the first-order columns of one form after another
+are added to the regression, everything refitted, as long as the BIC falls. All of it is in sample: no
+constraint on a parameter, no held-out postures, no prior, no look-alikes, no removal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from beamstiff.diagnosis.decomposed import diagnosis_of
+from beamstiff.diagnosis.decomposition.decompose import Cause, Decomposition
+from beamstiff.diagnosis.decomposition.forms import REPEATED, Form, forms_of
+from beamstiff.diagnosis.decomposition.open_model import (
+    OpenModel,
+    open_geometry,
+    open_stiffness,
+    orthonormal,
+)
+from beamstiff.diagnosis.decomposition.remainder import Remainder
+from beamstiff.diagnosis.residual.baseline import fit_baseline
+from beamstiff.diagnosis.result import Diagnosis
+from beamstiff.measure.table import Measurements
+from beamstiff.robot.description import Robot
+from beamstiff.se3 import Array
+
+# fall of the BIC from which a form enters: "very strong" (Kass and Raftery, JASA 90 (1995) 773); hundreds of
+# forms are tried, and with less one of them enters by chance
+ENOUGH = 10.0
+MOST = 20  # forms
+ABSORBED = 1e-4  # share of a column, below which the fit has taken it up already
+
+
+def plain_stepwise(robot: Robot, measurements: Measurements, withheld: Sequence[str] = ()) -> Diagnosis:
+    """Return the causes that a forward stepwise regression names, in the order in which they enter.
+
+    ``BIC = n log(RSS/n) + k log n`` (Schwarz, Ann. Statist. 6 (1978) 461) over the values in units of the
+    noise as the table states it; k counts the columns added. A cause `closes` what its entry takes from the
+    sum of squares beyond what noise would leave.
+
+    Parameters
+    ----------
+    robot : Robot
+    measurements : Measurements
+    withheld : sequence of str
+        Effects to do without.
+
+    Raises
+    ------
+    BeamstiffError
+        As of `calibrate` and `fit_baseline`.
+    """
+    if measurements.kind == "absolute":
+        model = open_geometry(robot, measurements)
+    else:
+        model = open_stiffness(fit_baseline(robot, measurements))
+    chosen, squares = _entered(model, forms_of(model, withheld))
+    return diagnosis_of(_told(model, chosen, squares))
+
+
+def _entered(model: OpenModel, forms: Sequence[Form]) -> tuple[list[Form], list[float]]:
+    """Return the forms that enter, in order, and the sums of squares left before and after each."""
+    basis = orthonormal(model.tangent)
+    left = model.residual - basis @ (basis.T @ model.residual)
+    sizes = [form.columns.shape[1] for form in forms]
+    every = np.concatenate([np.zeros((len(left), 0)), *(form.columns for form in forms)], axis=1)
+    size = np.linalg.norm(every, axis=0)
+    every = every / np.where(size > 0, size, 1.0)
+    every -= basis @ (basis.T @ every)
+    parts = np.split(np.arange(every.shape[1]), np.cumsum(sizes)[:-1])
+    chosen: list[Form] = []
+    squares, n = [float(left @ left)], model.count
+    while len(chosen) < MOST:
+        taken = {form.key for form in chosen if form.effect not in REPEATED}
+        best, entering = -ENOUGH, None
+        for form, at in zip(forms, parts, strict=True):
+            if form.key in taken or any(form is one for one in chosen):
+                continue
+            columns = orthonormal(every[:, at][:, np.linalg.norm(every[:, at], axis=0) > ABSORBED])
+            rest = squares[-1] - float(np.square(left @ columns).sum())
+            k = columns.shape[1]
+            change = n * np.log(max(rest, 1e-12) / squares[-1]) + k * np.log(n)
+            if k and change < best:
+                best, entering = change, (form, columns)
+        if entering is None:
+            break
+        form, columns = entering
+        chosen.append(form)
+        left = left - columns @ (columns.T @ left)
+        every -= columns @ (columns.T @ every)
+        squares.append(float(left @ left))
+    return chosen, squares
+
+
+def _told(model: OpenModel, chosen: Sequence[Form], squares: Sequence[float]) -> Decomposition:
+    """Return the fit with the forms, told as a decomposition, so that it is reported and applied as one."""
+    matrix = np.concatenate([model.tangent, *(form.columns for form in chosen)], axis=1)
+    size = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
+    theta = np.linalg.lstsq(matrix / size, model.residual, rcond=1e-8)[0] / size
+    starts = model.tangent.shape[1] + np.cumsum([0, *(form.sizes.size for form in chosen)])
+    noise2 = float(np.mean(model.baseline.sigma[:, :3][model.used[:, :3]] ** 2)) * 3.0
+    explainable = max(squares[0] - model.count, 1e-12)
+
+    def rms(at: int) -> float:
+        free = max(model.count - int(starts[at]), 1)
+        return float(np.sqrt(noise2 * squares[at] / free))
+
+    causes: dict[str, Cause] = {}
+    for at, form in enumerate(chosen):
+        own: Array = theta[starts[at] : starts[at + 1]]
+        closes = (squares[at] - squares[at + 1]) / explainable
+        before = causes.get(form.key)  # orders of a curve and moments of a slip are one cause
+        closes += before.closes if before else 0.0
+        causes[form.key] = Cause(
+            forms=(*(before.forms if before else ()), form),
+            theta=(*(before.theta if before else ()), own),
+            std=(*(before.std if before else ()), np.zeros_like(own)),
+            probability=1.0,
+            closes=closes,
+            closes_interval=(closes, closes),
+            rms_after=rms(at + 1),
+            indistinguishable=(),
+        )
+    last = len(chosen)
+    scatter = rms(last) / np.sqrt(noise2)
+    return Decomposition(
+        model=model,
+        causes=tuple(causes.values()),
+        unclear=(),
+        remainder=Remainder(rms(last), max(squares[last] - model.count, 0.0) / explainable, (), ()),
+        rms=rms(0),
+        noise=float(np.sqrt(noise2)),
+        change=theta[: model.tangent.shape[1]],
+        scatter=scatter,
+        bic=float(model.count * np.log(max(squares[last], 1e-12) / model.count)),
+        largest=1.0,
+    )
