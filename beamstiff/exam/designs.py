@@ -26,6 +26,7 @@ DEFLECTION = 1.3e-3  # m; loads are chosen so that the tool gives way by about t
 LARGEST_FORCE = 6000.0  # N
 MOST_ROWS = 250
 LEAN_POSES = 10
+FRESH_POSES = 40  # of a crowded machine
 
 # loads of one direction in the order of time, as parts of the largest
 STEPS = (1 / 3, 2 / 3, 1.0)
@@ -94,6 +95,37 @@ def draw_fresh(rng: np.random.Generator, robot: Robot, like: SimulatedCampaign) 
     loads = draw_loads(rng, poses, 1, force, cone=False)
     fresh = _campaign(rng, robot, reachable(rng, robot, poses), loads, pattern, 1)
     return replace(fresh, kind=like.kind, rotations=like.rotations)
+
+
+def draw_crowded(
+    rng: np.random.Generator, robot: Robot, data: Data, force: float
+) -> tuple[SimulatedCampaign, SimulatedCampaign]:
+    """Return a campaign of a crowded machine, and 40 fresh poses without noise that are loaded alike.
+
+    Absolute positions: 40 to 60 poses with the payload alone, half of them under a load as well.
+    Displacements: 12 to 24 poses with a sequence of loads. Noise 0.01 to 0.03 mm, rightly claimed.
+    """
+    sigma = rng.uniform(1e-5, 3e-5)
+    if data == "absolute":
+        poses, pattern = int(rng.integers(40, 61)), ((0.0,), (0.0, 1.0))[int(rng.integers(2))]
+    else:
+        poses, pattern = int(rng.integers(12, 25)), PATTERNS[int(rng.choice(len(PATTERNS)))]
+    campaign, fresh = (
+        replace(
+            _campaign(
+                rng,
+                robot,
+                reachable(rng, robot, count),
+                draw_loads(rng, count, 1, force, cone=False),
+                pattern,
+                1,
+            ),
+            kind=data,
+            rotations=False,
+        )
+        for count in (poses, FRESH_POSES)
+    )
+    return replace(campaign, sigma_position=sigma, claimed_position=sigma), fresh
 
 
 def planned(rng: np.random.Generator, plan: Measurements, sigma: tuple[float, float]) -> SimulatedCampaign:

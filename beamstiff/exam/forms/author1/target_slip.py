@@ -1,0 +1,46 @@
+"""A reflector, or the tool that carries it, that slips while it is measured, and stays there."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
+from beamstiff.exam.effect import DrawRequest, Effect, nowhere, vector
+from beamstiff.exam.placing import Placed
+from beamstiff.exam.reality import Reality
+
+AWAY = (5e-5, 1e-2)  # m
+
+
+def draw(request: DrawRequest) -> dict[str, float]:
+    """Return when it slips, as a share of the rows, and by how much in the tool's frame, m."""
+    again = request.uniform(0.0, 0.5) if request.form == "twice" else 0.0
+    return {"when": request.uniform(0.2, 0.8), "again": again} | request.direction(request.sized(*AWAY))
+
+
+def impose(truth: Truth, reality: Reality) -> Reality:
+    """Return the reality with the slip; of a second one the way is the same."""
+    p, frame = truth.parameters, reality.machine.node(reality.machine.tcp).frame
+
+    def read(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
+        if campaign.kind != "absolute":
+            return values
+        row = np.argsort(np.lexsort((campaign.step, campaign.time))) / len(values)
+        again = p["when"] + 0.5 * (1.0 - p["when"])
+        share = (row >= p["when"]) + p["again"] * (row >= again)
+        moved = placed.rotations[frame] @ vector(p) * share[:, None]
+        return np.concatenate([values[:, :3] + moved, values[:, 3:]], axis=1)
+
+    return reality.with_reading(read)
+
+
+def came_to_rest(truth: Truth) -> Truth:
+    """Return the slip as a later campaign finds it: where it ended."""
+    p = truth.parameters
+    end = {**p, **{name: p[name] * (1.0 + p["again"]) for name in "xyz"}, "when": 0.0, "again": 0.0}
+    return dataclasses.replace(truth, parameters=end)
+
+
+EFFECT = Effect("target-slip", ("once", "twice"), nowhere, draw, impose)
