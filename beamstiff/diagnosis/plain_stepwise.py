@@ -98,7 +98,8 @@ def _entered(model: OpenModel, forms: Sequence[Form]) -> tuple[list[Form], list[
 def _told(model: OpenModel, chosen: Sequence[Form], squares: Sequence[float]) -> Decomposition:
     """Return the fit with the forms, told as a decomposition, so that it is reported and applied as one."""
     matrix = np.concatenate([model.tangent, *(form.columns for form in chosen)], axis=1)
-    size = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
+    size = np.linalg.norm(matrix, axis=0)
+    size = np.where(size > 0, size, 1.0)
     theta = np.linalg.lstsq(matrix / size, model.residual, rcond=1e-8)[0] / size
     starts = model.tangent.shape[1] + np.cumsum([0, *(form.sizes.size for form in chosen)])
     noise2 = float(np.mean(model.baseline.sigma[:, :3][model.used[:, :3]] ** 2)) * 3.0

@@ -98,7 +98,7 @@ def draw_fresh(rng: np.random.Generator, robot: Robot, like: SimulatedCampaign) 
 
 
 def draw_crowded(
-    rng: np.random.Generator, robot: Robot, data: Data, force: float
+    rng: np.random.Generator, robot: Robot, data: Data, force: float, points: tuple[str, ...]
 ) -> tuple[SimulatedCampaign, SimulatedCampaign]:
     """Return a campaign of a crowded machine, and 40 fresh poses without noise that are loaded alike.
 
@@ -111,19 +111,18 @@ def draw_crowded(
     else:
         poses, pattern = int(rng.integers(12, 25)), PATTERNS[int(rng.choice(len(PATTERNS)))]
     campaign, fresh = (
-        replace(
-            _campaign(
-                rng,
-                robot,
-                reachable(rng, robot, count),
-                draw_loads(rng, count, 1, force, cone=False),
-                pattern,
-                1,
-            ),
-            kind=data,
-            rotations=False,
+        _campaign(
+            rng,
+            robot,
+            reachable(rng, robot, count),
+            draw_loads(rng, count, 1, force, cone=False),
+            pattern,
+            1,
         )
         for count in (poses, FRESH_POSES)
+    )
+    campaign, fresh = (
+        replace(seen_at(one, points), kind=data, rotations=False) for one in (campaign, fresh)
     )
     return replace(campaign, sigma_position=sigma, claimed_position=sigma), fresh
 
@@ -239,11 +238,14 @@ def _second_reflector(
     nodes = [node.name for node in robot.nodes if node.name not in held]
     if not nodes:
         return campaign
-    seen = np.repeat(np.arange(len(campaign)), 2)
-    point = campaign.point[seen].astype(object)
-    point[1::2] = nodes[int(rng.integers(len(nodes)))]
+    return seen_at(campaign, (robot.tcp, nodes[int(rng.integers(len(nodes)))]))
+
+
+def seen_at(campaign: SimulatedCampaign, points: tuple[str, ...]) -> SimulatedCampaign:
+    """Return the campaign with every state seen at these nodes."""
+    seen = np.repeat(np.arange(len(campaign)), len(points))
     rows = {
         name: getattr(campaign, name)[seen]
         for name in ("q", "wrench", "pose", "step", "time", "temperature", "load_point")
     }
-    return replace(campaign, **rows, point=point.astype(np.str_))
+    return replace(campaign, **rows, point=np.tile(np.array(points), len(campaign)))

@@ -86,12 +86,16 @@ def _opened(reply: Reply, shifts: Shifts | None, drawn: CrowdedCase) -> Reply:
     """Return a reply with what its causes really leave, and close on fresh poses."""
     if reply.said_mm is None:
         return reply
-    real = [cause.key for key in reply.named if (cause := drawn.label.named_by(key)) is not None]
-    left = float(np.hypot(1e3 * drawn.left_by(real), drawn.label.noise_mm))
+    label = drawn.label
+    real = {cause for key in reply.named if (cause := label.named_by(key)) is not None}
+    ends = [
+        float(np.hypot(1e3 * drawn.left_by([*some]), label.noise_mm))
+        for some in (real | {cause for cause in label.library if cause.hidden}, real)
+    ]
+    reply = replace(reply, least_mm=ends[0], left_mm=ends[1])
     if not reply.named:
-        return replace(reply, left_mm=left)
-    closing = 0.0 if shifts is None else _closing(drawn, *shifts)
-    return replace(reply, left_mm=left, closing=closing)
+        return reply
+    return replace(reply, closing=0.0 if shifts is None else _closing(drawn, *shifts))
 
 
 def _closing(drawn: CrowdedCase, before: Array, after: Array) -> float:

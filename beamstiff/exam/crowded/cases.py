@@ -13,18 +13,20 @@ from beamstiff.exam.baseline import linear_fit, true_rows
 from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.cases import GRAVITY, dealt
 from beamstiff.exam.crowded.record import CrowdedLabel, Kind, TrueCause
-from beamstiff.exam.designs import draw_crowded, largest_force
+from beamstiff.exam.designs import Data, draw_crowded, largest_force
 from beamstiff.exam.forms import LATER, OUTSIDE, author_of, draw_truth, resized
 from beamstiff.exam.forms.author1.target_slip import came_to_rest
-from beamstiff.exam.forms.author1.tool_offset import CALIBRATED
+from beamstiff.exam.machine import machine_of
 from beamstiff.exam.names import EFFECTS
 from beamstiff.exam.placing import place, skeleton_of
+from beamstiff.exam.reality import places_of
 from beamstiff.exam.robots import RANDOM_ARM, exam_robot, with_payload, with_stiff_drive
 from beamstiff.exam.rotations import turn
 from beamstiff.exam.simulate import draw_stiffness, simulate
 from beamstiff.exam.sizes import size_for
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
+from beamstiff.robot.parts import Node, Rigid
 
 SHARES: Mapping[Kind, int] = {"crowded": 24, "outside": 6, "geometry": 5, "clean": 5}
 ROBOTS = {RANDOM_ARM: 0.6, "kr240-2": 0.25, "kr500": 0.15}  # serial ones, whose whole geometry may be off
@@ -39,7 +41,10 @@ MET = (0.6, 1.7)  # of the contribution that is wanted, between which an effect 
 DRAWS, TRIES = 8, 20  # of an effect, of a case
 HIDDEN = 0.03  # share of the gap below which, or below the noise, an effect is hidden
 LENGTHS, ANGLES = (1e-4, 5e-4), (5e-4, 3e-3)  # m and rad, by which the geometry is off
-GUESSED = (2e-3, 2e-2)  # m, by which the place of the reflector is off
+REFLECTORS = ("r1", "r2", "r3")
+SINGLE = 0.7  # share of absolute campaigns with one of them
+STALKS = (0.03, 0.1)  # m, from the TCP to a reflector
+GUESSED = (2e-3, 2e-2)  # m, by which its place is off
 FRAMED = 0.5  # share of absolute tables in a measuring frame of its own
 STEP = 1e-4  # rad or m, of central differences
 INDEPENDENT = 1e-6  # singular value of unit columns below which a direction is none
@@ -67,9 +72,9 @@ class CrowdedCase:
     robot : Robot
         The model that is diagnosed.
     machine : Robot
-        The same with its true stiffness.
+        The same with its true stiffness and reflectors.
     geometry, truths : tuple of Truth
-        By what geometry and reflector are off, and the effects, as the label orders them.
+        By what the geometry is off, and the effects, as the label orders them.
     campaign, fresh : SimulatedCampaign
         What is measured, and the new poses.
     frame : (6,) array, rad and m
@@ -103,9 +108,9 @@ class CrowdedCase:
         truths = [came_to_rest(one) if one.effect == "target-slip" else one for one in self.truths]
         return positions(self.machine, (*self.geometry, *truths), self.fresh)
 
-    def left_by(self, keys: Sequence[str]) -> float:
-        """Return the RMS, m, of what is left once the effects of these names are fitted."""
-        at = [k for k, cause in enumerate(self.label.causes) if cause.key in keys]
+    def left_by(self, causes: Sequence[TrueCause]) -> float:
+        """Return the RMS, m, of what is left without noise once these effects are fitted."""
+        at = [self.label.causes.index(cause) for cause in causes]
         return _rms(_beyond(self.gap, _basis(self.parts[:, at])))
 
 
@@ -136,9 +141,14 @@ def _drawn(rng: np.random.Generator, case: int, kind: Kind) -> CrowdedCase:
     mass = rng.uniform(0.2, 0.7) * force / GRAVITY
     robot = with_payload(robot, float(mass), tuple(rng.uniform(-0.1, 0.1, 3).tolist()))
     absolute = kind == "geometry" or rng.random() < ABSOLUTE
-    campaign, fresh = draw_crowded(rng, robot, "absolute" if absolute else "displacement", force)
-    machine = robot.with_parameters(draw_stiffness(rng, robot))
-    geometry = _draw_geometry(rng, robot, off=kind != "clean") if absolute else ()
+    machine, points = robot, (robot.tcp,)
+    if absolute:
+        points = REFLECTORS[: 1 if rng.random() < SINGLE else len(REFLECTORS)]
+        robot, machine = _with_reflectors(rng, robot, points)
+    data: Data = "absolute" if absolute else "displacement"
+    campaign, fresh = draw_crowded(rng, robot, data, force, points)
+    machine = machine.with_parameters(draw_stiffness(rng, robot))
+    geometry = _draw_geometry(rng, robot) if absolute and kind != "clean" else ()
     frame = np.zeros(6)
     if absolute and rng.random() < FRAMED:
         frame = np.concatenate([rng.uniform(-1.5, 1.5, 3), rng.uniform(-2.0, 2.0, 3)])
@@ -188,16 +198,44 @@ def _drawn(rng: np.random.Generator, case: int, kind: Kind) -> CrowdedCase:
     )
 
 
-def _draw_geometry(rng: np.random.Generator, robot: Robot, off: bool) -> tuple[Truth, ...]:
-    """Return by what lengths, angles and zeros are off, if they are, and the reflector in any case."""
+def _with_reflectors(
+    rng: np.random.Generator, robot: Robot, names: Sequence[str]
+) -> tuple[Robot, Robot]:
+    """Return the robot with reflectors on stalks at the TCP where they are guessed, and where they are."""
+    tcp = next(node for node in robot.nodes if node.name == robot.tcp)
+    true = [np.array(tcp.at) + rng.uniform(*STALKS) * _direction(rng) for _ in names]
+    guess = [at + _between(rng, *GUESSED) * _direction(rng) for at in true]
+    stalks = tuple(Rigid(name=f"stalk_{name}", nodes=(robot.tcp, name)) for name in names)
+    model, machine = (
+        robot.model_copy(
+            update={
+                "nodes": (
+                    *robot.nodes,
+                    *(
+                        Node(name=name, frame=tcp.frame, at=tuple(at.tolist()))
+                        for name, at in zip(names, places, strict=True)
+                    ),
+                ),
+                "rigids": (*robot.rigids, *stalks),
+            }
+        )
+        for places in (guess, true)
+    )
+    return model, machine
+
+
+def _draw_geometry(rng: np.random.Generator, robot: Robot) -> tuple[Truth, ...]:
+    """Return by what the lengths and angles of the axes, and their zeros, are off."""
     length, angle = (_between(rng, *limits) for limits in (LENGTHS, ANGLES))
-    away = rng.standard_normal(3)
-    away *= _between(rng, *GUESSED) / (CALIBRATED * np.linalg.norm(away))
-    found = [Truth("tool-offset", None, "target", dict.fromkeys("xyz", 0.0) | dict(zip("uvw", away.tolist())))]
-    for name, size in _open_parameters(robot).items() if off else ():
-        error = float(rng.standard_normal()) * (angle if size == "angle" else length)
-        found.append(Truth("geometry-error", name, "single", {"error": error}))
-    return tuple(found)
+    return tuple(
+        Truth(
+            "geometry-error",
+            name,
+            "single",
+            {"error": float(rng.standard_normal()) * (angle if kind == "angle" else length)},
+        )
+        for name, kind in _open_parameters(robot).items()
+    )
 
 
 def _open_parameters(robot: Robot) -> dict[str, str]:
@@ -217,18 +255,19 @@ def open_basis(robot: Robot, machine: Robot, campaign: SimulatedCampaign) -> Arr
     """
     columns = [*np.moveaxis(linear_fit(robot, machine, campaign).basis[:, :3], -1, 0)]
     if campaign.kind == "absolute":
-        tcp = next(node for node in robot.nodes if node.name == robot.tcp)
+        body = machine_of(robot)
         names = [*_open_parameters(robot), *(f"{frame.name}.beta" for frame in robot.frames)]
         for name in names:
             ends = [
-                place(skeleton_of(robot, {name: by} if "." in name else {}), campaign.q, {name: by}).node(tcp)
+                places_of(body, campaign, place(skeleton_of(robot, {name: by}), campaign.q, {name: by}))
                 for by in (STEP, -STEP)
             ]
             columns.append((ends[0] - ends[1]) / (2.0 * STEP))
         placed = place(skeleton_of(robot), campaign.q)
-        at, axes = placed.node(tcp), placed.rotations[tcp.frame]
+        at, axes = places_of(body, campaign, placed), placed.rotations[body.node(body.tcp).frame]
         for unit in np.eye(3):
-            columns += [np.tile(unit, (len(at), 1)), np.cross(unit, at), axes @ unit]
+            columns += [np.tile(unit, (len(at), 1)), np.cross(unit, at)]
+            columns += [axes @ unit * (campaign.point == name)[:, None] for name in np.unique(campaign.point)]
     flat = np.stack([column.reshape(-1) for column in columns], axis=1)
     return _basis(flat)
 
@@ -323,6 +362,11 @@ def _beyond(values: Array, basis: Array) -> Array:
 def _rms(values: Array) -> float:
     """Return the RMS norm of positions (3N,)."""
     return float(np.sqrt(3.0 * np.mean(np.square(values)))) if values.size else 0.0
+
+
+def _direction(rng: np.random.Generator) -> Array:
+    v = rng.standard_normal(3)
+    return np.asarray(v / np.linalg.norm(v))
 
 
 def _between(rng: np.random.Generator, low: float, high: float) -> float:

@@ -6,12 +6,13 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
-from beamstiff.exam.names import effect_of
+from beamstiff.exam.names import effect_of, place_of
 from beamstiff.exam.record import sha256
 
 Kind = Literal["crowded", "outside", "geometry", "clean"]
 EXAMINED = "diagnosis"  # its name among those who reply; the others are the controls
 OF_GEOMETRY = ("geometry-error", "tool-offset", "frame-misalignment")
+BY_ANGLE = {"gravity-compensator", "angle-curve"}
 LEAST = 0.1  # share of the gap from which a cause has to be found
 SIMILAR = 0.8  # of the largest share, from which either may come first
 
@@ -94,12 +95,20 @@ class CrowdedLabel:
     def named_by(self, key: str) -> TrueCause | None:
         """Return the cause that a name means; None where no such effect is at work.
 
-        ``joint-compliance:null``, all drives together, means one of several compliant joints.
+        ``joint-compliance:null``, all drives together, means one of several compliant joints. A balancer is
+        a torque that follows the angle, and winds its drive up by an angle that does: in absolute positions
+        that is an `angle-curve` by another name.
         """
         joints = [one for one in self.library if effect_of(one.key) == "joint-compliance"]
         if key == "joint-compliance:null" and len(joints) > 1:
             return joints[0]
-        return next((cause for cause in self.library if cause.key == key), None)
+        return next((cause for cause in self.library if cause.key == key), None) or next(
+            (cause for cause in self.library if self._is_the_same(cause.key, key)), None
+        )
+
+    def _is_the_same(self, one: str, other: str) -> bool:
+        both = {effect_of(one), effect_of(other)}
+        return self.data == "absolute" and both == BY_ANGLE and place_of(one) == place_of(other)
 
     def is_real(self, key: str) -> bool:
         """Tell whether a name means an effect at work, or a geometry that is off indeed."""
@@ -123,8 +132,9 @@ class Reply:
         Share of the gap that all causes are said to close.
     said_mm : float or None
         The remainder as said, RMS, noise included.
-    left_mm : float or None
-        The remainder as it is: what the named causes that are real leave after a refit, noise included.
+    least_mm, left_mm : float or None
+        The remainder as it is, noise included: what the named causes that are real leave after a refit, with
+        hidden causes taken up besides and without.
     closing : float or None
         Share of the gap that the causes close on fresh poses, without noise; None where none is named.
     seconds : float
@@ -137,6 +147,7 @@ class Reply:
     alike: tuple[str, ...] = ()
     promised: float = 0.0
     said_mm: float | None = None
+    least_mm: float | None = None
     left_mm: float | None = None
     closing: float | None = None
     seconds: float = 0.0

@@ -7,11 +7,21 @@ import dataclasses
 import numpy as np
 
 from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
-from beamstiff.exam.effect import DrawRequest, Effect, nowhere, vector
+from beamstiff.exam.effect import DrawRequest, Effect, vector
 from beamstiff.exam.placing import Placed
 from beamstiff.exam.reality import Reality
+from beamstiff.robot.description import Robot
 
 AWAY = (5e-5, 1e-2)  # m
+
+
+def places(robot: Robot) -> list[str | None]:
+    """Return the reflectors, nodes that nothing but a rigid stalk holds; else the TCP, which has no name."""
+    parts = [*robot.rigids, *robot.beams, *robot.joints, *robot.struts]
+    ends = [name for part in parts for name in part.nodes]
+    stalks = {part.nodes[1] for part in robot.rigids}
+    found = [name for name in dict.fromkeys(ends) if ends.count(name) == 1 and name in stalks]
+    return [name for name in found if name != robot.tcp] or [None]
 
 
 def draw(request: DrawRequest) -> dict[str, float]:
@@ -22,14 +32,15 @@ def draw(request: DrawRequest) -> dict[str, float]:
 
 def impose(truth: Truth, reality: Reality) -> Reality:
     """Return the reality with the slip; of a second one the way is the same."""
-    p, frame = truth.parameters, reality.machine.node(reality.machine.tcp).frame
+    p, point = truth.parameters, truth.component or reality.machine.tcp
+    frame = reality.machine.node(point).frame
 
     def read(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
         if campaign.kind != "absolute":
             return values
         row = np.argsort(np.lexsort((campaign.step, campaign.time))) / len(values)
         again = p["when"] + 0.5 * (1.0 - p["when"])
-        share = (row >= p["when"]) + p["again"] * (row >= again)
+        share = (campaign.point == point) * ((row >= p["when"]) + p["again"] * (row >= again))
         moved = placed.rotations[frame] @ vector(p) * share[:, None]
         return np.concatenate([values[:, :3] + moved, values[:, 3:]], axis=1)
 
@@ -43,4 +54,4 @@ def came_to_rest(truth: Truth) -> Truth:
     return dataclasses.replace(truth, parameters=end)
 
 
-EFFECT = Effect("target-slip", ("once", "twice"), nowhere, draw, impose)
+EFFECT = Effect("target-slip", ("once", "twice"), places, draw, impose)
