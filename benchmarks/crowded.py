@@ -12,15 +12,18 @@ import statistics
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 import beamstiff
 from beamstiff import load_robot
-from beamstiff.diagnosis.apply import extended
 from beamstiff.diagnosis.plain_stepwise import plain_stepwise
-from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.errors import BeamstiffError
+from beamstiff.exam.blind import Diagnosis
+from beamstiff.exam.crowded.blind import true_closing
 from beamstiff.exam.names import effect_of, key_of, normal
 from beamstiff.measure import read_measurements
 
@@ -49,9 +52,7 @@ def judged(label: Label, report: dict[str, Any]) -> dict[str, Any]:
     false = [
         name
         for name in names
-        if not (
-            effect_of(name) in off or name in near or any(means(name, cause, joints) for cause in known)
-        )
+        if not (effect_of(name) in off or name in near or any(means(name, cause, joints) for cause in known))
     ]
     verdict = report["verdict"]["effect"]
     result: dict[str, Any] = {"named": len(names), "false": len(false)}
@@ -80,9 +81,10 @@ def answered(folder: Path, name: str, label: Label, way: str) -> dict[str, Any]:
     if report["causes"] and label["class"] != "clean":
         promised = sum(one["closes"] for one in report["causes"])
         try:
-            robot = extended(found)
-            fresh = read_measurements(folder / "heldout" / f"{name}.csv", robot)
-            true = beamstiff.verify(robot, fresh, refit_frame=fresh.kind == "absolute").true
+            fresh = read_measurements(folder / "heldout" / f"{name}.truth.csv", robot)
+            nothing = np.full((len(fresh), 6), np.nan)  # a plan: what is measured is not to be seen
+            plan = replace(fresh, displacement=nothing, position=nothing[:, :3])
+            true = true_closing(fresh.measured[:, :3], fresh.kind, found.predict_shift(plan))
         except BeamstiffError as error:
             print(f"  {way}: {error}")
             true = 0.0

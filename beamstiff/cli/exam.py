@@ -84,9 +84,9 @@ def exam(
       beamstiff exam --crowded --cases 100 --seed 7 --out results.jsonl --json table.json
       beamstiff exam --cases 2160 --scheduler tcp://10.0.0.5:8786 --out results.jsonl
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
+    from beamstiff.errors import OptionError
     from beamstiff.exam.table import by_design
     from beamstiff.functions.examine import check_kept, examine, reports_of
-    from beamstiff.errors import OptionError
     from beamstiff.report.exam import crowded_tables, exam_tables, plan_tables, reliability_figure
     from beamstiff.report.tables import spaced
 

@@ -8,12 +8,14 @@ constraint on a parameter, no held-out postures, no prior, no look-alikes, no re
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from beamstiff.diagnosis.decomposed import diagnosis_of
 from beamstiff.diagnosis.decomposition.decompose import Cause, Decomposition
-from beamstiff.diagnosis.decomposition.forms import REPEATED, Form, forms_of
+from beamstiff.diagnosis.decomposition.forms import REPEATED, SLIP, Form, forms_of
 from beamstiff.diagnosis.decomposition.open_model import (
     OpenModel,
     open_geometry,
@@ -21,8 +23,9 @@ from beamstiff.diagnosis.decomposition.open_model import (
     orthonormal,
 )
 from beamstiff.diagnosis.decomposition.remainder import Remainder
-from beamstiff.diagnosis.residual.baseline import fit_baseline
-from beamstiff.diagnosis.result import Diagnosis
+from beamstiff.diagnosis.effects.external import tool_axes
+from beamstiff.diagnosis.residual.baseline import at_rows, fit_baseline
+from beamstiff.diagnosis.result import as_measured, columns_at
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
@@ -30,11 +33,47 @@ from beamstiff.se3 import Array
 # fall of the BIC from which a form enters: "very strong" (Kass and Raftery, JASA 90 (1995) 773); hundreds of
 # forms are tried, and with less one of them enters by chance
 ENOUGH = 10.0
+TEXTBOOK = 3  # parameters of a form at most: a vector; freer ones follow whatever is left, unless held back
 MOST = 20  # forms
 ABSORBED = 1e-4  # share of a column, below which the fit has taken it up already
 
 
-def plain_stepwise(robot: Robot, measurements: Measurements, withheld: Sequence[str] = ()) -> Diagnosis:
+@dataclass(frozen=True, eq=False)
+class PlainStepwise:
+    """What the regression says, as a diagnosis says it.
+
+    Attributes
+    ----------
+    found : Decomposition
+    """
+
+    found: Decomposition
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the report, format ``beamstiff-diagnosis/1``."""
+        return diagnosis_of(self.found).to_dict()
+
+    def predict_shift(self, rows: Measurements) -> tuple[Array, Array]:
+        """Return what the model as calibrated, and it with the regression, say of rows, (N, 6) each.
+
+        The regression's parameters as they are, also where no machine could have them.
+        """
+        model, change = self.found.model, self.found.change
+        views = [fit_baseline(model.robot(by), rows, keep=()) for by in (np.zeros_like(change), change)]
+        near, after = at_rows(model.baseline, rows), views[1].predicted
+        for cause in self.found.causes:
+            for form, theta in zip(cause.forms, cause.theta, strict=True):
+                if form.effect == SLIP:  # it stays where it came to rest
+                    here = rows.point == (form.component or near.nominal.tcp)
+                    columns = np.zeros((len(rows), 6, 3))
+                    columns[:, :3] = tool_axes(near) * here[:, None, None]
+                else:
+                    columns = columns_at(near, form)
+                after = after + columns @ (theta * form.sizes)
+        return as_measured(views[0], views[0].predicted), as_measured(views[1], after)
+
+
+def plain_stepwise(robot: Robot, measurements: Measurements, withheld: Sequence[str] = ()) -> PlainStepwise:
     """Return the causes that a forward stepwise regression names, in the order in which they enter.
 
     ``BIC = n log(RSS/n) + k log n`` (Schwarz, Ann. Statist. 6 (1978) 461) over the values in units of the
@@ -57,8 +96,9 @@ def plain_stepwise(robot: Robot, measurements: Measurements, withheld: Sequence[
         model = open_geometry(robot, measurements)
     else:
         model = open_stiffness(fit_baseline(robot, measurements))
-    chosen, squares = _entered(model, forms_of(model, withheld))
-    return diagnosis_of(_told(model, chosen, squares))
+    forms = [form for form in forms_of(model, withheld) if form.sizes.size <= TEXTBOOK]
+    chosen, squares = _entered(model, forms)
+    return PlainStepwise(_told(model, chosen, squares))
 
 
 def _entered(model: OpenModel, forms: Sequence[Form]) -> tuple[list[Form], list[float]]:
@@ -96,7 +136,7 @@ def _entered(model: OpenModel, forms: Sequence[Form]) -> tuple[list[Form], list[
 
 
 def _told(model: OpenModel, chosen: Sequence[Form], squares: Sequence[float]) -> Decomposition:
-    """Return the fit with the forms, told as a decomposition, so that it is reported and applied as one."""
+    """Return the fit with the forms, told as a decomposition, so that it is reported as one."""
     matrix = np.concatenate([model.tangent, *(form.columns for form in chosen)], axis=1)
     size = np.linalg.norm(matrix, axis=0)
     size = np.where(size > 0, size, 1.0)

@@ -121,9 +121,7 @@ def draw_crowded(
         )
         for count in (poses, FRESH_POSES)
     )
-    campaign, fresh = (
-        replace(seen_at(one, points), kind=data, rotations=False) for one in (campaign, fresh)
-    )
+    campaign, fresh = (replace(seen_at(one, points), kind=data, rotations=False) for one in (campaign, fresh))
     return replace(campaign, sigma_position=sigma, claimed_position=sigma), fresh
 
 

@@ -16,7 +16,7 @@ from beamstiff.exam.blind import Examiner, examined, keep_report
 from beamstiff.exam.cases import Exam, draw_case
 from beamstiff.exam.crowded.blind import examined_crowded
 from beamstiff.exam.crowded.cases import CrowdedExam, draw_crowded_case
-from beamstiff.exam.crowded.record import CrowdedRecord, crowded_record_from
+from beamstiff.exam.crowded.record import crowded_record_from
 from beamstiff.exam.record import Record, record_from
 from beamstiff.files import held, is_device, read_text, remove_drafts, target_of, write_new
 from beamstiff.parallel import parallel_map
@@ -220,9 +220,7 @@ def check_results(path: Path) -> None:
 
 
 @contextmanager
-def _resumed(
-    results: Path | None, settings: dict[str, Any]
-) -> Iterator[tuple[dict[int, Any], Write]]:
+def _resumed(results: Path | None, settings: dict[str, Any]) -> Iterator[tuple[dict[int, Any], Write]]:
     """Give what a file of results holds already, and a function that appends a line and sees it to the disk.
 
     The file is held meanwhile; nothing of it is changed before all of it is known to be this exam's. Its

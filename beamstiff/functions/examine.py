@@ -16,7 +16,7 @@ from beamstiff.exam.crowded.cases import CrowdedExam
 from beamstiff.exam.crowded.score import crowded_dict
 from beamstiff.exam.labelled import examine_folder, set_names
 from beamstiff.exam.names import EFFECTS
-from beamstiff.exam.record import KINDS, Kind, Record
+from beamstiff.exam.record import KINDS, Kind
 from beamstiff.exam.run import CROWDED, SINGLE, Procedure, check_results, run_cases
 from beamstiff.exam.table import table_dict
 from beamstiff.files import check_writable, remove_drafts
@@ -111,7 +111,9 @@ def examine(
         records = examine_folder(Path(sets), examiner, processes=processes, scheduler=scheduler)
         return Examination(records, {"sets": os.fspath(sets)})
     if crowded and (robot is not None or plan is not None or names):
-        raise OptionError("crowded", "found other options of what to examine, expected the number of cases only")
+        raise OptionError(
+            "crowded", "found other options of what to examine, expected the number of cases only"
+        )
     asked, notes = (CrowdedExam(seed), []) if crowded else _asked(robot, plan, seed, names)
     procedure: Procedure[Any] = CROWDED if crowded else SINGLE
     records = run_cases(

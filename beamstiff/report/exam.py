@@ -60,7 +60,9 @@ def crowded_tables(records: Sequence[CrowdedRecord]) -> Iterator[Table]:
         asked = "" if row.required is None else f"{sign} {row.required:g}"
         cells = [(_share if one.share else _plain)(one.figure) for one in found.values()]
         counts = [str(one.figure.count) for one in found.values()]
-        result.add_row(row.name, asked, mark(row), *(c for pair in zip(cells, counts, strict=True) for c in pair))
+        result.add_row(
+            row.name, asked, mark(row), *(c for pair in zip(cells, counts, strict=True) for c in pair)
+        )
     yield result
     misses = table("Largest cause not named first", "case", "truth", "closes", "named", left=2)
     for record in records:

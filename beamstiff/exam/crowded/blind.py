@@ -95,20 +95,21 @@ def _opened(reply: Reply, shifts: Shifts | None, drawn: CrowdedCase) -> Reply:
     reply = replace(reply, least_mm=ends[0], left_mm=ends[1])
     if not reply.named:
         return reply
-    return replace(reply, closing=0.0 if shifts is None else _closing(drawn, *shifts))
+    return replace(
+        reply,
+        closing=0.0 if shifts is None else true_closing(drawn.fresh_positions(), drawn.fresh.kind, shifts),
+    )
 
 
-def _closing(drawn: CrowdedCase, before: Array, after: Array) -> float:
-    """Return ``1 - (after/before)^2`` of the RMS errors on fresh poses, clipped to [-1, 1].
+def true_closing(truth: Array, kind: str, shifts: Shifts) -> float:
+    """Return ``1 - (after/before)^2`` of the RMS errors against true positions (N, 3), clipped to [-1, 1].
 
     Absolute positions are first laid over the true ones as a rigid body, as the measuring frame is not known.
     """
-    truth = drawn.fresh_positions()
     squares = []
-    for predicted in (before[:, :3], after[:, :3]):
-        if drawn.fresh.kind == "absolute":
-            error = fit_rigid_motion(predicted, truth).residuals
-        else:
-            error = truth - predicted
+    for predicted in shifts:
+        error = truth - predicted[:, :3]
+        if kind == "absolute":
+            error = fit_rigid_motion(predicted[:, :3], truth).residuals
         squares.append(float(np.square(error).sum()))
     return float(np.clip(1.0 - squares[1] / squares[0], -1.0, 1.0))

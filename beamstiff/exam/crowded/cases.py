@@ -198,9 +198,7 @@ def _drawn(rng: np.random.Generator, case: int, kind: Kind) -> CrowdedCase:
     )
 
 
-def _with_reflectors(
-    rng: np.random.Generator, robot: Robot, names: Sequence[str]
-) -> tuple[Robot, Robot]:
+def _with_reflectors(rng: np.random.Generator, robot: Robot, names: Sequence[str]) -> tuple[Robot, Robot]:
     """Return the robot with reflectors on stalks at the TCP where they are guessed, and where they are."""
     tcp = next(node for node in robot.nodes if node.name == robot.tcp)
     true = [np.array(tcp.at) + rng.uniform(*STALKS) * _direction(rng) for _ in names]
