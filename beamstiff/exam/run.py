@@ -9,14 +9,14 @@ from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Generic, NoReturn, Protocol, TypeVar
+from typing import Any, Generic, NoReturn, TypeVar
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.exam.blind import Examiner, examined, keep_report
 from beamstiff.exam.cases import Exam, draw_case
 from beamstiff.exam.crowded.blind import examined_crowded
 from beamstiff.exam.crowded.cases import CrowdedExam, draw_crowded_case
-from beamstiff.exam.crowded.record import crowded_record_from
+from beamstiff.exam.crowded.record import CrowdedRecord, crowded_record_from
 from beamstiff.exam.record import Record, record_from
 from beamstiff.files import held, is_device, read_text, remove_drafts, target_of, write_new
 from beamstiff.parallel import parallel_map
@@ -38,33 +38,7 @@ class Void:
     why: str
 
 
-class AnyLabel(Protocol):
-    """What is true in a case."""
-
-    @property
-    def case(self) -> int:
-        """Return the number of the case."""
-        ...
-
-    def digest(self) -> str:
-        """Return its SHA-256, which seals it."""
-        ...
-
-
-class AnyRecord(Protocol):
-    """A case, answered and opened."""
-
-    @property
-    def label(self) -> AnyLabel:
-        """Return what was true."""
-        ...
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data for one line of JSON."""
-        ...
-
-
-R = TypeVar("R", bound=AnyRecord)
+R = TypeVar("R", Record, CrowdedRecord)
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,7 @@ ABSOLUTE = 0.8  # share of the campaigns; geometry shows in no other
 NOT_DRAWN = ("geometry-error", "tool-offset", "frame-misalignment", "outliers")
 INSIDE = (*(name for name in EFFECTS if name not in NOT_DRAWN), *(effect.name for effect in LATER))
 BEYOND = tuple(effect.name for effect in OUTSIDE)
+BY_ANGLE = ("angle-curve", "gravity-compensator")
 LARGEST = (0.3e-3, 2e-3)  # m, RMS that the largest effect contributes
 FALLS = (0.4, 0.8)  # to which share of it the next one
 MET = (0.6, 1.7)  # of the contribution that is wanted, between which an effect is taken
@@ -141,7 +143,8 @@ def _drawn(rng: np.random.Generator, case: int, kind: Kind) -> CrowdedCase:
     mass = rng.uniform(0.2, 0.7) * force / GRAVITY
     robot = with_payload(robot, float(mass), tuple(rng.uniform(-0.1, 0.1, 3).tolist()))
     absolute = kind == "geometry" or rng.random() < ABSOLUTE
-    machine, points = robot, (robot.tcp,)
+    machine = robot
+    points: tuple[str, ...] = (robot.tcp,)
     if absolute:
         points = REFLECTORS[: 1 if rng.random() < SINGLE else len(REFLECTORS)]
         robot, machine = _with_reflectors(rng, robot, points)
@@ -173,6 +176,7 @@ def _drawn(rng: np.random.Generator, case: int, kind: Kind) -> CrowdedCase:
             key=truth.label,
             form=truth.form,
             author=author_of(truth),
+            accept=_same_by_another_name(robot, truth) if absolute else (),
             outside=truth.effect in BEYOND,
             contribution_mm=round(1e3 * _rms(part), 4),
             closes=round(share, 4),
@@ -180,6 +184,8 @@ def _drawn(rng: np.random.Generator, case: int, kind: Kind) -> CrowdedCase:
         )
         for truth, part, share in zip(truths, parts.T, closes, strict=True)
     )
+    if kind == "outside" and not causes[0].outside:
+        raise BeamstiffError("the effect outside the library is not the largest")
     library = parts[:, [not cause.outside for cause in causes]]
     label = CrowdedLabel(
         case=case,
@@ -196,6 +202,20 @@ def _drawn(rng: np.random.Generator, case: int, kind: Kind) -> CrowdedCase:
     return CrowdedCase(
         label, robot, machine, tuple(geometry), tuple(truths), campaign, fresh, frame, gap, parts
     )
+
+
+def _same_by_another_name(robot: Robot, truth: Truth) -> tuple[str, ...]:
+    """Return names that mean the same in absolute positions.
+
+    A balancer's torque follows the angle, and so does what it winds its drive up by; what stands on the
+    ground is the base.
+    """
+    if truth.effect in BY_ANGLE:
+        return tuple(f"{name}:{truth.component}" for name in BY_ANGLE if name != truth.effect)
+    if truth.effect != "base-compliance":
+        return ()
+    ground = {node.name for node in robot.nodes if node.frame == "base"}
+    return tuple(f"link-bending:{rigid.name}" for rigid in robot.rigids if ground.issuperset(rigid.nodes))
 
 
 def _with_reflectors(rng: np.random.Generator, robot: Robot, names: Sequence[str]) -> tuple[Robot, Robot]:
@@ -271,22 +291,18 @@ def open_basis(robot: Robot, machine: Robot, campaign: SimulatedCampaign) -> Arr
 
 
 def in_order(gap: Array, parts: Array) -> tuple[list[int], list[float]]:
-    """Return parts (n, c) in the order in which most is closed, and the share of the gap each closes.
+    """Return parts (n, c) in the order in which taking one away closes most, and the share each closes.
 
-    Each is added with all sizes refitted (orthogonal matching pursuit).
+    Each as large as it is: sizes that are fitted would let an effect stand in for another that looks like it.
     """
     order: list[int] = []
-    left = [float(gap @ gap)]
+    left, squares = gap, [float(gap @ gap)]
     while len(order) < parts.shape[1]:
-        rest = {
-            k: float(np.square(_beyond(gap, _basis(parts[:, [*order, k]]))).sum())
-            for k in range(parts.shape[1])
-            if k not in order
-        }
+        rest = {k: float(np.square(left - part).sum()) for k, part in enumerate(parts.T) if k not in order}
         order.append(min(rest, key=rest.__getitem__))
-        left.append(rest[order[-1]])
-    whole = left[0] or 1.0
-    return order, [(before - after) / whole for before, after in zip(left[:-1], left[1:], strict=True)]
+        left = left - parts[:, order[-1]]
+        squares.append(rest[order[-1]])
+    return order, [(before - after) / (squares[0] or 1.0) for before, after in pairwise(squares)]
 
 
 def _draw_effects(

@@ -6,13 +6,12 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
-from beamstiff.exam.names import effect_of, place_of
-from beamstiff.exam.record import sha256
+from beamstiff.exam.names import effect_of
+from beamstiff.exam.record import made, sha256
 
 Kind = Literal["crowded", "outside", "geometry", "clean"]
 EXAMINED = "diagnosis"  # its name among those who reply; the others are the controls
 OF_GEOMETRY = ("geometry-error", "tool-offset", "frame-misalignment")
-BY_ANGLE = {"gravity-compensator", "angle-curve"}
 LEAST = 0.1  # share of the gap from which a cause has to be found
 SIMILAR = 0.8  # of the largest share, from which either may come first
 
@@ -29,6 +28,8 @@ class TrueCause:
         Constitutive form.
     author : int
         Who wrote the form.
+    accept : tuple of str
+        Names that mean the same in these data.
     outside : bool
         Whether no library has it.
     contribution_mm : float
@@ -42,6 +43,7 @@ class TrueCause:
     key: str
     form: str
     author: int
+    accept: tuple[str, ...]
     outside: bool
     contribution_mm: float
     closes: float
@@ -95,20 +97,13 @@ class CrowdedLabel:
     def named_by(self, key: str) -> TrueCause | None:
         """Return the cause that a name means; None where no such effect is at work.
 
-        ``joint-compliance:null``, all drives together, means one of several compliant joints. A balancer is
-        a torque that follows the angle, and winds its drive up by an angle that does: in absolute positions
-        that is an `angle-curve` by another name.
+        ``joint-compliance:null``, all drives together, means one of several compliant joints.
         """
         joints = [one for one in self.library if effect_of(one.key) == "joint-compliance"]
         if key == "joint-compliance:null" and len(joints) > 1:
             return joints[0]
-        return next((cause for cause in self.library if cause.key == key), None) or next(
-            (cause for cause in self.library if self._is_the_same(cause.key, key)), None
-        )
-
-    def _is_the_same(self, one: str, other: str) -> bool:
-        both = {effect_of(one), effect_of(other)}
-        return self.data == "absolute" and both == BY_ANGLE and place_of(one) == place_of(other)
+        exact = (cause for cause in self.library if cause.key == key)
+        return next(exact, None) or next((one for one in self.library if key in one.accept), None)
 
     def is_real(self, key: str) -> bool:
         """Tell whether a name means an effect at work, or a geometry that is off indeed."""
@@ -179,9 +174,7 @@ class CrowdedRecord:
 
 def crowded_record_from(data: Mapping[str, Any]) -> CrowdedRecord:
     """Return the record that `CrowdedRecord.to_dict` made plain data of."""
-    label = {**data["label"], "causes": tuple(TrueCause(**cause) for cause in data["label"]["causes"])}
-    replies = {
-        name: Reply(**{key: tuple(v) if isinstance(v, list) else v for key, v in reply.items()})
-        for name, reply in data["replies"].items()
-    }
-    return CrowdedRecord(CrowdedLabel(**label), replies, data["label_sha256"], data["report_sha256"])
+    label = {**data["label"], "causes": tuple(made(TrueCause, one) for one in data["label"]["causes"])}
+    replies = {name: made(Reply, reply) for name, reply in data["replies"].items()}
+    seals = data["label_sha256"], data["report_sha256"]
+    return CrowdedRecord(made(CrowdedLabel, label), replies, *seals)

@@ -17,8 +17,8 @@ AWAY = (5e-5, 1e-2)  # m
 
 def places(robot: Robot) -> list[str | None]:
     """Return the reflectors, nodes that nothing but a rigid stalk holds; else the TCP, which has no name."""
-    parts = [*robot.rigids, *robot.beams, *robot.joints, *robot.struts]
-    ends = [name for part in parts for name in part.nodes]
+    ends = [name for part in robot.rigids for name in part.nodes]
+    ends += [name for part in (*robot.beams, *robot.joints, *robot.struts) for name in part.nodes]  # type: ignore[attr-defined]
     stalks = {part.nodes[1] for part in robot.rigids}
     found = [name for name in dict.fromkeys(ends) if ends.count(name) == 1 and name in stalks]
     return [name for name in found if name != robot.tcp] or [None]
