@@ -103,6 +103,10 @@ def examine(
     whole("cases", cases, 1)
     whole("seed", seed, 0)
     names = names_of("classes", classes)
+    if crowded and (robot is not None or plan is not None or sets is not None or names):
+        raise OptionError(
+            "crowded", "found other options of what to examine, expected the cases' number only"
+        )
     check_kept(out, reports, sets, cases)
     examiner = Examiner(_diagnose(), controls=_controls(crowded) if compare else {}, reports=_folder(reports))
     if sets is not None:
@@ -110,10 +114,6 @@ def examine(
             raise OptionError("sets", "found other options of what to examine, expected the folder only")
         records = examine_folder(Path(sets), examiner, processes=processes, scheduler=scheduler)
         return Examination(records, {"sets": os.fspath(sets)})
-    if crowded and (robot is not None or plan is not None or names):
-        raise OptionError(
-            "crowded", "found other options of what to examine, expected the number of cases only"
-        )
     asked, notes = (CrowdedExam(seed), []) if crowded else _asked(robot, plan, seed, names)
     procedure: Procedure[Any] = CROWDED if crowded else SINGLE
     records = run_cases(

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure as Drawing
 
 from beamstiff.exam import score
 from beamstiff.exam.crowded.record import CrowdedRecord
-from beamstiff.exam.crowded.score import figures, is_main_exact, names_of
+from beamstiff.exam.crowded.score import figures, is_main_exact, names_of, pairs_of, with_main
 from beamstiff.exam.names import EFFECTS, FAILED, NONE, UNKNOWN
 from beamstiff.exam.rates import Figure
 from beamstiff.exam.record import Record
@@ -65,9 +65,8 @@ def crowded_tables(records: Sequence[CrowdedRecord]) -> Iterator[Table]:
         )
     yield result
     misses = table("Largest cause not named first", "case", "truth", "closes", "named", left=2)
-    for record in records:
-        label, reply = record.label, record.replies[who[0]]
-        if label.kind == "crowded" and not is_main_exact(label, reply):
+    for label, reply in with_main(pairs_of(records, who[0])):
+        if not is_main_exact(label, reply):
             said = " ".join(reply.named) or reply.verdict
             misses.add_row(str(label.case), label.causes[0].key, f"{label.causes[0].closes:.2f}", said)
     yield misses

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -40,6 +41,7 @@ BY_ANGLE = ("angle-curve", "gravity-compensator")
 LARGEST = (0.3e-3, 2e-3)  # m, RMS that the largest effect contributes
 FALLS = (0.4, 0.8)  # to which share of it the next one
 MET = (0.6, 1.7)  # of the contribution that is wanted, between which an effect is taken
+FEWEST, MOST = 3, 6  # effects
 DRAWS, TRIES = 8, 20  # of an effect, of a case
 HIDDEN = 0.03  # share of the gap below which, or below the noise, an effect is hidden
 LENGTHS, ANGLES = (1e-4, 5e-4), (5e-4, 3e-3)  # m and rad, by which the geometry is off
@@ -176,7 +178,7 @@ def _drawn(rng: np.random.Generator, case: int, kind: Kind) -> CrowdedCase:
             key=truth.label,
             form=truth.form,
             author=author_of(truth),
-            accept=_same_by_another_name(robot, truth) if absolute else (),
+            accept=_same_by_another_name(robot, truth),
             outside=truth.effect in BEYOND,
             contribution_mm=round(1e3 * _rms(part), 4),
             closes=round(share, 4),
@@ -205,10 +207,10 @@ def _drawn(rng: np.random.Generator, case: int, kind: Kind) -> CrowdedCase:
 
 
 def _same_by_another_name(robot: Robot, truth: Truth) -> tuple[str, ...]:
-    """Return names that mean the same in absolute positions.
+    """Return other names that mean the same.
 
-    A balancer's torque follows the angle, and so does what it winds its drive up by; what stands on the
-    ground is the base.
+    A balancer's torque follows the angle, and so does what it winds its drive up by, which is all that
+    absolute positions show of it. What stands on the ground is the base.
     """
     if truth.effect in BY_ANGLE:
         return tuple(f"{name}:{truth.component}" for name in BY_ANGLE if name != truth.effect)
@@ -223,37 +225,24 @@ def _with_reflectors(rng: np.random.Generator, robot: Robot, names: Sequence[str
     tcp = next(node for node in robot.nodes if node.name == robot.tcp)
     true = [np.array(tcp.at) + rng.uniform(*STALKS) * _direction(rng) for _ in names]
     guess = [at + _between(rng, *GUESSED) * _direction(rng) for at in true]
-    stalks = tuple(Rigid(name=f"stalk_{name}", nodes=(robot.tcp, name)) for name in names)
-    model, machine = (
-        robot.model_copy(
-            update={
-                "nodes": (
-                    *robot.nodes,
-                    *(
-                        Node(name=name, frame=tcp.frame, at=tuple(at.tolist()))
-                        for name, at in zip(names, places, strict=True)
-                    ),
-                ),
-                "rigids": (*robot.rigids, *stalks),
-            }
-        )
-        for places in (guess, true)
-    )
-    return model, machine
+
+    def with_nodes(places: Sequence[Array]) -> Robot:
+        pairs = zip(names, places, strict=True)
+        nodes = [Node(name=name, frame=tcp.frame, at=tuple(at.tolist())) for name, at in pairs]
+        stalks = [Rigid(name=f"stalk_{name}", nodes=(robot.tcp, name)) for name in names]
+        parts = {"nodes": (*robot.nodes, *nodes), "rigids": (*robot.rigids, *stalks)}
+        return robot.model_copy(update=parts)
+
+    return with_nodes(guess), with_nodes(true)
 
 
 def _draw_geometry(rng: np.random.Generator, robot: Robot) -> tuple[Truth, ...]:
     """Return by what the lengths and angles of the axes, and their zeros, are off."""
-    length, angle = (_between(rng, *limits) for limits in (LENGTHS, ANGLES))
-    return tuple(
-        Truth(
-            "geometry-error",
-            name,
-            "single",
-            {"error": float(rng.standard_normal()) * (angle if kind == "angle" else length)},
-        )
-        for name, kind in _open_parameters(robot).items()
-    )
+    scale = {"length": _between(rng, *LENGTHS), "angle": _between(rng, *ANGLES)}
+    errors = {
+        name: float(scale[kind] * rng.standard_normal()) for name, kind in _open_parameters(robot).items()
+    }
+    return tuple(Truth("geometry-error", name, "single", {"error": by}) for name, by in errors.items())
 
 
 def _open_parameters(robot: Robot) -> dict[str, str]:
@@ -322,38 +311,28 @@ def _draw_effects(
         except BeamstiffError:  # so large that the machine gives way under it
             return float("inf")
 
-    wanted, found, count = _between(rng, *LARGEST), list[Truth](), int(rng.integers(3, 7))
+    wanted, found, count = _between(rng, *LARGEST), list[Truth](), int(rng.integers(FEWEST, MOST + 1))
     for at in range(count):
+        effects = BEYOND if outside and at == 0 else INSIDE
         for _ in range(DRAWS):
-            truth = _draw_one(rng, robot, BEYOND if outside and at == 0 else INSIDE, found)
-            if truth is None:
+            seed, effect = int(rng.integers(2**31)), effects[int(rng.integers(len(effects)))]
+            try:
+                truth = draw_truth(rng, robot, effect, 0.5)
+            except BeamstiffError:  # this robot cannot have it
                 continue
-            seed = int(rng.integers(2**31))
-            size, reached = size_for(
-                lambda s, one=truth, k=seed: contribution(resized(one, robot, s, k)),  # type: ignore[misc]
-                wanted,
-            )
+            if (truth.component or effect) in [one.component or one.effect for one in found]:
+                continue
+            sizes = partial(resized, truth, robot, seed=seed)
+            size, reached = size_for(lambda s, sizes=sizes: contribution(sizes(s)), wanted)  # type: ignore[misc]
             if MET[0] <= reached / wanted <= MET[1]:
-                found.append(resized(truth, robot, size, seed))
+                found.append(sizes(size))
                 break
-        else:
-            if at == 0:
-                raise BeamstiffError("no effect is large enough to be the largest")
+        if not found:
+            raise BeamstiffError("no effect is large enough to be the largest")
         wanted *= rng.uniform(*FALLS)
-    if len(found) < 3:
+    if len(found) < FEWEST:
         raise BeamstiffError(f"only {len(found)} effects show")
     return found
-
-
-def _draw_one(
-    rng: np.random.Generator, robot: Robot, effects: Sequence[str], beside: Sequence[Truth]
-) -> Truth | None:
-    try:
-        truth = draw_truth(rng, robot, effects[int(rng.integers(len(effects)))], 0.5)
-    except BeamstiffError:
-        return None
-    taken = [one.component or one.effect for one in beside]
-    return None if (truth.component or truth.effect) in taken else truth
 
 
 def positions(machine: Robot, truths: Sequence[Truth], campaign: SimulatedCampaign) -> Array:

@@ -26,7 +26,7 @@ def pairs_of(records: Sequence[CrowdedRecord], who: str) -> list[tuple[CrowdedLa
     return [(record.label, record.replies[who]) for record in records if who in record.replies]
 
 
-def _with_main(pairs: Pairs) -> Pairs:
+def with_main(pairs: Pairs) -> Pairs:
     """Return the crowded cases whose largest cause closes at least half of the gap."""
     return [(a, b) for a, b in pairs if a.kind == "crowded" and a.causes[0].closes >= MAIN]
 
@@ -39,14 +39,13 @@ def is_main_exact(label: CrowdedLabel, reply: Reply) -> bool:
 
 def main_exact(pairs: Pairs) -> Figure:
     """Return the share of crowded cases, largest cause half of the gap or more, where it is named first."""
-    return rate(is_main_exact(label, reply) for label, reply in _with_main(pairs))
+    return rate(is_main_exact(label, reply) for label, reply in with_main(pairs))
 
 
 def main_in_set(pairs: Pairs) -> Figure:
     """Return the share of the same whose largest cause is named first or is said to look like the first."""
     return rate(
-        is_main_exact(label, reply) or label.causes[0].key in reply.alike
-        for label, reply in _with_main(pairs)
+        is_main_exact(label, reply) or label.causes[0].key in reply.alike for label, reply in with_main(pairs)
     )
 
 
