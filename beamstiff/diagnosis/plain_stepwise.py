@@ -35,6 +35,8 @@ from beamstiff.se3 import Array
 ENOUGH = 10.0
 TEXTBOOK = 3  # parameters of a form at most: a vector; freer ones follow whatever is left, unless held back
 MOST = 20  # forms
+SILENT = 1e-6  # of the noise: a column so small, of a realistic size, is rounding
+STEP = 1e-3  # of the open parameters' change, along which they act linearly
 ABSORBED = 1e-4  # share of a column, below which the fit has taken it up already
 
 
@@ -59,8 +61,17 @@ class PlainStepwise:
         The regression's parameters as they are, also where no machine could have them.
         """
         model, change = self.found.model, self.found.change
-        views = [fit_baseline(model.robot(by), rows, keep=()) for by in (np.zeros_like(change), change)]
-        near, after = at_rows(model.baseline, rows), views[1].predicted
+        # the regression is linear: of large changes a robot would make something else
+        views = (fit_baseline(model.robot(by * change), rows, keep=()) for by in (0.0, STEP))
+        before, moved = (as_measured(view, view.predicted) for view in views)
+        near, after = at_rows(model.baseline, rows), before + (moved - before) / STEP
+        if model.problem is not None:  # what is common to base frame and first axis must cancel
+            pairs = zip(model.problem.parameters, change.tolist(), strict=True)
+            base = {item.name: value for item, value in pairs if item.group == "base"}
+            along, about = (
+                np.array([base.get(f"base.{way}{axis}", 0.0) for axis in "xyz"]) for way in ("", "r")
+            )
+            after[:, :3] += along + np.cross(about, before[:, :3])
         for cause in self.found.causes:
             for form, theta in zip(cause.forms, cause.theta, strict=True):
                 if form.effect == SLIP:  # it stays where it came to rest
@@ -70,7 +81,7 @@ class PlainStepwise:
                 else:
                     columns = columns_at(near, form)
                 after = after + columns @ (theta * form.sizes)
-        return as_measured(views[0], views[0].predicted), as_measured(views[1], after)
+        return before, after
 
 
 def plain_stepwise(robot: Robot, measurements: Measurements, withheld: Sequence[str] = ()) -> PlainStepwise:
@@ -108,7 +119,7 @@ def _entered(model: OpenModel, forms: Sequence[Form]) -> tuple[list[Form], list[
     sizes = [form.columns.shape[1] for form in forms]
     every = np.concatenate([np.zeros((len(left), 0)), *(form.columns for form in forms)], axis=1)
     size = np.linalg.norm(every, axis=0)
-    every = every / np.where(size > 0, size, 1.0)
+    every = every * (size > SILENT) / np.where(size > SILENT, size, 1.0)
     every -= basis @ (basis.T @ every)
     parts = np.split(np.arange(every.shape[1]), np.cumsum(sizes)[:-1])
     chosen: list[Form] = []
@@ -139,7 +150,7 @@ def _told(model: OpenModel, chosen: Sequence[Form], squares: Sequence[float]) ->
     """Return the fit with the forms, told as a decomposition, so that it is reported as one."""
     matrix = np.concatenate([model.tangent, *(form.columns for form in chosen)], axis=1)
     size = np.linalg.norm(matrix, axis=0)
-    size = np.where(size > 0, size, 1.0)
+    matrix, size = matrix * (size > SILENT), np.where(size > SILENT, size, 1.0)
     theta = np.linalg.lstsq(matrix / size, model.residual, rcond=1e-8)[0] / size
     starts = model.tangent.shape[1] + np.cumsum([0, *(form.sizes.size for form in chosen)])
     noise2 = float(np.mean(model.baseline.sigma[:, :3][model.used[:, :3]] ** 2)) * 3.0

@@ -1,4 +1,4 @@
-"""The control for crowded machines: what a plain forward regression names, of rows of the exam's simulator."""
+"""The control for crowded machines: what a plain forward regression names in rows of the simulator."""
 
 from dataclasses import replace
 

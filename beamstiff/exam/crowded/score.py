@@ -57,6 +57,11 @@ def named_real(pairs: Pairs) -> Figure:
     return rate(label.is_real(key) for label, reply in pairs for key in reply.named)
 
 
+def real_in_library(pairs: Pairs) -> Figure:
+    """Return the same without the cases whose largest effect is outside: names that stand in for it."""
+    return named_real([(label, reply) for label, reply in pairs if label.kind != "outside"])
+
+
 def found(pairs: Pairs) -> Figure:
     """Return the share of the library's causes at work, each a tenth of the gap or more, that are named."""
     return rate(
@@ -147,6 +152,7 @@ FIGURES: tuple[tuple[str, Score, float | None, Literal["high", "low"], bool], ..
     ("largest cause named first", main_exact, 0.85, "high", True),
     ("largest cause in the set", main_in_set, 0.95, "high", True),
     ("named causes that are real", named_real, 0.95, "high", True),
+    ("the same, all effects in the library", real_in_library, None, "high", True),
     ("causes of a tenth or more that are named", found, None, "high", True),
     ("clean: nothing named", lambda pairs: nothing_named(pairs, "clean"), None, "high", True),
     ("geometry only: nothing named", lambda pairs: nothing_named(pairs, "geometry"), None, "high", True),
@@ -185,12 +191,23 @@ def figures(records: Sequence[CrowdedRecord]) -> Iterator[dict[str, Row]]:
 
 def crowded_dict(records: Sequence[CrowdedRecord]) -> dict[str, object]:
     """Return all figures as plain data, for JSON."""
-    rows = list(figures(records))
     kinds = [record.label.kind for record in records]
     return {
         "cases": len(records),
         "kinds": {kind: kinds.count(kind) for kind in dict.fromkeys(kinds)},
         "figures": {
-            next(iter(row.values())).name: {who: row_dict(one) for who, one in row.items()} for row in rows
+            group: {
+                next(iter(row.values())).name: {who: row_dict(one) for who, one in row.items()}
+                for row in figures(some)
+            }
+            for group, some in by_data(records).items()
         },
     }
+
+
+def by_data(records: Sequence[CrowdedRecord]) -> dict[str, list[CrowdedRecord]]:
+    """Return all records, and those of absolute positions and of displacements."""
+    groups = {"all": list(records)}
+    for record in records:
+        groups.setdefault(record.label.data, []).append(record)
+    return groups
