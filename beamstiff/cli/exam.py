@@ -47,6 +47,11 @@ def exam(
     sets: str | None = option(
         "FOLDER", "Examine on the campaigns of a folder with a labels.json instead of simulated ones."
     ),
+    crowded: bool = typer.Option(
+        False,
+        "--crowded",
+        help="Examine on machines with three to six effects at once, and a geometry that is off.",
+    ),
     json: Json = None,
     out: str | None = option(
         "FILE", "Keep every case's result as a line of JSON; a broken-off exam is taken up again there."
@@ -73,13 +78,17 @@ def exam(
       beamstiff exam --cases 2160 --seed 7 --processes 4 --out results.jsonl --html report.html
       beamstiff exam robot.yaml --plan plan.csv --cases 200
       beamstiff exam --cases 60 --classes null,backlash,hysteresis
+      beamstiff exam --crowded --cases 100 --seed 7 --out results.jsonl --json table.json
       beamstiff exam --cases 2160 --scheduler tcp://10.0.0.5:8786 --out results.jsonl
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
+    from beamstiff.errors import OptionError
     from beamstiff.exam.table import by_design
     from beamstiff.functions.examine import check_kept, examine, reports_of
-    from beamstiff.report.exam import exam_tables, plan_tables, reliability_figure
+    from beamstiff.report.exam import crowded_tables, exam_tables, plan_tables, reliability_figure
     from beamstiff.report.tables import spaced
 
+    if crowded and (figure or html):
+        raise OptionError("crowded", "found --figure or --html, which are of single effects, expected --json")
     inputs: list[str | Path] = [] if robot is None else [robot_file(robot)]
     inputs += [] if plan is None else [plan]
     if sets is not None and Path(sets).is_dir():
@@ -95,6 +104,7 @@ def exam(
             cases=cases,
             classes=parse_names(classes, "--classes", "null,backlash"),
             sets=sets,
+            crowded=crowded,
             compare=compare,
             reports=reports,
             out=out,
@@ -104,6 +114,9 @@ def exam(
             progress=None if tell is None else lambda _: tell(advance=1),
         )
     records = list(found.records)
+    if crowded:
+        outputs.result(found.notes, spaced(crowded_tables(records)), found.to_dict())
+        return
     tables = plan_tables(records) if plan else exam_tables(records)
     outputs.result(found.notes, spaced(tables), found.to_dict())
     outputs.draw("figure", lambda: reliability_figure(by_design(records)[0]))

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from beamstiff.exam.baseline import linear_fit, true_rows, whitened_gap
-from beamstiff.exam.campaign import Truth
+from beamstiff.exam.campaign import SimulatedCampaign, Truth
 from beamstiff.exam.cases import Case, Exam, draw_case
 from beamstiff.exam.names import is_named, normal
 from beamstiff.exam.record import Answer, Record, answer_of, failed, sha256
@@ -45,8 +45,11 @@ class Diagnose(Protocol):
         ...
 
 
-Control = Callable[[Robot, Measurements, Sequence[str]], str | Mapping[str, Any]]
-"""A plain method: model, rows and what is withheld in, ``effect:component``, ``none`` or a report out."""
+Control = Callable[[Robot, Measurements, Sequence[str]], str | Mapping[str, Any] | Diagnosis]
+"""A plain method: model, rows and what is withheld in, ``effect:component``, ``none`` or a report out.
+
+On crowded machines a diagnosis out.
+"""
 
 
 Baseline = Callable[[Case, Sequence[Sequence[Truth]]], list[Array]]
@@ -120,10 +123,10 @@ def examined(exam: Exam, drawn: Case, examiner: Examiner) -> tuple[Record, dict[
     answer, error, shifts = outcome.answer, outcome.error, None
     if outcome.diagnosis is not None and is_named(answer.verdict):
         try:
-            shifts = outcome.diagnosis.predict_shift(unmeasured(drawn))
+            shifts = outcome.diagnosis.predict_shift(unmeasured(drawn.robot, drawn.fresh))
         except Exception as failure:  # whatever it is: the case counts as failed, the exam goes on
-            answer, error = failed(), _line(failure)
-    report_seal = sha256({"report": outcome.report, "promise": None if shifts is None else _plain(shifts)})
+            answer, error = failed(), one_line(failure)
+    report_seal = sha256({"report": outcome.report, "promise": None if shifts is None else plain(shifts)})
     controls = {
         name: control_verdict(method, drawn.robot, rows, drawn.label.withheld)
         for name, method in examiner.controls.items()
@@ -163,15 +166,14 @@ def true_shrink(case: Case, before: Array, after: Array) -> float | None:
 NO_GAP = 1e-6  # m; below this new rows have nothing to close
 
 
-def unmeasured(case: Case) -> Measurements:
-    """Return the new rows as a plan: poses and loads, nothing measured."""
-    fresh = case.fresh
+def unmeasured(robot: Robot, fresh: SimulatedCampaign) -> Measurements:
+    """Return new rows as a plan: poses and loads, nothing measured."""
     nothing = np.full((len(fresh), 6), np.nan)
     absolute = fresh.kind == "absolute"
     return make_measurements(
-        [variable.name for variable in case.robot.actuated],
+        [variable.name for variable in robot.actuated],
         fresh.q,
-        tcp=case.robot.tcp,
+        tcp=robot.tcp,
         wrench=fresh.wrench,
         displacement=None if absolute else nothing,
         position=nothing[:, :3] if absolute else None,
@@ -204,7 +206,7 @@ def diagnosed(robot: Robot, rows: Measurements, withheld: Sequence[str], examine
         report = diagnosis.to_dict()
         answer = answer_of(report)
     except Exception as error:  # whatever it is: the case counts as failed, the exam goes on
-        return Outcome(failed(), None, {}, time.perf_counter() - start, _line(error))
+        return Outcome(failed(), None, {}, time.perf_counter() - start, one_line(error))
     return Outcome(answer, diagnosis, report, time.perf_counter() - start, None)
 
 
@@ -212,7 +214,9 @@ def control_verdict(method: Control, robot: Robot, rows: Measurements, withheld:
     """Return the verdict of a plain control on the rows, ``effect:component``."""
     try:
         report = method(robot, rows, withheld)
-        return normal(report) if isinstance(report, str) else answer_of(report).verdict
+        if isinstance(report, str):
+            return normal(report)
+        return answer_of(report if isinstance(report, Mapping) else report.to_dict()).verdict
     except Exception:  # a control that breaks off is wrong
         return normal("failed")
 
@@ -226,9 +230,11 @@ def _gaps(case: Case, baseline: Baseline) -> tuple[float, tuple[float, ...]]:
     return gap, tuple(single) or (gap,)
 
 
-def _plain(shifts: tuple[Array, Array]) -> list[list[list[float | None]]]:
+def plain(shifts: tuple[Array, Array]) -> list[list[list[float | None]]]:
+    """Return predictions as plain data, to be sealed."""
     return [[[round(v, 12) if v == v else None for v in row] for row in s.tolist()] for s in shifts]
 
 
-def _line(error: Exception) -> str:
+def one_line(error: Exception) -> str:
+    """Return an error as one line of at most 300 characters."""
     return " ".join(f"{type(error).__name__}: {error}".split())[:300]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 
@@ -42,6 +42,7 @@ CLAIMED: Mapping[Claim, float] = {"true": 0.6, "half": 0.15, "twice": 0.1, "abse
 STIFF_DRIVE = 0.08  # of the models hold one drive rigid, those with a joint compliance to find always
 TRIES = 60
 GRAVITY = 9.81
+K = TypeVar("K", bound=str)
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,14 +122,19 @@ def kind_of(exam: Exam, case: int) -> tuple[Kind, int]:
 
     Blocks of cases hold the kinds exactly in their shares, in an order drawn for the block.
     """
-    kinds = [kind for kind in KINDS for _ in range(exam.shares.get(kind, 0))]
+    return dealt(exam.seed, {kind: exam.shares.get(kind, 0) for kind in KINDS}, case)
+
+
+def dealt(seed: int, shares: Mapping[K, int], case: int) -> tuple[K, int]:
+    """Return the kind of a case, of kinds in these shares, and how many of that kind come before it."""
+    kinds = [kind for kind, share in shares.items() for _ in range(share)]
     if not kinds:
         raise BeamstiffError("exam: found no kind of case with a share, expected at least one")
     block, at = divmod(case, len(kinds))
-    order = np.random.default_rng([exam.seed, block, len(kinds), 2]).permutation(len(kinds))
+    order = np.random.default_rng([seed, block, len(kinds), 2]).permutation(len(kinds))
     shuffled = [kinds[k] for k in order]
     kind = shuffled[at]
-    return kind, block * exam.shares[kind] + shuffled[:at].count(kind)
+    return kind, block * shares[kind] + shuffled[:at].count(kind)
 
 
 def possible_effects(robot: Robot, effects: tuple[str, ...] = EFFECTS) -> tuple[str, ...]:

@@ -185,8 +185,8 @@ def failed() -> Answer:
 def record_from(data: Mapping[str, Any]) -> Record:
     """Return the record that `Record.to_dict` made plain data of."""
     values = {**data}
-    values["label"] = _made(Label, data["label"])
-    values["answer"] = _made(Answer, data["answer"])
+    values["label"] = made(Label, data["label"])
+    values["answer"] = made(Answer, data["answer"])
     values["gap"] = float("nan") if data["gap"] is None else data["gap"]
     values["gaps"] = tuple(float("nan") if gap is None else gap for gap in data["gaps"])
     return Record(**values)
@@ -198,7 +198,8 @@ def sha256(value: Any) -> str:
     return hashlib.sha256(text.encode("utf-8")).hexdigest()
 
 
-def _made(kind: type[Any], data: Mapping[str, Any]) -> Any:
+def made(kind: type[Any], data: Mapping[str, Any]) -> Any:
+    """Return an object of a dataclass from plain data; lists become tuples, unknown names are left out."""
     names = {field.name for field in fields(kind)}
     return kind(**{k: tuple(v) if isinstance(v, list) else v for k, v in data.items() if k in names})
 

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, Generic, NoReturn, TypeVar
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.exam.blind import Examiner, examined, keep_report
-from beamstiff.exam.cases import Case, Exam, draw_case
+from beamstiff.exam.cases import Exam, draw_case
+from beamstiff.exam.crowded.blind import examined_crowded
+from beamstiff.exam.crowded.cases import CrowdedExam, draw_crowded_case
+from beamstiff.exam.crowded.record import CrowdedRecord, crowded_record_from
 from beamstiff.exam.record import Record, record_from
 from beamstiff.files import held, is_device, read_text, remove_drafts, target_of, write_new
 from beamstiff.parallel import parallel_map
@@ -35,16 +38,48 @@ class Void:
     why: str
 
 
-def run_exam(
-    exam: Exam,
+R = TypeVar("R", Record, CrowdedRecord)
+
+
+@dataclass(frozen=True)
+class Procedure(Generic[R]):
+    """How the cases of a sort of exam are drawn, examined and read again.
+
+    Attributes
+    ----------
+    draw : callable
+        A case, with its ``label``, from the exam and a number.
+    examined : callable
+        Record and report, from the exam, the case and the examiner.
+    record_from : callable
+        The record, from its plain data.
+    """
+
+    draw: Callable[[Any, int], Any]
+    examined: Callable[[Any, Any, Examiner], tuple[R, dict[str, Any]]]
+    record_from: Callable[[Mapping[str, Any]], R]
+
+
+SINGLE = Procedure(draw_case, examined, record_from)
+CROWDED = Procedure(draw_crowded_case, examined_crowded, crowded_record_from)
+
+
+def run_exam(exam: Exam, count: int, examiner: Examiner, **more: Any) -> list[Record]:
+    """Return the records of cases 0 to `count` - 1 of single effects, in their order; see `run_cases`."""
+    return run_cases(SINGLE, exam, count, examiner, **more)
+
+
+def run_cases(
+    procedure: Procedure[R],
+    exam: Exam | CrowdedExam,
     count: int,
     examiner: Examiner,
     *,
     processes: int = 1,
     scheduler: str | None = None,
     results: Path | None = None,
-    progress: Callable[[Record | Void], None] = lambda _: None,
-) -> list[Record]:
+    progress: Callable[[R | Void], None] = lambda _: None,
+) -> list[R]:
     """Return the records of cases 0 to `count` - 1, in their order.
 
     With `results`, a file of JSON lines: first the exam's settings, then for every case its seal (SHA-256
@@ -53,7 +88,9 @@ def run_exam(
 
     Parameters
     ----------
-    exam : Exam
+    procedure : Procedure
+    exam : Exam or CrowdedExam
+        The one that the procedure is for.
     count : int
     examiner : Examiner
         With several processes or a scheduler it is pickled: its functions are those of modules.
@@ -61,7 +98,7 @@ def run_exam(
     scheduler : str, optional
         Of dask, ``tcp://host:port``; see `beamstiff.parallel`. All files are written here.
     results : path, optional
-    progress : function of Record or Void
+    progress : function of a record or Void
         Called after every case, those of the file included.
 
     Raises
@@ -74,12 +111,12 @@ def run_exam(
         raise BeamstiffError(
             f"exam: found {count} cases and {processes} processes, expected 1 or more of each"
         )
-    with _resumed(results, exam) as (done, write):
-        found: dict[int, Record | Void] = {case: item for case, item in done.items() if case < count}
+    with _resumed(results, exam.settings()) as (done, write):
+        found: dict[int, R | Void] = {case: item for case, item in done.items() if case < count}
         for item in found.values():
             progress(item)
         missing = (case for case in range(count) if case not in found)
-        for item in _examined(exam, missing, examiner, processes, scheduler, write):
+        for item in _examined(procedure, exam, missing, examiner, processes, scheduler, write):
             if isinstance(item, Void):
                 write({"void": item.case, "why": item.why})
                 found[item.case] = item
@@ -87,7 +124,7 @@ def run_exam(
                 write({"record": item.to_dict()})
                 found[item.label.case] = item
             progress(item)
-    return [item for _, item in sorted(found.items()) if isinstance(item, Record)]
+    return [item for _, item in sorted(found.items()) if not isinstance(item, Void)]
 
 
 def read_results(path: Path) -> tuple[dict[str, Any], list[Record]]:
@@ -99,46 +136,46 @@ def read_results(path: Path) -> tuple[dict[str, Any], list[Record]]:
         When it is no such file.
     """
     settings, items = _read(path)
-    return settings, [item for _, item in sorted(items.items()) if isinstance(item, Record)]
+    return settings, [item for _, item in sorted(items.items()) if not isinstance(item, Void)]
 
 
 Write = Callable[[dict[str, Any]], None]
-Answered = tuple[Record, dict[str, Any] | None]
 
 
 def _examined(
-    exam: Exam,
-    cases: Iterable[int | Case],
+    procedure: Procedure[R],
+    exam: Exam | CrowdedExam,
+    cases: Iterable[Any],
     examiner: Examiner,
     processes: int,
     scheduler: str | None,
     write: Write,
-) -> Iterator[Record | Void]:
-    def sealed(done: Case | Void | Answered) -> list[Case]:
+) -> Iterator[R | Void]:
+    def sealed(done: Any) -> list[Any]:
         """Write a case's seal before anybody is given the case."""
-        if not isinstance(done, Case):
+        if isinstance(done, Void | tuple):
             return []
         write({"sealed": done.label.case, "label_sha256": done.label.digest()})
         return [done]
 
-    step = partial(_step, exam, examiner)
+    step = partial(_step, procedure, exam, examiner)
     for _, done in parallel_map(step, cases, processes=processes, scheduler=scheduler, then=sealed):
         if isinstance(done, Void):
             yield done
-        elif not isinstance(done, Case):
+        elif isinstance(done, tuple):
             record, report = done
             if report is not None:
                 keep_report(examiner, record.label.case, report)
             yield record
 
 
-def _step(exam: Exam, examiner: Examiner, task: int | Case) -> Case | Void | Answered:
-    """Return the case of a number, or what the examiner answered to a case."""
+def _step(procedure: Procedure[R], exam: Exam | CrowdedExam, examiner: Examiner, task: Any) -> Any:
+    """Return the case of a number, or record and report of what the examiner answered to a case."""
     number = task if isinstance(task, int) else task.label.case
     try:
         if isinstance(task, int):
-            return draw_case(exam, task)
-        record, report = examined(exam, task, examiner)
+            return procedure.draw(exam, task)
+        record, report = procedure.examined(exam, task, examiner)
     except BeamstiffError as error:
         return Void(number, str(error))
     return record, None if examiner.reports is None else report
@@ -157,7 +194,7 @@ def check_results(path: Path) -> None:
 
 
 @contextmanager
-def _resumed(results: Path | None, exam: Exam) -> Iterator[tuple[dict[int, Record | Void], Write]]:
+def _resumed(results: Path | None, settings: dict[str, Any]) -> Iterator[tuple[dict[int, Any], Write]]:
     """Give what a file of results holds already, and a function that appends a line and sees it to the disk.
 
     The file is held meanwhile; nothing of it is changed before all of it is known to be this exam's. Its
@@ -166,7 +203,7 @@ def _resumed(results: Path | None, exam: Exam) -> Iterator[tuple[dict[int, Recor
     if results is None:
         yield {}, lambda _: None
         return
-    head = {"format": FORMAT, "exam": exam.settings()}
+    head = {"format": FORMAT, "exam": settings}
     target = target_of(results)
     remove_drafts(target.parent, target.name)
     if not target.exists():
@@ -176,7 +213,7 @@ def _resumed(results: Path | None, exam: Exam) -> Iterator[tuple[dict[int, Recor
         with ExitStack() as stack:
             number = stack.enter_context(nullcontext(None) if is_device(target) else held(target, busy))
             empty = number is not None and not target.stat().st_size
-            items, size = ({}, 0) if number is None or empty else _taken_up(results, exam)
+            items, size = ({}, 0) if number is None or empty else _taken_up(results, settings)
             file = stack.enter_context(target.open("r+b" if number is not None else "wb"))
             if number is not None:
                 file.truncate(size)
@@ -199,16 +236,15 @@ def _line(value: dict[str, Any]) -> str:
     return json.dumps(value, allow_nan=False) + "\n"
 
 
-def _taken_up(results: Path, exam: Exam) -> tuple[dict[int, Record | Void], int]:
+def _taken_up(results: Path, mine: dict[str, Any]) -> tuple[dict[int, Any], int]:
     """Return what a file holds of this exam, and how many bytes of it are whole lines."""
     size = _whole_lines(results)
     settings, items = _read(results, size)
-    mine = exam.settings()
     if settings != mine:
-        other = next(name for name in mine if settings.get(name) != mine[name])
+        other = next(name for name in (*mine, *settings) if settings.get(name) != mine.get(name))
         raise BeamstiffError(
             f"{results}: holds the results of another exam ({other}: {str(settings.get(other))[:60]} there, "
-            f"{str(mine[other])[:60]} asked), expected a new file, or the same settings"
+            f"{str(mine.get(other))[:60]} asked), expected a new file, or the same settings"
         )
     return items, size
 
@@ -235,9 +271,9 @@ def _fail(path: Path, number: int, text: str) -> NoReturn:
     ) from None
 
 
-def _read(path: Path, size: int | None = None) -> tuple[dict[str, Any], dict[int, Record | Void]]:
+def _read(path: Path, size: int | None = None) -> tuple[dict[str, Any], dict[int, Any]]:
     settings: dict[str, Any] = {}
-    items: dict[int, Record | Void] = {}
+    items: dict[int, Any] = {}
     whole = read_text(path) if size is None else path.read_bytes()[:size].decode("utf-8-sig")
     for number, text in enumerate(whole.splitlines(), start=1):
         try:
@@ -247,7 +283,8 @@ def _read(path: Path, size: int | None = None) -> tuple[dict[str, Any], dict[int
                     raise KeyError
                 settings = line["exam"]
             elif "record" in line:
-                record = record_from(line["record"])
+                procedure: Procedure[Any] = CROWDED if "crowded" in settings else SINGLE
+                record = procedure.record_from(line["record"])
                 items[record.label.case] = record
             elif "void" in line:
                 items[line["void"]] = Void(line["void"], line["why"])

@@ -213,10 +213,12 @@ def _figures(records: Records) -> dict[str, object]:
 
 
 def _rows(rows: list[Row]) -> dict[str, object]:
-    return {
-        row.name: {**_figure(row.figure), "required": row.required, "aim": row.aim, "met": row.met}
-        for row in rows
-    }
+    return {row.name: row_dict(row) for row in rows}
+
+
+def row_dict(row: Row) -> dict[str, object]:
+    """Return a figure as plain data."""
+    return {**_figure(row.figure), "required": row.required, "aim": row.aim, "met": row.met}
 
 
 def _figure(figure: Figure) -> dict[str, float | int | None]:

@@ -12,10 +12,12 @@ from typing import Any
 from beamstiff.errors import BeamstiffError, OptionError, listed, suggest
 from beamstiff.exam.blind import Control, Diagnose, Examiner, report_name
 from beamstiff.exam.cases import PLAN_SHARES, SHARES, Exam, possible_effects
+from beamstiff.exam.crowded.cases import CrowdedExam
+from beamstiff.exam.crowded.score import crowded_dict
 from beamstiff.exam.labelled import examine_folder, set_names
 from beamstiff.exam.names import EFFECTS
-from beamstiff.exam.record import KINDS, Kind, Record
-from beamstiff.exam.run import Void, check_results, run_exam
+from beamstiff.exam.record import KINDS, Kind
+from beamstiff.exam.run import CROWDED, SINGLE, Procedure, check_results, run_cases
 from beamstiff.exam.table import table_dict
 from beamstiff.files import check_writable, remove_drafts
 from beamstiff.functions.checks import left_out, names_of, whole
@@ -33,19 +35,20 @@ class Examination:
 
     Attributes
     ----------
-    records : list of Record
+    records : list of Record or CrowdedRecord
     settings : mapping
         Of what it was.
     notes : tuple of str
     """
 
-    records: Sequence[Record]
+    records: Sequence[Any]
     settings: Mapping[str, Any]
     notes: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON."""
-        return {"exam": dict(self.settings), **table_dict(list(self.records))}
+        told = crowded_dict if "crowded" in self.settings else table_dict
+        return {"exam": dict(self.settings), **told(list(self.records))}
 
 
 def examine(
@@ -55,13 +58,14 @@ def examine(
     cases: int = 100,
     classes: Sequence[str] | None = None,
     sets: Path_ | None = None,
+    crowded: bool = False,
     compare: bool = True,
     reports: Path_ | None = None,
     out: Path_ | None = None,
     seed: int = 0,
     processes: int = 1,
     scheduler: str | None = None,
-    progress: Callable[[Record | Void], None] | None = None,
+    progress: Callable[[Any], None] | None = None,
 ) -> Examination:
     """Examine the diagnosis on simulated campaigns whose effect is withheld from it.
 
@@ -99,15 +103,21 @@ def examine(
     whole("cases", cases, 1)
     whole("seed", seed, 0)
     names = names_of("classes", classes)
+    if crowded and (robot is not None or plan is not None or sets is not None or names):
+        raise OptionError(
+            "crowded", "found other options of what to examine, expected the cases' number only"
+        )
     check_kept(out, reports, sets, cases)
-    examiner = Examiner(_diagnose(), controls=_controls() if compare else {}, reports=_folder(reports))
+    examiner = Examiner(_diagnose(), controls=_controls(crowded) if compare else {}, reports=_folder(reports))
     if sets is not None:
         if robot is not None or plan is not None or out is not None or names:
             raise OptionError("sets", "found other options of what to examine, expected the folder only")
         records = examine_folder(Path(sets), examiner, processes=processes, scheduler=scheduler)
         return Examination(records, {"sets": os.fspath(sets)})
-    asked, notes = _asked(robot, plan, seed, names)
-    records = run_exam(
+    asked, notes = (CrowdedExam(seed), []) if crowded else _asked(robot, plan, seed, names)
+    procedure: Procedure[Any] = CROWDED if crowded else SINGLE
+    records = run_cases(
+        procedure,
         asked,
         cases,
         examiner,
@@ -214,6 +224,9 @@ def _diagnose() -> Diagnose:
     return diagnose
 
 
-def _controls() -> dict[str, Control]:
+def _controls(crowded: bool) -> dict[str, Control]:
     """Return the plain methods that the diagnosis is compared with."""
+    if crowded:
+        stepwise = import_module("beamstiff.diagnosis.plain_stepwise").plain_stepwise
+        return {"plain stepwise regression": stepwise}
     return {"plain regression, best BIC": import_module("beamstiff.diagnosis.plain_regression").plain_bic}

@@ -10,6 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 
 from beamstiff.exam import score
+from beamstiff.exam.crowded.record import CrowdedRecord
+from beamstiff.exam.crowded.score import by_data, figures, is_main_exact, names_of, pairs_of, with_main
 from beamstiff.exam.names import EFFECTS, FAILED, NONE, UNKNOWN
 from beamstiff.exam.rates import Figure
 from beamstiff.exam.record import Record
@@ -43,6 +45,30 @@ def exam_tables(records: Records) -> Iterator[Table]:
     yield control_table(controls(told))
     if any(record.error is not None for record in records):
         yield failures_table(records)
+
+
+def crowded_tables(records: Sequence[CrowdedRecord]) -> Iterator[Table]:
+    """Return the figures of an exam of crowded machines, each beside that of the controls, and the misses."""
+    who = names_of(records)
+    heads = [head for one in who for head in (one, "cases")]
+    for group, some in by_data(records).items():
+        kinds = [record.label.kind for record in some]
+        title = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
+        result = table(f"Crowded machines, {group}: {title}", "figure", "required", "", *heads)
+        for found in figures(some):
+            row = found[who[0]]
+            asked = f"{'>=' if row.better == 'high' else '<='} {row.required:g}" if row.required else ""
+            cells = ((_share if one.share else _plain)(one.figure) for one in found.values())
+            counts = (str(one.figure.count) for one in found.values())
+            pairs = (cell for pair in zip(cells, counts, strict=True) for cell in pair)
+            result.add_row(row.name, asked, mark(row), *pairs)
+        yield result
+    misses = table("Largest cause not named first", "case", "truth", "closes", "named", left=2)
+    for label, reply in with_main(pairs_of(records, who[0])):
+        if not is_main_exact(label, reply):
+            said = " ".join(reply.named) or reply.verdict
+            misses.add_row(str(label.case), label.causes[0].key, f"{label.causes[0].closes:.2f}", said)
+    yield misses
 
 
 def plan_tables(records: Records) -> Iterator[Table]:

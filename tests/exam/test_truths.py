@@ -15,6 +15,7 @@ from beamstiff.exam.forms import (
     AUTHORS,
     EFFECTS,
     INSIDE,
+    LATER,
     OUTSIDE,
     author3,
     author_of,
@@ -216,4 +217,4 @@ def test_the_third_author_has_forms_of_every_effect() -> None:
 def test_truths_carry_their_label() -> None:
     assert Truth("backlash", "q3", "sharp").label == "backlash:q3"
     assert Truth("base-compliance", None, "block").label == "base-compliance:null"
-    assert set(EFFECTS) == {effect.name for effect in (*INSIDE, *OUTSIDE)}
+    assert set(EFFECTS) == {effect.name for effect in (*INSIDE, *LATER, *OUTSIDE)}

@@ -23,7 +23,8 @@ INSIDE: tuple[Effect, ...] = tuple(
     joined(effect, *(forms.get(effect.name) for forms in _LATER)) for effect in author1.EFFECTS
 )
 OUTSIDE: tuple[Effect, ...] = tuple(effect for author in AUTHORS for effect in author.OUTSIDE)
-EFFECTS = {effect.name: effect for effect in (*INSIDE, *OUTSIDE)}
+LATER: tuple[Effect, ...] = author1.LATER
+EFFECTS = {effect.name: effect for effect in (*INSIDE, *LATER, *OUTSIDE)}
 
 
 def components(robot: Robot, effect: str) -> list[str | None]:

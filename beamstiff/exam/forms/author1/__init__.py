@@ -13,12 +13,14 @@ from beamstiff.exam.forms.author1 import (
     hysteresis,
     joint_compliance,
     joint_coupling,
+    joint_errors,
     link_bending,
     load_error,
     outliers,
     outside_drives,
     outside_structure,
     payload_error,
+    target_slip,
     thermal_drift,
     tool_compliance,
     tool_offset,
@@ -48,3 +50,5 @@ EFFECTS: tuple[Effect, ...] = tuple(
     )
 )
 OUTSIDE: tuple[Effect, ...] = (*outside_drives.EFFECTS, *outside_structure.EFFECTS)
+# in the table since the exam of crowded machines, which alone draws them: others keep their cases
+LATER: tuple[Effect, ...] = (*joint_errors.EFFECTS, target_slip.EFFECT)

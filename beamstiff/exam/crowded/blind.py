@@ -1,0 +1,115 @@
+"""One crowded case examined blind: sealed, diagnosed by all from the rows alone, and only then opened."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from beamstiff.exam.blind import Diagnosis, Examiner, one_line, plain, unmeasured
+from beamstiff.exam.campaign import Array
+from beamstiff.exam.crowded.cases import CrowdedCase, CrowdedExam
+from beamstiff.exam.crowded.record import EXAMINED, CrowdedRecord, Reply
+from beamstiff.exam.names import FAILED, key_of, normal
+from beamstiff.exam.record import sha256
+from beamstiff.measure.rigid_motion import fit_rigid_motion
+
+Shifts = tuple[Array, Array]
+Report = Mapping[str, Any]
+
+
+def examined_crowded(
+    exam: CrowdedExam, drawn: CrowdedCase, examiner: Examiner
+) -> tuple[CrowdedRecord, dict[str, Any]]:
+    """Return the record of a case that was drawn, and all reports on it by who made them."""
+    seal, robot = drawn.label.digest(), drawn.robot
+    rows = drawn.measured(np.random.default_rng([exam.seed, drawn.label.case, 4]))
+    asked: dict[str, Callable[[], Any]] = {
+        EXAMINED: lambda: examiner.diagnose(robot, rows, without=(), seed=0)
+    }
+    for name, control in examiner.controls.items():
+        asked[name] = lambda control=control: control(robot, rows, ())  # type: ignore[misc]
+    answers = {name: _answer(ask, drawn) for name, ask in asked.items()}
+    reports = {name: dict(report) for name, (_, report, _) in answers.items()}
+    promises = {name: shifts and plain(shifts) for name, (_, _, shifts) in answers.items()}
+    report_seal = sha256({"reports": reports, "promises": promises})
+    # from here on the label is open
+    replies = {name: _opened(reply, shifts, drawn) for name, (reply, _, shifts) in answers.items()}
+    return CrowdedRecord(drawn.label, replies, seal, report_seal), reports
+
+
+def _answer(ask: Callable[[], Diagnosis], drawn: CrowdedCase) -> tuple[Reply, Report, Shifts | None]:
+    """Return what was said of the rows, and what it says of the fresh poses if it names anything."""
+    start = time.perf_counter()
+    try:
+        diagnosis = ask()
+        report = diagnosis.to_dict()
+        reply = replace(reply_of(report), seconds=time.perf_counter() - start)
+    except Exception as error:  # whatever it is: the case counts as failed, the exam goes on
+        seconds = time.perf_counter() - start
+        return Reply(normal(FAILED), seconds=seconds, error=one_line(error)), {}, None
+    if not reply.named:
+        return reply, report, None
+    try:
+        return reply, report, diagnosis.predict_shift(unmeasured(drawn.robot, drawn.fresh))
+    except Exception as error:  # the names stand; its promise is compared with no gain
+        return replace(reply, error=one_line(error)), report, None
+
+
+def reply_of(report: Report) -> Reply:
+    """Return what a report says, format ``beamstiff-diagnosis/1`` with ``causes``.
+
+    Examples
+    --------
+    >>> verdict = {"effect": "unknown", "component": None}
+    >>> cause = {"effect": "backlash", "component": "q3", "closes": 0.4, "indistinguishable": []}
+    >>> reply = reply_of({"verdict": verdict, "causes": [cause], "remainder": {"rms_mm": 0.2}})
+    >>> reply.verdict, reply.named, reply.promised, reply.said_mm
+    ('unknown:null', ('backlash:q3',), 0.4, 0.2)
+    """
+    verdict, causes = report["verdict"], report["causes"]
+    first = causes[0] if causes else verdict
+    said = (report.get("remainder") or {}).get("rms_mm")
+    return Reply(
+        verdict=key_of(verdict["effect"], verdict["component"]),
+        named=tuple(key_of(cause["effect"], cause["component"]) for cause in causes),
+        alike=tuple(normal(text) for text in first.get("indistinguishable") or ()),
+        promised=float(sum(cause["closes"] or 0.0 for cause in causes)),
+        said_mm=None if said is None else float(said),
+    )
+
+
+def _opened(reply: Reply, shifts: Shifts | None, drawn: CrowdedCase) -> Reply:
+    """Return a reply with what its causes really leave, and close on fresh poses."""
+    if reply.said_mm is None:
+        return reply
+    label = drawn.label
+    real = {cause for key in reply.named if (cause := label.named_by(key)) is not None}
+    ends = [
+        float(np.hypot(1e3 * drawn.left_by([*some]), label.noise_mm))
+        for some in (real | {cause for cause in label.library if cause.hidden}, real)
+    ]
+    reply = replace(reply, least_mm=ends[0], left_mm=ends[1])
+    if not reply.named:
+        return reply
+    return replace(
+        reply,
+        closing=0.0 if shifts is None else true_closing(drawn.fresh_positions(), drawn.fresh.kind, shifts),
+    )
+
+
+def true_closing(truth: Array, kind: str, shifts: Shifts) -> float:
+    """Return ``1 - (after/before)^2`` of the RMS errors against true positions (N, 3), clipped to [-1, 1].
+
+    Absolute positions are first laid over the true ones as a rigid body, as the measuring frame is not known.
+    """
+    squares = []
+    for predicted in shifts:
+        error = truth - predicted[:, :3]
+        if kind == "absolute":
+            error = fit_rigid_motion(predicted[:, :3], truth).residuals
+        squares.append(float(np.square(error).sum()))
+    return float(np.clip(1.0 - squares[1] / squares[0], -1.0, 1.0))

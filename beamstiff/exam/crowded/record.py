@@ -1,0 +1,180 @@
+"""What is true of a crowded machine, what was said of it, and both together once the label is open."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+from beamstiff.exam.names import effect_of
+from beamstiff.exam.record import made, sha256
+
+Kind = Literal["crowded", "outside", "geometry", "clean"]
+EXAMINED = "diagnosis"  # its name among those who reply; the others are the controls
+OF_GEOMETRY = ("geometry-error", "tool-offset", "frame-misalignment")
+LEAST = 0.1  # share of the gap from which a cause has to be found
+SIMILAR = 0.8  # of the largest share, from which either may come first
+
+
+@dataclass(frozen=True)
+class TrueCause:
+    """An effect at work, by what it does to the rows.
+
+    Attributes
+    ----------
+    key : str
+        ``effect:component``.
+    form : str
+        Constitutive form.
+    author : int
+        Who wrote the form.
+    accept : tuple of str
+        Names that mean the same in these data.
+    outside : bool
+        Whether no library has it.
+    contribution_mm : float
+        RMS of what leaving it out changes in the positions, after a refit of all that is open.
+    closes : float
+        Share of the gap that it closes after those before it, in the order in which most is closed.
+    hidden : bool
+        So small that it is neither asked for nor false.
+    """
+
+    key: str
+    form: str
+    author: int
+    accept: tuple[str, ...]
+    outside: bool
+    contribution_mm: float
+    closes: float
+    hidden: bool
+
+
+@dataclass(frozen=True)
+class CrowdedLabel:
+    """What is true in a case; the diagnosis never sees it.
+
+    Attributes
+    ----------
+    case : int
+    kind : "crowded", "outside", "geometry" or "clean"
+        ``outside``: the largest effect is in nobody's library; ``geometry``: nothing is off but the geometry.
+    robot, data : str
+        The robot's name; ``absolute`` or ``displacement``.
+    poses, rows : int
+    causes : tuple of TrueCause
+        In the order of what they close.
+    noise_mm, gap_mm, remainder_mm : float
+        RMS of the position noise' norm; of what the best geometry and compliances leave without noise; and
+        of that which all effects of the library together cannot take.
+    """
+
+    case: int
+    kind: Kind
+    robot: str
+    data: str
+    poses: int
+    rows: int
+    causes: tuple[TrueCause, ...]
+    noise_mm: float
+    gap_mm: float
+    remainder_mm: float
+
+    def digest(self) -> str:
+        """Return the SHA-256 of the label, which seals it."""
+        return sha256(asdict(self))
+
+    @property
+    def library(self) -> tuple[TrueCause, ...]:
+        """The causes that a library could name."""
+        return tuple(cause for cause in self.causes if not cause.outside)
+
+    @property
+    def asked(self) -> tuple[TrueCause, ...]:
+        """The causes that have to be found."""
+        return tuple(cause for cause in self.library if not cause.hidden and cause.closes >= LEAST)
+
+    def named_by(self, key: str) -> TrueCause | None:
+        """Return the cause that a name means; None where no such effect is at work.
+
+        ``joint-compliance:null``, all drives together, means one of several compliant joints.
+        """
+        joints = [one for one in self.library if effect_of(one.key) == "joint-compliance"]
+        if key == "joint-compliance:null" and len(joints) > 1:
+            return joints[0]
+        exact = (cause for cause in self.library if cause.key == key)
+        return next(exact, None) or next((one for one in self.library if key in one.accept), None)
+
+    def is_real(self, key: str) -> bool:
+        """Tell whether a name means an effect at work, or a geometry that is off indeed."""
+        off = self.data == "absolute" and self.kind != "clean" and effect_of(key) in OF_GEOMETRY
+        return off or self.named_by(key) is not None
+
+
+@dataclass(frozen=True)
+class Reply:
+    """What somebody said of a case, and how that did on fresh poses.
+
+    Attributes
+    ----------
+    verdict : str
+        ``effect:component``, ``none:null``, ``unknown:null``, or ``failed:null`` where it broke off.
+    named : tuple of str
+        The causes in order.
+    alike : tuple of str
+        What cannot be told from the first cause, or from the verdict.
+    promised : float
+        Share of the gap that all causes are said to close.
+    said_mm : float or None
+        The remainder as said, RMS, noise included.
+    least_mm, left_mm : float or None
+        The remainder as it is, noise included: what the named causes that are real leave after a refit, with
+        hidden causes taken up besides and without.
+    closing : float or None
+        Share of the gap that the causes close on fresh poses, without noise; None where none is named.
+    seconds : float
+    error : str or None
+        Why it broke off, or why it could not predict the fresh poses.
+    """
+
+    verdict: str
+    named: tuple[str, ...] = ()
+    alike: tuple[str, ...] = ()
+    promised: float = 0.0
+    said_mm: float | None = None
+    least_mm: float | None = None
+    left_mm: float | None = None
+    closing: float | None = None
+    seconds: float = 0.0
+    error: str | None = None
+
+
+@dataclass(frozen=True)
+class CrowdedRecord:
+    """A case, answered and opened.
+
+    Attributes
+    ----------
+    label : CrowdedLabel
+    replies : mapping of str to Reply
+        Of the diagnosis that is examined (`EXAMINED`) and of each control.
+    label_sha256, report_sha256 : str
+        Seals of the label, before the diagnosis, and of the reports, before the label was opened.
+    """
+
+    label: CrowdedLabel
+    replies: Mapping[str, Reply]
+    label_sha256: str
+    report_sha256: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for one line of JSON."""
+        return asdict(self)
+
+
+def crowded_record_from(data: Mapping[str, Any]) -> CrowdedRecord:
+    """Return the record that `CrowdedRecord.to_dict` made plain data of."""
+    label = {**data["label"], "causes": tuple(made(TrueCause, one) for one in data["label"]["causes"])}
+    replies = {name: made(Reply, reply) for name, reply in data["replies"].items()}
+    seals = data["label_sha256"], data["report_sha256"]
+    return CrowdedRecord(made(CrowdedLabel, label), replies, *seals)

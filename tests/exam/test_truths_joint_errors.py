@@ -1,0 +1,74 @@
+"""Errors that follow a joint's angle or its last motion, and reflectors that slip, against closed forms."""
+
+import numpy as np
+import pytest
+
+from beamstiff import load_robot
+from beamstiff.exam.campaign import Truth
+from beamstiff.exam.forms import components
+from beamstiff.exam.forms.author1.target_slip import came_to_rest
+from beamstiff.se3 import Array
+from tests.exam.campaigns import LONG, arm, campaign_of, drawn, read
+
+ANGLES = np.array([[0.3], [-0.2], [0.1], [0.1], [0.5], [0.4]])
+
+
+def seen(*truths: Truth, kind: str = "absolute", q: Array = ANGLES) -> Array:
+    robot = arm()
+    return read(robot, campaign_of(robot, q, np.zeros((1, 6)), kind=kind), *truths)[:, :3]
+
+
+def tip(angle: Array) -> Array:
+    return LONG * np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=-1)
+
+
+@pytest.mark.parametrize("form", ["order", "two-orders"])
+def test_an_angle_curve_turns_the_arm_by_its_fourier_series(form: str) -> None:
+    p = {"amplitude": 1e-3, "order": 2.0, "phase": 0.4, "second": 0.5 if form == "two-orders" else 0.0}
+    q = ANGLES[:, 0]
+    error = 1e-3 * (np.sin(2.0 * q + 0.4) + p["second"] * np.cos(3.0 * q + 0.8))
+    found = seen(Truth("angle-curve", "q1", form, p))
+    np.testing.assert_allclose(found, tip(q + error), atol=1e-12)
+
+
+def test_a_joint_stands_at_the_flank_by_which_it_came() -> None:
+    p = {"half": 1e-3, "first": 1.0, "way": 1.0}
+    # down, up, as it was, up, down: it lags behind its motion
+    error = 1e-3 * np.array([1.0, 1.0, -1.0, -1.0, -1.0, 1.0])
+    for form in ("flank", "play"):
+        found = seen(Truth("approach-direction", "q1", form, p))
+        np.testing.assert_allclose(found, tip(ANGLES[:, 0] + error), atol=1e-12)
+
+
+def test_in_play_a_small_motion_does_not_reach_the_other_flank() -> None:
+    p = {"half": 1e-3, "first": 1.0, "way": 1.0}
+    q = np.array([[0.0], [5e-4], [2.5e-3]])
+    error = {"play": [1e-3, 5e-4, -1e-3], "flank": [1e-3, -1e-3, -1e-3]}
+    for form, expected in error.items():
+        found = seen(Truth("approach-direction", "q1", form, p), q=q)
+        np.testing.assert_allclose(found, tip(q[:, 0] + expected), atol=1e-12)
+
+
+def test_a_slip_is_constant_in_the_tool_and_lasts() -> None:
+    p = {"when": 0.5, "again": 0.0, "x": 1e-3, "y": 2e-3, "z": 0.0}
+    once = Truth("target-slip", None, "once", p)
+    moved = seen(once) - seen()
+    q = ANGLES[:, 0]
+    c, s = np.cos(q), np.sin(q)
+    own = np.stack([1e-3 * c - 2e-3 * s, 1e-3 * s + 2e-3 * c, 0.0 * q], axis=-1)
+    np.testing.assert_allclose(moved, own * (np.arange(6) >= 3)[:, None], atol=1e-12)
+    twice = Truth("target-slip", None, "twice", {**p, "again": 0.5})
+    late = seen(twice) - seen()
+    np.testing.assert_allclose(late[-1], 1.5 * own[-1], atol=1e-12)
+    np.testing.assert_allclose(seen(came_to_rest(twice)) - seen(), 1.5 * own, atol=1e-12)
+
+
+def test_displacements_do_not_show_them_nor_do_loops_have_them() -> None:
+    robot = arm()
+    for effect, form, at in (
+        ("angle-curve", "order", "q1"),
+        ("approach-direction", "play", "q1"),
+        ("target-slip", "once", None),
+    ):
+        assert not seen(drawn(robot, effect, at, form), kind="displacement").any()
+        assert components(load_robot("ir663"), effect) == ([None] if effect == "target-slip" else [])
