@@ -1,9 +1,9 @@
 """Are loops put together as they were meant, or refused or noted: ``python -m benchmarks.closed_loops``.
 
 Machines are drawn from a posture that is known to be closed: lengths that close it follow from it, so that
-the truth needs no solver. Their guesses are that posture's passive angles, each off by up to 45 degrees. Asked
-is where the tool stands there and at ten more postures of the same assembly, from closed forms: circles that
-cut (four-bars, slider-cranks, six-bars of two dyads) and the legs' lengths of a platform's pose.
+the truth needs no solver. Their guesses are that posture's passive angles, each off by up to 45 degrees.
+Asked is where the tool stands there and at ten more postures of the same assembly, from closed forms: circles
+that cut (four-bars, slider-cranks, six-bars of two dyads) and the legs' lengths of a platform's pose.
 """
 
 from __future__ import annotations

@@ -94,6 +94,7 @@ def map(
     from beamstiff.maps.summary import summary
     from beamstiff.report.html.provenance import provenance
     from beamstiff.report.workspace import map_figure, map_tables
+    from beamstiff.robot.doubts import robot_doubts
 
     description = load_robot(robot)
     over = parse_grid(description, grid)
@@ -113,7 +114,7 @@ def map(
     outputs = Outputs([file], json, quiet, elsewhere=kept, figure=figure)
     if out is not None:
         check_target(out)
-    for note in left_out(description.effects, "the map"):
+    for note in (*robot_doubts(description), *left_out(description.effects, "the map")):
         say(f"note: {note}", quiet)
     told = provenance([file], 0, TYPED.get())
     attributes = {

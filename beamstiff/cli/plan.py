@@ -67,6 +67,7 @@ def plan(
     from beamstiff.functions.plan import plan as run
     from beamstiff.functions.robots import as_robot
     from beamstiff.report.campaign import campaign_table, campaign_text
+    from beamstiff.robot.doubts import robot_doubts
 
     machine = as_robot(robot)
     own = None if not load else np.array([parse_wrench([text], "--load") for text in load])
@@ -91,5 +92,8 @@ def plan(
         )
     if out is not None:
         write_output(out, found.to_csv())
-    notes = ["--out FILE writes the tests as a table to fill in"] if out is None else []
+    notes = [
+        *robot_doubts(machine),
+        *(["--out FILE writes the tests as a table to fill in"] if out is None else []),
+    ]
     outputs.result(notes, [campaign_table(found), campaign_text(found)], found.to_dict())

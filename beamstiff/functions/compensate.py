@@ -20,6 +20,7 @@ from beamstiff.errors import BeamstiffError, OptionError, listed, shown
 from beamstiff.functions.checks import effects_text, names_of, shown_value, six_numbers
 from beamstiff.functions.robots import as_robot
 from beamstiff.robot.coerce import RobotLike
+from beamstiff.robot.doubts import robot_doubts
 from beamstiff.robot.kinematics import actuated_values
 from beamstiff.robot.stiffness import missing_stiffness
 from beamstiff.se3 import Array
@@ -128,7 +129,10 @@ def _load(wrench: ArrayLike | None, process: Process | str | os.PathLike[str] | 
 def _notes(result: Compensated, program: Program, placed: bool, branch: bool, taught: bool) -> list[str]:
     """Return what is worth knowing, where the frames are `placed` and the `branch` is chosen or not."""
     machine = result.machine
-    found, said = result.correction, [*([] if taught else _unproven(result, machine)), *program.notes]
+    found, said = (
+        result.correction,
+        [*robot_doubts(machine.controller), *([] if taught else _unproven(result, machine)), *program.notes],
+    )
     if missing_stiffness(machine.real) and not machine.real.effects:
         what = "differ in geometry alone" if machine.actual is not None else "are one and the same"
         said.append(

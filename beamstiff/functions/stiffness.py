@@ -19,6 +19,7 @@ from beamstiff.functions.checks import left_out, six_numbers
 from beamstiff.functions.robots import as_robot
 from beamstiff.robot.coerce import RobotLike
 from beamstiff.robot.description import Robot
+from beamstiff.robot.doubts import robot_doubts
 from beamstiff.robot.kinematics import Posture, compile_kinematics, pose_of, posture
 from beamstiff.robot.stiffness import check_stiffness
 from beamstiff.se3 import Array
@@ -116,7 +117,7 @@ def stiffness(
         tcp=where.node_positions[0, structure.kinematics.node_index[machine.tcp]],
         variables=dict(zip(structure.kinematics.coupling.names, where.values[0].tolist(), strict=True)),
         preload=preload,
-        notes=(*left_out(machine.effects, "its stiffness"), *coarse),
+        notes=(*robot_doubts(machine), *left_out(machine.effects, "its stiffness"), *coarse),
     )
 
 

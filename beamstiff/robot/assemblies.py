@@ -69,8 +69,8 @@ def closest_assemblies(system: LoopSystem, guess: Array) -> tuple[Closest, ...]:
 
     Two closed postures are one assembly where the one is reached from the other without passing a singular
     posture, along a straight line of the actuated variables; or where all nodes coincide, as with the two
-    ways to write the angles of a universal joint. The second is left out where nobody would take it for the first:
-    farther from the guess than `NEAR_GUESS`, and than the first by more than `MUCH`.
+    ways to write the angles of a universal joint. The second is left out where nobody would take it for the
+    first: farther from the guess than `NEAR_GUESS`, and than the first by more than `MUCH`.
     """
     kinematics = system.kinematics
     arrays = (kinematics.constants, kinematics.coefficients, kinematics.parents, kinematics.node_at, guess)

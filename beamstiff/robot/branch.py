@@ -48,7 +48,7 @@ class Assembly:
         return same
 
     def determinants(self, jacobian: Array) -> Array:
-        """Return ``det(J_reference^T J_p)`` of all blocks of Jacobians (P, M, Q), over the reference's, (P, B)."""
+        """Return ``det(J_reference^T J_p)`` of all blocks, over the reference's, (P, B), for (P, M, Q)."""
         found = np.empty((len(jacobian), len(self.blocks)))
         for at, (rows, columns) in enumerate(self.blocks):
             there = self.jacobian[rows[:, None], columns]
