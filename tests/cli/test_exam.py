@@ -37,6 +37,24 @@ def test_an_exam_prints_its_table_and_writes_it(run: Run, folder: Path) -> None:
     assert (folder / "results.jsonl").stat().st_size == size
 
 
+def test_crowded_machines_are_examined_beside_the_control(run: Run, folder: Path) -> None:
+    arguments = ["exam", "--crowded", "--cases", "1", "--seed", "1"]  # a clean machine
+    result = run(*arguments, "--json", "table.json", "--out", "results.jsonl")
+    assert (result.exit_code, result.stderr) == (0, "")
+    for part in ("Crowded machines, all: 1 clean", "largest cause named first", ">= 0.85"):
+        assert part in result.stdout
+    table = json.loads((folder / "table.json").read_text(), parse_constant=pytest.fail)
+    assert (table["cases"], table["kinds"]) == (1, {"clean": 1})
+    figures = table["figures"]["all"]
+    # the stand-in gives no causes, which is no answer here; the control names nothing, rightly
+    clean = {who: one["value"] for who, one in figures["clean: nothing named"].items()}
+    assert clean == {"diagnosis": 0.0, "plain stepwise regression": 1.0}
+    assert figures["broke off"]["diagnosis"]["value"] == 1.0
+    again = run(*arguments, "--json", "again.json", "--out", "results.jsonl")
+    assert again.stdout == result.stdout
+    assert run("exam", "--cases", "1", "--seed", "1", "--out", "results.jsonl").exit_code == 2
+
+
 def test_a_plan_is_examined_on_its_own_poses_and_loads(succeed: Run, folder: Path) -> None:
     (folder / "plan.csv").write_text("q1 [deg],fy,dx,dy,dz\n0,900,,,\n0,-900,,,\n60,900,,,\n120,500,,,\n")
     result = succeed(
@@ -66,6 +84,9 @@ def test_effects_that_a_robot_cannot_have_are_left_out_and_said(run: Run, succee
         (["nobody"], "nobody"),
         (["--sets", "nowhere"], "labels.json"),
         (["crane.yaml", "--sets", "."], "expected the folder only"),
+        (["--crowded", "--classes", "backlash"], "expected the cases' number only"),
+        (["--crowded", "crane.yaml"], "expected the cases' number only"),
+        (["--crowded", "--figure", "a.png"], "of single effects, expected --json"),
     ],
 )
 def test_what_cannot_be_examined_is_refused(refused: Refused, arguments: list[str], message: str) -> None:

@@ -120,13 +120,13 @@ def closing(pairs: Pairs) -> Figure:
 
 
 def remainder_off(reply: Reply) -> float:
-    """Return by which share the said remainder is off; inf where none was said.
+    """Return by which share the said remainder is off; 1 where none was said.
 
     The true one is what the named causes that are real leave, noise included; hidden causes may be part of it
     or not.
     """
     if reply.said_mm is None or reply.least_mm is None or reply.left_mm is None:
-        return float("inf")
+        return 1.0
     true = float(np.clip(reply.said_mm, reply.least_mm, reply.left_mm))
     return abs(reply.said_mm - true) / true
 

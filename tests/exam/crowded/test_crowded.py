@@ -309,7 +309,7 @@ def test_the_remainder_may_hold_what_is_hidden_or_not() -> None:
     assert off(0.1) == off(0.15) == off(0.2) == 0.0
     assert off(0.08) == pytest.approx(0.2)
     assert off(0.3) == pytest.approx(0.5)
-    assert score.remainder_off(Reply("failed:null")) == float("inf")
+    assert score.remainder_off(Reply("failed:null")) == 1.0
 
 
 def test_records_come_back_from_their_file(tmp_path: Path) -> None:
