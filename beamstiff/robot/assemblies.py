@@ -82,7 +82,7 @@ def closest_assemblies(system: LoopSystem, guess: Array) -> tuple[Closest, ...]:
 
 
 def _key(system: LoopSystem, guess: Array, alike: float) -> tuple[object, ...]:
-    """Return what the search depends on, geometries apart by some `alike` (rad, machine sizes) taken for one."""
+    """Return what the search depends on; geometries apart by some `alike` (rad, machine sizes) are one."""
     kinematics = system.kinematics
     size = float(10.0 ** np.round(np.log10(kinematics.size), 1))
     lengths = np.array([size if kind == "shift" else 1.0 for _, kind, _ in MOTIONS])
