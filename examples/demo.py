@@ -150,7 +150,7 @@ def refitted(told: Diagnosis, cause: Candidate) -> tuple[float, float]:
     shapes = EFFECTS[cause.effect].shapes(baseline, cause.component)
     shape = next(one for one in shapes if one.name == cause.shape)
     used = baseline.used[:, 0]
-    size = shape.spread * np.array([item.size for item in shape.parameters])
+    size = shape.prior_factor * np.array([item.size for item in shape.parameters])
     own = np.array([1.0 / baseline.robot.parameter(name) for name in baseline.fitted])
     sigma = baseline.sigma[used, :1]
     columns = np.concatenate([baseline.tangent[used, 0] * own, shape.columns[used, 0] * size], axis=1) / sigma
