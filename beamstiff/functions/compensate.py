@@ -129,10 +129,8 @@ def _load(wrench: ArrayLike | None, process: Process | str | os.PathLike[str] | 
 def _notes(result: Compensated, program: Program, placed: bool, branch: bool, taught: bool) -> list[str]:
     """Return what is worth knowing, where the frames are `placed` and the `branch` is chosen or not."""
     machine = result.machine
-    found, said = (
-        result.correction,
-        [*robot_doubts(machine.controller), *([] if taught else _unproven(result, machine)), *program.notes],
-    )
+    unproven = [] if taught else _unproven(result, machine)
+    found, said = result.correction, [*robot_doubts(machine.controller), *unproven, *program.notes]
     if missing_stiffness(machine.real) and not machine.real.effects:
         what = "differ in geometry alone" if machine.actual is not None else "are one and the same"
         said.append(

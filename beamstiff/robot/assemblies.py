@@ -14,9 +14,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from beamstiff.robot.branch import NEAR_SINGULAR, Assembly, assembly_at
+from beamstiff.robot.branch import Assembly, assembly_at, near_singular
 from beamstiff.robot.continuation import continuation, spread
-from beamstiff.robot.forward import forward
+from beamstiff.robot.forward import forward, node_positions
 from beamstiff.robot.frames import MOTIONS, all_values
 from beamstiff.robot.loops import LoopSystem, loop_equations
 from beamstiff.robot.newton import LARGEST_SHIFT, LARGEST_STEP, Mask, newton
@@ -117,9 +117,7 @@ def _closest(geometry: _Geometry) -> tuple[Closest, ...]:
     postures = _towards(system, reference, signs, postures, guess, low, high)
     postures, _, jacobian, closed = newton(system, postures)
     postures[:, system.actuated :] = _unwound(system, postures, guess)
-    keep = (
-        closed & (np.sign(reference.determinants(jacobian)) == signs).all(axis=1) & ~near_singular(jacobian)
-    )
+    keep = closed & (reference.signs(jacobian) == signs).all(axis=1) & ~near_singular(jacobian)
     keep &= ((postures >= low - 1e-9) & (postures <= high + 1e-9)).all(axis=1)
     postures = postures[keep]
     away = np.abs(postures - guess) / system.scale
@@ -146,14 +144,6 @@ def _distinct(rows: Array) -> NDArray[np.intp]:
         kept.append(left[0])
         left = left[np.abs(rows[left] - rows[left[0]]).max(axis=1) > ALIKE]
     return np.array(kept, dtype=np.intp)
-
-
-def near_singular(jacobian: Array) -> Mask:
-    """Return where J_p (P, M, Q) is so close to singular that branches meet, (P,)."""
-    s = np.linalg.svd(jacobian, compute_uv=False)
-    if not s.shape[1]:
-        return np.zeros(len(jacobian), dtype=np.bool_)
-    return np.asarray(s[:, -1] < NEAR_SINGULAR * s[:, 0])
 
 
 def _limits(system: LoopSystem, guess: Array) -> tuple[Array, Array]:
@@ -187,7 +177,7 @@ def _closed_postures(
     )
     if reference is None:
         return postures[:0], np.zeros((0, 0)), None
-    return postures[good], np.sign(reference.determinants(jacobian[good])), reference
+    return postures[good], reference.signs(jacobian[good]), reference
 
 
 def _towards(
@@ -217,7 +207,7 @@ def _towards(
         trial = np.clip(here + step * scale, low, high)
         trial, trial_gaps, to_passive, _ = newton(system, trial, iterations=2)
         stays = np.linalg.norm(trial_gaps, axis=1) < CLOSED
-        stays &= (np.sign(reference.determinants(to_passive)) == signs[active]).all(axis=1)
+        stays &= (reference.signs(to_passive) == signs[active]).all(axis=1)
         taken = active[stays]
         postures[taken] = trial[stays]
         gaps[taken], jacobian[taken] = loop_equations(system, trial[stays])
@@ -288,6 +278,6 @@ def _nodes(system: LoopSystem, free: Array) -> Array:
     """Return where all nodes and the ends of the loops are, (P, N, 3)."""
     kinematics = system.kinematics
     transforms = forward(kinematics, all_values(kinematics, free))
-    at = transforms[:, kinematics.node_frame]
-    nodes = (at[..., :3, :3] @ kinematics.node_at[:, :, None])[..., 0] + at[..., :3, 3]
-    return np.concatenate([nodes, transforms[:, list(system.frames)][..., :3, 3]], axis=1)
+    return np.concatenate(
+        [node_positions(kinematics, transforms), transforms[:, list(system.frames)][..., :3, 3]], axis=1
+    )

@@ -39,31 +39,32 @@ class Assembly:
 
         `reference` (P, M, Q), instead of the assembly's own, compares with a posture close by.
         """
+        return np.asarray((self.signs(jacobian, reference) > 0.0).all(axis=1))
+
+    def signs(self, jacobian: Array, reference: Array | None = None) -> Array:
+        """Return the sign of every block of Jacobians (P, M, Q) beside the reference, (P, B)."""
         reference = self.jacobian if reference is None else reference
-        same = np.ones(len(jacobian), dtype=np.bool_)
-        for rows, columns in self.blocks:
+        signs = np.empty((len(jacobian), len(self.blocks)))
+        for at, (rows, columns) in enumerate(self.blocks):
             here = jacobian[:, rows[:, None], columns]
             there = reference[..., rows[:, None], columns]
-            same &= np.linalg.det(np.swapaxes(there, -1, -2) @ here) > 0.0
-        return same
+            signs[:, at] = np.sign(np.linalg.det(np.swapaxes(there, -1, -2) @ here))
+        return signs
 
-    def determinants(self, jacobian: Array) -> Array:
-        """Return ``det(J_reference^T J_p)`` of all blocks, over the reference's, (P, B), for (P, M, Q)."""
-        found = np.empty((len(jacobian), len(self.blocks)))
-        for at, (rows, columns) in enumerate(self.blocks):
-            there = self.jacobian[rows[:, None], columns]
-            both = np.linalg.det(there.T @ jacobian[:, rows[:, None], columns])
-            found[:, at] = both / np.linalg.det(there.T @ there)
-        return found
+
+def near_singular(jacobian: Array) -> NDArray[np.bool_]:
+    """Return where J_p (P, M, Q) is so close to singular that branches meet, (P,)."""
+    s = np.linalg.svd(jacobian, compute_uv=False)
+    if not s.shape[1]:
+        return np.zeros(len(jacobian), dtype=np.bool_)
+    return np.asarray(s[:, -1] < NEAR_SINGULAR * s[:, 0])
 
 
 def assembly_at(system: LoopSystem, free: Array) -> Assembly | None:
     """Return the assembly at a closed posture (A + Q,), or None where passive variables are undetermined."""
     jacobian = loop_equations(system, free[None])[1][0, :, system.actuated :]
-    if jacobian.size:
-        s = np.linalg.svd(jacobian, compute_uv=False)
-        if s[-1] < NEAR_SINGULAR * s[0]:
-            return None
+    if near_singular(jacobian[None]).any():
+        return None
     return Assembly(free=free, jacobian=jacobian, blocks=_blocks(system, free, jacobian))
 
 

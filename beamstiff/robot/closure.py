@@ -154,19 +154,17 @@ def assembly_doubts(kinematics: Kinematics) -> tuple[str, ...]:
 
 def assembly_text(kinematics: Kinematics, closest: Closest) -> str:
     """Return an assembly in words: the passive variables there, and how far they are off their guesses."""
-    joined = kinematics.coupling
-    prismatic = dict(zip(joined.names, kinematics.prismatic, strict=True))
+    joined, first = kinematics.coupling, kinematics.coupling.actuated
+    names, found = joined.free[first:], closest.free[first:]
+    lengths = kinematics.prismatic[[joined.names.index(name) for name in names]]
+    off = np.abs(found - declared_start(kinematics)[first:])
     values = listed(
         (
-            f"{name} = {value * 1e3:.4g} mm" if prismatic[name] else f"{name} = {np.degrees(value):.4g} deg"
-            for name, value in zip(
-                joined.free[joined.actuated :], closest.free[joined.actuated :], strict=True
-            )
+            f"{name} = {value * 1e3:.4g} mm" if length else f"{name} = {np.degrees(value):.4g} deg"
+            for name, value, length in zip(names, found, lengths, strict=True)
         ),
         most=6,
     )
-    off = np.abs(closest.free - declared_start(kinematics))[joined.actuated :]
-    lengths = kinematics.prismatic[[joined.names.index(name) for name in joined.free[joined.actuated :]]]
     ways = [f"{np.degrees(off[~lengths].max()):.2g} deg"] if not lengths.all() else []
     ways += [f"{off[lengths].max() * 1e3:.2g} mm"] if lengths.any() else []
     return f"{values} ({' and '.join(ways)} off)"

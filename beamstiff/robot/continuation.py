@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from beamstiff.robot.branch import NEAR_SINGULAR, Assembly
+from beamstiff.robot.branch import Assembly, near_singular
 from beamstiff.robot.closing_program import close_at_once
 from beamstiff.robot.loops import LoopSystem, loop_equations
 from beamstiff.robot.newton import LARGEST_STEP, Mask, least_squares, newton
@@ -132,19 +132,11 @@ def close_in_branch(
 
 
 def _in_branch(assembly: Assembly, jacobian: Array, closed: Mask) -> Mask:
-    """Return which of the closed postures are in the branch, or where branches meet."""
+    """Return which closed postures are in the branch, or where branches meet and signs say nothing."""
     same = assembly.same_branch(jacobian)
     others = np.flatnonzero(closed & ~same)
-    same[others] = _meeting(jacobian[others])
+    same[others] = near_singular(jacobian[others])
     return closed & same
-
-
-def _meeting(jacobian: Array) -> Mask:
-    """Return where branches meet: J_p so close to singular that its sign says nothing."""
-    s = np.linalg.svd(jacobian, compute_uv=False)
-    if not s.shape[1]:
-        return np.ones(len(jacobian), dtype=np.bool_)
-    return s[:, -1] < NEAR_SINGULAR * s[:, 0]
 
 
 def _nearest(

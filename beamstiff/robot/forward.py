@@ -61,6 +61,13 @@ def forward(kinematics: Kinematics, values: Array) -> Array:
     return transforms
 
 
+def node_positions(kinematics: Kinematics, transforms: Array) -> Array:
+    """Return where every node is in the base frame, (P, N, 3), m, from the transforms of the frames."""
+    at = transforms[:, kinematics.node_frame]
+    positions: Array = (at[..., :3, :3] @ kinematics.node_at[:, :, None])[..., 0] + at[..., :3, 3]
+    return positions
+
+
 def frame_twists(kinematics: Kinematics, values: Array, transforms: Array) -> Array:
     """Return the twist of every frame's origin for a unit rate of every variable on its own.
 

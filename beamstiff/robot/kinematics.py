@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from beamstiff.errors import BeamstiffError, listed, suggest
 from beamstiff.robot.closure import assembled, close_loops, closure_rates
-from beamstiff.robot.forward import chain_to, forward, frame_twists, screws_of, twists_at
+from beamstiff.robot.forward import chain_to, forward, frame_twists, node_positions, screws_of, twists_at
 from beamstiff.robot.frames import Kinematics, compile_frames
 from beamstiff.se3 import Array
 
@@ -69,8 +69,7 @@ class ClosedPosture(Posture):
     def node_positions(self) -> Array:
         """Position of every node in the base frame."""
         assert self.kinematics is not None
-        at = self.transforms[:, self.kinematics.node_frame]
-        return (at[..., :3, :3] @ self.kinematics.node_at[:, :, None])[..., 0] + at[..., :3, 3]
+        return node_positions(self.kinematics, self.transforms)
 
     def only(self, poses: slice | NDArray[np.int64]) -> Posture:
         """Return some of the poses."""

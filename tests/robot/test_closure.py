@@ -389,21 +389,21 @@ def test_two_assemblies_equally_near_to_the_guess_are_refused_with_both_named() 
         compile_kinematics(slider_crank(float(np.pi / 2 - LAMBDA2), psi=0.0))
 
 
-def four_bar_of_the_issue(guess: tuple[float, float]) -> Robot:
-    """Return a four-bar of crank 0.5, coupler 1, rocker 0.8, ground 1, with its guess, deg."""
+def four_bar(crank: float, rocker: float, guess: tuple[float, float]) -> Robot:
+    """Return a four-bar of coupler and ground 1, with the guess of its two passive angles, rad."""
     return machine(
         [
             revolute("q"),
-            *(revolute(n, passive=True, guess=f"{g} deg") for n, g in zip("pr", guess, strict=True)),
+            *(revolute(name, passive=True, guess=at) for name, at in zip("pr", guess, strict=True)),
         ],
         [
             Frame(name="crank", theta="q"),
-            Frame(name="coupler", parent="crank", d=0.5, theta="p"),
+            Frame(name="coupler", parent="crank", d=crank, theta="p"),
             Frame(name="rocker", d=1.0, theta="r"),
         ],
         tool=("coupler", (1.0, 0, 0)),
         loops=[Loop(name="four_bar", a="tool", b="end", constrain="position")],
-        nodes=[Node(name="end", frame="rocker", at=(0.8, 0, 0))],
+        nodes=[Node(name="end", frame="rocker", at=(rocker, 0, 0))],
     )
 
 
@@ -420,8 +420,8 @@ def test_the_assembly_is_the_one_that_comes_nearest_to_the_guess_at_any_posture_
         return float(np.angle((end - crank) / np.exp(1j * q))), float(np.angle(end - 1.0))
 
     for q in np.radians([-150, -70, 60, 170]):
-        guess = np.degrees(closed(q)) + np.array([6.0, -5.0])
-        kinematics = compile_kinematics(four_bar_of_the_issue((guess[0], guess[1])))
+        p, r = closed(q)
+        kinematics = compile_kinematics(four_bar(0.5, 0.8, (p + np.radians(6.0), r - np.radians(5.0))))
         for at in np.linspace(-3.0, 3.0, 13):
             found = posture(kinematics, np.array([[at]])).values[0]
             assert apart(found[1:], np.array(closed(float(at)))).max() < 1e-9
@@ -446,18 +446,7 @@ def test_the_branch_is_found_where_the_drives_without_limits_do_not_close_at_the
 
 def test_a_rhombus_closes_beside_its_change_point() -> None:
     """Equal links, the crank nearly on the ground: both passive joints turn about nearly one point."""
-    robot = machine(
-        [revolute("q1"), revolute("t2", passive=True, guess=-1.0), revolute("t3", passive=True, guess=1.0)],
-        [
-            Frame(name="crank", theta="q1"),
-            Frame(name="coupler", parent="crank", d=1.0, theta="t2"),
-            Frame(name="rocker", d=1.0, theta="t3"),
-        ],
-        tool=("coupler", (1.0, 0, 0)),
-        loops=[Loop(name="rhombus", a="tool", b="end", constrain="position")],
-        nodes=[Node(name="end", frame="rocker", at=(1.0, 0, 0))],
-    )
-    kinematics = compile_kinematics(robot)
+    kinematics = compile_kinematics(four_bar(1.0, 1.0, (-1.0, 1.0)))
     q = np.array([[1e-6], [1e-4], [1e-2], [0.3]])
     places = posture(kinematics, q).node_positions[:, 1:]
     assert np.linalg.norm(places[:, 0] - places[:, 1], axis=1).max() < 1e-11
