@@ -141,7 +141,7 @@ class Diagnosis(Shown):
         if self.decomposition is not None:
             found = self.decomposition
             robots = found.model.robot(np.zeros_like(found.change)), applied(found)
-            views = [fit_baseline(robot.model_copy(update={"identify": ()}), rows) for robot in robots]
+            views = [fit_baseline(robot, rows, keep=()) for robot in robots]
             return as_measured(views[0], views[0].predicted), as_measured(views[1], views[1].predicted)
         there = at_rows(self.baseline, rows)
         before = after = there.predicted

@@ -96,9 +96,12 @@ def verify(robot: Robot, measurements: Measurements, *, refit_frame: bool = Fals
             "measuring frame"
         )
     bare = robot.model_copy(update={"effects": ()})
-    stages = [
-        robot.model_copy(update={"effects": robot.effects[:at]}) for at in range(len(robot.effects) + 1)
-    ]
+    keys = [f"{effect.effect}:{effect.component or 'null'}" for effect in robot.effects]
+    causes = list(dict.fromkeys(keys))
+    stages = [bare]
+    for key in causes:  # all shapes of a cause at once: only their sum is meant
+        own = [effect for effect, of in zip(robot.effects, keys, strict=True) if of == key]
+        stages.append(robot.model_copy(update={"effects": (*stages[-1].effects, *own)}))
     errors = [_rms(_errors(bare, stage, measurements, refit_frame), used) for stage in stages]
     sigma = np.nan_to_num(measurements.sigma[:, :3])
     noise = float(np.sqrt((sigma[used] ** 2).sum() / used.any(axis=1).sum()))
@@ -116,12 +119,8 @@ def verify(robot: Robot, measurements: Measurements, *, refit_frame: bool = Fals
         true=min(share(errors[0], errors[-1]), 1.0),
         rows=int(used.any(axis=1).sum()),
         causes=tuple(
-            (
-                f"{effect.effect}:{effect.component or 'null'}",
-                errors[at + 1],
-                share(errors[at], errors[at + 1]),
-            )
-            for at, effect in enumerate(robot.effects)
+            (key, after, share(before, after))
+            for key, before, after in zip(causes, errors[:-1], errors[1:], strict=True)
         ),
     )
 

@@ -153,3 +153,5 @@ def test_a_drive_that_is_rigid_in_truth_keeps_a_place_for_its_play() -> None:
     larger = extended(found)
     assert all(5e4 <= larger.parameter(name) < np.inf for name in drives)
     assert verify(larger, replace(rows, q=q), refit_frame=True).after < 5 * NOISE
+    moved = replace(rows, position=rows.position + 1e-3 * rng.standard_normal(rows.position.shape))
+    np.testing.assert_array_equal(found.predict_shift(rows), found.predict_shift(moved))  # nothing is fitted

@@ -1,0 +1,42 @@
+"""A verification counts a cause once, with all its shapes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from beamstiff.diagnosis.residual.baseline import predict
+from beamstiff.diagnosis.verify import verify
+from beamstiff.measure import Measurements, make_measurements
+from beamstiff.robot.description import Robot
+from beamstiff.robot.parts import AddedEffect
+from beamstiff.robot.reader import load_robot
+
+PLAY = {"effect": "backlash", "component": "q2", "scales": {"torque": 700.0}}
+
+
+def played() -> Robot:
+    """Return an arm with play in two shapes, one of which rounding made negative."""
+    robot = load_robot("kr500")
+    shapes = [("flank within 0.03", 2e-4), ("flank within 0.1", -6.7e-19)]
+    play = [AddedEffect(**PLAY, shape=shape, parameters={"half_width": value}) for shape, value in shapes]
+    return robot.model_copy(update={"effects": tuple(play)})
+
+
+def fresh(robot: Robot) -> Measurements:
+    rng = np.random.default_rng(0)
+    q, wrench = rng.uniform(-0.5, 0.5, (8, len(robot.actuated))), np.zeros((8, 6))
+    wrench[:, :3] = rng.uniform(-1000.0, 1000.0, (8, 3))
+    names = [variable.name for variable in robot.actuated]
+    rows = make_measurements(names, q, tcp=robot.tcp, wrench=wrench, displacement=np.zeros((8, 6)))
+    return replace(rows, displacement=predict(robot, rows))
+
+
+def test_a_cause_is_counted_with_all_its_shapes() -> None:
+    robot = played()
+    found = verify(robot, fresh(robot))
+    ((name, after, closes),) = found.causes
+    assert name == "backlash:q2"
+    assert found.before > 1e-5
+    assert after == found.after == pytest.approx(0.0, abs=1e-12)
+    assert closes == found.true == pytest.approx(1.0)
