@@ -91,8 +91,8 @@ def component_subspaces(baseline: Baseline, library: Library, white: Whitened) -
     Of what is outside, all shapes of the library together count as free.
     """
     places = baseline.places
-    there = [(component_of(baseline.nominal, joint), joint.name) for joint in baseline.nominal.joints]
-    structure = [(name, places.joints[joint]) for name, joint in there if joint in places.joints]
+    joints = baseline.nominal.joints
+    structure = [(component_of(baseline.nominal, joint), places.joints[joint.name]) for joint in joints]
     structure += [(name, link) for name, link in places.links.items() if name not in places.standing]
     structure += [("base", places.base), ("tool", places.flange)]
     found = []
