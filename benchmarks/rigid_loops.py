@@ -42,14 +42,14 @@ def rigid_four_bar() -> Robot:
     return held.model_copy(update={"beams": (), "rigids": links, "identify": DRIVES})
 
 
-def elastic_twin() -> Robot:
-    """Return the IR-663 with links and bearings `STIFFER` times as stiff."""
+def elastic_twin(stiffer: float = STIFFER) -> Robot:
+    """Return the IR-663 with links and bearings so many times as stiff as in its file."""
     robot = load_robot("ir663")
     stiff = {
-        name: STIFFER * robot.parameter(name) for name in (f"{joint.name}.radial" for joint in robot.joints)
+        name: stiffer * robot.parameter(name) for name in (f"{joint.name}.radial" for joint in robot.joints)
     }
     materials = {
-        name: one.model_copy(update={"E": STIFFER * one.E, "G": STIFFER * one.G})
+        name: one.model_copy(update={"E": stiffer * one.E, "G": STIFFER * one.G})
         for name, one in robot.materials.items()
     }
     return robot.with_parameters(stiff).model_copy(update={"materials": materials, "identify": DRIVES})

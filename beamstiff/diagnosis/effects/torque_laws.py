@@ -9,7 +9,7 @@ import numpy as np
 
 from beamstiff.diagnosis.effects.effect import Normalisation, Quantity, Shape, stated_scale
 from beamstiff.diagnosis.residual.baseline import ROUNDING, Baseline, own_direction
-from beamstiff.diagnosis.residual.internal_wrench import Place
+from beamstiff.diagnosis.residual.place import Place
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import FREE, RIGID
 from beamstiff.robot.parts import Joint

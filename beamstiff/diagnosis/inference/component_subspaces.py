@@ -30,7 +30,7 @@ from beamstiff.diagnosis.inference.external_friction import lagging, slipping
 from beamstiff.diagnosis.inference.library import Library
 from beamstiff.diagnosis.inference.tool_ground_spring import held_tool, stopped, tethered
 from beamstiff.diagnosis.residual.baseline import ROUNDING, Baseline
-from beamstiff.diagnosis.residual.internal_wrench import Place
+from beamstiff.diagnosis.residual.place import Place
 from beamstiff.diagnosis.residual.whitened import LARGE, Whitened
 from beamstiff.measure.arrays import places_of_each
 from beamstiff.se3 import Array

@@ -24,11 +24,17 @@ import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
-from beamstiff.diagnosis.residual.self_stress import Reach, everywhere, reach_of, self_stresses
+from beamstiff.diagnosis.residual.place import Place, nothing_of
+from beamstiff.diagnosis.residual.self_stress import (
+    Reach,
+    SingularLoopError,
+    everywhere,
+    reach_of,
+    self_stresses,
+)
 from beamstiff.errors import listed
 from beamstiff.fem.beam import beam_axes, beam_stiffness
 from beamstiff.fem.condensation import Condensed, Port, condense, without_ports
-from beamstiff.fem.constraints import RANK_TOLERANCE
 from beamstiff.fem.geometry import SHORTEST, Geometry, place
 from beamstiff.fem.loads import gravity_wrenches, mass_wrenches
 from beamstiff.fem.structure import Structure, compile_structure
@@ -46,60 +52,6 @@ SAME = 1e-7  # share of the largest entry within which changes of axes are the s
 NAME = re.compile(r"[A-Za-z_]\w*")  # in an expression
 MOST_NAMED = 12  # of what a self-stress needs
 CUT = " cut"  # what is added to the name of a link's end to name its other side; no name of a file ends so
-
-
-@dataclass(frozen=True)
-class Place:
-    """A place, for N rows, in its own axes.
-
-    Attributes
-    ----------
-    load : (N, 6) array, N and N m
-        Wrench ``[f, m]`` that the row's load passes through it.
-    dead : (N, 6) array
-        What the dead weight passes through it.
-    shift : (N, 6, 6) array
-        Displacement ``[d, r]`` of the row's point, base frame, per relative displacement of the place.
-    turn : (N, 3, 3) array
-        Its axes in the base frame, as columns.
-    length : float, m
-        Of a link; 0 for other places.
-    stressed : (N, 6, 6) array or None
-        Projector onto what self-stresses do there; None where statics and the springs determine all.
-    """
-
-    load: Array
-    dead: Array
-    shift: Array
-    turn: Array
-    length: float = 0.0
-    stressed: Array | None = None
-
-    @property
-    def undetermined(self) -> NDArray[np.bool_]:
-        """The directions (6,) whose wrench is not determined in some row: nothing passes there, or slips."""
-        if self.stressed is None:
-            return np.zeros(6, dtype=np.bool_)
-        most = np.diagonal(self.stressed, axis1=1, axis2=2).max(axis=0, initial=0.0)
-        return np.asarray(most > RANK_TOLERANCE)
-
-    def along(self, turn: Array) -> Place:
-        """Return the place in other axes, the columns of (N, 3, 3) in the base frame."""
-        change = rotate_screw(turn.swapaxes(-1, -2) @ self.turn)  # components in new axes from those in old
-        back = change.swapaxes(-1, -2)
-        return replace(
-            self,
-            load=(change @ self.load[..., None])[..., 0],
-            dead=(change @ self.dead[..., None])[..., 0],
-            shift=self.shift @ back,
-            turn=turn,
-            stressed=None if self.stressed is None else change @ self.stressed @ back,
-        )
-
-    def determined(self) -> Place:
-        """Return the place with nothing in the directions that are not determined."""
-        some = ~self.undetermined
-        return replace(self, load=self.load * some, dead=self.dead * some, shift=self.shift * some)
 
 
 @dataclass(frozen=True)
@@ -156,8 +108,14 @@ def find_places(robot: Robot, rows: Measurements) -> Places:
     together = [[name] for name in names] if has_loops(cut) else [names]
     found: dict[str, Place] = {}
     links_found: dict[str, Place] = {}
+    singular: dict[str, str] = {}
     for group in together:
-        for name, there in _open(cut, group, rows, poses, pose, alone=len(together) > 1).items():
+        try:
+            opened_places = _open(cut, group, rows, poses, pose, alone=len(together) > 1)
+        except SingularLoopError as error:
+            opened_places = {group[0]: nothing_of(len(rows))}
+            singular[group[0].removesuffix(CUT)] = str(error)
+        for name, there in opened_places.items():
             if name in links:
                 a, b = (index[node] for node in links[name])
                 along = (where.node_positions[:, b] - where.node_positions[:, a])[pose]
@@ -183,7 +141,7 @@ def find_places(robot: Robot, rows: Measurements) -> Places:
             hung[pose, index[robot.tcp]],
             (where.node_positions - where.node_positions[:, [index[robot.tcp]]])[pose, points],
         ),
-        held=_held(cut, where, {**found, **{name + CUT: there for name, there in links_found.items()}}),
+        held=_held(cut, where, found, links_found, singular),
         standing=tuple(
             name
             for name in _on_the_ground(robot)
@@ -284,21 +242,28 @@ def _open(
     return result
 
 
-def _held(cut: Robot, where: Posture, places: Mapping[str, Place]) -> dict[str, str]:
-    """Return the places with undetermined wrenches, and which self-stress it is that leaves them so."""
-    # a link's axes are not those of its cut: all of its directions
+def _held(
+    cut: Robot,
+    where: Posture,
+    joints: Mapping[str, Place],
+    links: Mapping[str, Place],
+    singular: Mapping[str, str],
+) -> dict[str, str]:
+    """Return the places with undetermined wrenches, and which self-stress, or posture, leaves them so."""
+    places = {**joints, **{name + CUT: there for name, there in links.items()}}
     open_ended = {
-        name: [(name, side) for side in range(6) if name.endswith(CUT) or there.undetermined[side]]
+        # a link's axes are not those of its cut: all of its directions
+        name: [(name, side) for side in range(6) if there.undetermined[side] or name.endswith(CUT)]
         for name, there in places.items()
-        if there.undetermined.any()
+        if there.undetermined.any() and name.removesuffix(CUT) not in singular
     }
-    found = {}
+    found = dict(singular)
     for name, needed in (self_stresses(cut, where, open_ended) if open_ended else {}).items():
-        joints = [one for one in needed if CUT not in one]
-        links = dict.fromkeys(one.partition(CUT)[0] for one in needed)
+        of_joints = [one for one in needed if CUT not in one]
+        cuts = dict.fromkeys(one.partition(CUT)[0] for one in needed)
         found[name.removesuffix(CUT)] = (
             "rigid parts of its loop leave its forces undetermined: a self-stress of "
-            f"{listed(joints or links, MOST_NAMED)}"
+            f"{listed(of_joints or cuts, MOST_NAMED)}"
         )
     return found
 
