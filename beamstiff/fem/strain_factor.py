@@ -215,7 +215,7 @@ def _factored(
             "found a stiffness or compliance that is not a finite number, expected one in the range of "
             "numbers; check the units"
         )
-    met = size[:, None] * (strains @ moved != 0.0)
+    met = size[:, None] * (np.abs(strains) @ np.abs(moved) != 0.0)  # what cancels leaves rounding too
     port_size = np.linalg.norm(met, axis=0) * np.abs(moved / units[:, None]).max(axis=0, initial=0.0)
     factor = _factor(strains, rest, moved, None)
     answer, lengths = None, _longest(loads * units[:, None])

@@ -27,12 +27,11 @@ from numpy.typing import NDArray
 from beamstiff.diagnosis.residual.place import Place, nothing_of
 from beamstiff.diagnosis.residual.self_stress import (
     Reach,
-    SingularLoopError,
     everywhere,
     reach_of,
     self_stresses,
 )
-from beamstiff.errors import listed
+from beamstiff.errors import BeamstiffError, listed
 from beamstiff.fem.beam import beam_axes, beam_stiffness
 from beamstiff.fem.condensation import Condensed, Port, condense, without_ports
 from beamstiff.fem.geometry import SHORTEST, Geometry, place
@@ -108,13 +107,15 @@ def find_places(robot: Robot, rows: Measurements) -> Places:
     together = [[name] for name in names] if has_loops(cut) else [names]
     found: dict[str, Place] = {}
     links_found: dict[str, Place] = {}
-    singular: dict[str, str] = {}
+    refused: dict[str, str] = {}
     for group in together:
         try:
             opened_places = _open(cut, group, rows, poses, pose, alone=len(together) > 1)
-        except SingularLoopError as error:
+        except BeamstiffError as error:
+            if len(together) == 1:
+                raise
             opened_places = {group[0]: nothing_of(len(rows))}
-            singular[group[0].removesuffix(CUT)] = str(error)
+            refused[group[0].removesuffix(CUT)] = str(error)
         for name, there in opened_places.items():
             if name in links:
                 a, b = (index[node] for node in links[name])
@@ -141,7 +142,7 @@ def find_places(robot: Robot, rows: Measurements) -> Places:
             hung[pose, index[robot.tcp]],
             (where.node_positions - where.node_positions[:, [index[robot.tcp]]])[pose, points],
         ),
-        held=_held(cut, where, found, links_found, singular),
+        held=_held(cut, where, found, links_found, refused),
         standing=tuple(
             name
             for name in _on_the_ground(robot)
@@ -247,17 +248,17 @@ def _held(
     where: Posture,
     joints: Mapping[str, Place],
     links: Mapping[str, Place],
-    singular: Mapping[str, str],
+    refused: Mapping[str, str],
 ) -> dict[str, str]:
-    """Return the places with undetermined wrenches, and which self-stress, or posture, leaves them so."""
+    """Return the places with undetermined wrenches, and which self-stress, or what else, leaves them so."""
     places = {**joints, **{name + CUT: there for name, there in links.items()}}
     open_ended = {
         # a link's axes are not those of its cut: all of its directions
         name: [(name, side) for side in range(6) if there.undetermined[side] or name.endswith(CUT)]
         for name, there in places.items()
-        if there.undetermined.any() and name.removesuffix(CUT) not in singular
+        if there.undetermined.any() and name.removesuffix(CUT) not in refused
     }
-    found = dict(singular)
+    found = dict(refused)
     for name, needed in (self_stresses(cut, where, open_ended) if open_ended else {}).items():
         of_joints = [one for one in needed if CUT not in one]
         cuts = dict.fromkeys(one.partition(CUT)[0] for one in needed)

@@ -40,10 +40,6 @@ Index = NDArray[np.int64]
 PART = RANK_TOLERANCE**0.5  # what has less of a unit self-stress has no part in it (its square is rounding)
 
 
-class SingularLoopError(BeamstiffError):
-    """The directions of a place move in other ways at some pose than at others."""
-
-
 @dataclass(frozen=True)
 class Reach:
     """How the p directions of a place can move where all other rigid parts hold, at P poses.
@@ -91,7 +87,7 @@ def reach_of(
 
     Raises
     ------
-    SingularLoopError
+    BeamstiffError
         At a pose where the directions move in other ways than at the first.
     """
     moved, size = _moved(structure, geometry, ports), _sizes(structure, ports)
@@ -105,7 +101,7 @@ def reach_of(
     across = np.abs(share[:, rigid, count:]).max(axis=(1, 2), initial=0.0)
     odd = (least < RANK_TOLERANCE) | (np.maximum(beside, across) > RANK_TOLERANCE)
     if odd.any():
-        raise SingularLoopError(
+        raise BeamstiffError(
             f"pose {geometry.number[int(np.argmax(odd))]} is a singular position of its loop, where other "
             "motions are possible: leave it out"
         )
