@@ -8,15 +8,16 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.linalg import block_diag, null_space
 
-from beamstiff import Robot
+from beamstiff import Robot, load_robot
 from beamstiff.diagnosis.inference.library import Library, build_library
+from beamstiff.diagnosis.notes import undetermined_at
 from beamstiff.diagnosis.residual.baseline import nominal_pose
 from beamstiff.diagnosis.residual.internal_wrench import find_places
 from beamstiff.diagnosis.residual.place import Place
 from beamstiff.diagnosis.residual.whitened import whiten
 from beamstiff.measure.table import Measurements
 from beamstiff.model.linear import predict_displacements
-from beamstiff.robot.fields import RIGID
+from beamstiff.robot.fields import FREE, RIGID
 from beamstiff.robot.parts import Frame, Node, Strut
 from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 from benchmarks.rigid_loops import elastic_twin, rigid_four_bar
@@ -183,6 +184,33 @@ def test_beside_a_spring_a_rigid_screw_takes_all_and_the_spring_nothing() -> Non
     assert not places["j0"].undetermined[AXIAL]
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_in_a_spherical_four_bar_the_drive_alone_is_determined(seed: int) -> None:
+    """All axes meet in a point: forces through it run round the loop, and tilt what lies off it."""
+    rng = np.random.default_rng(seed)
+    axes = rng.normal(size=(4, 3))
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    at, tip = axes * rng.uniform(0.5, 1.5, (4, 1)), rng.uniform(-1, 1, 3)
+    drive, bearing = (RIGID, RIGID, 2e6, RIGID), (RIGID, RIGID, FREE, RIGID)
+    robot = frame(
+        [at[0], at[0], at[1], at[1], at[2], at[2], at[3], at[3], tip],
+        rigids=[(1, 2), (3, 4), (5, 6), (3, 8)],
+        joints=[(0, 1, axes[0], drive), (2, 3, axes[1], bearing), (5, 4, axes[2], bearing)]
+        + [(7, 6, axes[3], bearing)],
+        fixed=(0, 7),
+        tcp=8,
+    )
+    load = rng.normal(size=6) * 100
+    places = find_places(robot, rows_of(robot, np.zeros((1, 0)), [load])).joints
+    # both ways round the loop turn the coupler alike: a0 + w1 a1 = w3 a3 + w2 a2
+    rates = np.linalg.solve(np.stack([axes[1], -axes[2], -axes[3]], axis=1), -axes[0])
+    turned = axes[0] + rates[0] * axes[1]
+    torque = load[:3] @ np.cross(turned, tip) + load[3:] @ turned
+    assert places["j0"].load[0, TURN] == pytest.approx(torque, rel=1e-9)
+    for place in places.values():
+        assert place.undetermined.tolist() == [True, True, True, False, True, True]
+
+
 def wrench_of(made: RandomFrame, load: Array, tcp: int) -> tuple[list[Array], list[Array]]:
     """Return the wrenches (6,) that joints pass, then rigids, base frame, and bases (6, s) of self-stresses.
 
@@ -241,6 +269,15 @@ def test_random_machines_pass_what_multipliers_say_where_no_self_stress_has_a_pa
         np.testing.assert_allclose(
             place.load[0], expected, atol=1e-6 * max(np.abs(load).max(), np.abs(wrench).max())
         )
+
+
+def test_a_note_says_once_where_directions_cannot_be_tested() -> None:
+    robot = rigid_four_bar()
+    (said,) = undetermined_at(nominal(robot, four_bar_rows(robot)))
+    assert said.startswith("J12, J18, J33, J99, J1010, swing, crank, coupler, lever: ")
+    assert "a self-stress of J12.axial, J12.tilting" in said
+    elastic = load_robot("kr240-2")
+    assert not list(undetermined_at(nominal(elastic, at_random(elastic, 6, seed=1))))
 
 
 def library_of(robot: Robot) -> Library:
