@@ -195,8 +195,12 @@ def test_in_a_spherical_four_bar_the_drive_alone_is_determined(seed: int) -> Non
     robot = frame(
         [at[0], at[0], at[1], at[1], at[2], at[2], at[3], at[3], tip],
         rigids=[(1, 2), (3, 4), (5, 6), (3, 8)],
-        joints=[(0, 1, axes[0], drive), (2, 3, axes[1], bearing), (5, 4, axes[2], bearing)]
-        + [(7, 6, axes[3], bearing)],
+        joints=[
+            (0, 1, axes[0], drive),
+            (2, 3, axes[1], bearing),
+            (5, 4, axes[2], bearing),
+            (7, 6, axes[3], bearing),
+        ],
         fixed=(0, 7),
         tcp=8,
     )
