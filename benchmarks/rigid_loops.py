@@ -2,9 +2,9 @@
 
 The IR-663 with rigid links and bearings, whose loop leaves the reactions across its plane undetermined, and
 its twin whose links and bearings are a thousand times as stiff as the robot file has them. Both machines get
-the same effect at a drive, or none, of a size drawn to leave 1.2 to 6 times the noise, and are measured in the
-same campaign with the same noise by the exam's simulator, which shares no equations with the diagnosis; each
-is diagnosed by its own model.
+the same effect at a drive, or none, of a size drawn to leave 1.2 to 6 times the noise, and are measured in
+the same campaign with the same noise by the exam's simulator, which shares no equations with the diagnosis;
+each is diagnosed by its own model.
 """
 
 from __future__ import annotations
