@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from beamstiff.diagnosis.residual.baseline import fitted_names
+from beamstiff.diagnosis.residual.baseline import Baseline, fitted_names
 from beamstiff.diagnosis.residual.repeats import repeats
 from beamstiff.diagnosis.residual.screening import Screened
 from beamstiff.diagnosis.residual.whitened import Whitened
@@ -34,6 +34,7 @@ def notes(screened: Screened, white: Whitened, verdict: str, scale: float) -> It
     poses = np.unique(rows.pose).size
     yield from doubts(rows, baseline.nominal)
     yield from chosen_for(baseline.nominal)
+    yield from undetermined_at(baseline)
     if white.freedom < FEW_VALUES:
         plural = "s"[: white.freedom != 1]
         yield f"only {white.freedom} value{plural} beyond those fitted: no confident verdict can come of them"
@@ -94,6 +95,15 @@ def chosen_for(robot: Robot) -> Iterator[str]:
             "values to start from (of a URDF: beamstiff convert IN --joint-stiffness '1e6 N*m/rad') its "
             "drives are fitted before anything else is blamed"
         )
+
+
+def undetermined_at(baseline: Baseline) -> Iterator[str]:
+    """Yield where rigid parts of loops leave directions open in which no effect can be tested."""
+    by_reason: dict[str, list[str]] = {}
+    for name, why in baseline.places.held.items():
+        by_reason.setdefault(why, []).append(name)
+    for why, names in by_reason.items():
+        yield f"{listed(names, 12)}: not all directions can be tested there: {why}"
 
 
 def _of_repeats(screened: Screened) -> Iterator[str]:

@@ -80,10 +80,11 @@ def unknown_sizes(structure: Structure) -> Array:
 
 def ranks(rows: Array, scale: Array) -> NDArray[np.int64]:
     """Return the rank of the rows of each pose, (P,): it falls in a singular position of a loop."""
-    return _count_ranks(np.asarray(np.linalg.svd(rows * scale, compute_uv=False), dtype=np.float64), scale)
+    return count_ranks(np.asarray(np.linalg.svd(rows * scale, compute_uv=False), dtype=np.float64), scale)
 
 
-def _count_ranks(singular: Array, scale: Array) -> NDArray[np.int64]:
+def count_ranks(singular: Array, scale: Array) -> NDArray[np.int64]:
+    """Return the rank of rows of each pose, (P,), from their singular values (P, k), scaled as in `ranks`."""
     # a loop of rigids alone leaves rows of rounding errors: nothing to compare with but the machine's size
     largest = singular.max(axis=1, initial=scale.max(initial=1.0), keepdims=True)
     counts: NDArray[np.int64] = (singular > RANK_TOLERANCE * largest).sum(axis=1)
@@ -102,7 +103,7 @@ def null_space(rows: Array, scale: Array, what: str) -> Array:
         What the rows stand for, for the message.
     """
     _, singular, right = np.linalg.svd(rows * scale, full_matrices=True)
-    rank = _count_ranks(singular, scale)
+    rank = count_ranks(singular, scale)
     if rank.size and (rank != rank[0]).any():
         odd = int(np.argmax(rank != np.bincount(rank).argmax()))
         raise BeamstiffError(

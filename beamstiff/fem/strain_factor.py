@@ -31,7 +31,9 @@ TRIES = 3
 # what positions, directions and their products are rounded by, as a share of their size
 ROUNDED = 4 * np.finfo(float).eps
 SURE = 1e-3  # a pivot that rounding changes by more than this is none
-NOTHING = 1e-13  # share of what meets at a port that is rounding: nothing but its own spring holds it
+# share of what meets at a port that is rounding: nothing but its own spring holds it; and of what a load does
+# on a motion, by the sizes of both
+NOTHING = 1e-13
 BUCKLED = 1e-13  # stiffness of the loaded machine, as a share of the unloaded one's, that is none
 
 
@@ -213,12 +215,12 @@ def _factored(
             "found a stiffness or compliance that is not a finite number, expected one in the range of "
             "numbers; check the units"
         )
-    met = size[:, None] * (strains @ moved != 0.0)
+    met = size[:, None] * (np.abs(strains) @ np.abs(moved) != 0.0)  # what cancels leaves rounding too
     port_size = np.linalg.norm(met, axis=0) * np.abs(moved / units[:, None]).max(axis=0, initial=0.0)
     factor = _factor(strains, rest, moved, None)
-    answer, lengths = None, np.abs(loads * units[:, None]).max(axis=0, initial=0.0)
+    answer, lengths = None, _longest(loads * units[:, None])
     if np.diagonal(factor.triangle).all():
-        answer = _answer(factor, rest, loads, moved, port_size, by_load)
+        answer = _answer(factor, rest, loads, moved, port_size, by_load, units, lengths)
     draws = [np.random.default_rng(number) for number in range(TRIES)]
     others = [_factor(_rounded(strains, size, units, rng), rest, moved, factor.order) for rng in draws]
     pivots, *changed = (np.abs(np.diagonal(one.triangle)) for one in (factor, *others))
@@ -226,7 +228,8 @@ def _factored(
     if answer is None or lost.any():
         raise Doubtful(_null_motion(factor, rest, int(np.argmax(lost))), MECHANISM)
     for other, rng in zip(others, draws, strict=True):
-        again = _answer(other, rest, _rounded(loads.T, lengths, units, rng).T, moved, port_size, by_load)
+        load = _rounded(loads.T, lengths, units, rng).T
+        again = _answer(other, rest, load, moved, port_size, by_load, units, lengths)
         if (motion := _difference(answer, again, loads, None if works else units)) is not None:
             raise Doubtful(motion, NEARLY if by_load is None else NEARLY_BUCKLES)
     return answer
@@ -266,10 +269,20 @@ def _factor(strains: Array, rest: Array, moved: Array, order: NDArray[np.int64] 
 
 
 def _answer(
-    factor: _Factor, rest: Array, loads: Array, moved: Array, port_size: Array, by_load: Array | None
+    factor: _Factor,
+    rest: Array,
+    loads: Array,
+    moved: Array,
+    port_size: Array,
+    by_load: Array | None,
+    units: Array,
+    lengths: Array,
 ) -> Factored:
     ordered, count = rest[:, factor.order], rest.shape[1]
-    forces = _backward(factor.triangle, ordered.T @ loads, transposed=True)
+    pulls = ordered.T @ loads
+    # a load across a motion does no work on it, but for rounding: with rigid links, of a whole plane
+    pulls[np.abs(pulls) < NOTHING * np.outer(_longest(ordered / units[:, None]), lengths)] = 0.0
+    forces = _backward(factor.triangle, pulls, transposed=True)
     solved = forces
     if by_load is not None:
         half = _backward(factor.triangle, ordered.T @ by_load @ ordered, transposed=True)
@@ -295,6 +308,12 @@ def _answer(
         solution=ordered @ _backward(factor.triangle, solved),
         strains=back,
     )
+
+
+def _longest(columns: Array) -> Array:
+    """Return the largest entry of each column, (c,)."""
+    longest: Array = np.abs(columns).max(axis=0, initial=0.0)
+    return longest
 
 
 def _backward(triangle: Array, right: Array, transposed: bool = False) -> Array:

@@ -134,6 +134,5 @@ def _slips(baseline: Baseline) -> Iterator[tuple[str, Array]]:
 def _turns(baseline: Baseline) -> Iterator[tuple[str, Array]]:
     robot = baseline.nominal
     for joint in robot.joints:
-        if joint.name in baseline.places.joints:
-            name = component_of(robot, joint)
-            yield name, axis_at(baseline, name).shift
+        name = component_of(robot, joint)
+        yield name, axis_at(baseline, name).shift

@@ -19,12 +19,13 @@ from beamstiff.diagnosis.effects.torque_laws import (
     softness,
 )
 from beamstiff.diagnosis.residual.baseline import Baseline, own_direction
-from beamstiff.diagnosis.residual.internal_wrench import Place, across
+from beamstiff.diagnosis.residual.internal_wrench import across
+from beamstiff.diagnosis.residual.place import Place
 from beamstiff.fem.beam import beam_axes
 from beamstiff.robot.fields import FREE, RIGID
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.robot.parts import Joint
-from beamstiff.se3 import Array, rotate_screw
+from beamstiff.se3 import Array
 
 TILT = 2e-7  # rad/(N m), of a heavy robot's
 OF_DRIVE = 0.5  # the same over the compliance of the joint's own drive
@@ -38,7 +39,7 @@ OFF = 0.05  # m along the axis, from the joint's frame to where its bearing tilt
 
 def _components(baseline: Baseline) -> list[str | None]:
     robot = baseline.nominal
-    return [component_of(robot, joint) for joint in robot.joints if joint.name in baseline.places.joints]
+    return [component_of(robot, joint) for joint in robot.joints]
 
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
@@ -134,13 +135,7 @@ def _seat(baseline: Baseline, joint: Joint) -> Place:
     part = posture(kinematics, poses).transforms[number.reshape(-1), at, :3, :3]
     axis = (part.swapaxes(-1, -2) @ place.turn[:, :, :1])[..., 0]
     turn = part @ beam_axes(axis, across(axis[0]))
-    change = rotate_screw(turn.swapaxes(-1, -2) @ place.turn)  # components there from those here
-    return Place(
-        load=(change @ place.load[..., None])[..., 0],
-        dead=(change @ place.dead[..., None])[..., 0],
-        shift=place.shift @ change.swapaxes(-1, -2),
-        turn=turn,
-    )
+    return place.along(turn).determined()
 
 
 def _any(baseline: Baseline, place: Place, size: float, turning: bool, name: str) -> Shape:

@@ -18,8 +18,7 @@ def _components(baseline: Baseline) -> list[str | None]:
     return [
         component_of(robot, joint)
         for joint in robot.joints
-        if joint.name in baseline.places.joints
-        and getattr(joint.stiffness, own_direction(robot, joint.name)) == RIGID
+        if getattr(joint.stiffness, own_direction(robot, joint.name)) == RIGID
     ]
 
 

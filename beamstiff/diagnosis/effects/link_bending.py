@@ -15,7 +15,7 @@ import numpy as np
 from beamstiff.diagnosis.effects.effect import Effect, Quantity, Shape
 from beamstiff.diagnosis.effects.torque_laws import any_symmetric, softness
 from beamstiff.diagnosis.residual.baseline import Baseline
-from beamstiff.diagnosis.residual.internal_wrench import Place
+from beamstiff.diagnosis.residual.place import Place
 from beamstiff.se3 import Array
 
 EI = 1e7  # N m^2, a middling link

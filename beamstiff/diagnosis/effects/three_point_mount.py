@@ -19,7 +19,7 @@ from beamstiff.diagnosis.effects.data_selected import best_of, left_by
 from beamstiff.diagnosis.effects.effect import Normalisation, stated_scale
 from beamstiff.diagnosis.effects.torque_laws import any_compliance, most_of
 from beamstiff.diagnosis.residual.baseline import ROUNDING, Baseline
-from beamstiff.diagnosis.residual.internal_wrench import Place
+from beamstiff.diagnosis.residual.place import Place
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.se3 import Array
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from beamstiff.diagnosis.effects.effect import Normalisation, Quantity, Shape, stated_scale
 from beamstiff.diagnosis.residual.baseline import ROUNDING, Baseline, own_direction
-from beamstiff.diagnosis.residual.internal_wrench import Place
+from beamstiff.diagnosis.residual.place import Place
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import FREE, RIGID
 from beamstiff.robot.parts import Joint
@@ -105,7 +105,7 @@ def drives(baseline: Baseline) -> list[str | None]:
     found: list[str | None] = []
     for joint in baseline.nominal.joints:
         value = getattr(joint.stiffness, own_direction(baseline.nominal, joint.name))
-        if joint.name in baseline.places.joints and FREE < value < RIGID:
+        if FREE < value < RIGID:
             found.append(component_of(baseline.nominal, joint))
     return found
 

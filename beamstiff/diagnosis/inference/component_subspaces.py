@@ -30,7 +30,7 @@ from beamstiff.diagnosis.inference.external_friction import lagging, slipping
 from beamstiff.diagnosis.inference.library import Library
 from beamstiff.diagnosis.inference.tool_ground_spring import held_tool, stopped, tethered
 from beamstiff.diagnosis.residual.baseline import ROUNDING, Baseline
-from beamstiff.diagnosis.residual.internal_wrench import Place
+from beamstiff.diagnosis.residual.place import Place
 from beamstiff.diagnosis.residual.whitened import LARGE, Whitened
 from beamstiff.measure.arrays import places_of_each
 from beamstiff.se3 import Array
@@ -91,8 +91,8 @@ def component_subspaces(baseline: Baseline, library: Library, white: Whitened) -
     Of what is outside, all shapes of the library together count as free.
     """
     places = baseline.places
-    there = [(component_of(baseline.nominal, joint), joint.name) for joint in baseline.nominal.joints]
-    structure = [(name, places.joints[joint]) for name, joint in there if joint in places.joints]
+    joints = baseline.nominal.joints
+    structure = [(component_of(baseline.nominal, joint), places.joints[joint.name]) for joint in joints]
     structure += [(name, link) for name, link in places.links.items() if name not in places.standing]
     structure += [("base", places.base), ("tool", places.flange)]
     found = []

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from beamstiff.diagnosis.effects.external import tool_axes
 from beamstiff.diagnosis.effects.hysteresis import LIMITS, history
 from beamstiff.diagnosis.residual.baseline import Baseline
-from beamstiff.diagnosis.residual.internal_wrench import Place
+from beamstiff.diagnosis.residual.place import Place
 from beamstiff.se3 import Array
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from beamstiff.diagnosis.effects import EFFECTS, Shape
-from beamstiff.diagnosis.effects.torque_laws import drives
+from beamstiff.diagnosis.effects.torque_laws import component_of, drives
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.diagnosis.residual.whitened import Whitened
 from beamstiff.errors import BeamstiffError, listed, suggest
@@ -96,6 +96,8 @@ def build_library(baseline: Baseline, white: Whitened, without: Sequence[str] = 
     hypotheses: list[Hypothesis] = []
     untestable = []
     known = [effect for effect in EFFECTS.values() if effect.name not in (*without, *DECOMPOSED)]
+    joints = {joint.name: component_of(baseline.nominal, joint) for joint in baseline.nominal.joints}
+    held = {joints.get(name, name): why for name, why in baseline.places.held.items()}
     standing: tuple[str, ...] = ()
     if not {"base-compliance", key_of("base-compliance", None)} & set(without):
         standing = baseline.places.standing
@@ -106,7 +108,10 @@ def build_library(baseline: Baseline, white: Whitened, without: Sequence[str] = 
             untestable.append(Untestable(effect.name, None, _nowhere(effect.name, baseline)))
         for component in components:
             shapes = effect.shapes(baseline, component)
-            if not shapes and effect.name != "outliers":  # found by their rows, not by a shape
+            if why := next((held[place] for place in effect.places(component) if place in held), ""):
+                shapes = [shape for shape in shapes if shape.columns.any()]
+                untestable += [] if shapes else [Untestable(effect.name, component, why)]
+            elif not shapes and effect.name != "outliers":  # found by their rows, not by a shape
                 untestable.append(Untestable(effect.name, component, "nothing of it is left to vary here"))
             total = sum(shape.weight for shape in shapes)
             hypotheses += [
@@ -121,9 +126,7 @@ def build_library(baseline: Baseline, white: Whitened, without: Sequence[str] = 
                 for shape in shapes
             ]
     if "link-bending" not in without:
-        held = "rigid parts of a loop hold it: its forces are not determined"
         stands = "it stands on the ground: what it gives is base-compliance here"
-        untestable += [Untestable("link-bending", name, held) for name in baseline.places.held]
         untestable += [Untestable("link-bending", name, stands) for name in standing]
     return seen_by(Library(tuple(hypotheses), tuple(untestable)), white)
 

@@ -8,21 +8,32 @@ a law ``e(q)``, whatever the machine: serial or with closed loops.
 All places are opened as ports at once (`fem.condensation`): with F the springs and R the rigid directions::
 
     e_F = (S_FF + k_F)^-1 (B_F w + g_F)       q_F = k_F e_F       q_R = B_R w + g_R - S_RF e_F
+
+In a loop whose rigid parts let the directions of a place move only together, or not at all, those that are
+independent stand for all (`self_stress`). What statics does not determine of q_R counts as zero,
+and is named.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
-from beamstiff.errors import BeamstiffError
+from beamstiff.diagnosis.residual.place import Place, nothing_of
+from beamstiff.diagnosis.residual.self_stress import (
+    Reach,
+    everywhere,
+    reach_of,
+    self_stresses,
+)
+from beamstiff.errors import BeamstiffError, listed
 from beamstiff.fem.beam import beam_axes, beam_stiffness
-from beamstiff.fem.condensation import Condensed, Port, condense
+from beamstiff.fem.condensation import Condensed, Port, condense, without_ports
 from beamstiff.fem.geometry import SHORTEST, Geometry, place
 from beamstiff.fem.loads import gravity_wrenches, mass_wrenches
 from beamstiff.fem.structure import Structure, compile_structure
@@ -38,32 +49,8 @@ from beamstiff.se3 import Array, displacement_transport, rotate_screw
 ASIDE = 0.65  # of a unit vector: at least one of its three components is smaller
 SAME = 1e-7  # share of the largest entry within which changes of axes are the same
 NAME = re.compile(r"[A-Za-z_]\w*")  # in an expression
+MOST_NAMED = 12  # of what a self-stress needs
 CUT = " cut"  # what is added to the name of a link's end to name its other side; no name of a file ends so
-
-
-@dataclass(frozen=True)
-class Place:
-    """A place, for N rows, in its own axes.
-
-    Attributes
-    ----------
-    load : (N, 6) array, N and N m
-        Wrench ``[f, m]`` that the row's load passes through it.
-    dead : (N, 6) array
-        What the dead weight passes through it.
-    shift : (N, 6, 6) array
-        Displacement ``[d, r]`` of the row's point, base frame, per relative displacement of the place.
-    turn : (N, 3, 3) array
-        Its axes in the base frame, as columns.
-    length : float, m
-        Of a link; 0 for other places.
-    """
-
-    load: Array
-    dead: Array
-    shift: Array
-    turn: Array
-    length: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -81,7 +68,7 @@ class Places:
     flange : Place
         What the TCP carries against what holds it, axes of the TCP's frame.
     held : dict of str to str
-        Places that rigid parts of their loops hold, and why the forces there are not determined.
+        Joints and links that pass wrenches which are not determined, and which self-stress leaves them open.
     standing : tuple of str
         Links that stand on the ground and that all passes which passes the floor: what they give is the
         base's by another name.
@@ -120,24 +107,24 @@ def find_places(robot: Robot, rows: Measurements) -> Places:
     together = [[name] for name in names] if has_loops(cut) else [names]
     found: dict[str, Place] = {}
     links_found: dict[str, Place] = {}
-    held: dict[str, str] = {}
+    refused: dict[str, str] = {}
     for group in together:
         try:
-            opened_places = _open(cut, group, rows, poses, pose)
+            opened_places = _open(cut, group, rows, poses, pose, alone=len(together) > 1)
         except BeamstiffError as error:
-            if len(group) > 1 or len(together) == 1:
+            if len(together) == 1:
                 raise
-            held[group[0].removesuffix(CUT)] = str(error)
-            continue
+            opened_places = {group[0]: nothing_of(len(rows))}
+            refused[group[0].removesuffix(CUT)] = str(error)
         for name, there in opened_places.items():
             if name in links:
                 a, b = (index[node] for node in links[name])
                 along = (where.node_positions[:, b] - where.node_positions[:, a])[pose]
-                links_found[name.removesuffix(CUT)] = _turned(there, along)
+                links_found[name.removesuffix(CUT)] = _turned(there, along).determined()
             elif name in {beam.name for beam in cut.beams}:
                 links_found[name] = there
             else:
-                found[name] = there
+                found[name] = there.determined()
     tcp_frame = compile_kinematics(cut).node_frame[index[robot.tcp]]
     points = [index[name] for name in rows.point.tolist()]
     structure = compile_structure(cut)
@@ -155,7 +142,7 @@ def find_places(robot: Robot, rows: Measurements) -> Places:
             hung[pose, index[robot.tcp]],
             (where.node_positions - where.node_positions[:, [index[robot.tcp]]])[pose, points],
         ),
-        held=held,
+        held=_held(cut, where, found, links_found, refused),
         standing=tuple(
             name
             for name in _on_the_ground(robot)
@@ -212,9 +199,14 @@ def has_loops(robot: Robot) -> bool:
 
 
 def _open(
-    cut: Robot, names: Sequence[str], rows: Measurements, poses: Array, pose: NDArray[np.intp]
+    cut: Robot,
+    names: Sequence[str],
+    rows: Measurements,
+    poses: Array,
+    pose: NDArray[np.intp],
+    alone: bool,
 ) -> dict[str, Place]:
-    """Return some joints and beams as places, opened as ports at once."""
+    """Return some joints and beams as places, opened as ports at once; `alone`: one that a loop may hold."""
     chosen = [joint for joint in cut.joints if joint.name in names]
     structure = compile_structure(
         opened(cut, [f"{joint.name}.{kind}" for joint in chosen for kind in STIFFNESS_KINDS])
@@ -226,8 +218,11 @@ def _open(
     ports = [Port(cut.joints[at].name, "joint", at, side) for at in joints for side in range(6)]
     ports += [Port(cut.beams[at].name, "beam", at, side) for at in beams for side in range(6)]
     observed = list(dict.fromkeys([*rows.point.tolist(), *rows.load_point.tolist()]))
-    condensed = condense(structure, where, observed, ports)
-    wrench, dead = _passed(condensed, *_springs(cut, structure, geometry, ports))
+    springs, rigid = _springs(cut, structure, geometry, ports)
+    reach = reach_of(structure, geometry, ports, rigid) if alone else everywhere(rigid)
+    free = without_ports(structure, ports)
+    condensed = condense(free, where, observed, [ports[at] for at in (*reach.held, *reach.loose)])
+    wrench, dead = _passed(condensed, springs, rigid, reach)
     columns = {name: 6 * at + np.arange(6) for at, name in enumerate(observed)}
     seen = np.array([columns[name] for name in rows.point])
     loaded = np.array([columns[name] for name in rows.load_point])
@@ -239,11 +234,39 @@ def _open(
     ]
     lengths = [0.0] * len(joints) + [float(geometry.beam_length[0, at]) for at in beams]
     items = [cut.joints[at].name for at in joints] + [cut.beams[at].name for at in beams]
+    stressed = None if reach.stressed is None else reach.stressed[pose]
     result = {}
     for at, (name, turn, length) in enumerate(zip(items, turns, lengths, strict=True)):
         some = slice(6 * at, 6 * at + 6)
-        result[name] = Place(passed[:, some], dead[pose, some], by_point[:, :, some], turn[pose], length)
+        load, weight, shift = passed[:, some], dead[pose, some], by_point[:, :, some]
+        result[name] = Place(load, weight, shift, turn[pose], length, stressed)
     return result
+
+
+def _held(
+    cut: Robot,
+    where: Posture,
+    joints: Mapping[str, Place],
+    links: Mapping[str, Place],
+    refused: Mapping[str, str],
+) -> dict[str, str]:
+    """Return the places with undetermined wrenches, and which self-stress, or what else, leaves them so."""
+    places = {**joints, **{name + CUT: there for name, there in links.items()}}
+    open_ended = {
+        # a link's axes are not those of its cut: all of its directions
+        name: [(name, side) for side in range(6) if there.undetermined[side] or name.endswith(CUT)]
+        for name, there in places.items()
+        if there.undetermined.any() and name.removesuffix(CUT) not in refused
+    }
+    found = dict(refused)
+    for name, needed in (self_stresses(cut, where, open_ended) if open_ended else {}).items():
+        of_joints = [one for one in needed if CUT not in one]
+        cuts = dict.fromkeys(one.partition(CUT)[0] for one in needed)
+        found[name.removesuffix(CUT)] = (
+            "rigid parts of its loop leave its forces undetermined: a self-stress of "
+            f"{listed(of_joints or cuts, MOST_NAMED)}"
+        )
+    return found
 
 
 def _with_cuts(robot: Robot, pose: Array) -> tuple[Robot, dict[str, tuple[str, str]]]:
@@ -276,16 +299,22 @@ def _with_cuts(robot: Robot, pose: Array) -> tuple[Robot, dict[str, tuple[str, s
     return robot.model_copy(update=update), links
 
 
-def _passed(condensed: Condensed, springs: Array, rigid: NDArray[np.bool_]) -> tuple[Array, Array]:
-    """Return wrenches at the ports per unit wrench at observed nodes (P, o, p), and the dead one (P, p)."""
+def _passed(
+    condensed: Condensed, springs: Array, rigid: NDArray[np.bool_], reach: Reach
+) -> tuple[Array, Array]:
+    """Return wrenches at the ports per unit wrench at observed nodes (P, o, p), and the dead one (P, p).
+
+    Condensed to the directions that move independently. Of rigid ones it is the least that is in balance.
+    """
     right = np.concatenate([condensed.port_map, condensed.port_dead[..., None]], axis=2)
-    loose = ~rigid
-    own = springs[:, loose][:, :, loose]
-    matrix = condensed.port_stiffness[:, loose][:, :, loose] + own
-    slip = np.linalg.solve(matrix, right[:, loose])
-    result = np.zeros_like(right)
-    result[:, loose] = own @ slip
-    result[:, rigid] = right[:, rigid] - condensed.port_stiffness[:, rigid][:, :, loose] @ slip
+    held, share = len(reach.held), reach.share[:, ~rigid]
+    own = share.swapaxes(-1, -2) @ springs[:, ~rigid][:, :, ~rigid] @ share
+    matrix = condensed.port_stiffness + own
+    slip = np.linalg.solve(matrix[:, held:, held:], right[:, held:])
+    result = np.zeros((len(right), len(rigid), right.shape[2]))
+    result[:, ~rigid] = springs[:, ~rigid][:, :, ~rigid] @ share[:, :, held:] @ slip
+    balance = right[:, :held] - matrix[:, :held, held:] @ slip
+    result[:, rigid] = reach.reactions @ balance
     return result[:, :, :-1].swapaxes(1, 2), result[:, :, -1]
 
 
@@ -315,14 +344,7 @@ def _turned(there: Place, along: Array) -> Place:
     length = np.linalg.norm(along, axis=1)
     own = (there.turn.swapaxes(-1, -2) @ along[..., None])[..., 0]
     turn = there.turn @ beam_axes(own, across(own[0] / length[0]))
-    change = rotate_screw(turn.swapaxes(-1, -2) @ there.turn)  # components in new axes from those in old
-    return Place(
-        load=(change @ there.load[..., None])[..., 0],
-        dead=(change @ there.dead[..., None])[..., 0],
-        shift=there.shift @ change.swapaxes(-1, -2),
-        turn=turn,
-        length=float(length[0]),
-    )
+    return replace(there.along(turn), length=float(length[0]))
 
 
 def across(direction: Array) -> Array:

@@ -6,7 +6,8 @@ import pytest
 from beamstiff import Robot, load_robot
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.residual.baseline import fit_baseline
-from beamstiff.diagnosis.residual.internal_wrench import Place, across, find_places, has_loops
+from beamstiff.diagnosis.residual.internal_wrench import across, find_places, has_loops
+from beamstiff.diagnosis.residual.place import Place
 from beamstiff.measure.table import Measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.robot.kinematics import compile_kinematics, posture

@@ -1,0 +1,71 @@
+"""A place of a machine: what passes through it, and what a slip there moves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamstiff.fem.constraints import RANK_TOLERANCE
+from beamstiff.se3 import Array, rotate_screw
+
+
+@dataclass(frozen=True)
+class Place:
+    """A place, for N rows, in its own axes.
+
+    Attributes
+    ----------
+    load : (N, 6) array, N and N m
+        Wrench ``[f, m]`` that the row's load passes through it.
+    dead : (N, 6) array
+        What the dead weight passes through it.
+    shift : (N, 6, 6) array
+        Displacement ``[d, r]`` of the row's point, base frame, per relative displacement of the place.
+    turn : (N, 3, 3) array
+        Its axes in the base frame, as columns.
+    length : float, m
+        Of a link; 0 for other places.
+    stressed : (N, 6, 6) array or None
+        Projector onto what self-stresses do there; None where statics and the springs determine all.
+    """
+
+    load: Array
+    dead: Array
+    shift: Array
+    turn: Array
+    length: float = 0.0
+    stressed: Array | None = None
+
+    @property
+    def undetermined(self) -> NDArray[np.bool_]:
+        """The directions (6,) whose wrench is not determined in some row: nothing passes there, or slips."""
+        if self.stressed is None:
+            return np.zeros(6, dtype=np.bool_)
+        most = np.diagonal(self.stressed, axis1=1, axis2=2).max(axis=0, initial=0.0)
+        return np.asarray(most > RANK_TOLERANCE)
+
+    def along(self, turn: Array) -> Place:
+        """Return the place in other axes, the columns of (N, 3, 3) in the base frame."""
+        change = rotate_screw(turn.swapaxes(-1, -2) @ self.turn)  # components in new axes from those in old
+        back = change.swapaxes(-1, -2)
+        return replace(
+            self,
+            load=(change @ self.load[..., None])[..., 0],
+            dead=(change @ self.dead[..., None])[..., 0],
+            shift=self.shift @ back,
+            turn=turn,
+            stressed=None if self.stressed is None else change @ self.stressed @ back,
+        )
+
+    def determined(self) -> Place:
+        """Return the place with nothing in the directions that are not determined."""
+        some = ~self.undetermined
+        return replace(self, load=self.load * some, dead=self.dead * some, shift=self.shift * some)
+
+
+def nothing_of(rows: int) -> Place:
+    """Return a place under so many rows of which nothing is determined."""
+    axes, none = (np.broadcast_to(np.eye(size), (rows, size, size)) for size in (3, 6))
+    return Place(np.zeros((rows, 6)), np.zeros((rows, 6)), np.zeros((rows, 6, 6)), axes, stressed=none)
