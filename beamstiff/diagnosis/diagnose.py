@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from beamstiff.diagnosis.decision.attribution import attribute, ceiling, shares
-from beamstiff.diagnosis.decision.verdict import SECOND, Judged, judge
+from beamstiff.diagnosis.decision.verdict import SECOND, Judged, judge, larger_first
 from beamstiff.diagnosis.decision.where import where
 from beamstiff.diagnosis.decomposed import beside_calibration, diagnosis_of
-from beamstiff.diagnosis.decomposition.decompose import decompose
+from beamstiff.diagnosis.decomposition.decompose import Decomposition, decompose
 from beamstiff.diagnosis.held_out.explained import explanations
 from beamstiff.diagnosis.held_out.prediction import (
     Fitted,
@@ -47,8 +47,8 @@ from beamstiff.robot.description import Robot
 NULLS = 200  # simulated campaigns without an effect
 MOST_ROWS = 4000  # that are diagnosed: they take 3 GB and a minute, and more say hardly more
 REPORTED = 8  # candidates whose held-out gap is computed
-CROWD = 3  # causes or more, and
-LEFT = 0.05  # the share of the gap that they leave at most, to stand where no pair explains displacements
+CROWD = 3  # causes or more: no pair is sought
+LEFT = 0.05  # of the gap, that causes leave at most to stand where no pair explains displacements
 RIVALS = 3  # candidates that the next measurements are to tell apart
 
 
@@ -101,27 +101,40 @@ def _of_rows(robot: Robot, rows: Measurements, without: Sequence[str], seed: int
     beside = beside_calibration(robot, rows, without, seed) if rows.kind == "absolute" else None
     if beside is not None:
         return beside
-    found = _weighed_one_by_one(robot, rows, without, seed)
-    if found.verdict.effect != "unknown" or found.baseline.absolute:
-        return found
-    several = decompose(robot, rows, without=without, seed=seed, baseline=found.baseline)
-    if several.verdict is None or len(several.causes) < CROWD or several.remainder.share > LEFT:
-        return found  # what one or two causes of the library explain was weighed, and is not it
+    baseline, library, screened = _screened(robot, rows, without)
+    # what a table states of its noise is left as it is: rows that a crowd moves look as noisy as anything
+    several = _decomposed(robot, baseline if baseline.claimed else screened.baseline, without, seed)
+    if several is not None and len(several.causes) >= CROWD:
+        white = whiten(screened.baseline, screened.used)
+        return diagnosis_of(several, tuple(notes(screened, white, several.causes[0].key, several.scatter)))
+    found = _weighed_one_by_one(library, screened, without, seed)
+    if found.verdict.effect != "unknown" or several is None:
+        return found  # one cause of the library was weighed in all its forms, and is not it
     return replace(diagnosis_of(several, found.notes), next=found.next)
 
 
-def _weighed_one_by_one(
-    robot: Robot, measurements: Measurements, without: Sequence[str], seed: int
-) -> Diagnosis:
-    """Return the diagnosis of one cause, or two, with the geometry as it is described."""
-    baseline = fit_baseline(robot, measurements)
+def _decomposed(robot: Robot, baseline: Baseline, without: Sequence[str], seed: int) -> Decomposition | None:
+    """Return several causes of displacements, where one is the main one and they leave hardly more."""
+    if baseline.absolute:
+        return None
+    found = decompose(robot, baseline.rows, without=without, seed=seed, baseline=baseline)
+    several = len(found.causes) + len(found.unclear) > 1
+    return found if several and found.verdict is not None and found.remainder.share <= LEFT else None
+
+
+def _screened(robot: Robot, rows: Measurements, without: Sequence[str]) -> tuple[Baseline, Library, Screened]:
+    """Return the rows, what could be the cause, and the rows with their noise as they show it."""
+    baseline = fit_baseline(robot, rows)
     if not baseline.used[:, :3].any():
         raise BeamstiffError(
-            f"{measurements.source}: no row has a measured position: the gap is one of positions "
-            "(dx dy dz or x y z)"
+            f"{rows.source}: no row has a measured position: the gap is one of positions (dx dy dz or x y z)"
         )
     library = build_library(baseline, whiten(baseline), without)
-    screened = screen(baseline, library)
+    return baseline, library, screen(baseline, library)
+
+
+def _weighed_one_by_one(library: Library, screened: Screened, without: Sequence[str], seed: int) -> Diagnosis:
+    """Return the diagnosis of one cause, or two, with the geometry as it is described."""
     white = whiten(screened.baseline, screened.used)
     library = seen_by(library, white)
     if not library.hypotheses:
@@ -176,6 +189,13 @@ def _diagnosis(weighed: Weighed, chance: tuple[float, float], may_be_outliers: b
         single = held_out(linear, used, [found.shapes[best]], scale, seed, by_load=True)
         by_load = single, held_out(linear, used, pair.shapes, scale, seed, by_load=True)
     judged = judge(found, white.freedom, chance[1], odd_rows, shrinks[best], both, may_be_outliers, by_load)
+    alone = None
+    if judged.also not in (None, OUTLIERS):
+        alone = {
+            key: shrinks.get(key) or held_out(linear, used, [found.shapes[key]], scale, seed)
+            for key in (judged.verdict, judged.also)
+        }
+        judged = larger_first(judged, {key: one.shrink for key, one in alone.items()})
     models = _models(judged, found)
     if judged.verdict != UNKNOWN:
         scale = scale_after(white, models, weighed.scales)
@@ -216,6 +236,7 @@ def _diagnosis(weighed: Weighed, chance: tuple[float, float], may_be_outliers: b
             *left_out,
         ),
         fits=fits,
+        first=alone[judged.verdict] if alone else None,
         where=where(screened.baseline, used, shares(attributed, white, scale, causes, seed)),
         next=as_plain(test_plan),
         features=_features(weighed, chance, both, shrinks[best], scale),

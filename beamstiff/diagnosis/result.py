@@ -97,6 +97,8 @@ class Diagnosis(Shown):
         Rows that nothing explains, as ``file:line``.
     notes : tuple of str
         What limits the conclusions, a sentence each.
+    first : HeldOutError or None
+        Of two causes, what the verdict closes by itself; its `shrink` is that of both.
     where : mapping
     next : sequence of mapping
     fits : tuple of Fitted
@@ -123,6 +125,7 @@ class Diagnosis(Shown):
     notes: tuple[str, ...]
     fits: tuple[Fitted, ...]
     ceiling: float
+    first: HeldOutError | None = None
     where: Mapping[str, Any] = field(default_factory=dict)
     next: Sequence[Mapping[str, Any]] = ()
     features: Mapping[str, float] = field(default_factory=dict)
@@ -195,20 +198,21 @@ class Diagnosis(Shown):
         """Return the keys ``causes`` and ``remainder``."""
         if self.decomposition is not None:
             return causes_dict(self.decomposition)
-        named = [one for one in (self.verdict, self.also) if one is not None and one.shrink is not None]
+        told = [] if self.verdict.shrink is None else [(self.verdict, self.first or self.verdict.shrink)]
+        if self.also is not None and self.also.shrink is not None and told:
+            told.append((self.also, self.verdict.shrink or told[0][1]))  # the verdict's is that of both
         causes: list[dict[str, Any]] = []
         before, rms = 0.0, self.rms
-        for one in named:
-            assert one.shrink is not None
-            closes, rms = one.shrink.shrink - before, one.shrink.after
-            before = max(before, one.shrink.shrink)
+        for one, error in told:
+            closes, rms = error.shrink - before, error.after
+            before = max(before, error.shrink)
             causes.append(
                 {
                     "effect": one.effect,
                     "component": one.component,
                     "probability": one.probability,
                     "closes": max(closes, 0.0),
-                    "closes_interval": list(one.shrink.interval),
+                    "closes_interval": list(error.interval),
                     "rms_after_mm": 1e3 * rms,
                     "parameters": self._candidate(one)["parameters"],
                     "shape": one.shape,

@@ -1,6 +1,7 @@
 """Diagnoses end to end: the effect that was put in is named, and nothing is where there is nothing."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -90,6 +91,30 @@ def test_two_effects_are_both_named() -> None:
     found = diagnose(kr240(), campaign(plan(14), planted.hardening, planted.tool_compliance))
     assert found.also is not None
     assert {found.verdict.key, found.also.key} == {"hardening:q2", "tool-compliance:null"}
+
+
+def test_of_two_effects_the_larger_comes_first_and_each_has_its_share() -> None:
+    what = plan(14)
+    large, small = partial(base_compliance, compliance=1e-7), planted.hardening
+    found = diagnose(kr240(), campaign(what, large, small))
+    sizes = [np.square(effect(what)[:, :3]).sum() for effect in (large, small)]
+    assert found.also is not None
+    assert (found.verdict.key, found.also.key) == ("base-compliance:null", "hardening:q2")
+    closes = [cause["closes"] for cause in found.to_dict()["causes"]]
+    assert closes[0] == pytest.approx(sizes[0] / sum(sizes), abs=0.1)
+    assert sum(closes) > 0.97
+
+
+def test_what_no_pair_explains_is_taken_apart() -> None:
+    """A link as soft as the base, and play: the gap without what three causes explain is noise."""
+    soft_link = partial(planted.link_bending, EI=2e6)
+    found = diagnose(kr240(), campaign(plan(14), soft_link, backlash, base_compliance))
+    report = found.to_dict()
+    assert found.decomposition is not None
+    assert report["remainder"]["share"] < 0.01
+    several = {cause.key for cause in (*found.decomposition.causes, *found.decomposition.unclear)}
+    assert {"link-bending:link2", "backlash:q3", "base-compliance:null"} <= several
+    assert found.verdict.key == "base-compliance:null"
 
 
 def test_an_effect_that_is_ruled_out_is_no_candidate_and_what_is_left_is_not_sure_of_itself() -> None:

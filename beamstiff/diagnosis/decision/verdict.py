@@ -15,7 +15,7 @@ reported.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -263,6 +263,15 @@ def judge(
         return Judged(probabilities, verdict, _set(effects, verdict) + doubted, *also)
     rivals = tuple(key for key in named if probabilities[key] >= DOUBTED)
     return Judged(probabilities, max(shares, key=shares.__getitem__), rivals)
+
+
+def larger_first(judged: Judged, closes: Mapping[str, float]) -> Judged:
+    """Return a judgement of two causes with that first which alone closes more, be the other clearer."""
+    first, second = judged.verdict, judged.also
+    if second is None or closes[second] <= closes[first]:
+        return judged
+    swapped = {first: judged.probabilities.get(second, 0.0), second: judged.probabilities[first]}
+    return replace(judged, verdict=second, also=first, probabilities={**judged.probabilities, **swapped})
 
 
 def _set(effects: Mapping[str, float], verdict: str) -> tuple[str, ...]:

