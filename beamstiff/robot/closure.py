@@ -149,7 +149,7 @@ def assembled(kinematics: Kinematics) -> Kinematics:
 
 def every_assembly(kinematics: Kinematics) -> tuple[Closest, ...]:
     """Return all assemblies that were found within the limits, the nearest to the guesses first."""
-    if not kinematics.closest:
+    if not kinematics.loops:
         return ()
     return closest_assemblies(loop_system(kinematics), declared_start(kinematics), "")
 
