@@ -137,7 +137,7 @@ def assembled(kinematics: Kinematics) -> Kinematics:
         )
     if not closest:
         return kinematics
-    if len(closest) > 1 and equally_near(*closest):
+    if len(closest) > 1 and equally_near(*closest[:2]):
         told = "; ".join(assembly_text(kinematics, one) for one in closest)
         way = "" if name else f"name it ({CHOICE}), or "
         raise BeamstiffError(
