@@ -28,7 +28,7 @@ $(STAMP): pyproject.toml
 demo: venv
 	$(BIN)/python examples/demo.py
 
-# The README shows what the demo prints.
+# docs/demo.md shows what the demo prints.
 readme: venv
 	$(BIN)/python -m tests.cli.demo_text
 

@@ -8,7 +8,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from beamstiff.cli.options import Debug, Html, Json, Quiet, RobotFile, option, parse_names, robot_file
+from beamstiff.cli.options import (
+    Assembly,
+    Debug,
+    Html,
+    Json,
+    Quiet,
+    RobotFile,
+    option,
+    parse_names,
+    robot_file,
+)
 from beamstiff.cli.output import Outputs, working
 from beamstiff.errors import BeamstiffError
 
@@ -59,6 +69,7 @@ def calibrate(
     sensitivity: str | None = option("FILE", "Draw how far each parameter moves and turns the tool."),
     recursion: str | None = option("FILE", "Draw the residual, pose after pose counted in."),
     figure: str | None = option("FILE", "Draw errors and changes, before and after (.png, .svg or .pdf)."),
+    assembly: Assembly = None,
     json: Json = None,
     html: Html = None,
     quiet: Quiet = False,
@@ -89,7 +100,7 @@ def calibrate(
     drawings: dict[str, Any] = {"figure": figure, "sensitivity": sensitivity, "recursion": recursion}
     inputs: list[str | Path] = [file, *data, *(test or ())]
     outputs = Outputs(inputs, json, quiet, out=out, readings=readings, html=html, **drawings)
-    machine = as_robot(file)
+    machine = as_robot(file, assembly=assembly)
     refuse_fitted(test or (), data)
     tables = as_tables(data, machine)
     with working(f"calibrating from {sum(map(len, tables))} rows", quiet):

@@ -7,7 +7,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamstiff.cli.options import Debug, Html, Json, Quiet, RobotFile, option, parse_names, robot_file
+from beamstiff.cli.options import (
+    Assembly,
+    Debug,
+    Html,
+    Json,
+    Quiet,
+    RobotFile,
+    option,
+    parse_names,
+    robot_file,
+)
 from beamstiff.cli.output import Outputs, working
 from beamstiff.errors import BeamstiffError
 
@@ -42,6 +52,7 @@ def compare(
     ),
     cube: float | None = option("MM", "Side of the grid's cubes, mm; default a third of the workspace."),
     seed: int = option("N", "Of all that is drawn at random.", 0),
+    assembly: Assembly = None,
     json: Json = None,
     figure: str | None = option("FILE", "Draw the errors over the workspace (.png, .svg or .pdf)."),
     rules: str | None = option("FILE", "Draw the fuzzy model's rule surface and membership functions."),
@@ -73,7 +84,7 @@ def compare(
         raise BeamstiffError(f"--cube: found {cube}, expected a length in mm above 0")
     if rules is not None and names is not None and "fuzzy" not in names:
         raise BeamstiffError("--rules: expected fuzzy among the models")
-    machine = as_robot(robot)
+    machine = as_robot(robot, assembly=assembly)
     inputs: list[str | Path] = [robot_file(robot), *data]
     outputs = Outputs(inputs, json, quiet, seed=seed, figure=figure, rules=rules, html=html)
     rows = as_tables(data, machine)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from beamstiff.cli.options import (
+    Assembly,
     Debug,
     Html,
     Json,
@@ -71,6 +72,7 @@ def compensate(
         "step=LENGTH,angle=ANGLE", "Put targets in between; --out is a path table (.csv) then."
     ),
     figure: str | None = option("FILE", "Draw the path before and after (.png, .svg or .pdf)."),
+    assembly: Assembly = None,
     json: Json = None,
     html: Html = None,
     quiet: Quiet = False,
@@ -118,7 +120,7 @@ def compensate(
         raise BeamstiffError(f"--out {out}: a resampled path is written as a table, expected a name.csv")
     if out is not None and steps is None:
         _check_format(path, out)
-    controller = as_robot(robot)
+    controller = as_robot(robot, assembly=assembly)
     inputs: list[str | Path] = [robot_file(robot), path, *([robot_file(actual)] if actual else [])]
     inputs += [process] if process else []
     outputs = Outputs(inputs, json, quiet, out=out, figure=figure, html=html)

@@ -5,7 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from beamstiff.cli.options import DataFile, Debug, Html, Json, Preload, Quiet, RobotFile, option, robot_file
+from beamstiff.cli.options import (
+    Assembly,
+    DataFile,
+    Debug,
+    Html,
+    Json,
+    Preload,
+    Quiet,
+    RobotFile,
+    option,
+    robot_file,
+)
 from beamstiff.cli.output import Outputs, optional_file, working
 from beamstiff.errors import BeamstiffError
 from beamstiff.outputs import write_output
@@ -19,6 +30,7 @@ def deflect(
     robot: RobotFile,
     data: DataFile,
     preload: Preload = False,
+    assembly: Assembly = None,
     json: Json = None,
     out: str | None = option("FILE", "Write the loads with the predicted displacements as a CSV table."),
     vtu: str | None = option(
@@ -61,7 +73,7 @@ def deflect(
     from beamstiff.report.deflection import deflection_table, deflection_text
     from beamstiff.robot.stiffness import check_stiffness
 
-    machine = as_robot(robot)
+    machine = as_robot(robot, assembly=assembly)
     if not machine.effects:
         check_stiffness(machine)  # before the table: no table helps
     outputs = Outputs([robot_file(robot), data], json, quiet, out=out, vtu=vtu, html=html)

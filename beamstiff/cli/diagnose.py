@@ -8,6 +8,7 @@ from typing import Any
 import typer
 
 from beamstiff.cli.options import (
+    Assembly,
     DataFiles,
     Debug,
     Html,
@@ -45,6 +46,7 @@ def diagnose(
         "identify and diagnose.",
     ),
     figure: str | None = option("FILE", "Draw the diagnosis (.png, .svg or .pdf)."),
+    assembly: Assembly = None,
     json_to: Json = None,
     html: Html = None,
     quiet: Quiet = False,
@@ -77,7 +79,7 @@ def diagnose(
     file = robot_file(robot)
     wanted: dict[str, Any] = {"next": next_to, "apply": apply, "figure": figure, "html": html}
     outputs = Outputs([file, *data], json_to, quiet, seed=seed, **wanted)
-    machine = as_robot(file)
+    machine = as_robot(file, assembly=assembly)
     where = parse_region(region)
     excluded = parse_names(without, "--without", "backlash,hardening:q1") or ()
     tables = as_tables(data, machine)

@@ -11,6 +11,7 @@ import typer
 from beamstiff.cli.group import INTERRUPTED
 from beamstiff.cli.identify_options import parse_bounds, parse_errors, parse_priors, parse_ties
 from beamstiff.cli.options import (
+    Assembly,
     DataFiles,
     Debug,
     Html,
@@ -75,6 +76,7 @@ def identify(
     searches: int = option("N", "Of a global method, with seeds from --seed on; the best counts.", 1),
     processes: Processes = 1,
     scheduler: Scheduler = None,
+    assembly: Assembly = None,
     json: Json = None,
     out: str | None = option("FILE", "Write the robot with the identified stiffness as YAML."),
     reduce: str | None = option(
@@ -121,7 +123,7 @@ def identify(
     from beamstiff.robot.yaml_edit import robot_yaml
 
     whole("evaluations", evaluations, 1)  # before the bar counts them
-    machine = as_robot(robot)
+    machine = as_robot(robot, assembly=assembly)
     said: dict[str, Any] = {
         "parameters": parse_names(parameters),
         "fixed": parse_names(fix, "--fix") or [],

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import typer
 
 from beamstiff.cli.options import (
+    Assembly,
     Debug,
     Json,
     Processes,
@@ -64,6 +65,7 @@ def map(
     figure: str | None = option("FILE", "Draw slices of the map with the worst poses (.png, .svg, .pdf)."),
     processes: Processes = 1,
     scheduler: Scheduler = None,
+    assembly: Assembly = None,
     json: Json = None,
     quiet: Quiet = False,
     debug: Debug = False,  # noqa: ARG001
@@ -88,7 +90,7 @@ def map(
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
     from beamstiff.cli.variables import parse_variables, parse_wrench
     from beamstiff.functions.checks import left_out
-    from beamstiff.functions.robots import load_robot
+    from beamstiff.functions.robots import as_robot
     from beamstiff.maps.dataset import check_target
     from beamstiff.maps.run import map_workspace
     from beamstiff.maps.summary import summary
@@ -96,7 +98,7 @@ def map(
     from beamstiff.report.workspace import map_figure, map_tables
     from beamstiff.robot.doubts import robot_doubts
 
-    description = load_robot(robot)
+    description = as_robot(robot, assembly=assembly)
     over = parse_grid(description, grid)
     names = parse_names(quantity, "--quantity") or ["stiffness"]
     held = parse_variables(description, q or [])

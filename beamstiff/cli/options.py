@@ -31,6 +31,15 @@ RobotFile = Annotated[
         autocompletion=robots_beginning,
     ),
 ]
+Assembly = Annotated[
+    str | None,
+    typer.Option(
+        "--assembly",
+        metavar="NAME",
+        help="How closed loops are put together, such as +-: show lists the names. Default: as the robot "
+        "file says, else nearest to the guesses.",
+    ),
+]
 DataFiles = Annotated[
     list[str],
     typer.Argument(

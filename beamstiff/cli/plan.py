@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from beamstiff.cli.options import (
+    Assembly,
     Debug,
     Json,
     Quiet,
@@ -40,6 +41,7 @@ def plan(
     region: Region = None,
     candidates: int = option("N", "Random poses to choose from.", 300),
     seed: int = option("N", "Seed of these poses.", 0),
+    assembly: Assembly = None,
     json: Json = None,
     quiet: Quiet = False,
     debug: Debug = False,  # noqa: ARG001
@@ -69,7 +71,7 @@ def plan(
     from beamstiff.report.campaign import campaign_table, campaign_text
     from beamstiff.robot.doubts import robot_doubts
 
-    machine = as_robot(robot)
+    machine = as_robot(robot, assembly=assembly)
     own = None if not load else np.array([parse_wrench([text], "--load") for text in load])
     where, names = parse_region(region), parse_names(parameters)
     outputs = Outputs([robot_file(robot)], json, quiet, out=out)

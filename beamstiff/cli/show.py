@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from beamstiff.cli.options import Debug, Json, Quiet, option, robot_file, robots_beginning
+from beamstiff.cli.options import Assembly, Debug, Json, Quiet, option, robot_file, robots_beginning
 from beamstiff.cli.output import Outputs, say, working
 from beamstiff.errors import BeamstiffError
 
@@ -22,6 +22,7 @@ def show(
             autocompletion=robots_beginning,
         ),
     ] = None,
+    assembly: Assembly = None,
     json: Json = None,
     samples: int = option("N", "Postures sampled for the reach of the TCP.", 1000),
     seed: int = option("N", "Seed of the sampled postures.", 0),
@@ -33,7 +34,8 @@ def show(
     Positions are in the base frame. The reach is that of postures drawn evenly within the limits of
     the actuated variables (turning joints without limits: -180 to 180 deg), as far as their loops
     close. Mass, unknowns and condition hold for the reference posture: the middle of the limits, or
-    the first sample that closes. A note says where loops close there far from the declared guess.
+    the first sample that closes. Ways to put closed loops together (assemblies) are listed with their
+    names, the one taken marked; --assembly takes another, as does `assembly:` in the robot file.
     A file that is wrong is refused with the line and the reason.
 
     \b
@@ -48,8 +50,8 @@ def show(
         lines = ["Robots that come along:", *(f"  {name}" for name in robot_names())]
         Outputs([], json, quiet).result([], lines, {"robots": robot_names()})
         return
-    from beamstiff.functions.checks import effects_text, shown_value
-    from beamstiff.functions.robots import load_robot
+    from beamstiff.functions.checks import effects_text
+    from beamstiff.functions.robots import as_robot
     from beamstiff.report.overview import describe
     from beamstiff.report.overview_tables import overview_tables
     from beamstiff.report.tables import spaced
@@ -59,20 +61,12 @@ def show(
         raise BeamstiffError(f"--samples: found {samples}, expected 1 to {MOST_SAMPLES}")
     if seed < 0:
         raise BeamstiffError(f"--seed: found {seed}, expected 0 or more")
-    description = load_robot(robot)
+    description = as_robot(robot, assembly=assembly)
     outputs = Outputs([robot_file(robot)], json, quiet)
     for note in robot_doubts(description):
         say(f"note: {note}", quiet)
     with working("sampling the reach", quiet):
         facts = describe(description, samples, seed)
-    for item in facts["far_from_guess"]:
-        name = item["variable"]
-        guess, found = (shown_value(description, name, item[key]) for key in ("guess", "reference"))
-        say(
-            f"note: the loops close at {name} = {found}, far from its guess {guess}: look whether this is "
-            "the assembly meant, and give a guess closer to it",
-            quiet,
-        )
     told = list(spaced(overview_tables(facts)))
     for one in description.effects:
         sizes = ", ".join(f"{name} {value}" for name, value in one.parameters.items())

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from beamstiff.cli.options import Debug, Json, Preload, Quiet, RobotFile, option, robot_file
+from beamstiff.cli.options import Assembly, Debug, Json, Preload, Quiet, RobotFile, option, robot_file
 from beamstiff.cli.output import Outputs, working
 from beamstiff.errors import BeamstiffError, OptionError
 
@@ -26,6 +26,7 @@ def stiffness(
         "With --preload: a load on the TCP besides gravity and payload, base frame, such as "
         "fz=-900N,mx=20; components not named are 0.",
     ),
+    assembly: Assembly = None,
     json: Json = None,
     quiet: Quiet = False,
     debug: Debug = False,  # noqa: ARG001
@@ -53,7 +54,7 @@ def stiffness(
     from beamstiff.functions.stiffness import stiffness as run
     from beamstiff.report.stiffness import stiffness_tables
 
-    machine = as_robot(robot)
+    machine = as_robot(robot, assembly=assembly)
     values = parse_variables(machine, q or [])
     load = parse_wrench(wrench or []) if wrench else None
     outputs = Outputs([robot_file(robot)], json, quiet)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from beamstiff.cli.options import DataFiles, Debug, Json, Quiet, RobotFile, option, robot_file
+from beamstiff.cli.options import Assembly, DataFiles, Debug, Json, Quiet, RobotFile, option, robot_file
 from beamstiff.cli.output import Outputs, say, working
 from beamstiff.report.tables import add_rows, table
 
@@ -18,6 +18,7 @@ def verify(
         False, "--refit-frame", help="The measuring frame is not the base frame: fit it first."
     ),
     max_gap: str | None = option("LENGTH", "Exit with 3 where a larger gap is left: 0.2mm."),
+    assembly: Assembly = None,
     json: Json = None,
     quiet: Quiet = False,
     debug: Debug = False,  # noqa: ARG001
@@ -33,13 +34,14 @@ def verify(
       beamstiff verify real.yaml fresh.csv
       beamstiff verify real.yaml fresh.csv --refit-frame --max-gap 0.2mm
     """  # noqa: D301
+    from beamstiff.functions.robots import as_robot
     from beamstiff.functions.verify import verify as run
     from beamstiff.units import in_unit
 
     outputs = Outputs([robot_file(robot), *data], json, quiet)
     limit = None if max_gap is None else in_unit(max_gap, "m")
     with working("verifying", quiet):
-        found = run(robot, data, refit_frame=refit_frame)
+        found = run(as_robot(robot, assembly=assembly), data, refit_frame=refit_frame)
     rows = table(f"Position error on {found.rows} rows, RMS", "robot", "error", "closes")
     lines = [["without effects", f"{1e3 * found.before:.4f} mm", ""]]
     lines += [

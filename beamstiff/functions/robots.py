@@ -10,18 +10,25 @@ import os
 from pathlib import Path
 
 from beamstiff.diagnosis.apply import EffectError, check_effects
-from beamstiff.errors import BeamstiffError
+from beamstiff.errors import BeamstiffError, OptionError
 from beamstiff.robot import coerce, reader
 from beamstiff.robot.coerce import RobotLike
 from beamstiff.robot.description import Robot
 
 
-def as_robot(robot: RobotLike, what: str = "robot") -> Robot:
-    """Return a robot: itself, or read from its file with its effects checked, see `robot.coerce.as_robot`."""
-    if isinstance(robot, Robot):
-        return robot
+def as_robot(robot: RobotLike, what: str = "robot", assembly: str | None = None) -> Robot:
+    """Return a robot: itself, or read from its file with its effects checked, see `robot.coerce.as_robot`.
+
+    Its loops are put together as `assembly` says, where it is given.
+    """
     found = coerce.as_robot(robot, what)
-    return check_known(found, Path(robot))
+    if not isinstance(robot, Robot):
+        found = check_known(found, Path(robot))
+    if assembly is None:
+        return found
+    if not found.loops:
+        raise OptionError("assembly", f"found {assembly!r}, but robot {found.name!r} has no closed loops")
+    return found.model_copy(update={"assembly": assembly})
 
 
 def load_robot(path: str | os.PathLike[str]) -> Robot:

@@ -8,7 +8,7 @@ from solved points beside them; what is found depends on the points that are giv
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from beamstiff.errors import BeamstiffError
 from beamstiff.maps.names import Reason
 from beamstiff.robot.closure import close_loops
+from beamstiff.robot.frames import compile_frames
 from beamstiff.robot.inverse import inverse_geometry
 from beamstiff.robot.kinematics import (
     Kinematics,
-    compile_kinematics,
     pose_of,
     posture_at,
     twist_jacobian,
@@ -137,7 +137,8 @@ class Reach:
     def _unlimited(self) -> Kinematics:
         robot = self.kinematics.robot
         free = [variable.model_copy(update={"limits": None}) for variable in robot.variables]
-        return compile_kinematics(robot.model_copy(update={"variables": tuple(free)}))
+        frames = compile_frames(robot.model_copy(update={"variables": tuple(free)}))
+        return replace(frames, assembly=self.kinematics.assembly)  # other limits could mean another one
 
     def _nearest(self, targets: Array) -> NDArray[np.intp]:
         """Return which of the pool are nearest to each target, (P, ROUNDS)."""

@@ -14,16 +14,16 @@ from beamstiff.fem.geometry import Geometry, place
 from beamstiff.fem.loads import total_mass
 from beamstiff.fem.mechanism import scaled_condition
 from beamstiff.fem.structure import Structure, compile_structure
-from beamstiff.robot.closure import close_loops, declared_start
+from beamstiff.robot.closure import close_loops, every_assembly
 from beamstiff.robot.coupling import variable_kinds
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import stiffness_text
+from beamstiff.robot.frames import all_values
 from beamstiff.robot.graph import structural_loops, structure_graph, support_tree
 from beamstiff.robot.kinematics import Kinematics, Posture, compile_kinematics, forward, posture_at
 from beamstiff.robot.parts import STIFFNESS_KINDS, Variable
 from beamstiff.se3 import Array
 
-FAR_TURN, FAR_SHARE = np.radians(30.0), 0.1  # from a guess: an angle, and a share of the machine's size
 MOST_UNKNOWNS = 3000  # the condition is found from a dense matrix
 
 
@@ -65,7 +65,7 @@ def describe(robot: Robot, samples: int = 1000, seed: int = 0) -> dict[str, Any]
         "loops": [
             {"name": item.name, "a": item.a, "b": item.b, "constrain": item.constrain} for item in robot.loops
         ],
-        "far_from_guess": _far_from_guess(kinematics, values),
+        "assemblies": _assemblies(kinematics),
         "nodes": _nodes(robot, reference),
         "beams": [
             {"name": item.name, "nodes": list(item.nodes), "length": length, "section": item.section}
@@ -126,19 +126,24 @@ def _range(variable: Variable) -> tuple[float, float]:
     return (-np.pi, np.pi) if variable.kind == "angle" else (0.0, 0.0)
 
 
-def _far_from_guess(kinematics: Kinematics, values: dict[str, float]) -> list[dict[str, Any]]:
-    """Return the passive variables that close the loops far from their guess: another assembly, perhaps."""
-    joined, limits = kinematics.coupling, (FAR_TURN, FAR_SHARE * kinematics.size)
-    guesses = dict(zip(joined.free, declared_start(kinematics).tolist(), strict=True))
-    found = []
-    for name in joined.free[joined.actuated :]:
-        prismatic = bool(kinematics.prismatic[joined.names.index(name)])
-        away = values[name] - guesses[name]
-        if not prismatic:
-            away = (away + np.pi) % (2 * np.pi) - np.pi
-        if abs(away) > limits[prismatic]:
-            found.append({"variable": name, "guess": guesses[name], "reference": values[name]})
-    return found
+def _assemblies(kinematics: Kinematics) -> list[dict[str, Any]]:
+    """Return the ways to put the loops together, each where it comes nearest to the guesses."""
+    found, names = every_assembly(kinematics), kinematics.coupling.free
+    if not found:
+        return []
+    free = np.array([one.free for one in found])
+    points = _tcp(kinematics, forward(kinematics, all_values(kinematics, free)))
+    actuated, taken = kinematics.coupling.actuated, kinematics.closest[0].name
+    return [
+        {
+            "name": one.name,
+            "taken": one.name == taken,
+            "q": dict(zip(names[:actuated], one.free[:actuated].tolist(), strict=True)),
+            "passive": dict(zip(names[actuated:], one.free[actuated:].tolist(), strict=True)),
+            "tcp": point.tolist(),
+        }
+        for one, point in zip(found, points, strict=True)
+    ]
 
 
 def _tcp(kinematics: Kinematics, transforms: Array) -> Array:

@@ -13,11 +13,12 @@ from beamstiff.errors import listed
 from beamstiff.report.tables import MOST_ROWS, Table, add_rows, counted, millimetres, number, table
 
 MOST_LOOPS = 5
+MOST_PASSIVE = 6
 
 
 def overview_tables(facts: dict[str, Any]) -> list[RenderableType]:
     """Return tables of what `overview.describe` found; those without rows are left out."""
-    before = [_variables(facts), _frames(facts), _loops(facts)]
+    before = [_variables(facts), _frames(facts), _loops(facts), _assemblies(facts)]
     after = [_beams(facts), _springs(facts)]
     return [
         f"Robot {facts['name']}",
@@ -60,6 +61,23 @@ def _loops(facts: dict[str, Any]) -> Table:
     add_rows(
         result, ([item["name"], f"{item['a']}, {item['b']}", item["constrain"]] for item in facts["loops"])
     )
+    return result
+
+
+def _assemblies(facts: dict[str, Any]) -> Table:
+    kinds = {item["name"]: item["type"] for item in facts["variables"]}
+    passive = list(facts["assemblies"][0]["passive"]) if facts["assemblies"] else []
+    shown = passive[:MOST_PASSIVE]
+    units = [f"{name}, {'deg' if kinds[name] == 'revolute' else 'mm'}" for name in shown]
+    title = "Assemblies where they come nearest to the guesses"
+    if len(passive) > MOST_PASSIVE:
+        title += f" ({len(passive) - MOST_PASSIVE} more passive variables in the JSON)"
+    result = table(title, "name", "", *units, "TCP x, mm", "y", "z", left=2)
+    for item in facts["assemblies"]:
+        values = item["passive"]
+        at = (degrees(values[name]) if kinds[name] == "revolute" else 1e3 * values[name] for name in shown)
+        taken = "taken" if item["taken"] else ""
+        result.add_row(item["name"], taken, *(f"{value:.6g}" for value in at), *millimetres(item["tcp"]))
     return result
 
 

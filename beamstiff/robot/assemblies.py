@@ -27,9 +27,9 @@ CLOSING = 6  # steps of all variables together before the passive ones alone clo
 STEPS = 40  # towards the guess
 LEAST_STEP = 0.01  # rad and machine sizes: below it a posture has arrived
 EASE = 0.02  # weight of the actuated variables beside the passive ones: they follow, half a turn for 4 deg
-MOST = 2  # assemblies: the nearest, and one to take it for
 NEAR_GUESS = np.radians(60.0)  # an assembly within it may have been meant by a guess that is 45 deg off
 MUCH = 1.1  # an assembly whose distance is less than this times another's is as near
+ROUNDING = 1e-6  # rad: two assemblies that both keep to the guesses exactly
 CLOSED = 1e-3  # machine sizes and rad, on the way to the guess
 ALIKE = 0.02  # rad and machine sizes: two ends of the way to the guess
 SAME_PLACE = 1e-4  # machine sizes: nodes that coincide, postures that are one
@@ -41,6 +41,10 @@ class Closest:
 
     Attributes
     ----------
+    name : str
+        A sign for each block of the closure equations that has a branch of its own, in the order of the
+        passive variables (`Assembly.patterns`); where several assemblies share the signs, all but the nearest
+        to the guess have a number too, in the order of nearness: ``+2``.
     free : (A + Q,) array, rad or m
         Actuated and passive variables there.
     distance : float, rad
@@ -50,9 +54,21 @@ class Closest:
         Of the passive variable that is off most.
     """
 
+    name: str
     free: Array
     distance: float
     farthest: float
+
+    @property
+    def signs(self) -> str:
+        """The name without its number."""
+        return self.name.rstrip("0123456789")
+
+
+def equally_near(one: Closest, other: Closest) -> bool:
+    """Return whether the guess does not decide between two assemblies."""
+    near, far = sorted((one.distance, other.distance))
+    return far < MUCH * near + ROUNDING
 
 
 @dataclass(frozen=True)
@@ -64,21 +80,24 @@ class _Geometry:
     guess: Array = field(compare=False)
 
 
-def closest_assemblies(system: LoopSystem, guess: Array) -> tuple[Closest, ...]:
+def closest_assemblies(system: LoopSystem, guess: Array, name: str | None = None) -> tuple[Closest, ...]:
     """Return the assemblies where they come nearest to the guess (A + Q,), the nearest first, two at most.
 
     Two closed postures are one assembly where the one is reached from the other without passing a singular
     posture, along a straight line of the actuated variables; or where all nodes coincide, as with the two
     ways to write the angles of a universal joint. The second is left out where nobody would take it for the
     first: farther from the guess than `NEAR_GUESS`, and than the first by more than `MUCH`.
+
+    With a name, the assembly called so comes first, and after it only what the guess does not tell from it
+    although it has the same signs. Where none is called so, all there are: the name ``""`` asks for them.
     """
-    near = _closest(_Geometry(_key(system, guess, ALIKE), system, guess))
+    near = _closest(_Geometry(_key(system, guess, ALIKE), system, guess), name)
     if near:  # a calibration goes through hundreds of geometries that are nearly one
         free, _, _, closed = newton(system, np.array([one.free for one in near]))
         moved = np.abs(free - [one.free for one in near]) / system.scale
         if closed.all() and moved.max() < 10.0 * ALIKE:
             return tuple(replace(one, free=here) for one, here in zip(near, free, strict=True))
-    return _closest(_Geometry(_key(system, guess, 0.0), system, guess))
+    return _closest(_Geometry(_key(system, guess, 0.0), system, guess), name)
 
 
 def _key(system: LoopSystem, guess: Array, alike: float) -> tuple[object, ...]:
@@ -108,33 +127,61 @@ def _key(system: LoopSystem, guess: Array, alike: float) -> tuple[object, ...]:
 
 
 @lru_cache(maxsize=256)
-def _closest(geometry: _Geometry) -> tuple[Closest, ...]:
+def _closest(geometry: _Geometry, name: str | None) -> tuple[Closest, ...]:
+    system, (postures, patterns, distance, farthest) = geometry.system, _nearest_postures(geometry)
+    if not patterns:
+        return ()
+    near = (farthest < NEAR_GUESS) | (distance < MUCH * distance[0])
+    near[0] = True
+    left = np.arange(len(patterns) if name is not None else np.flatnonzero(near)[-1] + 1)
+    found: list[Closest] = []
+    named: list[Closest] = []
+    while left.size and not (named and not equally_near(named[0], found[-1])):
+        same = _same(system, postures[left[0]], postures[left])
+        same[0] = True
+        at, signs = int(left[0]), patterns[left[0]]
+        rival = left[same & near[left]]
+        if name is None and found and rival.size:
+            at = int(rival[0])
+        number = 1 + sum(one.signs == signs for one in found)
+        called = f"{signs}{number}" if number > 1 else signs
+        found.append(Closest(called, postures[at], float(distance[at]), float(farthest[at])))
+        if name is None and len(found) > 1 and rival.size:
+            return found[0], found[-1]
+        named += [found[-1]] * (called == name)
+        left = left[~same]
+    if named:
+        rivals = (one for one in found if one is not named[0] and one.signs == named[0].signs)
+        return named[0], *(one for one in rivals if equally_near(one, named[0]))
+    return tuple(found[:1] if name is None else found)
+
+
+@lru_cache(maxsize=8)
+def _nearest_postures(geometry: _Geometry) -> tuple[Array, list[str], Array, Array]:
+    """Return closed postures (P, A + Q), as near to the guess as they came, the nearest first.
+
+    With the signs of their blocks, and their `distance` and `farthest` (P,) as of `Closest`.
+    """
     system, guess = geometry.system, geometry.guess
     low, high = _limits(system, guess)
     postures, signs, reference = _closed_postures(system, guess, low, high)
     if reference is None:
-        return ()
+        return postures, [], np.zeros(0), np.zeros(0)
     postures = _towards(system, reference, signs, postures, guess, low, high)
     postures, _, jacobian, closed = newton(system, postures)
     postures[:, system.actuated :] = _unwound(system, postures, guess)
     keep = closed & (reference.signs(jacobian) == signs).all(axis=1) & ~near_singular(jacobian)
     keep &= ((postures >= low - 1e-9) & (postures <= high + 1e-9)).all(axis=1)
-    postures = postures[keep]
+    postures, jacobian = postures[keep], jacobian[keep]
     away = np.abs(postures - guess) / system.scale
     off = away[:, system.actuated :]
     distance = np.hypot(
         np.linalg.norm(off, axis=1), EASE * np.linalg.norm(away[:, : system.actuated], axis=1)
     )
-    found: list[Closest] = []
     order = np.argsort(distance, kind="stable")
-    left = order[_distinct(postures[order] / system.scale)]
+    order = order[_distinct(postures[order] / system.scale)]
     farthest = off.max(axis=1, initial=0.0)
-    while left.size and len(found) < MOST:
-        first = int(left[0])
-        found.append(Closest(postures[first], float(distance[first]), float(farthest[first])))
-        rivals = left[1:][(farthest[left[1:]] < NEAR_GUESS) | (distance[left[1:]] < MUCH * found[0].distance)]
-        left = rivals[~_same(system, postures[first], postures[rivals])]
-    return tuple(found)
+    return postures[order], reference.patterns(jacobian[order]), distance[order], farthest[order]
 
 
 def _distinct(rows: Array) -> NDArray[np.intp]:

@@ -51,6 +51,36 @@ class Assembly:
             signs[:, at] = np.sign(np.linalg.det(np.swapaxes(there, -1, -2) @ here))
         return signs
 
+    def patterns(self, jacobian: Array) -> list[str]:
+        """Return the signs of the determinants of the blocks at Jacobians (P, M, Q), such as ``+-``.
+
+        They do not know the reference: where a block has more rows than columns, and so a column space that
+        stays (planar loops), the rows are chosen by that space.
+        """
+        signs = [
+            np.linalg.det(jacobian[:, _leading_rows(self.jacobian, rows, columns)[:, None], columns]) > 0.0
+            for rows, columns in self.blocks
+        ]
+        return ["".join("+" if sign[pose] else "-" for sign in signs) for pose in range(len(jacobian))]
+
+
+def _leading_rows(jacobian: Array, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Return as many rows as columns: each the first that adds at least half of what any other would.
+
+    By halves, since many rows are equally good in machines whose axes stand square.
+    """
+    if len(rows) == len(columns):
+        return rows
+    left = np.linalg.qr(jacobian[np.ix_(rows, columns)])[0]
+    chosen = []
+    for _ in columns:
+        lengths = np.linalg.norm(left, axis=1)
+        chosen.append(int(np.argmax(lengths > 0.5 * lengths.max())))
+        unit = left[chosen[-1]] / lengths[chosen[-1]]
+        left = left - np.outer(left @ unit, unit)
+    leading: NDArray[np.intp] = rows[np.sort(chosen)]
+    return leading
+
 
 def near_singular(jacobian: Array) -> NDArray[np.bool_]:
     """Return where J_p (P, M, Q) is so close to singular that branches meet, (P,)."""
@@ -101,4 +131,4 @@ def _blocks(system: LoopSystem, free: Array, jacobian: Array) -> tuple[Block, ..
         whole = [at for at in redundant if (loop_of[rows] == at).any()]
         rows = np.union1d(rows, np.flatnonzero(np.isin(loop_of, whole))).astype(np.intp)
         blocks.append((rows, columns))
-    return tuple(blocks)
+    return tuple(sorted(blocks, key=lambda block: int(block[1][0])))

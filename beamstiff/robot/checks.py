@@ -37,11 +37,21 @@ if TYPE_CHECKING:
 
 def find_problems(robot: Robot) -> Iterator[Problem]:
     """Yield the problems found, a hundred at most; later checks run only when the names are sound."""
-    for checks in ((_duplicates, _names), (_variables,), (_frames, _elements, _identify), (_support,)):
+    for checks in (
+        (_duplicates, _names),
+        (_variables,),
+        (_assembly, _frames, _elements, _identify),
+        (_support,),
+    ):
         problems = list(islice(chain.from_iterable(check(robot) for check in checks), _MOST_PROBLEMS))
         if problems:
             yield from problems
             return
+
+
+def _assembly(robot: Robot) -> Iterator[Problem]:
+    if robot.assembly is not None and not robot.loops:
+        yield ("assembly",), f"found {shown(robot.assembly)}, but the robot has no closed loops"
 
 
 def _duplicates(robot: Robot) -> Iterator[Problem]:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from beamstiff.errors import BeamstiffError, listed
-from beamstiff.robot.assemblies import MUCH, NEAR_GUESS, Closest, closest_assemblies
+from beamstiff.robot.assemblies import NEAR_GUESS, Closest, closest_assemblies, equally_near
 from beamstiff.robot.branch import NEAR_SINGULAR, Assembly, assembly_at, scattered
 from beamstiff.robot.continuation import close_in_branch, grid_of_starts, spread
 from beamstiff.robot.forward import body_of, screws_of
@@ -23,7 +23,7 @@ from beamstiff.se3 import Array
 
 HELD = 1e-6  # gap per motion, in machine sizes and rad, that no passive motion makes up for
 FAR = np.radians(30.0)  # from the guesses, that the nearest assembly is worth a note; 1 rad is a machine size
-ROUNDING = 1e-6  # rad: two assemblies that both keep to the guesses exactly
+CHOICE = "assembly: in the robot file, --assembly of a command"
 GRID = 512  # poses: for fewer it is not worth making a grid of starts
 SCATTERED = 48  # starts where the guess does not lead to a closed posture
 
@@ -112,48 +112,70 @@ def closure_rates(kinematics: Kinematics, values: Array, transforms: Array) -> A
 
 
 def assembled(kinematics: Kinematics) -> Kinematics:
-    """Return the kinematics with the assembly that its guesses mean; without one where no loop closes.
+    """Return the kinematics with the assembly that the robot names, or that its guesses mean.
+
+    Without one where no loop closes.
 
     Raises
     ------
     BeamstiffError
-        When no loop determines a passive variable, or two assemblies are equally near to the guesses.
+        When no loop determines a passive variable, no assembly has the name, or two are equally near to the
+        guesses.
     """
-    system, start = loop_system(kinematics), declared_start(kinematics)
+    system, start, name = loop_system(kinematics), declared_start(kinematics), kinematics.robot.assembly
     _check_determined(system, start)
-    closest = closest_assemblies(system, start)
-    if not closest:
-        return replace(kinematics, assembly=_assembly_near(system, start[None]))
-    if len(closest) > 1 and closest[1].distance < MUCH * closest[0].distance + ROUNDING:
+    closest = closest_assemblies(system, start, name)
+    head = f"robot {kinematics.robot.name!r}"
+    if name is not None and (not closest or closest[0].name != name):
         raise BeamstiffError(
-            f"robot {kinematics.robot.name!r}: two ways to put its loops together are equally near to the "
-            f"guesses: {assembly_text(kinematics, closest[0])}; {assembly_text(kinematics, closest[1])}: "
-            "give guesses that are nearer to one of them, or limits that only one of them keeps"
+            f"{head}: found assembly {name!r}, expected "
+            + (
+                f"one of {listed(one.name for one in closest)}"
+                if closest
+                else "none: no posture was found closed"
+            )
+        )
+    if not closest:
+        return kinematics
+    if len(closest) > 1 and equally_near(*closest[:2]):
+        told = "; ".join(assembly_text(kinematics, one) for one in closest)
+        way = "" if name else f"name it ({CHOICE}), or "
+        raise BeamstiffError(
+            f"{head}: two ways to put its loops together are equally near to the guesses: {told}: {way}give "
+            "guesses that are nearer to one of them, or limits that only one of them keeps"
         )
     return replace(kinematics, assembly=assembly_at(system, closest[0].free), closest=closest)
 
 
+def every_assembly(kinematics: Kinematics) -> tuple[Closest, ...]:
+    """Return all assemblies that were found within the limits, the nearest to the guesses first."""
+    if not kinematics.loops:
+        return ()
+    return closest_assemblies(loop_system(kinematics), declared_start(kinematics), "")
+
+
 def assembly_doubts(kinematics: Kinematics) -> tuple[str, ...]:
     """Return, one sentence each, why the assembly taken may not be the one meant; mostly nothing."""
-    if not kinematics.closest:
+    if not kinematics.closest or kinematics.robot.assembly is not None:
         return ()
     taken, rivals = kinematics.closest[0], kinematics.closest[1:]
     head = f"robot {kinematics.robot.name!r}: the loops are put together at"
     if rivals and rivals[0].farthest < NEAR_GUESS:
         return (
             f"{head} {assembly_text(kinematics, taken)}; but another assembly is near the guesses too, at "
-            f"{assembly_text(kinematics, rivals[0])}: look which is meant, give nearer guesses or limits",
+            f"{assembly_text(kinematics, rivals[0])}: look which is meant and name it ({CHOICE}), or give "
+            "nearer guesses or limits",
         )
     if taken.farthest > FAR:
         return (
             f"{head} {assembly_text(kinematics, taken)}, far from the guesses: look whether this is the "
-            "assembly meant, and give nearer guesses",
+            f"assembly meant and name it ({CHOICE}), or give nearer guesses",
         )
     return ()
 
 
 def assembly_text(kinematics: Kinematics, closest: Closest) -> str:
-    """Return an assembly in words: the passive variables there, and how far they are off their guesses."""
+    """Return an assembly in words: name, passive variables there, and how far they are off their guesses."""
     joined, first = kinematics.coupling, kinematics.coupling.actuated
     names, found = joined.free[first:], closest.free[first:]
     lengths = kinematics.prismatic[[joined.names.index(name) for name in names]]
@@ -167,7 +189,7 @@ def assembly_text(kinematics: Kinematics, closest: Closest) -> str:
     )
     ways = [f"{np.degrees(off[~lengths].max()):.2g} deg"] if not lengths.all() else []
     ways += [f"{off[lengths].max() * 1e3:.2g} mm"] if lengths.any() else []
-    return f"{values} ({' and '.join(ways)} off)"
+    return f"{values} (assembly {closest.name!r}, {' and '.join(ways)} off)"
 
 
 def declared_start(kinematics: Kinematics) -> Array:

@@ -13,6 +13,7 @@ from beamstiff.robot.fields import (
     FREE,
     RIGID,
     Acceleration,
+    AssemblyName,
     Described,
     DescriptionError,
     Name,
@@ -61,6 +62,7 @@ class Robot(Shown, Described):
     variables: tuple[Variable, ...] = ()
     frames: tuple[Frame, ...] = ()
     loops: tuple[Loop, ...] = ()
+    assembly: AssemblyName | None = None  # how the loops are put together: a name that `beamstiff show` lists
     materials: Mapping[Name, Material] = {}
     sections: Mapping[Name, Section] = {}
     nodes: Annotated[tuple[Node, ...], Field(min_length=1)]

@@ -113,6 +113,10 @@ def _name(value: Any) -> str:
     return value
 
 
+def _assembly(value: Any) -> str:
+    return _name(f"{value:+d}" if type(value) is int else value)  # YAML reads +2 as a number
+
+
 def _identifier(value: Any) -> str:
     if not isinstance(value, str) or not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]{0,99}", value):
         raise BeamstiffError(f"found {shown(value)}, expected a variable name of letters, digits and _")
@@ -207,6 +211,7 @@ def stiffness_text(value: float) -> float | str:
 
 
 Name = Annotated[str, BeforeValidator(_name)]
+AssemblyName = Annotated[str, BeforeValidator(_assembly)]
 Identifier = Annotated[str, BeforeValidator(_identifier)]
 Truth = Annotated[bool, BeforeValidator(_truth)]
 Length = Annotated[float, BeforeValidator(_of("length"))]

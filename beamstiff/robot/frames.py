@@ -66,7 +66,7 @@ class Kinematics:
     # where the loops close and in which assembly branch; None without loops, or when the declared guess does
     # not close and the poses have to tell
     assembly: Assembly | None = None
-    closest: tuple[Closest, ...] = ()  # that assembly where it comes nearest to the guess, and the next one
+    closest: tuple[Closest, ...] = ()  # that assembly where it comes nearest to the guess, and a rival
 
 
 def same_geometry(one: Kinematics, other: Kinematics) -> bool:

@@ -1,4 +1,4 @@
-"""What the demo prints, for the README; `make readme` writes it there."""
+"""What the demo prints, for its page; `make readme` writes it there."""
 
 import os
 import re
@@ -24,14 +24,14 @@ def demo_text(folder: Path) -> str:
 
 
 def main() -> None:
-    readme = REPOSITORY / "README.md"
+    page = REPOSITORY / "docs" / "demo.md"
     with tempfile.TemporaryDirectory() as folder:
         text = demo_text(Path(folder))
-    before = readme.read_text(encoding="utf-8")
+    before = page.read_text(encoding="utf-8")
     after = re.sub(
         r"(?s)(<!-- demo -->\n```\w*\n).*?(```)", lambda found: found[1] + text + found[2], before, count=1
     )
-    readme.write_text(after, encoding="utf-8")
+    page.write_text(after, encoding="utf-8")
 
 
 if __name__ == "__main__":

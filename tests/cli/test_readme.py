@@ -1,4 +1,4 @@
-"""What the README shows is what happens."""
+"""What the README and the pages behind it show is what happens."""
 
 import doctest
 import json
@@ -16,25 +16,28 @@ from tests.printed import prints
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 README = (REPOSITORY / "README.md").read_text(encoding="utf-8")
+PAGES = {
+    name: (REPOSITORY / "docs" / f"{name}.md").read_text(encoding="utf-8") for name in ("demo", "formats")
+}
 
 
 def block(mark: str) -> str:
     """Return the code block after a comment that marks it."""
-    found = re.search(rf"<!-- {mark} -->\n```\w*\n(.*?)```", README, re.DOTALL)
-    assert found is not None, f"README.md: no block marked {mark}"
+    found = re.search(rf"<!-- {mark} -->\n```\w*\n(.*?)```", "\n".join(PAGES.values()), re.DOTALL)
+    assert found is not None, f"docs: no block marked {mark}"
     return found[1]
 
 
 @pytest.fixture
 def crane(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return a folder, the present one, with the robot and the table of the README."""
+    """Return a folder, the present one, with the robot and the table of the page on formats."""
     (tmp_path / "crane.yaml").write_text(block("robot"), encoding="utf-8")
     (tmp_path / "crane.csv").write_text(block("data"), encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
-def test_the_demo_prints_what_the_readme_shows(tmp_path: Path) -> None:
+def test_the_demo_prints_what_its_page_shows(tmp_path: Path) -> None:
     printed = demo_text(tmp_path)
     assert prints(block("demo"), printed), f"`make readme` writes what the demo prints now:\n{printed}"
 
@@ -46,10 +49,17 @@ def test_the_python_of_the_readme_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     runner = doctest.DocTestRunner(verbose=False)
     runner.run(example)
     assert runner.summarize(verbose=False) == (0, len(example.examples))
-    assert len(example.examples) > 10
+    assert len(example.examples) > 5
 
 
-def test_robot_and_table_of_the_readme_are_read(crane: Path) -> None:
+def test_the_readme_is_a_page() -> None:
+    """Of at most 900 words, tables and code among them, whose links lead somewhere."""
+    assert len(README.split()) <= 900
+    for link in re.findall(r"\]\(([^)]+)\)", README):
+        assert (REPOSITORY / link).exists(), link
+
+
+def test_robot_and_table_of_the_formats_are_read(crane: Path) -> None:
     robot = load_robot(crane / "crane.yaml")
     table = read_measurements(crane / "crane.csv", robot)
     assert (robot.name, len(table)) == ("crane", 6)
@@ -57,7 +67,7 @@ def test_robot_and_table_of_the_readme_are_read(crane: Path) -> None:
     assert len(block("data").splitlines()) <= 10
 
 
-def test_the_table_of_the_readme_is_what_its_robot_does(crane: Path) -> None:
+def test_the_table_of_the_formats_is_what_its_robot_does(crane: Path) -> None:
     runner, files = CliRunner(), [str(crane / "crane.yaml"), str(crane / "crane.csv")]
     found = json.loads(runner.invoke(app, ["identify", *files, "--json", "-"]).stdout)
     stiffness = {name: item["value"] for name, item in found["parameters"].items()}
@@ -67,7 +77,7 @@ def test_the_table_of_the_readme_is_what_its_robot_does(crane: Path) -> None:
 
 
 def commands() -> list[str]:
-    blocks = re.findall(r"```\n(.*?)```", README, re.DOTALL)
+    blocks = re.findall(r"```\n(.*?)```", "\n".join((README, *PAGES.values())), re.DOTALL)
     return [line for text in blocks for line in text.splitlines() if line.startswith("beamstiff ")]
 
 

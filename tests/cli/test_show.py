@@ -11,6 +11,7 @@ import pytest
 from beamstiff import robot_names
 from beamstiff.robot.library import robot_path
 from tests.cli.conftest import Run
+from tests.robot.machines import four_bar_th3
 
 
 @pytest.fixture
@@ -58,21 +59,39 @@ def test_the_ir663_is_described_as_in_its_paper(facts: Callable[..., dict[str, A
     assert answer["unknowns"] == 45
 
 
-def test_loops_that_close_far_from_their_guess_are_told(succeed: Run, folder: Path) -> None:
-    """The same four-bar from guesses 3 and 33 degrees away, and from one a whole turn away."""
-    text = robot_path("ir663").read_text(encoding="utf-8")
-    for guess, notes in (("20 deg", 0), ("-10.5 deg", 1), ("382.8 deg", 0)):
-        changed = text.replace('"22.8 deg"', f'"{guess}"')
-        assert (changed != text) == (guess != "22.8 deg")
-        (folder / "four_bar.yaml").write_text(changed, encoding="utf-8")
-        result = succeed("show", "four_bar.yaml", "--json", "facts.json")
-        assert result.stderr.count("\n") == notes
-        far = json.loads((folder / "facts.json").read_text())["far_from_guess"]
-        assert [item["variable"] for item in far] == ["th3"] * notes
-        if notes:
-            assert result.stderr.startswith(
-                f"note: the loops close at th3 = 22.7557 deg, far from its guess {guess}: look whether"
+def test_assemblies_are_listed_and_the_one_taken_is_marked(run: Run, facts: Callable[..., Any]) -> None:
+    """The four-bar of the IR-663 closes in two ways: circles about the ends of swing and crank that cut."""
+    for arguments, taken in (((), "+"), (("--assembly", "-"), "-")):
+        answer = facts("ir663", *arguments)
+        assert [(item["name"], item["taken"]) for item in answer["assemblies"]] == [
+            ("+", taken == "+"),
+            ("-", taken == "-"),
+        ]
+        for item in answer["assemblies"]:
+            th3 = four_bar_th3(
+                *(np.array([item["q"][name]]) for name in ("q2", "q8")), 1 - 2 * (item["name"] == "-")
             )
+            # the paper's x3 points along the lever, 90 deg from frame 3
+            assert np.sin(0.5 * (item["passive"]["th3"] + pi / 2 - th3)) == pytest.approx(0.0, abs=1e-10)
+        reference = {item["name"]: item["reference"] for item in answer["variables"]}
+        near = next(item["passive"] for item in answer["assemblies"] if item["taken"])
+        assert abs(reference["th3"] - near["th3"]) < 1.0
+    assert re.search(r"^- +taken +-?[0-9.]+ ", run("show", "ir663", "--assembly", "-").stdout, re.MULTILINE)
+    assert facts("crane.yaml")["assemblies"] == []
+
+
+def test_loops_that_close_far_from_their_guess_are_told(succeed: Run, folder: Path) -> None:
+    """The same four-bar from guesses 3 and 60 degrees away from where it ever is, and a whole turn away."""
+    text = robot_path("ir663").read_text(encoding="utf-8")
+    for guess, notes in (("20 deg", 0), ("-60 deg", 1), ("382.8 deg", 0)):
+        changed = text.replace('"22.8 deg"', f'"{guess}"')
+        assert changed != text
+        (folder / "four_bar.yaml").write_text(changed, encoding="utf-8")
+        result = succeed("show", "four_bar.yaml")
+        assert result.stderr.count("\n") == notes
+        assert notes == ("name it (assembly: in the robot file, --assembly of a command)" in result.stderr)
+        named = succeed("show", "four_bar.yaml", "--assembly", "+")
+        assert named.stderr == ""
 
 
 def test_mass_and_length_of_a_tube(facts: Callable[..., dict[str, Any]]) -> None:

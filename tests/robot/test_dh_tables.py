@@ -150,7 +150,9 @@ alpha [deg],a [mm],theta [deg],d [mm]
 
 @pytest.mark.parametrize("convention", CONVENTIONS)
 @pytest.mark.parametrize(
-    "name", [name for name in robot_names() if name not in ("gantry", "tripod", "cantilever")]
+    "name",
+    # the others have no joints, or some that slide or turn about x, which no table says
+    [name for name in robot_names() if name not in ("cantilever", "delta", "gantry", "stewart", "tripod")],
 )
 def test_the_chain_of_a_robot_that_comes_along_reaches_its_tcp(name: str, convention: str) -> None:
     robot = load_robot(name)
@@ -159,7 +161,7 @@ def test_the_chain_of_a_robot_that_comes_along_reaches_its_tcp(name: str, conven
     names = compile_frames(robot).coupling.free
     q = {key: 0.1 + 0.2 * at for at, key in enumerate(names)}
     np.testing.assert_allclose(tcp_pose(again, q), tcp_pose(robot, q), atol=1e-12)
-    assert any("loops" in note for note in made.notes) == name.startswith("ir663")
+    assert any("loops" in note for note in made.notes) == bool(robot.loops)
 
 
 def test_hayatis_beta_takes_a_row_without_a_joint() -> None:

@@ -13,7 +13,10 @@ from beamstiff.robot.writer import robot_to_yaml
 from benchmarks.condition_numbers import condition_numbers
 from tests.robots.machine import at, compliance, corners, inside
 
-NAMES = ["cantilever", "gantry", "ir663", "ir663-screws", "ir663-screws-beams", "kr240-2", "kr500", "tripod"]
+NAMES = [
+    *("cantilever", "delta", "five-bar", "gantry", "ir663", "ir663-screws", "ir663-screws-beams", "kr240-2"),
+    *("kr500", "palletizer", "stewart", "tripod"),
+]
 
 
 def test_these_are_the_robots() -> None:
