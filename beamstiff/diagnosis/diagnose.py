@@ -14,6 +14,7 @@ from beamstiff.diagnosis.decision.verdict import SECOND, Judged, judge, larger_f
 from beamstiff.diagnosis.decision.where import where
 from beamstiff.diagnosis.decomposed import beside_calibration, diagnosis_of
 from beamstiff.diagnosis.decomposition.decompose import Decomposition, decompose
+from beamstiff.diagnosis.decomposition.held_out import FOLDS
 from beamstiff.diagnosis.held_out.explained import explanations
 from beamstiff.diagnosis.held_out.prediction import (
     Fitted,
@@ -114,8 +115,11 @@ def _of_rows(robot: Robot, rows: Measurements, without: Sequence[str], seed: int
 
 
 def _decomposed(robot: Robot, baseline: Baseline, without: Sequence[str], seed: int) -> Decomposition | None:
-    """Return several causes of displacements, where one is the main one and they leave hardly more."""
-    if baseline.absolute:
+    """Return several causes of displacements, where one is the main one and they leave hardly more.
+
+    Of fewer postures than folds those that are held out tell too little.
+    """
+    if baseline.absolute or np.unique(baseline.rows.pose).size < FOLDS:
         return None
     found = decompose(robot, baseline.rows, without=without, seed=seed, baseline=baseline)
     several = len(found.causes) + len(found.unclear) > 1
