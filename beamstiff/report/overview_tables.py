@@ -77,7 +77,8 @@ def _assemblies(facts: dict[str, Any]) -> Table:
         values = item["passive"]
         at = (degrees(values[name]) if kinds[name] == "revolute" else 1e3 * values[name] for name in shown)
         taken = "taken" if item["taken"] else ""
-        result.add_row(item["name"], taken, *(f"{value:.6g}" for value in at), *millimetres(item["tcp"]))
+        rounded = (f"{round(value, 2) + 0.0:.2f}" for value in at)  # no minus before nothing
+        result.add_row(item["name"], taken, *rounded, *millimetres(item["tcp"]))
     return result
 
 
