@@ -90,6 +90,13 @@ def estimates_of_cause(cause: Cause) -> tuple[Estimate, ...]:
     return tuple(result)
 
 
+def cause_candidate(cause: Cause) -> Candidate:
+    """Return a cause by itself: how sure it is, and its sizes."""
+    form = cause.forms[0]
+    estimates = estimates_of_cause(cause)
+    return Candidate(form.effect, form.component, cause.probability, form.shape.name, estimates)
+
+
 def _nothing(found: Decomposition) -> str:
     return "unknown:null" if found.gap_shows else "none:null"
 

@@ -9,6 +9,7 @@ import numpy as np
 from rich.console import RenderableType
 from rich.text import Text
 
+from beamstiff.diagnosis.decomposed import cause_candidate
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.inference.search import UNKNOWN
 from beamstiff.diagnosis.notes import FEW_VALUES, OFF
@@ -18,7 +19,7 @@ from beamstiff.report.tables import Column, Table, add_rows, counted, small, tab
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from beamstiff.diagnosis.decomposition.decompose import Decomposition
+    from beamstiff.diagnosis.decomposition.decompose import Cause, Decomposition
 
 SHOWN = 8
 PARTS_OF_GAP = {
@@ -41,7 +42,8 @@ def diagnosis_tables(result: Diagnosis) -> Iterator[RenderableType]:
     if result.decomposition is not None and result.decomposition.gap_shows:
         yield causes_table(result.decomposition, CAUSES)
         yield Text(remainder_text(result.decomposition))
-    yield candidates_table(result, result.candidates[:SHOWN], "Which effect")
+    if not several(result):
+        yield candidates_table(result, result.candidates[:SHOWN], "Which effect")
     sizes = sizes_table(result, "How large")
     if sizes.rows:
         yield sizes
@@ -167,6 +169,8 @@ def summary(result: Diagnosis) -> str:
         first += f", all that could give way in any way {1e3 * result.ceiling:.3f} mm"
     first += "."
     verdict, head = result.verdict, headline(result)
+    if found := several(result):
+        return f"{first}\n{head}. {_of_several(found)}"
     sure = percent(verdict.probability)
     if head == UNDECIDED:
         likely = ", ".join(
@@ -222,6 +226,10 @@ def summary(result: Diagnosis) -> str:
 def headline(result: Diagnosis) -> str:
     """Return the verdict in a few words: as sure as its probability and its rows allow."""
     verdict = result.verdict
+    if found := several(result):
+        rest = f" and {len(found) - NAMED} more" if len(found) > NAMED else ""
+        names = in_words([one.key for one in found[:NAMED]])
+        return f"Cause{'s' * (len(found) > 1)} of {_closed(found)} of the gap: {names}{rest}"
     if verdict.effect == "none":
         left = int(result.baseline.used.sum()) - len(result.baseline.fitted)
         if left < FEW_VALUES:
@@ -238,6 +246,29 @@ def headline(result: Diagnosis) -> str:
     if nothing > verdict.probability:
         return f"{UNDECIDED}; likeliest cause: {named(verdict)}"
     return f"Likeliest cause{plural}: {causes(result)}"
+
+
+def several(result: Diagnosis) -> tuple[Cause, ...]:
+    """Return the causes of a gap that has more than one, or none that makes most of it; else none."""
+    found = result.decomposition
+    return () if found is None or (found.verdict and len(found.causes) == 1) else found.causes
+
+
+def _closed(found: Sequence[Cause]) -> str:
+    return percent(min(sum(one.closes for one in found), 1.0))
+
+
+def _of_several(found: Sequence[Cause]) -> str:
+    """Return, in words, what several causes mean and what each closes."""
+    effects = dict.fromkeys(one.forms[0].effect for one in found)
+    meaning = " ".join(EFFECTS[effect].meaning for effect in effects)
+    each = ", ".join(f"{in_words([one.key])} ({percent(one.closes)})" for one in found)
+    them = "all of them" if len(found) > 1 else "it"
+    left = f"{1e3 * found[-1].rms_after:.3f} mm"
+    return (
+        f"{meaning}\nWhat each closes of the explainable gap after those before it, on postures left out: "
+        f"{each}. With {them} the model leaves {left}."
+    )
 
 
 def causes(result: Diagnosis) -> str:
@@ -323,7 +354,9 @@ def separations(result: Diagnosis) -> list[str]:
 
 
 def told(result: Diagnosis) -> list[Candidate]:
-    """Return the verdict, what cannot be told from it, and the second cause."""
+    """Return the verdict, what cannot be told from it, and the second cause; of several causes all."""
+    if listed := several(result):
+        return [cause_candidate(one) for one in listed]
     keys = {result.verdict.key, *result.indistinguishable}
     found = [one for one in result.candidates if one.key in keys]
     return [*found, *([result.also] if result.also is not None else [])]
