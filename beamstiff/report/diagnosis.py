@@ -229,7 +229,7 @@ def headline(result: Diagnosis) -> str:
     if found := several(result):
         rest = f" and {len(found) - NAMED} more" if len(found) > NAMED else ""
         names = in_words([one.key for one in found[:NAMED]])
-        return f"Cause{'s' * (len(found) > 1)} of {_closed(found)} of the gap: {names}{rest}"
+        return f"Cause{'s' * (len(found) > 1)} of {closed(found)} of the gap: {names}{rest}"
     if verdict.effect == "none":
         left = int(result.baseline.used.sum()) - len(result.baseline.fitted)
         if left < FEW_VALUES:
@@ -254,7 +254,8 @@ def several(result: Diagnosis) -> tuple[Cause, ...]:
     return () if found is None or (found.verdict and len(found.causes) == 1) else found.causes
 
 
-def _closed(found: Sequence[Cause]) -> str:
+def closed(found: Sequence[Cause]) -> str:
+    """Return what several causes close together, in whole percent."""
     return percent(min(sum(one.closes for one in found), 1.0))
 
 

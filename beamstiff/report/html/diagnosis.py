@@ -16,8 +16,10 @@ from beamstiff.report.diagnosis import (
     candidates_table,
     causes,
     causes_table,
+    closed,
     gap_table,
     headline,
+    in_words,
     named,
     one_posture,
     percent,
@@ -25,6 +27,7 @@ from beamstiff.report.diagnosis import (
     proposed,
     second,
     separations,
+    several,
     sizes_table,
     summary,
     tested,
@@ -85,9 +88,15 @@ def _facts(result: Diagnosis) -> Iterator[Fact]:
     also, sure = second(result), percent(result.verdict.probability)
     if also is not None:
         sure += f" and {percent(also.probability)}"
-    yield Fact("How sure", sure, "probability of the verdict")
+    found = several(result)
+    if found:
+        yield Fact("Causes close", closed(found), "of the explainable gap, on postures left out")
+    else:
+        yield Fact("How sure", sure, "probability of the verdict")
     yield Fact("Gap", f"{1e3 * result.rms:.3f} mm", f"RMS, model fitted, {tested(result)}")
-    if result.verdict.shrink is not None and not one_posture(result):
+    if found:
+        yield Fact("With the causes", f"{1e3 * found[-1].rms_after:.3f} mm", "the same, their effects added")
+    elif result.verdict.shrink is not None and not one_posture(result):
         yield Fact(
             "With the cause", f"{1e3 * result.verdict.shrink.after:.3f} mm", "the same, its effect added"
         )
@@ -107,6 +116,25 @@ def _view(result: Diagnosis) -> RobotView | None:
 
 
 def _which(result: Diagnosis) -> Section:
+    large = sizes_table(result, "How large: its parameters")
+    tables = [large] if large.rows else []
+    if result.decomposition is not None and result.decomposition.causes:
+        tables.insert(0, causes_table(result.decomposition, CAUSES))
+    if found := several(result):
+        traces, layout = bars(
+            [in_words([one.key]) for one in found],
+            [one.closes for one in found],
+            "blue",
+            "share of the explainable gap",
+            [one.closes_interval for one in found],
+            range=[0, 1.02],
+            tickformat=".0%",
+        )
+        caption = (
+            "What each cause closes after those before it, on postures left out, with its 90 % interval."
+        )
+        figure = Figure("which", "Causes", caption, traces, layout, tables[0])
+        return Section("which", "Which causes", figures=[figure], tables=tables[1:])
     first = [
         one for at, one in enumerate(result.candidates) if at < SHOWN or one.effect in ("none", "unknown")
     ]
@@ -127,10 +155,6 @@ def _which(result: Diagnosis) -> Section:
         layout,
         candidates_table(result, likely, "The candidates"),
     )
-    large = sizes_table(result, "How large: its parameters")
-    several = result.decomposition
-    tables = [causes_table(several, CAUSES)] if several is not None and several.causes else []
-    tables += [large] if large.rows else []
     return Section("which", "Which cause", figures=[figure], tables=tables)
 
 
@@ -181,7 +205,13 @@ def _how_far(result: Diagnosis) -> Section:
     left = {"fitted model": result.rms}
     if one_posture(result):
         return Section("how-far", "How far the gap closes", ["No posture is left to try that on."])
-    if result.verdict.shrink is not None:
+    if found := several(result):
+        names = [in_words([one.key]) for one in found]
+        left |= {
+            f"{'and' if at else 'with'} {name}": one.rms_after
+            for at, (name, one) in enumerate(zip(names, found, strict=True))
+        }
+    elif result.verdict.shrink is not None:
         left[f"with {causes(result)}"] = result.verdict.shrink.after
     left |= {"any law of any place": result.ceiling, "noise alone": result.noise}
     traces, layout = bars(
