@@ -25,6 +25,7 @@ from beamstiff.se3 import Array
 STARTS = 64  # a third of them at the guess itself, at drawn actuated variables
 CLOSING = 6  # steps of all variables together before the passive ones alone close the loops
 STEPS = 40  # towards the guess
+CORRECTING = 2  # steps of all variables together after each of them
 LEAST_STEP = 0.01  # rad and machine sizes: below it a posture has arrived
 EASE = 0.02  # weight of the actuated variables beside the passive ones: they follow, half a turn for 4 deg
 NEAR_GUESS = np.radians(60.0)  # an assembly within it may have been meant by a guess that is 45 deg off
@@ -179,7 +180,8 @@ def _nearest_postures(geometry: _Geometry) -> tuple[Array, list[str], Array, Arr
         np.linalg.norm(off, axis=1), EASE * np.linalg.norm(away[:, : system.actuated], axis=1)
     )
     order = np.argsort(distance, kind="stable")
-    order = order[_distinct(postures[order] / system.scale)]
+    signed = np.concatenate([postures / system.scale, reference.signs(jacobian)], axis=1)
+    order = order[_distinct(signed[order])]  # at a dead centre two assemblies are alike but for their signs
     farthest = off.max(axis=1, initial=0.0)
     return postures[order], reference.patterns(jacobian[order]), distance[order], farthest[order]
 
@@ -215,7 +217,7 @@ def _closed_postures(
     shifts = random.uniform(-1.0, 1.0, (STARTS, len(guess) - first)) * spread(system)
     shifts[: STARTS // 3] = 0.0
     starts[:, first:] += shifts
-    starts = _drawn_together(system, starts, low, high)
+    starts = _drawn_together(system, starts, low, high, CLOSING)
     postures, _, jacobian, closed = newton(system, starts, iterations=30)
     good = closed & ~near_singular(jacobian)
     reference = next(
@@ -251,22 +253,24 @@ def _towards(
         here[:, first:] = _unwound(system, here, guess)
         step = _step(system, here, guess - here, gaps[active], jacobian[active], low, high)
         step *= part[active, None]
-        trial = np.clip(here + step * scale, low, high)
-        trial, trial_gaps, to_passive, _ = newton(system, trial, iterations=2)
-        stays = np.linalg.norm(trial_gaps, axis=1) < CLOSED
+        # all variables close it again: past a dead centre the passive ones alone cannot, close to it hardly
+        trial = _drawn_together(system, np.clip(here + step * scale, low, high), low, high, CORRECTING)
+        trial_gaps, trial_jacobian = loop_equations(system, trial)
+        to_passive = trial_jacobian[:, :, first:]
+        stays = (np.linalg.norm(trial_gaps, axis=1) < CLOSED) & ~near_singular(to_passive)
         stays &= (reference.signs(to_passive) == signs[active]).all(axis=1)
         taken = active[stays]
         postures[taken] = trial[stays]
-        gaps[taken], jacobian[taken] = loop_equations(system, trial[stays])
+        gaps[taken], jacobian[taken] = trial_gaps[stays], trial_jacobian[stays]
         part[active] = np.where(stays, np.minimum(1.5 * part[active], 1.0), 0.5 * part[active])
         active = active[(np.abs(step).max(axis=1, initial=0.0) > LEAST_STEP) & (part[active] > 1e-2)]
-    return postures
+    return _drawn_together(system, postures, low, high, CLOSING)
 
 
-def _drawn_together(system: LoopSystem, starts: Array, low: Array, high: Array) -> Array:
+def _drawn_together(system: LoopSystem, starts: Array, low: Array, high: Array, steps: int) -> Array:
     """Return starts nearer to closing, all variables moved for it, the actuated ones first."""
     starts = starts.copy()
-    for _ in range(CLOSING):
+    for _ in range(steps):
         gaps, jacobian = loop_equations(system, starts)
         step = _step(system, starts, np.zeros_like(starts), gaps, jacobian, low, high)
         starts = np.clip(starts + step * system.scale, low, high)

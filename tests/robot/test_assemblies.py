@@ -9,7 +9,7 @@ from beamstiff.robot.description import Robot
 from beamstiff.robot.frames import Kinematics, compile_frames
 from beamstiff.robot.kinematics import compile_kinematics
 from beamstiff.robot.loops import loop_equations, loop_system
-from beamstiff.robot.parts import Frame, Loop
+from beamstiff.robot.parts import Frame, Loop, Node
 from beamstiff.robot.reader import load_robot, parse_robot
 from beamstiff.robot.writer import robot_to_yaml
 from tests.robot.machines import (
@@ -22,6 +22,7 @@ from tests.robot.machines import (
     four_bar_th3,
     ir663,
     machine,
+    prismatic,
     revolute,
     screw_driven_ir663,
     slider_crank,
@@ -176,3 +177,39 @@ def test_the_name_is_part_of_the_robot_file() -> None:
     assert parse_robot(text.replace('"-"', "+2")).assembly == "+2"  # a number for YAML
     with pytest.raises(BeamstiffError, match=r"assembly: found '\+', but the robot has no closed loops"):
         parse_robot(robot_to_yaml(load_robot("cantilever")) + 'assembly: "+"\n')
+
+
+def test_an_assembly_whose_nearest_posture_is_its_dead_centre_counts_with_its_distance_there() -> None:
+    # a crank of 0.7 and a screw about a pivot at (1, 0): the two ways mirror each other at the line of pivots
+    # and meet where screw and crank stretch; the distance to each is that to its curve of closed postures
+    crank, rng = 0.7, np.random.default_rng(5)
+    inner = np.linspace(0.0, np.pi, 4001)[1:-1]  # of the crank, on the upper side
+    end = crank * np.stack([np.cos(inner), np.sin(inner)], axis=1) - [1.0, 0.0]
+    screw = np.linalg.norm(end, axis=1)
+    curve = np.stack([inner, np.arctan2(end[:, 1], end[:, 0])], axis=1)
+    mean = 0.5 * (screw.min() + screw.max())
+    for _ in range(12):
+        guess = np.array([np.pi, np.pi]) + rng.uniform(-0.7, 0.7, 2)  # about the dead centre
+        robot = machine(
+            [
+                prismatic("s", limits=(screw.min() - 0.1, screw.max() + 0.1), guess=mean),
+                revolute("crank", passive=True, guess=float(guess[0])),
+                revolute("screw", passive=True, guess=float(guess[1])),
+            ],
+            [
+                Frame(name="f1", theta="crank"),
+                Frame(name="e1", parent="f1", d=crank),
+                Frame(name="f2", d=1.0, theta="screw"),
+                Frame(name="e2", parent="f2", d="s"),
+            ],
+            tool=("e1", (0.0, 0.0, 0.0)),
+            loops=[Loop(name="screw", a="e1", b="e2", constrain="position")],
+            nodes=[Node(name="nut", frame="e2")],
+        )
+        expected = []
+        for side in (1.0, -1.0):
+            away = side * curve - guess
+            away -= 2.0 * np.pi * np.round(away / (2.0 * np.pi))
+            expected.append(np.linalg.norm(away, axis=1).min())
+        found = [one.distance for one in every_assembly(compile_frames(robot))]
+        assert found == pytest.approx(sorted(expected), abs=0.02)
