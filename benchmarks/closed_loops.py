@@ -12,6 +12,7 @@ import argparse
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +47,13 @@ class Machine:
     robot: Robot
     q: Array
     tool: Array
+
+
+# how far postures (P,) are from a dead centre, (P,): sine of the angle at which links meet; 0: none closes
+Toggle = Callable[[Array], Array]
+Walk = Callable[
+    [np.random.Generator, Toggle], Array | None
+]  # draws postures, the first of them for the guesses
 
 
 def _robot(
@@ -103,11 +111,11 @@ def _limits(rng: np.random.Generator, q: Array) -> tuple[float, float] | None:
     return (float(q.min()) - 0.02, float(q.max()) + 0.02) if rng.random() < 0.5 else None
 
 
-def _reachable(rng: np.random.Generator, fits: Callable[[Array], NDArray[np.bool_]]) -> Array | None:
+def reachable(rng: np.random.Generator, toggle: Toggle) -> Array | None:
     """Return crank angles of one range that closes: a first one and `MORE` about it; None: there is none."""
     first = rng.uniform(-np.pi, np.pi)
     around = first + np.linspace(-0.6, 0.6, 121)
-    good = fits(around)
+    good = toggle(around) > 0.1
     if not good[60]:
         return None
     low = 60 - int(np.argmin(np.append(good[60::-1], False)))
@@ -117,7 +125,9 @@ def _reachable(rng: np.random.Generator, fits: Callable[[Array], NDArray[np.bool
     return np.concatenate([[first], rng.uniform(around[low + 1], around[high - 1], MORE)])
 
 
-def four_bar(rng: np.random.Generator, off: float, parallel: bool = False) -> Machine | None:
+def four_bar(
+    rng: np.random.Generator, off: float, walk: Walk = reachable, parallel: bool = False
+) -> Machine | None:
     """Return a four-bar with its tool on the coupler, or a parallelogram, away from its dead centres."""
     ground, crank = rng.uniform(0.5, 1.5), rng.uniform(0.3, 1.0)
     coupler, rocker = (ground, crank) if parallel else (rng.uniform(0.4, 1.5), rng.uniform(0.4, 1.2))
@@ -127,12 +137,11 @@ def four_bar(rng: np.random.Generator, off: float, parallel: bool = False) -> Ma
     def apex(q: Array, at: int) -> Array:
         return _apex(crank * _unit(q), np.broadcast_to(far, (len(q), 2)), coupler, rocker, at)
 
-    def fits(q: Array) -> NDArray[np.bool_]:
+    def toggle(q: Array) -> Array:
         b, a = apex(q, side), crank * _unit(q)
-        toggle = np.abs(np.sin(_angle(b - a) - _angle(b - far)))
-        return np.asarray(np.nan_to_num(toggle) > 0.1)
+        return np.nan_to_num(np.abs(np.sin(_angle(b - a) - _angle(b - far))))
 
-    q = _reachable(rng, fits)
+    q = walk(rng, toggle)
     if q is None:
         return None
     if parallel:  # the parallelogram itself, not the crossed one
@@ -158,12 +167,22 @@ def four_bar(rng: np.random.Generator, off: float, parallel: bool = False) -> Ma
     return Machine(robot, q[:, None], _tool(crank * _unit(q), turn))
 
 
-def slider_crank(rng: np.random.Generator, off: float) -> Machine | None:
+def slider_crank(rng: np.random.Generator, off: float, walk: Walk | None = None) -> Machine | None:
     """Return a crank driven by a screw between it and a pivot; the tool on the crank."""
     crank, ground = rng.uniform(0.3, 0.8), rng.uniform(0.6, 1.3)
     side = int(rng.choice([-1, 1]))
-    inner = side * rng.uniform(0.3, np.pi - 0.3, MORE + 1)  # between ground and crank, away from dead centres
     pivot = np.array([ground, 0.0])
+
+    def toggle(inner: Array) -> Array:
+        end = crank * _unit(inner)
+        return np.abs(np.sin(inner - _angle(end - pivot)))
+
+    if walk is None:
+        inner = side * rng.uniform(0.3, np.pi - 0.3, MORE + 1)  # of the crank, away from dead centres
+    elif (found := walk(rng, toggle)) is None:
+        return None
+    else:
+        inner = found
     end = crank * _unit(inner)
     length, turn = np.linalg.norm(end - pivot, axis=1), _angle(end - pivot)
     robot = _robot(
@@ -184,7 +203,7 @@ def slider_crank(rng: np.random.Generator, off: float) -> Machine | None:
     return Machine(robot, length[:, None], _tool(np.zeros((len(inner), 2)), inner))
 
 
-def six_bar(rng: np.random.Generator, off: float) -> Machine | None:
+def six_bar(rng: np.random.Generator, off: float, walk: Walk = reachable) -> Machine | None:
     """Return a four-bar whose coupler drives a second dyad (Stephenson III); the tool on that dyad."""
     ground, crank, coupler, rocker = rng.uniform([0.5, 0.3, 0.4, 0.4], [1.5, 0.8, 1.5, 1.2])
     link, last = rng.uniform(0.4, 1.2, 2)
@@ -201,13 +220,13 @@ def six_bar(rng: np.random.Generator, off: float) -> Machine | None:
         d = _apex(c, np.broadcast_to(pivot, a.shape), link, last, int(sides[1]))
         return a, b, c, d
 
-    def fits(q: Array) -> NDArray[np.bool_]:
+    def toggle(q: Array) -> Array:
         a, b, c, d = points(q)
         one = np.abs(np.sin(_angle(b - a) - _angle(b - far)))
         other = np.abs(np.sin(_angle(d - c) - _angle(d - pivot)))
-        return np.asarray((np.nan_to_num(one) > 0.1) & (np.nan_to_num(other) > 0.1))
+        return np.minimum(np.nan_to_num(one), np.nan_to_num(other))
 
-    q = _reachable(rng, fits)
+    q = walk(rng, toggle)
     if q is None:
         return None
     a, b, c, d = points(q)
@@ -251,11 +270,13 @@ def six_bar(rng: np.random.Generator, off: float) -> Machine | None:
 def _turned(rng: np.random.Generator, most: float) -> Array:
     """Return a small rotation (3, 3)."""
     axis = rng.standard_normal(3)
-    axis /= np.linalg.norm(axis)
-    x, y, z = axis * rng.uniform(0, most)
+    return _rotation(axis / np.linalg.norm(axis), rng.uniform(0, most))
+
+
+def _rotation(axis: Array, angle: float) -> Array:
+    x, y, z = axis
     skew = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    angle = float(np.linalg.norm([x, y, z])) + 1e-300
-    rotation: Array = np.eye(3) + np.sin(angle) / angle * skew + (1 - np.cos(angle)) / angle**2 * skew @ skew
+    rotation: Array = np.eye(3) + np.sin(angle) * skew + (1 - np.cos(angle)) * skew @ skew
     return rotation
 
 
@@ -277,7 +298,15 @@ def _turn_x(angle: float) -> Array:
     return np.array([[1.0, 0, 0], [0, c, -s], [0, s, c]])
 
 
-def stewart(rng: np.random.Generator, off: float) -> Machine | None:
+def _dexterity(foot: Array, place: Array, rotation: Array, head: Array) -> float:
+    """Return the determinant of the legs' lines at a platform: zero where it can move with all legs held."""
+    arm = head @ rotation.T
+    way = place + arm - foot
+    way /= np.linalg.norm(way, axis=1)[:, None]
+    return float(np.linalg.det(np.concatenate([way, np.cross(arm, way) / np.linalg.norm(head[0])], axis=1)))
+
+
+def stewart(rng: np.random.Generator, off: float, walk: Walk | None = None) -> Machine | None:
     """Return a platform on six legs, the tool on the platform; every leg on a universal joint.
 
     The legs lean out, so that the two angles of each are determined; the platform hangs on the first leg by
@@ -288,13 +317,16 @@ def stewart(rng: np.random.Generator, off: float) -> Machine | None:
     foot = rng.uniform(0.7, 1.0) * np.concatenate([_unit(base_at), np.zeros((6, 1))], axis=1)
     head = rng.uniform(0.35, 0.5) * np.concatenate([_unit(top_at), np.zeros((6, 1))], axis=1)
     high = rng.uniform(0.8, 1.2)
-    places, rotations, lengths = [], [], []
-    for _ in range(MORE + 1):
+
+    def pose() -> tuple[Array, Array]:
         rotation = _turned(rng, 0.3)
-        place = np.array([*rng.uniform(-0.15, 0.15, 2), high + rng.uniform(-0.15, 0.15)])
-        places.append(place)
-        rotations.append(rotation)
-        lengths.append(np.linalg.norm(place + head @ rotation.T - foot, axis=1))
+        return np.array([*rng.uniform(-0.15, 0.15, 2), high + rng.uniform(-0.15, 0.15)]), rotation
+
+    poses = [pose() for _ in range(MORE + 1)] if walk is None else _twisted(rng, walk, foot, head, pose())
+    if poses is None:
+        return None
+    places, rotations = zip(*poses, strict=True)
+    lengths = [np.linalg.norm(place + head @ rotation.T - foot, axis=1) for place, rotation in poses]
     ways = places[0] + head @ rotations[0].T - foot
     passive: dict[str, float] = {}
     frames: list[Frame] = []
@@ -353,10 +385,34 @@ def stewart(rng: np.random.Generator, off: float) -> Machine | None:
     return Machine(robot, limits, tool)
 
 
-KINDS: dict[str, Callable[[np.random.Generator, float], Machine | None]] = {
+def _twisted(
+    rng: np.random.Generator, walk: Walk, foot: Array, head: Array, first: tuple[Array, Array]
+) -> list[tuple[Array, Array]] | None:
+    """Return poses of a platform on the way of a screw motion through a first one."""
+    axis, slide = rng.standard_normal(3) * [0.3, 0.3, 1.0], rng.uniform(-0.2, 0.2, 3)
+    axis /= np.linalg.norm(axis)
+    most = _dexterity(foot, *first, head)
+
+    def at(way: float) -> tuple[Array, Array]:
+        return first[0] + way * slide, _rotation(axis, way) @ first[1]
+
+    def toggle(ways: Array) -> Array:
+        found = []
+        for place, rotation in map(at, ways.tolist()):
+            a, b, _ = _leg_angles(place + rotation @ head[0] - foot[0])
+            # the platform's three angles on its first leg meet where the leg stands square on it
+            upright = np.linalg.norm(((_turn_z(a) @ _turn_x(b)).T @ rotation)[:2, 2])
+            found.append(min(_dexterity(foot, place, rotation, head) / most, 3 * float(upright)))
+        return np.maximum(found, 0.0)
+
+    ways = walk(rng, toggle)
+    return None if ways is None else [at(way) for way in ways.tolist()]
+
+
+KINDS: dict[str, Callable[..., Machine | None]] = {
     "four-bar": four_bar,
     "slider-crank": slider_crank,
-    "parallelogram": lambda rng, off: four_bar(rng, off, parallel=True),
+    "parallelogram": partial(four_bar, parallel=True),
     "six-bar": six_bar,
     "Stewart platform": stewart,
 }
