@@ -1,6 +1,6 @@
 """Do loops flip along trajectories near dead centres: ``python -m benchmarks.loop_trajectories``.
 
-The machines of `closed_loops`, each driven along 500 postures of one continuous way that comes near dead
+The machines of `loop_machines`, each driven along 500 postures of one continuous way that comes near dead
 centres and turns back before them: how near is drawn, from 1e-3 to 0.05 as the sine of the angle at which
 links meet (of a platform: the determinant of its legs' lines, beside that at the beginning). The truth is a
 closed form all along: circles that cut on one side, the legs' lengths of a platform's poses. The guesses are
@@ -17,7 +17,8 @@ import numpy as np
 from beamstiff.errors import BeamstiffError
 from beamstiff.robot.closure import close_loops
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture_at
-from benchmarks.closed_loops import KINDS, NEAR, Array, Machine, Toggle
+from benchmarks.closed_loops import NEAR
+from benchmarks.loop_machines import KINDS, Array, Machine, Toggle
 
 POSES = 500
 NEAREST, FARTHEST = 1e-3, 0.05  # to a dead centre

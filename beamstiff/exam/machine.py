@@ -245,6 +245,8 @@ def machine_of(robot: Robot) -> Machine:
         profile = tapered(np.array(rigidity), lambda x: np.ones_like(x))
         up = None if beam.up is None else np.array(beam.up, dtype=np.float64)
         bars.append(Bar(beam.name, beam.nodes, profile, up, material.density * section.A))
+    if sprung := [strut.name for strut in robot.struts if strut.EA is not None]:
+        raise BeamstiffError(f"strut {sprung[0]!r}: found EA, which simulated machines do not know")
     return Machine(
         robot=robot,
         nodes=tuple(nodes.values()),

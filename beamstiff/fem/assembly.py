@@ -6,7 +6,7 @@ import numpy as np
 from scipy import sparse
 
 from beamstiff.fem.beam import beam_stiffness
-from beamstiff.fem.geometry import Geometry, strut_directions
+from beamstiff.fem.geometry import Geometry, strut_directions, strut_stiffness
 from beamstiff.fem.structure import Structure
 from beamstiff.se3 import Array, displacement_transport, rotate_screw
 
@@ -40,8 +40,8 @@ def _joint_blocks(structure: Structure, geometry: Geometry) -> Array:
 
 def _strut_blocks(structure: Structure, geometry: Geometry) -> Array:
     along = strut_directions(structure, geometry, structure.struts)
-    block = np.zeros((*along.shape[:2], 6, 6))
-    block[..., :3, :3] = structure.strut_values[:, None, None] * along[..., :, None] * along[..., None, :]
+    stiffness, block = strut_stiffness(structure, geometry), np.zeros((*along.shape[:2], 6, 6))
+    block[..., :3, :3] = stiffness[..., None, None] * along[..., :, None] * along[..., None, :]
     return _between_ends(block)
 
 

@@ -33,7 +33,7 @@ from beamstiff.fem.constraints import (
     strut_row,
     unknown_sizes,
 )
-from beamstiff.fem.geometry import Geometry, place
+from beamstiff.fem.geometry import Geometry, place, rod_flexibility
 from beamstiff.fem.large.robot import MANY_UNKNOWNS, solve_sparse
 from beamstiff.fem.loads import gravity_wrenches
 from beamstiff.fem.mechanism import solve_firm, solve_stable
@@ -101,6 +101,49 @@ def condense(
     dead : bool
         Whether what the dead weight does is wanted; without it those parts may be zero.
     """
+    condensed = _condensed(structure, posture, observed, ports, chunk, dead)
+    return _behind_rods(structure, posture, ports, condensed)
+
+
+def _behind_rods(
+    structure: Structure, posture: Posture, ports: Sequence[Port], condensed: Condensed
+) -> Condensed:
+    """Return what is seen from the springs of struts whose own length gives way too, in series with them.
+
+    What the rod of flexibility F takes up of the strut's elongation, ``d = F (S_s e - B_s w - g_s)`` but for
+    its own share, is eliminated like all else.
+    """
+    at = [
+        number
+        for number, port in enumerate(ports)
+        if port.kind == "strut" and structure.robot.struts[port.index].EA is not None
+    ]
+    if not at:
+        return condensed
+    struts, poses = np.array([ports[number].index for number in at]), len(condensed.port_stiffness)
+    rod = rod_flexibility(structure, posture, struts, np.arange(poses))
+    own = condensed.port_stiffness[:, at][:, :, at]
+    held = np.linalg.solve(np.eye(len(at)) + rod[:, :, None] * own, rod[:, :, None] * np.eye(len(at)))
+    seen, weight = condensed.port_map[:, at], condensed.port_dead[:, at, None]  # (P, s, o), (P, s, 1)
+    to_seen = (held @ seen).swapaxes(-1, -2)
+    across = condensed.port_stiffness[:, :, at]
+    return Condensed(
+        port_stiffness=_symmetric(condensed.port_stiffness - across @ held @ across.swapaxes(-1, -2)),
+        port_map=condensed.port_map - across @ held @ seen,
+        clamped=condensed.clamped + to_seen @ seen,
+        port_dead=condensed.port_dead - (across @ held @ weight)[..., 0],
+        clamped_dead=condensed.clamped_dead + (to_seen @ weight)[..., 0],
+    )
+
+
+def _condensed(
+    structure: Structure,
+    posture: Posture,
+    observed: Sequence[str],
+    ports: Sequence[Port],
+    chunk: int,
+    dead: bool,
+) -> Condensed:
     index = structure.kinematics.node_index
     for name in observed:
         if name not in index:

@@ -25,7 +25,7 @@ def has_constraints(structure: Structure) -> bool:
     """Return whether any loop of rigid parts leaves constraint rows."""
     unknowns, robot = structure.unknowns, structure.robot
     rigid_joint = any((joint_values(robot.joints[at]) == RIGID).any() for at in unknowns.chord_joints)
-    rigid_strut = any(strut.stiffness == RIGID for strut in robot.struts)
+    rigid_strut = any(strut.rigid for strut in robot.struts)
     return bool(unknowns.held.size or unknowns.chord_rigids.size or rigid_joint or rigid_strut)
 
 
@@ -42,7 +42,7 @@ def constraint_rows(structure: Structure, geometry: Geometry) -> Array:
         rigid = joint_values(robot.joints[at]) == RIGID
         rows.append(joint_rows(structure, geometry, int(at))[:, rigid])
     for at, strut in enumerate(robot.struts):
-        if strut.stiffness == RIGID:
+        if strut.rigid:
             rows.append(strut_row(structure, geometry, at))
     empty = np.zeros((positions.shape[0], 0, unknowns.count))
     return np.concatenate([empty, *rows], axis=1)

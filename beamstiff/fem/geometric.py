@@ -245,7 +245,7 @@ def _add_constraints(
     inverse = np.where(singular > RANK_TOLERANCE * largest, 1 / np.maximum(singular, RANK_TOLERANCE), 0.0)
     forces = (left @ (inverse[..., None] * (right @ (units * missing)[..., None])))[..., 0]
     rigid_of = [joint_values(robot.joints[at]) == RIGID for at in numbering.chord_joints]
-    rigid_struts = [at for at, strut in enumerate(robot.struts) if strut.stiffness == RIGID]
+    rigid_struts = [at for at, strut in enumerate(robot.struts) if strut.rigid]
     sizes = [6] * (numbering.held.size + numbering.chord_rigids.size)
     sizes += [int(rigid.sum()) for rigid in rigid_of] + [1] * len(rigid_struts)
     parts = iter(np.split(forces, np.cumsum(sizes)[:-1], axis=1))

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from beamstiff.errors import BeamstiffError
 from beamstiff.fem.beam import beam_axes
 from beamstiff.fem.structure import Index, Structure
+from beamstiff.robot.fields import RIGID
 from beamstiff.robot.kinematics import Posture
 from beamstiff.se3 import Array, displacement_transport, rotate_screw
 
@@ -102,13 +103,45 @@ def _check_joints(structure: Structure, positions: Array, number: Index) -> None
     )
 
 
-def strut_directions(structure: Structure, geometry: Geometry, struts: Index) -> Array:
-    """Return the unit vectors along struts, first to second node, (P, S, 3), base frame."""
+def rod_flexibility(structure: Structure, posture: Posture, struts: Index, number: Index) -> Array:
+    """Return what the free length of struts adds to their compliance, (P, S), m/N; 0 without `EA`."""
+    some = [structure.robot.struts[at] for at in struts]
+    if not any(strut.EA for strut in some):
+        return np.zeros((len(number), len(some)))
+    length = np.linalg.norm(_strut_ways(structure, posture, struts), axis=-1)
+    free = length - np.array([strut.fixed_length for strut in some])
+    stretching = np.array([strut.EA or np.inf for strut in some])
+    if (odd := _first_where((free <= 0.0) & np.isfinite(stretching))) is not None:
+        strut = some[odd[1]]
+        raise BeamstiffError(
+            f"strut {strut.name!r} is {1e3 * length[odd]:.4g} mm long at pose {number[odd[0]]}, expected "
+            f"more than its fixed_length, {1e3 * strut.fixed_length:.4g} mm"
+        )
+    flexibility: Array = free / stretching
+    return flexibility
+
+
+def strut_stiffness(structure: Structure, geometry: Geometry) -> Array:
+    """Return the stiffness of the elastic struts, (P, S), N/m."""
+    k = structure.strut_values
+    rod = rod_flexibility(structure, geometry.posture, structure.struts, geometry.number)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        stiffness: Array = np.where(k == RIGID, 1.0 / rod, k / (1.0 + k * rod))
+    return stiffness
+
+
+def _strut_ways(structure: Structure, posture: Posture, struts: Index) -> Array:
+    """Return the ways along struts, first to second node, (P, S, 3), base frame, m."""
     index = structure.kinematics.node_index
     pairs = [[index[name] for name in structure.robot.struts[at].nodes] for at in struts]
     ends = np.array(pairs, dtype=np.int64).reshape(-1, 2)
-    positions = geometry.posture.node_positions
-    along = positions[:, ends[:, 1]] - positions[:, ends[:, 0]]
+    ways: Array = posture.node_positions[:, ends[:, 1]] - posture.node_positions[:, ends[:, 0]]
+    return ways
+
+
+def strut_directions(structure: Structure, geometry: Geometry, struts: Index) -> Array:
+    """Return the unit vectors along struts, first to second node, (P, S, 3), base frame."""
+    along = _strut_ways(structure, geometry.posture, struts)
     length = np.linalg.norm(along, axis=-1, keepdims=True)
     if (odd := _first_where(length[..., 0] < SHORTEST)) is not None:
         strut = structure.robot.struts[struts[odd[1]]]

@@ -173,7 +173,8 @@ class RecordedStiffness:
             way = self.arm(a, b, frame)
             length = self._length(way)
             axes = np.array([[part / length, 0.0, 0.0] for part in way], dtype=object)
-            stiffness = np.diag([float(structure.strut_values[at - beams - chords]), 0, 0, 0, 0, 0])
+            stiffness = np.zeros((6, 6), dtype=object)
+            stiffness[0, 0] = self._strut(at - beams - chords, length)
             rows = np.arange(1)
         strain: dict[int, Entries] = {}
         for unknown in {*near, *far}:
@@ -221,6 +222,17 @@ class RecordedStiffness:
             weight = _product(self.rotation(frame, 0), mass.mass * gravity)
             load(node, frame, weight, _cross(np.array(mass.at), weight))
         return loads
+
+    def _strut(self, number: int, length: Expression | float) -> Expression | float:
+        """Return the stiffness of an elastic strut."""
+        strut = self.structure.robot.struts[self.structure.struts[number]]
+        own = float(self.structure.strut_values[number])
+        if strut.EA is None:
+            return own
+        free = length - strut.fixed_length
+        self.must_be_positive(free)
+        stiffness: Expression | float = 1.0 / (free * (1.0 / strut.EA) + 1.0 / own)
+        return stiffness
 
     def _length(self, way: Entries) -> Expression | float:
         square = _dot(way, way)

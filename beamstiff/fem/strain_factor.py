@@ -21,7 +21,7 @@ from scipy.linalg import lapack, solve_triangular
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.fem.constraints import beam_rows, joint_rows, strut_row, unknown_sizes
-from beamstiff.fem.geometry import Geometry, strut_directions
+from beamstiff.fem.geometry import Geometry, strut_directions, strut_stiffness
 from beamstiff.fem.mechanism import BUCKLES, MECHANISM, NEARLY, NEARLY_BUCKLES, mechanism_error
 from beamstiff.fem.structure import Structure
 from beamstiff.se3 import Array, rotate_screw
@@ -88,10 +88,12 @@ def weighted_strains(structure: Structure, geometry: Geometry) -> tuple[Array, A
         rows.append(np.sqrt(values)[:, None] * moved)
         sizes.append(np.broadcast_to(np.sqrt(values) * levers, (poses, 6)))
     first += len(structure.chords)
-    for number, (strut, value) in enumerate(zip(structure.struts, structure.strut_values, strict=True)):
+    for number, (strut, value) in enumerate(
+        zip(structure.struts, strut_stiffness(structure, geometry).T, strict=True)
+    ):
         moved = _own(structure, strut_row(structure, geometry, int(strut)), first + number)
-        rows.append(np.sqrt(value) * moved)
-        sizes.append(np.full((poses, 1), np.sqrt(value) * levers[0]))
+        rows.append(np.sqrt(value)[:, None, None] * moved)
+        sizes.append(np.sqrt(value)[:, None] * levers[0])
     springs = np.zeros((poses, structure.springs.size, unknowns))
     springs[:, range(structure.springs.size), structure.springs] = np.sqrt(structure.spring_values)
     rows.append(springs)
@@ -152,7 +154,7 @@ def strain_forces(structure: Structure, geometry: Geometry, strains: Array) -> t
         bars[:, v] *= side
         bars[:, r] = slope * bars[:, r] - sign * 0.5 * length * bars[:, v]
     local[beams : beams + chords] *= np.sqrt(structure.chord_values)
-    local[beams + chords :, 0] *= np.sqrt(structure.strut_values)
+    local[beams + chords :, 0] *= np.sqrt(strut_stiffness(structure, geometry)[0])
     far = np.zeros_like(local)
     turns = np.concatenate([geometry.beam_rotation[0], geometry.joint_rotation[0, structure.chords]])
     far[: beams + chords] = (rotate_screw(turns) @ local[: beams + chords, :, None])[..., 0]

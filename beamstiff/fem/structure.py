@@ -57,7 +57,7 @@ class Structure:
     chords: Index
     chord_values: Array
     struts: Index
-    strut_values: Array
+    strut_values: Array  # (S,), N/m: without what their own length adds
     springs: Index  # (S,): unknowns with a spring of their own: finite directions of joints on the tree
     spring_values: Array  # (S,), N/m or N m/rad
     spring_joint: Index
@@ -88,7 +88,7 @@ def compile_structure(robot: RobotLike) -> Structure:
     # rigid directions of loop-closing joints are constraints, not springs
     finite = np.where(values == RIGID, FREE, values)
     chords = np.array([at for at in unknowns.chord_joints if finite[at].any()], dtype=np.int64)
-    elastic = [at for at, strut in enumerate(robot.struts) if strut.stiffness not in (RIGID, FREE)]
+    elastic = [at for at, strut in enumerate(robot.struts) if not strut.rigid and strut.stiffness != FREE]
     struts = np.array(elastic, dtype=np.int64)
     elements = np.concatenate(
         [

@@ -361,6 +361,11 @@ def reduce_to_ports(
                 f"robot {robot.name!r}: found springs in parallel beside the modulus of a beam that changes "
                 "its length; leave one of them out"
             )
+        if any(strut.EA for strut in robot.struts if strut.name in names):
+            raise BeamstiffError(
+                f"robot {robot.name!r}: found springs in parallel beside a strut with EA; leave one of them "
+                "out"
+            )
         # springs in parallel: those at the others act at the independent ones
         structure, ports = without_ports(structure, ports), [ports[at] for at in independent]
         springs = share.T @ springs @ share

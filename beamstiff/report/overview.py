@@ -84,7 +84,12 @@ def describe(robot: Robot, samples: int = 1000, seed: int = 0) -> dict[str, Any]
             for item in robot.joints
         ],
         "struts": [
-            {"name": item.name, "nodes": list(item.nodes), "stiffness": stiffness_text(item.stiffness)}
+            {
+                "name": item.name,
+                "nodes": list(item.nodes),
+                "stiffness": stiffness_text(item.stiffness),
+                **({"EA": item.EA, "fixed_length": item.fixed_length} if item.EA else {}),
+            }
             for item in robot.struts
         ],
         "structural_loops": structural_loops(structure_graph(robot), robot.fixed),

@@ -153,7 +153,7 @@ def _beams_with(robot: Robot, values: Mapping[str, float]) -> tuple[tuple[Beam, 
 def _strut_with(strut: Strut, values: Mapping[str, float]) -> Strut:
     stiffness: Any = stiffness_text(values.get(strut.name, strut.stiffness))
     try:
-        return Strut(name=strut.name, nodes=strut.nodes, stiffness=stiffness)
+        return Strut(**{**dict(strut), "stiffness": stiffness})
     except BeamstiffError as error:
         raise BeamstiffError(f"{strut.name}.{error}") from None
 

@@ -19,9 +19,11 @@ from beamstiff.robot.fields import (
     DescriptionError,
     Direction,
     Identifier,
+    LeastLength,
     Name,
     ParameterValue,
     Point,
+    PositiveForce,
     PositiveMass,
     PositiveModulus,
     RotationalStiffness,
@@ -203,11 +205,29 @@ class Joint(Described):
 
 
 class Strut(Described):
-    """An axial two-force member (ball screw, tie rod) between two distinct nodes."""
+    """An axial two-force member (ball screw, tie rod) between two distinct nodes.
+
+    With `EA`, N, its own length gives way too, but for `fixed_length`, m: its compliance is
+    ``1/stiffness + (L - fixed_length) / EA``. So a screw that a bearing holds at one end follows where its
+    nut stands, and `stiffness` is that of bearing and nut in series.
+    """
 
     name: Name
     nodes: tuple[Name, Name]
     stiffness: TranslationalStiffness
+    EA: PositiveForce | None = None
+    fixed_length: LeastLength = 0.0
+
+    @model_validator(mode="after")
+    def _free_length(self) -> Strut:
+        if self.EA is None and self.fixed_length:
+            raise DescriptionError([(("fixed_length",), "found one without EA, expected EA with it")])
+        return self
+
+    @property
+    def rigid(self) -> bool:
+        """Whether the strut never changes its length."""
+        return self.stiffness == RIGID and self.EA is None
 
 
 class Mass(Described):

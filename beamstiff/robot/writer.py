@@ -16,7 +16,7 @@ from beamstiff.errors import BeamstiffError, shown
 from beamstiff.files import write_whole
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import Described, stiffness_text
-from beamstiff.robot.parts import AXES, Joint, JointStiffness, Strut
+from beamstiff.robot.parts import AXES, Joint, JointStiffness
 from beamstiff.robot.reader import VERSION, parse_robot
 
 _BARE = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*\Z")
@@ -76,7 +76,7 @@ def _written_fields(part: Described) -> dict[str, object]:
         value = getattr(part, name)
         if value == field.get_default(call_default_factory=True) and name not in kept:
             continue
-        if isinstance(part, JointStiffness | Strut) and isinstance(value, float):
+        if isinstance(value, float) and (isinstance(part, JointStiffness) or name == "stiffness"):
             value = stiffness_text(value)
         elif isinstance(part, Joint) and name == "axis":
             value = next((letter for letter, axis in AXES.items() if axis == value), value)

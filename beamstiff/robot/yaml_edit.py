@@ -152,8 +152,10 @@ def _items(part: Any) -> Mapping[str, Any]:
         return part
     items = {name: getattr(part, name) for name in type(part).model_fields}
     if isinstance(part, JointStiffness | Strut):
+        springs = items if isinstance(part, JointStiffness) else ("stiffness",)
         return {
-            name: stiffness_text(item) if item in (0.0, math.inf) else item for name, item in items.items()
+            name: stiffness_text(item) if name in springs and item in (0.0, math.inf) else item
+            for name, item in items.items()
         }
     return items
 

@@ -8,9 +8,16 @@ import numpy as np
 import pytest
 
 from beamstiff import Robot, Section, load_robot
+from beamstiff.errors import BeamstiffError
+from beamstiff.expression_graph.graph import MANY
+from beamstiff.measure.table import make_measurements
+from beamstiff.model.ports import reduce_to_ports
 from beamstiff.robot.fields import RIGID
 from beamstiff.robot.inverse import inverse_geometry
 from beamstiff.robot.kinematics import twist_jacobian
+from beamstiff.robot.parts import Strut
+from beamstiff.robot.reader import parse_robot
+from beamstiff.robot.writer import robot_to_yaml
 from beamstiff.se3 import Array
 from tests.robots.machine import at, compliance, inside, limits, point, values
 from tests.robots.slider_cranks import lever_arm, marie_theta, third_side, wrapped
@@ -119,6 +126,67 @@ def test_screws_as_beams_are_springs_in_series_whose_stiffness_follows_their_len
         screw2, screw8 = in_series(r[pose]).tolist()
         expected = compliance(SCREWS.with_parameters({"screw2": screw2, "screw8": screw8}), r[pose])[0]
         assert np.abs(found[pose] - expected).max() < 1e-9 * np.abs(expected).max()
+
+
+def with_free_lengths() -> Robot:
+    """Return the struts with the beams' screws in them: nut and tube in series, the screw up to the nut."""
+    screw, tube = 210e9 * np.pi * 0.025**2, 210e9 * np.pi * (0.040**2 - 0.032**2)
+    struts = [
+        Strut(
+            name=strut.name,
+            nodes=strut.nodes,
+            stiffness=1.0 / (1.0 / BEAMS.parameter(f"nut{strut.name[-1]}.axial") + 0.300 / tube),
+            EA=screw,
+            fixed_length=0.300,
+        )
+        for strut in SCREWS.struts
+    ]
+    return SCREWS.model_copy(update={"struts": tuple(struts)})
+
+
+@pytest.mark.parametrize("poses", [8, MANY])
+def test_struts_with_a_free_length_are_the_screws_as_beams(poses: int) -> None:
+    r = inside(BEAMS, poses)
+    found, expected = compliance(with_free_lengths(), r), compliance(BEAMS, r)
+    assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()
+
+
+def test_struts_with_a_free_length_are_identified_as_springs_behind_their_rods() -> None:
+    robot, rng = with_free_lengths(), np.random.default_rng(3)
+    rows = make_measurements(["r2", "r8"], inside(robot, 6), wrench=rng.normal(size=(6, 6)) * 1e3, tcp="n7")
+    names = ("screw2", "screw8", "J1010.radial")
+    for gravity in (False, True):
+        model = reduce_to_ports(robot, rows, names, gravity=gravity)
+        values = model.start * rng.uniform(0.5, 2.0, 3)
+        changed = robot.with_parameters(dict(zip(names, values.tolist(), strict=True)))
+        assert changed.struts[0].EA == robot.struts[0].EA
+        expected = reduce_to_ports(changed, rows, ["J12.radial"], gravity=gravity)
+        moved = expected.predict(expected.start)
+        assert np.abs(model.predict(values) - moved).max() < 1e-9 * np.abs(moved).max()
+        step = 1e-5 * np.diag(values)
+        slopes = [
+            (model.predict(values + one) - model.predict(values - one)) / (2 * one.sum()) for one in step
+        ]
+        found = model.derivatives(values)[1]
+        assert np.abs(found - np.stack(slopes, -1)).max(axis=(0, 1)) == pytest.approx(
+            0.0, abs=1e-6 * np.abs(found).max()
+        )
+
+
+def test_a_strut_shorter_than_its_fixed_length_is_refused() -> None:
+    robot = with_free_lengths()
+    longer = robot.struts[0].model_copy(update={"fixed_length": 0.700})
+    with pytest.raises(
+        BeamstiffError, match=r"strut 'screw2' is 6\d\d mm long at pose 0, expected more than"
+    ):
+        compliance(robot.model_copy(update={"struts": (longer, *robot.struts[1:])}), limits(robot)[:, :1].T)
+    with pytest.raises(BeamstiffError, match="fixed_length: found one without EA"):
+        Strut(name="s", nodes=("a", "b"), stiffness=1e7, fixed_length=0.3)
+
+
+def test_a_strut_with_a_free_length_is_written_and_read_back() -> None:
+    robot = with_free_lengths()
+    assert parse_robot(robot_to_yaml(robot)).struts == robot.struts
 
 
 def test_at_mid_stroke_both_are_equally_stiff() -> None:
