@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 from beamstiff.diagnosis.decision.attribution import attribute, ceiling, shares
 from beamstiff.diagnosis.decision.verdict import SECOND, Judged, judge, larger_first
 from beamstiff.diagnosis.decision.where import where
-from beamstiff.diagnosis.decomposed import beside_calibration, diagnosis_of
+from beamstiff.diagnosis.decomposed import beside_calibration, diagnosis_of, with_next
 from beamstiff.diagnosis.decomposition.decompose import Decomposition, decompose
 from beamstiff.diagnosis.decomposition.held_out import FOLDS
 from beamstiff.diagnosis.held_out.explained import explanations
@@ -90,7 +90,7 @@ def _diagnose(robot: Robot, measurements: Measurements, without: Sequence[str], 
     require_usable(measurements)
     every = counted_once(measurements)
     rows = in_runs(every, MOST_ROWS)
-    found = _of_rows(robot, rows, without, seed)
+    found = with_next(_of_rows(robot, rows, without, seed), seed)
     if len(rows) == len(every):
         return found
     sample = f"{len(rows)} of {len(every)} rows are diagnosed: ten runs of postures, spread over the table"
@@ -111,7 +111,7 @@ def _of_rows(robot: Robot, rows: Measurements, without: Sequence[str], seed: int
     found = _weighed_one_by_one(library, screened, without, seed)
     if found.verdict.effect != "unknown" or several is None:
         return found  # one cause of the library was weighed in all its forms, and is not it
-    return replace(diagnosis_of(several, found.notes), next=found.next)
+    return diagnosis_of(several, found.notes)
 
 
 def _decomposed(robot: Robot, baseline: Baseline, without: Sequence[str], seed: int) -> Decomposition | None:

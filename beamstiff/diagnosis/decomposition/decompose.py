@@ -60,6 +60,8 @@ class Cause:
         90 %, over the postures.
     rms_after : float, m
     indistinguishable : tuple of str
+    rivals : tuple of Form
+        The best of each of these.
     """
 
     forms: tuple[Form, ...]
@@ -70,6 +72,7 @@ class Cause:
     closes_interval: tuple[float, float]
     rms_after: float
     indistinguishable: tuple[str, ...]
+    rivals: tuple[Form, ...]
 
     @property
     def key(self) -> str:
@@ -251,6 +254,7 @@ def _told(folds: Folds, step: Step, seed: int) -> Decomposition:
                 closes_interval=interval(before, after, noise2, total, seed),
                 rms_after=float(np.sqrt(after.sum() / folds.rows)),
                 indistinguishable=rival.indistinguishable,
+                rivals=tuple(choice.forms[number] for number in rival.forms),
             )
         )
     return Decomposition(
