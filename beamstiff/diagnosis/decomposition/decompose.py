@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from beamstiff.diagnosis.decomposition.forms import SLIP, Form, by_form, forms_of, shift_of, stacked
+from beamstiff.diagnosis.decomposition.forms import SLIP, Form, Shapes, by_form, forms_of, shift_of, stacked
 from beamstiff.diagnosis.decomposition.held_out import Folds, folds_of, interval, ordered
 from beamstiff.diagnosis.decomposition.look_alikes import rival_of, with_usual_name
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, open_geometry, open_stiffness
@@ -151,6 +151,7 @@ def decompose(
     without: Sequence[str] = (),
     seed: int = 0,
     baseline: Baseline | None = None,
+    known: Shapes | None = None,
 ) -> Decomposition:
     """Return the causes of the gap between a model and rows.
 
@@ -166,6 +167,8 @@ def decompose(
         Of the folds.
     baseline : Baseline, optional
         Of displacements, where it was fitted already.
+    known : mapping of str to sequence of Shape, optional
+        Shapes about this baseline that were computed already, by ``effect:component``.
 
     Raises
     ------
@@ -174,7 +177,7 @@ def decompose(
     """
     if rows.kind != "absolute":
         model = open_stiffness(baseline or fit_baseline(robot, rows))
-        folds = folds_of(model, build_choice(model, forms_of(model, without)), seed)
+        folds = folds_of(model, build_choice(model, forms_of(model, without, known=known)), seed)
         return _told(folds, select(folds.choice, folds.squared_errors), seed)
     model = open_geometry(robot, rows)
     choice = build_choice(model, forms_of(model, without))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -23,6 +23,8 @@ COMPLIANCE_UNITS = ("rad/(N*m)", "rad/N", "m/N", "1/N", "1/(N*m^2)")
 UNKNOWN_SCALE = 1e3  # of compliances: a service robot's are as many times an industrial one's
 # what a calibration beside it takes up, or finds by itself
 OF_GEOMETRY = ("geometry-error", "frame-misalignment", "tool-offset")
+
+Shapes = Mapping[str, Sequence[Shape]]  # by ``effect:component``
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,8 +81,16 @@ class Form:
         return np.array([quantity.positive for quantity in self.shape.parameters])
 
 
-def forms_of(model: OpenModel, without: Sequence[str] = (), effects: Collection[str] = EFFECTS) -> list[Form]:
-    """Return the forms of some effects at every component that the open model does not hold already."""
+def forms_of(
+    model: OpenModel,
+    without: Sequence[str] = (),
+    effects: Collection[str] = EFFECTS,
+    known: Shapes | None = None,
+) -> list[Form]:
+    """Return the forms of some effects at every component that the open model does not hold already.
+
+    Shapes that are known already, by ``effect:component``, are not computed anew.
+    """
     baseline = model.baseline
     skipped = {*without, *(OF_GEOMETRY if model.problem is not None else ()), "outliers"}
     found: list[Form] = []
@@ -92,7 +102,8 @@ def forms_of(model: OpenModel, without: Sequence[str] = (), effects: Collection[
             # a calibration that moves an axis puts brackets between its parts, which no machine has
             if key_of(effect.name, component) in skipped or component in absent:
                 continue
-            shapes = [shape for shape in effect.shapes(baseline, component) if _fits(effect.name, shape)]
+            every = (known or {}).get(key_of(effect.name, component)) or effect.shapes(baseline, component)
+            shapes = [shape for shape in every if _fits(effect.name, shape)]
             total = sum(shape.weight for shape in shapes)
             found += _weighed(model, effect.name, component, shapes, total)
     return found

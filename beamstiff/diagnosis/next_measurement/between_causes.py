@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,7 @@ from beamstiff.diagnosis.next_measurement.test_plan import (
     discriminations,
     most_cycles,
 )
-from beamstiff.diagnosis.residual.baseline import at_rows
+from beamstiff.diagnosis.residual.baseline import Baseline, at_rows
 from beamstiff.diagnosis.result import columns_at
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.rows import subset
@@ -73,49 +74,75 @@ def propose_between(found: Decomposition, seed: int) -> Programme | None:
     points, often = np.unique(found.model.baseline.rows.point, return_counts=True)
     rows = replace(rows, point=np.full(len(rows), points[np.argmax(often)]))
     noise = max(found.scatter, 1.0) * np.median(found.model.baseline.sigma[:, :3], axis=0)
-    score, separates = _apart(found, causes, rows, noise)
+    ahead = Ahead(found, rows)
+    score, separates = _apart(ahead, causes, noise)
     if score.sum() < DECIDES:
         forms = [form for cause in causes for form in cause.forms]
-        return _bounding(foretold(found, forms, rows), rows, cycle, posture, noise)
+        return _bounding(ahead.foretold(forms), rows, cycle, posture, noise)
     picked = best_cycles(score, cycle, posture)
     return Programme(subset(rows, picked), separates, score[picked])
 
 
-def foretold(found: Decomposition, forms: Sequence[Form], rows: Measurements) -> Foretold:
-    """Return what some forms, fitted with all that is open, foretell of rows.
+@dataclass(frozen=True, eq=False)
+class Ahead:
+    """New rows, as a decomposition sees them.
 
-    Raises
-    ------
-    BeamstiffError
-        When a form does not exist there.
+    Attributes
+    ----------
+    found : Decomposition
+    rows : Measurements
     """
-    model = found.model
-    there = at_rows(model.baseline, rows)
-    opened = there.tangent if model.problem is None else model.problem.ahead(there.robot, rows)
-    nothing = np.zeros((len(rows), 6, 1))  # a slip, and what one posture alone shows, is past
-    past = [
-        form.effect == SLIP or all(item.posture_specific for item in form.shape.parameters) for form in forms
-    ]
-    parts = [
-        (nothing if gone else columns_at(there, form)) * form.sizes
-        for form, gone in zip(forms, past, strict=True)
-    ]
-    matrix = np.concatenate([opened, *parts], axis=2)[:, :3]
-    theta, covariance = solved(model, forms)
-    return Foretold(matrix @ theta, matrix, max(found.scatter, 1.0) ** 2 * covariance)
+
+    found: Decomposition
+    rows: Measurements
+
+    @cached_property
+    def baseline(self) -> Baseline:
+        """The model at the new rows."""
+        return at_rows(self.found.model.baseline, self.rows)
+
+    @cached_property
+    def opened(self) -> Array:
+        """What a unit of each open parameter adds, (R, 3, t)."""
+        problem = self.found.model.problem
+        every = self.baseline.tangent if problem is None else problem.ahead(self.baseline.robot, self.rows)
+        return every[:, :3]
+
+    @cached_property
+    def known(self) -> dict[Form, Array]:
+        """Columns of forms that were asked for."""
+        return {}
+
+    def columns(self, form: Form) -> Array:
+        """Return what a form adds, of realistic sizes, (R, 3, c); a slip, and what postures show, is past."""
+        if form.effect == SLIP or all(item.posture_specific for item in form.shape.parameters):
+            return np.zeros((len(self.rows), 3, form.sizes.size))
+        if form not in self.known:
+            self.known[form] = columns_at(self.baseline, form)[:, :3] * form.sizes
+        return self.known[form]
+
+    def foretold(self, forms: Sequence[Form]) -> Foretold:
+        """Return what some forms, fitted with all that is open, foretell.
+
+        Raises
+        ------
+        BeamstiffError
+            When a form does not exist there.
+        """
+        matrix = np.concatenate([self.opened, *(self.columns(form) for form in forms)], axis=2)
+        theta, covariance = solved(self.found.model, forms)
+        return Foretold(matrix @ theta, matrix, max(self.found.scatter, 1.0) ** 2 * covariance)
 
 
-def _apart(
-    found: Decomposition, causes: Sequence[Cause], rows: Measurements, noise: Array
-) -> tuple[Array, tuple[str, ...]]:
+def _apart(ahead: Ahead, causes: Sequence[Cause], noise: Array) -> tuple[Array, tuple[str, ...]]:
     """Return how far each row (R,) is expected to tell causes from look-alikes, and which these are."""
-    score, separates = np.zeros(len(rows)), dict[str, None]()
+    score, separates = np.zeros(len(ahead.rows)), dict[str, None]()
     for cause in causes:
         others = [form for one in causes if one is not cause for form in one.forms]
         explained = []
         for key, forms in [(cause.key, cause.forms), *((rival.key, (rival,)) for rival in cause.rivals)]:
             try:
-                explained.append((key, foretold(found, [*others, *forms], rows)))
+                explained.append((key, ahead.foretold([*others, *forms])))
             except BeamstiffError:  # what it would be there is not known
                 continue
         if len(explained) < 2 or explained[0][0] != cause.key:

@@ -8,7 +8,7 @@ import pytest
 from beamstiff.diagnosis.decomposition.decompose import Decomposition
 from beamstiff.diagnosis.decomposition.forms import forms_of
 from beamstiff.diagnosis.diagnose import diagnose
-from beamstiff.diagnosis.next_measurement.between_causes import foretold, propose_between
+from beamstiff.diagnosis.next_measurement.between_causes import Ahead, propose_between
 from tests.diagnosis.decomposition.test_decompose import found, read
 
 CAUSES = ("approach", "gear", "slip")
@@ -24,7 +24,7 @@ def test_what_is_foretold_of_the_rows_at_hand_is_what_was_fitted_to_them() -> No
     several = decomposition()
     model = several.model
     forms = [form for cause in several.causes for form in cause.forms if form.effect != "target-slip"]
-    told = foretold(several, forms, model.baseline.rows)
+    told = Ahead(several, model.baseline.rows).foretold(forms)
     opened = model.tangent[: model.count] * model.baseline.sigma[model.used][:, None]
     width = model.tangent.shape[1]
     assert told.matrix[:, :, :width].reshape(-1, width) == pytest.approx(opened, abs=1e-9)
