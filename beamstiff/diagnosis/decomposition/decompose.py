@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from beamstiff.diagnosis.decomposition.forms import SLIP, Form, Shapes, by_form, forms_of, shift_of, stacked
+from beamstiff.diagnosis.decomposition.forms import SLIP, Form, Shapes, by_form, forms_of, shift_of
 from beamstiff.diagnosis.decomposition.held_out import Folds, folds_of, interval, ordered
 from beamstiff.diagnosis.decomposition.look_alikes import rival_of, with_usual_name
-from beamstiff.diagnosis.decomposition.open_model import OpenModel, open_geometry, open_stiffness
+from beamstiff.diagnosis.decomposition.open_model import OpenModel, inverse_of, open_geometry, open_stiffness
 from beamstiff.diagnosis.decomposition.remainder import Remainder, remainder_of
 from beamstiff.diagnosis.decomposition.selection import (
     Choice,
@@ -213,14 +213,24 @@ def _more_than_noise(choice: Choice, model: OpenModel, nothing: Step) -> bool:
 
 
 def solved(model: OpenModel, chosen: Sequence[Form]) -> tuple[Array, Array]:
-    """Return the open parameters and those of the causes, (t + c,), and their covariance, noise as stated."""
-    matrix, seen = stacked(model, chosen)
-    size = np.linalg.norm(matrix, axis=0)
-    size = np.where(size > 0, size, 1.0)
-    left, values, right = np.linalg.svd(matrix / size, full_matrices=False)
-    kept = values > 1e-8 * values[0]
-    root = (right[kept].T / values[kept]) / size[:, None]
-    return root @ (left[:, kept].T @ seen), root @ root.T
+    """Return the open parameters and those of the causes, (t + c,), and their covariance, noise as stated.
+
+    The causes first, of what the open parameters leave: what is all but absorbed by these stays what is known
+    of it beforehand, however it is shared in the least squares solution of both.
+    """
+    choice = build_choice(model, chosen)
+    own = np.linalg.inv(choice.columns.T @ choice.columns + np.diag(choice.precision))
+    size = np.concatenate([np.ones(0), *(form.sizes for form in chosen)]) / choice.units
+    theta = own @ choice.pull / size
+    own = own / np.outer(size, size)
+    opened = inverse_of(model.tangent)
+    columns = np.concatenate([model.tangent[:, :0], *(form.columns for form in chosen)], axis=1)
+    toward = opened @ columns
+    change = opened @ model.residual - toward @ theta
+    covariance = np.block(
+        [[opened @ opened.T + toward @ own @ toward.T, -toward @ own], [-own @ toward.T, own]]
+    )
+    return np.concatenate([change, theta]), covariance
 
 
 def moved_by(model: OpenModel, chosen: Sequence[Form]) -> Array:

@@ -156,3 +156,10 @@ def orthonormal(columns: Array, beside: Array | None = None, least: float = INDE
         unit = unit - beside @ (beside.T @ unit)
     left, values, _ = np.linalg.svd(unit, full_matrices=False)
     return np.asarray(left[:, values > least])
+
+
+def inverse_of(columns: Array) -> Array:
+    """Return the inverse (c, n) of columns (n, c), of what of them is independent."""
+    size = np.linalg.norm(columns, axis=0)
+    size = np.where(size > 0, size, 1.0)
+    return np.asarray(np.linalg.pinv(columns / size, rcond=INDEPENDENT) / size[:, None])

@@ -106,14 +106,14 @@ class Step:
         Numbers of their forms.
     free : tuple of (c,) bool array
         Of each form, which parameters the fit uses; the others would be negative, which they cannot be.
-    basis : (n, c) array
-        Of the columns that are used, orthonormal together with what is known of their parameters beforehand.
+    columns : (n, c) array
+        That are used.
+    residual : (n,) array
+        That is fitted.
     triangle : (c, c) array
-        Columns from the basis.
+        Of Cholesky, upper: of ``G + D``.
     theta : (c,) array
         Parameters, per unit column.
-    left : (n,) array
-        What is left of the residual.
     squares : float
         Sum of squares that is left, with that of the parameters over their sizes.
     determined : float
@@ -123,13 +123,23 @@ class Step:
 
     chosen: tuple[int, ...]
     free: tuple[NDArray[np.bool_], ...]
-    basis: Array
+    columns: Array
+    residual: Array
     triangle: Array
     theta: Array
-    left: Array
     squares: float
     determined: float
     bic: float
+
+    @cached_property
+    def basis(self) -> Array:
+        """Columns (n, c), orthonormal together with what is known of their parameters beforehand."""
+        return np.asarray(solve_triangular(self.triangle, self.columns.T, trans="T").T)
+
+    @cached_property
+    def left(self) -> Array:
+        """What is left of the residual, (n,)."""
+        return np.asarray(self.residual - self.columns @ self.theta)
 
 
 def build_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
@@ -167,24 +177,25 @@ def build_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
 
 def fit_step(choice: Choice, chosen: Sequence[int]) -> Step:
     """Return the fit with some forms, in which no parameter is negative that cannot be."""
-    n = len(choice.residual)
     at = np.concatenate(
         [np.zeros(0, dtype=int), *(np.arange(len(choice.precision))[choice.at[k]] for k in chosen)]
     )
     sizes = np.cumsum([choice.at[k].stop - choice.at[k].start for k in chosen], dtype=int)
-    basis, triangle = _factor(choice, at)
-    determined = float((basis[:n] ** 2).sum())  # a sign that was left out is a choice too, and costs as much
-    free = _allowed(choice, chosen, at, sizes, triangle, basis[:n].T @ choice.residual)
+    columns, triangle, pull = _factor(choice, at)
+    known = np.linalg.inv(triangle) * np.sqrt(choice.precision[at])[:, None]
+    determined = float(
+        at.size - (known**2).sum()
+    )  # a sign that was left out is a choice too: it costs as much
+    free = _allowed(choice, chosen, at, sizes, triangle, pull)
     if not free.all():
-        basis, triangle = _factor(choice, at[free])
-    fitted = basis @ (basis[:n].T @ choice.residual)
-    left = choice.residual - fitted[:n]
-    squares = float(left @ left + fitted[n:] @ fitted[n:])
+        columns, triangle, pull = _factor(choice, at[free])
+    theta = np.asarray(np.linalg.solve(triangle, pull))
+    left = choice.residual - columns @ theta
+    squares = float(left @ left + choice.precision[at[free]] @ theta**2)
     prior = sum(choice.forms[number].log_prior for number in chosen)
     value = float(bic(squares, choice.open_count + determined, choice.count, prior))
     each = tuple(np.split(free, sizes[:-1])) if len(sizes) else ()
-    theta = np.asarray(np.linalg.solve(triangle, basis[:n].T @ choice.residual))
-    return Step(tuple(chosen), each, basis[:n], triangle, theta, left, squares, determined, value)
+    return Step(tuple(chosen), each, columns, choice.residual, triangle, theta, squares, determined, value)
 
 
 def _allowed(
@@ -213,11 +224,12 @@ def _allowed(
     return result
 
 
-def _factor(choice: Choice, at: Integers) -> tuple[Array, Array]:
-    """Return the QR factors of some columns with what is known of their parameters below them."""
-    known = np.diag(np.sqrt(choice.precision[at]))
-    basis, triangle = np.linalg.qr(np.concatenate([choice.columns[:, at], known]))
-    return np.asarray(basis), np.asarray(triangle)
+def _factor(choice: Choice, at: Integers) -> tuple[Array, Array, Array]:
+    """Return some columns (n, c), their triangle R (c, c) and ``R^-T X^T r`` (c,)."""
+    columns = choice.columns[:, at]
+    triangle = np.linalg.cholesky(columns.T @ columns + np.diag(choice.precision[at])).T
+    pull = solve_triangular(triangle, choice.pull[at], trans="T") if at.size else np.zeros(0)
+    return columns, np.asarray(triangle), np.asarray(pull)
 
 
 def forms_in(choice: Choice, step: Step) -> dict[int, Form]:

@@ -160,6 +160,12 @@ def compliance_quantities(rotation: float, translation: float) -> tuple[tuple[Qu
     return own(*turning), coupled(*turning), own(*sliding), coupled(*sliding)
 
 
+def coupling_quantity(a: int, b: int, size: float) -> Quantity:
+    """Return the entry that couples the slide along one axis with the rotation about another, 1/N."""
+    pair = (f"translational_compliance_{'xyz'[a]}", f"rotational_compliance_{'xyz'[b]}")
+    return Quantity(f"coupling_{'xyz'[a]}_r{'xyz'[b]}", "1/N", size, within=pair)
+
+
 def any_compliance(baseline: Baseline, place: Place) -> Array:
     """Return the displacements (N, 6, 21) of all unit symmetric compliances of a place."""
     return np.stack([by_compliance(baseline, place, [pair]) for pair in PAIRS], -1)
