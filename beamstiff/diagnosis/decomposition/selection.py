@@ -17,7 +17,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
-from scipy.optimize import lsq_linear
+from scipy.optimize import nnls
 
 from beamstiff.diagnosis.decomposition.forms import REPEATED, Form
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, orthonormal
@@ -202,7 +202,6 @@ def _allowed(
     choice: Choice, chosen: Sequence[int], at: Integers, ends: Integers, triangle: Array, pull: Array
 ) -> NDArray[np.bool_]:
     """Return which parameters (c,) a fit may use: 0 are those that would be negative, or give work away."""
-    least = np.where(choice.positive[at], 0.0, -np.inf)
     starts = np.concatenate([[0], ends]).astype(int)
     couplings = np.concatenate(
         [np.zeros((0, 3), dtype=int)]
@@ -211,17 +210,27 @@ def _allowed(
     used = np.arange(at.size)
     for _ in range(1 + len(couplings)):
         found = np.zeros(at.size)
-        found[used] = np.linalg.solve(triangle[:, used], pull) if used.size == at.size else 0.0
-        if used.size < at.size or (found < least).any():
-            found[used] = lsq_linear(triangle[:, used], pull, (least[used], np.inf), method="bvls").x
+        found[used] = _least_squares(triangle[:, used], pull, choice.positive[at[used]])
         value = found * choice.units[at]
         c, a, b = couplings.T
         wrong = couplings[value[c] ** 2 > value[a] * value[b], 0]
         used = np.setdiff1d(used, wrong)
         if not wrong.size:
             break
-    result: NDArray[np.bool_] = np.isin(np.arange(at.size), used) & (found > least)
+    result: NDArray[np.bool_] = np.isin(np.arange(at.size), used) & ((found > 0.0) | ~choice.positive[at])
     return result
+
+
+def _least_squares(matrix: Array, right: Array, positive: NDArray[np.bool_]) -> Array:
+    """Return parameters (c,) of which some cannot be negative; the others are eliminated first."""
+    basis, triangle = np.linalg.qr(matrix)
+    found = np.asarray(np.linalg.solve(triangle, basis.T @ right))
+    if (found[positive] < 0.0).any():
+        basis, triangle = np.linalg.qr(matrix[:, ~positive])
+        own = matrix[:, positive]
+        found[positive] = nnls(own - basis @ (basis.T @ own), right - basis @ (basis.T @ right))[0]
+        found[~positive] = np.linalg.solve(triangle, basis.T @ (right - own @ found[positive]))
+    return found
 
 
 def _factor(choice: Choice, at: Integers) -> tuple[Array, Array, Array]:
