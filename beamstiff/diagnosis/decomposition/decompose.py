@@ -181,9 +181,10 @@ def decompose(
         return _told(folds, select(folds.choice, folds.squared_errors), seed)
     model = open_geometry(robot, rows)
     choice = build_choice(model, forms_of(model, without))
-    if model.count < VALUES_A_PARAMETER * choice.open_count:
+    opened = choice.open_count + choice.drives
+    if model.count < VALUES_A_PARAMETER * opened:
         raise BeamstiffError(
-            f"{rows.source}: {model.count} measured values for {choice.open_count} open parameters of the "
+            f"{rows.source}: {model.count} measured values for {opened} open parameters of the "
             "geometry: measure more poses"
         )
     folds = folds_of(model, choice, seed)
@@ -208,7 +209,7 @@ def decompose(
 
 def _more_than_noise(choice: Choice, model: OpenModel, nothing: Step) -> bool:
     """Return whether the open model without a cause leaves more than stated noise would by chance."""
-    freedom = len(model.residual) - choice.open_count
+    freedom = len(model.residual) - choice.open_count - nothing.determined
     return not model.baseline.claimed or bool(stats.chi2.sf(nothing.squares, freedom) < CHANCE)
 
 
@@ -219,13 +220,17 @@ def solved(model: OpenModel, chosen: Sequence[Form]) -> tuple[Array, Array]:
     of it beforehand, however it is shared in the least squares solution of both.
     """
     choice = build_choice(model, chosen)
-    own = np.linalg.inv(choice.columns.T @ choice.columns + np.diag(choice.precision))
-    size = np.concatenate([np.ones(0), *(form.sizes for form in chosen)]) / choice.units
-    theta = own @ choice.pull / size
-    own = own / np.outer(size, size)
-    opened = inverse_of(model.tangent)
-    columns = np.concatenate([model.tangent[:, :0], *(form.columns for form in chosen)], axis=1)
-    toward = opened @ columns
+    step = fit_step(choice, range(len(chosen)))
+    used = np.concatenate([step.drives, *step.free])
+    size = np.concatenate([np.ones(choice.drives), *(form.sizes for form in chosen)]) / choice.units
+    theta, own = np.zeros(used.size), np.zeros((used.size, used.size))
+    theta[used] = step.theta
+    root = np.linalg.inv(step.triangle)
+    own[np.ix_(used, used)] = root @ root.T
+    theta, own = theta / size, own / np.outer(size, size)
+    theta[: choice.drives] -= model.present
+    opened = inverse_of(model.geometry)
+    toward = opened @ np.concatenate([model.drives, *(form.columns for form in chosen)], axis=1)
     change = opened @ model.residual - toward @ theta
     covariance = np.block(
         [[opened @ opened.T + toward @ own @ toward.T, -toward @ own], [-own @ toward.T, own]]
@@ -274,7 +279,7 @@ def _told(folds: Folds, step: Step, seed: int) -> Decomposition:
         model=model,
         causes=tuple(cause for cause in causes if cause.named),
         unclear=tuple(cause for cause in causes if not cause.named),
-        remainder=remainder_of(model, forms, noise2, total, folds.rows),
+        remainder=remainder_of(model, forms, theta, noise2, total, folds.rows),
         rms=float(np.sqrt(total / folds.rows)),
         noise=float(np.sqrt(noise2 / folds.rows)),
         change=theta[:opened],

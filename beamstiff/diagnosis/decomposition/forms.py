@@ -10,6 +10,7 @@ import numpy as np
 
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
 from beamstiff.diagnosis.effects import EFFECTS, Shape
+from beamstiff.diagnosis.effects.torque_laws import turning_drives
 from beamstiff.diagnosis.inference.library import key_of
 from beamstiff.fem.geometry import SHORTEST
 from beamstiff.measure.arrays import Integers
@@ -20,7 +21,8 @@ MOST_PARAMETERS = 20  # of a form: freer ones explain whatever is left
 SERIES, SLIP = "angle-curve", "target-slip"
 REPEATED = (SERIES, SLIP)  # whose forms may stand beside one another: orders of a curve, moments of a slip
 COMPLIANCE_UNITS = ("rad/(N*m)", "rad/N", "m/N", "1/N", "1/(N*m^2)")
-UNKNOWN_SCALE = 1e3  # of compliances: a service robot's are as many times an industrial one's
+# of compliances, where no drive says how stiff the machine is: a service robot's are many times a heavy one's
+UNKNOWN_SCALE = 1e3
 # what a calibration beside it takes up, or finds by itself
 OF_GEOMETRY = ("geometry-error", "frame-misalignment", "tool-offset")
 
@@ -40,6 +42,8 @@ class Form:
         In units of the noise, of realistic sizes.
     log_prior : float
         Of this form among those of its cause.
+    compliance_scale : float
+        By which compliances may be larger than realistic ones.
     """
 
     effect: str
@@ -47,6 +51,7 @@ class Form:
     shape: Shape
     columns: Array
     log_prior: float
+    compliance_scale: float = 1.0
 
     @property
     def key(self) -> str:
@@ -62,7 +67,7 @@ class Form:
     def prior_std(self) -> Array:
         """Standard deviation of each parameter before the data, in realistic sizes, (c,)."""
         compliant = np.array([quantity.unit in COMPLIANCE_UNITS for quantity in self.shape.parameters])
-        return np.where(compliant, UNKNOWN_SCALE * self.shape.prior_factor, self.shape.prior_factor)
+        return np.where(compliant, self.compliance_scale, 1.0) * self.shape.prior_factor
 
     @cached_property
     def couplings(self) -> Integers:
@@ -142,8 +147,9 @@ def _weighed(
         np.concatenate([s.columns * z for s, z in zip(shapes, sizes, strict=True)], axis=-1)
     )
     parts = np.split(every, np.cumsum([z.size for z in sizes])[:-1], axis=1)
+    scale = 1.0 if turning_drives(model.given) else UNKNOWN_SCALE
     return [
-        Form(effect, component, shape, part, float(np.log(shape.weight / total)))
+        Form(effect, component, shape, part, float(np.log(shape.weight / total)), scale)
         for shape, part in zip(shapes, parts, strict=True)
         if np.abs(part).max(initial=0.0) > 0
     ]

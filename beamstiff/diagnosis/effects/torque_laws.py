@@ -255,14 +255,18 @@ def softness(baseline: Baseline) -> float:
     Realistic sizes of compliances are those of a heavy robot times this: what is usual of a small arm would
     not be believed of a large one.
     """
-    robot = baseline.nominal
+    finite = turning_drives(baseline.nominal)
+    return HEAVY / max(finite) if finite else 1.0
+
+
+def turning_drives(robot: Robot) -> list[float]:
+    """Return the finite stiffness of a robot's turning drives, N m/rad."""
     own = [
         joint.stiffness.torsional
         for joint in robot.joints
         if joint.variable is not None and own_direction(robot, joint.name) == "torsional"
     ]
-    finite = [value for value in own if FREE < value < RIGID]
-    return HEAVY / max(finite) if finite else 1.0
+    return [value for value in own if FREE < value < RIGID]
 
 
 def unit_of(axis: Axis) -> str:
