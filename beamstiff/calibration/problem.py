@@ -8,12 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from beamstiff.calibration.elastic import Elastic
+from beamstiff.calibration.elastic import Elastic, build_elastic
 from beamstiff.calibration.error_jacobian import Geometry, Indices, Placed
 from beamstiff.calibration.parameters import Parameter
 from beamstiff.errors import BeamstiffError, suggest
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements
+from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 
 POSITION_NOISE, ROTATION_NOISE = 3e-5, 5e-5  # m, rad: where a table says none, to begin with
@@ -91,15 +92,32 @@ class Problem:
         moved = self.elastic.displacement(compliance) if deformed else None
         placed, jacobian = self.geometry.jacobian(geometry, moved)
         if compliance.size:
-            turn = self.geometry.turn(geometry)
-            columns = self.elastic.columns(compliance)
-            moved = np.concatenate([turn @ columns[:, :3], turn @ columns[:, 3:]], axis=1)
+            moved = _turned(self.elastic.columns(compliance), self.geometry.turn(geometry))
             jacobian = np.concatenate([jacobian, moved], axis=2)
         weighed = (jacobian / self.sigma[:, :, None])[self.used]
         known = np.flatnonzero(np.isfinite(self.prior))
         priors = np.zeros((known.size, len(self.parameters)))
         priors[np.arange(known.size), known] = 1.0 / self.prior[known]
         return self._weighed(self.gap_from(placed), theta), np.concatenate([weighed, priors])
+
+    def ahead(self, robot: Robot, rows: Measurements) -> Array:
+        """Return what a unit of each parameter adds to other rows, measured or not, (R, 6, t).
+
+        Parameters
+        ----------
+        robot : Robot
+            That was linearised about; what it gives way there counts in no geometry.
+        rows : Measurements
+            Read at points that the problem knows.
+        """
+        poses, pose = np.unique(rows.q, axis=0, return_inverse=True)
+        there = replace(self.geometry, rows=rows, poses=poses, pose=pose.reshape(-1))
+        geometry, compliance = self.split(self.expected)
+        elastic = build_elastic(robot, rows, self.elastic.names)
+        columns = there.jacobian(geometry, elastic.displacement(compliance))[1]
+        if not compliance.size:
+            return columns
+        return np.concatenate([columns, _turned(elastic.columns(compliance), there.turn(geometry))], axis=2)
 
     def some(self, chosen: ArrayLike) -> Problem:
         """Return the problem of some rows: a mask, or indices."""
@@ -118,6 +136,11 @@ class Problem:
             used=self.used[at],
             sigma=self.sigma[at],
         )
+
+
+def _turned(columns: Array, turn: Array) -> Array:
+    """Return columns (N, 6, c) in the measuring frame."""
+    return np.concatenate([turn @ columns[:, :3], turn @ columns[:, 3:]], axis=1)
 
 
 def build_problem(

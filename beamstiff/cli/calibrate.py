@@ -66,6 +66,10 @@ def calibrate(
     test: list[str] | None = option("CSV", "Readings to test the calibrated robot on; repeatable."),
     out: str | None = option("FILE", "Write the calibrated robot as YAML."),
     readings: str | None = option("CSV", "Write the readings in the base frame found, for diagnose."),
+    apply_to: list[str] | None = option(
+        "CSV=CSV",
+        "Write another table, which is not fitted, in the base frame found: fresh.csv=moved.csv; repeatable.",
+    ),
     sensitivity: str | None = option("FILE", "Draw how far each parameter moves and turns the tool."),
     recursion: str | None = option("FILE", "Draw the residual, pose after pose counted in."),
     figure: str | None = option("FILE", "Draw errors and changes, before and after (.png, .svg or .pdf)."),
@@ -98,11 +102,18 @@ def calibrate(
 
     file = robot_file(robot)
     drawings: dict[str, Any] = {"figure": figure, "sensitivity": sensitivity, "recursion": recursion}
-    inputs: list[str | Path] = [file, *data, *(test or ())]
+    moved = parse_pairs(apply_to or ())
+    if moved and stations:
+        raise BeamstiffError(
+            "--apply-to: beside --stations it is not said where the robot stood; leave one out"
+        )
+    inputs: list[str | Path] = [file, *data, *(test or ()), *(source for source, _ in moved)]
+    drawings |= {f"apply_to_{number}": path for number, (_, path) in enumerate(moved, 1)}
     outputs = Outputs(inputs, json, quiet, out=out, readings=readings, html=html, **drawings)
     machine = as_robot(file, assembly=assembly)
     refuse_fitted(test or (), data)
     tables = as_tables(data, machine)
+    others = [as_tables(source, machine, what="--apply-to")[0] for source, _ in moved]
     with working(f"calibrating from {sum(map(len, tables))} rows", quiet):
         found = run(
             machine,
@@ -129,6 +140,8 @@ def calibrate(
         )
     if readings is not None:
         write_output(readings, measurements_to_csv(in_base_frame(found, found.rows), machine))
+    for (_, path), table in zip(moved, others, strict=True):
+        write_output(path, measurements_to_csv(in_base_frame(found, table), machine))
     statement = found.statement
     outputs.draw("sensitivity", lambda: draw_sensitivity(statement, machine.name))
     outputs.draw("recursion", lambda: draw_recursion(statement, machine.name))
@@ -145,6 +158,15 @@ def parse_priors(texts: Sequence[str]) -> dict[str, list[str]]:
             raise BeamstiffError(f"--prior: found {text!r}, expected NAME=STD such as f3.d=0.2mm")
         result.setdefault(name, []).append(value)
     return result
+
+
+def parse_pairs(texts: Sequence[str]) -> list[tuple[str, str]]:
+    """Return tables and where they are to be written, from texts such as ``"fresh.csv=moved.csv"``."""
+    pairs = [text.partition("=") for text in texts]
+    for text, (source, _, path) in zip(texts, pairs, strict=True):
+        if not (source.strip() and path.strip()):
+            raise BeamstiffError(f"--apply-to: found {text!r}, expected CSV=CSV such as fresh.csv=moved.csv")
+    return [(source.strip(), path.strip()) for source, _, path in pairs]
 
 
 def draw_sensitivity(statement: Statement, name: str) -> Figure:

@@ -16,6 +16,7 @@ from beamstiff.cli.options import (
     RobotFile,
     option,
     parse_names,
+    parse_quantity,
     robot_file,
 )
 from beamstiff.cli.output import Outputs, working
@@ -47,10 +48,13 @@ def compare(
         "Stiffness values that are fitted, and may vary; default: what the robot lists under `identify`.",
     ),
     share: float = option("X", "Share of the poses to hold out.", 0.25),
-    fit_load: float | None = option(
-        "N", "Fit to rows of this load alone, hold all others out; default: hold the largest load out."
+    fit_load: str | None = option(
+        "LOAD",
+        "Fit to rows of this load alone, such as 900N, hold all others out; default: hold the largest out.",
     ),
-    cube: float | None = option("MM", "Side of the grid's cubes, mm; default a third of the workspace."),
+    cube: str | None = option(
+        "LENGTH", "Side of the grid's cubes, with its unit: 300mm; default a third of the workspace."
+    ),
     seed: int = option("N", "Of all that is drawn at random.", 0),
     assembly: Assembly = None,
     json: Json = None,
@@ -71,8 +75,8 @@ def compare(
     \b
     Examples:
       beamstiff compare robot.yaml data.csv --figure errors.png --html report.html
-      beamstiff compare ir663 data.csv --fit-load 900 --rules rules.png
-      beamstiff compare kr500 data.csv --models parametric,grid --cube 300
+      beamstiff compare ir663 data.csv --fit-load 900N --rules rules.png
+      beamstiff compare kr500 data.csv --models parametric,grid --cube 300mm
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
     from beamstiff.functions.compare import compare as run
     from beamstiff.functions.robots import as_robot
@@ -80,8 +84,8 @@ def compare(
     from beamstiff.report.compare import loads_table, models_figure, models_table, models_text
 
     names = parse_names(models, "--models")
-    if cube is not None and not 0 < cube < float("inf"):
-        raise BeamstiffError(f"--cube: found {cube}, expected a length in mm above 0")
+    side = None if cube is None else side_of(cube)
+    load = None if fit_load is None else load_of(fit_load)
     if rules is not None and names is not None and "fuzzy" not in names:
         raise BeamstiffError("--rules: expected fuzzy among the models")
     machine = as_robot(robot, assembly=assembly)
@@ -96,8 +100,8 @@ def compare(
             parse_names(parameters),
             models=names,
             share=share,
-            fit_load=fit_load,
-            cube=None if cube is None else 1e-3 * cube,
+            fit_load=load,
+            cube=side,
             seed=seed,
         )
     tables = (
@@ -108,6 +112,21 @@ def compare(
     outputs.draw("figure", lambda: models_figure(found, machine.name))
     outputs.draw("rules", lambda: _draw_rules(found, machine))
     outputs.page("comparison", found, machine)
+
+
+def side_of(text: str) -> float:
+    """Return the side of a cube, m, of a text with its unit."""
+    if text.replace(".", "", 1).strip().isdigit():
+        raise BeamstiffError(f"--cube: found {text!r}, expected a length with its unit, such as 300mm")
+    side = parse_quantity("--cube", text, "length")
+    if side <= 0:
+        raise BeamstiffError(f"--cube: found {text!r}, expected a length above 0")
+    return side
+
+
+def load_of(text: str) -> float:
+    """Return a load, N or N m; a plain number is in SI already."""
+    return parse_quantity("--fit-load", text, "moment" if "m" in text else "force")
 
 
 def _draw_rules(found: Models, machine: Robot) -> Figure:

@@ -16,6 +16,7 @@ from scipy.optimize import lsq_linear
 from beamstiff.diagnosis.added_effect import added_effect, needed_scales
 from beamstiff.diagnosis.decomposition.applied import applied
 from beamstiff.diagnosis.effects import EFFECTS, Normalisation, Shape
+from beamstiff.diagnosis.effects.effect import LARGEST
 from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR, Baseline, fit_baseline, predict
 from beamstiff.errors import BeamstiffError, listed, shown, suggest
 from beamstiff.identification.whitening import whitening
@@ -35,8 +36,6 @@ POSITIVE = (
     *("seats_radius", "seats_force"),
 )  # scales that divide
 SAMPLES = 50  # postures tried, of which a few that close show what an effect is called
-# beyond which no machine is: SI typed for mm, a missing exponent
-LARGEST = {"rad": 1.0, "m": 1.0, "rad/(N*m)": 0.1, "m/N": 0.01}
 
 
 class EffectError(BeamstiffError):

@@ -18,9 +18,11 @@ from beamstiff.diagnosis.decomposition.selection import build_choice, select
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.held_out.prediction import HeldOutError
 from beamstiff.diagnosis.inference.library import Untestable
+from beamstiff.diagnosis.next_measurement.between_causes import propose_between
+from beamstiff.diagnosis.next_measurement.test_plan import as_plain
 from beamstiff.diagnosis.residual.baseline import fit_baseline
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
-from beamstiff.errors import BeamstiffError
+from beamstiff.errors import BeamstiffError, optional
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 
@@ -79,6 +81,16 @@ def diagnosis_of(found: Decomposition, notes: tuple[str, ...] = ()) -> Diagnosis
         features={"scatter": found.scatter, "bic": found.bic, "closes": found.closes},
         decomposition=found,
     )
+
+
+def with_next(result: Diagnosis, seed: int) -> Diagnosis:
+    """Return a diagnosis with the states that would tell its several causes from others best."""
+    found, left_out, test_plan = result.decomposition, list[str](), None
+    if found is None:
+        return result
+    with optional("what to measure next", left_out.append):
+        test_plan = propose_between(found, seed)
+    return replace(result, next=as_plain(test_plan), notes=(*result.notes, *left_out))
 
 
 def estimates_of_cause(cause: Cause) -> tuple[Estimate, ...]:

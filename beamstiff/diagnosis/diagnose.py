@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 from beamstiff.diagnosis.decision.attribution import attribute, ceiling, shares
 from beamstiff.diagnosis.decision.verdict import SECOND, Judged, judge, larger_first
 from beamstiff.diagnosis.decision.where import where
-from beamstiff.diagnosis.decomposed import beside_calibration, diagnosis_of
+from beamstiff.diagnosis.decomposed import beside_calibration, diagnosis_of, with_next
 from beamstiff.diagnosis.decomposition.decompose import Decomposition, decompose
 from beamstiff.diagnosis.decomposition.held_out import FOLDS
 from beamstiff.diagnosis.held_out.explained import explanations
@@ -27,7 +27,7 @@ from beamstiff.diagnosis.held_out.prediction import (
 )
 from beamstiff.diagnosis.inference.component_subspaces import ComponentSubspace, component_subspaces
 from beamstiff.diagnosis.inference.evidence import NoisePrior, detection
-from beamstiff.diagnosis.inference.library import Library, build_library, seen_by
+from beamstiff.diagnosis.inference.library import Library, build_library, by_candidate, seen_by
 from beamstiff.diagnosis.inference.linearised import TURNS, beside_the_cause
 from beamstiff.diagnosis.inference.noise_scale import noise_prior_of, scale_after
 from beamstiff.diagnosis.inference.pair_evidence import Pair
@@ -90,7 +90,7 @@ def _diagnose(robot: Robot, measurements: Measurements, without: Sequence[str], 
     require_usable(measurements)
     every = counted_once(measurements)
     rows = in_runs(every, MOST_ROWS)
-    found = _of_rows(robot, rows, without, seed)
+    found = with_next(_of_rows(robot, rows, without, seed), seed)
     if len(rows) == len(every):
         return found
     sample = f"{len(rows)} of {len(every)} rows are diagnosed: ten runs of postures, spread over the table"
@@ -104,24 +104,29 @@ def _of_rows(robot: Robot, rows: Measurements, without: Sequence[str], seed: int
         return beside
     baseline, library, screened = _screened(robot, rows, without)
     # what a table states of its noise is left as it is: rows that a crowd moves look as noisy as anything
-    several = _decomposed(robot, baseline if baseline.claimed else screened.baseline, without, seed)
+    stated = baseline if baseline.claimed else screened.baseline
+    several = _decomposed(robot, stated, library, without, seed)
     if several is not None and len(several.causes) >= CROWD:
         white = whiten(screened.baseline, screened.used)
         return diagnosis_of(several, tuple(notes(screened, white, several.causes[0].key, several.scatter)))
     found = _weighed_one_by_one(library, screened, without, seed)
     if found.verdict.effect != "unknown" or several is None:
         return found  # one cause of the library was weighed in all its forms, and is not it
-    return replace(diagnosis_of(several, found.notes), next=found.next)
+    return diagnosis_of(several, found.notes)
 
 
-def _decomposed(robot: Robot, baseline: Baseline, without: Sequence[str], seed: int) -> Decomposition | None:
+def _decomposed(
+    robot: Robot, baseline: Baseline, library: Library, without: Sequence[str], seed: int
+) -> Decomposition | None:
     """Return several causes of displacements, where one is the main one and they leave hardly more.
 
     Of fewer postures than folds those that are held out tell too little.
     """
     if baseline.absolute or np.unique(baseline.rows.pose).size < FOLDS:
         return None
-    found = decompose(robot, baseline.rows, without=without, seed=seed, baseline=baseline)
+    at = by_candidate(library.hypotheses)
+    known = {key: [library.hypotheses[k].shape for k in places] for key, places in at.items()}
+    found = decompose(robot, baseline.rows, without=without, seed=seed, baseline=baseline, known=known)
     several = len(found.causes) + len(found.unclear) > 1
     return found if several and found.verdict is not None and found.remainder.share <= LEFT else None
 

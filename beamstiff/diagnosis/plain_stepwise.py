@@ -175,6 +175,7 @@ def _told(model: OpenModel, chosen: Sequence[Form], squares: Sequence[float]) ->
             closes_interval=(closes, closes),
             rms_after=rms(at + 1),
             indistinguishable=(),
+            rivals=(),
         )
     last = len(chosen)
     scatter = rms(last) / np.sqrt(noise2)

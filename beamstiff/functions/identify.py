@@ -88,7 +88,8 @@ def identify(
     components : "position", "rotation" or "both"
         Which readings count; each by its noise.
     errors : InputErrors, optional
-        Of the loads and of the joint values in the table: they add to the noise of the readings.
+        Of the loads and of the joint values in the table: they add to the noise of the readings;
+        default what the tables say (``sigma_load``).
     folds : int
         Folds of the held-out errors; 0 for none.
     bootstrap : int
@@ -131,6 +132,9 @@ def identify(
         notes.append("one search is one process: only bootstrap and searches are spread")
     tables = as_tables(data, machine)
     doubts = doubts_of(machine, tables)
+    rows = counted_once(concatenate(tables))
+    if errors is None and rows.sigma_load is not None:
+        errors = InputErrors(load=rows.sigma_load)
     names = names_of("parameters", parameters)
     if names is None and not machine.identify:
         names = list(fitted_names(machine)) or None
@@ -147,7 +151,7 @@ def identify(
     }
     effort = Effort(evaluations, seed, population, searches, processes, scheduler)
     with doubted(doubts):
-        bare, rows = without_effects(machine, counted_once(concatenate(tables)))
+        bare, rows = without_effects(machine, rows)
         found = fit(bare, rows, method=method, folds=folds, effort=effort, progress=progress, **said)
     drawn: Bootstrap | None = None
     reduced: Reduced | None = None

@@ -1,4 +1,4 @@
-"""`predict`: the displacement that the model predicts for each row of a table of postures and loads."""
+"""`predict`: the displacement, or position, that the model predicts for each row of a table."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 
 from beamstiff.diagnosis.apply import effects_displacement
+from beamstiff.diagnosis.residual.baseline import nominal_pose
+from beamstiff.diagnosis.residual.baseline import predict as predict_rows
 from beamstiff.functions.robots import as_robot
 from beamstiff.measure.coerce import DataLike, as_tables, doubted, doubts_of
 from beamstiff.measure.rows import concatenate
@@ -16,7 +18,7 @@ from beamstiff.model.linear import predict_displacements, preload_notes
 from beamstiff.robot.coerce import RobotLike
 from beamstiff.robot.description import Robot
 from beamstiff.robot.stiffness import check_stiffness
-from beamstiff.se3 import Array
+from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 from beamstiff.shown import Shown
 
 
@@ -30,10 +32,13 @@ class Prediction(Shown):
     rows : Measurements
         Postures and loads; where they hold measured displacements, these are compared.
     displacement : (N, 6) array, m and rad
-        Loaded minus unloaded, base frame.
+        Loaded minus unloaded, base frame. Of absolute rows: off the undeformed machine, under its own weight,
+        payload and load.
     preload : bool
         Whether gravity, payload and the load stiffen or soften the machine.
     notes : tuple of str
+    pose : (N, 6) array or None, m and rad
+        Of absolute rows: position of the point read and rotation vector of the TCP, base frame.
     """
 
     robot: Robot
@@ -41,24 +46,31 @@ class Prediction(Shown):
     displacement: Array
     preload: bool
     notes: tuple[str, ...] = ()
+    pose: Array | None = None
 
     @property
     def gap(self) -> Array:
         """Norm of measured less predicted position of every row, (N,), m; NaN where none was measured."""
-        known = self.rows.measured_mask[:, :3] & (self.rows.kind == "displacement")
-        gap = np.where(known, self.rows.displacement[:, :3] - self.displacement[:, :3], 0.0)
+        known = self.rows.measured_mask[:, :3]
+        if self.pose is None:
+            gap = np.where(known, self.rows.displacement[:, :3] - self.displacement[:, :3], 0.0)
+        else:
+            gap = np.where(known, self.rows.position - self.pose[:, :3], 0.0)
         return np.asarray(np.where(known.any(axis=1), np.linalg.norm(gap, axis=1), np.nan))
 
     def to_measurements(self) -> Measurements:
-        """Return the rows with the predicted displacements as those measured."""
+        """Return the rows with the predicted displacements, or poses, as those measured."""
         rows = self.rows
-        how = "predicted by beamstiff" + (" with --preload" if self.preload else "")
+        pose, turned = self.pose, rows.measured_mask[:, 3:].any()
+        how = "predicted by beamstiff" + (" with --preload" if self.preload and pose is None else "")
         return make_measurements(
             rows.variables,
             rows.q,
             tcp=self.robot.tcp,
             wrench=rows.wrench,
-            displacement=self.displacement,
+            displacement=self.displacement if pose is None else None,
+            position=None if pose is None else pose[:, :3],
+            rotation=pose[:, 3:] if pose is not None and turned else None,
             point=rows.point,
             load_point=rows.load_point,
             pose=rows.pose,
@@ -72,11 +84,15 @@ class Prediction(Shown):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON: m and rad, a row each."""
-        return {"displacement": self.displacement.tolist()}
+        pose = {} if self.pose is None else {"pose": self.pose.tolist()}
+        return {"displacement": self.displacement.tolist(), **pose}
 
 
 def predict(robot: RobotLike, data: DataLike, *, preload: bool = False) -> Prediction:
     """Predict the displacement of each row of a table of postures and loads.
+
+    Of absolute rows (x y z) it predicts where the points are, in the base frame: under the machine's own
+    weight, payload and load, each with the stiffness that these leave.
 
     Parameters
     ----------
@@ -109,6 +125,9 @@ def predict(robot: RobotLike, data: DataLike, *, preload: bool = False) -> Predi
     tables = as_tables(data, machine, require_measured=False)
     doubts = doubts_of(machine, tables)
     rows = concatenate(tables)
+    if rows.kind == "absolute":
+        with doubted(doubts):
+            return _positions(machine, rows, tuple(doubts))
     with doubted(doubts):
         moved = predict_displacements(machine, rows, preload)
         if preload:
@@ -116,3 +135,11 @@ def predict(robot: RobotLike, data: DataLike, *, preload: bool = False) -> Predi
         if machine.effects:
             moved = moved + effects_displacement(machine, replace(rows, kind="displacement"))
     return Prediction(machine, rows, moved, preload, tuple(doubts))
+
+
+def _positions(robot: Robot, rows: Measurements, notes: tuple[str, ...]) -> Prediction:
+    moved = predict_rows(robot, rows)
+    position, rotation = nominal_pose(robot, rows)
+    turned = vector_from_rotation(rotation_from_vector(moved[:, 3:]) @ rotation)
+    pose = np.concatenate([position + moved[:, :3], turned], axis=1)
+    return Prediction(robot, rows, moved, True, notes, pose)

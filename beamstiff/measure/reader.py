@@ -138,6 +138,7 @@ def parse_measurements(
         sigma=stack([f"sigma_{column}" for column in MEASURED[kind]], np.nan),
         sigma_position=_sigma("sigma_position", "length", raw),
         sigma_rotation=_sigma("sigma_rotation", "angle", raw),
+        sigma_load=_sigma("sigma_load", "force", raw),
         point=nodes.get("point"),
         load_point=nodes.get("load_point"),
         pose=_poses(cells["pose"], q, actuated, raw) if "pose" in cells else None,

@@ -86,7 +86,7 @@ def concatenate(tables: Sequence[Measurements]) -> Measurements:
         raise BeamstiffError("found no table of measurements, expected at least one")
     first = tables[0]
     for other in tables[1:]:
-        for name in ("variables", "kind", "shared_unloaded", "continuous"):
+        for name in ("variables", "kind", "shared_unloaded", "continuous", "sigma_load"):
             a, b = getattr(first, name), getattr(other, name)
             if a != b:
                 raise BeamstiffError(

@@ -77,6 +77,8 @@ class Measurements:
         them.
     region : three pairs, m, or None
         Least and largest x, y and z of the TCP where it can be measured; None: not said.
+    sigma_load : float or None, N
+        Standard deviation of the size of each load; `identify` counts it in.
     """
 
     variables: tuple[str, ...]
@@ -103,6 +105,7 @@ class Measurements:
     sources: tuple[str, ...]
     units: Mapping[str, str] = field(default_factory=dict)
     region: tuple[tuple[float, float], ...] | None = None
+    sigma_load: float | None = None
 
     def __len__(self) -> int:
         return len(self.q)
@@ -168,6 +171,7 @@ def make_measurements(
     sigma: ArrayLike | None = None,
     sigma_position: float | None = None,
     sigma_rotation: float | None = None,
+    sigma_load: float | None = None,
     point: ArrayLike | None = None,
     load_point: ArrayLike | None = None,
     pose: ArrayLike | None = None,
@@ -270,4 +274,5 @@ def make_measurements(
         metadata=dict(metadata or {}),
         sources=(source,),
         units=dict(units or {}),
+        sigma_load=None if sigma_load is None else positive(sigma_load, f"{source}: sigma_load"),
     )

@@ -10,7 +10,15 @@ from typing import NoReturn
 from beamstiff.errors import BeamstiffError, shown
 from beamstiff.measure.columns import fail
 
-METADATA = ("sigma_position", "sigma_rotation", "unloaded_reading", "history", "orientation", "decimal")
+METADATA = (
+    "sigma_position",
+    "sigma_rotation",
+    "sigma_load",
+    "unloaded_reading",
+    "history",
+    "orientation",
+    "decimal",
+)
 SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab"}
 _KEY_VALUE = re.compile(r"(?P<key>[A-Za-z_][\w .-]{0,59}?)\s*:\s*(?P<value>.*)", re.ASCII)
 

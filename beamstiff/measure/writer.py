@@ -162,6 +162,8 @@ def _metadata(measurements: Measurements) -> Iterator[str]:
             short = f"{sigma * 1e3:.15g} mm"
             exact = unit == "mm" and quantity(short, "length") == sigma
             yield f"{key}: {short}" if exact else f"{key}: {sigma!r} {'m' if unit == 'mm' else unit}"
+    if measurements.sigma_load is not None:
+        yield f"sigma_load: {measurements.sigma_load!r} N"
     if (np.linalg.norm(measurements.rotation, axis=1) > np.pi).any():
         yield "orientation: rotation vector"  # else refused: probably Euler angles
     if measurements.shared_unloaded:

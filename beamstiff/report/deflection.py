@@ -17,7 +17,9 @@ UNITS = ("mm",) * 3 + ("mrad",) * 3
 def deflection_table(found: Prediction) -> Table:
     """Return a table of the displacement of every row, beside what was measured of it."""
     rows = found.rows
-    seen = rows.measured_mask & (rows.kind == "displacement")
+    if found.pose is not None:
+        return _positions_table(found, found.pose)
+    seen = rows.measured_mask
     compared = np.flatnonzero(seen.any(axis=0)).tolist()
     columns = [f"{name} [{unit}]" for name, unit in zip(DISPLACEMENT, UNITS, strict=True)]
     title = f"{found.robot.name}: predicted displacement, loaded minus unloaded, base frame"
@@ -38,16 +40,44 @@ def deflection_table(found: Prediction) -> Table:
     return result
 
 
+def _positions_table(found: Prediction, pose: Array) -> Table:
+    """Return a table of where every row's point is predicted, and what was measured."""
+    rows = found.rows
+    compared = np.flatnonzero(rows.measured_mask[:, :3].any(axis=0)).tolist()
+    columns = [f"{axis} [mm]" for axis in "xyz"]
+    sag = [f"{name} [mm]" for name in DISPLACEMENT[:3]]
+    title = (
+        f"{found.robot.name}: predicted position, base frame, and how far it is off the undeformed machine"
+    )
+    result = table(title, "line", *columns, *sag, *(f"measured {columns[at]}" for at in compared))
+    placed, moved, seen = 1e3 * pose[:, :3], 1e3 * without_rounding(found.displacement), 1e3 * rows.position
+    add_rows(
+        result,
+        (
+            [
+                str(line),
+                *(f"{value:.3f}" for value in placed[row]),
+                *map(number, moved[row, :3]),
+                *("" if np.isnan(seen[row, at]) else f"{seen[row, at]:.3f}" for at in compared),
+            ]
+            for row, line in enumerate(rows.rows.tolist())
+        ),
+    )
+    return result
+
+
 def deflection_text(found: Prediction) -> list[str]:
     """Return sentences: the gap between measured and predicted positions, and effects that are in it."""
     said = []
-    rows, gap = found.rows, 1e3 * found.gap[np.isfinite(found.gap)]
-    if rows.kind == "absolute" and rows.measured_mask.any():
-        said.append("Its positions (x y z) are not compared: `beamstiff diagnose` and `calibrate` take them.")
-    elif gap.size:
+    gap = 1e3 * found.gap[np.isfinite(found.gap)]
+    if gap.size:
         said.append(
             f"Gap between measured and predicted position: RMS {number(np.sqrt((gap**2).mean()))} mm, "
             f"at most {number(gap.max())} mm, over {gap.size} rows."
+        )
+    if found.pose is not None and gap.size:
+        said.append(
+            "Readings in a frame of the tracker's own: `beamstiff verify --refit-frame` fits it first."
         )
     if found.robot.effects:
         said.append(f"With the robot's effects: {effects_text(found.robot.effects)}.")

@@ -337,8 +337,9 @@ def proposed(result: Diagnosis) -> str:
     told: dict[str, float] = {}
     for item in result.next:
         told[item["point"]] = told.get(item["point"], 0.0) + item["discrimination"]
-    states = f"{counted(len(result.next) // len(told), 'state')} that would tell most"
-    tcp = told.pop(result.baseline.nominal.tcp)
+    what = "tell most" if any(item["separates"] for item in result.next) else "bound the sizes best"
+    states = f"{counted(len(result.next) // len(told), 'state')} that would {what}"
+    tcp = told.pop(next(iter(told)))  # one point, or the TCP and another
     for node, there in told.items():
         times = f"{there / tcp:.0f} times as much" if there < 1e3 * tcp else "what the TCP does not"
         near = [joint.name for joint in result.baseline.nominal.joints if node in joint.nodes]

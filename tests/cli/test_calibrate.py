@@ -95,6 +95,23 @@ def test_the_tracker_may_stand_anywhere_and_readings_come_out_in_the_base_frame(
     assert facts["held_out"] is None
 
 
+def test_a_table_that_is_not_fitted_is_moved_into_the_base_frame_found(
+    run: Run, succeed: Run, folder: Path, arm: str
+) -> None:
+    robot = load_robot(folder / arm)
+    away = np.array([5.0, -3.0, 0.2])
+    for name in ("poses", "fresh"):
+        rows = read_measurements(folder / f"{name}.csv", robot)
+        write_measurements(replace(rows, position=rows.position + away), folder / f"{name}-away.csv", robot)
+    succeed("calibrate", arm, "poses-away.csv", "--folds", "0", "--apply-to", "fresh-away.csv=back.csv")
+    back = read_measurements(folder / "back.csv", robot)
+    there = read_measurements(folder / "fresh.csv", robot)
+    np.testing.assert_allclose(back.position, there.position, atol=1e-4)  # to what the base is known
+    np.testing.assert_array_equal(back.q, there.q)
+    refused = run("calibrate", arm, "poses-away.csv", "--apply-to", "fresh-away.csv")
+    assert (refused.exit_code, "expected CSV=CSV such as" in refused.stderr) == (2, True)
+
+
 def test_tables_may_come_from_several_stations(run: Run, folder: Path, arm: str) -> None:
     robot = load_robot(folder / arm)
     rows = read_measurements(folder / "fresh.csv", robot)

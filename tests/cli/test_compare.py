@@ -71,7 +71,7 @@ def test_the_same_seed_gives_the_same_answer(run: Run, data: str) -> None:
 
 
 def test_cubes_have_the_size_that_was_asked_for(run: Run, data: str) -> None:
-    result = run("compare", "ir663", data, "--models", "grid", "--cube", "250")
+    result = run("compare", "ir663", data, "--models", "grid", "--cube", "0.25m")
     assert "cubes of 250 mm" in result.stdout
 
 
@@ -80,14 +80,16 @@ def test_cubes_have_the_size_that_was_asked_for(run: Run, data: str) -> None:
     [
         (["--models", "fuzy"], "there is no model 'fuzy' (did you mean 'fuzzy'?)"),
         (["--share", "1.5"], "share of poses to hold out: found 1.5"),
-        (["--fit-load", "500"], "found no load of 500 N, expected one of 300, 900 N"),
-        (["--cube", "-3"], "--cube: found -3.0, expected a length in mm above 0"),
+        (["--fit-load", "0.5kN"], "found no load of 500 N, expected one of 300, 900 N"),
+        (["--cube", "-3mm"], "--cube: found '-3mm', expected a length above 0"),
+        (["--cube", "250"], "--cube: found '250', expected a length with its unit, such as 300mm"),
+        (["--cube", "3kg"], "--cube: "),
         (["--seed", "-1"], "--seed: found -1"),
         (["--models", "grid", "--rules", "a.png"], "--rules: expected fuzzy among the models"),
         (["--figure", "a.gif"], "a.gif: found the ending 'gif'"),
         (["--figure", "data.csv"], "would overwrite the input data.csv"),
         (["./data.csv"], "./data.csv: is given twice, its rows would count twice"),
-        (["--fit-load", "nan"], "found no load of nan N"),
+        (["--fit-load", "nan"], "--fit-load: found 'nan'"),
         (["--parameters", "J99.bending"], "no stiffness parameter 'J99.bending'"),
     ],
 )

@@ -37,6 +37,21 @@ def test_preload_takes_in_what_the_load_does_to_the_stiffness(succeed: Run, told
     assert "--preload" in (folder / "predicted.csv").read_text().splitlines()[0]
 
 
+def test_absolute_rows_get_the_position_by_hand(told: Run, succeed: Run, folder: Path) -> None:
+    (folder / "seen.csv").write_text(
+        "q1 [deg],fy [kN],x [m],y [m],z [m]\n0,0,1,0,0\n0,1,1,0.0016,0\n90,0,,,\n"
+    )
+    answer = told("deflect", "crane.yaml", "seen.csv")
+    still = [[1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
+    moved = np.array([np.zeros(6), BY_HAND[0], np.zeros(6)])
+    np.testing.assert_allclose(answer["displacement"], moved, atol=1e-9)
+    np.testing.assert_allclose(np.array(answer["pose"])[:, :3], np.array(still) + moved[:, :3], atol=1e-9)
+    said = succeed("deflect", "crane.yaml", "seen.csv", "--out", "predicted.csv").stdout
+    assert "at most 0.1 mm" in said
+    again = succeed("verify", "crane.yaml", "predicted.csv").stdout
+    assert "0.0000 mm" in again
+
+
 def test_point_and_load_point_need_not_be_the_tcp(told: Run, folder: Path) -> None:
     (folder / "loads.csv").write_text(
         "q1,fy,point,load_point\n0,1000,hub,tip\n0,1000,tip,hub\n0,1000,hub,hub\n"

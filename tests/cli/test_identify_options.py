@@ -98,6 +98,13 @@ def test_errors_of_the_inputs_widen_the_uncertainty(run: Run) -> None:
     assert found["parameters"]["J1.torsional"]["std"] > 1.2 * without
 
 
+def test_the_error_of_the_loads_may_stand_in_the_table(run: Run, wrong: Path) -> None:
+    table = (wrong / "crane.csv").read_text()
+    (wrong / "stated.csv").write_text(f"# sigma_load: 0.01 kN\n{table}")
+    asked = answer(run, "crane.csv", "--input-error", "load=10N")
+    assert answer(run, "stated.csv")["parameters"] == asked["parameters"]
+
+
 def test_bootstrap_intervals_come_along(run: Run, wrong: Path) -> None:
     rows = "".join(f"{angle},0,1000,0,1.5\n" for angle in (0, 0.01, 0.02, 0.03))
     head = "".join((wrong / "crane.csv").read_text().splitlines(keepends=True)[:2])

@@ -16,6 +16,7 @@ TABLE = """\
 # source: a bench, June
 # sigma_position: 0.03 mm
 # sigma_rotation: 0.002 deg
+# sigma_load: 20 mN
 q1 [deg],d2 [mm],fx,fz [kN],my [N*mm],dx [mm],dz [um],rx [deg],\
 point,load_point,pose,step,t [min],temperature [K]
 90,250,-5,1.5,2000,0.5,-30,0.1,tip,elbow,3,1,2,293.15
@@ -45,8 +46,8 @@ def test_header_units_become_si(arm: Robot) -> None:
     assert table.point.tolist() == ["tip", "tip"]
     assert table.load_point.tolist() == ["elbow", "tip"]
     assert table.pose.tolist() == [3, 3]
-    assert table.rows.tolist() == [5, 6]
-    assert table.place(1) == "bench.csv:6"
+    assert table.rows.tolist() == [6, 7]
+    assert table.place(1) == "bench.csv:7"
 
 
 def test_metadata_is_kept_and_sigma_is_si(arm: Robot) -> None:
@@ -54,6 +55,7 @@ def test_metadata_is_kept_and_sigma_is_si(arm: Robot) -> None:
     assert table.metadata["source"] == "a bench, June"
     assert table.sigma_position == pytest.approx(3e-5, rel=1e-15)
     assert table.sigma_rotation == pytest.approx(math.radians(0.002), rel=1e-15)
+    assert table.sigma_load == pytest.approx(0.02, rel=1e-15)
     np.testing.assert_allclose(table.sigma[0], [3e-5] * 3 + [math.radians(0.002)] * 3, rtol=1e-15)
     assert not table.shared_unloaded
     assert not table.continuous

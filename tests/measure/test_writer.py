@@ -55,6 +55,7 @@ def tables(draw: st.DrawFn) -> Measurements:
         sigma=sigma,
         sigma_position=draw(st.none() | positive),
         sigma_rotation=draw(st.none() | positive),
+        sigma_load=draw(st.none() | positive),
         point=draw(st.lists(st.sampled_from(["root", "elbow", "tip"]), min_size=n, max_size=n)),
         load_point=draw(st.lists(st.sampled_from(["root", "tip"]), min_size=n, max_size=n)),
         pose=pose,
@@ -80,7 +81,7 @@ def test_what_is_written_is_read_back_to_1e_15(table: Measurements, arm: Robot) 
         np.testing.assert_allclose(b, a, rtol=1e-15, atol=0, err_msg=name)
     for name in ("point", "load_point", "pose"):
         assert getattr(back, name).tolist() == getattr(table, name).tolist()
-    for name in ("sigma_position", "sigma_rotation"):
+    for name in ("sigma_position", "sigma_rotation", "sigma_load"):
         assert getattr(back, name) == getattr(table, name)
     for name in ("shared_unloaded", "continuous", "variables"):
         assert getattr(back, name) == getattr(table, name)

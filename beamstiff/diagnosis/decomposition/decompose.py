@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from beamstiff.diagnosis.decomposition.forms import SLIP, Form, by_form, forms_of, shift_of, stacked
+from beamstiff.diagnosis.decomposition.forms import SLIP, Form, Shapes, by_form, forms_of, shift_of
 from beamstiff.diagnosis.decomposition.held_out import Folds, folds_of, interval, ordered
 from beamstiff.diagnosis.decomposition.look_alikes import rival_of, with_usual_name
-from beamstiff.diagnosis.decomposition.open_model import OpenModel, open_geometry, open_stiffness
+from beamstiff.diagnosis.decomposition.open_model import OpenModel, inverse_of, open_geometry, open_stiffness
 from beamstiff.diagnosis.decomposition.remainder import Remainder, remainder_of
 from beamstiff.diagnosis.decomposition.selection import (
     Choice,
@@ -60,6 +60,8 @@ class Cause:
         90 %, over the postures.
     rms_after : float, m
     indistinguishable : tuple of str
+    rivals : tuple of Form
+        The best of each of these.
     """
 
     forms: tuple[Form, ...]
@@ -70,6 +72,7 @@ class Cause:
     closes_interval: tuple[float, float]
     rms_after: float
     indistinguishable: tuple[str, ...]
+    rivals: tuple[Form, ...]
 
     @property
     def key(self) -> str:
@@ -148,6 +151,7 @@ def decompose(
     without: Sequence[str] = (),
     seed: int = 0,
     baseline: Baseline | None = None,
+    known: Shapes | None = None,
 ) -> Decomposition:
     """Return the causes of the gap between a model and rows.
 
@@ -163,6 +167,8 @@ def decompose(
         Of the folds.
     baseline : Baseline, optional
         Of displacements, where it was fitted already.
+    known : mapping of str to sequence of Shape, optional
+        Shapes about this baseline that were computed already, by ``effect:component``.
 
     Raises
     ------
@@ -171,13 +177,14 @@ def decompose(
     """
     if rows.kind != "absolute":
         model = open_stiffness(baseline or fit_baseline(robot, rows))
-        folds = folds_of(model, build_choice(model, forms_of(model, without)), seed)
+        folds = folds_of(model, build_choice(model, forms_of(model, without, known=known)), seed)
         return _told(folds, select(folds.choice, folds.squared_errors), seed)
     model = open_geometry(robot, rows)
     choice = build_choice(model, forms_of(model, without))
-    if model.count < VALUES_A_PARAMETER * choice.open_count:
+    opened = choice.open_count + choice.drives
+    if model.count < VALUES_A_PARAMETER * opened:
         raise BeamstiffError(
-            f"{rows.source}: {model.count} measured values for {choice.open_count} open parameters of the "
+            f"{rows.source}: {model.count} measured values for {opened} open parameters of the "
             "geometry: measure more poses"
         )
     folds = folds_of(model, choice, seed)
@@ -202,19 +209,33 @@ def decompose(
 
 def _more_than_noise(choice: Choice, model: OpenModel, nothing: Step) -> bool:
     """Return whether the open model without a cause leaves more than stated noise would by chance."""
-    freedom = len(model.residual) - choice.open_count
+    freedom = len(model.residual) - choice.open_count - nothing.determined
     return not model.baseline.claimed or bool(stats.chi2.sf(nothing.squares, freedom) < CHANCE)
 
 
 def solved(model: OpenModel, chosen: Sequence[Form]) -> tuple[Array, Array]:
-    """Return the open parameters and those of the causes, (t + c,), and their covariance, noise as stated."""
-    matrix, seen = stacked(model, chosen)
-    size = np.linalg.norm(matrix, axis=0)
-    size = np.where(size > 0, size, 1.0)
-    left, values, right = np.linalg.svd(matrix / size, full_matrices=False)
-    kept = values > 1e-8 * values[0]
-    root = (right[kept].T / values[kept]) / size[:, None]
-    return root @ (left[:, kept].T @ seen), root @ root.T
+    """Return the open parameters and those of the causes, (t + c,), and their covariance, noise as stated.
+
+    The causes first, of what the open parameters leave: what is all but absorbed by these stays what is known
+    of it beforehand, however it is shared in the least squares solution of both.
+    """
+    choice = build_choice(model, chosen)
+    step = fit_step(choice, range(len(chosen)))
+    used = np.concatenate([step.drives, *step.free])
+    size = np.concatenate([np.ones(choice.drives), *(form.sizes for form in chosen)]) / choice.units
+    theta, own = np.zeros(used.size), np.zeros((used.size, used.size))
+    theta[used] = step.theta
+    root = np.linalg.inv(step.triangle)
+    own[np.ix_(used, used)] = root @ root.T
+    theta, own = theta / size, own / np.outer(size, size)
+    theta[: choice.drives] -= model.present
+    opened = inverse_of(model.geometry)
+    toward = opened @ np.concatenate([model.drives, *(form.columns for form in chosen)], axis=1)
+    change = opened @ model.residual - toward @ theta
+    covariance = np.block(
+        [[opened @ opened.T + toward @ own @ toward.T, -toward @ own], [-own @ toward.T, own]]
+    )
+    return np.concatenate([change, theta]), covariance
 
 
 def moved_by(model: OpenModel, chosen: Sequence[Form]) -> Array:
@@ -251,13 +272,14 @@ def _told(folds: Folds, step: Step, seed: int) -> Decomposition:
                 closes_interval=interval(before, after, noise2, total, seed),
                 rms_after=float(np.sqrt(after.sum() / folds.rows)),
                 indistinguishable=rival.indistinguishable,
+                rivals=tuple(choice.forms[number] for number in rival.forms),
             )
         )
     return Decomposition(
         model=model,
         causes=tuple(cause for cause in causes if cause.named),
         unclear=tuple(cause for cause in causes if not cause.named),
-        remainder=remainder_of(model, forms, noise2, total, folds.rows),
+        remainder=remainder_of(model, forms, theta, noise2, total, folds.rows),
         rms=float(np.sqrt(total / folds.rows)),
         noise=float(np.sqrt(noise2 / folds.rows)),
         change=theta[:opened],

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
 from beamstiff.diagnosis.effects import EFFECTS, Shape
+from beamstiff.diagnosis.effects.torque_laws import turning_drives
 from beamstiff.diagnosis.inference.library import key_of
 from beamstiff.fem.geometry import SHORTEST
 from beamstiff.measure.arrays import Integers
@@ -20,9 +21,12 @@ MOST_PARAMETERS = 20  # of a form: freer ones explain whatever is left
 SERIES, SLIP = "angle-curve", "target-slip"
 REPEATED = (SERIES, SLIP)  # whose forms may stand beside one another: orders of a curve, moments of a slip
 COMPLIANCE_UNITS = ("rad/(N*m)", "rad/N", "m/N", "1/N", "1/(N*m^2)")
-UNKNOWN_SCALE = 1e3  # of compliances: a service robot's are as many times an industrial one's
+# of compliances, where no drive says how stiff the machine is: a service robot's are many times a heavy one's
+UNKNOWN_SCALE = 1e3
 # what a calibration beside it takes up, or finds by itself
 OF_GEOMETRY = ("geometry-error", "frame-misalignment", "tool-offset")
+
+Shapes = Mapping[str, Sequence[Shape]]  # by ``effect:component``
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +42,8 @@ class Form:
         In units of the noise, of realistic sizes.
     log_prior : float
         Of this form among those of its cause.
+    compliance_scale : float
+        By which compliances may be larger than realistic ones.
     """
 
     effect: str
@@ -45,6 +51,7 @@ class Form:
     shape: Shape
     columns: Array
     log_prior: float
+    compliance_scale: float = 1.0
 
     @property
     def key(self) -> str:
@@ -60,7 +67,7 @@ class Form:
     def prior_std(self) -> Array:
         """Standard deviation of each parameter before the data, in realistic sizes, (c,)."""
         compliant = np.array([quantity.unit in COMPLIANCE_UNITS for quantity in self.shape.parameters])
-        return np.where(compliant, UNKNOWN_SCALE * self.shape.prior_factor, self.shape.prior_factor)
+        return np.where(compliant, self.compliance_scale, 1.0) * self.shape.prior_factor
 
     @cached_property
     def couplings(self) -> Integers:
@@ -79,8 +86,16 @@ class Form:
         return np.array([quantity.positive for quantity in self.shape.parameters])
 
 
-def forms_of(model: OpenModel, without: Sequence[str] = (), effects: Collection[str] = EFFECTS) -> list[Form]:
-    """Return the forms of some effects at every component that the open model does not hold already."""
+def forms_of(
+    model: OpenModel,
+    without: Sequence[str] = (),
+    effects: Collection[str] = EFFECTS,
+    known: Shapes | None = None,
+) -> list[Form]:
+    """Return the forms of some effects at every component that the open model does not hold already.
+
+    Shapes that are known already, by ``effect:component``, are not computed anew.
+    """
     baseline = model.baseline
     skipped = {*without, *(OF_GEOMETRY if model.problem is not None else ()), "outliers"}
     found: list[Form] = []
@@ -92,7 +107,8 @@ def forms_of(model: OpenModel, without: Sequence[str] = (), effects: Collection[
             # a calibration that moves an axis puts brackets between its parts, which no machine has
             if key_of(effect.name, component) in skipped or component in absent:
                 continue
-            shapes = [shape for shape in effect.shapes(baseline, component) if _fits(effect.name, shape)]
+            every = (known or {}).get(key_of(effect.name, component)) or effect.shapes(baseline, component)
+            shapes = [shape for shape in every if _fits(effect.name, shape)]
             total = sum(shape.weight for shape in shapes)
             found += _weighed(model, effect.name, component, shapes, total)
     return found
@@ -131,8 +147,9 @@ def _weighed(
         np.concatenate([s.columns * z for s, z in zip(shapes, sizes, strict=True)], axis=-1)
     )
     parts = np.split(every, np.cumsum([z.size for z in sizes])[:-1], axis=1)
+    scale = 1.0 if turning_drives(model.given) else UNKNOWN_SCALE
     return [
-        Form(effect, component, shape, part, float(np.log(shape.weight / total)))
+        Form(effect, component, shape, part, float(np.log(shape.weight / total)), scale)
         for shape, part in zip(shapes, parts, strict=True)
         if np.abs(part).max(initial=0.0) > 0
     ]

@@ -47,25 +47,26 @@ class Folds:
 
     def squared_errors(self, step: Step) -> Array:
         """Return the sum of squared position errors of each posture, (P,), m^2, in fits without its fold."""
-        basis = np.concatenate([self.choice.open_basis, step.basis], axis=1)
         left = np.zeros(self.model.count)
-        for out, untold in self.parts:
-            own, seen = basis[out], step.left[out]
-            left[out] = _predicted(own - untold @ (untold.T @ own), seen - untold @ (untold.T @ seen))
+        for out, root in self.parts:
+            left[out] = root @ _predicted(root.T @ step.basis[out], root.T @ step.left[out])
         error = unweighed(self.model, left)
         return np.bincount(self.posture[self.position], weights=error[self.position] ** 2).astype(np.float64)
 
     @cached_property
     def parts(self) -> list[tuple[Integers, Array]]:
-        """Return the values of each fold, and an orthonormal basis of what other folds cannot tell of them.
+        """Return the values of each fold, and a root of ``(1 - Q_F Q_F^T)^-1``, Q of the open parameters.
 
-        That is not held out: a reflector that was read in one fold alone has to be found there.
+        What other folds cannot tell of the values is left out of the root, and so not held out: a reflector
+        that was read in one fold alone has to be found there.
         """
         result = []
         for one in range(int(self.fold.max()) + 1):
             out = np.flatnonzero(self.fold == one)
-            left, values, _ = np.linalg.svd(self.choice.open_basis[out], full_matrices=False)
-            result.append((out, left[:, values**2 >= 1.0 - ALONE]))
+            own = self.choice.open_basis[out]
+            values, vectors = np.linalg.eigh(np.eye(len(out)) - own @ own.T)
+            told = values > ALONE
+            result.append((out, vectors[:, told] / np.sqrt(values[told])))
         return result
 
     @property

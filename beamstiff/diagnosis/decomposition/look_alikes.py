@@ -28,11 +28,14 @@ class Rival:
         Of any cause in its place.
     indistinguishable : tuple of str
         Causes that explain the rows nearly as well in its place.
+    forms : tuple of int
+        Numbers of the best form of each of these that has one.
     """
 
     probability: float
     present: float
     indistinguishable: tuple[str, ...]
+    forms: tuple[int, ...]
 
 
 def rival_of(choice: Choice, step: Step, cause: tuple[int, ...], held_out: HeldOut | None = None) -> Rival:
@@ -52,6 +55,7 @@ def rival_of(choice: Choice, step: Step, cause: tuple[int, ...], held_out: HeldO
     taken = {choice.forms[number].key for number in others}
     without = fit_step(choice, others)
     best: dict[str, float] = {own: step.bic, "none:null": without.bic}
+    form: dict[str, int] = {}
     after = with_each(choice, without)
     before = None if held_out is None else held_out(without)
     for number in np.argsort(after, kind="stable").tolist():
@@ -62,7 +66,7 @@ def rival_of(choice: Choice, step: Step, cause: tuple[int, ...], held_out: HeldO
             continue
         other = fit_step(choice, (*others, number))
         if held_out is None or before is None or gain(before, held_out(other)) > 0.0:
-            best[key] = other.bic
+            best[key], form[key] = other.bic, number
     least = min(best.values())
     weight = {key: float(np.exp(-(value - least) / (2.0 * TEMPERING))) for key, value in best.items()}
     alike = [
@@ -74,7 +78,12 @@ def rival_of(choice: Choice, step: Step, cause: tuple[int, ...], held_out: HeldO
     alike += [key for key in same if key != own and key not in alike and key not in taken]
     total = sum(weight.values())
     named = sum(value for key, value in weight.items() if key == own or key in same)
-    return Rival(named / total, 1.0 - weight["none:null"] / total, tuple(alike))
+    return Rival(
+        named / total,
+        1.0 - weight["none:null"] / total,
+        tuple(alike),
+        tuple(form[key] for key in alike if key in form),
+    )
 
 
 def with_usual_name(choice: Choice, step: Step) -> Step:

@@ -47,6 +47,9 @@ class OpenModel:
         Posture of every value.
     weigh : Whitening
         Turns measured values into these units.
+    present : (d,) array
+        Compliances of the drives that are open, the last d of the open parameters: their sum with what they
+        change by cannot be negative.
     problem : Problem or None
         The calibration, where the geometry is open.
     """
@@ -57,12 +60,23 @@ class OpenModel:
     tangent: Array
     pose: Integers
     weigh: Whitening
+    present: Array
     problem: Problem | None = None
 
     @property
     def used(self) -> NDArray[np.bool_]:
         """Which components count, (N, 6)."""
         return self.baseline.used
+
+    @property
+    def geometry(self) -> Array:
+        """Columns (n + p, t - d) of the open parameters but the drives."""
+        return self.tangent[:, : self.tangent.shape[1] - self.present.size]
+
+    @property
+    def drives(self) -> Array:
+        """Columns (n + p, d) of the drives."""
+        return self.tangent[:, self.tangent.shape[1] - self.present.size :]
 
     @property
     def count(self) -> int:
@@ -134,6 +148,7 @@ def open_geometry(robot: Robot, rows: Measurements, moved: Array | None = None) 
         np.concatenate([tangent, prior]),
         there.pose[np.nonzero(problem.used)[0]],
         whitening(problem.sigma, problem.used, baseline.sharing),
+        problem.split(problem.expected)[1],
         problem,
     )
 
@@ -143,7 +158,8 @@ def open_stiffness(baseline: Baseline) -> OpenModel:
     weigh = whitening(baseline.sigma, baseline.used, baseline.sharing)
     pose = baseline.rows.pose[np.nonzero(baseline.used)[0]]
     residual, tangent = weigh @ baseline.gap[baseline.used], weigh @ baseline.tangent[baseline.used]
-    return OpenModel(baseline.nominal, baseline, residual, tangent, pose, weigh)
+    present = np.array([1.0 / baseline.robot.parameter(name) for name in baseline.fitted])
+    return OpenModel(baseline.nominal, baseline, residual, tangent, pose, weigh, present)
 
 
 def orthonormal(columns: Array, beside: Array | None = None, least: float = INDEPENDENT) -> Array:
@@ -156,3 +172,10 @@ def orthonormal(columns: Array, beside: Array | None = None, least: float = INDE
         unit = unit - beside @ (beside.T @ unit)
     left, values, _ = np.linalg.svd(unit, full_matrices=False)
     return np.asarray(left[:, values > least])
+
+
+def inverse_of(columns: Array) -> Array:
+    """Return the inverse (c, n) of columns (n, c), of what of them is independent."""
+    size = np.linalg.norm(columns, axis=0)
+    size = np.where(size > 0, size, 1.0)
+    return np.asarray(np.linalg.pinv(columns / size, rcond=INDEPENDENT) / size[:, None])

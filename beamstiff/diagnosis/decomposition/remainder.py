@@ -52,12 +52,11 @@ class _Left:
 
 
 def remainder_of(
-    model: OpenModel, chosen: Sequence[Form], noise2: float, total: float, rows: int
+    model: OpenModel, chosen: Sequence[Form], theta: Array, noise2: float, total: float, rows: int
 ) -> Remainder:
-    """Return what a fit leaves; `noise2` and `total` are sums of squares, m^2, of noise and held-out gap."""
+    """Return what a fit (t + c,) leaves; `noise2`, `total` are squares, m^2, of noise and held-out gap."""
     matrix, right = stacked(model, chosen)
-    basis = orthonormal(matrix)
-    step = _Left(right - basis @ (basis.T @ right), basis)
+    step = _Left(right - matrix @ theta, orthonormal(matrix))
     left = step.left[: model.count]
     position = np.nonzero(model.used)[1] < 3
     error = unweighed(model, left)[position]

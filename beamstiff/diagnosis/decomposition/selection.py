@@ -1,6 +1,7 @@
 """Forward selection of causes with removal and exchange, by the Bayesian information criterion.
 
-Residual r and forms X are projected off the open parameters once, and off the causes chosen, ``P``. Their
+Residual r and forms X are projected off the open geometry once, and off the causes chosen, ``P``. The drives
+are in every fit, as compliances that cannot be negative. Their
 parameters are known beforehand to lie about zero within ``D^-1/2`` (a few times their realistic sizes). A
 form takes ``b^T (G + D)^-1 b`` from the sum of squares, with ``b = X^T P r`` and ``G = X^T P X``, and is
 weighed by ``BIC = n log(S / n) + k log n - 2 log prior`` (Schwarz, Ann. Statist. 6 (1978) 461), k the
@@ -17,11 +18,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
-from scipy.optimize import lsq_linear
+from scipy.optimize import nnls
 
 from beamstiff.diagnosis.decomposition.forms import REPEATED, Form
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, orthonormal
 from beamstiff.diagnosis.decomposition.same_mechanics import same_mechanics
+from beamstiff.diagnosis.effects.effect import LARGEST
 from beamstiff.measure.arrays import Integers
 from beamstiff.se3 import Array
 
@@ -32,6 +34,7 @@ ROUNDS = 20  # of revising a fit
 TRIED = 30  # forms, best first, of which one has to help on held-out postures
 DOUBT = 0.2  # of postures drawn anew, in which a cause may make held-out postures worse
 UNSEEN = 1e6  # times the noise: what is known no better than so beforehand is not known, but for rounding
+DRIVES = -1  # number of the drives
 SHOWS = 0.5  # parameters that the data determine, below which a form does not show
 
 
@@ -40,16 +43,17 @@ HeldOut = Callable[["Step"], Array]  # squared errors (P,) of postures, each hel
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """Forms to choose from, projected off the open parameters.
+    """Forms to choose from, projected off the open geometry.
 
     Attributes
     ----------
     forms : tuple of Form (f)
     open_basis : (n, t) array
-        Of the open parameters, orthonormal.
+        Of the open geometry, orthonormal.
     residual : (n,) array
+        That rigid drives would leave.
     columns : (n, C) array
-        Of all forms, one after another, of unit length before the projection.
+        Of the drives and all forms, one after another, of unit length before the projection.
     precision : (C,) array
         1 / variance of each parameter before the data, in units of the columns.
     units : (C,) array
@@ -58,10 +62,14 @@ class Choice:
         Where each form's columns stand.
     positive : (C,) bool array
         Parameters that cannot be negative.
+    largest : (C,) array
+        That parameters can be, SI.
     groups : tuple of (int array (g,), int array (g, c), array (g, c, c))
         Forms with c columns each, where these stand, and their products with one another.
     open_count : int
-        Open parameters.
+        Open parameters of the geometry.
+    drives : int
+        Open compliances, the first columns.
     count : int
         Measured values.
     alike : mapping of str to tuple of str
@@ -78,8 +86,10 @@ class Choice:
     units: Array
     at: tuple[slice, ...]
     positive: NDArray[np.bool_]
+    largest: Array
     groups: tuple[tuple[Integers, Integers, Array], ...]
     open_count: int
+    drives: int
     count: int
     alike: Mapping[str, tuple[str, ...]]
     products: dict[int, Array] = field(default_factory=dict)
@@ -90,9 +100,10 @@ class Choice:
         return np.asarray(self.residual @ self.columns)
 
     def products_of(self, number: int) -> Array:
-        """Return the products (c, C) of a form's columns with all columns; they are kept."""
+        """Return the products (c, C) of a form's columns, or the drives', with all columns; they are kept."""
         if number not in self.products:
-            self.products[number] = self.columns[:, self.at[number]].T @ self.columns
+            at = slice(0, self.drives) if number == DRIVES else self.at[number]
+            self.products[number] = self.columns[:, at].T @ self.columns
         return self.products[number]
 
 
@@ -106,14 +117,16 @@ class Step:
         Numbers of their forms.
     free : tuple of (c,) bool array
         Of each form, which parameters the fit uses; the others would be negative, which they cannot be.
-    basis : (n, c) array
-        Of the columns that are used, orthonormal together with what is known of their parameters beforehand.
+    drives : (d,) bool array
+        Likewise of the drives.
+    columns : (n, c) array
+        That are used.
+    residual : (n,) array
+        That is fitted.
     triangle : (c, c) array
-        Columns from the basis.
+        Of Cholesky, upper: of ``G + D``.
     theta : (c,) array
         Parameters, per unit column.
-    left : (n,) array
-        What is left of the residual.
     squares : float
         Sum of squares that is left, with that of the parameters over their sizes.
     determined : float
@@ -123,26 +136,40 @@ class Step:
 
     chosen: tuple[int, ...]
     free: tuple[NDArray[np.bool_], ...]
-    basis: Array
+    drives: NDArray[np.bool_]
+    columns: Array
+    residual: Array
     triangle: Array
     theta: Array
-    left: Array
     squares: float
     determined: float
     bic: float
 
+    @cached_property
+    def basis(self) -> Array:
+        """Columns (n, c), orthonormal together with what is known of their parameters beforehand."""
+        return np.asarray(solve_triangular(self.triangle, self.columns.T, trans="T").T)
+
+    @cached_property
+    def left(self) -> Array:
+        """What is left of the residual, (n,)."""
+        return np.asarray(self.residual - self.columns @ self.theta)
+
 
 def build_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
     """Return the forms of an open model as one problem."""
-    basis = orthonormal(model.tangent)
-    residual = model.residual - basis @ (basis.T @ model.residual)
+    basis, drives = orthonormal(model.geometry), model.present.size
+    residual = model.residual + model.drives @ model.present
+    residual = residual - basis @ (basis.T @ residual)
     sizes = [form.columns.shape[1] for form in forms]
-    ends = np.cumsum([0, *sizes])
-    every = np.concatenate([np.zeros((len(residual), 0)), *(form.columns for form in forms)], axis=1)
+    ends = np.cumsum([drives, *sizes])
+    every = np.concatenate([model.drives, *(form.columns for form in forms)], axis=1)
     size = np.linalg.norm(every, axis=0)
     every = every / np.where(size > 0, size, 1.0)
     every = every - basis @ (basis.T @ every)
-    spread = np.concatenate([np.zeros(0), *(form.prior_std for form in forms)])
+    spread = np.concatenate([np.full(drives, np.inf), *(form.prior_std for form in forms)])
+    spread = np.where(size > 0, spread * size, 0.0)
+    parameters = [item for form in forms for item in form.shape.parameters]
     groups = []
     for count in sorted(set(sizes)):
         some = np.flatnonzero(np.array(sizes) == count)
@@ -154,12 +181,14 @@ def build_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
         basis,
         residual,
         every,
-        1.0 / np.clip(spread * size, 1.0 / UNSEEN, UNSEEN) ** 2,
-        np.concatenate([np.zeros(0), *(form.sizes for form in forms)]) / np.where(size > 0, size, 1.0),
+        1.0 / np.clip(spread, 1.0 / UNSEEN, UNSEEN) ** 2,
+        np.concatenate([np.ones(drives), *(form.sizes for form in forms)]) / np.where(size > 0, size, 1.0),
         tuple(slice(a, b) for a, b in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True)),
-        np.concatenate([np.zeros(0, dtype=bool), *(form.positive for form in forms)]),
+        np.concatenate([np.ones(drives, dtype=bool), *(form.positive for form in forms)]),
+        np.array([np.inf] * drives + [LARGEST.get(item.unit, np.inf) for item in parameters]),
         tuple(groups),
         basis.shape[1],
+        drives,
         model.count,
         same_mechanics(model.given),
     )
@@ -167,32 +196,44 @@ def build_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
 
 def fit_step(choice: Choice, chosen: Sequence[int]) -> Step:
     """Return the fit with some forms, in which no parameter is negative that cannot be."""
-    n = len(choice.residual)
     at = np.concatenate(
-        [np.zeros(0, dtype=int), *(np.arange(len(choice.precision))[choice.at[k]] for k in chosen)]
+        [np.arange(choice.drives), *(np.arange(len(choice.precision))[choice.at[k]] for k in chosen)]
     )
     sizes = np.cumsum([choice.at[k].stop - choice.at[k].start for k in chosen], dtype=int)
-    basis, triangle = _factor(choice, at)
-    determined = float((basis[:n] ** 2).sum())  # a sign that was left out is a choice too, and costs as much
-    free = _allowed(choice, chosen, at, sizes, triangle, basis[:n].T @ choice.residual)
+    columns, triangle, pull = _factor(choice, at)
+    known = np.linalg.inv(triangle) * np.sqrt(choice.precision[at])[:, None]
+    # a sign that was left out is a choice too: it costs as much
+    determined = float(at.size - (known**2).sum())
+    free = _allowed(choice, chosen, at, sizes, triangle, pull)
     if not free.all():
-        basis, triangle = _factor(choice, at[free])
-    fitted = basis @ (basis[:n].T @ choice.residual)
-    left = choice.residual - fitted[:n]
-    squares = float(left @ left + fitted[n:] @ fitted[n:])
+        columns, triangle, pull = _factor(choice, at[free])
+    theta = np.asarray(np.linalg.solve(triangle, pull))
+    left = choice.residual - columns @ theta
+    squares = float(left @ left + choice.precision[at[free]] @ theta**2)
     prior = sum(choice.forms[number].log_prior for number in chosen)
     value = float(bic(squares, choice.open_count + determined, choice.count, prior))
-    each = tuple(np.split(free, sizes[:-1])) if len(sizes) else ()
-    theta = np.asarray(np.linalg.solve(triangle, basis[:n].T @ choice.residual))
-    return Step(tuple(chosen), each, basis[:n], triangle, theta, left, squares, determined, value)
+    if (np.abs(theta * choice.units[at[free]]) > choice.largest[at[free]]).any():
+        value = np.inf  # no machine is like that
+    drives, each = free[: choice.drives], np.split(free[choice.drives :], sizes)[:-1]
+    return Step(
+        tuple(chosen),
+        tuple(each),
+        drives,
+        columns,
+        choice.residual,
+        triangle,
+        theta,
+        squares,
+        determined,
+        value,
+    )
 
 
 def _allowed(
     choice: Choice, chosen: Sequence[int], at: Integers, ends: Integers, triangle: Array, pull: Array
 ) -> NDArray[np.bool_]:
     """Return which parameters (c,) a fit may use: 0 are those that would be negative, or give work away."""
-    least = np.where(choice.positive[at], 0.0, -np.inf)
-    starts = np.concatenate([[0], ends]).astype(int)
+    starts = choice.drives + np.concatenate([[0], ends]).astype(int)
     couplings = np.concatenate(
         [np.zeros((0, 3), dtype=int)]
         + [start + choice.forms[k].couplings for k, start in zip(chosen, starts[:-1], strict=True)]
@@ -200,24 +241,35 @@ def _allowed(
     used = np.arange(at.size)
     for _ in range(1 + len(couplings)):
         found = np.zeros(at.size)
-        found[used] = np.linalg.solve(triangle[:, used], pull) if used.size == at.size else 0.0
-        if used.size < at.size or (found < least).any():
-            found[used] = lsq_linear(triangle[:, used], pull, (least[used], np.inf), method="bvls").x
+        found[used] = _least_squares(triangle[:, used], pull, choice.positive[at[used]])
         value = found * choice.units[at]
         c, a, b = couplings.T
         wrong = couplings[value[c] ** 2 > value[a] * value[b], 0]
         used = np.setdiff1d(used, wrong)
         if not wrong.size:
             break
-    result: NDArray[np.bool_] = np.isin(np.arange(at.size), used) & (found > least)
+    result: NDArray[np.bool_] = np.isin(np.arange(at.size), used) & ((found > 0.0) | ~choice.positive[at])
     return result
 
 
-def _factor(choice: Choice, at: Integers) -> tuple[Array, Array]:
-    """Return the QR factors of some columns with what is known of their parameters below them."""
-    known = np.diag(np.sqrt(choice.precision[at]))
-    basis, triangle = np.linalg.qr(np.concatenate([choice.columns[:, at], known]))
-    return np.asarray(basis), np.asarray(triangle)
+def _least_squares(matrix: Array, right: Array, positive: NDArray[np.bool_]) -> Array:
+    """Return parameters (c,) of which some cannot be negative; the others are eliminated first."""
+    basis, triangle = np.linalg.qr(matrix)
+    found = np.asarray(np.linalg.solve(triangle, basis.T @ right))
+    if (found[positive] < 0.0).any():
+        basis, triangle = np.linalg.qr(matrix[:, ~positive])
+        own = matrix[:, positive]
+        found[positive] = nnls(own - basis @ (basis.T @ own), right - basis @ (basis.T @ right))[0]
+        found[~positive] = np.linalg.solve(triangle, basis.T @ (right - own @ found[positive]))
+    return found
+
+
+def _factor(choice: Choice, at: Integers) -> tuple[Array, Array, Array]:
+    """Return some columns (n, c), their triangle R (c, c) and ``R^-T X^T r`` (c,)."""
+    columns = choice.columns[:, at]
+    triangle = np.linalg.cholesky(columns.T @ columns + np.diag(choice.precision[at])).T
+    pull = solve_triangular(triangle, choice.pull[at], trans="T") if at.size else np.zeros(0)
+    return columns, np.asarray(triangle), np.asarray(pull)
 
 
 def forms_in(choice: Choice, step: Step) -> dict[int, Form]:
@@ -255,7 +307,8 @@ def with_each(choice: Choice, step: Step) -> Array:
     inside: Array = np.zeros((0, len(choice.precision)))
     pull = choice.pull
     if len(step.theta):
-        parts = [choice.products_of(k)[free] for k, free in zip(step.chosen, step.free, strict=True)]
+        used = zip((DRIVES, *step.chosen), (step.drives, *step.free), strict=True)
+        parts = [choice.products_of(k)[free] for k, free in used]
         products = np.concatenate(parts)
         inside = np.asarray(solve_triangular(step.triangle, products, trans="T"))
         pull = pull - step.theta @ products
@@ -270,6 +323,7 @@ def with_each(choice: Choice, step: Step) -> Array:
         squares = step.squares - (theta * pull[at]).sum(axis=1)
         determined = np.einsum("gij,gji->g", inverse, gram)
         wrong = ((theta < 0) & choice.positive[at]).any(axis=1) | (determined < SHOWS)
+        wrong |= (np.abs(theta * choice.units[at]) > choice.largest[at]).any(axis=1)
         parameters = choice.open_count + step.determined + determined
         values = bic(squares, parameters, choice.count, known + log_prior[numbers])
         result[numbers] = np.where(wrong, np.inf, values)
@@ -340,7 +394,7 @@ def _rises(choice: Choice, step: Step) -> list[float]:
     Without parameters b the sum of squares is larger by ``b^T (A^-1)_bb^-1 b``, ``A`` the normal matrix.
     """
     root = np.linalg.inv(step.triangle)
-    ends = np.cumsum([int(free.sum()) for free in step.free])
+    ends = int(step.drives.sum()) + np.cumsum([int(free.sum()) for free in step.free])
     result = []
     for number, end, free in zip(step.chosen, ends.tolist(), step.free, strict=True):
         some = slice(end - int(free.sum()), end)

@@ -11,6 +11,7 @@ from beamstiff.diagnosis.effects.torque_laws import (
     by_compliance,
     by_contacts,
     compliance_quantities,
+    coupling_quantity,
     load_scales,
     softness,
 )
@@ -31,9 +32,9 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     rotation, translation, coupling = soft * ROTATION, soft * TRANSLATION, soft * COUPLING
     tilt = Quantity("tilting_compliance", "rad/(N*m)", rotation, positive=True)
     rotations, skews, slides, slants = compliance_quantities(rotation, translation)
-    couplings = tuple(Quantity(f"coupling_{pair}", "1/N", coupling) for pair in ("x_ry", "y_rx"))
+    couplings = (coupling_quantity(0, 1, coupling), coupling_quantity(1, 0, coupling))
     others = tuple(
-        Quantity(f"coupling_{'xyz'[a]}_r{'xyz'[b]}", "1/N", 0.5 * coupling)
+        coupling_quantity(a, b, 0.5 * coupling)
         for a in range(3)
         for b in range(3)
         if (a, b) not in ((0, 1), (1, 0))

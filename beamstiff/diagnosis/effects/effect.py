@@ -8,6 +8,9 @@ from dataclasses import dataclass, field
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.se3 import Array
 
+# beyond which no machine is: SI typed for mm, a missing exponent
+LARGEST = {"rad": 1.0, "m": 1.0, "rad/(N*m)": 0.1, "m/N": 0.01}
+
 
 @dataclass(frozen=True)
 class Quantity:

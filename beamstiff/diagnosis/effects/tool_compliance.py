@@ -14,6 +14,7 @@ from beamstiff.diagnosis.effects.torque_laws import (
     by_contacts,
     by_side,
     compliance_quantities,
+    coupling_quantity,
     load_scales,
     softness,
 )
@@ -37,9 +38,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     rotation, translation, coupling = soft * ROTATION, soft * TRANSLATION, soft * COUPLING
     even = Quantity("rotational_compliance", "rad/(N*m)", rotation, positive=True)
     rotations, skews, slides, slants = compliance_quantities(rotation, translation)
-    couplings = tuple(
-        Quantity(f"coupling_{'xyz'[a]}_r{'xyz'[b]}", "1/N", coupling) for a in range(3) for b in range(3)
-    )
+    couplings = tuple(coupling_quantity(a, b, coupling) for a in range(3) for b in range(3))
     turning = [column((3, 3)), column((4, 4)), column((5, 5))]
     sliding = [column((0, 0)), column((1, 1)), column((2, 2))]
     skewed = [column((3, 4)), column((3, 5)), column((4, 5))]

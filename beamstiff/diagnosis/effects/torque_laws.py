@@ -160,6 +160,12 @@ def compliance_quantities(rotation: float, translation: float) -> tuple[tuple[Qu
     return own(*turning), coupled(*turning), own(*sliding), coupled(*sliding)
 
 
+def coupling_quantity(a: int, b: int, size: float) -> Quantity:
+    """Return the entry that couples the slide along one axis with the rotation about another, 1/N."""
+    pair = (f"translational_compliance_{'xyz'[a]}", f"rotational_compliance_{'xyz'[b]}")
+    return Quantity(f"coupling_{'xyz'[a]}_r{'xyz'[b]}", "1/N", size, within=pair)
+
+
 def any_compliance(baseline: Baseline, place: Place) -> Array:
     """Return the displacements (N, 6, 21) of all unit symmetric compliances of a place."""
     return np.stack([by_compliance(baseline, place, [pair]) for pair in PAIRS], -1)
@@ -249,14 +255,18 @@ def softness(baseline: Baseline) -> float:
     Realistic sizes of compliances are those of a heavy robot times this: what is usual of a small arm would
     not be believed of a large one.
     """
-    robot = baseline.nominal
+    finite = turning_drives(baseline.nominal)
+    return HEAVY / max(finite) if finite else 1.0
+
+
+def turning_drives(robot: Robot) -> list[float]:
+    """Return the finite stiffness of a robot's turning drives, N m/rad."""
     own = [
         joint.stiffness.torsional
         for joint in robot.joints
         if joint.variable is not None and own_direction(robot, joint.name) == "torsional"
     ]
-    finite = [value for value in own if FREE < value < RIGID]
-    return HEAVY / max(finite) if finite else 1.0
+    return [value for value in own if FREE < value < RIGID]
 
 
 def unit_of(axis: Axis) -> str:

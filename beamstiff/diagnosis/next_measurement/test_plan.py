@@ -86,17 +86,26 @@ def propose_tests(
     score, separates = discrimination(baseline, rows, fits, scale)
     if len(separates) < 2:
         return None
+    picked = best_cycles(score, cycle, posture)
+    found = Programme(subset(rows, picked), separates, score[picked])
+    return _with_a_second_reflector(found, baseline, fits, scale)
+
+
+def best_cycles(score: Array, cycle: NDArray[np.intp], posture: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Return the rows of the load cycles that tell most, (k,), the best first, each of another posture."""
     whole = np.bincount(cycle, weights=score)
     chosen: list[int] = []
-    most = PROGRAMME if len(rows) > len(whole) else READINGS
     for k in np.argsort(-whole, kind="stable").tolist():
         if posture[cycle == k][0] not in [posture[cycle == other][0] for other in chosen]:
             chosen.append(k)
-        if len(chosen) == most:
+        if len(chosen) == most_cycles(cycle):
             break
-    picked = np.concatenate([np.flatnonzero(cycle == k) for k in chosen])
-    found = Programme(subset(rows, picked), separates, score[picked])
-    return _with_a_second_reflector(found, baseline, fits, scale)
+    return np.concatenate([np.flatnonzero(cycle == k) for k in chosen])
+
+
+def most_cycles(cycle: NDArray[np.intp]) -> int:
+    """Return how many load cycles are proposed: more where each is one reading."""
+    return READINGS if np.unique(cycle).size == cycle.size else PROGRAMME
 
 
 def discrimination(
@@ -113,13 +122,33 @@ def discrimination(
         told.append(rival)
         means.append(shift(there, [rival.fit], [columns])[:, :3])
         covariances.append(stacked_covariance(there, rival.fit, columns)[:, :3, :3])
-    noise = 2 * np.diag((scale * np.median(baseline.sigma[:, :3], axis=0)) ** 2)
-    score = np.zeros(len(rows))
-    for i, j in combinations(range(len(told)), 2):
-        apart, total = means[i] - means[j], covariances[i] + covariances[j] + noise
+    if not told:
+        return np.zeros(len(rows)), ()
+    noise = scale * np.median(baseline.sigma[:, :3], axis=0)
+    odds = [rival.probability for rival in told]
+    return discriminations(odds, means, covariances, noise), tuple(rival.key for rival in told)
+
+
+def discriminations(
+    odds: Sequence[float], means: Sequence[Array], covariances: Sequence[Array], noise: Array
+) -> Array:
+    """Return the expected discrimination of each row, (R,).
+
+    Parameters
+    ----------
+    odds : sequence of float
+        Probability of each rival.
+    means, covariances : sequence of (R, 3) and (R, 3, 3) array, m and m^2
+        What each foretells of the rows.
+    noise : (3,) array, m
+        Standard deviation of a reading.
+    """
+    score = np.zeros(len(means[0]))
+    for i, j in combinations(range(len(odds)), 2):
+        apart, total = means[i] - means[j], covariances[i] + covariances[j] + 2 * np.diag(noise**2)
         square = np.einsum("na,na->n", apart, np.linalg.solve(total, apart[..., None])[..., 0])
-        score += told[i].probability * told[j].probability * square
-    return score, tuple(rival.key for rival in told)
+        score += odds[i] * odds[j] * square
+    return score
 
 
 def _rival(

@@ -24,7 +24,7 @@ def deflection_html(found: Prediction, provenance: Provenance) -> str:
     """Return the report of predicted displacements as one HTML page."""
     robot, loads, predicted = found.robot, found.rows, found.displacement
     texts = deflection_text(found)
-    if found.preload:
+    if found.preload and found.pose is None:
         texts.append("With gravity and K_C; the shape that is drawn is the linear one, without them.")
     moved = 1e3 * np.linalg.norm(predicted[:, :3], axis=1)
     used = loads.measured_mask & (loads.kind == "displacement")
@@ -81,7 +81,8 @@ def _displacements(loads: Measurements, predicted: Array) -> Section:
     for first, what, unit in ((0, "Displacement", "mm"), (3, "Rotation", "mrad")):
         values = {DISPLACEMENT[k]: 1e3 * predicted[:, k] for k in range(first, first + 3)}
         axes = ("row, as in the table", f"{what.lower()}, {unit}")
-        caption = "Loaded minus unloaded, in the base frame."
+        off = "Loaded minus unloaded" if loads.kind == "displacement" else "Off the undeformed machine"
+        caption = f"{off}, in the base frame."
         title = f"{what}, row by row"
         figures.append(along(f"moved-{first}", title, caption, x, values, axes, texts, marks=MARKS))
     return Section("displacement", "How far the tool moves", figures=figures)

@@ -1,5 +1,8 @@
 """The selection against a second formulation: explicit least squares of each fold, and hand-made problems."""
 
+from collections.abc import Sequence
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -18,15 +21,20 @@ def form(columns: np.ndarray, *parameters: Quantity) -> Form:
     return Form("joint-compliance", "q2", Shape("by hand", np.zeros((1, 6, 0)), parameters), columns, 0.0)
 
 
-def choice_of(residual: np.ndarray, *forms: Form) -> Choice:
-    """Return forms to choose from beside one open parameter that they do not touch."""
+def choice_of(
+    residual: np.ndarray, *forms: Form, drives: np.ndarray | None = None, present: Sequence[float] = ()
+) -> Choice:
+    """Return forms to choose from beside one open parameter that they do not touch, and drives."""
     count = len(residual)
-    model = type(
-        "Model",
-        (),
-        {"tangent": np.zeros((count, 1)), "residual": residual, "count": count, "given": load_robot(UR10)},
+    geometry, drives = np.eye(count)[:, :1], drives if drives is not None else np.zeros((count, 0))
+    model = SimpleNamespace(
+        geometry=geometry,
+        drives=drives,
+        present=np.array(present),
+        residual=residual,
+        count=count,
+        given=load_robot(UR10),
     )
-    model.tangent[0] = 1.0  # type: ignore[attr-defined]
     return build_choice(model, forms)  # type: ignore[arg-type]
 
 
@@ -70,6 +78,21 @@ def test_no_parameter_takes_a_sign_that_it_cannot_have() -> None:
     assert step.free[0].tolist() == [True, False]
     alone = np.linalg.lstsq(columns[1:, :1], residual[1:], rcond=None)[1][0]
     assert step.squares == pytest.approx(alone, rel=0.05)
+
+
+@pytest.mark.parametrize(("change", "known"), [(0.5, True), (-3.0, False)])
+def test_no_drive_gives_less_than_nothing(change: float, known: bool) -> None:
+    rng = np.random.default_rng(2)
+    drive, column = rng.standard_normal((2, VALUES, 1))
+    column[0] = drive[0] = 0.0
+    residual = (change * drive + 2.0 * column)[:, 0] + 0.01 * rng.standard_normal(VALUES)
+    made = choice_of(residual, form(column, Quantity("any", "m", 1.0)), drives=drive, present=[1.0])
+    step = fit_step(made, (0,))
+    assert step.drives.tolist() == [known]
+    compliance = step.theta[0] / np.linalg.norm(drive) if known else 0.0  # of the drive, in all
+    assert compliance == pytest.approx(1.0 + change if known else 0.0, abs=0.01)
+    error = np.linalg.norm(step.left)
+    assert (error < 0.02 * np.sqrt(VALUES)) == known
 
 
 @pytest.mark.parametrize(("coupling", "used"), [(1.0, True), (4.0, False)])

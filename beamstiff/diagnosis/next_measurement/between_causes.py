@@ -1,0 +1,189 @@
+"""What to measure next where several causes make up the gap.
+
+A cause and a look-alike in its place, each fitted with all other causes and all that is open, foretell new
+rows as ``m = M theta`` with covariance ``M C M^T``; the rows that tell most are those of the expected
+discrimination of `test_plan`. Where no cause has a look-alike, those tell most that bound the causes'
+parameters best: the expected information of a reading, ``log det(1 + M C M^T / sigma^2) / 2`` (Lindley,
+Ann. Math. Statist. 27 (1956) 986), each beside what the rows before it told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamstiff.diagnosis.decomposition.decompose import Cause, Decomposition, solved
+from beamstiff.diagnosis.decomposition.forms import SLIP, Form
+from beamstiff.diagnosis.next_measurement.candidates import load_cycles
+from beamstiff.diagnosis.next_measurement.test_plan import (
+    DECIDES,
+    Programme,
+    best_cycles,
+    discriminations,
+    most_cycles,
+)
+from beamstiff.diagnosis.residual.baseline import Baseline, at_rows
+from beamstiff.diagnosis.result import columns_at
+from beamstiff.errors import BeamstiffError
+from beamstiff.measure.rows import subset
+from beamstiff.measure.table import Measurements
+from beamstiff.se3 import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Foretold:
+    """What one set of causes foretells of new rows.
+
+    Attributes
+    ----------
+    mean : (R, 3) array, m
+    matrix : (R, 3, p) array
+        Positions by parameters, open ones first.
+    covariance : (p, p) array
+        Of the parameters.
+    """
+
+    mean: Array
+    matrix: Array
+    covariance: Array
+
+    @property
+    def spread(self) -> Array:
+        """Covariance of what is foretold, (R, 3, 3)."""
+        return self.matrix @ self.covariance @ self.matrix.swapaxes(1, 2)
+
+
+def propose_between(found: Decomposition, seed: int) -> Programme | None:
+    """Return the states that tell causes from their look-alikes best, or bound them; None without a cause.
+
+    Each is read at the point that the table reads most often.
+
+    Raises
+    ------
+    BeamstiffError
+        When no posture can be reached.
+    """
+    causes = (*found.causes, *found.unclear)
+    if not causes:
+        return None
+    rows, cycle, posture = load_cycles(found.model.baseline, seed)
+    points, often = np.unique(found.model.baseline.rows.point, return_counts=True)
+    rows = replace(rows, point=np.full(len(rows), points[np.argmax(often)]))
+    noise = max(found.scatter, 1.0) * np.median(found.model.baseline.sigma[:, :3], axis=0)
+    ahead = Ahead(found, rows)
+    score, separates = _apart(ahead, causes, noise)
+    if score.sum() < DECIDES:
+        forms = [form for cause in causes for form in cause.forms]
+        return _bounding(ahead.foretold(forms), rows, cycle, posture, noise)
+    picked = best_cycles(score, cycle, posture)
+    return Programme(subset(rows, picked), separates, score[picked])
+
+
+@dataclass(frozen=True, eq=False)
+class Ahead:
+    """New rows, as a decomposition sees them.
+
+    Attributes
+    ----------
+    found : Decomposition
+    rows : Measurements
+    """
+
+    found: Decomposition
+    rows: Measurements
+
+    @cached_property
+    def baseline(self) -> Baseline:
+        """The model at the new rows."""
+        return at_rows(self.found.model.baseline, self.rows)
+
+    @cached_property
+    def opened(self) -> Array:
+        """What a unit of each open parameter adds, (R, 3, t)."""
+        problem = self.found.model.problem
+        every = self.baseline.tangent if problem is None else problem.ahead(self.baseline.robot, self.rows)
+        return every[:, :3]
+
+    @cached_property
+    def known(self) -> dict[Form, Array]:
+        """Columns of forms that were asked for."""
+        return {}
+
+    def columns(self, form: Form) -> Array:
+        """Return what a form adds, of realistic sizes, (R, 3, c); a slip, and what postures show, is past."""
+        if form.effect == SLIP or all(item.posture_specific for item in form.shape.parameters):
+            return np.zeros((len(self.rows), 3, form.sizes.size))
+        if form not in self.known:
+            self.known[form] = columns_at(self.baseline, form)[:, :3] * form.sizes
+        return self.known[form]
+
+    def foretold(self, forms: Sequence[Form]) -> Foretold:
+        """Return what some forms, fitted with all that is open, foretell.
+
+        Raises
+        ------
+        BeamstiffError
+            When a form does not exist there.
+        """
+        matrix = np.concatenate([self.opened, *(self.columns(form) for form in forms)], axis=2)
+        theta, covariance = solved(self.found.model, forms)
+        return Foretold(matrix @ theta, matrix, max(self.found.scatter, 1.0) ** 2 * covariance)
+
+
+def _apart(ahead: Ahead, causes: Sequence[Cause], noise: Array) -> tuple[Array, tuple[str, ...]]:
+    """Return how far each row (R,) is expected to tell causes from look-alikes, and which these are."""
+    score, separates = np.zeros(len(ahead.rows)), dict[str, None]()
+    for cause in causes:
+        others = [form for one in causes if one is not cause for form in one.forms]
+        explained = []
+        for key, forms in [(cause.key, cause.forms), *((rival.key, (rival,)) for rival in cause.rivals)]:
+            try:
+                explained.append((key, ahead.foretold([*others, *forms])))
+            except BeamstiffError:  # what it would be there is not known
+                continue
+        if len(explained) < 2 or explained[0][0] != cause.key:
+            continue
+        share = (1.0 - cause.probability) / (len(explained) - 1)
+        odds = [cause.probability, *[share] * (len(explained) - 1)]
+        means, spreads = [one.mean for _, one in explained], [one.spread for _, one in explained]
+        score += discriminations(odds, means, spreads, noise)
+        separates |= dict.fromkeys(key for key, _ in explained)
+    return score, tuple(separates)
+
+
+def _bounding(
+    one: Foretold, rows: Measurements, cycle: NDArray[np.intp], posture: NDArray[np.intp], noise: Array
+) -> Programme:
+    """Return the cycles that bound the parameters best, each beside those before it."""
+    scaled = one.matrix / noise[:, None]
+    parts = {k: scaled[cycle == k].reshape(-1, scaled.shape[2]) for k in np.unique(cycle).tolist()}
+    covariance = one.covariance
+    chosen: list[int] = []
+    told: list[float] = []
+    free = dict(parts)
+    while free and len(chosen) < most_cycles(cycle):
+        gains = {k: _information(part, covariance) for k, part in free.items()}
+        best = max(gains, key=gains.__getitem__)
+        chosen.append(best)
+        told.append(gains[best])
+        part = free[best]
+        gain = covariance @ part.T @ np.linalg.inv(np.eye(len(part)) + part @ covariance @ part.T)
+        covariance = covariance - gain @ part @ covariance
+        taken = posture[cycle == best][0]
+        free = {k: part for k, part in free.items() if posture[cycle == k][0] != taken}
+    picked = np.concatenate([np.flatnonzero(cycle == k) for k in chosen])
+    score = np.concatenate(
+        [
+            np.full((cycle == k).sum(), value / (cycle == k).sum())
+            for k, value in zip(chosen, told, strict=True)
+        ]
+    )
+    return Programme(subset(rows, picked), (), score)
+
+
+def _information(part: Array, covariance: Array) -> float:
+    return 0.5 * float(np.linalg.slogdet(np.eye(len(part)) + part @ covariance @ part.T)[1])
