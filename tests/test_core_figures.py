@@ -5,6 +5,7 @@ import pytest
 from benchmarks import core_figures
 
 
+@pytest.mark.slow
 def test_every_figure_reaches_what_is_asked_and_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
     code = core_figures.main()
     text = capsys.readouterr().out

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="copies of a process, killed")
 def test_jobs_that_are_killed_come_to_the_same_end() -> None:
     done = subprocess.run(

@@ -72,6 +72,7 @@ def test_identification_of_twice_the_rows_takes_twice_the_memory(a_posture: int,
     assert grown(work) < MOST
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("a_posture", [5, MANY])
 def test_diagnosis_of_twice_the_rows_takes_twice_the_memory(robot: Robot, a_posture: int) -> None:
     def work(rows: int) -> Callable[[], object]:

@@ -108,6 +108,7 @@ def test_reports_are_kept_in_a_folder(run: Run, folder: Path) -> None:
     assert names == ["case-000000.json", "case-000001.json"]
 
 
+@pytest.mark.slow
 def test_labelled_campaigns_of_a_folder_are_examined(
     succeed: Run, folder: Path, shared_path: Callable[[str], Path]
 ) -> None:

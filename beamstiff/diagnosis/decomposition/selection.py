@@ -167,8 +167,8 @@ def build_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
     size = np.linalg.norm(every, axis=0)
     every = every / np.where(size > 0, size, 1.0)
     every = every - basis @ (basis.T @ every)
-    spread = np.concatenate([np.full(drives, np.inf), *(form.prior_std for form in forms)])
-    spread = np.where(size > 0, spread * size, 0.0)
+    known = np.concatenate([np.zeros(0), *(form.prior_std for form in forms)]) * size[drives:]
+    spread = np.concatenate([np.full(drives, UNSEEN), known])
     parameters = [item for form in forms for item in form.shape.parameters]
     groups = []
     for count in sorted(set(sizes)):

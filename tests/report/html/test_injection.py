@@ -37,8 +37,20 @@ def test_every_command_that_writes_a_report_is_tried() -> None:
     assert writes == set(COMMANDS)
 
 
-@pytest.mark.parametrize("text", HOSTILE)
-@pytest.mark.parametrize("command", COMMANDS)
+LONG = (
+    "diagnose",
+    "compare",
+)  # commands that calculate long: with one of the texts, the others by `make slow`
+
+
+@pytest.mark.parametrize(
+    ("command", "text"),
+    [
+        pytest.param(command, text, marks=pytest.mark.slow if command in LONG and text != HOSTILE[0] else ())
+        for command in COMMANDS
+        for text in HOSTILE
+    ],
+)
 def test_hostile_texts_stay_texts(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str, text: str
 ) -> None:

@@ -1,7 +1,10 @@
+import pytest
+
 from benchmarks.report_size import ASKED_MEGABYTES, measure
 from tests.report.html.conftest import KINDS
 
 
+@pytest.mark.slow
 def test_the_benchmark_writes_every_kind_of_report_and_they_are_small() -> None:
     reached = measure(30)
     assert set(reached) == set(KINDS)
