@@ -11,12 +11,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from beamstiff.errors import BeamstiffError, listed
-from beamstiff.measure.rigid_motion import check_spread, fit_rigid_motion
+from beamstiff.errors import listed
+from beamstiff.measure.position_doubts import position_doubts
 from beamstiff.measure.table import Measurements
-from beamstiff.robot.closure import every_assembly
 from beamstiff.robot.description import Robot
-from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.se3 import Array
 
 LARGE_DISPLACEMENT = 0.1  # m; a loaded robot gives way by millimetres
@@ -28,9 +26,6 @@ REVERSED = 0.5  # share of such rows that move against their load from which the
 # and from which it may be the frame, or the columns: loads in another frame make a third to a half of the
 # rows, a machine that drifts by several times its deflections a fifth
 MISPLACED, SEVERAL = 0.25, 3
-ANOTHER = (
-    1 / 3
-)  # of what an assembly leaves, that another leaves where it is meant: wrong ones are off by links
 FINE = 0.8  # share of readings of other states that differ, of an instrument that reads finely
 
 
@@ -47,7 +42,7 @@ def doubts(measurements: Measurements, robot: Robot) -> tuple[str, ...]:
         *_of_sizes(measurements),
         *_of_copies(measurements),
         *_of_the_robot(measurements, robot),
-        *_of_the_assembly(measurements, robot),
+        *position_doubts(measurements, robot),
     )
 
 
@@ -126,6 +121,9 @@ def _of_the_joints(table: Measurements, robot: Robot) -> Iterator[str]:
             if outside.any():
                 row = int(outside.argmax())
                 degrees = f" ({_degrees(q[row])}; {_degrees(low)} to {_degrees(high)})" if turns else ""
+                turned = q[outside] - 2 * np.pi * np.round((q[outside] - 0.5 * (low + high)) / (2 * np.pi))
+                if turns and ((turned >= low - slack) & (turned <= high + slack)).all():
+                    degrees += ": is it off by a full turn?"
                 unit = "rad" if turns else "m"
                 yield (
                     f"{table.place(row)}: {variable.name}: {q[row]:.6g} {unit} lies outside the limits "
@@ -211,32 +209,3 @@ def _of_the_robot(table: Measurements, robot: Robot) -> Iterator[str]:
     name = table.metadata.get("robot")
     if name is not None and name != robot.name:
         yield f"{table.source}: the table is of robot {name!r}, here it is read with {robot.name!r}"
-
-
-def _of_the_assembly(table: Measurements, robot: Robot) -> Iterator[str]:
-    """Yield that loops put together in another way would bring the points to where they were read."""
-    if not robot.loops or table.kind != "absolute":
-        return
-    kinematics = compile_kinematics(robot)
-    left = {one.name: _left_by(table, robot, one.name) for one in every_assembly(kinematics)}
-    taken = kinematics.closest[0].name if kinematics.closest else ""
-    best = min(left, key=left.__getitem__, default=taken)
-    if best != taken and left[best] < ANOTHER * left.get(taken, np.inf):
-        yield (
-            f"{table.source}: the positions fit the loops of robot {robot.name!r} put together as {best!r} "
-            f"({1e3 * left[best]:.3g} mm), not as {taken!r} ({1e3 * left[taken]:.3g} mm), which was taken: "
-            f"write assembly: {best!r} in the robot file, or --assembly={best}"
-        )
-
-
-def _left_by(table: Measurements, robot: Robot, assembly: str) -> float:
-    """Return the RMS distance, m, of the positions from an assembly's, laid over them; inf if it is open."""
-    rows = np.flatnonzero(~np.isnan(table.position).any(axis=1))
-    try:
-        kinematics = compile_kinematics(robot.model_copy(update={"assembly": assembly}))
-        places = posture(kinematics, table.q[rows]).node_positions
-        at = places[np.arange(len(rows)), [kinematics.node_index[name] for name in table.point[rows]]]
-        check_spread(at, "points")
-        return float(fit_rigid_motion(at, table.position[rows]).rms)
-    except BeamstiffError:
-        return np.inf

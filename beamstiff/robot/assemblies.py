@@ -23,6 +23,8 @@ from beamstiff.robot.newton import LARGEST_SHIFT, LARGEST_STEP, Mask, newton
 from beamstiff.se3 import Array
 
 STARTS = 64  # a third of them at the guess itself, at drawn actuated variables
+ENOUGH = 16  # closed postures: for fewer, as many starts again are tried, since platforms close rarely
+MOST_ROUNDS = 8
 CLOSING = 6  # steps of all variables together before the passive ones alone close the loops
 STEPS = 40  # towards the guess
 CORRECTING = 2  # steps of all variables together after each of them
@@ -210,23 +212,27 @@ def _closed_postures(
 ) -> tuple[Array, Array, Assembly | None]:
     """Return closed postures (P, A + Q) all over the limits, the signs of their branches, the reference."""
     first, random = system.actuated, np.random.default_rng(0)
-    starts = np.tile(guess, (STARTS, 1))
     wide = np.where(system.prismatic, system.scale, np.pi)[:first]
     from_, to = np.maximum(low[:first], guess[:first] - wide), np.minimum(high[:first], guess[:first] + wide)
-    starts[1:, :first] = random.uniform(from_, to, (STARTS - 1, first))
-    shifts = random.uniform(-1.0, 1.0, (STARTS, len(guess) - first)) * spread(system)
-    shifts[: STARTS // 3] = 0.0
-    starts[:, first:] += shifts
-    starts = _drawn_together(system, starts, low, high, CLOSING)
-    postures, _, jacobian, closed = newton(system, starts, iterations=30)
-    good = closed & ~near_singular(jacobian)
+    found: list[tuple[Array, Array]] = []
+    while len(found) < MOST_ROUNDS and sum(len(postures) for postures, _ in found) < ENOUGH:
+        starts = np.tile(guess, (STARTS, 1))
+        starts[not found :, :first] = random.uniform(from_, to, (STARTS - (not found), first))
+        shifts = random.uniform(-1.0, 1.0, (STARTS, len(guess) - first)) * spread(system)
+        shifts[: STARTS // 3] = 0.0
+        starts[:, first:] += shifts
+        starts = _drawn_together(system, starts, low, high, CLOSING)
+        closing, _, jacobian, closed = newton(system, starts, iterations=30)
+        good = closed & ~near_singular(jacobian)
+        found.append((closing[good], jacobian[good]))
+    postures, jacobian = (np.concatenate(parts) for parts in zip(*found, strict=True))
     reference = next(
-        (found for at in np.flatnonzero(good) if (found := assembly_at(system, postures[at])) is not None),
+        (one for posture in postures if (one := assembly_at(system, posture)) is not None),
         None,
     )
     if reference is None:
         return postures[:0], np.zeros((0, 0)), None
-    return postures[good], reference.signs(jacobian[good]), reference
+    return postures, reference.signs(jacobian), reference
 
 
 def _towards(

@@ -156,8 +156,13 @@ def every_assembly(kinematics: Kinematics) -> tuple[Closest, ...]:
 
 def assembly_doubts(kinematics: Kinematics) -> tuple[str, ...]:
     """Return, one sentence each, why the assembly taken may not be the one meant; mostly nothing."""
-    if not kinematics.closest or kinematics.robot.assembly is not None:
+    if not kinematics.loops or kinematics.robot.assembly is not None:
         return ()
+    if not kinematics.closest:
+        return (
+            f"robot {kinematics.robot.name!r}: no assembly was found from the guesses: where the loops close "
+            "they may do so in another than is meant; give nearer guesses",
+        )
     taken, rivals = kinematics.closest[0], kinematics.closest[1:]
     head = f"robot {kinematics.robot.name!r}: the loops are put together at"
     if rivals and rivals[0].farthest < NEAR_GUESS:

@@ -8,7 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 from scipy.spatial import KDTree
+from scipy.spatial.distance import pdist, squareform
 
 from beamstiff.robot.branch import Assembly, near_singular
 from beamstiff.robot.closing_program import close_at_once
@@ -19,6 +21,8 @@ from beamstiff.se3 import Array
 SMALLEST_STRIDE = 1 / 512  # of the way
 STARTS = 12
 CELLS = 256  # of the grid of starts
+SAME_DRIVES = 1e-9  # between poses of the same drives: a distance of zero would be none
+ANOTHER = 1e-3  # rad and machine sizes, between two postures at the same drives
 STEEP = 50.0  # near a singular posture rates lead nowhere
 
 
@@ -128,7 +132,40 @@ def close_in_branch(
         # those that could not be reached may be from the poses just won
         if arrived.sum() < 0.1 * len(todo):
             break
+    if starts is None and good.any():
+        some = np.flatnonzero(good)
+        best[some] = _as_neighbours(system, assembly, best[some])
+        best[some], gaps[some], _, _ = newton(system, best[some], iterations=3)
     return _other_starts(system, assembly, Attempt(best, gaps, good, flipped & ~good))
+
+
+def _as_neighbours(system: LoopSystem, assembly: Assembly, free: Array) -> Array:
+    """Return closed postures (P, A + Q) as their neighbours are closed, from the reference on.
+
+    Where more than two variables close together, the sign of a block does not tell its postures apart: some
+    platforms come to another posture at the same drives with no singular one between (McAree and Daniel
+    1999). Which is meant, the way there says; taken is the way along the shortest tree of poses. Drives that
+    come back to where they were are taken to be back, for poses have no order.
+    """
+    first, moving = system.actuated, system.moving
+    if all(len(columns) <= 2 for _, columns in assembly.blocks) or not moving.any():
+        return free
+    nodes = np.concatenate([assembly.free[None], free])
+    apart = squareform(pdist((nodes / system.scale)[:, :first][:, moving])) + SAME_DRIVES
+    order, before = breadth_first_order(minimum_spanning_tree(apart), 0, directed=False)
+    rest = order[1:]
+    found, arrived = continuation(system, assembly, nodes[before[rest]], nodes[rest, :first])
+    changed = np.zeros(len(nodes), dtype=np.bool_)
+    for number, node in enumerate(rest.tolist()):
+        here, come = found[number], arrived[number]
+        if changed[before[node]]:
+            some = slice(node, node + 1)
+            (here,), (come,) = continuation(system, assembly, nodes[before[some]], nodes[some, :first])
+        away = (here - nodes[node]) / system.scale
+        away -= np.where(system.turning, 2 * np.pi * np.round(away / (2 * np.pi)), 0.0)
+        if come and np.abs(away).max() > ANOTHER:
+            nodes[node], changed[node] = here, True
+    return nodes[1:]
 
 
 def _in_branch(assembly: Assembly, jacobian: Array, closed: Mask) -> Mask:
