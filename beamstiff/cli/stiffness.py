@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from beamstiff.cli.options import Assembly, Debug, Json, Preload, Quiet, RobotFile, option, robot_file
-from beamstiff.cli.output import Outputs, working
+from beamstiff.cli.output import Outputs, say, working
 from beamstiff.errors import BeamstiffError, OptionError
 
 if TYPE_CHECKING:
@@ -18,7 +18,8 @@ def stiffness(
     robot: RobotFile,
     q: list[str] | None = option(
         "NAME=VALUE,...",
-        "Actuated joint variables; a number is rad or m. Those not named are 0, passive ones are solved.",
+        "Actuated joint variables; a number is rad or m. Those not named are 0, passive ones are solved. "
+        "Default: the reference posture of `beamstiff show`.",
     ),
     preload: Preload = False,
     wrench: list[str] | None = option(
@@ -35,8 +36,9 @@ def stiffness(
 
     Stiffness K: wrench = K displacement, compliance C = K^-1: displacement = C wrench. Base frame,
     wrench [f, m] and displacement [d, r] at the TCP, SI. Undeformed geometry, without gravity. A
-    mechanism is refused and its free motion named; so is a TCP that does not give way at all in
-    some direction, such as that of a rigid-link arm in a singular posture.
+    mechanism is refused and its free motion named. A TCP that is rigid in some direction, such as
+    that of an arm with drive springs only in a singular posture, has a compliance but no stiffness:
+    the rigid directions are named, and --json, which holds both matrices, is refused.
 
     --preload gives the tangent stiffness of the loaded machine instead, for a small wrench on top
     of what loads it: gravity and payload always, and --wrench. It adds the geometric stiffness K_C
@@ -53,15 +55,22 @@ def stiffness(
     from beamstiff.functions.robots import as_robot
     from beamstiff.functions.stiffness import stiffness as run
     from beamstiff.report.stiffness import stiffness_tables
+    from beamstiff.report.tables import spaced
 
     machine = as_robot(robot, assembly=assembly)
     values = parse_variables(machine, q or [])
     load = parse_wrench(wrench or []) if wrench else None
     outputs = Outputs([robot_file(robot)], json, quiet)
     with working("condensing the structure", quiet), _hint_at_q(machine, values):
-        found = run(machine, values, preload=preload, wrench=load)
+        found = run(machine, values or None, preload=preload, wrench=load)
+        if json is not None and found.singular:  # the file promises both matrices
+            raise BeamstiffError(found.singular)
+    if not values and machine.actuated:
+        say(
+            "note: no --q: the reference posture, the middle of the joint limits where the loops close", quiet
+        )
     note_limits(machine, found.variables, quiet)
-    outputs.result(found.notes, stiffness_tables(found), found.to_dict())
+    outputs.result(found.notes, spaced(stiffness_tables(found)), found.to_dict())
 
 
 @contextmanager
@@ -73,4 +82,6 @@ def _hint_at_q(robot: Robot, values: Mapping[str, float]) -> Iterator[None]:
         if isinstance(error, OptionError) or values or not robot.actuated:
             raise
         names = ",".join(f"{item.name}=..." for item in robot.actuated[:6])
-        raise BeamstiffError(f"{error}; all joint variables are 0 here, set them with --q {names}") from None
+        raise BeamstiffError(
+            f"{error}; this is the reference posture, set another with --q {names}"
+        ) from None

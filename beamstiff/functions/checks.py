@@ -69,5 +69,9 @@ def six_numbers(name: str, wrench: ArrayLike) -> Array:
 
 
 def shown_value(robot: Robot, name: str, value: float) -> str:
-    """Return the value of a variable as people read it: in degrees or millimetres."""
-    return f"{degrees(value):.6g} deg" if variable_kinds(robot)[name] == "angle" else f"{1e3 * value:.6g} mm"
+    """Return the value of a variable as people read it: in degrees or millimetres, to a millionth."""
+    angle = variable_kinds(robot)[name] == "angle"
+    size = (
+        round(degrees(value) if angle else 1e3 * value, 6) + 0.0
+    )  # a loop closes to rounding; no minus zero
+    return f"{size:.6g} {'deg' if angle else 'mm'}"

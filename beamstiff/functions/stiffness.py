@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from beamstiff.fem import condensation
 from beamstiff.fem.beam_column import coarse_beams
 from beamstiff.fem.geometric import loaded_compliance, loaded_stiffness
 from beamstiff.fem.response import nodal_loads, respond
+from beamstiff.fem.rigid_wrenches import rigid_wrenches
 from beamstiff.fem.structure import Structure, compile_structure
 from beamstiff.functions.checks import left_out, six_numbers
 from beamstiff.functions.robots import as_robot
@@ -21,6 +22,7 @@ from beamstiff.robot.coerce import RobotLike
 from beamstiff.robot.description import Robot
 from beamstiff.robot.doubts import robot_doubts
 from beamstiff.robot.kinematics import Posture, compile_kinematics, pose_of, posture
+from beamstiff.robot.reference import reference_posture
 from beamstiff.robot.stiffness import check_stiffness
 from beamstiff.se3 import Array
 from beamstiff.shown import Shown
@@ -36,27 +38,34 @@ class TcpStiffness(Shown):
     ----------
     robot : Robot
     stiffness, compliance : (6, 6) array
-        ``wrench = K displacement``, with the wrench ``[f, m]`` and the displacement ``[d, r]``.
+        ``wrench = K displacement``, with the wrench ``[f, m]`` and the displacement ``[d, r]``. No
+        stiffness (None) where the TCP is rigid in some direction.
     tcp : (3,) array, m
     variables : dict of str to float, rad or m
         All joint variables, passive ones solved.
     preload : bool
         Tangent stiffness of the loaded machine.
+    rigid : (R, 6) array
+        Wrenches that do not displace the TCP, a basis of them; empty where there are none.
+    singular : str
+        Why there is no stiffness; empty where there is one.
     notes : tuple of str
     """
 
     robot: Robot
-    stiffness: Array
+    stiffness: Array | None
     compliance: Array
     tcp: Array
     variables: dict[str, float]
     preload: bool = False
+    rigid: Array = field(default_factory=lambda: np.zeros((0, 6)))
+    singular: str = ""
     notes: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON, SI."""
         return {
-            "stiffness": self.stiffness.tolist(),
+            "stiffness": None if self.stiffness is None else self.stiffness.tolist(),
             "compliance": self.compliance.tolist(),
             "tcp": self.tcp.tolist(),
             "variables": self.variables,
@@ -72,7 +81,8 @@ def stiffness(
     ----------
     robot : Robot, path, or name of a bundled robot
     q : mapping of str to float, or (A,) array, rad or m
-        Actuated joint variables; those not named are 0, passive ones are solved.
+        Actuated joint variables; those not named are 0, passive ones are solved. Default the reference
+        posture: the middle of the limits, or a posture within them that closes the loops.
     preload : bool
         Tangent stiffness of the machine under gravity, payload and `wrench`, with their geometric stiffness.
     wrench : (6,) array, optional
@@ -85,7 +95,7 @@ def stiffness(
     Raises
     ------
     BeamstiffError
-        When the robot is a mechanism, or its TCP does not move at all in some direction.
+        When the robot is a mechanism, or entirely rigid.
 
     Examples
     --------
@@ -100,7 +110,7 @@ def stiffness(
         )
     load = np.zeros(6) if wrench is None else six_numbers("wrench", wrench)
     try:
-        structure, where = _placed(machine, q)
+        structure, where = _placed(machine, reference_posture(machine) if q is None else q)
     except BeamstiffError:
         check_stiffness(machine)  # the better reason, where it is one
         raise
@@ -110,13 +120,22 @@ def stiffness(
     coarse: list[str] = []
     if preload:
         coarse = coarse_beams(respond(structure, where, _nodal(structure, load), gravity=True))
+    inverse, singular, rigid = None, "", np.zeros((0, 6))
+    try:
+        inverse = _inverse(structure, compliance, preload)[0]
+    except BeamstiffError as error:
+        rigid, singular = rigid_wrenches(compliance[0]), str(error)
+        if not len(rigid) or len(rigid) == len(compliance[0]):  # refused for another reason
+            raise
     return TcpStiffness(
         robot=machine,
-        stiffness=_inverse(structure, compliance, preload)[0],
+        stiffness=inverse,
         compliance=compliance[0],
         tcp=where.node_positions[0, structure.kinematics.node_index[machine.tcp]],
         variables=dict(zip(structure.kinematics.coupling.names, where.values[0].tolist(), strict=True)),
         preload=preload,
+        rigid=rigid,
+        singular=singular,
         notes=(*robot_doubts(machine), *left_out(machine.effects, "its stiffness"), *coarse),
     )
 

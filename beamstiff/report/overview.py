@@ -20,8 +20,9 @@ from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import stiffness_text
 from beamstiff.robot.frames import all_values
 from beamstiff.robot.graph import structural_loops, structure_graph, support_tree
-from beamstiff.robot.kinematics import Kinematics, Posture, compile_kinematics, forward, posture_at
+from beamstiff.robot.kinematics import Kinematics, Posture, forward, posture_at
 from beamstiff.robot.parts import STIFFNESS_KINDS, Variable
+from beamstiff.robot.reference import sampled_postures
 from beamstiff.se3 import Array
 
 MOST_UNKNOWNS = 3000  # the condition is found from a dense matrix
@@ -46,7 +47,7 @@ def describe(robot: Robot, samples: int = 1000, seed: int = 0) -> dict[str, Any]
     """
     structure = compile_structure(robot)
     kinematics = structure.kinematics
-    q = _samples(robot, samples, seed)
+    q = sampled_postures(robot, samples, seed)
     closure = close_loops(kinematics, q, strict=False)
     if not closure.closed.any():
         raise BeamstiffError(
@@ -103,32 +104,6 @@ def describe(robot: Robot, samples: int = 1000, seed: int = 0) -> dict[str, Any]
         "condition": _condition(structure, geometry),
         "reach": {**_reach(kinematics, closure.values[closure.closed]), "samples": len(q), "seed": seed},
     }
-
-
-def reference_posture(robot: Robot) -> Array:
-    """Return the actuated joint values (A,) of the reference: mid limits, or a sample that closes."""
-    kinematics = compile_kinematics(robot)
-    q = _samples(robot, 1000, 0)
-    for some in (q[:1], q):
-        closure = close_loops(kinematics, some, strict=False)
-        if closure.closed.any():
-            return np.asarray(some[int(np.argmax(closure.closed))])
-    raise BeamstiffError(
-        f"robot {robot.name!r}: none of {len(q)} postures closes the loops: {closure.reasons[0]}"
-    )
-
-
-def _samples(robot: Robot, count: int, seed: int) -> Array:
-    """Return joint values (1 + count, A): the middle of the limits, then samples within them."""
-    limits = np.array([_range(variable) for variable in robot.actuated], dtype=np.float64).reshape(-1, 2)
-    drawn = np.random.default_rng(seed).uniform(limits[:, 0], limits[:, 1], (count, len(limits)))
-    return np.concatenate([limits.mean(axis=1)[None], drawn])
-
-
-def _range(variable: Variable) -> tuple[float, float]:
-    if variable.limits is not None:
-        return variable.limits
-    return (-np.pi, np.pi) if variable.kind == "angle" else (0.0, 0.0)
 
 
 def _assemblies(kinematics: Kinematics) -> list[dict[str, Any]]:

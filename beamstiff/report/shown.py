@@ -29,13 +29,14 @@ from beamstiff.report.diagnosis import diagnosis_figure, diagnosis_tables
 from beamstiff.report.figures import BLUE, new_figure, plain
 from beamstiff.report.geometry import calibration_figure, calibration_text, errors_table, parameters_table
 from beamstiff.report.identification import combinations_text, identification_table
-from beamstiff.report.overview import describe, reference_posture
+from beamstiff.report.overview import describe
 from beamstiff.report.overview_tables import overview_tables
 from beamstiff.report.parity import parity_figure
 from beamstiff.report.skeleton import draw_shares
 from beamstiff.report.stiffness import stiffness_tables
 from beamstiff.report.tables import spaced
 from beamstiff.robot.description import Robot
+from beamstiff.robot.reference import reference_posture
 
 if TYPE_CHECKING:
     from xarray import Dataset

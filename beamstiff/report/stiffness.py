@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from beamstiff.errors import listed
 from beamstiff.functions.checks import shown_value
 from beamstiff.functions.stiffness import TcpStiffness
 from beamstiff.report.tables import Table, millimetres, number, table
@@ -17,12 +18,30 @@ MOTIONS = ("dx [m]", "dy [m]", "dz [m]", "rx [rad]", "ry [rad]", "rz [rad]")
 ROUNDING = 1e-12
 
 
-def stiffness_tables(found: TcpStiffness) -> Iterator[Table]:
-    """Yield tables: joint variables and place of the TCP, stiffness, compliance."""
+def stiffness_tables(found: TcpStiffness) -> Iterator[Table | str]:
+    """Yield tables: joint variables and place of the TCP, stiffness, compliance; then what is rigid."""
     what = "Tangent stiffness of the loaded machine" if found.preload else "Stiffness"
     yield _posture_table(found.robot, found.variables, found.tcp)
-    yield _matrix_table(f"{what} at the TCP: row = K column", FORCES, MOTIONS, found.stiffness)
-    yield _matrix_table("Compliance at the TCP: row = C column", MOTIONS, FORCES, found.compliance)
+    if found.stiffness is not None:
+        yield _matrix_table(f"{what} at the TCP: row = K column", FORCES, MOTIONS, found.stiffness)
+    name = "Compliance of the loaded machine" if found.preload else "Compliance"
+    yield _matrix_table(f"{name} at the TCP: row = C column", MOTIONS, FORCES, found.compliance, found.rigid)
+    if len(found.rigid):
+        yield (
+            f"Rigid: the TCP is not displaced by {listed(_wrenches(found.rigid), 6)} (N, N m); "
+            "a stiffness matrix does not exist."
+        )
+
+
+def _wrenches(rigid: Array) -> list[str]:
+    """Return wrenches in words: ``fx``, or ``mx with 0.6 mz``, SI."""
+    names = [name.split()[0] for name in FORCES]
+    told = []
+    for wrench in rigid:
+        first = int(np.argmax(wrench == 1.0))
+        rest = [f"{wrench[i]:.3g} {names[i]}" for i in np.flatnonzero(wrench) if i != first]
+        told.append(names[first] + (f" with {' and '.join(rest)}" if rest else ""))
+    return told
 
 
 def _posture_table(robot: Robot, variables: dict[str, float], tcp: Array) -> Table:
@@ -34,11 +53,15 @@ def _posture_table(robot: Robot, variables: dict[str, float], tcp: Array) -> Tab
     return result
 
 
-def _matrix_table(title: str, rows: tuple[str, ...], columns: tuple[str, ...], matrix: Array) -> Table:
+def _matrix_table(
+    title: str, rows: tuple[str, ...], columns: tuple[str, ...], matrix: Array, rigid: Array | None = None
+) -> Table:
     # what is rounding beside the diagonal is shown as 0; JSON holds it as it is
-    size = np.sqrt(np.abs(np.diagonal(matrix)))
+    own = np.abs(np.diagonal(matrix))
+    size = np.sqrt(np.maximum(own, ROUNDING * np.repeat(own.reshape(2, 3).max(axis=1), 3)))
     shown = np.where(np.abs(matrix) > ROUNDING * size[:, None] * size, matrix, 0.0)
     result = table(title, "", *columns)
-    for name, row in zip(rows, shown, strict=True):
-        result.add_row(name, *map(number, row))
+    alone = () if rigid is None else np.flatnonzero((rigid[np.count_nonzero(rigid, axis=1) == 1]).any(axis=0))
+    for at, (name, row) in enumerate(zip(rows, shown, strict=True)):
+        result.add_row(name, *(["rigid"] * len(row) if at in alone else map(number, row)))
     return result

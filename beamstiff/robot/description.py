@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
-from beamstiff.errors import BeamstiffError, suggest
+from beamstiff.errors import BeamstiffError, listed, suggest
 from beamstiff.robot.checks import find_problems
 from beamstiff.robot.fields import (
     FREE,
@@ -163,6 +163,6 @@ def _known(name: str, candidates: Iterable[str], robot: str) -> str:
     if name not in candidates:
         raise BeamstiffError(
             f"robot {robot!r} has no stiffness parameter {name!r}{suggest(name, candidates)}; "
-            "expected for instance J12.torsional"
+            f"expected {listed(candidates, 6) or 'none, as it has no elastic part'}"
         )
     return name

@@ -5,6 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import beamstiff
+from beamstiff.report.overview import describe
+from beamstiff.robot.reader import load_robot
 from tests.cli.conftest import Run
 
 
@@ -124,3 +127,36 @@ def test_a_note_says_where_one_beam_is_too_few_for_the_load(run: Run) -> None:
     )
     assert light.stderr == ""
     assert heavy.stderr.startswith("note: beam 'tube': its moments are 13% of what buckles it")
+
+
+@pytest.mark.parametrize("robot", ["five-bar", "gantry", "kr240-2", "stewart"])
+def test_without_joint_values_the_posture_is_that_of_show_within_the_limits(succeed: Run, robot: str) -> None:
+    """At zero these are outside their limits, cannot close their loops or have a beam without length."""
+    result = succeed("stiffness", robot)
+    assert "outside its limits" not in result.stderr
+    assert "the reference posture" in result.stderr
+    machine = load_robot(robot)
+    found = beamstiff.stiffness(machine)
+    for item in describe(machine)["variables"]:
+        assert found.variables[item["name"]] == pytest.approx(item["reference"], abs=1e-9)
+
+
+@pytest.mark.parametrize("preload", [False, True])
+def test_a_robot_with_drive_springs_only_has_a_compliance_and_its_rigid_wrenches_move_nothing(
+    succeed: Run, preload: bool
+) -> None:
+    result = succeed("stiffness", "kr240-2", "--q", "q1=0", *(["--preload"] if preload else []))
+    assert "Rigid: the TCP is not displaced by mx (N, N m)" in result.stdout
+    assert "Stiffness at the TCP" not in result.stdout
+    (row,) = [line for line in result.stdout.splitlines() if line.startswith("rx [rad]")]
+    assert row.split()[2:] == ["rigid"] * 6
+    found = beamstiff.stiffness("kr240-2", preload=preload)  # its wrist is stretched: a combination
+    assert found.stiffness is None
+    assert len(found.rigid) == 1
+    largest = np.abs(found.compliance) @ np.abs(found.rigid[0])
+    assert (np.abs(found.compliance @ found.rigid[0]) <= 1e-8 * largest.max()).all()
+    assert np.count_nonzero(found.rigid[0]) == 3
+
+
+def test_what_closes_to_rounding_is_shown_as_zero(succeed: Run) -> None:
+    assert "e-1" not in succeed("stiffness", "delta").stdout.split("Stiffness at")[0]
