@@ -34,6 +34,7 @@ ROUNDS = 20  # of revising a fit
 TRIED = 30  # forms, best first, of which one has to help on held-out postures
 DOUBT = 0.2  # of postures drawn anew, in which a cause may make held-out postures worse
 UNSEEN = 1e6  # times the noise: what is known no better than so beforehand is not known, but for rounding
+SURELY = 2.0  # standard deviations
 DRIVES = -1  # number of the drives
 SHOWS = 0.5  # parameters that the data determine, below which a form does not show
 
@@ -232,19 +233,28 @@ def fit_step(choice: Choice, chosen: Sequence[int]) -> Step:
 def _allowed(
     choice: Choice, chosen: Sequence[int], at: Integers, ends: Integers, triangle: Array, pull: Array
 ) -> NDArray[np.bool_]:
-    """Return which parameters (c,) a fit may use: 0 are those that would be negative, or give work away."""
+    """Return which parameters (c,) a fit may use: 0 are those that would be negative, or give work away.
+
+    A compliance about a remote centre lies on the bound of its couplings itself: they are held against what
+    they couple as large as it may be, two standard deviations up.
+    """
     starts = choice.drives + np.concatenate([[0], ends]).astype(int)
     couplings = np.concatenate(
         [np.zeros((0, 3), dtype=int)]
         + [start + choice.forms[k].couplings for k, start in zip(chosen, starts[:-1], strict=True)]
     )
+    left = choice.residual @ choice.residual - pull @ pull
+    scatter = max(1.0, float(left) / choice.count)
+    root = np.linalg.inv(triangle)
+    variance = np.minimum(scatter * (root**2).sum(axis=1), 1.0 / choice.precision[at])
+    up = SURELY * np.sqrt(variance) * choice.units[at]
     used = np.arange(at.size)
     for _ in range(1 + len(couplings)):
         found = np.zeros(at.size)
         found[used] = _least_squares(triangle[:, used], pull, choice.positive[at[used]])
         value = found * choice.units[at]
         c, a, b = couplings.T
-        wrong = couplings[value[c] ** 2 > value[a] * value[b], 0]
+        wrong = couplings[value[c] ** 2 > (value + up)[a] * (value + up)[b], 0]
         used = np.setdiff1d(used, wrong)
         if not wrong.size:
             break
