@@ -242,9 +242,9 @@ def headline(result: Diagnosis) -> str:
     plural = "" if second(result) is None else "s"
     if verdict.probability >= LIKELY:
         return f"Cause{plural}: {causes(result)}"
-    nothing = max((one.probability for one in result.candidates if one.effect == "none"), default=0.0)
-    if nothing > verdict.probability:
-        return f"{UNDECIDED}; likeliest cause: {named(verdict)}"
+    no_cause = (one.probability for one in result.candidates if one.effect in ("none", "unknown"))
+    if max(no_cause, default=0.0) > verdict.probability:
+        return UNDECIDED
     return f"Likeliest cause{plural}: {causes(result)}"
 
 

@@ -49,7 +49,14 @@ def test_what_is_less_likely_than_not_is_no_verdict() -> None:
     assert said(replace(NONE, probability=0.9))[0] == "Nothing beyond noise"
     assert said(replace(PLAY, probability=0.47))[0] == "Likeliest cause: backlash at q2"
     assert said(replace(PLAY, probability=0.7))[0] == "Cause: backlash at q2"
-    assert said(PLAY, NONE)[0] == "Undecided; likeliest cause: backlash at q2"
+
+
+def test_a_cause_less_likely_than_none_or_unknown_is_not_called_the_likeliest() -> None:
+    for other in (NONE, UNKNOWN):
+        head, text = said(PLAY, other)
+        assert head == "Undecided"
+        assert "ikeliest" not in text
+        assert "backlash at q2 (24 %)" in text
 
 
 def test_few_rows_are_no_proof_that_there_is_nothing() -> None:
