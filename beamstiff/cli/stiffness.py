@@ -65,7 +65,7 @@ def stiffness(
         found = run(machine, values or None, preload=preload, wrench=load)
         if json is not None and found.singular:  # the file promises both matrices
             raise BeamstiffError(found.singular)
-    if not values and machine.actuated:
+    if not values and any(found.variables.values()):  # where all are zero nothing surprises
         say(
             "note: no --q: the reference posture, the middle of the joint limits where the loops close", quiet
         )

@@ -82,7 +82,7 @@ OTHERS = (
 )  # fmt: skip
 INPUT_OPTIONS = {
     "region", "plan", "sets", "process", "actual", "profile", "joints", "like", "test", "scheduler",
-    "orientation",
+    "orientation", "apply-to",
 }  # fmt: skip
 
 
