@@ -178,7 +178,13 @@ def summary(result: Diagnosis) -> str:
             for one in result.candidates[:NAMED]
         )
         structure = " There is a gap with structure." if verdict.effect == "unknown" else ""
-        return f"{first}\n{head}: {likely}.{structure}"
+        others = [key for key in result.indistinguishable if key != UNKNOWN]
+        alike = (
+            f"\nThese data cannot tell {named(verdict)} from: {in_words(others)}."
+            if others and verdict.effect != "unknown"
+            else ""
+        )
+        return f"{first}\n{head}: {likely}.{structure}{alike}"
     if head == TOO_FEW:
         return f"{first}\n{head}: nothing beyond noise shows in them, but hardly anything could."
     if verdict.effect == "none":

@@ -141,7 +141,7 @@ def test_a_likely_unknown_that_is_not_sure_is_undecided() -> None:
 
 
 def test_a_second_reflector_is_proposed_with_what_it_tells() -> None:
-    item = {"q": {}, "wrench": [], "separates": []}
+    item = {"q": {}, "wrench": [], "separates": ["backlash:q2", "hardening:q2"]}
     tool, head = ({**item, "point": point, "discrimination": d} for point, d in (("n6b", 2.0), ("n1a", 30.0)))
     result = replace(diagnosed("backlash"), next=[tool, head])
     assert proposed(result) == (

@@ -248,9 +248,8 @@ def test_other_stiffness_must_be_a_stiffness(name: str, value: float, expected: 
 
 
 def test_an_unknown_parameter_is_answered_with_a_close_one(everything: str) -> None:
-    with pytest.raises(
-        BeamstiffError, match=r"no stiffness parameter 'J2\.tilt'.*expected J1\.axial, J1\.radial, .* and 11 more"
-    ):
+    told = r"no stiffness parameter 'J2\.tilt'.*expected J1\.axial, J1\.radial, .* and 11 more"
+    with pytest.raises(BeamstiffError, match=told):
         parse_robot(everything).parameter("J2.tilt")
 
 

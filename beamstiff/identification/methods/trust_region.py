@@ -14,11 +14,19 @@ from beamstiff.se3 import Array
 TOLERANCE = 1e-12
 PATIENCE = 50  # evaluations
 LITTLE = 1e-4  # of half a chi square: what PATIENCE evaluations have to gain; 0.014 standard deviations
-WALL = 1e3  # times the residuals at the start: what Levenberg-Marquardt finds far outside the bounds
+FLAT = 1e-8  # of the largest singular value, below which a direction is rounding
+WALL = 1e3  # times the residuals at the start: what Levenberg-Marquardt finds outside the bounds
 
 
 class _CrawlingError(Exception):
     """The search goes on and on without a gain that matters, as along a valley that the data leave flat."""
+
+
+def _falls(residuals: Array, jacobian: Array) -> float:
+    """Return by how much a full step would lower the cost, to first order: nothing where the search is done."""
+    basis, sizes, _ = np.linalg.svd(jacobian, full_matrices=False)
+    told = basis[:, sizes > FLAT * sizes.max(initial=0.0)]
+    return 0.5 * float(((told.T @ residuals) ** 2).sum())
 
 
 def run(method: str, search: Search, begin: Array, effort: Effort) -> str:
@@ -52,9 +60,8 @@ def run(method: str, search: Search, begin: Array, effort: Effort) -> str:
         return evaluate(theta)[1]
 
     def walled(theta: Array) -> Array:
-        """Return residuals that turn back a step so long that its values are none any more."""
-        span = parameters.upper - parameters.lower
-        inside = (theta >= parameters.lower - span) & (theta <= parameters.upper + span)
+        """Return residuals that turn back a step beyond the bounds, as along a valley that is flat."""
+        inside = (theta >= parameters.lower) & (theta <= parameters.upper)
         return residuals(theta) if inside.all() else np.full(size, wall)
 
     options: dict[str, Any] = {"x_scale": "jac", "xtol": TOLERANCE, "ftol": TOLERANCE, "gtol": TOLERANCE}
@@ -74,6 +81,6 @@ def run(method: str, search: Search, begin: Array, effort: Effort) -> str:
         solution = least_squares(fun, begin, jac=jacobian, max_nfev=effort.evaluations, **options)
     except _CrawlingError:
         return f"the last {PATIENCE} steps gained nothing beside the noise: some values hardly matter"
-    if ((solution.x < parameters.lower) | (solution.x > parameters.upper)).any():
-        raise BeamstiffError("levenberg-marquardt: left the bounds, which it does not know; use trust-region")
+    if fun is walled and _falls(*evaluate(solution.x)) > LITTLE * noise(search.best_cost):
+        raise BeamstiffError("levenberg-marquardt: met bounds, which it does not know; use trust-region")
     return str(solution.message)
