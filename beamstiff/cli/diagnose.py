@@ -32,6 +32,11 @@ def diagnose(
         "NAME,...", "Effects, or effect:component, that cannot be the cause (checked by other means)."
     ),
     seed: int = typer.Option(0, help="Of simulated campaigns and held-out postures.", min=0),
+    stations: bool = typer.Option(
+        False,
+        "--stations",
+        help="The robot, or the tracker, stood elsewhere for each table of absolute positions.",
+    ),
     next_to: str | None = typer.Option(
         None,
         "--next",
@@ -84,7 +89,7 @@ def diagnose(
     excluded = parse_names(without, "--without", "backlash,hardening:q1") or ()
     tables = as_tables(data, machine)
     with working("diagnosing", quiet):
-        result = run(machine, tables, without=excluded, region=where, seed=seed)
+        result = run(machine, tables, without=excluded, region=where, seed=seed, stations=stations)
     known = effects_text(machine.effects)
     before = [f"Known before, and counted in: {known}."] if known else []
     outputs.result(result.notes, [*diagnosis_tables(result), *before], result.to_dict())

@@ -32,7 +32,7 @@ LEAST_UNKNOWN = 0.02  # probability that a cause outside the library stands in f
 
 
 def beside_calibration(
-    robot: Robot, rows: Measurements, without: Sequence[str], seed: int
+    robot: Robot, rows: Measurements, without: Sequence[str], seed: int, stations: bool = False
 ) -> Diagnosis | None:
     """Return the diagnosis of absolute readings with all that a calibration fits left open; None if needless.
 
@@ -40,9 +40,13 @@ def beside_calibration(
     one: then the geometry is what the robot's description says.
     """
     try:
-        found = decompose(robot, rows, without=without, seed=seed)
+        found = decompose(robot, rows, without=without, seed=seed, stations=stations)
     except BeamstiffError:  # too few readings to calibrate by
+        if stations:
+            raise
         return None
+    if stations:  # what the tables hold in frames of their own has no geometry as described
+        return diagnosis_of(found)
     try:
         closed = open_stiffness(fit_baseline(robot, rows))
     except BeamstiffError:  # stiffness that makes up for the geometry may let the machine buckle

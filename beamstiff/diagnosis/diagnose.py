@@ -79,27 +79,41 @@ class Weighed:
 
 
 def diagnose(
-    robot: Robot, measurements: Measurements, *, without: Sequence[str] = (), seed: int = 0
+    robot: Robot,
+    measurements: Measurements,
+    *,
+    without: Sequence[str] = (),
+    seed: int = 0,
+    stations: bool = False,
 ) -> Diagnosis:
     """Diagnose the gap of a robot and a table; as of `beamstiff.diagnose`."""
     with threadpool_limits(limits=1, user_api="blas"):  # small matrices are slower on several threads
-        return _diagnose(robot, measurements, without, seed)
+        return _diagnose(robot, measurements, without, seed, stations)
 
 
-def _diagnose(robot: Robot, measurements: Measurements, without: Sequence[str], seed: int) -> Diagnosis:
+def _diagnose(
+    robot: Robot, measurements: Measurements, without: Sequence[str], seed: int, stations: bool
+) -> Diagnosis:
     require_usable(measurements)
+    if stations and measurements.kind != "absolute":
+        raise BeamstiffError(
+            f"{measurements.source}: displacements know no base frame: stations are for absolute positions"
+        )
     every = counted_once(measurements)
     rows = in_runs(every, MOST_ROWS)
-    found = with_next(_of_rows(robot, rows, without, seed), seed)
+    found = with_next(_of_rows(robot, rows, without, seed, stations), seed)
     if len(rows) == len(every):
         return found
     sample = f"{len(rows)} of {len(every)} rows are diagnosed: ten runs of postures, spread over the table"
     return replace(found, notes=(sample, *found.notes))
 
 
-def _of_rows(robot: Robot, rows: Measurements, without: Sequence[str], seed: int) -> Diagnosis:
+def _of_rows(
+    robot: Robot, rows: Measurements, without: Sequence[str], seed: int, stations: bool
+) -> Diagnosis:
     rows = replace(rows, wrench=np.where(np.abs(rows.wrench) > LEAST_LOAD, rows.wrench, 0.0))
-    beside = beside_calibration(robot, rows, without, seed) if rows.kind == "absolute" else None
+    absolute = rows.kind == "absolute"
+    beside = beside_calibration(robot, rows, without, seed, stations) if absolute else None
     if beside is not None:
         return beside
     baseline, library, screened = _screened(robot, rows, without)

@@ -22,6 +22,7 @@ def diagnose(
     without: Sequence[str] = (),
     region: Sequence[tuple[float, float]] | None = None,
     seed: int = 0,
+    stations: bool = False,
 ) -> Diagnosis:
     """Diagnose the gap between a model and measurements.
 
@@ -37,6 +38,8 @@ def diagnose(
         Least and largest x, y, z of the TCP in what is proposed to measure next.
     seed : int
         Of simulated campaigns and held-out postures.
+    stations : bool
+        Whether the robot, or the tracker, stood elsewhere for each table of absolute positions.
 
     Returns
     -------
@@ -57,7 +60,7 @@ def diagnose(
     if region is not None:
         rows = replace(rows, region=tuple(region))
     with doubted(doubts):
-        result = run(machine, rows, without=excluded, seed=seed)
+        result = run(machine, rows, without=excluded, seed=seed, stations=stations)
         doubts += preload_notes(machine, rows)
     # of the table before what is made of it
     return replace(result, notes=(*doubts, *(note for note in result.notes if note not in doubts)))

@@ -12,6 +12,7 @@ from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline, predic
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.robot.parts import Beam, JointStiffness, Mass, Material
+from beamstiff.robot.reader import parse_robot
 from beamstiff.robot.sections import Section
 from beamstiff.se3 import Array
 from tests.arms import planar_arm
@@ -117,6 +118,49 @@ def bent(robot: Robot, link: str, EI: float, twist: float = 1.3, EA: float = 1e1
 @cache
 def kr240() -> Robot:
     return load_robot("kr240-2")
+
+
+def lift() -> Robot:
+    """Return an arm of three joints on a column of 1 to 3 m, which is rigid, and turns at its foot."""
+    return parse_robot(LIFT)
+
+
+LIFT = """\
+beamstiff: 1
+name: lift
+variables:
+  - {name: q1, type: revolute, limits: ["-170 deg", "170 deg"]}
+  - {name: height, type: prismatic, limits: [1.0, 3.0]}
+  - {name: q2, type: revolute, limits: ["-80 deg", "80 deg"]}
+  - {name: q3, type: revolute, limits: ["-120 deg", "120 deg"]}
+frames:
+  - {name: turret, theta: q1}
+  - {name: head, parent: turret, r: height}
+  - {name: upper, parent: head, alpha: -90 deg, theta: q2}
+  - {name: fore, parent: upper, d: 0.8, theta: q3}
+nodes:
+  - {name: ground}
+  - {name: foot, frame: turret}
+  - {name: top, frame: head}
+  - {name: shoulder, frame: upper}
+  - {name: elbow, frame: upper, at: [0.8, 0, 0]}
+  - {name: wrist, frame: fore}
+  - {name: tool, frame: fore, at: [0.7, 0, 0.1]}
+rigids:
+  - {name: column, nodes: [foot, top]}
+  - {name: arm, nodes: [shoulder, elbow]}
+  - {name: forearm, nodes: [wrist, tool]}
+joints:
+  - {name: J1, nodes: [ground, foot], frame: turret, variable: q1, stiffness: {}}
+  - {name: J2, nodes: [top, shoulder], frame: upper, variable: q2, stiffness: {}}
+  - {name: J3, nodes: [elbow, wrist], frame: fore, variable: q3, stiffness: {}}
+masses:
+  - {node: elbow, mass: 40}
+  - {node: tool, mass: 25}
+fixed: [ground]
+tcp: tool
+gravity: [0, 0, -9.81]
+"""
 
 
 # modified Denavit-Hartenberg parameters of the KR240-2: alpha, d (along x), offset along z

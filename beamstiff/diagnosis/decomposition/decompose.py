@@ -31,6 +31,8 @@ from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 
+# what of a calibration is open: all, or with few readings less, down to where the robot stands
+OPEN = (None, ("base", "target", "offsets"), ("base", "target"))
 VALUES_A_PARAMETER = 2  # measured values that a geometry needs at least, to leave anything to causes
 CHANCE = 0.01  # of so large a residual under the stated noise, below which causes are sought
 ROUNDS = 3  # of calibrating beside the causes that were found
@@ -150,6 +152,7 @@ def decompose(
     *,
     without: Sequence[str] = (),
     seed: int = 0,
+    stations: bool = False,
     baseline: Baseline | None = None,
     known: Shapes | None = None,
 ) -> Decomposition:
@@ -165,6 +168,8 @@ def decompose(
         Effects, or ``effect:component``, that are no candidates.
     seed : int
         Of the folds.
+    stations : bool
+        Whether every table of absolute positions has a base frame of its own.
     baseline : Baseline, optional
         Of displacements, where it was fitted already.
     known : mapping of str to sequence of Shape, optional
@@ -179,14 +184,8 @@ def decompose(
         model = open_stiffness(baseline or fit_baseline(robot, rows))
         folds = folds_of(model, build_choice(model, forms_of(model, without, known=known)), seed)
         return _told(folds, select(folds.choice, folds.squared_errors), seed)
-    model = open_geometry(robot, rows)
+    model, parameters = _opened(robot, rows, stations)
     choice = build_choice(model, forms_of(model, without))
-    opened = choice.open_count + choice.drives
-    if model.count < VALUES_A_PARAMETER * opened:
-        raise BeamstiffError(
-            f"{rows.source}: {model.count} measured values for {opened} open parameters of the "
-            "geometry: measure more poses"
-        )
     folds = folds_of(model, choice, seed)
     step = fit_step(choice, ())
     if _more_than_noise(choice, model, step):
@@ -196,7 +195,13 @@ def decompose(
         if not chosen:
             break
         try:
-            model = open_geometry(robot, model.baseline.rows, moved_by(model, chosen))
+            model = open_geometry(
+                robot,
+                model.baseline.rows,
+                moved_by(model, chosen),
+                parameters=parameters,
+                stations=stations,
+            )
         except BeamstiffError:  # beside very free causes the stiffness is anything: the machine may buckle
             break
         choice = build_choice(model, forms_of(model, without))
@@ -205,6 +210,18 @@ def decompose(
         if {choice.forms[number].key for number in step.chosen} == {form.key for form in chosen}:
             break
     return _told(folds, step, seed)
+
+
+def _opened(robot: Robot, rows: Measurements, stations: bool) -> tuple[OpenModel, tuple[str, ...] | None]:
+    """Return the open model with as much of the geometry free as the readings determine, and what that is."""
+    for parameters in OPEN:
+        model = open_geometry(robot, rows, parameters=parameters, stations=stations)
+        if model.count >= VALUES_A_PARAMETER * model.determined:
+            return model, parameters
+    raise BeamstiffError(
+        f"{rows.source}: {model.count} measured values for {model.determined:.0f} open parameters of the "
+        "base frame and reflectors: measure more poses"
+    )
 
 
 def _more_than_noise(choice: Choice, model: OpenModel, nothing: Step) -> bool:

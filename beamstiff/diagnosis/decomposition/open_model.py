@@ -83,6 +83,12 @@ class OpenModel:
         """Number n of measured values."""
         return len(self.pose)
 
+    @property
+    def determined(self) -> float:
+        """How many directions of the open parameters the measured values determine, and no prior."""
+        basis = orthonormal(self.geometry)[: self.count]
+        return float((basis**2).sum()) + self.present.size
+
     def weighed(self, columns: Array) -> Array:
         """Return columns (N, 6, c) of the rows in units of the noise, (n + p, c)."""
         seen: Array = self.weigh @ columns[self.used]
@@ -105,7 +111,14 @@ class OpenModel:
         return robot.with_parameters(dict(zip(names, values.tolist(), strict=True)))
 
 
-def open_geometry(robot: Robot, rows: Measurements, moved: Array | None = None) -> OpenModel:
+def open_geometry(
+    robot: Robot,
+    rows: Measurements,
+    moved: Array | None = None,
+    *,
+    parameters: Sequence[str] | None = None,
+    stations: bool = False,
+) -> OpenModel:
     """Return the open model of absolute readings: geometry, base frame, reflectors and drives are free.
 
     Parameters
@@ -117,6 +130,10 @@ def open_geometry(robot: Robot, rows: Measurements, moved: Array | None = None) 
     moved : (N, 6) array, optional
         What causes move the points, in the frame of the rows: the model is linear about the calibration
         beside them.
+    parameters : sequence of str, optional
+        Groups of the calibration that are free; default all.
+    stations : bool
+        Whether every table has a base frame of its own.
 
     Raises
     ------
@@ -125,14 +142,16 @@ def open_geometry(robot: Robot, rows: Measurements, moved: Array | None = None) 
     """
     bare = robot.model_copy(update={"identify": ()})
     sound = rows if moved is None else replace(rows, position=rows.position - moved[:, :3])
-    found = calibrate(bare, sound, compliances=robot.identify, folds=0)
+    found = calibrate(bare, sound, parameters, compliances=robot.identify, folds=0, stations=stations)
     there = in_base_frame(found, rows)
     # a drive that the fit made rigid is open all the same, about the value that it was given
     given = {
         name: robot.parameter(name) for name in robot.identify if not found.robot.parameter(name) < np.inf
     }
     about = found.robot.with_parameters(given).model_copy(update={"identify": ()})
-    problem = build_calibration(about, there, compliances=robot.identify).problem
+    problem = build_calibration(
+        about, there, parameters, compliances=robot.identify, stations=stations
+    ).problem
     residual, tangent = problem.linearised(problem.expected)
     change = {one.name: one.change for one in found.parameters}
     known = [at for at, item in enumerate(problem.parameters) if item.group in ("offset", "frame")]

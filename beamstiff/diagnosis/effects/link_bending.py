@@ -26,6 +26,10 @@ SECTIONS = (0.0, 0.5, 1.0)  # of the length, where a link may be weak
 COUPLED = 0.5  # of the mean of two compliances, what couples them round a corner
 SPREAD, REALISTIC = 30.0, 10.0  # from castings of a small arm to those of a press; and of most
 PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+# flexibility, at length 1, that couples both planes: principal axes turned against the local ones
+SKEW = np.zeros((6, 6))
+SKEW[1, 2], SKEW[1, 4], SKEW[2, 5], SKEW[4, 5] = 1.0 / 3.0, -0.5, 0.5, -1.0
+SKEW += SKEW.T
 GAUSS, WEIGHTS = np.polynomial.legendre.leggauss(6)
 
 
@@ -33,19 +37,17 @@ def _components(baseline: Baseline) -> list[str | None]:
     return list(baseline.places.links)
 
 
-def flexibility(length: float, bending: Array, plane: str) -> Array:
-    """Return the flexibility (6, 6) at the end for unit ``1/EI`` times a weight along the link.
+def flexibility(bending: Array, plane: str) -> Array:
+    """Return the flexibility (6, 6) at the end of a link of length 1 for ``1/EI`` times a weight along it.
 
     Parameters
     ----------
-    length : float, m
     bending : (6,) array
         Weight at the Gauss points of the link.
     plane : "xy", "xz" or "twist"
     """
-    s = 0.5 * length * (GAUSS + 1)
-    w = 0.5 * length * WEIGHTS * bending
-    arm = length - s
+    w = 0.5 * WEIGHTS * bending
+    arm = 1.0 - 0.5 * (GAUSS + 1)
     result = np.zeros((6, 6))
     if plane == "twist":
         result[3, 3] = w.sum()
@@ -56,24 +58,32 @@ def flexibility(length: float, bending: Array, plane: str) -> Array:
     return result
 
 
-def _column(baseline: Baseline, place: Place, matrix: Array) -> Array:
+def _column(baseline: Baseline, place: Place, matrix: Array, throughout: bool = True) -> Array:
+    """Return the displacement (N, 6) of a link by its flexibility (6, 6) at length 1.
+
+    Across it a force has the length for a lever, and so has a turn; `throughout` it gives, not at a section.
+    """
     passed = place.load + place.dead if baseline.absolute else place.load
-    result: Array = np.einsum("nab,bc,nc->na", place.shift, matrix, passed)
-    return result
+    lever = np.ones_like(passed)
+    lever[:, 1:3] = place.length[:, None]
+    given = lever * ((lever * passed) @ matrix)
+    if throughout:
+        given *= place.length[:, None]
+    return np.asarray((place.shift @ given[..., None])[..., 0])
 
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     place = baseline.places.links[str(component)]
-    length, even = place.length, np.ones(GAUSS.size)
+    even = np.ones(GAUSS.size)
     along = 0.5 * (GAUSS + 1)
     root, tip = 3 * (1 - along) ** 2, 3 * along**2
 
     def both(weight: Array) -> Array:
-        return flexibility(length, weight, "xy") + flexibility(length, weight, "xz")
+        return flexibility(weight, "xy") + flexibility(weight, "xz")
 
-    twist = flexibility(length, even, "twist")
+    twist = flexibility(even, "twist")
     stretch = np.zeros((6, 6))
-    stretch[0, 0] = length
+    stretch[0, 0] = 1.0
     soft = softness(baseline)
     bend = Quantity("bending_flexibility", "1/(N*m^2)", soft / EI, positive=True)
     turn = Quantity("torsion_flexibility", "1/(N*m^2)", soft * TWIST / EI, positive=True)
@@ -82,9 +92,9 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         "root": _column(baseline, place, both(root)),
         "tip": _column(baseline, place, both(tip)),
         "twist": _column(baseline, place, twist),
-        "xy": _column(baseline, place, flexibility(length, even, "xy")),
-        "xz": _column(baseline, place, flexibility(length, even, "xz")),
-        "skew": _column(baseline, place, _skew(length)),
+        "xy": _column(baseline, place, flexibility(even, "xy")),
+        "xz": _column(baseline, place, flexibility(even, "xz")),
+        "skew": _column(baseline, place, SKEW),
         "stretch": _column(baseline, place, stretch),
     }
     half = Quantity("bending_flexibility_root", "1/(N*m^2)", 0.7 * soft / EI, positive=True)
@@ -102,7 +112,8 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         for name, keys, parameters in names
     ]
     weak = [
-        [_column(baseline, place, _section(length * (1.0 - at), *pair)) for pair in PAIRS] for at in SECTIONS
+        [_column(baseline, place, _section(1.0 - at, *pair), throughout=False) for pair in PAIRS]
+        for at in SECTIONS
     ]
     seams = tuple(
         Quantity(
@@ -120,7 +131,9 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     several = tuple(replace(one, name=f"{one.name}_at_{at:g}") for at in SECTIONS for one in seams)
     every = np.stack([column for columns in weak for column in columns], -1)
     found.append(Shape("weak at several sections", every, several, weight=0.5))
-    found.append(any_symmetric(baseline, place, _sizes(length, soft), "any, as round a corner"))
+    found.append(
+        any_symmetric(baseline, place, _sizes(float(place.length.mean()), soft), "any, as round a corner")
+    )
     return [replace(one, prior_factor=SPREAD, realistic=REALISTIC) for one in found]
 
 
@@ -142,15 +155,6 @@ def _sizes(length: float, soft: float) -> Array:
     sizes: Array = COUPLED * np.sqrt(np.outer(own, own))
     np.fill_diagonal(sizes, own)
     return sizes
-
-
-def _skew(length: float) -> Array:
-    """Return the flexibility that couples both planes: principal axes turned against the local ones."""
-    result = np.zeros((6, 6))
-    result[1, 2] = length**3 / 3
-    result[1, 4], result[2, 5] = -(length**2) / 2, length**2 / 2
-    result[4, 5] = -length
-    return result + result.T
 
 
 EFFECT = Effect(

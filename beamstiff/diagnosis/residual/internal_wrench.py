@@ -232,14 +232,14 @@ def _open(
     turns = [geometry.joint_rotation[:, at] for at in joints] + [
         geometry.beam_rotation[:, at] for at in beams
     ]
-    lengths = [0.0] * len(joints) + [float(geometry.beam_length[0, at]) for at in beams]
+    lengths = [np.zeros(len(poses))] * len(joints) + [geometry.beam_length[:, at] for at in beams]
     items = [cut.joints[at].name for at in joints] + [cut.beams[at].name for at in beams]
     stressed = None if reach.stressed is None else reach.stressed[pose]
     result = {}
     for at, (name, turn, length) in enumerate(zip(items, turns, lengths, strict=True)):
         some = slice(6 * at, 6 * at + 6)
         load, weight, shift = passed[:, some], dead[pose, some], by_point[:, :, some]
-        result[name] = Place(load, weight, shift, turn[pose], length, stressed)
+        result[name] = Place(load, weight, shift, turn[pose], length[pose], stressed)
     return result
 
 
@@ -344,7 +344,7 @@ def _turned(there: Place, along: Array) -> Place:
     length = np.linalg.norm(along, axis=1)
     own = (there.turn.swapaxes(-1, -2) @ along[..., None])[..., 0]
     turn = there.turn @ beam_axes(own, across(own[0] / length[0]))
-    return replace(there.along(turn), length=float(length[0]))
+    return replace(there.along(turn), length=length)
 
 
 def across(direction: Array) -> Array:
@@ -370,7 +370,7 @@ def _base(
     dead = np.einsum("pnba,pnb->pa", carry, weight)
     passed = np.einsum("nba,nb->na", carry[pose, loads], rows.wrench)
     axes = np.broadcast_to(np.eye(3), (len(pose), 3, 3))
-    return Place(passed, dead[pose], carry[pose, points], axes)
+    return Place(passed, dead[pose], carry[pose, points], axes, np.zeros(len(pose)))
 
 
 def _flange(robot: Robot, rows: Measurements, turn: Array, weight: Array, offset: Array) -> Place:
@@ -396,4 +396,4 @@ def _flange(robot: Robot, rows: Measurements, turn: Array, weight: Array, offset
     inside = rotate_screw(turn).swapaxes(-1, -2)
     passed = (inside @ rows.wrench[..., None])[..., 0] * loaded[:, None]
     dead = (inside @ weight[..., None])[..., 0]
-    return Place(passed, dead, axes * seen[:, None, None], turn)
+    return Place(passed, dead, axes * seen[:, None, None], turn, np.zeros(len(dead)))

@@ -25,8 +25,8 @@ class Place:
         Displacement ``[d, r]`` of the row's point, base frame, per relative displacement of the place.
     turn : (N, 3, 3) array
         Its axes in the base frame, as columns.
-    length : float, m
-        Of a link; 0 for other places.
+    length : (N,) array, m
+        Of a link: some grow with a slide; 0 for other places.
     stressed : (N, 6, 6) array or None
         Projector onto what self-stresses do there; None where statics and the springs determine all.
     """
@@ -35,7 +35,7 @@ class Place:
     dead: Array
     shift: Array
     turn: Array
-    length: float = 0.0
+    length: Array
     stressed: Array | None = None
 
     @property
@@ -68,4 +68,5 @@ class Place:
 def nothing_of(rows: int) -> Place:
     """Return a place under so many rows of which nothing is determined."""
     axes, none = (np.broadcast_to(np.eye(size), (rows, size, size)) for size in (3, 6))
-    return Place(np.zeros((rows, 6)), np.zeros((rows, 6)), np.zeros((rows, 6, 6)), axes, stressed=none)
+    load, shift = np.zeros((rows, 6)), np.zeros((rows, 6, 6))
+    return Place(load, load, shift, axes, np.zeros(rows), stressed=none)

@@ -23,7 +23,7 @@ class _CrawlingError(Exception):
 
 
 def _falls(residuals: Array, jacobian: Array) -> float:
-    """Return by how much a full step would lower the cost, to first order: nothing where the search is done."""
+    """Return by how much a full step would lower the cost, to first order; 0 at the bottom."""
     basis, sizes, _ = np.linalg.svd(jacobian, full_matrices=False)
     told = basis[:, sizes > FLAT * sizes.max(initial=0.0)]
     return 0.5 * float(((told.T @ residuals) ** 2).sum())

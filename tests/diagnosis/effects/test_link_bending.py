@@ -16,6 +16,7 @@ from tests.diagnosis.machines import (
     close,
     elbow,
     kr240,
+    lift,
     nominal,
     rows_of,
     shape_of,
@@ -111,11 +112,11 @@ def test_a_taper_is_mohrs_integral_of_more_flexibility_at_one_end(
 
 def test_the_flexibility_of_a_uniform_cantilever_is_the_textbooks() -> None:
     even = np.ones(GAUSS.size)
-    found = flexibility(2.0, even, "xy")
-    np.testing.assert_allclose(found[np.ix_([1, 5], [1, 5])], [[8 / 3, 2], [2, 2]], rtol=1e-12)
-    found = flexibility(2.0, even, "xz")
-    np.testing.assert_allclose(found[np.ix_([2, 4], [2, 4])], [[8 / 3, -2], [-2, 2]], rtol=1e-12)
-    assert flexibility(2.0, even, "twist")[3, 3] == pytest.approx(2.0)
+    found = flexibility(even, "xy")
+    np.testing.assert_allclose(found[np.ix_([1, 5], [1, 5])], [[1 / 3, 1 / 2], [1 / 2, 1]], rtol=1e-12)
+    found = flexibility(even, "xz")
+    np.testing.assert_allclose(found[np.ix_([2, 4], [2, 4])], [[1 / 3, -1 / 2], [-1 / 2, 1]], rtol=1e-12)
+    assert flexibility(even, "twist")[3, 3] == pytest.approx(1.0)
 
 
 def test_every_link_of_some_length_is_a_component(campaign: Baseline) -> None:
@@ -166,3 +167,14 @@ def test_a_hinge_about_an_axis_that_turns_with_the_link_is_one_of_them(
     moment = arm.moment(rows.wrench)[:, joint]
     moved = arm.turned(turn * (turn * moment).sum(axis=1, keepdims=True), joint)
     assert unexplained(moved, own) < 1e-6
+
+
+def test_a_column_that_grows_bends_as_a_beam_of_its_length_in_each_posture() -> None:
+    column = lift()
+    rows = at_random(column, 12, seed=3)
+    one, two = (predict_displacements(bent(column, "column", EI), rows) for EI in (1e7, 5e6))
+    close(
+        shape_of(nominal(column, rows), "link-bending", "column", "uniform").columns[..., 0],
+        (two - one) * 1e7,
+        1e-7,
+    )

@@ -1,0 +1,60 @@
+"""A machine that stood elsewhere for each table: the base of each is fitted beside the causes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from beamstiff import diagnose, predict
+from beamstiff.errors import BeamstiffError
+from beamstiff.measure.table import Measurements
+from beamstiff.se3 import rotation_from_vector
+from tests.diagnosis.machines import at_random, bent, lift
+
+NOISE = 5e-5
+STANDS = ((0.0, 0.0, 0.3), (4.0, -2.0, 1.9), (-3.0, 5.0, -2.4))  # m, m, rad about the vertical
+
+
+@pytest.fixture(scope="module")
+def tables() -> list[Measurements]:
+    """Return 40 positions at each of three stands, of a column that bends under its arm's weight."""
+    robot = lift()
+    real = bent(robot, "column", EI=4e5)
+    rng = np.random.default_rng(8)
+    found = []
+    for number, (x, y, about) in enumerate(STANDS):
+        rows = at_random(robot, 40, seed=number, position=np.zeros((40, 3)), sigma_position=NOISE)
+        rows = replace(rows, wrench=np.zeros((40, 6)))
+        pose = predict(real, rows).pose
+        assert pose is not None
+        turn = rotation_from_vector(np.array([[0.0, 0.0, about]]))[0]
+        seen = pose[:, :3] @ turn.T + [x, y, 0.7] + NOISE * rng.standard_normal((40, 3))
+        found.append(replace(rows, position=seen, sources=(f"stand {number}",)))
+    return found
+
+
+def test_the_column_that_bends_is_found_from_all_stands_at_once(tables: list[Measurements]) -> None:
+    found = diagnose(lift(), tables, stations=True)
+    assert found.verdict.key == "link-bending:column"
+    (cause,) = found.to_dict()["causes"]
+    assert cause["closes"] > 0.9
+    assert cause["parameters"]["bending_flexibility"]["value"] == pytest.approx(1 / 4e5, rel=0.02)
+
+
+def test_tables_of_one_stand_are_not_taken_for_tables_of_several(tables: list[Measurements]) -> None:
+    assert diagnose(lift(), tables).verdict.effect == "unknown"
+
+
+def test_displacements_know_no_stand() -> None:
+    rows = at_random(lift(), 20, seed=1)
+    moved = replace(rows, displacement=np.full((20, 6), 1e-4))
+    with pytest.raises(BeamstiffError, match="displacements know no base frame"):
+        diagnose(lift(), moved, stations=True)
+
+
+def test_few_readings_far_from_the_base_frame_have_the_base_fitted_and_nothing_else(
+    tables: list[Measurements],
+) -> None:
+    found = diagnose(lift(), tables[1])
+    assert found.to_dict()["gap"]["rms_mm"] < 10.0
+    assert found.verdict.key == "link-bending:column"
