@@ -21,7 +21,7 @@ from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.se3 import Array, rotation_from_vector
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
-NAMES = ("dlr_justin_diagnosis", "ur10_diagnosis", "geometric_calibration", "trailblazer_calibration")
+NAMES = ("real_robot_diagnosis", "geometric_calibration", "trailblazer_calibration")
 
 
 def run(name: str, figure: Path, shared: Path | None = None) -> str:
@@ -144,44 +144,19 @@ def numbers(text: str, row: str, count: int) -> list[float]:
 
 
 @pytest.mark.slow
-def test_justins_errors_fall_as_published_and_compliance_is_what_is_missing(
+def test_causes_of_real_robots_hold_on_postures_that_were_not_fitted(
     shared_path: Callable[[str], Path], tmp_path: Path
 ) -> None:
     shared_path("real/dlr_agile_justin/measurements.csv")
-    figure = tmp_path / "figure.png"
-    text = run("dlr_justin_diagnosis", figure)
-    # an independent calibration of the same data left 16.6, 15.0, 10.8 and 4.6 mm on postures held out
-    independent = {"frames": 16.6, "encoder offsets": 15.0, "all kinematics": 10.8, "joint compliance": 4.6}
-    for stage, theirs in independent.items():
-        _, right, _, left, _ = numbers(text, stage, 5)
-        assert (right + left) / 2 == pytest.approx(theirs, rel=0.1)
-    _, right, _, left, published = numbers(text, "bearing compliance", 5)
-    assert published < (right + left) / 2 < 4.2
-    table = text[text.index("What is missing") : text.index("What it says")]
-    for stage in ("encoder offsets", "all kinematics"):
-        assert f"{stage} joint-compliance at t2" in table
-    assert "bearing-tilt at t1" in table
-    assert imread(figure).shape[1] > 1200
-
-
-@pytest.mark.slow
-def test_the_ur10s_gap_is_unknown_and_follows_the_angles_of_its_joints(
-    shared_path: Callable[[str], Path], tmp_path: Path
-) -> None:
     shared_path("real/ipa_ur10_lasertracker/Series_C_measurements_random_poses.csv")
     figure = tmp_path / "figure.png"
-    text = run("ur10_diagnosis", figure)
-    assert text.count("0.01 mm unknown (") == 2
-    for at, (first, last) in enumerate(((0.907, 0.439), (1.032, 0.401))):  # found by hand by others
-        series = text[text.index(f"Series {'CB'[at]}: mean") :]
-        assert numbers(series, "frames", 2)[1] == pytest.approx(first, rel=0.05)
-        assert numbers(series, "all kinematics", 2)[1] == pytest.approx(last, rel=0.05)
-    _, c, _, b = numbers(text, "up to 30", 4)
-    assert c < 0.12
-    assert b < 0.16
-    agree = [float(value) for value in re.findall(r"q\d (0\.\d\d) \(over", text)]
-    assert len(agree) >= 2
-    assert min(agree) > 0.7
+    ur10, justin = run("real_robot_diagnosis", figure).split("Agile Justin: ")
+    # waves of the joints' own angles, fitted apart by another program, leave 0.1 mm of 0.4 mm
+    assert ur10.count("and angle-curve at q") >= 3
+    for text, least in ((ur10, 0.15), (justin, 4.6)):  # and 4.6 mm compliance about each of Justin's joints
+        promised, left, true = re.findall(r"Promised (\d+)%; .* leave (\d+\.\d+) mm: true (\d+)%", text)[0]
+        assert float(left) < least
+        assert abs(float(promised) - float(true)) <= 5
     assert imread(figure).shape[1] > 1200
 
 
