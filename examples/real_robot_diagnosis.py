@@ -1,4 +1,4 @@
-"""Diagnose real robots from their nominal models, and check what is promised on postures that were not fitted.
+"""Diagnose real robots from their nominal models; check what is promised on postures that were not fitted.
 
 - UR10, laser tracker (Landgraf et al., CASE 2021): 0.5 mm are left with all kinematics calibrated.
 - Agile Justin, right arm (Tenhumberg and Baeuml, Humanoids 2021), an elastic humanoid: the published stages
