@@ -99,15 +99,17 @@ def diagnose(
     elif next_to is not None:  # a diagnosis was made all the same
         say(f"note: {next_to} was not written: this diagnosis proposes no states to measure", quiet)
     if apply is not None:
-        from beamstiff.diagnosis.apply import extended
+        from beamstiff.diagnosis.apply import extended, readable, written_std
         from beamstiff.robot.yaml_edit import robot_yaml
 
         with optional_file(apply, quiet):
-            larger = extended(result)
+            larger = readable(extended(result))
             added = effects_text(larger.effects[len(machine.effects) :]) or "no effect"
             names = ", ".join(Path(path).name for path in data)
             head = BeamstiffError(f"Stiffness fitted by beamstiff to {names}, and {added} added.")
-            write_output(apply, robot_yaml(larger, file, head=f"# {head}\n"))  # the error's text is one line
+            write_output(
+                apply, robot_yaml(larger, file, written_std(larger), f"# {head}\n")
+            )  # the error's text is one line
             outputs.console.print(f"{apply}: the fitted stiffness, and {added} added.")
             if result.fits and result.verdict.probability < LIKELY:
                 share = f"{100 * result.verdict.probability:.0f} %"

@@ -122,10 +122,14 @@ class Machine:
         for key in dict.fromkeys(map(_key, self.real.effects)):
             own = [one for one in self.real.effects if _key(one) == key]
             for name in dict.fromkeys(name for one in own for name in one.parameters):
+                # entries without it stay: where several stand for one effect only their sum has a sign
                 alone = tuple(
-                    one.model_copy(update={"parameters": {name: one.parameters[name]}})
+                    one.model_copy(
+                        update={
+                            "parameters": {key: one.parameters[key] for key in {name} & {*one.parameters}}
+                        }
+                    )
                     for one in own
-                    if name in one.parameters
                 )
                 once, twice = (
                     effects_displacement(robot.model_copy(update={"effects": alone}), rows)[:, :3]

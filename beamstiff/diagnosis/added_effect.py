@@ -9,6 +9,9 @@ from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.robot.parts import AddedEffect
 from beamstiff.se3 import Array
 
+GUARD = 100.0  # rounding moves a value by no more than this part of its standard deviation
+TWO_DIGITS = 20.0  # part of a standard deviation, to which it is told itself
+
 
 def added_effect(
     baseline: Baseline,
@@ -16,26 +19,29 @@ def added_effect(
     component: str | None,
     shape: Shape,
     values: Array,
+    std: Array,
     *,
     bounded: bool = True,
     closes: float | None = None,
 ) -> AddedEffect:
-    """Return the entry of a shape with its parameters (c,), SI, and the scales that it counts against.
+    """Return the entry of a shape with its parameters (c,) and their standard deviations, SI, and its scales.
 
     `bounded` puts 0 where noise made negative what cannot be; of several shapes only the sum is meant.
     """
     if bounded:
         cannot = np.array([item.positive for item in shape.parameters])
         values = np.where(cannot, np.maximum(values, 0.0), values)
+    told = [
+        (item, value, spread)
+        for item, value, spread in zip(shape.parameters, values.tolist(), std.tolist(), strict=True)
+        if not item.posture_specific
+    ]
     return AddedEffect(
         effect=effect,
         component=component,
         shape=shape.name,
-        parameters={
-            item.name: _written(value, item.unit)
-            for item, value in zip(shape.parameters, values.tolist(), strict=True)
-            if not item.posture_specific
-        },
+        parameters={item.name: _with_unit(value, item.unit) for item, value, _ in told},
+        std={item.name: _with_unit(spread, item.unit) for item, _, spread in told},
         scales=needed_scales(shape, EFFECTS[effect].scales(baseline, component)),
         closes=closes,
     )
@@ -46,6 +52,33 @@ def needed_scales(shape: Shape, scales: Normalisation) -> Normalisation:
     return {name: value for name, value in scales.items() if shape.against is None or name in shape.against}
 
 
-def _written(value: float, unit: str) -> float | str:
+def rounded(effect: AddedEffect) -> AddedEffect:
+    """Return an entry with the digits that its standard deviations are worth, and scales with six."""
+    steps = {name: _number(value) for name, value in effect.std.items()}
+    parameters = {
+        name: _shortened(value, steps[name] / GUARD) if name in steps else value
+        for name, value in effect.parameters.items()
+    }
+    std = {name: _shortened(value, steps[name] / TWO_DIGITS) for name, value in effect.std.items()}
+    scales = {
+        name: value if isinstance(value, tuple) else float(f"{value:.6g}")
+        for name, value in effect.scales.items()
+    }
+    return effect.model_copy(update={"parameters": parameters, "std": std, "scales": scales})
+
+
+def _number(value: float | str) -> float:
+    return float(value.split()[0]) if isinstance(value, str) else value
+
+
+def _shortened(value: float | str, step: float) -> float | str:
+    """Return a number, its unit behind it if it has one, to within a step of the same unit."""
+    exact = _number(value)
+    tried = (float(f"{exact:.{digits}g}") for digits in range(1, 17))
+    short = next((found for found in tried if abs(found - exact) <= step), exact)
+    return f"{short!r} {value.partition(' ')[2]}" if isinstance(value, str) else short
+
+
+def _with_unit(value: float, unit: str) -> float | str:
     """Return a parameter with its unit where that can be read beside a number."""
     return f"{value!r} {unit}" if unit[0].isalpha() and unit != "SI" else value

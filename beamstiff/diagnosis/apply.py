@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from beamstiff.diagnosis.added_effect import added_effect, needed_scales
+from beamstiff.diagnosis.added_effect import added_effect, needed_scales, rounded
 from beamstiff.diagnosis.decomposition.applied import applied
 from beamstiff.diagnosis.effects import EFFECTS, Normalisation, Shape
 from beamstiff.diagnosis.effects.effect import LARGEST
@@ -25,6 +25,7 @@ from beamstiff.robot.closure import close_loops
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics
 from beamstiff.robot.parts import AddedEffect
+from beamstiff.robot.stiffness import stiffness_parameters
 from beamstiff.se3 import Array
 from beamstiff.units import in_unit
 
@@ -177,24 +178,45 @@ def extended(diagnosis: Diagnosis) -> Robot:
     if diagnosis.decomposition is not None:
         return applied(diagnosis.decomposition)
     fit = diagnosis.linear if diagnosis.fits else diagnosis.baseline
-    found: dict[tuple[str, str | None, str], tuple[Shape, Array]] = {}
+    found: dict[tuple[str, str | None, str], tuple[Shape, Array, Array]] = {}
     for one in diagnosis.fits:
         start = 0
+        known = np.sqrt(np.maximum(np.diag(one.covariance), 0.0))[one.compliance.size :]
         for weighted in one.shapes:
             hypothesis = weighted.hypothesis
             sizes = hypothesis.sizes
-            values = one.weight * one.theta[start : start + sizes.size] * sizes
+            own = slice(start, start + sizes.size)
+            values, spread = (one.weight * part[own] * sizes for part in (one.theta, known))
             start += sizes.size
             key = (hypothesis.effect, hypothesis.component, hypothesis.shape.name)
-            before = found[key][1] if key in found else 0.0
-            found[key] = (hypothesis.shape, before + values)
+            before = found.get(key, (hypothesis.shape, 0.0, 0.0))
+            # together, as parts of one weight: the fits to the same rows err alike
+            found[key] = (hypothesis.shape, before[1] + values, before[2] + spread)
     entries = [key[:2] for key in found]
     added = tuple(
-        added_effect(fit, effect, component, shape, values, bounded=entries.count((effect, component)) == 1)
-        for (effect, component, _), (shape, values) in found.items()
+        added_effect(
+            fit, effect, component, shape, values, std, bounded=entries.count((effect, component)) == 1
+        )
+        for (effect, component, _), (shape, values, std) in found.items()
     )
     robot = fit.robot.with_parameters(_stiffness(diagnosis)) if diagnosis.fits and fit.fitted else fit.robot
     return robot.model_copy(update={"effects": (*robot.effects, *added)})
+
+
+def readable(robot: Robot) -> Robot:
+    """Return a robot whose effects have the digits that their standard deviations are worth."""
+    return robot.model_copy(update={"effects": tuple(map(rounded, robot.effects))})
+
+
+def written_std(robot: Robot) -> dict[str, float]:
+    """Return to what lengths, angles and stiffness values of a robot that was fitted are worth writing.
+
+    A hundredth of these: nanometres and nanoradians, and stiffness to a millionth.
+    """
+    found = {f"{node.name}.{axis}": 1e-7 for node in robot.nodes for axis in "xyz"}
+    found |= {f"{frame.name}.{key}": 1e-7 for frame in robot.frames for key in type(frame).model_fields}
+    stiffness = stiffness_parameters(robot)
+    return found | {name: 1e-4 * value for name, value in stiffness.items() if 0.0 < value < np.inf}
 
 
 def _displacement(effect: AddedEffect, bare: Baseline, alone: bool) -> Array:

@@ -251,6 +251,8 @@ class AddedEffect(Described):
     shape : str
     parameters : mapping of str to float or str
         SI numbers, or text with a unit; what is not named is 0.
+    std : mapping of str to float or str
+        Standard deviations of these, for whoever reads the file.
     scales : mapping of str to float or tuple of float
         What the parameters are counted against, SI: the largest torque of the rows they were fitted to, say.
     closes : float or None
@@ -261,5 +263,6 @@ class AddedEffect(Described):
     component: Name | None = None
     shape: Name
     parameters: Annotated[Mapping[Name, ParameterValue], Field(min_length=1)]
+    std: Mapping[Name, ParameterValue] = {}
     scales: Mapping[Name, Scale] = {}
     closes: float | None = None

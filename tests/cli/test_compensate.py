@@ -9,6 +9,7 @@ import pytest
 
 from tests.cli.conftest import Refused, Run
 
+ROBOTS = Path(__file__).parents[2] / "robots"
 PROGRAM = (
     "DEF cell()\r\n"
     "  $BASE={FRAME: X 0,Y 0,Z 0,A 0,B 0,C 0}\r\n"
@@ -267,3 +268,20 @@ def test_how_far_a_command_turns_is_told_beside_how_far_it_moves(cell: Path, run
     assert 0 < facts["before"]["max_deg"] < 0.5
     rows = [line.split() for line in result.stdout.splitlines() if line.startswith("LIN")]
     assert [float(row[-1]) for row in rows] == pytest.approx([float(row[4]) for row in rows], abs=0.01)
+
+
+MEAN_OF_SHAPES = """
+effects:
+  - {effect: bearing-tilt, component: q2, shape: tilt, parameters: {tilting_compliance: 1.2e-7 rad/(N*m)}}
+  - {effect: bearing-tilt, component: q2, shape: tilt and radial,
+     parameters: {tilting_compliance: 2e-8 rad/(N*m), radial_compliance: -1e-12 m/N}}
+"""
+
+
+def test_a_real_robot_whose_effect_is_a_mean_of_shapes_is_taken(succeed: Run, cell: Path) -> None:
+    """Of several shapes of one effect only the sum has a sign: noise may leave a part slightly negative."""
+    (cell / "real.yaml").write_text((ROBOTS / "kr500.yaml").read_text() + MEAN_OF_SHAPES)
+    arguments = ("--wrench", "fz=-900N", "--actual", "real.yaml")
+    result = succeed("compensate", "kr500", "cell.src", *arguments, "--out", "new.src")
+    before, after = map(float, RESULT.search(result.stdout).groups())  # type: ignore[union-attr]
+    assert after < 0.01 * before

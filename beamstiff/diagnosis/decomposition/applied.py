@@ -57,7 +57,7 @@ def _calibrated(found: Decomposition, causes: Sequence[Cause]) -> Robot:
 
 def _added(found: Decomposition, cause: Cause) -> Iterator[AddedEffect]:
     """Yield an entry for every form of a cause; what the cause closes stands in the first."""
-    for at, (form, theta) in enumerate(zip(cause.forms, cause.theta, strict=True)):
+    for at, (form, theta, std) in enumerate(zip(cause.forms, cause.theta, cause.std, strict=True)):
         if all(item.posture_specific for item in form.shape.parameters):
             continue
         yield added_effect(
@@ -66,5 +66,6 @@ def _added(found: Decomposition, cause: Cause) -> Iterator[AddedEffect]:
             form.component,
             form.shape,
             theta * form.sizes,
+            std * form.sizes,
             closes=None if at else round(cause.closes, 4),
         )
