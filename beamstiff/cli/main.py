@@ -19,6 +19,7 @@ from beamstiff.cli.group import Commands
 from beamstiff.cli.identify import identify
 from beamstiff.cli.map import map as map_
 from beamstiff.cli.plan import plan
+from beamstiff.cli.schema import schema
 from beamstiff.cli.show import show
 from beamstiff.cli.stiffness import stiffness
 from beamstiff.cli.verify import verify
@@ -81,5 +82,6 @@ for command in (
     convert,
     exam,
     doctor,
+    schema,
 ):
     app.command()(command)

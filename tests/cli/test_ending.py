@@ -13,7 +13,7 @@ from beamstiff import __version__
 from beamstiff.cli.main import app
 from tests.cli.conftest import Run
 
-WITHOUT_FRAMES = ("compare", "convert", "diagnose", "doctor", "exam")
+WITHOUT_FRAMES = ("compare", "convert", "diagnose", "doctor", "exam", "schema")
 COMMAND = [sys.executable, "-m", "beamstiff"]
 
 

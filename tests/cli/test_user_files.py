@@ -74,6 +74,7 @@ COMMANDS: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
         {"out": "o.jsonl", "reports": "reports", "figure": "o.png", "html": "o.html"},
     ),
     "doctor": (("--no-check",), {}),
+    "schema": ((), {}),
 }  # fmt: skip
 # other names in a folder that commands know
 OTHERS = (

@@ -1,0 +1,25 @@
+"""`beamstiff schema`: what a robot file may hold, for editors."""
+
+from __future__ import annotations
+
+from beamstiff.cli.options import Debug, Json, Quiet
+from beamstiff.cli.output import Outputs
+
+
+def schema(
+    json: Json = "-",
+    quiet: Quiet = False,
+    debug: Debug = False,  # noqa: ARG001
+) -> None:
+    """Print the JSON Schema of robot files, with which editors complete keys and mark wrong ones.
+
+    Where an editor knows YAML schemas, the first line of a robot file names it:
+    # yaml-language-server: $schema=robot.schema.json
+
+    \b
+    Example:
+      beamstiff schema --json robot.schema.json
+    """  # noqa: D301
+    from beamstiff.robot.schema import robot_schema
+
+    Outputs([], json, quiet).result([], [], robot_schema())
