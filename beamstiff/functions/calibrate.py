@@ -17,6 +17,7 @@ from beamstiff.errors import BeamstiffError, OptionError, optional, shown, sugge
 from beamstiff.functions.checks import names_of, whole
 from beamstiff.functions.robots import as_robot
 from beamstiff.measure.coerce import DataLike, TableLike, as_tables, doubted, doubts_of, refuse_fitted
+from beamstiff.measure.position_doubts import stands_doubts
 from beamstiff.measure.rows import concatenate
 from beamstiff.robot.coerce import RobotLike
 from beamstiff.units import quantity
@@ -93,7 +94,7 @@ def calibrate(
     tested = {_name(one): as_tables(one, machine, what="test")[0] for one in test}
     if stations and tested:
         raise OptionError("test", "beside stations it is not said where the robot stood; leave one out")
-    doubts = doubts_of(machine, tables)
+    doubts = [*doubts_of(machine, tables), *(() if stations else stands_doubts(tables, machine))]
     rows = concatenate(tables)
     said: dict[str, Any] = {
         "parameters": names_of("parameters", parameters),

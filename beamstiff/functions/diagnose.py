@@ -10,6 +10,7 @@ from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.functions.checks import names_of, whole
 from beamstiff.functions.robots import as_robot
 from beamstiff.measure.coerce import DataLike, as_tables, doubted, doubts_of
+from beamstiff.measure.position_doubts import stands_doubts
 from beamstiff.measure.rows import concatenate
 from beamstiff.model.linear import preload_notes
 from beamstiff.robot.coerce import RobotLike
@@ -55,7 +56,7 @@ def diagnose(
     whole("seed", seed, 0)
     excluded = names_of("without", without) or ()
     tables = as_tables(data, machine)
-    doubts = doubts_of(machine, tables)
+    doubts = [*doubts_of(machine, tables), *(() if stations else stands_doubts(tables, machine))]
     rows = concatenate(tables)
     if region is not None:
         rows = replace(rows, region=tuple(region))

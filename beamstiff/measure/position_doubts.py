@@ -7,7 +7,7 @@ links; calibration seeks millimetres from where the robot is said to stand, and 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 
 import numpy as np
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.rigid_motion import check_spread, fit_rigid_motion
+from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.closure import every_assembly
 from beamstiff.robot.description import Robot
@@ -32,13 +33,34 @@ POSTURES = 8  # for fewer, one of many readings may fit by chance: a tracker's p
 
 def position_doubts(table: Measurements, robot: Robot) -> Iterator[str]:
     """Yield why the joint values or the assembly may not be those of the positions; mostly nothing."""
-    rows = np.flatnonzero(~np.isnan(table.position).any(axis=1))
+    rows = _some_rows(table)
     if table.kind != "absolute" or not len(rows):
         return
-    rows = rows[np.unique(np.linspace(0, len(rows) - 1, ROWS).astype(np.intp))]
     if robot.loops:
         yield from _of_the_assembly(table, robot, rows)
     yield from _of_the_columns(table, robot, rows)
+
+
+def stands_doubts(tables: Sequence[Measurements], robot: Robot) -> Iterator[str]:
+    """Yield that each of several tables fits the robot, but not all from one stand; mostly nothing."""
+    if len(tables) < 2 or any(table.kind != "absolute" for table in tables):
+        return
+    every = concatenate(tables)
+    whole, *each = (
+        _left_by(table, robot, rows := _some_rows(table), table.q[rows]) for table in (every, *tables)
+    )
+    if AMISS * compile_kinematics(robot).size < whole < np.inf and max(each) < ANOTHER * whole:
+        yield (
+            f"the tables fit robot {robot.name!r} one by one (within {1e3 * max(each):.3g} mm), not all from "
+            f"one place ({1e3 * whole:.3g} mm): where the robot, or the tracker, was moved between them, "
+            "say --stations"
+        )
+
+
+def _some_rows(table: Measurements) -> Index:
+    """Return rows with a position, few enough to look at, from the whole table."""
+    rows = np.flatnonzero(~np.isnan(table.position).any(axis=1))
+    return rows[np.unique(np.linspace(0, len(rows) - 1, ROWS).astype(np.intp))] if len(rows) else rows
 
 
 def _of_the_assembly(table: Measurements, robot: Robot, rows: Index) -> Iterator[str]:
