@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from beamstiff import diagnose, predict
+from beamstiff.diagnosis.residual.baseline import nominal_pose
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.table import Measurements
+from beamstiff.robot.reader import parse_robot
 from beamstiff.se3 import rotation_from_vector
-from tests.diagnosis.machines import at_random, bent, lift
+from tests.diagnosis.machines import LIFT, at_random, bent, lift
 
 NOISE = 5e-5
 STANDS = ((0.0, 0.0, 0.3), (4.0, -2.0, 1.9), (-3.0, 5.0, -2.4))  # m, m, rad about the vertical
@@ -62,3 +64,16 @@ def test_few_readings_far_from_the_base_frame_have_the_base_fitted_and_nothing_e
     found = diagnose(lift(), tables[1])
     assert found.to_dict()["gap"]["rms_mm"] < 10.0
     assert found.verdict.key == "link-bending:column"
+
+
+def test_of_few_readings_an_error_of_the_geometry_is_a_cause() -> None:
+    """Nine positions do not tell all lengths and angles: only the base is free, and one length is wrong."""
+    robot = lift()
+    rows = at_random(robot, 9, seed=4, position=np.zeros((9, 3)), sigma_position=NOISE)
+    rows = replace(rows, wrench=np.zeros((9, 6)))
+    longer = parse_robot(LIFT.replace("d: 0.8,", "d: 0.802,").replace("at: [0.8, 0, 0]", "at: [0.802, 0, 0]"))
+    turn = rotation_from_vector(np.array([[0.0, 0.0, 1.9]]))[0]
+    noise = NOISE * np.random.default_rng(4).standard_normal((9, 3))
+    seen = nominal_pose(longer, rows)[0] @ turn.T + [4.0, -2.0, 0.7] + noise
+    found = diagnose(robot, replace(rows, position=seen))
+    assert found.verdict.key == "geometry-error:fore.d"

@@ -97,7 +97,7 @@ def forms_of(
     Shapes that are known already, by ``effect:component``, are not computed anew.
     """
     baseline = model.baseline
-    skipped = {*without, *(OF_GEOMETRY if model.problem is not None else ()), "outliers"}
+    skipped = {*without, *_open_already(model), "outliers"}
     found: list[Form] = []
     absent = _no_links(model)
     for effect in EFFECTS.values():
@@ -112,6 +112,14 @@ def forms_of(
             total = sum(shape.weight for shape in shapes)
             found += _weighed(model, effect.name, component, shapes, total)
     return found
+
+
+def _open_already(model: OpenModel) -> Iterable[str]:
+    """Return the effects that a calibration beside the causes takes up, or finds by itself."""
+    if model.problem is None:
+        return ()
+    whole = any(item.group == "frame" for item in model.problem.parameters)
+    return [effect for effect in OF_GEOMETRY if whole or effect != "geometry-error"]
 
 
 def _no_links(model: OpenModel) -> set[str]:
