@@ -53,7 +53,8 @@ def beside_calibration(
         return diagnosis_of(found)
     found_here = {form.effect for cause in (*found.causes, *found.unclear) for form in cause.forms}
     choice = build_choice(closed, forms_of(closed, without, {*OF_GEOMETRY, *found_here}))
-    step = select(choice, folds_of(closed, choice, seed).squared_errors)
+    # more forms than one cause, or two, and these errors are no geometry as described, whatever they leave
+    step = select(choice, folds_of(closed, choice, seed).squared_errors, most=2 * (SINGLE_ERRORS + 2))
     freedom = max(choice.count - choice.open_count - step.determined, 1.0)
     left = float(np.sqrt(step.squares / freedom))
     errors = sum(choice.forms[number].effect in OF_GEOMETRY for number in step.chosen)

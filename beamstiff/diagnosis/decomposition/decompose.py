@@ -7,10 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
+from scipy.special import expit
 
+from beamstiff.diagnosis.decomposition.discrepancy import discrepancy_odds
 from beamstiff.diagnosis.decomposition.forms import SLIP, Form, Shapes, by_form, forms_of, shift_of
 from beamstiff.diagnosis.decomposition.held_out import Folds, folds_of, interval, ordered
-from beamstiff.diagnosis.decomposition.look_alikes import rival_of, with_usual_name
+from beamstiff.diagnosis.decomposition.look_alikes import TEMPERING, rival_of, with_usual_name
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, inverse_of, open_geometry, open_stiffness
 from beamstiff.diagnosis.decomposition.remainder import Remainder, remainder_of
 from beamstiff.diagnosis.decomposition.selection import (
@@ -56,6 +58,8 @@ class Cause:
     std : tuple of (c,) array
     probability : float
         That this effect at this component is really there.
+    present : float
+        That there is a cause in its place, and not a little of everything.
     closes : float
         Share of the explainable gap on held-out postures.
     closes_interval : (float, float)
@@ -70,6 +74,7 @@ class Cause:
     theta: tuple[Array, ...]
     std: tuple[Array, ...]
     probability: float
+    present: float
     closes: float
     closes_interval: tuple[float, float]
     rms_after: float
@@ -84,7 +89,7 @@ class Cause:
     @property
     def named(self) -> bool:
         """Whether it is surely this cause, and more than what the form of another may leave."""
-        return self.probability >= NAMED and self.closes >= MINOR
+        return self.present >= PRESENT and self.probability >= NAMED and self.closes >= MINOR
 
     @property
     def rows(self) -> tuple[int, ...]:
@@ -141,9 +146,9 @@ class Decomposition:
         """The first cause, where it closes most of what can be closed."""
         if not self.causes:
             return None
-        first = self.causes[0]
-        alone = first.closes >= QUARTER and len(self.causes) == 1
-        return first if first.closes >= HALF or alone else None
+        first, *others = sorted((*self.causes, *self.unclear), key=lambda cause: -cause.closes)
+        alone = first.closes >= QUARTER and all(cause.closes < MINOR for cause in others)
+        return first if first.named and (first.closes >= HALF or alone) else None
 
 
 def decompose(
@@ -277,14 +282,18 @@ def _told(folds: Folds, step: Step, seed: int) -> Decomposition:
     thetas = dict(zip(step.chosen, by_form(forms, theta[opened:]), strict=True))
     stds = dict(zip(step.chosen, by_form(forms, std[opened:]), strict=True))
     causes = []
-    for cause, before, after in zip(order, errors[:-1], errors[1:], strict=True):
+    odds = np.array(discrepancy_odds(choice, step, order))
+    for cause, present, before, after in zip(
+        order, expit(odds / TEMPERING), errors[:-1], errors[1:], strict=True
+    ):
         rival = rival_of(choice, step, cause, folds.squared_errors)
         causes.append(
             Cause(
                 forms=tuple(choice.forms[number] for number in cause),
                 theta=tuple(thetas[number] for number in cause),
                 std=tuple(stds[number] for number in cause),
-                probability=rival.probability,
+                probability=rival.probability * float(present),
+                present=float(present),
                 closes=float((before - after).sum()) / (total - noise2) if total > noise2 else 0.0,
                 closes_interval=interval(before, after, noise2, total, seed),
                 rms_after=float(np.sqrt(after.sum() / folds.rows)),

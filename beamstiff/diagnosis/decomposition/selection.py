@@ -342,19 +342,19 @@ def with_each(choice: Choice, step: Step) -> Array:
     return result
 
 
-def select(choice: Choice, held_out: HeldOut) -> Step:
-    """Return the fit with the causes that the criterion and held-out postures ask for.
+def select(choice: Choice, held_out: HeldOut, most: int = MOST) -> Step:
+    """Return the fit with the causes that the criterion and held-out postures ask for, `most` forms.
 
     After every cause that comes in, causes that are not needed any more go out. Where no other comes in, one
     that another explains better, or two others, is exchanged.
     """
     step = fit_step(choice, ())
     for _ in range(ROUNDS):
-        larger = _larger(choice, step, held_out) if len(step.chosen) < MOST and choice.forms else None
+        larger = _larger(choice, step, held_out) if len(step.chosen) < most and choice.forms else None
         while larger is not None:
             step = _needed(choice, larger)
-            larger = _larger(choice, step, held_out) if len(step.chosen) < MOST else None
-        other = _exchanged(choice, step, held_out)
+            larger = _larger(choice, step, held_out) if len(step.chosen) < most else None
+        other = _exchanged(choice, step, held_out) if len(step.chosen) < most else None
         if other is None:
             break
         step = _needed(choice, other)
