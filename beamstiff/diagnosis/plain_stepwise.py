@@ -171,6 +171,7 @@ def _told(model: OpenModel, chosen: Sequence[Form], squares: Sequence[float]) ->
             theta=(*(before.theta if before else ()), own),
             std=(*(before.std if before else ()), np.zeros_like(own)),
             probability=1.0,
+            present=1.0,
             closes=closes,
             closes_interval=(closes, closes),
             rms_after=rms(at + 1),

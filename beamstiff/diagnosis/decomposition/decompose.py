@@ -12,8 +12,9 @@ from scipy.special import expit
 from beamstiff.diagnosis.decomposition.discrepancy import discrepancy_odds
 from beamstiff.diagnosis.decomposition.forms import SLIP, Form, Shapes, by_form, forms_of, shift_of
 from beamstiff.diagnosis.decomposition.held_out import Folds, folds_of, interval, ordered
-from beamstiff.diagnosis.decomposition.look_alikes import TEMPERING, rival_of, with_usual_name
+from beamstiff.diagnosis.decomposition.look_alikes import rival_of, with_usual_name
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, inverse_of, open_geometry, open_stiffness
+from beamstiff.diagnosis.decomposition.prior import TEMPERING
 from beamstiff.diagnosis.decomposition.remainder import Remainder, remainder_of
 from beamstiff.diagnosis.decomposition.selection import (
     Choice,
@@ -59,7 +60,7 @@ class Cause:
     probability : float
         That this effect at this component is really there.
     present : float
-        That there is a cause in its place, and not a little of everything.
+        That there is a cause in its place, and not a little of everything else.
     closes : float
         Share of the explainable gap on held-out postures.
     closes_interval : (float, float)
@@ -282,11 +283,11 @@ def _told(folds: Folds, step: Step, seed: int) -> Decomposition:
     thetas = dict(zip(step.chosen, by_form(forms, theta[opened:]), strict=True))
     stds = dict(zip(step.chosen, by_form(forms, std[opened:]), strict=True))
     causes = []
-    odds = np.array(discrepancy_odds(choice, step, order))
-    for cause, present, before, after in zip(
-        order, expit(odds / TEMPERING), errors[:-1], errors[1:], strict=True
+    rivals = [rival_of(choice, step, cause, folds.squared_errors) for cause in order]
+    odds = np.array(discrepancy_odds(choice, step, order, [rival.indistinguishable for rival in rivals]))
+    for cause, rival, present, before, after in zip(
+        order, rivals, expit(odds / TEMPERING), errors[:-1], errors[1:], strict=True
     ):
-        rival = rival_of(choice, step, cause, folds.squared_errors)
         causes.append(
             Cause(
                 forms=tuple(choice.forms[number] for number in cause),

@@ -1,29 +1,32 @@
-"""Whether a cause is there, or whether a little of everything explains the rows as well.
+"""Whether a cause is there, or whether a little of everything else explains the rows as well.
 
-What no library holds is taken up by the causes that come nearest to it, each for a part. So each cause is held
-against a model discrepancy (Kennedy and O'Hagan, J. R. Stat. Soc. B 63 (2001) 425) that is a mixture of all
-forms of all causes, each cause with the same variance: ``y ~ N(X b, s^2 (1 + u^2 K))``, ``K`` the mean over
-the causes of ``x x^T``, x the unit columns of their forms beside the open geometry. With and without the
-cause, u is the one that explains the rows best. One true cause needs no mixture; a stand-in is replaced by it.
+What no library holds is taken up by the causes that come nearest to it, each for a part. So each cause is
+held against a model discrepancy (Kennedy and O'Hagan, J. R. Stat. Soc. B 63 (2001) 425) that is a mixture of
+all forms of all other effects: ``y ~ N(X b, s^2 (1 + u^2 K))``, ``K`` the sum over the causes of ``p x x^T``,
+p how likely a cause is beforehand, x the unit columns of its forms beside the open geometry. With and without
+the cause, u is the one that explains the rows best. What is there is missed by the others; a stand-in is not.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
+from scipy.linalg import cholesky, solve_triangular
 
 from beamstiff.diagnosis.decomposition.selection import Choice, Step, bic
 from beamstiff.measure.arrays import Integers
 from beamstiff.se3 import Array
 
-SIZES = (0.0, 0.05, 0.2, 0.5, 1.0, 2.0, 4.0, 8.0, 20.0, 50.0)  # u: none to far above the noise
-MOST_VALUES = 800  # that the mixture is weighed by: its cost grows with their third power
+SIZES = (0.0, 0.2, 0.5, 1.0, 2.0, 4.0, 8.0, 20.0, 50.0)  # u: none to far above the noise
+MOST_VALUES = 600  # that the mixture is weighed by: its cost grows with their third power
 SHOWS = 1e-6  # of 1: what the open geometry leaves of a column, below which it is rounding
 
 
-def discrepancy_odds(choice: Choice, step: Step, causes: Sequence[tuple[int, ...]]) -> list[float]:
-    """Return the log odds of each cause of a fit against a mixture of everything in its place.
+def discrepancy_odds(
+    choice: Choice, step: Step, causes: Sequence[tuple[int, ...]], alike: Sequence[Collection[str]]
+) -> list[float]:
+    """Return the log odds of each cause of a fit against a mixture of everything else.
 
     Parameters
     ----------
@@ -32,51 +35,61 @@ def discrepancy_odds(choice: Choice, step: Step, causes: Sequence[tuple[int, ...
         A fit with all causes.
     causes : sequence of tuple of int
         Their forms.
+    alike : sequence of collection of str
+        What each is not distinguished from, ``effect:component``: no part of the mixture either.
     """
     rows = np.arange(0, choice.count, -(-choice.count // MOST_VALUES))
     rows = np.concatenate([rows, np.arange(choice.count, len(choice.residual))])
-    variance, axes = np.linalg.eigh(_mixture(choice, rows))
-    residual, count = axes.T @ choice.residual[rows], max(len(rows) - choice.open_count, 1)
+    every, residual = choice.columns[rows], choice.residual[rows]
+    count = max(len(rows) - choice.open_count, 1)
+    sizes = [part.stop - part.start for part in choice.at]
+    of_form = np.repeat(np.arange(len(choice.forms)), sizes)
+    unit, of_form = _unit_columns(every[:, choice.drives :], of_form, choice)
+    keys = np.array([form.key for form in choice.forms])[of_form]
+    effects = np.array([form.effect for form in choice.forms])[of_form]
+    scale = len(rows) / max(float((unit**2).sum()), SHOWS)
     at = {
         number: np.arange(choice.at[number].start, choice.at[number].stop)[free]
         for number, free in zip(step.chosen, step.free, strict=True)
     }
     drives = np.arange(choice.drives)[step.drives]
+    mixture = scale * unit @ unit.T
+    result = []
+    for cause, others in zip(causes, alike, strict=True):
+        left_out = unit[:, (effects == choice.forms[cause[0]].effect) | np.isin(keys, list(others))]
+        rest = mixture - scale * left_out @ left_out.T
+        without = [k for k in step.chosen if k not in cause]
+        values = []
+        for numbers in (without, step.chosen):
+            some = np.concatenate([drives, *(at[number] for number in numbers)])
+            values.append(_least(rest, residual, every[:, some], choice.precision[some], count))
+        result.append(0.5 * (values[0] - values[1]))
+    return result
 
-    def weighed(numbers: Sequence[int]) -> float:
-        some = np.concatenate([drives, *(at[number] for number in numbers)])
-        return _best(
-            np.maximum(variance, 0.0), residual, axes.T @ choice.columns[np.ix_(rows, some)],
-            choice.precision[some], count,
-        )  # fmt: skip
 
-    whole = weighed(step.chosen)
-    return [0.5 * (weighed([k for k in step.chosen if k not in cause]) - whole) for cause in causes]
-
-
-def _mixture(choice: Choice, rows: Integers) -> Array:
-    """Return K (m, m) of some rows, of trace m: each cause counts the same, whatever its forms."""
-    columns = choice.columns[rows]
+def _unit_columns(columns: Array, of_form: Integers, choice: Choice) -> tuple[Array, Integers]:
+    """Return columns (m, c) that the open geometry leaves, and their forms; each cause as it is likely."""
     size = np.linalg.norm(columns, axis=0)
-    keys = np.repeat([form.key for form in choice.forms], [part.stop - part.start for part in choice.at])
-    _, cause, count = np.unique(keys, return_inverse=True, return_counts=True)
-    weight = np.concatenate([np.zeros(choice.drives), 1.0 / count[cause]])
-    unit = columns * (np.where(size > SHOWS, np.sqrt(weight), 0.0) / np.maximum(size, SHOWS))
-    mixture: Array = unit @ unit.T
-    return mixture * (len(rows) / max(float(np.trace(mixture)), SHOWS))
+    shown = size > SHOWS
+    own = of_form[shown]
+    _, cause, count = np.unique(
+        np.array([form.key for form in choice.forms])[own], return_inverse=True, return_counts=True
+    )
+    likely = np.array([form.likely for form in choice.forms])[own]
+    return columns[:, shown] * (np.sqrt(likely / count[cause]) / size[shown]), own
 
 
-def _best(variance: Array, residual: Array, columns: Array, precision: Array, count: int) -> float:
-    """Return the least BIC over u, in the axes of K with its eigenvalues (m,)."""
+def _least(mixture: Array, residual: Array, columns: Array, precision: Array, count: int) -> float:
+    """Return the least BIC over u of a fit with columns (m, c) and a mixture (m, m)."""
     result = []
     for size in SIZES:
-        spread = 1.0 + size**2 * variance
-        weighed = columns.T / spread
-        gram = weighed @ columns
-        normal = gram + np.diag(precision)
-        pull = weighed @ residual
-        found = np.linalg.solve(normal, np.column_stack([pull, gram]))
-        squares = float(residual @ (residual / spread) - pull @ found[:, 0])
+        root = cholesky(np.eye(len(residual)) + size**2 * mixture, lower=True)
+        seen = solve_triangular(root, np.column_stack([residual, columns]), lower=True)
+        left, fitted = seen[:, 0], seen[:, 1:]
+        gram = fitted.T @ fitted
+        pull = fitted.T @ left
+        found = np.linalg.solve(gram + np.diag(precision), np.column_stack([pull, gram]))
+        squares = float(left @ left - pull @ found[:, 0])
         determined = float(np.trace(found[:, 1:]))
-        result.append(float(bic(squares, determined, count, 0.0)) + float(np.log(spread).sum()))
+        result.append(float(bic(squares, determined, count, 0.0)) + 2.0 * float(np.log(np.diag(root)).sum()))
     return min(result)

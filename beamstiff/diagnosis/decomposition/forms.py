@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
+from beamstiff.diagnosis.decomposition.prior import TEMPERING, expected
 from beamstiff.diagnosis.effects import EFFECTS, Shape
 from beamstiff.diagnosis.effects.torque_laws import turning_drives
 from beamstiff.diagnosis.inference.library import key_of
@@ -42,6 +43,8 @@ class Form:
         In units of the noise, of realistic sizes.
     log_prior : float
         Of this form among those of its cause.
+    likely : float
+        How many of its cause are expected before the data.
     compliance_scale : float
         By which compliances may be larger than realistic ones.
     """
@@ -51,12 +54,18 @@ class Form:
     shape: Shape
     columns: Array
     log_prior: float
+    likely: float
     compliance_scale: float = 1.0
 
     @property
     def key(self) -> str:
         """``effect:component``."""
         return key_of(self.effect, self.component)
+
+    @property
+    def cause_log_prior(self) -> float:
+        """Return what its cause adds to the log likelihood; evidence is tempered, what is known is not."""
+        return TEMPERING * float(np.log(self.likely))
 
     @property
     def sizes(self) -> Array:
@@ -103,14 +112,16 @@ def forms_of(
     for effect in EFFECTS.values():
         if effect.name in skipped or effect.name not in effects:
             continue
-        for component in effect.components(baseline):
+        components = effect.components(baseline)
+        likely = expected(effect.name, max(len(components), 1))
+        for component in components:
             # a calibration that moves an axis puts brackets between its parts, which no machine has
             if key_of(effect.name, component) in skipped or component in absent:
                 continue
             every = (known or {}).get(key_of(effect.name, component)) or effect.shapes(baseline, component)
             shapes = [shape for shape in every if _fits(effect.name, shape)]
             total = sum(shape.weight for shape in shapes)
-            found += _weighed(model, effect.name, component, shapes, total)
+            found += _weighed(model, effect.name, component, shapes, total, likely)
     return found
 
 
@@ -146,7 +157,12 @@ def _fits(effect: str, shape: Shape) -> bool:
 
 
 def _weighed(
-    model: OpenModel, effect: str, component: str | None, shapes: Sequence[Shape], total: float
+    model: OpenModel,
+    effect: str,
+    component: str | None,
+    shapes: Sequence[Shape],
+    total: float,
+    likely: float,
 ) -> Iterable[Form]:
     if not shapes:
         return []
@@ -157,7 +173,7 @@ def _weighed(
     parts = np.split(every, np.cumsum([z.size for z in sizes])[:-1], axis=1)
     scale = 1.0 if turning_drives(model.given) else UNKNOWN_SCALE
     return [
-        Form(effect, component, shape, part, float(np.log(shape.weight / total)), scale)
+        Form(effect, component, shape, part, float(np.log(shape.weight / total)), likely, scale)
         for shape, part in zip(shapes, parts, strict=True)
         if np.abs(part).max(initial=0.0) > 0
     ]

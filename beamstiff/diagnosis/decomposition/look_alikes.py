@@ -6,12 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from beamstiff.diagnosis.decomposition.prior import TEMPERING
 from beamstiff.diagnosis.decomposition.selection import Choice, HeldOut, Step, fit_step, gain, with_each
 
-# The criterion takes the forms for exact. Forms of other authors leave a part of what they should explain, so
-# that a difference of BIC says less than it seems. To be fitted on an exam of crowded machines; until then a
-# quarter, the order of what was found for single causes (log odds by 1 + E / 60 at E of some hundred).
-TEMPERING = 4.0
 MOST_RIVALS = 12  # that are looked at: the best by the criterion
 PLAUSIBLE = 0.05  # of the likeliest: less is told from it
 

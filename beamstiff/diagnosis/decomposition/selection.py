@@ -211,7 +211,7 @@ def fit_step(choice: Choice, chosen: Sequence[int]) -> Step:
     theta = np.asarray(np.linalg.solve(triangle, pull))
     left = choice.residual - columns @ theta
     squares = float(left @ left + choice.precision[at[free]] @ theta**2)
-    prior = sum(choice.forms[number].log_prior for number in chosen)
+    prior = prior_of(choice, chosen)
     value = float(bic(squares, choice.open_count + determined, choice.count, prior))
     if (np.abs(theta * choice.units[at[free]]) > choice.largest[at[free]]).any():
         value = np.inf  # no machine is like that
@@ -228,6 +228,12 @@ def fit_step(choice: Choice, chosen: Sequence[int]) -> Step:
         determined,
         value,
     )
+
+
+def prior_of(choice: Choice, chosen: Sequence[int]) -> float:
+    """Return the log prior of some forms: of each among those of its cause, and of each cause once."""
+    causes = {choice.forms[number].key: choice.forms[number].cause_log_prior for number in chosen}
+    return sum(causes.values()) + sum(choice.forms[number].log_prior for number in chosen)
 
 
 def _allowed(
@@ -312,8 +318,11 @@ def with_each(choice: Choice, step: Step) -> Array:
     such a form is not what is there.
     """
     result = np.full(len(choice.forms), np.inf)
-    log_prior = np.array([form.log_prior for form in choice.forms])
-    known = float(log_prior[list(step.chosen)].sum())
+    known = prior_of(choice, step.chosen)
+    there = {choice.forms[number].key for number in step.chosen}
+    log_prior = np.array(
+        [form.log_prior + (0.0 if form.key in there else form.cause_log_prior) for form in choice.forms]
+    )
     inside: Array = np.zeros((0, len(choice.precision)))
     pull = choice.pull
     if len(step.theta):
@@ -405,12 +414,13 @@ def _rises(choice: Choice, step: Step) -> list[float]:
     """
     root = np.linalg.inv(step.triangle)
     ends = int(step.drives.sum()) + np.cumsum([int(free.sum()) for free in step.free])
-    result = []
+    result, prior = [], prior_of(choice, step.chosen)
     for number, end, free in zip(step.chosen, ends.tolist(), step.free, strict=True):
         some = slice(end - int(free.sum()), end)
         own = step.theta[some]
         rise = float(own @ np.linalg.solve(root[some] @ root[some].T, own)) if own.size else 0.0
-        price = own.size * np.log(choice.count) - 2.0 * choice.forms[number].log_prior
+        others = [k for k in step.chosen if k != number]
+        price = own.size * np.log(choice.count) + 2.0 * (prior_of(choice, others) - prior)
         result.append(choice.count * float(np.log1p(rise / max(step.squares, 1e-12))) - price)
     return result
 

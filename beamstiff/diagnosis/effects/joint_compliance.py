@@ -1,11 +1,15 @@
-"""`joint-compliance`: the model holds the joint rigid about its axis, but it gives way."""
+"""`joint-compliance`: the model holds the joint rigid about its axis, but it gives way.
+
+Without a component: all such joints at once, each with a compliance of its own, as under the weight of the
+links. That is one cause and not several, where positions show the sum of them better than each.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from beamstiff.diagnosis.effects.effect import Effect, Quantity, Shape
-from beamstiff.diagnosis.effects.torque_laws import axis_at, by_law, component_of, torque_scale
+from beamstiff.diagnosis.effects.effect import Effect, Normalisation, Quantity, Shape
+from beamstiff.diagnosis.effects.torque_laws import Axis, axis_at, by_law, component_of, torque_scale
 from beamstiff.diagnosis.residual.baseline import Baseline, own_direction
 from beamstiff.robot.fields import RIGID
 
@@ -13,7 +17,7 @@ SECTOR = 20.0  # deg, half a sector
 SECTORS = tuple(range(-180, 180, 30))
 
 
-def _components(baseline: Baseline) -> list[str | None]:
+def _rigid_drives(baseline: Baseline) -> list[str]:
     robot = baseline.nominal
     return [
         component_of(robot, joint)
@@ -22,10 +26,31 @@ def _components(baseline: Baseline) -> list[str | None]:
     ]
 
 
-def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
-    axis = axis_at(baseline, str(component))
+def _components(baseline: Baseline) -> list[str | None]:
+    found = _rigid_drives(baseline)
+    every = [None] if baseline.absolute and len(found) > 1 else []
+    return [*found, *every]
+
+
+def _compliance(axis: Axis, name: str) -> Quantity:
     unit, size = ("rad/(N*m)", 4e-7) if axis.turns else ("m/N", 5e-9)
-    compliance = Quantity("compliance", unit, size, positive=True)
+    return Quantity(name, unit, size, positive=True)
+
+
+def _all_drives(baseline: Baseline) -> Shape:
+    names = _rigid_drives(baseline)
+    axes = [axis_at(baseline, name) for name in names]
+    columns = np.stack([by_law(baseline, axis, lambda torque: torque) for axis in axes], -1)
+    compliances = [_compliance(axis, f"compliance_{name}") for axis, name in zip(axes, names, strict=True)]
+    return Shape("all drives, linear", columns, tuple(compliances), prior_factor=30.0)
+
+
+def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
+    if component is None:
+        return [_all_drives(baseline)]
+    axis = axis_at(baseline, component)
+    compliance = _compliance(axis, "compliance")
+    unit, size = compliance.unit, compliance.size
     linear = by_law(baseline, axis, lambda torque: torque)
 
     def grown(torque: np.ndarray) -> np.ndarray:
@@ -61,6 +86,10 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     return found
 
 
+def _scales(baseline: Baseline, component: str | None) -> Normalisation:
+    return {} if component is None else torque_scale(baseline, component)
+
+
 EFFECT = Effect(
     name="joint-compliance",
     family="structure",
@@ -70,5 +99,6 @@ EFFECT = Effect(
     separation="load about this joint's axis alone, read the joint's motor encoder and the link behind it",
     look_alikes=("link-bending", "bearing-tilt"),
     sources="drives of industrial robots 3e5 to 1e7 N m/rad (seed 000, Table 6; 001, Table 2)",
-    scales=torque_scale,
+    scales=_scales,
+    place="drives",
 )

@@ -17,7 +17,9 @@ from beamstiff.se3 import Array
 ABSORBED = 0.02  # share of a signature's size that the fitted parameters leave
 OF_DRIVES = ("actuator-lever", "backlash", "gravity-compensator", "hardening", "hysteresis")
 FAINT = 0.1  # sigma a value, at the largest realistic size
-DECOMPOSED = ("angle-curve", "approach-direction", "target-slip")  # weighed by `decomposition` alone
+# weighed by `decomposition` alone; the last is all drives at once
+DECOMPOSED = ("angle-curve", "approach-direction", "target-slip")
+ALL_DRIVES = "joint-compliance:null"
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +103,7 @@ def build_library(baseline: Baseline, white: Whitened, without: Sequence[str] = 
     standing: tuple[str, ...] = ()
     if not {"base-compliance", key_of("base-compliance", None)} & set(without):
         standing = baseline.places.standing
-    others = {*without, *(key_of("link-bending", name) for name in standing)}
+    others = {*without, ALL_DRIVES, *(key_of("link-bending", name) for name in standing)}
     for effect in known:
         components = [c for c in effect.components(baseline) if key_of(effect.name, c) not in others]
         if not components:
