@@ -63,10 +63,10 @@ class Layout:
         From the first end of a member to the second.
     first, second : (P, E, 3) array
         Arms of the ends.
-    stiffness : (P, 6 E, 6 E) array
+    stiffness : (P, E, 6, 6) array
         Of hinges and bars; rows of rigid directions are zero.
-    bending : (P, E, 6, 6) array
-        Matrix H of bars: bending shortens them by ``e.H.e/2``; zero for hinges.
+    bending : (P, bars, 6, 6) array
+        Matrix H of the bars, which follow the hinges: bending shortens them by ``e.H.e/2``.
     rod, rod_first, rod_second : (P, S, 3) array
     load_arm, load : (P, L, 3) array
         Weights.
@@ -135,25 +135,21 @@ def lay_out(topology: Topology, placed: Placed) -> Layout:
     ends = ends.reshape(-1, 2)
     axes = np.zeros((poses, len(ends), 3, 3))
     rest = np.zeros((poses, len(ends), 3))
-    stiffness = np.zeros((poses, 6 * len(ends), 6 * len(ends)))
-    bending = np.zeros((poses, len(ends), 6, 6))
+    stiffness = np.zeros((poses, len(ends), 6, 6))
+    bending = np.zeros((poses, len(bars), 6, 6))
     for at, hinge in enumerate(hinges):
         axes[:, at] = placed.rotations[hinge.frame] @ hinge.axes
         k = hinge.stiffness if hinge.stiffness.ndim == 2 else np.diag(_finite(hinge.stiffness))
         lawless = np.array([float(direction not in hinge.laws) for direction in range(6)])
-        stiffness[:, 6 * at : 6 * at + 6, 6 * at : 6 * at + 6] = k * lawless[:, None] * lawless
-    at_of = {hinge.name: at for at, hinge in enumerate(hinges)}
-    for cross in machine.crosses:
-        rows = [6 * at_of[name] + direction for name, direction in (cross.first, cross.second)]
-        stiffness[:, np.array(rows)[:, None], rows] += cross.added
+        stiffness[:, at] = k * lawless[:, None] * lawless
     for at, bar in enumerate(bars, start=len(hinges)):
         a, b = ends[at]
         rest[:, at] = nodes[:, b] - nodes[:, a]
         length = np.linalg.norm(rest[:, at], axis=1)
         up = None if bar.up is None else placed.rotations[machine.node(bar.nodes[0]).frame] @ bar.up
         axes[:, at] = _bar_axes(rest[:, at] / length[:, None], up)
-        stiffness[:, 6 * at : 6 * at + 6, 6 * at : 6 * at + 6] = tip_stiffness(bar.profile, length)
-        bending[:, at] = _shortening(length)
+        stiffness[:, at] = tip_stiffness(bar.profile, length)
+        bending[:, at - len(hinges)] = _shortening(length)
     rod_ends = np.array([[index[n] for n in rod.nodes] for rod in machine.rods], dtype=np.int64).reshape(
         -1, 2
     )
