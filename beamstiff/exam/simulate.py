@@ -9,7 +9,7 @@ import numpy as np
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.exam.campaign import Array, Integers, SimulatedCampaign, Truth
-from beamstiff.exam.equilibrium import Load, at_rest, equilibrium, rows_of, some
+from beamstiff.exam.equilibrium import Load, Solved, at_rest, equilibrium, rows_of, some
 from beamstiff.exam.forms import imposed
 from beamstiff.exam.laws import Memory, Situation
 from beamstiff.exam.layout import Layout, Topology, lay_out, topology_of
@@ -126,7 +126,10 @@ def read(reality: Reality, campaign: SimulatedCampaign, solved: Solution) -> Arr
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """The machine in every row of a campaign: placed, laid out, loaded and unloaded; N rows each."""
+    """The machine in every row of a campaign: placed, laid out, loaded and unloaded; N rows each.
+
+    Where absolute positions are read and no law remembers, `unloaded` is any state: nobody asks for it.
+    """
 
     topology: Topology
     placed: Placed
@@ -189,14 +192,16 @@ def solve(
     memory: tuple[Memory, ...] = tuple(law.start(rest_situation) for law in laws)
     still = at_rest(topology, rows, len(rest_rows))
     begin = still if start is None else _from(start.unloaded, rest_rows, still)
-    rest = equilibrium(topology, layout.at(rest_rows), nothing, rest_situation, begin, memory, once=once)
+    remembers = any(law.remembers for law in laws)
+    rest = Solved(begin, memory, np.zeros(len(rest_rows)))
+    if remembers or campaign.kind == "displacement":
+        rest = equilibrium(topology, layout.at(rest_rows), nothing, rest_situation, begin, memory, once=once)
 
     state = some(rest.state, rest_of)
     unbalanced = rest.unbalanced[rest_of]
     after = tuple(tuple(part[rest_of] for part in old) for old in rest.memory)
     begin = state if start is None else _from(start.loaded, first, state)
     loaded = State(*(np.copy(part) for part in (begin.moved, begin.turned, begin.hold)))
-    remembers = any(law.remembers for law in laws)
     here = np.arange(len(first))
     for turn in range(int(turn_of.max()) + 1) if remembers else (-1,):
         now = here if turn < 0 else here[turn_of == turn]

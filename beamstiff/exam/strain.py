@@ -96,7 +96,7 @@ class Tangent:
         count = 6 * self.members.shape[1]
         if row >= count and row == other:
             self.rods[:, row - count] += slope
-        elif row < count and row // 6 == other // 6:
+        elif max(row, other) < count and row // 6 == other // 6:
             self.members[:, row // 6, row % 6, other % 6] += slope
         else:
             self.between.append((row, other, slope))
@@ -143,18 +143,7 @@ def strain_of(topology: Topology, layout: Layout, state: State) -> Strain:
         shortened[:, -bars:, 0] += 0.5 * np.sum(slope * e[:, -bars:], axis=-1)
         rates[:, -bars:, 0] += (slope[..., None, :] @ plain[:, -bars:])[..., 0, :]
 
-    c, d = topology.rods.T
-    stretch = state.point(d, layout.rod_second) - state.point(c, layout.rod_first)
-    span = layout.rod + stretch
-    length = np.linalg.norm(span, axis=-1)
-    rest = np.linalg.norm(layout.rod, axis=-1)
-    along = span / length[..., None]
-    longer = np.sum((2.0 * layout.rod + stretch) * stretch, axis=-1) / (length + rest)
-    rod_rates = np.zeros((poses, len(c), 12))
-    for bodies, arm, sign, at in ((c, layout.rod_first, -1.0, 0), (d, layout.rod_second, 1.0, 6)):
-        rod_rates[..., at : at + 3] = sign * along
-        lever = (state.turned[:, bodies] @ arm[..., None])[..., 0]
-        rod_rates[..., at + 3 : at + 6] = sign * np.cross(lever, along)
+    longer, rod_rates, along, length = _rods_of(topology, layout, state)
     return Strain(
         rows=np.concatenate([shortened.reshape(poses, -1), longer], axis=1),
         rates=rates,
@@ -168,6 +157,27 @@ def strain_of(topology: Topology, layout: Layout, state: State) -> Strain:
         along=along,
         length=length,
     )
+
+
+def _rods_of(topology: Topology, layout: Layout, state: State) -> tuple[Array, Array, Array, Array]:
+    """Return the rods' change of length, its rates, and their present directions and lengths."""
+    c, d = topology.rods.T
+    poses = len(state.moved)
+    if not len(c):
+        none = np.zeros((poses, 0))
+        return none, np.zeros((poses, 0, 12)), np.zeros((poses, 0, 3)), none
+    stretch = state.point(d, layout.rod_second) - state.point(c, layout.rod_first)
+    span = layout.rod + stretch
+    length = np.linalg.norm(span, axis=-1)
+    rest = np.linalg.norm(layout.rod, axis=-1)
+    along = span / length[..., None]
+    longer = np.sum((2.0 * layout.rod + stretch) * stretch, axis=-1) / (length + rest)
+    rod_rates = np.zeros((poses, len(c), 12))
+    for bodies, arm, sign, at in ((c, layout.rod_first, -1.0, 0), (d, layout.rod_second, 1.0, 6)):
+        rod_rates[..., at : at + 3] = sign * along
+        lever = (state.turned[:, bodies] @ arm[..., None])[..., 0]
+        rod_rates[..., at + 3 : at + 6] = sign * np.cross(lever, along)
+    return longer, rod_rates, along, length
 
 
 def row_rates(topology: Topology, strain: Strain, row: int) -> Array:
@@ -251,8 +261,8 @@ def add_stiffness(
     if tangent is not None:
         n = 6 * topology.bodies
         for row, other, slope in tangent.between:
-            first, second = row_rates(topology, strain, row), row_rates(topology, strain, other)
-            system[:, :n, :n] += np.reshape(slope, (-1, 1, 1)) * first[:, :, None] * second[:, None]
+            its, others = row_rates(topology, strain, row), row_rates(topology, strain, other)
+            system[:, :n, :n] += np.reshape(slope, (-1, 1, 1)) * its[:, :, None] * others[:, None]
 
 
 def _add_rods(
