@@ -19,7 +19,7 @@ from beamstiff.exam.campaign import Array, Integers
 from beamstiff.exam.laws import Law, Memory, Situation
 from beamstiff.exam.layout import Layout, Topology
 from beamstiff.exam.machine import Cross, Mesh, Weight
-from beamstiff.exam.rotations import cross_matrix, turn
+from beamstiff.exam.rotations import cross, cross_matrix, turn
 from beamstiff.exam.strain import State, Strain, Tangent, add_stiffness, resisting, strain_of
 
 STILL = 1e-11  # m or rad: largest correction of the last step
@@ -235,14 +235,14 @@ def _unbalanced(
     held = force.copy()
     held[:, rows.rigid] = state.hold
     acting = np.zeros((len(force), topology.bodies, 6))
-    moments = np.cross(_turned(state, topology.loads, layout.load_arm), layout.load) + layout.load_moment
+    moments = cross(_turned(state, topology.loads, layout.load_arm), layout.load) + layout.load_moment
     for at, body in enumerate(topology.loads):
         acting[:, body, :3] += layout.load[:, at]
         acting[:, body, 3:] += moments[:, at]
     poses = np.arange(len(force))
     arm = (state.turned[poses, load.body] @ load.arm[..., None])[..., 0]
     acting[poses, load.body] += load.wrench
-    acting[poses, load.body, 3:] += np.cross(arm, load.wrench[:, :3])
+    acting[poses, load.body, 3:] += cross(arm, load.wrench[:, :3])
     missing: Array = acting.reshape(len(force), -1) - resisting(topology, strain, held)
     return missing[:, 6:]
 

@@ -15,6 +15,14 @@ def cross_matrix(v: Array) -> Array:
     return result
 
 
+def cross(v: Array, w: Array) -> Array:
+    """Return the cross products (..., 3) of vectors; of few of them in a fraction of numpy's time."""
+    result = np.empty(np.broadcast_shapes(v.shape, w.shape))
+    for at, (j, k) in enumerate(((1, 2), (2, 0), (0, 1))):
+        result[..., at] = v[..., j] * w[..., k] - v[..., k] * w[..., j]
+    return result
+
+
 def turn(vector: Array) -> Array:
     """Return the rotation matrices (..., 3, 3) of rotation vectors (..., 3), by unit quaternions.
 

@@ -260,9 +260,9 @@ def add_stiffness(
         _add_rods(system, topology, layout, state, strain, force[:, 6 * members :], tangent)
     if tangent is not None:
         n = 6 * topology.bodies
-        for row, other, slope in tangent.between:
+        for row, other, its_slope in tangent.between:
             its, others = row_rates(topology, strain, row), row_rates(topology, strain, other)
-            system[:, :n, :n] += np.reshape(slope, (-1, 1, 1)) * its[:, :, None] * others[:, None]
+            system[:, :n, :n] += np.reshape(its_slope, (-1, 1, 1)) * its[:, :, None] * others[:, None]
 
 
 def _add_rods(
