@@ -72,6 +72,48 @@ class Forgetful:
         return ()
 
 
+class Remembering:
+    """Base of laws whose answer depends on the states before."""
+
+    remembers = True
+    changes = False
+
+
+@dataclass(frozen=True)
+class Friction(Remembering):
+    """Base of a spring with friction beside it, whose state runs after the motion from -1 to 1.
+
+    Attributes
+    ----------
+    stiffness : float
+    friction : float
+        Its largest force.
+    arrived : float
+        Its state after the move to the pose.
+    """
+
+    stiffness: float
+    friction: float
+    arrived: float
+
+    def run(self, state: Array, way: Array) -> tuple[Array, Array]:
+        """Return the state and its slope by the way, (P,) each, after a way from a state along the motion."""
+        raise NotImplementedError
+
+    def start(self, situation: Situation) -> Memory:
+        """Return strain and state after the move to the pose."""
+        poses = len(situation.time)
+        return np.zeros(poses), np.full(poses, self.arrived)
+
+    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:  # noqa: ARG002
+        """Return force, tangent, and strain and state after."""
+        before, held = memory
+        sign = np.where(strain >= before, 1.0, -1.0)
+        state, slope = self.run(sign * held, np.abs(strain - before))
+        force = self.stiffness * strain + self.friction * sign * state
+        return force, self.stiffness + self.friction * slope, (strain, sign * state)
+
+
 @dataclass(frozen=True)
 class Stiffness(Forgetful):
     """A spring whose stiffness (and force at rest) depends on the situation.
