@@ -37,13 +37,9 @@ Weighted = tuple[tuple[int, Weight], ...]
 class Load:
     """What acts on the machine besides its weight; P states.
 
-    Attributes
-    ----------
-    body : (P,) int array
-    arm : (P, 3) array, m
-        Point of action from the body's reference point, before the body turns.
-    wrench : (P, 6) array, N and N m
-        Keeps its direction.
+    `body`: (P,) int array.
+    `arm`: (P, 3) array, m; point of action from the body's reference point, before the body turns.
+    `wrench`: (P, 6) array, N and N m; keeps its direction.
     """
 
     body: Integers
@@ -127,10 +123,7 @@ def equilibrium(
     With `once` Newton's method takes one step only: what a small change of a machine without memory does, to
     first order; what is unbalanced then is not looked at (NaN).
 
-    Raises
-    ------
-    BeamstiffError
-        When a state does not come to rest: the machine buckles or is a mechanism.
+    Raises BeamstiffError when a state does not come to rest: the machine buckles or is a mechanism.
     """
     rows = rows_of(topology)
     state, still = _settle(topology, rows, layout, load, situation, start, memory, 1 if once else MOST)

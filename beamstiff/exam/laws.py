@@ -17,15 +17,10 @@ Memory = tuple[Array, ...]
 class Situation:
     """What a law may depend on besides its strain; P states.
 
-    Attributes
-    ----------
-    values : mapping of str to (P,) array, rad or m
-        All joint variables.
-    time : (P,) array, s
-        Since the start of the campaign.
-    temperature : (P,) array, degC
-    lasted : (P,) array, s
-        Since the state before.
+    `values`: mapping of str to (P,) array, rad or m; all joint variables.
+    `time`: (P,) array, s; since the start of the campaign.
+    `temperature`: (P,) array, degC.
+    `lasted`: (P,) array, s; since the state before.
     """
 
     values: Mapping[str, Array]
@@ -83,13 +78,8 @@ class Remembering:
 class Friction(Remembering):
     """Base of a spring with friction beside it, whose state runs after the motion from -1 to 1.
 
-    Attributes
-    ----------
-    stiffness : float
-    friction : float
-        Its largest force.
-    arrived : float
-        Its state after the move to the pose.
+    `friction`: its largest force.
+    `arrived`: its state after the move to the pose.
     """
 
     stiffness: float
@@ -118,13 +108,8 @@ class Friction(Remembering):
 class Stiffness(Forgetful):
     """A spring whose stiffness (and force at rest) depends on the situation.
 
-    Attributes
-    ----------
-    stiffness : callable
-        (P,) array from the situation, SI.
-    preload : callable or None
-        Force at the rest length, (P,).
-    changes : bool
+    `stiffness`: (P,) array from the situation, SI.
+    `preload`: force at the rest length, (P,).
     """
 
     stiffness: Callable[[Situation], Array]
@@ -144,10 +129,7 @@ class Stiffness(Forgetful):
 class Curve(Forgetful):
     """A spring given by its force curve.
 
-    Attributes
-    ----------
-    curve : callable
-        Force and its slope, (P,) each, from the strain (P,).
+    `curve`: force and its slope, (P,) each, from the strain (P,).
     """
 
     curve: Callable[[Array], tuple[Array, Array]]
@@ -162,12 +144,8 @@ class Curve(Forgetful):
 class WindUp(Forgetful):
     """A spring given by its wind-up: strain as a growing function of the force, inverted by Newton's method.
 
-    Attributes
-    ----------
-    wind_up : callable
-        Strain and its slope (compliance), (P,) each, from the force (P,).
-    stiffest : float
-        Upper bound of the stiffness; the search starts there.
+    `wind_up`: strain and its slope (compliance), (P,) each, from the force (P,).
+    `stiffest`: upper bound of the stiffness; the search starts there.
     """
 
     wind_up: Callable[[Array], tuple[Array, Array]]

@@ -32,20 +32,12 @@ def simulate(
 ) -> Measurements:
     """Return what a campaign would read on a machine that has the given effects.
 
-    Parameters
-    ----------
-    robot : Robot
-        The machine without the effects, with its true stiffness.
-    truths : sequence of Truth
-        Effects, imposed in this order.
-    campaign : SimulatedCampaign
-    rng : Generator
-        For the noise of the readings.
+    `robot`: the machine without the effects, with its true stiffness.
+    `truths`: effects, imposed in this order.
+    `rng`: for the noise of the readings.
 
-    Raises
-    ------
-    BeamstiffError
-        When an effect does not fit the robot, a loop does not close or a state does not come to rest.
+    Raises BeamstiffError when an effect does not fit the robot, a loop does not close or a state does not
+    come to rest.
     """
     values = readings(reality_of(robot, truths), campaign) + _noise(campaign, rng)
     if not campaign.rotations:
@@ -149,16 +141,9 @@ def solve(
 ) -> Solution:
     """Return the equilibrium of the machine in every row of a campaign.
 
-    Parameters
-    ----------
-    reality : Reality
-    campaign : SimulatedCampaign
-    near : Solution, optional
-        Of a machine of the same parts and geometry in the same campaign, to start from.
-    start : Solution, optional
-        Of another machine in the same campaign: it is started from where its bodies are as many.
-    once : bool
-        One step from there: the change to first order.
+    `near`: of a machine of the same parts and geometry in the same campaign, to start from.
+    `start`: of another machine in the same campaign: it is started from where its bodies are as many.
+    `once`: one step from there: the change to first order.
     """
     topology = topology_of(reality.machine)
     q, row, row_of = np.unique(campaign.q, axis=0, return_index=True, return_inverse=True)

@@ -19,14 +19,9 @@ from beamstiff.exam.rotations import cross_matrix, turned_by, vector_rate
 class State:
     """The deformed machine; P states, B bodies with the ground.
 
-    Attributes
-    ----------
-    moved : (P, B, 3) array, m
-        Displacement of the bodies' reference points.
-    turned : (P, B, 3, 3) array
-        Rotation of the bodies.
-    hold : (P, C) array, N and N m
-        Forces that keep rigid directions closed.
+    `moved`: (P, B, 3) array, m; displacement of the bodies' reference points.
+    `turned`: (P, B, 3, 3) array; rotation of the bodies.
+    `hold`: (P, C) array, N and N m; forces that keep rigid directions closed.
     """
 
     moved: Array
@@ -45,21 +40,15 @@ class State:
 class Strain:
     """Strains of all members, M = 6 E + S rows.
 
-    Attributes
-    ----------
-    rows : (P, M) array
-    rates : (P, E, 6, 12) array
-        Of the members' strains, by displacement and spin of the first body, then of the second.
-    plain : (P, E, 6, 12) array
-        The same before bending shortens bars.
-    axes, rate, second, from_first : arrays
-        Current axes, inverse Jacobian of the rotation vector, and arms, for the geometric part.
-    bent : (P, E, 6) array
-        Strains before bending shortens.
-    rod_rates : (P, S, 12) array
-        Of the rods' change of length.
-    along, length : (P, S, 3), (P, S) arrays
-        Of the rods.
+    `rows`: (P, M) array.
+    `rates`: (P, E, 6, 12) array; of the members' strains, by displacement and spin of the first body, then of
+        the second.
+    `plain`: (P, E, 6, 12) array; the same before bending shortens bars.
+    `axes`, `rate`, `second`, `from_first`: arrays; current axes, inverse Jacobian of the rotation vector, and
+        arms, for the geometric part.
+    `bent`: (P, E, 6) array; strains before bending shortens.
+    `rod_rates`: (P, S, 12) array; of the rods' change of length.
+    `along`, `length`: (P, S, 3), (P, S) arrays; of the rods.
     """
 
     rows: Array
@@ -79,12 +68,10 @@ class Strain:
 class Tangent:
     """Slopes of the members' forces by their strains.
 
-    Attributes
-    ----------
-    members : (P, E, 6, 6) array
-    rods : (P, S) array
-    between : list of (int, int, (P,) array or float)
-        Row of the force, row of the strain, and slope, where these are of different members.
+    `members`: (P, E, 6, 6) array.
+    `rods`: (P, S) array.
+    `between`: list of (int, int, (P,) array or float); row of the force, row of the strain, and slope, where
+        these are of different members.
     """
 
     members: Array
@@ -218,14 +205,9 @@ def add_stiffness(
 ) -> None:
     """Add how the bodies' forces change with their motion, in the first 6 B rows and columns of a system.
 
-    Parameters
-    ----------
-    system : (P, n, n) array
-        Changed in place.
-    force : (P, M) array
-        Of every row of the strains; these turn with the bodies.
-    tangent : Tangent, optional
-        Without it the forces stay as large as they are: the geometric part.
+    `system`: (P, n, n) array; changed in place.
+    `force`: (P, M) array; of every row of the strains; these turn with the bodies.
+    `tangent`: without it the forces stay as large as they are: the geometric part.
     """
     poses, members = layout.axes.shape[:2]
     s = force[:, : 6 * members].reshape(poses, members, 6)

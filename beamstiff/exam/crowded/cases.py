@@ -70,23 +70,13 @@ class CrowdedExam:
 class CrowdedCase:
     """A drawn case.
 
-    Attributes
-    ----------
-    label : CrowdedLabel
-    robot : Robot
-        The model that is diagnosed.
-    machine : Robot
-        The same with its true stiffness and reflectors.
-    geometry, truths : tuple of Truth
-        By what the geometry is off, and the effects, as the label orders them.
-    campaign, fresh : SimulatedCampaign
-        What is measured, and the new poses.
-    frame : (6,) array, rad and m
-        Rotation vector and origin of the base in the measuring frame.
-    gap : (3N,) array, m
-        What the best geometry and compliances leave of the noise-free rows.
-    parts : (3N, c) array, m
-        What leaving each effect out changes of it.
+    `robot`: the model that is diagnosed.
+    `machine`: the same with its true stiffness and reflectors.
+    `geometry`, `truths`: by what the geometry is off, and the effects, as the label orders them.
+    `campaign`, `fresh`: what is measured, and the new poses.
+    `frame`: (6,) array, rad and m; rotation vector and origin of the base in the measuring frame.
+    `gap`: (3N,) array, m; what the best geometry and compliances leave of the noise-free rows.
+    `parts`: (3N, c) array, m; what leaving each effect out changes of it.
     """
 
     label: CrowdedLabel
@@ -121,10 +111,7 @@ class CrowdedCase:
 def draw_crowded_case(exam: CrowdedExam, case: int) -> CrowdedCase:
     """Return a case, from the generator of ``[seed, case, 3]`` alone.
 
-    Raises
-    ------
-    BeamstiffError
-        When no machine was found that has enough effects.
+    Raises BeamstiffError when no machine was found that has enough effects.
     """
     rng = np.random.default_rng([exam.seed, case, 3])
     kind, _ = dealt(exam.seed, exam.shares, case)
