@@ -19,13 +19,8 @@ from beamstiff.robot.parts import Node
 class Across:
     """Where a rod's ends sit about a joint's axis in the middle of its range.
 
-    Attributes
-    ----------
-    variable : str
-    behind, before : float, m
-        Distances of the ends on the moved side and on the other from the axis.
-    angle : float, rad
-        From the arm before to the arm behind, about the axis.
+    `behind`, `before`: float, m; distances of the ends on the moved side and on the other from the axis.
+    `angle`: float, rad; from the arm before to the arm behind, about the axis.
     """
 
     variable: str

@@ -20,18 +20,11 @@ STEP = 0.02  # of a compliance, relative: beyond the solver's rounding, and comp
 class Fit:
     """A model that is fitted to what a machine with effects reads in a campaign, without noise.
 
-    Attributes
-    ----------
-    machine : Robot
-        Without effects, its stiffness true.
-    campaign : SimulatedCampaign
-        Without noise.
-    still : (N, 6) array, m and rad
-        What is read without effects; NaN where nothing is.
-    basis : (N, 6, t) array
-        Derivatives of that by the logarithms of the compliances fitted.
-    weight : (6,) array
-        One over the noise.
+    `machine`: without effects, its stiffness true.
+    `campaign`: without noise.
+    `still`: (N, 6) array, m and rad; what is read without effects; NaN where nothing is.
+    `basis`: (N, 6, t) array; derivatives of that by the logarithms of the compliances fitted.
+    `weight`: (6,) array; one over the noise.
     """
 
     machine: Robot

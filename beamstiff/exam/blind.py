@@ -66,15 +66,9 @@ def linear_baseline(case: Case, sets: Sequence[Sequence[Truth]]) -> list[Array]:
 class Examiner:
     """Who is examined, and how.
 
-    Attributes
-    ----------
-    diagnose : Diagnose
-    baseline : Baseline
-        Fits the model without effects to noise-free rows; the residual it leaves is the gap.
-    controls : mapping of str to Control
-        Plain methods to compare with, by their name.
-    reports : path, optional
-        Folder for every report, as ``case-000012.json``.
+    `baseline`: fits the model without effects to noise-free rows; the residual it leaves is the gap.
+    `controls`: plain methods to compare with, by their name.
+    `reports`: folder for every report, as ``case-000012.json``.
     """
 
     diagnose: Diagnose
@@ -86,18 +80,9 @@ class Examiner:
 def examine(exam: Exam, case: int, examiner: Examiner, given: Case | None = None) -> Record:
     """Return the record of a case: drawn, sealed, measured, diagnosed, reported, opened, compared.
 
-    Parameters
-    ----------
-    exam : Exam
-    case : int
-    examiner : Examiner
-    given : Case, optional
-        The case, where it has been drawn already.
+    `given`: the case, where it has been drawn already.
 
-    Raises
-    ------
-    BeamstiffError
-        When the simulator cannot make the case, or the report cannot be written.
+    Raises BeamstiffError when the simulator cannot make the case, or the report cannot be written.
     """
     record, report = examined(exam, given or draw_case(exam, case), examiner)
     keep_report(examiner, case, report)

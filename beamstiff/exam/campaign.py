@@ -20,16 +20,10 @@ Names = NDArray[np.str_]
 class Truth:
     """An effect as the simulated machine has it: the label that the diagnosis must find.
 
-    Attributes
-    ----------
-    effect : str
-        Name of the effect, as in the table of effects; or of one outside that table.
-    component : str or None
-        Where it sits.
-    form : str
-        Constitutive form, for instance ``"iwan"``.
-    parameters : mapping of str to float
-        The simulator's own parameters of that form, SI.
+    `effect`: name of the effect, as in the table of effects; or of one outside that table.
+    `component`: where it sits.
+    `form`: constitutive form, for instance ``"iwan"``.
+    `parameters`: the simulator's own parameters of that form, SI.
     """
 
     effect: str
@@ -47,28 +41,19 @@ class Truth:
 class SimulatedCampaign:
     """Which states are measured, in which order, and how well; N rows, A actuated variables.
 
-    Attributes
-    ----------
-    q : (N, A) array, rad or m
-        Drive-side readings, in the order of ``robot.actuated``.
-    wrench : (N, 6) array, N and N m
-        As read, at `load_point`, base frame.
-    pose : (N,) array of int
-    step : (N,) array of int
-        Order within the pose; rows of equal pose and step are one state seen at several points.
-    time : (N,) array, s
-    temperature : (N,) array, degC
-    point, load_point : (N,) array of str
-        Nodes.
-    kind : "displacement" or "absolute"
-    sigma_position, sigma_rotation : float, m and rad
-        True noise of a value in the table, per component; 0 for none.
-    claimed_position, claimed_rotation : float or None, m and rad
-        What the table says of its noise.
-    shared_unloaded : bool
-        The rows of a pose are differenced with one unloaded reading of their point.
-    rotations : bool
-        Whether rotations are measured as well.
+    `q`: (N, A) array, rad or m; drive-side readings, in the order of ``robot.actuated``.
+    `wrench`: (N, 6) array, N and N m; as read, at `load_point`, base frame.
+    `pose`: (N,) array of int.
+    `step`: (N,) array of int; order within the pose; rows of equal pose and step are one state seen at
+        several points.
+    `time`: (N,) array, s.
+    `temperature`: (N,) array, degC.
+    `point`, `load_point`: (N,) array of str; nodes.
+    `sigma_position`, `sigma_rotation`: float, m and rad; true noise of a value in the table, per component; 0
+        for none.
+    `claimed_position`, `claimed_rotation`: float or None, m and rad; what the table says of its noise.
+    `shared_unloaded`: the rows of a pose are differenced with one unloaded reading of their point.
+    `rotations`: whether rotations are measured as well.
     """
 
     q: Array

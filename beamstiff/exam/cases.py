@@ -49,23 +49,13 @@ K = TypeVar("K", bound=str)
 class Exam:
     """What an exam draws its cases from; the same exam draws the same cases.
 
-    Attributes
-    ----------
-    seed : int
-    shares : mapping of kind to int
-        How many of every block of cases (their sum) are of each kind.
-    effects : tuple of str
-        To draw from, in turn.
-    robots : tuple of str
-        Names to draw from.
-    lean : float
-        Share of lean campaigns.
-    robot : Robot, optional
-        One robot instead of those by name.
-    plan : Measurements, optional
-        One campaign instead of drawn ones, of that robot.
-    noise : (float, float), m and rad
-        Of the plan, where its table does not say.
+    `shares`: how many of every block of cases (their sum) are of each kind.
+    `effects`: to draw from, in turn.
+    `robots`: names to draw from.
+    `lean`: share of lean campaigns.
+    `robot`: one robot instead of those by name.
+    `plan`: one campaign instead of drawn ones, of that robot.
+    `noise`: (float, float), m and rad; of the plan, where its table does not say.
     """
 
     seed: int
@@ -97,16 +87,9 @@ class Exam:
 class Case:
     """A drawn case.
 
-    Attributes
-    ----------
-    label : Label
-    robot : Robot
-        The model that is diagnosed: its stiffness is nominal.
-    machine : Robot
-        The machine without its effects: its stiffness is true.
-    truths : tuple of Truth
-    campaign, fresh : SimulatedCampaign
-        What is measured, and the new poses and loads that promises are tested on.
+    `robot`: the model that is diagnosed: its stiffness is nominal.
+    `machine`: the machine without its effects: its stiffness is true.
+    `campaign`, `fresh`: what is measured, and the new poses and loads that promises are tested on.
     """
 
     label: Label
@@ -152,10 +135,7 @@ def possible_effects(robot: Robot, effects: tuple[str, ...] = EFFECTS) -> tuple[
 def draw_case(exam: Exam, case: int) -> Case:
     """Return a case, from the generator of ``[seed, case]`` alone.
 
-    Raises
-    ------
-    BeamstiffError
-        When no robot of the exam can have the effect.
+    Raises BeamstiffError when no robot of the exam can have the effect.
     """
     rng = np.random.default_rng([exam.seed, case])
     kind, before = kind_of(exam, case)

@@ -124,11 +124,7 @@ def draw_crowded(
 def planned(rng: np.random.Generator, plan: Measurements, sigma: tuple[float, float]) -> SimulatedCampaign:
     """Return the campaign that a user's table of tests lays out; its measured values are not looked at.
 
-    Parameters
-    ----------
-    plan : Measurements
-    sigma : (float, float), m and rad
-        Noise where the table does not say.
+    `sigma`: (float, float), m and rad; noise where the table does not say.
     """
     rows = len(plan)
     position = plan.sigma_position or sigma[0]

@@ -60,19 +60,11 @@ class DrawRequest:
 class Effect:
     """An effect that a simulated machine can have.
 
-    Attributes
-    ----------
-    name : str
-    forms : tuple of str
-        Constitutive forms.
-    places : callable
-        Components that the effect can sit at on a robot; none where it cannot.
-    draw : callable
-        Parameters, none of which is a joint's own stiffness: that is the machine's.
-    impose : callable
-        A reality with the effect.
-    authors : tuple of tuple of str
-        The forms by who wrote them, the first author's first; empty where all are the first author's.
+    `forms`: constitutive forms.
+    `places`: components that the effect can sit at on a robot; none where it cannot.
+    `draw`: parameters, none of which is a joint's own stiffness: that is the machine's.
+    `impose`: A reality with the effect.
+    `authors`: the forms by who wrote them, the first author's first; empty where all are the first author's.
     """
 
     name: str

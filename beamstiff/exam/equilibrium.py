@@ -18,11 +18,13 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.exam.campaign import Array, Integers
 from beamstiff.exam.laws import Law, Memory, Situation
 from beamstiff.exam.layout import Layout, Topology
-from beamstiff.exam.machine import Weight
-from beamstiff.exam.rotations import cross_matrix, turn
-from beamstiff.exam.strain import State, Strain, geometric, strain_of
+from beamstiff.exam.machine import Cross, Mesh, Weight
+from beamstiff.exam.rotations import cross, cross_matrix, turn
+from beamstiff.exam.strain import State, Strain, Tangent, add_stiffness, resisting, strain_of
 
 STILL = 1e-11  # m or rad: largest correction of the last step
+SMALL = 1e-5  # m or rad: corrections from which the next one is foreseen
+ROUNDING = 1e-17  # m or rad: a correction that is foreseen to be smaller is not made
 MOST = 60
 RAMP = (0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 HOLD_SCALE = 1e7  # N/m: makes rows of rigid directions as large as those of springs
@@ -35,13 +37,9 @@ Weighted = tuple[tuple[int, Weight], ...]
 class Load:
     """What acts on the machine besides its weight; P states.
 
-    Attributes
-    ----------
-    body : (P,) int array
-    arm : (P, 3) array, m
-        Point of action from the body's reference point, before the body turns.
-    wrench : (P, 6) array, N and N m
-        Keeps its direction.
+    `body`: (P,) int array.
+    `arm`: (P, 3) array, m; point of action from the body's reference point, before the body turns.
+    `wrench`: (P, 6) array, N and N m; keeps its direction.
     """
 
     body: Integers
@@ -51,7 +49,7 @@ class Load:
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """What the rows of the strains are: rigid, governed by a law, or linear.
+    """What the rows of the strains are: rigid, governed by a law, or linear, alone or with another row.
 
     A law's strain is a sum of rows, each with its weight: one row but for drives that mesh.
     """
@@ -59,6 +57,7 @@ class Rows:
     rigid: NDArray[np.bool_]
     laws: tuple[tuple[Weighted, Law], ...]
     rods: Array
+    crosses: tuple[tuple[tuple[int, int], Array], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,10 +88,13 @@ def rows_of(topology: Topology) -> Rows:
             rods[at] = 0.0 if np.isinf(rod.stiffness) else rod.stiffness
     rigid[[row for ((row, _),), _ in laws]] = False
     at_of = {hinge.name: at for at, hinge in enumerate(machine.hinges)}
-    for mesh in machine.meshes:
-        places = [6 * at_of[name] + direction for name, direction in (mesh.first, mesh.second)]
-        laws.append((tuple(zip(places, mesh.weights, strict=True)), mesh.law))
-    return Rows(rigid, tuple(laws), rods)
+
+    def places(part: Cross | Mesh) -> tuple[int, int]:
+        first, second = (6 * at_of[name] + direction for name, direction in (part.first, part.second))
+        return first, second
+
+    laws += [(tuple(zip(places(mesh), mesh.weights, strict=True)), mesh.law) for mesh in machine.meshes]
+    return Rows(rigid, tuple(laws), rods, tuple((places(cross), cross.added) for cross in machine.crosses))
 
 
 def at_rest(topology: Topology, rows: Rows, poses: int) -> State:
@@ -121,10 +123,7 @@ def equilibrium(
     With `once` Newton's method takes one step only: what a small change of a machine without memory does, to
     first order; what is unbalanced then is not looked at (NaN).
 
-    Raises
-    ------
-    BeamstiffError
-        When a state does not come to rest: the machine buckles or is a mechanism.
+    Raises BeamstiffError when a state does not come to rest: the machine buckles or is a mechanism.
     """
     rows = rows_of(topology)
     state, still = _settle(topology, rows, layout, load, situation, start, memory, 1 if once else MOST)
@@ -168,7 +167,7 @@ def _settle(
     last, pace = np.full(poses, np.inf), np.ones(poses)
     for iteration in range(most):
         state = State(moved[active], turned[active], hold[active])
-        here, push = layout.at(active), some(load, active)
+        here, push = (layout.at(active), some(load, active)) if len(active) < poses else (layout, load)
         strain = strain_of(topology, here, state)
         kept = tuple(tuple(part[active] for part in old) for old in memory)
         force, tangent, _ = _answer(rows, here, strain, situation.at(active), kept)
@@ -186,8 +185,12 @@ def _settle(
         moved[active] += step_body[..., :3]
         turned[active] = turn(step_body[..., 3:]) @ turned[active]
         hold[active] += part[:, :, 0] * step_hold
+        # quadratic convergence: the next correction over the square of this one is what this one was over the
+        # square of the last; corners of laws come without notice
+        sure = (size < SMALL) & np.isfinite(last[active]) & (not rows.laws)
+        done = (size <= STILL) | (sure & (size**3 < ROUNDING * last[active] ** 2))
         last[active] = size
-        active = active[size > STILL]
+        active = active[~done]
         if not len(active):
             break
     still = np.ones(poses, dtype=np.bool_)
@@ -197,15 +200,14 @@ def _settle(
 
 def _answer(
     rows: Rows, layout: Layout, strain: Strain, situation: Situation, memory: tuple[Memory, ...]
-) -> tuple[Array, Array, tuple[Memory, ...]]:
-    """Return forces (P, M), tangent (P, M, M) and the laws' memories for given strains."""
-    poses, count = strain.rows.shape
-    members = count - len(rows.rods)
-    tangent = np.zeros((poses, count, count))
-    tangent[:, :members, :members] = layout.stiffness
-    at = np.arange(members, count)
-    tangent[:, at, at] = rows.rods
-    force = (tangent @ strain.rows[..., None])[..., 0]
+) -> tuple[Array, Tangent, tuple[Memory, ...]]:
+    """Return forces (P, M), tangent and the laws' memories for given strains."""
+    poses = len(strain.rows)
+    tangent = Tangent(layout.stiffness.copy(), np.tile(rows.rods, (poses, 1)), [])
+    for pair, added in rows.crosses:
+        for i, j in np.ndindex(2, 2):
+            tangent.add(pair[i], pair[j], float(added[i, j]))
+    force = tangent.force(strain.rows)
     after = []
     for (weights, law), old in zip(rows.laws, memory, strict=True):
         weighted = [(row, weight(situation) if callable(weight) else weight) for row, weight in weights]
@@ -214,7 +216,7 @@ def _answer(
         for row, weight in weighted:
             force[:, row] += weight * extra
             for other, its in weighted:
-                tangent[:, row, other] += weight * its * slope
+                tangent.add(row, other, weight * its * slope)
         after.append(new)
     return force, tangent, tuple(after)
 
@@ -225,17 +227,16 @@ def _unbalanced(
     """Return what is missing to equilibrium on every body but the ground, (P, 6 (B - 1))."""
     held = force.copy()
     held[:, rows.rigid] = state.hold
-    resisting = (np.swapaxes(strain.rates, -1, -2) @ held[..., None])[..., 0]
     acting = np.zeros((len(force), topology.bodies, 6))
-    arms = _turned(state, topology.loads, layout.load_arm)
+    moments = cross(_turned(state, topology.loads, layout.load_arm), layout.load) + layout.load_moment
     for at, body in enumerate(topology.loads):
         acting[:, body, :3] += layout.load[:, at]
-        acting[:, body, 3:] += np.cross(arms[:, at], layout.load[:, at]) + layout.load_moment[:, at]
+        acting[:, body, 3:] += moments[:, at]
     poses = np.arange(len(force))
     arm = (state.turned[poses, load.body] @ load.arm[..., None])[..., 0]
     acting[poses, load.body] += load.wrench
-    acting[poses, load.body, 3:] += np.cross(arm, load.wrench[:, :3])
-    missing: Array = acting.reshape(len(force), -1) - resisting
+    acting[poses, load.body, 3:] += cross(arm, load.wrench[:, :3])
+    missing: Array = acting.reshape(len(force), -1) - resisting(topology, strain, held)
     return missing[:, 6:]
 
 
@@ -252,32 +253,26 @@ def _step(
     state: State,
     strain: Strain,
     force: Array,
-    tangent: Array,
+    tangent: Tangent,
 ) -> tuple[Array, Array]:
     """Return Newton's corrections of the bodies (P, B, 6) and of the holding forces (P, C)."""
-    poses, n = len(force), 6 * (topology.bodies - 1)
+    poses, n = len(force), 6 * topology.bodies
     held = force.copy()
     held[:, rows.rigid] = state.hold
-    K = np.swapaxes(strain.rates, -1, -2) @ (tangent @ strain.rates)
-    K += geometric(topology, layout, state, strain, held)
-    blocks = K.reshape(poses, topology.bodies, 6, topology.bodies, 6)
-    arms = _turned(state, topology.loads, layout.load_arm)
+    count = int(rows.rigid.sum())
+    system = np.zeros((poses, n + count, n + count))
+    add_stiffness(system, topology, layout, state, strain, held, tangent)
+    turning = cross_matrix(layout.load) @ cross_matrix(_turned(state, topology.loads, layout.load_arm))
     for at, body in enumerate(topology.loads):
-        blocks[:, body, 3:, body, 3:] -= cross_matrix(layout.load[:, at]) @ cross_matrix(arms[:, at])
+        system[:, 6 * body + 3 : 6 * body + 6, 6 * body + 3 : 6 * body + 6] -= turning[:, at]
     every = np.arange(poses)
     arm = (state.turned[every, load.body] @ load.arm[..., None])[..., 0]
-    blocks[every, load.body, 3:, load.body, 3:] -= cross_matrix(load.wrench[:, :3]) @ cross_matrix(arm)
+    spin = 6 * load.body[:, None] + np.arange(3, 6)
+    turning = cross_matrix(load.wrench[:, :3]) @ cross_matrix(arm)
+    system[every[:, None, None], spin[:, :, None], spin[:, None]] -= turning
     for body in np.flatnonzero(topology.locked):
-        blocks[:, body, 3:, body, 3:] += HOLD_SCALE * np.eye(3)
-
-    rates = HOLD_SCALE * strain.rates[:, rows.rigid, 6:]
-    count = rates.shape[1]
-    system = np.zeros((poses, n + count, n + count))
-    system[:, :n, :n] = K[:, 6:, 6:]
-    system[:, n:, :n] = rates
-    system[:, :n, n:] = np.swapaxes(rates, -1, -2)
-    holding = np.arange(n, n + count)
-    system[:, holding, holding] = -SLACK * HOLD_SCALE
+        system[:, 6 * body + 3 : 6 * body + 6, 6 * body + 3 : 6 * body + 6] += HOLD_SCALE * np.eye(3)
+    _add_holds(system, topology, rows, strain)
     right = np.concatenate(
         [
             _unbalanced(topology, rows, layout, load, state, strain, force),
@@ -286,9 +281,25 @@ def _step(
         axis=1,
     )
     try:
-        solution = np.linalg.solve(system, right[..., None])[..., 0]
+        solution = np.linalg.solve(system[:, 6:, 6:], right[..., None])[..., 0]
     except np.linalg.LinAlgError:
         raise BeamstiffError(f"{topology.machine.robot.name}: the true machine is a mechanism") from None
     moves = np.zeros((poses, topology.bodies, 6))
-    moves[:, 1:] = solution[:, :n].reshape(poses, -1, 6)
-    return moves, HOLD_SCALE * solution[:, n:]
+    moves[:, 1:] = solution[:, : n - 6].reshape(poses, -1, 6)
+    return moves, HOLD_SCALE * solution[:, n - 6 :]
+
+
+def _add_holds(system: Array, topology: Topology, rows: Rows, strain: Strain) -> None:
+    """Add the rows and columns of the rigid directions, after the 6 B of the bodies."""
+    n, members = 6 * topology.bodies, 6 * len(topology.members)
+    rigid = np.flatnonzero(rows.rigid)
+    of_member, of_rod = rigid[rigid < members], rigid[rigid >= members] - members
+    ends = np.concatenate([topology.members[of_member // 6], topology.rods[of_rod]])
+    rates = np.concatenate(
+        [strain.rates[:, of_member // 6, of_member % 6], strain.rod_rates[:, of_rod]], axis=1
+    )
+    holding = np.arange(n, n + len(rigid))
+    for body, some in zip(ends.T, np.split(HOLD_SCALE * rates, 2, axis=2), strict=True):
+        system[:, holding[:, None], 6 * body[:, None] + np.arange(6)] += some
+    system[:, :n, n:] = np.swapaxes(system[:, n:, :n], -1, -2)
+    system[:, holding, holding] = -SLACK * HOLD_SCALE

@@ -36,10 +36,8 @@ def examine_folder(
     `eff2` as ``[effect, component, ...]``. Effects outside the table of effects ought to be ``unknown``. The
     gap of each of a pair by itself is not known: both count as clear where the pair's is.
 
-    Raises
-    ------
-    BeamstiffError
-        When a file is missing or a label cannot be read, or a process or the scheduler fails.
+    Raises BeamstiffError when a file is missing or a label cannot be read, or a process or the scheduler
+    fails.
     """
     labels = _labels(folder)
     names = sorted(labels)
@@ -109,10 +107,7 @@ def _kind(given: dict[str, Any]) -> Kind:
 def set_names(folder: Path) -> list[str]:
     """Return the names of the labelled sets in a folder, in order.
 
-    Raises
-    ------
-    BeamstiffError
-        When ``labels.json`` is missing or cannot be read.
+    Raises BeamstiffError when ``labels.json`` is missing or cannot be read.
     """
     return sorted(_labels(folder))
 

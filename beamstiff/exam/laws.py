@@ -17,15 +17,10 @@ Memory = tuple[Array, ...]
 class Situation:
     """What a law may depend on besides its strain; P states.
 
-    Attributes
-    ----------
-    values : mapping of str to (P,) array, rad or m
-        All joint variables.
-    time : (P,) array, s
-        Since the start of the campaign.
-    temperature : (P,) array, degC
-    lasted : (P,) array, s
-        Since the state before.
+    `values`: mapping of str to (P,) array, rad or m; all joint variables.
+    `time`: (P,) array, s; since the start of the campaign.
+    `temperature`: (P,) array, degC.
+    `lasted`: (P,) array, s; since the state before.
     """
 
     values: Mapping[str, Array]
@@ -72,17 +67,49 @@ class Forgetful:
         return ()
 
 
+class Remembering:
+    """Base of laws whose answer depends on the states before."""
+
+    remembers = True
+    changes = False
+
+
+@dataclass(frozen=True)
+class Friction(Remembering):
+    """Base of a spring with friction beside it, whose state runs after the motion from -1 to 1.
+
+    `friction`: its largest force.
+    `arrived`: its state after the move to the pose.
+    """
+
+    stiffness: float
+    friction: float
+    arrived: float
+
+    def run(self, state: Array, way: Array) -> tuple[Array, Array]:
+        """Return the state and its slope by the way, (P,) each, after a way from a state along the motion."""
+        raise NotImplementedError
+
+    def start(self, situation: Situation) -> Memory:
+        """Return strain and state after the move to the pose."""
+        poses = len(situation.time)
+        return np.zeros(poses), np.full(poses, self.arrived)
+
+    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:  # noqa: ARG002
+        """Return force, tangent, and strain and state after."""
+        before, held = memory
+        sign = np.where(strain >= before, 1.0, -1.0)
+        state, slope = self.run(sign * held, np.abs(strain - before))
+        force = self.stiffness * strain + self.friction * sign * state
+        return force, self.stiffness + self.friction * slope, (strain, sign * state)
+
+
 @dataclass(frozen=True)
 class Stiffness(Forgetful):
     """A spring whose stiffness (and force at rest) depends on the situation.
 
-    Attributes
-    ----------
-    stiffness : callable
-        (P,) array from the situation, SI.
-    preload : callable or None
-        Force at the rest length, (P,).
-    changes : bool
+    `stiffness`: (P,) array from the situation, SI.
+    `preload`: force at the rest length, (P,).
     """
 
     stiffness: Callable[[Situation], Array]
@@ -102,10 +129,7 @@ class Stiffness(Forgetful):
 class Curve(Forgetful):
     """A spring given by its force curve.
 
-    Attributes
-    ----------
-    curve : callable
-        Force and its slope, (P,) each, from the strain (P,).
+    `curve`: force and its slope, (P,) each, from the strain (P,).
     """
 
     curve: Callable[[Array], tuple[Array, Array]]
@@ -120,12 +144,8 @@ class Curve(Forgetful):
 class WindUp(Forgetful):
     """A spring given by its wind-up: strain as a growing function of the force, inverted by Newton's method.
 
-    Attributes
-    ----------
-    wind_up : callable
-        Strain and its slope (compliance), (P,) each, from the force (P,).
-    stiffest : float
-        Upper bound of the stiffness; the search starts there.
+    `wind_up`: strain and its slope (compliance), (P,) each, from the force (P,).
+    `stiffest`: upper bound of the stiffness; the search starts there.
     """
 
     wind_up: Callable[[Array], tuple[Array, Array]]

@@ -20,22 +20,13 @@ SHIFTED = 0.1  # m, of two nodes of a joint: the most that errors of the geometr
 class Topology:
     """What does not depend on the pose.
 
-    Attributes
-    ----------
-    machine : Machine
-    body : (N,) int array
-        Body of every node; 0 is the ground.
-    index : mapping of str to int
-        Of the nodes.
-    bodies : int
-        Number of bodies, the ground included.
-    members : (E, 2) int array
-        Bodies of hinges, then bars.
-    rods : (S, 2) int array
-    locked : (B,) bool array
-        Bodies that only rods hold: they do not turn.
-    loads : (L,) int array
-        Bodies that carry masses and the weight of bars.
+    `body`: (N,) int array; body of every node; 0 is the ground.
+    `index`: of the nodes.
+    `bodies`: number of bodies, the ground included.
+    `members`: (E, 2) int array; bodies of hinges, then bars.
+    `rods`: (S, 2) int array.
+    `locked`: (B,) bool array; bodies that only rods hold: they do not turn.
+    `loads`: (L,) int array; bodies that carry masses and the weight of bars.
     """
 
     machine: Machine
@@ -52,25 +43,17 @@ class Topology:
 class Layout:
     """The machine before it deforms, P poses, base frame, SI.
 
-    Attributes
-    ----------
-    arms : (P, N, 3) array
-        Nodes from the reference point of their body.
-    nodes : (P, N, 3) array
-    axes : (P, E, 3, 3) array
-        Axes of hinges and bars as columns.
-    rest : (P, E, 3) array
-        From the first end of a member to the second.
-    first, second : (P, E, 3) array
-        Arms of the ends.
-    stiffness : (P, 6 E, 6 E) array
-        Of hinges and bars; rows of rigid directions are zero.
-    bending : (P, E, 6, 6) array
-        Matrix H of bars: bending shortens them by ``e.H.e/2``; zero for hinges.
-    rod, rod_first, rod_second : (P, S, 3) array
-    load_arm, load : (P, L, 3) array
-        Weights.
-    load_moment : (P, L, 3) array
+    `arms`: (P, N, 3) array; nodes from the reference point of their body.
+    `nodes`: (P, N, 3) array.
+    `axes`: (P, E, 3, 3) array; axes of hinges and bars as columns.
+    `rest`: (P, E, 3) array; from the first end of a member to the second.
+    `first`, `second`: (P, E, 3) array; arms of the ends.
+    `stiffness`: (P, E, 6, 6) array; of hinges and bars; rows of rigid directions are zero.
+    `bending`: (P, bars, 6, 6) array; matrix H of the bars, which follow the hinges: bending shortens them by
+        ``e.H.e/2``.
+    `rod`, `rod_first`, `rod_second`: (P, S, 3) array.
+    `load_arm`, `load`: (P, L, 3) array; weights.
+    `load_moment`: (P, L, 3) array.
     """
 
     arms: Array
@@ -135,25 +118,21 @@ def lay_out(topology: Topology, placed: Placed) -> Layout:
     ends = ends.reshape(-1, 2)
     axes = np.zeros((poses, len(ends), 3, 3))
     rest = np.zeros((poses, len(ends), 3))
-    stiffness = np.zeros((poses, 6 * len(ends), 6 * len(ends)))
-    bending = np.zeros((poses, len(ends), 6, 6))
+    stiffness = np.zeros((poses, len(ends), 6, 6))
+    bending = np.zeros((poses, len(bars), 6, 6))
     for at, hinge in enumerate(hinges):
         axes[:, at] = placed.rotations[hinge.frame] @ hinge.axes
         k = hinge.stiffness if hinge.stiffness.ndim == 2 else np.diag(_finite(hinge.stiffness))
         lawless = np.array([float(direction not in hinge.laws) for direction in range(6)])
-        stiffness[:, 6 * at : 6 * at + 6, 6 * at : 6 * at + 6] = k * lawless[:, None] * lawless
-    at_of = {hinge.name: at for at, hinge in enumerate(hinges)}
-    for cross in machine.crosses:
-        rows = [6 * at_of[name] + direction for name, direction in (cross.first, cross.second)]
-        stiffness[:, np.array(rows)[:, None], rows] += cross.added
+        stiffness[:, at] = k * lawless[:, None] * lawless
     for at, bar in enumerate(bars, start=len(hinges)):
         a, b = ends[at]
         rest[:, at] = nodes[:, b] - nodes[:, a]
         length = np.linalg.norm(rest[:, at], axis=1)
         up = None if bar.up is None else placed.rotations[machine.node(bar.nodes[0]).frame] @ bar.up
         axes[:, at] = _bar_axes(rest[:, at] / length[:, None], up)
-        stiffness[:, 6 * at : 6 * at + 6, 6 * at : 6 * at + 6] = tip_stiffness(bar.profile, length)
-        bending[:, at] = _shortening(length)
+        stiffness[:, at] = tip_stiffness(bar.profile, length)
+        bending[:, at - len(hinges)] = _shortening(length)
     rod_ends = np.array([[index[n] for n in rod.nodes] for rod in machine.rods], dtype=np.int64).reshape(
         -1, 2
     )

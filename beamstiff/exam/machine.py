@@ -31,18 +31,11 @@ Weight = float | Callable[[Situation], Array]
 class Hinge:
     """Springs in six directions between two nodes at one place.
 
-    Attributes
-    ----------
-    name : str
-    nodes : tuple of str
-    frame : str
-        Frame that `axes` are given in.
-    axes : (3, 3) array
-        Its axes as columns, the joint's own first.
-    stiffness : (6,) or (6, 6) array
-        In the joint's axes; infinity is rigid, 0 free. A full matrix has no rigid directions.
-    laws : mapping of int to Law
-        Directions that follow a law in place of their stiffness.
+    `frame`: frame that `axes` are given in.
+    `axes`: (3, 3) array; its axes as columns, the joint's own first.
+    `stiffness`: (6,) or (6, 6) array; in the joint's axes; infinity is rigid, 0 free. A full matrix has no
+        rigid directions.
+    `laws`: directions that follow a law in place of their stiffness.
     """
 
     name: str
@@ -57,13 +50,9 @@ class Hinge:
 class Profile:
     """A beam's compliance along its length.
 
-    Attributes
-    ----------
-    stations : (G,) array
-        Places along the beam, from 0 to 1.
-    compliance : (G, 6) array
-        Of a piece of unit length there against stretch, shear (2), twist and bending (2), times the share of
-        the length that the station stands for.
+    `stations`: (G,) array; places along the beam, from 0 to 1.
+    `compliance`: (G, 6) array; of a piece of unit length there against stretch, shear (2), twist and bending
+        (2), times the share of the length that the station stands for.
     """
 
     stations: Array
@@ -74,14 +63,9 @@ class Profile:
 class Bar:
     """A beam between two nodes.
 
-    Attributes
-    ----------
-    name : str
-    nodes : tuple of str
-    profile : Profile
-    up : (3,) array or None
-        Direction in the frame of the first node; local y lies in the plane of the axis and it.
-    weight : float, kg/m
+    `up`: (3,) array or None; direction in the frame of the first node; local y lies in the plane of the axis
+        and it.
+    `weight`: float, kg/m.
     """
 
     name: str
@@ -95,14 +79,8 @@ class Bar:
 class Rod:
     """A spring along the line between two nodes; its rest length follows the drives.
 
-    Attributes
-    ----------
-    name : str
-    nodes : tuple of str
-    stiffness : float, N/m
-        Infinity is rigid.
-    law : Law or None
-        In place of the stiffness.
+    `stiffness`: float, N/m; infinity is rigid.
+    `law`: in place of the stiffness.
     """
 
     name: str
@@ -115,12 +93,8 @@ class Rod:
 class Cross:
     """Stiffness that links two directions of hinges.
 
-    Attributes
-    ----------
-    first, second : tuple of (str, int)
-        Hinge and direction.
-    added : (2, 2) array
-        Added to the stiffness of the two.
+    `first`, `second`: tuple of (str, int); hinge and direction.
+    `added`: (2, 2) array; added to the stiffness of the two.
     """
 
     first: tuple[str, int]
@@ -132,14 +106,10 @@ class Cross:
 class Mesh:
     """A spring between two directions of hinges, as gears or a belt make one; it may follow any law.
 
-    Attributes
-    ----------
-    first, second : tuple of (str, int)
-        Hinge and direction.
-    weights : (float or callable, float or callable)
-        The spring's strain is the sum of the two strains, each times its weight: a number, or (P,) numbers
-        from the situation where a lever arm changes with the pose.
-    law : Law
+    `first`, `second`: tuple of (str, int); hinge and direction.
+    `weights`: (float or callable, float or callable); the spring's strain is the sum of the two strains, each
+        times its weight: a number, or (P,) numbers from the situation where a lever arm changes with the
+        pose.
     """
 
     first: tuple[str, int]
@@ -152,12 +122,8 @@ class Mesh:
 class Hose:
     """A hose that a node lifts off the ground: the higher the node, the more of it hangs there.
 
-    Attributes
-    ----------
-    node : str
-    per_metre : float, kg/m
-    low : float, m
-        Height of the node, against gravity from the base frame's origin, at which nothing hangs.
+    `per_metre`: float, kg/m.
+    `low`: float, m; height of the node, against gravity from the base frame's origin, at which nothing hangs.
     """
 
     node: str
@@ -264,14 +230,9 @@ def machine_of(robot: Robot) -> Machine:
 def tapered(rigidity: Array, size: object, bending: float = 4.0) -> Profile:
     """Return the profile of a beam whose cross-section changes its size along the length.
 
-    Parameters
-    ----------
-    rigidity : (6,) array
-        EA, G Ay, G Az (infinite: stiff in shear), GJ, E Iy, E Iz where `size` is 1.
-    size : callable
-        Linear size of the cross-section at stations (G,) from 0 to 1.
-    bending : float
-        Power of the size that bending and twist grow with; stretch and shear grow with half of it.
+    `rigidity`: (6,) array; EA, G Ay, G Az (infinite: stiff in shear), GJ, E Iy, E Iz where `size` is 1.
+    `size`: linear size of the cross-section at stations (G,) from 0 to 1.
+    `bending`: power of the size that bending and twist grow with; stretch and shear grow with half of it.
     """
     stations = 0.5 * (GAUSS[0] + 1.0)
     scale = np.asarray(size(stations))[:, None]  # type: ignore[operator]
@@ -310,10 +271,7 @@ def bodies_of(machine: Machine) -> dict[str, int]:
 def joints_of(robot: Robot, component: str) -> tuple[tuple[str, int], ...]:
     """Return the joints (name, own direction) that a component stands for: a variable's, or one by name.
 
-    Raises
-    ------
-    BeamstiffError
-        When no joint has that variable or name.
+    Raises BeamstiffError when no joint has that variable or name.
     """
     kinds = {variable.name: variable.type for variable in robot.variables}
     chosen = [j for j in robot.joints if j.variable == component] or [

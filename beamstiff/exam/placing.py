@@ -34,13 +34,9 @@ Place = tuple[Numbers, Numbers]  # rotation (P, 3, 3) and origin (P, 3)
 class Placed:
     """A machine at P poses before it deforms.
 
-    Attributes
-    ----------
-    values : mapping of str to (P,) array, rad or m
-        All joint variables.
-    rotations : mapping of str to (P, 3, 3) array
-        Axes of every frame in the base frame.
-    origins : mapping of str to (P, 3) array, m
+    `values`: mapping of str to (P,) array, rad or m; all joint variables.
+    `rotations`: mapping of str to (P, 3, 3) array; axes of every frame in the base frame.
+    `origins`: mapping of str to (P, 3) array, m.
     """
 
     values: Mapping[str, Array]
@@ -62,13 +58,9 @@ class Placed:
 class Skeleton:
     """The frames of a robot as expressions, with the errors that the true machine has.
 
-    Attributes
-    ----------
-    robot : Robot
-    frames : tuple of (name, parent, {parameter: Expression})
-        Parents first; parameters that are zero are left out.
-    equals : mapping of str to Expression
-        Coupled variables.
+    `frames`: tuple of (name, parent, {parameter: Expression}); parents first; parameters that are zero are
+        left out.
+    `equals`: coupled variables.
     """
 
     robot: Robot
@@ -102,10 +94,7 @@ def skeleton_of(robot: Robot, errors: Mapping[str, float] | None = None) -> Skel
 def place(skeleton: Skeleton, q: Array, offsets: Mapping[str, float] | None = None) -> Placed:
     """Return the machine at drive readings (P, A), with encoder offsets added and all loops closed.
 
-    Raises
-    ------
-    BeamstiffError
-        When a loop does not close.
+    Raises BeamstiffError when a loop does not close.
     """
     robot = skeleton.robot
     names = [v.name for v in robot.actuated]

@@ -15,11 +15,7 @@ NINETY_FIVE = 1.959963984540054  # two-sided 95 % point of the normal distributi
 class Figure:
     """A figure of the exam: its value, a 95 % interval, and how many cases it rests on.
 
-    Attributes
-    ----------
-    value, low, high : float or None
-        None where there is no case, or no interval.
-    count : int
+    `value`, `low`, `high`: none where there is no case, or no interval.
     """
 
     value: float | None

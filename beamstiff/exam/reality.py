@@ -24,21 +24,13 @@ EncoderChange = Callable[[Array], Array]
 class Reality:
     """A machine and a campaign on it as they really are.
 
-    Attributes
-    ----------
-    machine : Machine
-    geometry : mapping of str to float, rad or m
-        Errors of frame parameters (``f3.d``) and offsets of encoders (``q2``).
-    loads : tuple of LoadChange
-    readings : tuple of ReadingChange
-    encoders : tuple of EncoderChange
-        Errors of encoders that change with the angle.
-    lever : (3,) tuple, m
-        From the load's node to the true point of action, in the frame of the node.
-    target : (3,) tuple, m
-        From the measured node to the true reflector, in the frame of the node, where displacements are read.
-    marked : (3,) tuple, m
-        The same where absolute positions are read.
+    `geometry`: mapping of str to float, rad or m; errors of frame parameters (``f3.d``) and offsets of
+        encoders (``q2``).
+    `encoders`: errors of encoders that change with the angle.
+    `lever`: (3,) tuple, m; from the load's node to the true point of action, in the frame of the node.
+    `target`: (3,) tuple, m; from the measured node to the true reflector, in the frame of the node, where
+        displacements are read.
+    `marked`: (3,) tuple, m; the same where absolute positions are read.
     """
 
     machine: Machine

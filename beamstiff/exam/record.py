@@ -18,26 +18,18 @@ KINDS: tuple[Kind, ...] = ("null", "single", "pair", "outside", "removed")
 class Label:
     """What is true in a case; the diagnosis never sees it.
 
-    Attributes
-    ----------
-    case : int
-    kind : "null", "single", "pair", "outside" or "removed"
-        ``outside``: the effect is in nobody's library; ``removed``: its class is withheld from the library.
-    truths : tuple of str
-        ``effect:component`` of every effect at work; empty for a null.
-    sizes : tuple of float
-        Of each truth, in the simulator's own parametrisation, from 0 (smallest) to 1 (largest realistic).
-    withheld : tuple of str
-        Effects that the library has to do without.
-    robot, design, data, claimed : str
-        What was drawn: the robot's name; ``rich``, ``lean`` or ``plan``; ``displacement`` or ``absolute``;
-        the claim of the noise: ``true``, ``half``, ``twice`` or ``absent``.
-    readings : int
-        3 or 6 components.
-    forms : tuple of str
-        Constitutive form of each truth.
-    author : int
-        Who wrote the forms, the last of them: 1 is who writes the diagnosis and has not read the others'.
+    `kind`: "null", "single", "pair", "outside" or "removed"; ``outside``: the effect is in nobody's library;
+        ``removed``: its class is withheld from the library.
+    `truths`: ``effect:component`` of every effect at work; empty for a null.
+    `sizes`: of each truth, in the simulator's own parametrisation, from 0 (smallest) to 1 (largest
+        realistic).
+    `withheld`: effects that the library has to do without.
+    `robot`, `design`, `data`, `claimed`: what was drawn: the robot's name; ``rich``, ``lean`` or ``plan``;
+        ``displacement`` or ``absolute``; the claim of the noise: ``true``, ``half``, ``twice`` or ``absent``.
+    `readings`: 3 or 6 components.
+    `forms`: constitutive form of each truth.
+    `author`: who wrote the forms, the last of them: 1 is who writes the diagnosis and has not read the
+        others'.
     """
 
     case: int
@@ -62,20 +54,12 @@ class Label:
 class Answer:
     """What a diagnosis said, taken from its JSON.
 
-    Attributes
-    ----------
-    verdict : str
-        ``effect:component``; ``none:null``, ``unknown:null``, or ``failed:null`` where it broke off.
-    probability : float
-        Of the verdict.
-    also : tuple of str
-        Further effects named.
-    indistinguishable : tuple of str
-        What these data cannot tell from the verdict.
-    probabilities : mapping of str to float
-        Of all candidates, those below 1e-6 left out.
-    promised : float or None
-        The shrink said of the verdict; None where no effect is named.
+    `verdict`: ``effect:component``; ``none:null``, ``unknown:null``, or ``failed:null`` where it broke off.
+    `probability`: of the verdict.
+    `also`: further effects named.
+    `indistinguishable`: what these data cannot tell from the verdict.
+    `probabilities`: of all candidates, those below 1e-6 left out.
+    `promised`: the shrink said of the verdict; None where no effect is named.
     """
 
     verdict: str
@@ -90,26 +74,16 @@ class Answer:
 class Record:
     """A case, answered and opened.
 
-    Attributes
-    ----------
-    label : Label
-    answer : Answer
-    gap : float
-        Gap over noise: RMS over the measured values of the noise-free residual that the fitted baseline
+    `gap`: gap over noise: RMS over the measured values of the noise-free residual that the fitted baseline
         leaves, each divided by the true standard deviation of its noise; NaN where the baseline failed.
-    gaps : tuple of float
-        The same of each truth by itself.
-    shrink : float or None
-        Share of the gap on new poses and new loads, noise-free, that the verdict's effect closes, as
+    `gaps`: the same of each truth by itself.
+    `shrink`: share of the gap on new poses and new loads, noise-free, that the verdict's effect closes, as
         ``1 - (after/before)^2`` of the position errors, clipped to [0, 1]; None where no effect is named.
-    controls : mapping of str to str
-        What the plain controls name, ``effect:component``.
-    label_sha256, report_sha256 : str
-        Seals of the label, before the diagnosis, and of its report, before the label was opened.
-    seconds : float
-        Time that the diagnosis took.
-    error : str or None
-        Why it broke off.
+    `controls`: what the plain controls name, ``effect:component``.
+    `label_sha256`, `report_sha256`: seals of the label, before the diagnosis, and of its report, before the
+        label was opened.
+    `seconds`: time that the diagnosis took.
+    `error`: why it broke off.
     """
 
     label: Label

@@ -19,14 +19,9 @@ BINS = 10
 class Bin:
     """Verdicts of about the same probability.
 
-    Attributes
-    ----------
-    low, high : float
-        Probabilities from `low` to below `high`; the last bin holds 1 too.
-    said : float
-        Their mean probability.
-    right : Figure
-        The share of them that is right.
+    `low`, `high`: probabilities from `low` to below `high`; the last bin holds 1 too.
+    `said`: their mean probability.
+    `right`: the share of them that is right.
     """
 
     low: float

@@ -9,10 +9,18 @@ from beamstiff.exam.campaign import Array
 
 def cross_matrix(v: Array) -> Array:
     """Return the matrices (..., 3, 3) that take the cross product with vectors (..., 3) from the left."""
-    zero = np.zeros_like(v[..., 0])
-    x, y, z = v[..., 0], v[..., 1], v[..., 2]
-    rows = [zero, -z, y, z, zero, -x, -y, x, zero]
-    return np.stack(rows, axis=-1).reshape(*v.shape[:-1], 3, 3)
+    result = np.zeros((*v.shape, 3))
+    for at, (j, k) in enumerate(((2, 1), (0, 2), (1, 0))):
+        result[..., j, k], result[..., k, j] = v[..., at], -v[..., at]
+    return result
+
+
+def cross(v: Array, w: Array) -> Array:
+    """Return the cross products (..., 3) of vectors; of few of them in a fraction of numpy's time."""
+    result = np.empty(np.broadcast_shapes(v.shape, w.shape))
+    for at, (j, k) in enumerate(((1, 2), (2, 0), (0, 1))):
+        result[..., at] = v[..., j] * w[..., k] - v[..., k] * w[..., j]
+    return result
 
 
 def turn(vector: Array) -> Array:

@@ -26,13 +26,7 @@ FORMAT = "beamstiff-exam/2"
 
 @dataclass(frozen=True)
 class Void:
-    """A case that the simulator could not make; it counts nowhere.
-
-    Attributes
-    ----------
-    case : int
-    why : str
-    """
+    """A case that the simulator could not make; it counts nowhere."""
 
     case: int
     why: str
@@ -45,14 +39,9 @@ R = TypeVar("R", Record, CrowdedRecord)
 class Procedure(Generic[R]):
     """How the cases of a sort of exam are drawn, examined and read again.
 
-    Attributes
-    ----------
-    draw : callable
-        A case, with its ``label``, from the exam and a number.
-    examined : callable
-        Record and report, from the exam, the case and the examiner.
-    record_from : callable
-        The record, from its plain data.
+    `draw`: A case, with its ``label``, from the exam and a number.
+    `examined`: record and report, from the exam, the case and the examiner.
+    `record_from`: the record, from its plain data.
     """
 
     draw: Callable[[Any, int], Any]
@@ -86,26 +75,14 @@ def run_cases(
     of the label) before it is given out, and its record once it is opened. Cases whose record is there
     already are not examined again; a line that an interruption cut short is taken off.
 
-    Parameters
-    ----------
-    procedure : Procedure
-    exam : Exam or CrowdedExam
-        The one that the procedure is for.
-    count : int
-    examiner : Examiner
-        With several processes or a scheduler it is pickled: its functions are those of modules.
-    processes : int
-    scheduler : str, optional
-        Of dask, ``tcp://host:port``; see `beamstiff.parallel`. All files are written here.
-    results : path, optional
-    progress : function of a record or Void
-        Called after every case, those of the file included.
+    `exam`: the one that the procedure is for.
+    `examiner`: with several processes or a scheduler it is pickled: its functions are those of modules.
+    `scheduler`: of dask, ``tcp://host:port``; see `beamstiff.parallel`. All files are written here.
+    `results`: path, optional.
+    `progress`: called after every case, those of the file included.
 
-    Raises
-    ------
-    BeamstiffError
-        When `results` is another exam's or cannot be written, or a number is not positive, or a process or
-        the scheduler fails.
+    Raises BeamstiffError when `results` is another exam's or cannot be written, or a number is not positive,
+    or a process or the scheduler fails.
     """
     if count < 1 or processes < 1:
         raise BeamstiffError(
@@ -130,10 +107,7 @@ def run_cases(
 def read_results(path: Path) -> tuple[dict[str, Any], list[Record]]:
     """Return the settings and the records of a file of results, by case.
 
-    Raises
-    ------
-    BeamstiffError
-        When it is no such file.
+    Raises BeamstiffError when it is no such file.
     """
     settings, items = _read(path)
     return settings, [item for _, item in sorted(items.items()) if not isinstance(item, Void)]
@@ -184,10 +158,7 @@ def _step(procedure: Procedure[R], exam: Exam | CrowdedExam, examiner: Examiner,
 def check_results(path: Path) -> None:
     """Refuse a file that is there and holds no results of an exam.
 
-    Raises
-    ------
-    BeamstiffError
-        Naming the line that is none.
+    Raises BeamstiffError naming the line that is none.
     """
     if path.exists() and not is_device(path) and path.stat().st_size:
         _whole_lines(path)

@@ -9,7 +9,7 @@ import numpy as np
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.exam.campaign import Array, Integers, SimulatedCampaign, Truth
-from beamstiff.exam.equilibrium import Load, at_rest, equilibrium, rows_of, some
+from beamstiff.exam.equilibrium import Load, Solved, at_rest, equilibrium, rows_of, some
 from beamstiff.exam.forms import imposed
 from beamstiff.exam.laws import Memory, Situation
 from beamstiff.exam.layout import Layout, Topology, lay_out, topology_of
@@ -32,25 +32,14 @@ def simulate(
 ) -> Measurements:
     """Return what a campaign would read on a machine that has the given effects.
 
-    Parameters
-    ----------
-    robot : Robot
-        The machine without the effects, with its true stiffness.
-    truths : sequence of Truth
-        Effects, imposed in this order.
-    campaign : SimulatedCampaign
-    rng : Generator
-        For the noise of the readings.
+    `robot`: the machine without the effects, with its true stiffness.
+    `truths`: effects, imposed in this order.
+    `rng`: for the noise of the readings.
 
-    Raises
-    ------
-    BeamstiffError
-        When an effect does not fit the robot, a loop does not close or a state does not come to rest.
+    Raises BeamstiffError when an effect does not fit the robot, a loop does not close or a state does not
+    come to rest.
     """
-    reality = Reality(machine_of(robot))
-    for truth in truths:
-        reality = imposed(truth, reality)
-    values = readings(reality, campaign) + _noise(campaign, rng)
+    values = readings(reality_of(robot, truths), campaign) + _noise(campaign, rng)
     if not campaign.rotations:
         values[:, 3:] = np.nan
     displacement = campaign.kind == "displacement"
@@ -73,6 +62,14 @@ def simulate(
         shared_unloaded=campaign.shared_unloaded and displacement,
         source="<exam>",
     )
+
+
+def reality_of(robot: Robot, truths: Sequence[Truth]) -> Reality:
+    """Return a robot's machine with effects, imposed in this order."""
+    reality = Reality(machine_of(robot))
+    for truth in truths:
+        reality = imposed(truth, reality)
+    return reality
 
 
 def draw_stiffness(rng: np.random.Generator, robot: Robot) -> dict[str, float]:
@@ -121,7 +118,10 @@ def read(reality: Reality, campaign: SimulatedCampaign, solved: Solution) -> Arr
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """The machine in every row of a campaign: placed, laid out, loaded and unloaded; N rows each."""
+    """The machine in every row of a campaign: placed, laid out, loaded and unloaded; N rows each.
+
+    Where absolute positions are read and no law remembers, `unloaded` is any state: nobody asks for it.
+    """
 
     topology: Topology
     placed: Placed
@@ -132,18 +132,18 @@ class Solution:
 
 
 def solve(
-    reality: Reality, campaign: SimulatedCampaign, near: Solution | None = None, *, once: bool = False
+    reality: Reality,
+    campaign: SimulatedCampaign,
+    near: Solution | None = None,
+    *,
+    start: Solution | None = None,
+    once: bool = False,
 ) -> Solution:
     """Return the equilibrium of the machine in every row of a campaign.
 
-    Parameters
-    ----------
-    reality : Reality
-    campaign : SimulatedCampaign
-    near : Solution, optional
-        Of a machine of the same parts and geometry in the same campaign, to start from.
-    once : bool
-        One step from there: the change to first order.
+    `near`: of a machine of the same parts and geometry in the same campaign, to start from.
+    `start`: of another machine in the same campaign: it is started from where its bodies are as many.
+    `once`: one step from there: the change to first order.
     """
     topology = topology_of(reality.machine)
     q, row, row_of = np.unique(campaign.q, axis=0, return_index=True, return_inverse=True)
@@ -159,9 +159,13 @@ def solve(
     placed = placed.at(row_of)
     load = _load(reality, topology, campaign, placed, layout)
     first, state_of, state_pose, turn_of = _states(campaign)
-    laws = [law for _, law in rows_of(topology).laws]
+    rows = rows_of(topology)
+    laws = [law for _, law in rows.laws]
     situation = _situation(campaign, placed, first, turn_of)
 
+    start = start or near
+    if start is not None and start.topology.bodies != topology.bodies:
+        start = None
     own = any(law.changes for law in laws) and not campaign.shared_unloaded
     poses, first_state = np.unique(state_pose, return_index=True)
     rest_of = np.arange(len(first)) if own else np.searchsorted(poses, state_pose)
@@ -171,19 +175,18 @@ def solve(
     nothing = some(load, rest_rows)
     nothing = Load(nothing.body, nothing.arm, np.zeros_like(nothing.wrench))
     memory: tuple[Memory, ...] = tuple(law.start(rest_situation) for law in laws)
-    start = (
-        at_rest(topology, rows_of(topology), len(rest_rows))
-        if near is None
-        else some(near.unloaded, rest_rows)
-    )
-    rest = equilibrium(topology, layout.at(rest_rows), nothing, rest_situation, start, memory, once=once)
+    still = at_rest(topology, rows, len(rest_rows))
+    begin = still if start is None else _from(start.unloaded, rest_rows, still)
+    remembers = any(law.remembers for law in laws)
+    rest = Solved(begin, memory, np.zeros(len(rest_rows)))
+    if remembers or campaign.kind == "displacement":
+        rest = equilibrium(topology, layout.at(rest_rows), nothing, rest_situation, begin, memory, once=once)
 
     state = some(rest.state, rest_of)
     unbalanced = rest.unbalanced[rest_of]
     after = tuple(tuple(part[rest_of] for part in old) for old in rest.memory)
-    begin = state if near is None else some(near.loaded, first)
+    begin = state if start is None else _from(start.loaded, first, state)
     loaded = State(*(np.copy(part) for part in (begin.moved, begin.turned, begin.hold)))
-    remembers = any(law.remembers for law in laws)
     here = np.arange(len(first))
     for turn in range(int(turn_of.max()) + 1) if remembers else (-1,):
         now = here if turn < 0 else here[turn_of == turn]
@@ -199,7 +202,7 @@ def solve(
             layout.at(first[now]),
             some(load, first[now]),
             situation.at(now),
-            some(loaded, before),
+            some(loaded, before if start is None else now),
             memory,
             once=once,
         )
@@ -212,6 +215,14 @@ def solve(
     return Solution(
         topology, placed, layout, some(loaded, state_of), some(state, state_of), unbalanced[state_of]
     )
+
+
+def _from(state: State, rows: Integers, other: State) -> State:
+    """Return some rows' states to start from; what holds rigid directions from another if they are others."""
+    found: State = some(state, rows)
+    if found.hold.shape != other.hold.shape:
+        return State(found.moved, found.turned, other.hold)
+    return found
 
 
 def _moved(state: State, rows: Integers, body: Integers, arm: Array) -> Array:

@@ -64,16 +64,9 @@ def sized(
     Where an effect as it was drawn leaves far less at any size (a wrist's short link), another of its forms
     or another component is drawn, a few times.
 
-    Parameters
-    ----------
-    rng : Generator
-    robot, machine : Robot
-        The model, and the machine without effects.
-    campaign : SimulatedCampaign
-    truths : sequence of Truth
-        As drawn, of any size.
-    kind : str
-        Of the case.
+    `robot`, `machine`: the model, and the machine without effects.
+    `truths`: as drawn, of any size.
+    `kind`: of the case.
     """
     if not truths:
         return ()

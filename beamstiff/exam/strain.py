@@ -19,14 +19,9 @@ from beamstiff.exam.rotations import cross_matrix, turned_by, vector_rate
 class State:
     """The deformed machine; P states, B bodies with the ground.
 
-    Attributes
-    ----------
-    moved : (P, B, 3) array, m
-        Displacement of the bodies' reference points.
-    turned : (P, B, 3, 3) array
-        Rotation of the bodies.
-    hold : (P, C) array, N and N m
-        Forces that keep rigid directions closed.
+    `moved`: (P, B, 3) array, m; displacement of the bodies' reference points.
+    `turned`: (P, B, 3, 3) array; rotation of the bodies.
+    `hold`: (P, C) array, N and N m; forces that keep rigid directions closed.
     """
 
     moved: Array
@@ -45,19 +40,15 @@ class State:
 class Strain:
     """Strains of all members, M = 6 E + S rows.
 
-    Attributes
-    ----------
-    rows : (P, M) array
-    rates : (P, M, 6 B) array
-        By displacement and spin of the bodies.
-    plain : (P, E, 6, 12) array
-        Rates of the members' strains before bending shortens bars, by either body.
-    axes, rate, second, from_first : arrays
-        Current axes, inverse Jacobian of the rotation vector, and arms, for the geometric part.
-    bent : (P, E, 6) array
-        Strains before bending shortens.
-    along, length : (P, S, 3), (P, S) arrays
-        Of the rods.
+    `rows`: (P, M) array.
+    `rates`: (P, E, 6, 12) array; of the members' strains, by displacement and spin of the first body, then of
+        the second.
+    `plain`: (P, E, 6, 12) array; the same before bending shortens bars.
+    `axes`, `rate`, `second`, `from_first`: arrays; current axes, inverse Jacobian of the rotation vector, and
+        arms, for the geometric part.
+    `bent`: (P, E, 6) array; strains before bending shortens.
+    `rod_rates`: (P, S, 12) array; of the rods' change of length.
+    `along`, `length`: (P, S, 3), (P, S) arrays; of the rods.
     """
 
     rows: Array
@@ -68,8 +59,44 @@ class Strain:
     second: Array
     from_first: Array
     bent: Array
+    rod_rates: Array
     along: Array
     length: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Tangent:
+    """Slopes of the members' forces by their strains.
+
+    `members`: (P, E, 6, 6) array.
+    `rods`: (P, S) array.
+    `between`: list of (int, int, (P,) array or float); row of the force, row of the strain, and slope, where
+        these are of different members.
+    """
+
+    members: Array
+    rods: Array
+    between: list[tuple[int, int, Array | float]]
+
+    def add(self, row: int, other: int, slope: Array | float) -> None:
+        """Add to the slope of one row's force by another row's strain."""
+        count = 6 * self.members.shape[1]
+        if row >= count and row == other:
+            self.rods[:, row - count] += slope
+        elif max(row, other) < count and row // 6 == other // 6:
+            self.members[:, row // 6, row % 6, other % 6] += slope
+        else:
+            self.between.append((row, other, slope))
+
+    def force(self, strain: Array) -> Array:
+        """Return the forces (P, M) of strains (P, M)."""
+        poses, members = self.members.shape[:2]
+        of_members, of_rods = np.split(strain, [6 * members], axis=1)
+        stretched = self.members @ of_members.reshape(poses, members, 6, 1)
+        force = np.concatenate([stretched.reshape(poses, -1), self.rods * of_rods], axis=1)
+        for row, other, slope in self.between:
+            force[:, row] += slope * strain[:, other]
+        return force
 
 
 def strain_of(topology: Topology, layout: Layout, state: State) -> Strain:
@@ -96,86 +123,146 @@ def strain_of(topology: Topology, layout: Layout, state: State) -> Strain:
     plain[..., :3, 6:9] = across
     plain[..., :3, 9:12] = -across @ cross_matrix(second)
     plain[..., 3:, 3:6], plain[..., 3:, 9:12] = -spin, spin
-    slope = (layout.bending @ e[..., None])[..., 0]
-    shortened = e.copy()
-    shortened[..., 0] += 0.5 * np.sum(slope * e, axis=-1)
-    member_rates = plain.copy()
-    member_rates[..., 0, :] += (slope[..., None, :] @ plain)[..., 0, :]
+    shortened, rates = e, plain
+    if bars := layout.bending.shape[1]:
+        slope = (layout.bending @ e[:, -bars:, :, None])[..., 0]
+        shortened, rates = e.copy(), plain.copy()
+        shortened[:, -bars:, 0] += 0.5 * np.sum(slope * e[:, -bars:], axis=-1)
+        rates[:, -bars:, 0] += (slope[..., None, :] @ plain[:, -bars:])[..., 0, :]
 
-    c, d = topology.rods.T
-    stretch = state.point(d, layout.rod_second) - state.point(c, layout.rod_first)
-    span = layout.rod + stretch
-    length = np.linalg.norm(span, axis=-1)
-    rest = np.linalg.norm(layout.rod, axis=-1)
-    along = span / length[..., None]
-    longer = np.sum((2.0 * layout.rod + stretch) * stretch, axis=-1) / (length + rest)
-    rods = len(c)
-    rod_rates = np.zeros((poses, rods, 12))
-    for bodies, arm, sign, at in ((c, layout.rod_first, -1.0, 0), (d, layout.rod_second, 1.0, 6)):
-        rod_rates[..., at : at + 3] = sign * along
-        lever = (state.turned[:, bodies] @ arm[..., None])[..., 0]
-        rod_rates[..., at + 3 : at + 6] = sign * np.cross(lever, along)
-
-    rates = np.zeros((poses, 6 * members + rods, topology.bodies, 6))
-    for at in range(members):
-        rates[:, 6 * at : 6 * at + 6, a[at]] += member_rates[:, at, :, :6]
-        rates[:, 6 * at : 6 * at + 6, b[at]] += member_rates[:, at, :, 6:]
-    for at in range(rods):
-        rates[:, 6 * members + at, c[at]] += rod_rates[:, at, :6]
-        rates[:, 6 * members + at, d[at]] += rod_rates[:, at, 6:]
+    longer, rod_rates, along, length = _rods_of(topology, layout, state)
     return Strain(
         rows=np.concatenate([shortened.reshape(poses, -1), longer], axis=1),
-        rates=rates.reshape(poses, 6 * members + rods, -1),
+        rates=rates,
         plain=plain,
         axes=axes,
         rate=rate,
         second=second,
         from_first=from_first,
         bent=e,
+        rod_rates=rod_rates,
         along=along,
         length=length,
     )
 
 
-def geometric(topology: Topology, layout: Layout, state: State, strain: Strain, force: Array) -> Array:
-    """Return how the bodies' forces change with their motion at constant member forces, (P, 6 B, 6 B).
+def _rods_of(topology: Topology, layout: Layout, state: State) -> tuple[Array, Array, Array, Array]:
+    """Return the rods' change of length, its rates, and their present directions and lengths."""
+    c, d = topology.rods.T
+    poses = len(state.moved)
+    if not len(c):
+        none = np.zeros((poses, 0))
+        return none, np.zeros((poses, 0, 12)), np.zeros((poses, 0, 3)), none
+    stretch = state.point(d, layout.rod_second) - state.point(c, layout.rod_first)
+    span = layout.rod + stretch
+    length = np.linalg.norm(span, axis=-1)
+    rest = np.linalg.norm(layout.rod, axis=-1)
+    along = span / length[..., None]
+    longer = np.sum((2.0 * layout.rod + stretch) * stretch, axis=-1) / (length + rest)
+    rod_rates = np.zeros((poses, len(c), 12))
+    for bodies, arm, sign, at in ((c, layout.rod_first, -1.0, 0), (d, layout.rod_second, 1.0, 6)):
+        rod_rates[..., at : at + 3] = sign * along
+        lever = (state.turned[:, bodies] @ arm[..., None])[..., 0]
+        rod_rates[..., at + 3 : at + 6] = sign * np.cross(lever, along)
+    return longer, rod_rates, along, length
 
-    Parameters
-    ----------
-    force : (P, M) array
-        Of every row of the strains.
+
+def row_rates(topology: Topology, strain: Strain, row: int) -> Array:
+    """Return the rates (P, 6 B) of one strain by the motion of all bodies."""
+    members = len(topology.members)
+    if row < 6 * members:
+        ends, rates = topology.members[row // 6], strain.rates[:, row // 6, row % 6]
+    else:
+        ends, rates = topology.rods[row - 6 * members], strain.rod_rates[:, row - 6 * members]
+    result = np.zeros((len(rates), topology.bodies, 6))
+    for body, some in zip(ends, np.split(rates, 2, axis=1), strict=True):
+        result[:, body] += some
+    return result.reshape(len(rates), -1)
+
+
+def resisting(topology: Topology, strain: Strain, force: Array) -> Array:
+    """Return the bodies' forces and moments (P, 6 B) that balance forces of the members (P, M)."""
+    poses, members = strain.rates.shape[:2]
+    of_members = np.swapaxes(strain.rates, -1, -2) @ force[:, : 6 * members].reshape(poses, members, 6, 1)
+    pairs = [(ends, of_members[:, at, :, 0]) for at, ends in enumerate(topology.members)]
+    of_rods = strain.rod_rates * force[:, 6 * members :, None]
+    pairs += [(ends, of_rods[:, at]) for at, ends in enumerate(topology.rods)]
+    result = np.zeros((poses, topology.bodies, 6))
+    for (first, second), both in pairs:
+        result[:, first] += both[:, :6]
+        result[:, second] += both[:, 6:]
+    return result.reshape(poses, -1)
+
+
+def add_stiffness(
+    system: Array,
+    topology: Topology,
+    layout: Layout,
+    state: State,
+    strain: Strain,
+    force: Array,
+    tangent: Tangent | None = None,
+) -> None:
+    """Add how the bodies' forces change with their motion, in the first 6 B rows and columns of a system.
+
+    `system`: (P, n, n) array; changed in place.
+    `force`: (P, M) array; of every row of the strains; these turn with the bodies.
+    `tangent`: without it the forces stay as large as they are: the geometric part.
     """
     poses, members = layout.axes.shape[:2]
-    result = np.zeros((poses, topology.bodies, 6, topology.bodies, 6))
     s = force[:, : 6 * members].reshape(poses, members, 6)
-    slope = (layout.bending @ strain.bent[..., None])[..., 0]
-    s = s + s[..., :1] * slope  # of the strains before bending shortens
+    bars = layout.bending.shape[1]
+    if bars:  # forces of the strains before bending shortens
+        slope = (layout.bending @ strain.bent[:, -bars:, :, None])[..., 0]
+        s = s.copy()
+        s[:, -bars:] += s[:, -bars:, :1] * slope
     pull = strain.axes @ s[..., :3, None]
     F = cross_matrix(pull[..., 0])
-    M = cross_matrix((strain.axes @ np.swapaxes(strain.rate, -1, -2) @ s[..., 3:, None])[..., 0])
+    M = 0.5 * cross_matrix((strain.axes @ np.swapaxes(strain.rate, -1, -2) @ s[..., 3:, None])[..., 0])
     S_b, S_c = cross_matrix(strain.second), cross_matrix(strain.from_first)
-    block = np.zeros((poses, members, 12, 12))
-    block[..., 6:9, 3:6] = -F
-    block[..., 9:12, 3:6] = -S_b @ F - 0.5 * M
-    block[..., 9:12, 9:12] = F @ S_b - 0.5 * M
-    block[..., 0:3, 3:6] = F
-    block[..., 3:6, 0:3] = -F
-    block[..., 3:6, 6:9] = F
-    block[..., 3:6, 3:6] = S_c @ F + 0.5 * M
-    block[..., 3:6, 9:12] = -F @ S_b + 0.5 * M
-    stretch = force[:, : 6 * members : 6]
-    block += np.swapaxes(strain.plain, -1, -2) @ (stretch[..., None, None] * layout.bending) @ strain.plain
+    back = F @ S_b
+    if tangent is None:
+        block = np.zeros((poses, members, 12, 12))
+    else:
+        block = np.swapaxes(strain.rates, -1, -2) @ (tangent.members @ strain.rates)
+    block[..., 6:9, 3:6] -= F
+    block[..., 9:12, 3:6] -= S_b @ F + M
+    block[..., 9:12, 9:12] += back - M
+    block[..., 0:3, 3:6] += F
+    block[..., 3:6, 0:3] -= F
+    block[..., 3:6, 6:9] += F
+    block[..., 3:6, 3:6] += S_c @ F + M
+    block[..., 3:6, 9:12] += M - back
+    if bars:
+        stretch, plain = force[:, 6 * (members - bars) : 6 * members : 6], strain.plain[:, -bars:]
+        block[:, -bars:] += np.swapaxes(plain, -1, -2) @ (stretch[..., None, None] * layout.bending) @ plain
     for at, (i, j) in enumerate(topology.members):
-        _add(result, int(i), int(j), block[:, at])
+        _add(system, i, j, block[:, at])
+    if len(topology.rods):
+        _add_rods(system, topology, layout, state, strain, force[:, 6 * members :], tangent)
+    if tangent is not None:
+        n = 6 * topology.bodies
+        for row, other, its_slope in tangent.between:
+            its, others = row_rates(topology, strain, row), row_rates(topology, strain, other)
+            system[:, :n, :n] += np.reshape(its_slope, (-1, 1, 1)) * its[:, :, None] * others[:, None]
 
+
+def _add_rods(
+    system: Array,
+    topology: Topology,
+    layout: Layout,
+    state: State,
+    strain: Strain,
+    pull: Array,
+    tangent: Tangent | None,
+) -> None:
     c, d = topology.rods.T
-    pull_of_rods = force[:, 6 * members :]
     across = np.eye(3) - strain.along[..., :, None] * strain.along[..., None, :]
-    K = (pull_of_rods / strain.length)[..., None, None] * across
-    N = cross_matrix(pull_of_rods[..., None] * strain.along)
+    K = (pull / strain.length)[..., None, None] * across
+    N = cross_matrix(pull[..., None] * strain.along)
     A = cross_matrix((state.turned[:, c] @ layout.rod_first[..., None])[..., 0])
     B = cross_matrix((state.turned[:, d] @ layout.rod_second[..., None])[..., 0])
-    rod = np.zeros((poses, len(c), 12, 12))
+    rod = np.zeros((len(pull), len(c), 12, 12))
     ends = ((slice(0, 3), slice(3, 6), A, -1.0), (slice(6, 9), slice(9, 12), B, 1.0))
     for u, r, arm, sign in ends:
         for v, t, other, way in ends:
@@ -185,14 +272,17 @@ def geometric(topology: Topology, layout: Layout, state: State, strain: Strain, 
             rod[..., r, v] = both * arm @ K
             rod[..., r, t] = -both * arm @ K @ other
         rod[..., r, r] += sign * N @ arm
+    if tangent is not None:
+        rates = strain.rod_rates
+        rod += (tangent.rods[..., None] * rates)[..., :, None] * rates[..., None, :]
     for at, (i, j) in enumerate(topology.rods):
-        _add(result, int(i), int(j), rod[:, at])
-    n = 6 * topology.bodies
-    return result.reshape(poses, n, n)
+        _add(system, i, j, rod[:, at])
 
 
-def _add(result: Array, i: int, j: int, block: Array) -> None:
-    result[:, i, :, i] += block[:, :6, :6]
-    result[:, i, :, j] += block[:, :6, 6:]
-    result[:, j, :, i] += block[:, 6:, :6]
-    result[:, j, :, j] += block[:, 6:, 6:]
+def _add(system: Array, i: int, j: int, block: Array) -> None:
+    """Add a block (P, 12, 12) of two bodies."""
+    first, second = slice(6 * i, 6 * i + 6), slice(6 * j, 6 * j + 6)
+    system[:, first, first] += block[:, :6, :6]
+    system[:, first, second] += block[:, :6, 6:]
+    system[:, second, first] += block[:, 6:, :6]
+    system[:, second, second] += block[:, 6:, 6:]

@@ -18,17 +18,10 @@ Records = Sequence[Record]
 class Row:
     """A figure of the table.
 
-    Attributes
-    ----------
-    name : str
-    figure : Figure
-        What was reached.
-    required, aim : float or None
-        None where nothing is asked.
-    better : "high" or "low"
-        Which way is good.
-    share : bool
-        Whether it is a share, shown as such.
+    `figure`: what was reached.
+    `required`, `aim`: none where nothing is asked.
+    `better`: which way is good.
+    `share`: whether it is a share, shown as such.
     """
 
     name: str

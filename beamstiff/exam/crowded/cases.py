@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.exam.baseline import linear_fit, true_rows
+from beamstiff.exam.baseline import linear_fit, true_rows, without_noise
 from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.cases import GRAVITY, dealt
 from beamstiff.exam.crowded.record import CrowdedLabel, Kind, TrueCause
@@ -24,7 +24,7 @@ from beamstiff.exam.placing import place, skeleton_of
 from beamstiff.exam.reality import places_of
 from beamstiff.exam.robots import RANDOM_ARM, exam_robot, with_payload, with_stiff_drive
 from beamstiff.exam.rotations import turn
-from beamstiff.exam.simulate import draw_stiffness, simulate
+from beamstiff.exam.simulate import draw_stiffness, read, reality_of, simulate, solve
 from beamstiff.exam.sizes import size_for
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
@@ -70,23 +70,13 @@ class CrowdedExam:
 class CrowdedCase:
     """A drawn case.
 
-    Attributes
-    ----------
-    label : CrowdedLabel
-    robot : Robot
-        The model that is diagnosed.
-    machine : Robot
-        The same with its true stiffness and reflectors.
-    geometry, truths : tuple of Truth
-        By what the geometry is off, and the effects, as the label orders them.
-    campaign, fresh : SimulatedCampaign
-        What is measured, and the new poses.
-    frame : (6,) array, rad and m
-        Rotation vector and origin of the base in the measuring frame.
-    gap : (3N,) array, m
-        What the best geometry and compliances leave of the noise-free rows.
-    parts : (3N, c) array, m
-        What leaving each effect out changes of it.
+    `robot`: the model that is diagnosed.
+    `machine`: the same with its true stiffness and reflectors.
+    `geometry`, `truths`: by what the geometry is off, and the effects, as the label orders them.
+    `campaign`, `fresh`: what is measured, and the new poses.
+    `frame`: (6,) array, rad and m; rotation vector and origin of the base in the measuring frame.
+    `gap`: (3N,) array, m; what the best geometry and compliances leave of the noise-free rows.
+    `parts`: (3N, c) array, m; what leaving each effect out changes of it.
     """
 
     label: CrowdedLabel
@@ -121,10 +111,7 @@ class CrowdedCase:
 def draw_crowded_case(exam: CrowdedExam, case: int) -> CrowdedCase:
     """Return a case, from the generator of ``[seed, case, 3]`` alone.
 
-    Raises
-    ------
-    BeamstiffError
-        When no machine was found that has enough effects.
+    Raises BeamstiffError when no machine was found that has enough effects.
     """
     rng = np.random.default_rng([exam.seed, case, 3])
     kind, _ = dealt(exam.seed, exam.shares, case)
@@ -158,13 +145,17 @@ def _drawn(rng: np.random.Generator, case: int, kind: Kind) -> CrowdedCase:
     if absolute and rng.random() < FRAMED:
         frame = np.concatenate([rng.uniform(-1.5, 1.5, 3), rng.uniform(-2.0, 2.0, 3)])
     basis = open_basis(robot, machine, campaign)
-    truths: list[Truth] = []
-    if kind in ("crowded", "outside"):
-        truths = _draw_effects(rng, (robot, machine, campaign), geometry, basis, kind == "outside")
+    quiet = without_noise(campaign)
+    start = solve(reality_of(machine, geometry), quiet)
 
     def rows(some: Sequence[Truth]) -> Array:
-        return _beyond(positions(machine, (*geometry, *some), campaign).reshape(-1), basis)
+        reality = reality_of(machine, (*geometry, *some))
+        solved = solve(reality, quiet, start=start) if some else start
+        return _beyond(read(reality, quiet, solved)[:, :3].reshape(-1), basis)
 
+    truths: list[Truth] = []
+    if kind in ("crowded", "outside"):
+        truths = _draw_effects(rng, robot, rows, kind == "outside")
     every, nothing = rows(truths), rows(())
     parts = np.zeros((len(every), len(truths)))
     for k in range(len(truths)):
@@ -295,19 +286,17 @@ def in_order(gap: Array, parts: Array) -> tuple[list[int], list[float]]:
 
 
 def _draw_effects(
-    rng: np.random.Generator,
-    of: tuple[Robot, Robot, SimulatedCampaign],
-    geometry: Sequence[Truth],
-    basis: Array,
-    outside: bool,
+    rng: np.random.Generator, robot: Robot, rows: Callable[[Sequence[Truth]], Array], outside: bool
 ) -> list[Truth]:
-    """Return three to six effects, each at a place of its own, the largest first."""
-    robot, machine, campaign = of
-    still = positions(machine, geometry, campaign).reshape(-1)
+    """Return three to six effects, each at a place of its own, the largest first.
+
+    `rows` tells what a machine with some effects reads, without what is fitted in any case.
+    """
+    still = rows(())
 
     def contribution(truth: Truth) -> float:
         try:
-            return _rms(_beyond(positions(machine, (*geometry, truth), campaign).reshape(-1) - still, basis))
+            return _rms(rows((truth,)) - still)
         except BeamstiffError:  # so large that the machine gives way under it
             return float("inf")
 

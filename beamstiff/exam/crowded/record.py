@@ -20,24 +20,14 @@ SIMILAR = 0.8  # of the largest share, from which either may come first
 class TrueCause:
     """An effect at work, by what it does to the rows.
 
-    Attributes
-    ----------
-    key : str
-        ``effect:component``.
-    form : str
-        Constitutive form.
-    author : int
-        Who wrote the form.
-    accept : tuple of str
-        Names that mean the same in these data.
-    outside : bool
-        Whether no library has it.
-    contribution_mm : float
-        RMS of what leaving it out changes in the positions, after a refit of all that is open.
-    closes : float
-        Share of the gap that it closes after those before it, in the order in which most is closed.
-    hidden : bool
-        So small that it is neither asked for nor false.
+    `key`: ``effect:component``.
+    `form`: constitutive form.
+    `author`: who wrote the form.
+    `accept`: names that mean the same in these data.
+    `outside`: whether no library has it.
+    `contribution_mm`: RMS of what leaving it out changes in the positions, after a refit of all that is open.
+    `closes`: share of the gap that it closes after those before it, in the order in which most is closed.
+    `hidden`: so small that it is neither asked for nor false.
     """
 
     key: str
@@ -54,19 +44,12 @@ class TrueCause:
 class CrowdedLabel:
     """What is true in a case; the diagnosis never sees it.
 
-    Attributes
-    ----------
-    case : int
-    kind : "crowded", "outside", "geometry" or "clean"
-        ``outside``: the largest effect is in nobody's library; ``geometry``: nothing is off but the geometry.
-    robot, data : str
-        The robot's name; ``absolute`` or ``displacement``.
-    poses, rows : int
-    causes : tuple of TrueCause
-        In the order of what they close.
-    noise_mm, gap_mm, remainder_mm : float
-        RMS of the position noise' norm; of what the best geometry and compliances leave without noise; and
-        of that which all effects of the library together cannot take.
+    `kind`: "crowded", "outside", "geometry" or "clean"; ``outside``: the largest effect is in nobody's
+        library; ``geometry``: nothing is off but the geometry.
+    `robot`, `data`: the robot's name; ``absolute`` or ``displacement``.
+    `causes`: in the order of what they close.
+    `noise_mm`, `gap_mm`, `remainder_mm`: RMS of the position noise' norm; of what the best geometry and
+        compliances leave without noise; and of that which all effects of the library together cannot take.
     """
 
     case: int
@@ -115,26 +98,15 @@ class CrowdedLabel:
 class Reply:
     """What somebody said of a case, and how that did on fresh poses.
 
-    Attributes
-    ----------
-    verdict : str
-        ``effect:component``, ``none:null``, ``unknown:null``, or ``failed:null`` where it broke off.
-    named : tuple of str
-        The causes in order.
-    alike : tuple of str
-        What cannot be told from the first cause, or from the verdict.
-    promised : float
-        Share of the gap that all causes are said to close.
-    said_mm : float or None
-        The remainder as said, RMS, noise included.
-    least_mm, left_mm : float or None
-        The remainder as it is, noise included: what the named causes that are real leave after a refit, with
-        hidden causes taken up besides and without.
-    closing : float or None
-        Share of the gap that the causes close on fresh poses, without noise; None where none is named.
-    seconds : float
-    error : str or None
-        Why it broke off, or why it could not predict the fresh poses.
+    `verdict`: ``effect:component``, ``none:null``, ``unknown:null``, or ``failed:null`` where it broke off.
+    `named`: the causes in order.
+    `alike`: what cannot be told from the first cause, or from the verdict.
+    `promised`: share of the gap that all causes are said to close.
+    `said_mm`: the remainder as said, RMS, noise included.
+    `least_mm`, `left_mm`: the remainder as it is, noise included: what the named causes that are real leave
+        after a refit, with hidden causes taken up besides and without.
+    `closing`: share of the gap that the causes close on fresh poses, without noise; None where none is named.
+    `error`: why it broke off, or why it could not predict the fresh poses.
     """
 
     verdict: str
@@ -153,13 +125,9 @@ class Reply:
 class CrowdedRecord:
     """A case, answered and opened.
 
-    Attributes
-    ----------
-    label : CrowdedLabel
-    replies : mapping of str to Reply
-        Of the diagnosis that is examined (`EXAMINED`) and of each control.
-    label_sha256, report_sha256 : str
-        Seals of the label, before the diagnosis, and of the reports, before the label was opened.
+    `replies`: of the diagnosis that is examined (`EXAMINED`) and of each control.
+    `label_sha256`, `report_sha256`: seals of the label, before the diagnosis, and of the reports, before the
+        label was opened.
     """
 
     label: CrowdedLabel

@@ -42,21 +42,11 @@ def draw_truth(
 ) -> Truth:
     """Return an effect drawn at random: its component, form and parameters.
 
-    Parameters
-    ----------
-    rng : Generator
-    robot : Robot
-        As the model has it.
-    effect : str
-    size : float or None
-        From 0, hardly to be seen, to 1, the largest realistic one; drawn evenly by default.
-    component, form : str or None
-        Given instead of drawn.
+    `robot`: as the model has it.
+    `size`: from 0, hardly to be seen, to 1, the largest realistic one; drawn evenly by default.
+    `component`, `form`: given instead of drawn.
 
-    Raises
-    ------
-    BeamstiffError
-        When the effect is unknown, or cannot sit on this robot or at this component.
+    Raises BeamstiffError when the effect is unknown, or cannot sit on this robot or at this component.
     """
     known = _known(effect)
     possible = list(known.places(robot))

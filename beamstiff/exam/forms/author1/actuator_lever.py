@@ -43,12 +43,13 @@ def draw(request: DrawRequest) -> dict[str, float]:
         low, high = CLEAR + reach, np.pi - CLEAR - reach
         if low >= high:
             continue
-        for start in np.linspace(low, high, 41):
-            arms = _arm(start + np.linspace(-reach, reach, 31), crank, frame) ** 2
-            miss = abs(np.log(arms.max() / arms.min() / swing))
-            if best is None or miss < best[0]:
-                best = (miss, float(start), float(gear))
-        if gear == 1.0 and best is not None and best[0] < NEAR:
+        starts = np.linspace(low, high, 41)
+        arms = _arm(starts[:, None] + np.linspace(-reach, reach, 31), crank, frame) ** 2
+        miss = np.abs(np.log(arms.max(axis=1) / arms.min(axis=1) / swing))
+        at = int(miss.argmin())
+        if best is None or miss[at] < best[0]:
+            best = (float(miss[at]), float(starts[at]), float(gear))
+        if gear == 1.0 and best[0] < NEAR:
             break  # a rod on the joint itself
     assert best is not None
     return {"crank": crank, "frame": frame, "start": best[1], "gear": best[2], "way": way, "middle": middle}

@@ -8,7 +8,7 @@ import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, at_joints, drives, turns
-from beamstiff.exam.laws import Law, Memory, Situation
+from beamstiff.exam.laws import Friction, Law, Memory, Remembering, Situation
 from beamstiff.exam.reality import Reality
 
 LOST = (3e-5, 5e-4)  # rad: friction torque over stiffness; m / 10 for slides
@@ -33,20 +33,18 @@ def impose(truth: Truth, reality: Reality) -> Reality:
     def law(k: float) -> Law:
         if truth.form == "iwan":
             return Iwan(k, k * p["friction"], p["sliding"])
-        return BoucWen(k, k * p["friction"], p["sliding"], p["arrived"])
+        return BoucWen(k, k * p["friction"], p["arrived"], p["sliding"])
 
     return at_joints(truth, reality, law)
 
 
 @dataclass(frozen=True)
-class Iwan:
+class Iwan(Remembering):
     """Sliders beside a spring, each with a spring of its own, that slip at evenly spaced strains."""
 
     stiffness: float
     friction: float
     sliding: float
-    remembers = True
-    changes = False
 
     def start(self, situation: Situation) -> Memory:
         """Return strain and sliders at rest."""
@@ -67,38 +65,22 @@ class Iwan:
 
 
 @dataclass(frozen=True)
-class BoucWen:
+class BoucWen(Friction):
     """Bouc and Wen's friction with exponent 1, integrated in closed form along each step.
 
     ``dz = (1 - (1 + sign(de z))/2 |z|) de / e_slip``: linear while unloading, exponential while loading.
     """
 
-    stiffness: float
-    friction: float
     sliding: float
-    arrived: float
-    remembers = True
-    changes = False
 
-    def start(self, situation: Situation) -> Memory:
-        """Return strain and friction (as a share of the most) after the move to the pose."""
-        poses = len(situation.time)
-        return np.zeros(poses), np.full(poses, self.arrived)
-
-    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:  # noqa: ARG002
-        """Return force, tangent and the friction after."""
-        before, held = memory
+    def run(self, state: Array, way: Array) -> tuple[Array, Array]:
+        """Return the state and its slope after a way."""
         slip = self.friction * (1.0 - self.sliding) / (self.stiffness * self.sliding)
-        way = np.where(strain >= before, 1.0, -1.0)
-        go, y = np.abs(strain - before) / slip, way * held
-        back = np.minimum(y, 0.0)
+        go, back = way / slip, np.minimum(state, 0.0)
         left = np.maximum(go + back, 0.0)  # of the way, after what was held has been given back
-        loading = 1.0 - (1.0 - np.maximum(y, 0.0)) * np.exp(-left)
+        loading = 1.0 - (1.0 - np.maximum(state, 0.0)) * np.exp(-left)
         unloading = go < -back
-        now = way * np.where(unloading, y + go, loading)
-        slope = np.where(unloading, 1.0, 1.0 - loading)
-        force = self.stiffness * strain + self.friction * now
-        return force, self.stiffness + self.friction / slip * slope, (strain, now)
+        return np.where(unloading, state + go, loading), np.where(unloading, 1.0, 1.0 - loading) / slip
 
 
 EFFECT = Effect("hysteresis", ("iwan", "bouc-wen"), drives, draw, impose)

@@ -9,7 +9,7 @@ import numpy as np
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, at_joints, drives
 from beamstiff.exam.forms.author1 import hysteresis
-from beamstiff.exam.laws import Memory, Situation
+from beamstiff.exam.laws import Friction, Memory, Remembering, Situation
 from beamstiff.exam.reality import Reality
 
 SLIDERS = 5
@@ -27,7 +27,7 @@ def _draw(request: DrawRequest) -> dict[str, float]:
 def _impose(truth: Truth, reality: Reality) -> Reality:
     p = truth.parameters
     if truth.form == "dahl":
-        return at_joints(truth, reality, lambda k: Dahl(k, k * p["friction"], p["sliding"], p["arrived"]))
+        return at_joints(truth, reality, lambda k: Dahl(k, k * p["friction"], p["arrived"], p["sliding"]))
     return at_joints(
         truth,
         reality,
@@ -36,38 +36,24 @@ def _impose(truth: Truth, reality: Reality) -> Reality:
 
 
 @dataclass(frozen=True)
-class Dahl:
+class Dahl(Friction):
     """Dahl's friction with exponent 2, integrated in closed form along each step.
 
     ``dz/de = (1 - z sign(de))^2 / e_slip``, beside a spring (P. R. Dahl, A solid friction model, 1968).
     """
 
-    stiffness: float
-    friction: float
     sliding: float
-    arrived: float
-    remembers = True
-    changes = False
 
-    def start(self, situation: Situation) -> Memory:
-        """Return strain and friction (as a share of the most) after the move to the pose."""
-        poses = len(situation.time)
-        return np.zeros(poses), np.full(poses, self.arrived)
-
-    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:  # noqa: ARG002
-        """Return force, tangent and the friction after."""
-        before, held = memory
+    def run(self, state: Array, way: Array) -> tuple[Array, Array]:
+        """Return the state and its slope after a way."""
         slip = self.friction * (1.0 - self.sliding) / (self.stiffness * self.sliding)
-        way = np.where(strain >= before, 1.0, -1.0)
-        short = 1.0 - way * held  # of sliding freely
-        short = short / (1.0 + short * np.abs(strain - before) / slip)
-        now = way * (1.0 - short)
-        force = self.stiffness * strain + self.friction * now
-        return force, self.stiffness + self.friction / slip * short**2, (strain, now)
+        short = 1.0 - state  # of sliding freely
+        short = short / (1.0 + short * way / slip)
+        return 1.0 - short, short**2 / slip
 
 
 @dataclass(frozen=True)
-class MaxwellSlip:
+class MaxwellSlip(Remembering):
     """A few sliders beside a spring, each behind a spring of its own, whose yield strains grow by a ratio.
 
     The generalised Maxwell slip's elements without its sliding dynamics (Al-Bender, Lampaert and Swevers,
@@ -80,8 +66,6 @@ class MaxwellSlip:
     ratio: float
     fall: float
     arrived: float
-    remembers = True
-    changes = False
 
     def start(self, situation: Situation) -> Memory:
         """Return strain and the sliders' forces after the move to the pose."""

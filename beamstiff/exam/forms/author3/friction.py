@@ -8,7 +8,7 @@ import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, at_joints, drives, turns
-from beamstiff.exam.laws import Memory, Situation
+from beamstiff.exam.laws import Friction, Memory, Remembering, Situation
 from beamstiff.exam.reality import Reality
 
 RUBBING = (0.04, 0.45)  # friction over the torque that passes: from a good gear to a worm
@@ -45,31 +45,21 @@ def _impose(truth: Truth, reality: Reality) -> Reality:
     p = truth.parameters
     if truth.form == "teeth":
         return at_joints(
-            truth, reality, lambda k: Teeth(k, p["rubbing"], k * p["seals"], p["slip"], p["arrived"])
+            truth, reality, lambda k: Teeth(k, k * p["seals"], p["arrived"], p["rubbing"], p["slip"])
         )
     return at_joints(truth, reality, lambda k: Clamped(k, k / p["softer"], k * p["breaks"], p["arrived"]))
 
 
 @dataclass(frozen=True)
-class Teeth:
+class Teeth(Friction):
     """A spring with friction that is a share of its force, and some more, and turns round over a way.
 
     The friction's state runs to the way of motion exponentially, as Dahl's with exponent 1. The way is longer
     where the teeth were pressed harder, as slip of contacts after Mindlin is.
     """
 
-    stiffness: float
     rubbing: float
-    seals: float
     slip: float
-    arrived: float
-    remembers = True
-    changes = False
-
-    def start(self, situation: Situation) -> Memory:
-        """Return strain and friction (as a share of the most) after the move to the pose."""
-        poses = len(situation.time)
-        return np.zeros(poses), np.full(poses, self.arrived)
 
     def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:  # noqa: ARG002
         """Return force, tangent and the friction after."""
@@ -79,22 +69,20 @@ class Teeth:
         short = (way - held) * np.exp(-np.abs(strain - before) / slip)
         now = way - short
         size = np.hypot(strain, self.slip)
-        most = self.seals + self.rubbing * self.stiffness * size
+        most = self.friction + self.rubbing * self.stiffness * size
         growing = self.rubbing * self.stiffness * strain / size
         force = self.stiffness * strain + most * now
         return force, self.stiffness + growing * now + most * np.abs(short) / slip, (strain, now)
 
 
 @dataclass(frozen=True)
-class Clamped:
+class Clamped(Remembering):
     """A spring behind a slider, beside which a second spring holds what has slipped."""
 
     stiffness: float
     key: float
     breaks: float
     arrived: float
-    remembers = True
-    changes = False
 
     def start(self, situation: Situation) -> Memory:
         """Return what has slipped, and the slider's force there, after the move to the pose."""

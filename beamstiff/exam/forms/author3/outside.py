@@ -8,7 +8,7 @@ import numpy as np
 
 from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, nowhere, slender
-from beamstiff.exam.laws import Memory, Situation
+from beamstiff.exam.laws import Friction
 from beamstiff.exam.pedestal import UP, behind_flange, sprung
 from beamstiff.exam.placing import Placed
 from beamstiff.exam.reality import Reality, places_of
@@ -18,29 +18,14 @@ STUCK = 4.0  # of the stiffness once it slips: that before
 
 
 @dataclass(frozen=True)
-class Slipping:
+class Slipping(Friction):
     """A spring with a grip beside it that gives way over a short way, and turns round over the same."""
 
-    stiffness: float
-    grip: float
-    arrived: float
-    remembers = True
-    changes = False
-
-    def start(self, situation: Situation) -> Memory:
-        """Return strain and the grip's force, as a share of the most, after the move to the pose."""
-        poses = len(situation.time)
-        return np.zeros(poses), np.full(poses, self.arrived)
-
-    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:  # noqa: ARG002
-        """Return force, tangent and the grip after."""
-        before, held = memory
-        slip = self.grip / (STUCK * self.stiffness)
-        way = np.where(strain >= before, 1.0, -1.0)
-        short = (way - held) * np.exp(-np.abs(strain - before) / slip)
-        now = way - short
-        slope = self.stiffness * (1.0 + STUCK * np.abs(short))
-        return self.stiffness * strain + self.grip * now, slope, (strain, now)
+    def run(self, state: Array, way: Array) -> tuple[Array, Array]:
+        """Return the state and its slope after a way."""
+        slip = self.friction / (STUCK * self.stiffness)
+        short = (1.0 - state) * np.exp(-way / slip)
+        return 1.0 - short, np.abs(short) / slip
 
 
 def _draw_slipping(request: DrawRequest) -> dict[str, float]:

@@ -24,10 +24,7 @@ FURTHEST = 0.9  # share of half a band's length that a strand can lose to the ot
 class Posed(Forgetful):
     """A spring whose force curve changes with the pose.
 
-    Attributes
-    ----------
-    curve : callable
-        Force and its slope, (P,) each, from the strain (P,) and the situation.
+    `curve`: force and its slope, (P,) each, from the strain (P,) and the situation.
     """
 
     curve: Callable[[Array, Situation], Curved]
