@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
-from beamstiff.diagnosis.decomposition.prior import TEMPERING, expected
+from beamstiff.diagnosis.decomposition.prior import EXPECTED, SELDOM, TEMPERING
 from beamstiff.diagnosis.effects import EFFECTS, Shape
 from beamstiff.diagnosis.effects.torque_laws import turning_drives
 from beamstiff.diagnosis.inference.library import key_of
@@ -112,9 +112,8 @@ def forms_of(
     for effect in EFFECTS.values():
         if effect.name in skipped or effect.name not in effects:
             continue
-        components = effect.components(baseline)
-        likely = expected(effect.name, max(len(components), 1))
-        for component in components:
+        likely = EXPECTED.get(effect.name, SELDOM)
+        for component in effect.components(baseline):
             # a calibration that moves an axis puts brackets between its parts, which no machine has
             if key_of(effect.name, component) in skipped or component in absent:
                 continue

@@ -1,8 +1,8 @@
 """How likely each cause is before the data: counts of what real robots showed.
 
-`EXPECTED` is how many places of a machine have an effect above its noise, as counted on measurements of nine
-robots (`docs/diagnosis.md`): drives and gears come first, the direction of approach and the target next;
-links, bearings, base and couplings seldom. Each place of an effect has an equal part of it.
+`EXPECTED` is how often a place of a machine (a joint, a link, the tool) has an effect above its noise, as
+counted on measurements of nine robots of some six joints (`docs/diagnosis.md`): drives and gears come first,
+the direction of approach and the target next; links, bearings, base and couplings seldom.
 """
 
 from __future__ import annotations
@@ -10,30 +10,23 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 EXPECTED: Mapping[str, float] = {
-    "joint-compliance": 1.0,
-    "angle-curve": 1.0,
-    "approach-direction": 0.5,
-    "backlash": 0.3,
-    "hardening": 0.3,
-    "hysteresis": 0.3,
-    "target-slip": 0.3,
+    "joint-compliance": 0.15,
+    "angle-curve": 0.15,
+    "approach-direction": 0.08,
+    "backlash": 0.05,
+    "hardening": 0.05,
+    "hysteresis": 0.05,
+    "target-slip": 0.1,
     "thermal-drift": 0.2,
     "payload-error": 0.2,
+    "tool-compliance": 0.1,
+    "base-compliance": 0.1,
+    "load-error": 0.1,
+    "joint-coupling": 0.007,  # once in 15 pairs of joints and ten machines
 }
-SELDOM = 0.1  # expected of any other effect: once at most on the nine robots
+SELDOM = 0.015  # at a joint or link, of any other effect: once in six places and ten machines
 
 # The criterion takes the forms for exact. Forms of other authors leave a part of what they should explain, so
 # that a difference of BIC says less than it seems: a quarter, the order of what was found for single causes
 # (log odds by 1 + E / 60 at E of some hundred).
 TEMPERING = 4.0
-
-
-def expected(effect: str, places: int) -> float:
-    """Return how many causes are expected at one of the places of an effect.
-
-    Examples
-    --------
-    >>> round(expected("angle-curve", 6), 2)  # one joint in six
-    0.17
-    """
-    return EXPECTED.get(effect, SELDOM) / places
