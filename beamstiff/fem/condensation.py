@@ -83,23 +83,11 @@ def condense(
     chunk: int = CHUNK,
     dead: bool = True,
 ) -> Condensed:
-    """Condense a structure to its ports and observed nodes at every pose.
+    """Condense a structure to ports and observed nodes (six components each) at every pose.
 
     Many poses that follow from joint values go by the program of the structure (`condensation_program`), as
-    far as that is sure of its answer; all else goes by matrices.
-
-    Parameters
-    ----------
-    posture : Posture
-        P poses with closed loops.
-    observed : sequence of str
-        Names of nodes; six components each, in this order.
-    ports : sequence of Port
-        Directions whose stiffness is left open (their present values are not used).
-    chunk : int
-        How many poses at a time.
-    dead : bool
-        Whether what the dead weight does is wanted; without it those parts may be zero.
+    far as that is sure of its answer; all else goes by matrices, `chunk` poses at a time. The present
+    stiffness of the ports is not used. Without `dead` the parts of the dead weight may be zero.
     """
     condensed = _condensed(structure, posture, observed, ports, chunk, dead)
     return _behind_rods(structure, posture, ports, condensed)
@@ -311,16 +299,9 @@ def _sure_of_ports(
 ) -> NDArray[np.bool_]:
     """Return at which poses (P,) the stiffness at the ports is known, and make zero of what is rounding.
 
-    Parameters
-    ----------
-    port_stiffness : (P, p, p) array
-        Changed where nothing but its own spring holds a port: it may be set free later.
-    size : (P, p) array
-        How large what meets at the ports is.
-    firm : (P,) bool array
-        Poses whose answer is known otherwise.
-    exact : callable
-        The same at a pose, beyond doubt.
+    `port_stiffness` (P, p, p) is changed where nothing but its own spring holds a port: it may be set free
+    later. `size` (P, p) is how large what meets at the ports is, `firm` (P,) says where the answer is known
+    otherwise, and `exact` gives the stiffness at a pose beyond doubt.
     """
     own = np.abs(np.diagonal(port_stiffness, axis1=1, axis2=2))
     faint = (own < FAINT * size) & (port_stiffness != 0.0).any(axis=2) & firm[:, None]

@@ -78,20 +78,10 @@ class CondensationProgram:
 def condensation_program(
     structure: Structure, observed: tuple[int, ...], ports: tuple[int, ...], dead: bool
 ) -> CondensationProgram | None:
-    """Return the program of a structure, or None where only the general way will do.
+    """Return the program of a structure for observed nodes and ports (unknowns), their springs left out.
 
-    That is so with loops of rigid parts, with large structures, and where something is wrong at all poses.
-
-    Parameters
-    ----------
-    structure : Structure
-        With the springs of its ports still in place.
-    observed : tuple of int
-        Nodes.
-    ports : tuple of int
-        Unknowns that are ports; their springs are left out.
-    dead : bool
-        Whether the dead weight is wanted.
+    None where only the general way will do: with loops of rigid parts, with large structures, and where
+    something is wrong at all poses. `dead` says whether the dead weight is wanted.
     """
     if has_constraints(structure) or not 0 < structure.unknowns.count <= MOST_UNKNOWNS:
         return None

@@ -46,10 +46,7 @@ def elimination_order(matrix: Symmetric, rest: Collection[int]) -> tuple[list[in
 def eliminate(matrix: Symmetric, order: list[int]) -> tuple[Symmetric, dict[int, Value]]:
     """Return what is left of a matrix after eliminating rows, and the pivots: ``A_kk - A_kr A_rr^-1 A_rk``.
 
-    Raises
-    ------
-    ZeroDivisionError
-        When a pivot is the number zero.
+    Raises ZeroDivisionError when a pivot is the number zero.
     """
     left, meets = dict(matrix), neighbours(matrix)
     pivots: dict[int, Value] = {}

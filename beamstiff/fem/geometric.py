@@ -50,21 +50,10 @@ MOST_ENTRIES = 20_000_000  # of the nodes' initial stress matrices, at a time
 def loaded_compliance(
     structure: Structure, posture: Posture, loads: Array, gravity: bool = False, chunk: int = CHUNK
 ) -> Array:
-    """Return the compliance at the TCP of the loaded machine, for a small wrench on top of the loads.
+    """Return the compliance at the TCP of the loaded machine, (P, 6, 6), base frame.
 
-    Parameters
-    ----------
-    posture : Posture
-        P poses with closed loops.
-    loads : (P, N, 6) array, N and N m
-        Wrench ``[f, m]`` on every node, base frame (`response.nodal_loads` makes it).
-    gravity : bool
-        Add the dead weight.
-
-    Returns
-    -------
-    (P, 6, 6) array
-        ``[d, r] = C [f, m]``, base frame; not symmetric when moments are among the loads (seed 000, eq. 10).
+    For a small wrench on top of nodal loads (P, N, 6), and of the dead weight where `gravity` says so; not
+    symmetric when moments are among the loads (seed 000, eq. 10).
     """
     tcp, parts = structure.kinematics.node_index[structure.robot.tcp], []
     for geometry, some in _chunks(structure, posture, loads, chunk):
@@ -78,20 +67,10 @@ def loaded_compliance(
 def loaded_displacement(
     structure: Structure, posture: Posture, loads: Array, gravity: bool = False, chunk: int = CHUNK
 ) -> Array:
-    """Return the displacement of all nodes under loads that also stiffen or soften: ``K_t z = f``.
+    """Return the displacement of all nodes (P, N, 6) under loads that also stiffen or soften: ``K_t z = f``.
 
-    The posture is that of the machine without any load. With rigid links this is the equilibrium to second
-    order in the loads, but for the curved ways of the nodes: displacements are those of the tangents.
-
-    Parameters
-    ----------
-    structure, posture, loads, gravity
-        As of `loaded_compliance`.
-
-    Returns
-    -------
-    (P, N, 6) array
-        ``[d, r]`` of every node, base frame, m and rad.
+    Arguments as of `loaded_compliance`. The posture is that of the machine without any load. With rigid links
+    this is the equilibrium to second order in the loads, but for the curved ways of the nodes.
     """
     parts = []
     for geometry, some in _chunks(structure, posture, loads, chunk):
@@ -138,14 +117,9 @@ def loaded_stiffness(compliance: Array, robot: str = "robot") -> Array:
 def load_stiffness(
     structure: Structure, geometry: Geometry, loads: Array, gravity: bool = False
 ) -> tuple[Array, Array]:
-    """Return what loads add to the stiffness (P, n, n) in the unknowns, and the tension of beams (P, B).
+    """Return what nodal loads (P, N, 6) and, by `gravity`, the dead weight add to the stiffness (P, n, n).
 
-    Parameters
-    ----------
-    loads : (P, N, 6) array
-        Wrench ``[f, m]`` on every node, base frame.
-    gravity : bool
-        Add the dead weight.
+    And the tension of the beams (P, B), N.
     """
     total = loads + gravity_wrenches(structure, geometry) if gravity else loads
     unknowns, forces, _ = solve_elements(structure, geometry, scatter(structure, geometry, total))

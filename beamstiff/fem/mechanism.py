@@ -41,24 +41,11 @@ def unstable_pose(matrix: Array) -> tuple[int, Array] | None:
 def solve_firm(
     matrix: Array, right: Array, size: Array, symmetric: bool = True
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Return the solutions of ``K x = b``, and at which poses K is too firm for rounding to show in them.
+    """Return the solutions (P, n, c) of ``K x = b``, and where (P,) K is too firm for rounding to show.
 
-    Parameters
-    ----------
-    matrix : (P, n, n) array
-        Stiffness.
-    right : (P, n, c) array
-    size : (P, n) array
-        How large what went into the diagonal is (`assembly.assemble`), so that what rounding left of it does
-        not pass for stiffness.
-    symmetric : bool
-        Whether K is symmetric; else its symmetric part decides.
-
-    Returns
-    -------
-    solution : (P, n, c) array
-        Zero where K is not firm.
-    firm : (P,) bool array
+    They are zero elsewhere. `size` (P, n) is how large what went into the diagonal is (`assembly.assemble`),
+    so that what rounding left of it does not pass for stiffness. Unless K is symmetric, its symmetric part
+    decides.
     """
     return _solve(matrix, right, np.maximum(size, np.diagonal(matrix, axis1=-2, axis2=-1)), symmetric, FIRM)
 
@@ -66,22 +53,10 @@ def solve_firm(
 def solve_stable(
     matrix: Array, right: Array, softest: float = SOFTEST
 ) -> tuple[Array, tuple[int, Array] | None]:
-    """Return the solutions of ``K x = b``, if K is positive definite at all poses.
+    """Return the solutions (P, n, c) of ``K x = b`` for symmetric K, and where it is not positive definite.
 
-    Parameters
-    ----------
-    matrix : (P, n, n) array
-        Symmetric.
-    right : (P, n, c) array
-    softest : float
-        The scaled stiffness below which a motion counts as free.
-
-    Returns
-    -------
-    solution : (P, n, c) array
-        Not to be used if there is an unstable pose.
-    unstable : None or (pose, motion)
-        The first pose whose stiffness is not positive definite, and its softest motion (n,).
+    The latter is the first such pose with its softest motion (n,), or None; the solutions then mean nothing.
+    `softest` is the scaled stiffness below which a motion counts as free.
     """
     solution, firm = _solve(matrix, right, np.diagonal(matrix, axis1=-2, axis2=-1), True, softest)
     if firm.all():
@@ -142,16 +117,9 @@ def scaled_condition(matrix: Array) -> Array:
 def mechanism_error(
     structure: Structure, geometry: Geometry, pose: int, motion: Array, what: str = MECHANISM
 ) -> BeamstiffError:
-    """Return the error that names a free motion: the nodes that move, how, and the joints that give way.
+    """Return the error that names a free motion (n,): the nodes that move, how, and the joints that give way.
 
-    Parameters
-    ----------
-    pose : int
-        Pose within `geometry`.
-    motion : (n,) array
-        The motion as unknowns.
-    what : str
-        What is wrong with the robot.
+    `pose` counts within the geometry, `what` says what is wrong with the robot.
     """
     robot = structure.robot
     everywhere = np.zeros((geometry.terms.shape[0], structure.unknowns.count))

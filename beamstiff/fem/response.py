@@ -71,16 +71,9 @@ def nodal_loads(structure: Structure, poses: int, wrenches: dict[str, Array]) ->
 
 
 def respond(structure: Structure, posture: Posture, loads: Array, gravity: bool = False) -> Response:
-    """Solve for the displacement of every node under nodal wrenches.
+    """Solve for the displacement of every node under nodal wrenches (P, N, 6), base frame, at P poses.
 
-    Parameters
-    ----------
-    posture : Posture
-        P poses with closed loops.
-    loads : (P, N, 6) array
-        Wrench ``[f, m]`` on every node, base frame.
-    gravity : bool
-        Add the dead weight.
+    With `gravity` the dead weight is added.
     """
     geometry = place(structure, posture)
     check_moments(structure, loads)
@@ -133,23 +126,11 @@ def solve_elements(structure: Structure, geometry: Geometry, force: Array) -> tu
 def solve_constrained(
     structure: Structure, geometry: Geometry, force: Array, by_load: Array | None = None, works: bool = False
 ) -> tuple[Array, dict[int, Array]]:
-    """Return the unknowns of ``K z = force`` under the constraints of rigid loops.
+    """Return the unknowns (P, n, c) of ``K z = force`` under the constraints of rigid loops.
 
-    Poses at which rounding could show go by `strain_factor`.
-
-    Parameters
-    ----------
-    force : (P, n, c) array
-    by_load : (P, n, n) array, optional
-        What loads add to the stiffness; not symmetric where moments act.
-    works : bool
-        Whether the forces are those of a compliance, of which the works on one another are asked.
-
-    Returns
-    -------
-    solution : (P, n, c) array
-    strains : dict of (m, c) arrays
-        Of the poses that went by the factor of the strains.
+    And, of the poses at which rounding could show, the strains (m, c) of `strain_factor`, by which these go.
+    `by_load` (P, n, n) is what loads add to the stiffness, not symmetric where moments act; `works` says that
+    the forces are those of a compliance, of which the works on one another are asked.
     """
     stiffness, size = assemble(structure, geometry)
     if by_load is not None:

@@ -24,13 +24,9 @@ AXES = ("x", "y", "z")
 class Cubes:
     """Cubes of one size side by side, numbered with the last axis fastest.
 
-    Examples
-    --------
     >>> two = Cubes(np.array([1.0, -0.6, 1.0]), 0.6, (1, 2, 1))
-    >>> two.inside([[1.2, -0.1, 1.1], [1.2, 0.0, 1.1], [0.0, 0.0, 0.0]])
-    array([[ True, False],
-           [ True,  True],
-           [False, False]])
+    >>> two.inside([[1.2, -0.1, 1.1], [1.2, 0.0, 1.1], [0.0, 0.0, 0.0]]).tolist()
+    [[True, False], [True, True], [False, False]]
     """
 
     low: Array  # (3,), m: least corner, base frame
@@ -73,12 +69,8 @@ class Cubes:
     def weights(self, positions: ArrayLike, interpolate: bool) -> Array:
         """Return the share of every cube at positions (N, 3), (N, C); a row sums to one, or to zero outside.
 
-        Parameters
-        ----------
-        positions : (N, 3) array, m
-        interpolate : bool
-            Between the centres of neighbouring cubes, linearly along each axis; else the cube itself (the
-            mean of both on a face).
+        Between the centres of neighbouring cubes linearly along each axis, if `interpolate`; else the cube
+        itself (the mean of both on a face).
         """
         at = finite(positions, "positions", -1, 3)
         inside = self.inside(at).astype(np.float64)

@@ -66,13 +66,9 @@ class PortModel:
     lever: Array
 
     def predict(self, stiffness: Array) -> Array:
-        """Return the displacement ``[d, r]`` of every row, (..., N, 6), base frame.
+        """Return the displacement ``[d, r]`` of every row, (..., N, 6), base frame, for values (..., m).
 
-        Parameters
-        ----------
-        stiffness : (..., m) array
-            Values of `parameters`, N/m, N m/rad or Pa; zero is free. Several candidates at once along the
-            leading axes.
+        Of `parameters`, N/m, N m/rad or Pa; zero is free. Several candidates at once along the leading axes.
         """
         if (compliance := self._in_series(stiffness)) is not None:
             shares = self.by_compliance
@@ -90,13 +86,8 @@ class PortModel:
     def derivatives(self, stiffness: Array, by: Parametrisation = "stiffness") -> tuple[Array, Array]:
         """Return predictions (N, 6) and their derivatives (N, 6, m) at stiffness values (m,).
 
-        Parameters
-        ----------
-        stiffness : (m,) array
-            Values of `parameters`, N/m, N m/rad or Pa.
-        by : "stiffness", "log" or "compliance"
-            What the derivatives are by: the values k, their logarithms, or their inverses ``c = 1/k``;
-            ``dd/dlog k = k dd/dk``, ``dd/dc = -k^2 dd/dk``.
+        By the values k, their logarithms, or their inverses ``c = 1/k``; ``dd/dlog k = k dd/dk``, ``dd/dc =
+        -k^2 dd/dk``.
         """
         if by not in PARAMETRISATIONS:
             raise BeamstiffError(
@@ -319,16 +310,10 @@ def reduce_to_ports(
     parameters: Sequence[str] | None = None,
     gravity: bool | None = None,
 ) -> PortModel:
-    """Reduce a robot to the ports of `parameters` for the rows of a measurement table.
+    """Reduce a robot to the ports of `parameters` (default ``robot.identify``) for the rows of a table.
 
-    Parameters
-    ----------
-    measurements : Measurements
-        N rows: joint values, wrench, measured point and point of load.
-    parameters : sequence of str, optional
-        Stiffness values to leave open; default ``robot.identify``.
-    gravity : bool, optional
-        Add the dead weight; default: for absolute positions, not for displacements (loaded minus unloaded).
+    `gravity` adds the dead weight; by default for absolute positions, not for displacements (loaded minus
+    unloaded).
     """
     names = tuple(parameters if parameters is not None else robot.identify)
     if not names:

@@ -19,14 +19,9 @@ from beamstiff.se3 import Array
 
 
 def displaced(model: PortModel, compliance: Array) -> Array:
-    """Return the displacement ``[d, r]`` of every row, (N, 6), base frame.
+    """Return the displacement ``[d, r]`` of every row (N, 6), base frame, for positive compliances (N, m).
 
-    Parameters
-    ----------
-    model : PortModel
-        N rows, m parameters.
-    compliance : (N, m) array
-        Of the springs, one over stiffness, positive; equal in rows of one pose.
+    Compliances are equal in rows of one pose.
     """
     if model.by_compliance is not None:
         return model.clamped + (model.by_compliance @ compliance[..., None])[..., 0]

@@ -29,14 +29,7 @@ Entries = NDArray[Any]  # of expressions and numbers
 
 
 def close_at_once(system: LoopSystem, assembly: Assembly, start: Array) -> tuple[Array, Mask]:
-    """Return postures (P, A + Q) some Newton steps from where they start, and where they are closed, (P,).
-
-    Parameters
-    ----------
-    assembly : Assembly
-        Whose branch it is to be.
-    start : (P, A + Q) array
-    """
+    """Return postures (P, A + Q) some Newton steps from their start, and which close in the branch (P,)."""
     program = closing_program(system, assembly)
     if program is None:
         return start.copy(), np.zeros(len(start), dtype=np.bool_)

@@ -37,14 +37,9 @@ class Closure(NamedTuple):
 
 
 def close_loops(kinematics: Kinematics, q: Array, strict: bool = True) -> Closure:
-    """Return all variables at the given poses, with the passive ones such that every loop closes.
+    """Return all variables at the actuated ones (P, A), with the passive ones such that every loop closes.
 
-    Parameters
-    ----------
-    q : (P, A) array, rad or m
-        Actuated variables.
-    strict : bool
-        Whether a pose that cannot close is an error (default) or a reason.
+    A pose that cannot close is an error, or where not `strict` a reason.
     """
     joined, poses = kinematics.coupling, len(q)
     passive = len(joined.free) - joined.actuated
@@ -72,17 +67,9 @@ def close_loops(kinematics: Kinematics, q: Array, strict: bool = True) -> Closur
 
 
 def closure_rates(kinematics: Kinematics, values: Array, transforms: Array) -> Array:
-    """Return how the passive variables follow the actuated ones: ``-pinv(J_p) J_a``.
+    """Return how the passive variables follow the actuated ones, (P, Q, A): ``-pinv(J_p) J_a``.
 
-    Parameters
-    ----------
-    values : (P, V) array
-        With the loops closed.
-    transforms : (P, F + 1, 4, 4) array
-
-    Returns
-    -------
-    (P, Q, A) array
+    At values (P, V) with the loops closed, and the transforms (P, F + 1, 4, 4) there.
     """
     joined = kinematics.coupling
     if not kinematics.loops or not len(values):
@@ -112,15 +99,10 @@ def closure_rates(kinematics: Kinematics, values: Array, transforms: Array) -> A
 
 
 def assembled(kinematics: Kinematics) -> Kinematics:
-    """Return the kinematics with the assembly that the robot names, or that its guesses mean.
+    """Return the kinematics with the assembly that the robot names or its guesses mean, if any loop closes.
 
-    Without one where no loop closes.
-
-    Raises
-    ------
-    BeamstiffError
-        When no loop determines a passive variable, no assembly has the name, or two are equally near to the
-        guesses.
+    An error where no loop determines a passive variable, no assembly has the name, or two are equally near to
+    the guesses.
     """
     system, start, name = loop_system(kinematics), declared_start(kinematics), kinematics.robot.assembly
     _check_determined(system, start)

@@ -58,12 +58,7 @@ class Table:
 
 
 def robot_to_table(robot: Robot, convention: str) -> Table:
-    """Return the chain from the base to the TCP as a table of frames in CSV, deg and mm.
-
-    Parameters
-    ----------
-    convention : "classic", "modified" or "khalil-kleinfinger"
-    """
+    """Return the chain from the base to the TCP as a table of frames in CSV, deg and mm (`CONVENTIONS`)."""
     convention = known_convention(convention, "convention")
     rows = _chain(robot)
     rows = [part for row in rows for part in _plain(row)]

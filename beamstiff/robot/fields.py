@@ -23,10 +23,7 @@ Problem = tuple[tuple[str | int, ...], str]
 class DescriptionError(BeamstiffError):
     """A description that cannot be used: where in it, and why; the first problem makes the message.
 
-    Attributes
-    ----------
-    problems : list of (path, message)
-        ``path`` holds the keys and list positions from the described object down to the fault.
+    The path of a problem holds the keys and list positions from the described object down to the fault.
     """
 
     def __init__(self, problems: list[Problem]) -> None:

@@ -85,17 +85,10 @@ def compile_kinematics(robot: Robot) -> Kinematics:
 
 
 def actuated_values(robot: Robot, q: Mapping[str, ArrayLike] | ArrayLike) -> Array:
-    """Return values of the actuated variables as a table, one row a pose.
+    """Return values of the actuated variables as a table (P, A), one row a pose; rad or m.
 
-    Parameters
-    ----------
-    q : mapping or array
-        By name, each a number or P of them (variables not named are 0); or an array (A,) or (P, A) in the
-        order of ``robot.actuated``. rad or m.
-
-    Returns
-    -------
-    (P, A) array
+    By name, each a number or P of them (variables not named are 0), or as an array (A,) or (P, A) in the
+    order of ``robot.actuated``.
     """
     names = [variable.name for variable in robot.actuated]
     if isinstance(q, Mapping):
@@ -187,15 +180,10 @@ def posture_at(kinematics: Kinematics, values: Array) -> Posture:
 
 
 def twist_jacobian(kinematics: Kinematics, posture: Posture, node: str) -> Array:
-    """Return the Jacobian of a node's twist with respect to the actuated variables, passive ones eliminated.
+    """Return the Jacobian ``[v; w]`` of a node, base frame, by the actuated variables, (P, 6, A).
 
     ``J = T_a - T_p J_p^+ J_a``, with T the twists for unit rates of the actuated and passive variables and J
     the derivatives of the loops' gaps.
-
-    Returns
-    -------
-    (P, 6, A) array
-        ``[v; w]`` at the node in the base frame, per rad (or m) of each of ``robot.actuated``.
     """
     at = node_at(kinematics, node)
     chain = chain_to(kinematics, int(kinematics.node_frame[at]))

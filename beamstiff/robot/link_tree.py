@@ -90,10 +90,7 @@ class LinkTree:
 def robot_data(tree: LinkTree, tcp: str | None = None) -> dict[str, Any]:
     """Return what a robot file would say of links and joints: keyword arguments of `Robot`.
 
-    Parameters
-    ----------
-    tcp : str, optional
-        Link whose origin is the TCP; without it the only link at the end of what moves.
+    `tcp` is the link whose origin is the TCP; without it the only link at the end of what moves.
     """
     root, joints = _ordered(tree)
     variables = variable_names(joints)

@@ -31,18 +31,8 @@ def newton(system: LoopSystem, free: Array, iterations: int = 80) -> tuple[Array
 def _newton(system: LoopSystem, free: Array, iterations: int) -> tuple[Array, Array, Array, Mask]:
     """Move the passive variables until the loops close; steps are limited and halved until they help.
 
-    Parameters
-    ----------
-    free : (P, A + Q) array
-        Where to start.
-
-    Returns
-    -------
-    free : (P, A + Q) array
-    gaps : (P, M) array
-    jacobian : (P, M, Q) array
-        Derivative of the gaps by the passive variables, scaled.
-    closed : (P,) bool array
+    Returns the free variables (P, A + Q), gaps (P, M), their derivative by the passive variables (P, M, Q),
+    scaled, and which poses closed (P,).
     """
     first = system.actuated
     scale = system.scale[first:]

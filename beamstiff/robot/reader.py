@@ -89,13 +89,7 @@ def _collector_paused() -> Iterator[None]:
 
 @_collector_paused()
 def parse_robot(text: str, name: str = "<text>") -> Robot:
-    """Return the robot that a YAML text describes.
-
-    Parameters
-    ----------
-    name : str
-        What messages call the text: its file.
-    """
+    """Return the robot that a YAML text describes; messages call the text by `name`."""
     data, lines = parse_yaml(text, name)
     if not isinstance(data, dict):
         expected = f"keys with values, the first `beamstiff: {VERSION}`"

@@ -39,13 +39,7 @@ REFUSED = ("include", "model")
 
 
 def read_sdf(path: str | os.PathLike[str], *, tcp: str | None = None) -> Robot:
-    """Return the robot of an SDF file.
-
-    Parameters
-    ----------
-    tcp : str, optional
-        Link whose origin is the TCP; by default the only end of the tree.
-    """
+    """Return the robot of an SDF file; `tcp` names a link, by default the only end of the tree."""
     return parse_sdf(read_text(os.fspath(path)), str(path), tcp=tcp)
 
 

@@ -60,20 +60,11 @@ class Lines:
 
 
 def parse_yaml(text: str, name: str = "<text>") -> tuple[Any, Lines]:
-    r"""Return the plain data of a YAML text, and the line of every key.
+    r"""Return the plain data of a YAML text, and the line of every key; messages call the text by `name`.
 
-    Parameters
-    ----------
-    name : str
-        What messages call the text: its file.
-
-    Examples
-    --------
     >>> data, lines = parse_yaml("gravity: [0, 0, -9.81]\nstart: 1:30\nE: 2e11")
-    >>> data
-    {'gravity': [0, 0, -9.81], 'start': '1:30', 'E': 200000000000.0}
-    >>> lines.at(("start",))
-    2
+    >>> data, lines.at(("start",))
+    ({'gravity': [0, 0, -9.81], 'start': '1:30', 'E': 200000000000.0}, 2)
     """
     text = text.removeprefix("\ufeff")
     if len(text) > LARGEST:

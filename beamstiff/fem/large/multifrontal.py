@@ -47,16 +47,9 @@ class Plan:
 
 
 def make_plan(graph: sparse.csr_array, points: Array, last: Index, first: Index) -> Plan:
-    """Return the plan for a graph of nodes with some unknowns each (see `dissect`).
+    """Return the plan for a graph of nodes at points (N, 3), the nodes `last` kept (see `dissect`).
 
-    Parameters
-    ----------
-    graph : (N, N) sparse array
-    points : (N, 3) array
-    last : int array
-        Nodes to keep.
-    first : (N + 1,) int array
-        Node i has the unknowns ``first[i]`` to ``first[i + 1] - 1``.
+    Node i has the unknowns ``first[i]`` to ``first[i + 1] - 1``.
     """
     nodes, small = dissect(graph, points, last)
     sizes = np.diff(first)[nodes]
@@ -115,18 +108,9 @@ class Factor:
 
 
 def factorise(matrix: sparse.csc_array, plan: Plan, keep: bool = True) -> Factor:
-    """Factorise a symmetric positive definite matrix by its plan.
+    """Factorise a symmetric positive definite matrix (n, n); unless `keep`, only `Factor.rest` is left.
 
-    Parameters
-    ----------
-    matrix : (n, n) sparse array
-    keep : bool
-        Keep the factor, for `Factor.solve`; without it only the rest is left.
-
-    Raises
-    ------
-    Softness
-        When a pivot is zero or rounding: a mechanism.
+    Raises `Softness` when a pivot is zero or rounding: a mechanism.
     """
     place = np.empty_like(plan.order)
     place[plan.order] = np.arange(len(plan.order))

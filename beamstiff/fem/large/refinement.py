@@ -38,15 +38,8 @@ def refined(
 ) -> tuple[Array, Quality]:
     """Return the solution (n, c) of a symmetric system, refined as far as it goes, and how good it is.
 
-    Parameters
-    ----------
-    scale : (n,) array
-        Square roots of the diagonal.
-    forces : callable
-        ``K x`` in extended precision.
-    solve : callable
-        ``K^-1 b`` in double precision.
-    right : (n, c) array
+    `scale` (n,) holds the square roots of the diagonal, `forces` gives ``K x`` in extended precision, `solve`
+    ``K^-1 b`` in double precision.
     """
     row = scale[:, None]
     load = np.maximum(_norms(right / row), np.finfo(float).tiny)

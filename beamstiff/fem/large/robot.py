@@ -24,16 +24,7 @@ SHIFT = 1e-8  # of the diagonal, to find a motion that nothing resists
 
 
 def solve_sparse(structure: Structure, geometry: Geometry, right: Array, rest: Index | None = None) -> Array:
-    """Return the unknowns z (P, n, c) of ``K z = f``, those outside `rest` held.
-
-    For structures without loops of rigid parts.
-
-    Parameters
-    ----------
-    right : (P, n, c) array
-    rest : int array, optional
-        Unknowns that may move; default all.
-    """
+    """Return the unknowns z (P, n, c) of ``K z = f``, those outside `rest` held; not for rigid loops."""
     some = np.arange(structure.unknowns.count) if rest is None else np.sort(rest)
     result = np.zeros(right.shape)
     plan = None

@@ -48,12 +48,8 @@ def read_urdf(
 ) -> Robot:
     """Return the robot of a URDF file.
 
-    Parameters
-    ----------
-    tcp : str, optional
-        Link whose origin is the TCP; by default what the extension names, else the only end of the tree.
-    stiffness : mapping of str to float or str, optional
-        Stiffness along or about the axis by joint, for joints that the file gives none.
+    `tcp` is the link whose origin is the TCP, by default what the extension names, else the only end of the
+    tree; `stiffness` that along or about the axis by joint, for joints that the file gives none.
     """
     return parse_urdf(read_text(os.fspath(path)), str(path), tcp=tcp, stiffness=stiffness)
 
@@ -63,8 +59,6 @@ def parse_urdf(
 ) -> Robot:
     """Return the robot of a URDF text; otherwise as `read_urdf`.
 
-    Examples
-    --------
     >>> robot = parse_urdf('''<robot name="crane"><link name="foot"/><link name="arm"/>
     ...     <joint name="slew" type="revolute"><parent link="foot"/><child link="arm"/>
     ...     <origin xyz="0 0 2"/><axis xyz="0 0 1"/><limit lower="-3" upper="3"/>
