@@ -75,13 +75,11 @@ def check_beams(structure: Structure, geometry: Geometry, pull: Array) -> None:
 
 def pulled_weight(structure: Structure, geometry: Geometry, pull: Array) -> Array:
     """Return the dead weight on every node (P, N, 6), beams clamped at their ends under tension (P, B)."""
-    result, beams = gravity_wrenches(structure, geometry), beam_weight(structure, geometry)
+    result, couples = gravity_wrenches(structure, geometry), beam_weight(structure, geometry)[..., 3:]
     _, s, square = _reduced(*beam_bending(structure, geometry), pull, geometry.beam_length)
-    turn = geometry.beam_rotation[:, :, None]
-    couples = (turn.swapaxes(-1, -2) @ beams[..., 3:, None])[..., 0]
     couples[..., 0] = 0.0
     couples[..., 1:] *= (3 * s * _ratio(square) - 1)[:, :, None]
-    change = (turn @ couples[..., None])[..., 0]
+    change = (geometry.beam_rotation[:, :, None] @ couples[..., None])[..., 0]
     for end in (0, 1):
         nodes = structure.elements[: len(structure.robot.beams), end]
         np.add.at(result[..., 3:].swapaxes(0, 1), nodes, change[:, :, end].swapaxes(0, 1))

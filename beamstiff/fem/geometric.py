@@ -33,9 +33,9 @@ from beamstiff.fem.initial_stress import (
     joint_initial_stress,
     strut_initial_stress,
 )
-from beamstiff.fem.loads import beam_weight, gravity_wrenches
-from beamstiff.fem.mechanism import unstable_pose
-from beamstiff.fem.response import check_moments, solve_constrained, solve_elements
+from beamstiff.fem.loads import gravity_wrenches, line_load
+from beamstiff.fem.mechanism import solve_stable
+from beamstiff.fem.response import beam_forces, check_moments, solve_constrained, solve_elements
 from beamstiff.fem.structure import Structure
 from beamstiff.fem.unknowns import joint_values
 from beamstiff.robot.fields import RIGID
@@ -103,7 +103,8 @@ def _chunks(
 def loaded_stiffness(compliance: Array, robot: str = "robot") -> Array:
     """Return the stiffness at the TCP, (..., 6, 6), from the compliance of the loaded machine."""
     symmetric = 0.5 * (compliance + compliance.swapaxes(-1, -2))
-    if (stuck := unstable_pose(symmetric.reshape(-1, 6, 6))) is not None:
+    flat = symmetric.reshape(-1, 6, 6)
+    if (stuck := solve_stable(flat, np.zeros((*flat.shape[:2], 0)))[1]) is not None:
         raise BeamstiffError(
             f"{robot}: singular compliance at pose {stuck[0]}: the TCP does not give way to some wrench; its "
             "stiffness there is infinite, use the compliance instead"
@@ -151,15 +152,9 @@ def _add_elements(
     Returns the tension of the beams, (P, B).
     """
     beams, chords = len(structure.robot.beams), len(structure.chords)
-    ends, load = forces[:, :beams], np.zeros((len(forces), beams, 3))
-    if gravity:
-        ends = ends - beam_weight(structure, geometry)
-        per_metre = structure.beam_density * structure.beam_properties["A"]
-        load = load + per_metre[:, None] * np.array(structure.robot.gravity)
     rotation, length = geometry.beam_rotation, geometry.beam_length
-    back = rotate_screw(rotation).swapaxes(-1, -2)
-    local_ends = (back[:, :, None] @ ends[..., None])[..., 0]
-    local_load = (rotation.swapaxes(-1, -2) @ load[..., None])[..., 0]
+    local_ends = beam_forces(structure, geometry, forces, gravity)
+    local_load = line_load(structure, geometry) * gravity
     pull = 0.5 * (local_ends[:, :, 1, 0] - local_ends[:, :, 0, 0])
     check_beams(structure, geometry, pull)
     bending, shear = beam_bending(structure, geometry)

@@ -9,7 +9,7 @@ from beamstiff.fem.beam import uniform_load
 from beamstiff.fem.geometry import Geometry
 from beamstiff.fem.structure import Structure
 from beamstiff.fem.unknowns import turning_nodes
-from beamstiff.se3 import Array
+from beamstiff.se3 import Array, rotate_screw
 
 
 def gravity_wrenches(structure: Structure, geometry: Geometry) -> Array:
@@ -18,7 +18,8 @@ def gravity_wrenches(structure: Structure, geometry: Geometry) -> Array:
     Beams carry ``rho A g`` a metre (seed 003: equivalent nodal loads); a mass off its node adds ``at x m g``.
     """
     result = mass_wrenches(structure, geometry)
-    beams = beam_weight(structure, geometry)
+    turn = rotate_screw(geometry.beam_rotation)[:, :, None]
+    beams = (turn @ beam_weight(structure, geometry)[..., None])[..., 0]
     for end in (0, 1):
         nodes = structure.elements[: len(structure.robot.beams), end]
         np.add.at(result.swapaxes(0, 1), nodes, beams[:, :, end].swapaxes(0, 1))
@@ -46,15 +47,17 @@ def mass_wrenches(structure: Structure, geometry: Geometry) -> Array:
     return result
 
 
-def beam_weight(structure: Structure, geometry: Geometry) -> Array:
-    """Return the consistent nodal wrenches of the beams' own weight, (P, B, 2, 6), base frame."""
+def line_load(structure: Structure, geometry: Geometry) -> Array:
+    """Return the weight of the beams a metre, (P, B, 3), local axes, N/m."""
     per_metre = structure.beam_density * np.nan_to_num(structure.beam_properties["A"], posinf=0.0)
     load = per_metre[:, None] * np.array(structure.robot.gravity)
-    rotation = geometry.beam_rotation
-    local = np.einsum("pbji,bj->pbi", rotation, load)
-    nodal = uniform_load(local, geometry.beam_length).reshape(*local.shape[:2], 4, 3)
-    turned: Array = np.einsum("pbij,pbkj->pbki", rotation, nodal)
-    return turned.reshape(*local.shape[:2], 2, 6)
+    return np.asarray(np.einsum("pbji,bj->pbi", geometry.beam_rotation, load))
+
+
+def beam_weight(structure: Structure, geometry: Geometry) -> Array:
+    """Return the consistent nodal wrenches of the beams' own weight, (P, B, 2, 6), local axes."""
+    load = line_load(structure, geometry)
+    return uniform_load(load, geometry.beam_length).reshape(*load.shape[:2], 2, 6)
 
 
 def total_mass(structure: Structure, geometry: Geometry) -> Array:

@@ -33,11 +33,6 @@ def diagonal_scale(matrix: Array) -> Array:
     return 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
 
 
-def unstable_pose(matrix: Array) -> tuple[int, Array] | None:
-    """Return the first pose whose stiffness is not positive definite, with its softest motion, or None."""
-    return solve_stable(matrix, np.zeros((*matrix.shape[:2], 0)))[1]
-
-
 def solve_firm(
     matrix: Array, right: Array, size: Array, symmetric: bool = True
 ) -> tuple[Array, NDArray[np.bool_]]:

@@ -19,9 +19,13 @@ from beamstiff.fem.condensation import (
     condense_by_matrices,
     tcp_compliance,
 )
-from beamstiff.fem.condensation_program import CondensationProgram, condensation_program
+from beamstiff.fem.condensation_program import (
+    CondensationProgram,
+    condensation_program,
+    eliminate,
+    elimination_order,
+)
 from beamstiff.fem.constraints import has_constraints
-from beamstiff.fem.elimination import eliminate, elimination_order
 from beamstiff.fem.structure import Structure, compile_structure
 from beamstiff.fem.unknowns import joint_unknowns
 from beamstiff.robot.closure import GRID

@@ -12,8 +12,7 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.fem.assembly import element_forces, gather, scatter, sparse_stiffness
 from beamstiff.fem.geometry import Geometry
 from beamstiff.fem.large.memory import refuse_unless_fits
-from beamstiff.fem.large.multifrontal import Plan, Softness, factorise, make_plan
-from beamstiff.fem.large.refinement import refined
+from beamstiff.fem.large.multifrontal import Plan, Softness, factorise, make_plan, refined
 from beamstiff.fem.mechanism import SOFTEST, mechanism_error
 from beamstiff.fem.structure import Index, Structure
 from beamstiff.se3 import Array
