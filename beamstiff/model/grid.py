@@ -114,11 +114,7 @@ class GriddedStiffness:
 
     def compliances(self, q: ArrayLike) -> Array:
         """Return the compliances (N, m) of the springs in postures (N, A)."""
-        at = tcp_positions(self.robot, q)
-        if not self.extrapolate:
-            self._refuse(at)
-        at = np.clip(at, self.cubes.low, self.cubes.high)
-        return np.exp(self.cubes.weights(at, self.interpolate) @ np.log(self.compliance))
+        return np.exp(self._weights(tcp_positions(self.robot, q)) @ np.log(self.compliance))
 
     def predict(self, q: Array, wrench: Array) -> Array:
         """Return displacements (N, 6), base frame, m and rad."""
@@ -130,12 +126,16 @@ class GriddedStiffness:
         if self.offset is None:
             raise BeamstiffError("gridded stiffness: found no offsets, expected them from absolute positions")
         at = tcp_positions(self.robot, q)
-        if not self.extrapolate:
-            self._refuse(at)
-        weights = self.cubes.weights(np.clip(at, self.cubes.low, self.cubes.high), self.interpolate)
+        weights = self._weights(at)
         turned = weights @ self.offset[:, 3:]
         lever = at - weights @ self.cubes.centres
         return np.hstack([weights @ self.offset[:, :3] + np.cross(turned, lever), turned])
+
+    def _weights(self, at: Array) -> Array:
+        """Return the share of every cube where the TCP is, (N, C)."""
+        if not self.extrapolate:
+            self._refuse(at)
+        return self.cubes.weights(np.clip(at, self.cubes.low, self.cubes.high), self.interpolate)
 
     def _refuse(self, at: Array) -> None:
         inside = self.cubes.inside(at)

@@ -29,8 +29,8 @@ from beamstiff.fem.geometry import place
 from beamstiff.fem.mechanism import solve_stable
 from beamstiff.fem.port_shares import independent_ports
 from beamstiff.fem.structure import Structure, compile_structure
-from beamstiff.fem.unknowns import turning_nodes
 from beamstiff.measure.table import Measurements
+from beamstiff.model.linear import refuse_idle_moments
 from beamstiff.model.port_slopes import moved_with_slopes
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import FREE, RIGID
@@ -81,7 +81,7 @@ class PortModel:
         own = np.tensordot(values, self.springs, 1)
         if values.ndim == 1 and self._sound(own):
             return self.clamped + moved_with_slopes(own, self.springs[:0], *self._rows)[0]
-        return self._displaced(self._opened(stiffness))
+        return self.displaced(self._opened(stiffness))
 
     def derivatives(self, stiffness: Array, by: Parametrisation = "stiffness") -> tuple[Array, Array]:
         """Return predictions (N, 6) and their derivatives (N, 6, m) at stiffness values (m,).
@@ -107,13 +107,13 @@ class PortModel:
         carried = self.inverse(stiffness)[self.pose] @ self.motion
         stretched = np.tensordot(opened, self.springs, ([1], [2]))  # (N, m, p)
         by_value = -carried.swapaxes(-1, -2) @ stretched.swapaxes(-1, -2)
-        return self._displaced(opened), by_value * _factor(np.asarray(stiffness), power, by)
+        return self.displaced(opened), by_value * _factor(np.asarray(stiffness), power, by)
 
     @property
     def _rows(self) -> tuple[Array, Index, Array, Array]:
         return self.port_stiffness, self.pose, self.force, self.motion
 
-    def _displaced(self, opened: Array) -> Array:
+    def displaced(self, opened: Array) -> Array:
         """Return the displacements (..., N, 6) where the ports open by (..., N, p)."""
         return self.clamped + (self.motion.swapaxes(-1, -2) @ opened[..., None])[..., 0]
 
@@ -326,13 +326,7 @@ def reduce_to_ports(
     ports, owner = find_ports(robot, names)
     open_robot = opened(robot, names)
     structure = compile_structure(open_robot)
-    turning = turning_nodes(robot)
-    for row, node in enumerate(measurements.load_point.tolist()):
-        if node not in turning and measurements.wrench[row, 3:].any():
-            raise BeamstiffError(
-                f"{measurements.place(row)}: a moment acts on node {node!r}, which struts alone hold: "
-                "it has no rotation"
-            )
+    refuse_idle_moments(robot, measurements)
     poses, pose = np.unique(measurements.q, axis=0, return_inverse=True)
     pose = pose.reshape(-1).astype(np.int64)
     observed = list(dict.fromkeys([*measurements.point.tolist(), *measurements.load_point.tolist()]))

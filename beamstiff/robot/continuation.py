@@ -13,9 +13,8 @@ from scipy.spatial import KDTree
 from scipy.spatial.distance import pdist, squareform
 
 from beamstiff.robot.branch import Assembly, near_singular
-from beamstiff.robot.closing_program import close_at_once
 from beamstiff.robot.loops import LoopSystem, loop_equations
-from beamstiff.robot.newton import LARGEST_STEP, Mask, least_squares, newton
+from beamstiff.robot.newton import LARGEST_STEP, Mask, close_at_once, least_squares, newton
 from beamstiff.se3 import Array
 
 SMALLEST_STRIDE = 1 / 512  # of the way

@@ -61,22 +61,6 @@ def node_positions(kinematics: Kinematics, transforms: Array) -> Array:
     return positions
 
 
-def frame_twists(kinematics: Kinematics, values: Array, transforms: Array) -> Array:
-    """Return the twist ``[v; w]`` of every frame's origin, base frame, for a unit rate of every variable.
-
-    (P, F + 1, 6, V), at values (P, V) and the transforms of `forward` there.
-    """
-    variables = np.eye(len(kinematics.coupling.names))
-    twists = np.zeros((len(kinematics.frame_names), 6, len(variables), len(values)))
-    for frame in range(1, len(twists)):
-        chain = chain_to(kinematics, frame)
-        origin = transforms[:, frame, :3, 3].T
-        twists[frame] = twists_at(
-            kinematics, screws_of(kinematics, values, transforms, chain), origin, variables
-        )
-    return np.ascontiguousarray(np.moveaxis(twists, -1, 0))
-
-
 def chain_to(kinematics: Kinematics, frame: int) -> list[int]:
     """Return the frames from the base to a frame, both included."""
     chain = [frame]

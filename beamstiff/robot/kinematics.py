@@ -12,25 +12,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from beamstiff.errors import BeamstiffError, listed, suggest
 from beamstiff.robot.closure import assembled, close_loops, closure_rates
-from beamstiff.robot.forward import chain_to, forward, frame_twists, node_positions, screws_of, twists_at
-from beamstiff.robot.frames import Kinematics, compile_frames
+from beamstiff.robot.forward import chain_to, node_positions, screws_of, twists_at
+from beamstiff.robot.forward import forward as forward
+from beamstiff.robot.frames import Kinematics as Kinematics
+from beamstiff.robot.frames import compile_frames
 from beamstiff.se3 import Array
 
 if TYPE_CHECKING:
     from beamstiff.robot.description import Robot
-
-__all__ = [
-    "ClosedPosture",
-    "Kinematics",
-    "Posture",
-    "actuated_values",
-    "compile_kinematics",
-    "forward",
-    "frame_twists",
-    "pose_of",
-    "posture",
-    "twist_jacobian",
-]
 
 
 @dataclass(frozen=True, eq=False)

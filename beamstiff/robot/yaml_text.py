@@ -89,6 +89,8 @@ def parse_yaml(text: str, name: str = "<text>") -> tuple[Any, Lines]:
 def _not_valid(error: yaml.MarkedYAMLError, text: str, name: str) -> str:
     mark = error.problem_mark or error.context_mark
     line = mark.line + 1 if mark else 1
+    if "maximum nesting depth" in (error.problem or ""):  # the limit of libyaml, which reads ahead
+        return f"{name}:{line}: nested deeper than {DEEPEST} levels"
     message = f"{name}:{line}: not valid YAML: {(error.problem or 'cannot be read')[:200]}"
     if error.context:
         message += f" {error.context}"
