@@ -194,6 +194,33 @@ def _arctangent(b1: Array, b2: Array, b3: Array, branch: int) -> Array:
     return np.arctan2((b1 * b3 + branch * b2 * root) / square, (b2 * b3 - branch * b1 * root) / square)
 
 
+def four_bar(
+    crank: float,
+    rocker: float,
+    guess: Sequence[float],
+    coupler: float = 1.0,
+    ground: float = 1.0,
+    plane: Frame | None = None,
+) -> Robot:
+    """Return a four-bar, in the plane of the base or of a frame, with the guess of its two passive angles."""
+    parent = "base" if plane is None else plane.name
+    return machine(
+        [
+            revolute("q"),
+            *(revolute(name, passive=True, guess=at) for name, at in zip("pr", guess, strict=True)),
+        ],
+        [
+            *([plane] if plane else []),
+            Frame(name="crank", parent=parent, theta="q"),
+            Frame(name="coupler", parent="crank", d=crank, theta="p"),
+            Frame(name="rocker", parent=parent, d=ground, theta="r"),
+        ],
+        tool=("coupler", (coupler, 0, 0)),
+        loops=[Loop(name="four_bar", a="tool", b="end", constrain="position")],
+        nodes=[Node(name="end", frame="rocker", at=(rocker, 0, 0))],
+    )
+
+
 def slider_crank(phi: float = 3.0, psi: float = -2.7) -> Robot:
     """Return a ball screw of length `screw` that drives theta2 of a crank (Marie et al., figure A.19).
 
