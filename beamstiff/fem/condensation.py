@@ -99,7 +99,7 @@ def condense(
 def _behind_rods(
     structure: Structure, posture: Posture, ports: Sequence[Port], condensed: Condensed
 ) -> Condensed:
-    """Return what is seen from the springs of struts whose own length gives way too, in series with them.
+    """Return what is seen from the springs of struts whose own length is compliant too, in series with them.
 
     What the rod of flexibility F takes up of the strut's elongation, ``d = F (S_s e - B_s w - g_s)`` but for
     its own share, is eliminated like all else.
@@ -394,7 +394,7 @@ def tcp_stiffness(compliance: Array, robot: str = "robot") -> Array:
         names = ("fx", "fy", "fz", "mx", "my", "mz")
         most = names[int(np.argmax(np.abs(motion)))]
         raise BeamstiffError(
-            f"{robot}: singular compliance at pose {pose}: the TCP does not give way to some wrench (mostly "
+            f"{robot}: singular compliance at pose {pose}: the TCP is rigid against some wrench (mostly "
             f"{most}); its stiffness there is infinite, use the compliance instead"
         )
     return _symmetric(inverse).reshape(compliance.shape)

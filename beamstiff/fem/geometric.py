@@ -106,7 +106,7 @@ def loaded_stiffness(compliance: Array, robot: str = "robot") -> Array:
     flat = symmetric.reshape(-1, 6, 6)
     if (stuck := solve_stable(flat, np.zeros((*flat.shape[:2], 0)))[1]) is not None:
         raise BeamstiffError(
-            f"{robot}: singular compliance at pose {stuck[0]}: the TCP does not give way to some wrench; its "
+            f"{robot}: singular compliance at pose {stuck[0]}: the TCP is rigid against some wrench; its "
             "stiffness there is infinite, use the compliance instead"
         )
     size = np.sqrt(np.diagonal(compliance, axis1=-2, axis2=-1))

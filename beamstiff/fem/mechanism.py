@@ -112,7 +112,7 @@ def scaled_condition(matrix: Array) -> Array:
 def mechanism_error(
     structure: Structure, geometry: Geometry, pose: int, motion: Array, what: str = MECHANISM
 ) -> BeamstiffError:
-    """Return the error that names a free motion (n,): the nodes that move, how, and the joints that give way.
+    """Return the error that names a free motion (n,): the nodes that move, how, and the joints that move.
 
     `pose` counts within the geometry, `what` says what is wrong with the robot.
     """
@@ -166,10 +166,10 @@ def _resisting(
     parts = [beam.name for beam in robot.beams] + [robot.joints[at].name for at in structure.chords]
     parts += [robot.struts[at].name for at in structure.struts]
     shares = [(float(energy[at]), parts[at]) for at in np.flatnonzero(energy > STRAINED * most)]
-    for at, joint in enumerate(structure.spring_joint):
-        spring, direction = structure.springs[at], labels[structure.springs[at]][1]
+    for at, spring in enumerate(structure.springs):
+        joint, direction = labels[spring]
         share = float(structure.spring_values[at] * motion[spring] ** 2)
         if share > 0.0 and abs(motion[spring]) > 1e-8 * amount[direction]:
-            shares.append((share, f"{robot.joints[joint].name}.{JOINT_DIRECTIONS[direction]}"))
+            shares.append((share, f"{joint}.{JOINT_DIRECTIONS[direction]}"))
     shares.sort(reverse=True)
     return list(dict.fromkeys(name for share, name in shares if share > 0.01 * shares[0][0]))

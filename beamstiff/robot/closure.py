@@ -255,9 +255,7 @@ def _check_determined(system: LoopSystem, start: Array) -> None:
     jacobian = loop_equations(system, scattered(system, start))[1][:, :, system.actuated :]
     passive = jacobian.shape[2]
     if np.linalg.matrix_rank(jacobian, rtol=1e-9).max() < passive:
-        motion = np.abs(np.linalg.svd(jacobian[0])[2][-1])
-        names = system.kinematics.coupling.free[system.actuated :]
-        loose = [name for name, share in zip(names, motion, strict=True) if share > 1e-6]
+        loose, _ = _moved_alone(system, jacobian[0], 1e-6)
         raise BeamstiffError(
             f"robot {system.kinematics.robot.name!r}: the passive variables {listed(loose)} are not "
             f"determined by its loops {listed(loop.name for loop in system.kinematics.loops)}: "
@@ -265,11 +263,16 @@ def _check_determined(system: LoopSystem, start: Array) -> None:
         )
 
 
+def _moved_alone(system: LoopSystem, to_passive: Array, least: float) -> tuple[list[str], Array]:
+    """Return the passive variables of the motion that moves J_p (M, Q) least, and their shares of it (Q,)."""
+    motion = np.abs(np.linalg.svd(to_passive)[2][-1])
+    names = system.kinematics.coupling.free[system.actuated :]
+    return [name for name, share in zip(names, motion, strict=True) if share > least], motion
+
+
 def _undetermined(system: LoopSystem, free: Array, to_passive: Array, pose: int) -> str:
     """Say which passive variables can move by themselves, and in which loops."""
-    joined = system.kinematics.coupling
-    motion = np.abs(np.linalg.svd(to_passive[pose])[2][-1])
-    names = [name for name, share in zip(joined.free[system.actuated :], motion, strict=True) if share > 1e-3]
+    names, motion = _moved_alone(system, to_passive[pose], 1e-3)
     loops = [
         loop.name
         for loop, part in zip(system.kinematics.loops, system.rows, strict=True)

@@ -20,7 +20,7 @@ VERSION = 1
 
 
 def load_robot(path: str | os.PathLike[str]) -> Robot:
-    """Return the robot that a YAML, URDF or SDF file describes, told apart by its ending.
+    """Return the robot that a YAML, URDF or SDF file describes, by its ending.
 
     Parameters
     ----------

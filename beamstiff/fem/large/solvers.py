@@ -138,5 +138,5 @@ def _mechanism(frame: Frame, soft: Softness) -> BeamstiffError:
     node, direction = np.argwhere(frame.unknowns == soft.unknown)[0].tolist()
     return BeamstiffError(
         f"the frame is a mechanism: nothing resists node {node} {DIRECTIONS[direction]} once the nodes "
-        "around it give way; fix more of it, or check how it is connected"
+        "around it move; fix more of it, or check how it is connected"
     )
