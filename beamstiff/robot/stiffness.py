@@ -41,8 +41,8 @@ def check_stiffness(robot: Robot) -> None:
     """Refuse a robot without any compliance, such as one from a URDF that says no stiffness."""
     if missing := missing_stiffness(robot):
         raise BeamstiffError(
-            f"robot {robot.name!r}: nothing is compliant, the joints {listed(missing, 12)} are rigid: expected "
-            "a stiffness (`stiffness: {torsional: 1e6 N*m/rad}`; of a URDF: beamstiff convert IN "
+            f"robot {robot.name!r}: nothing is compliant, the joints {listed(missing, 12)} are rigid: "
+            "expected a stiffness (`stiffness: {torsional: 1e6 N*m/rad}`; of a URDF: beamstiff convert IN "
             "--joint-stiffness '1e6 N*m/rad' --out OUT)"
         )
 
