@@ -12,10 +12,7 @@ from beamstiff.se3 import Array, displacement_transport, rotate_screw
 
 
 def element_blocks(structure: Structure, geometry: Geometry) -> Array:
-    """Return the stiffness of all elements, (P, E, 2, 2, 6, 6), base frame: wrench at i by displacement of j.
-
-    Source: seed 003, eqs 16 to 20.
-    """
+    """Return the stiffness of all elements (P, E, 2, 2, 6, 6), by end and end (seed 003, eqs 16 to 20)."""
     parts = (_beam_blocks, _joint_blocks, _strut_blocks)
     return np.concatenate([part(structure, geometry) for part in parts], axis=1)
 

@@ -208,10 +208,7 @@ def elimination_order(matrix: Symmetric, rest: Collection[int]) -> tuple[list[in
 
 
 def eliminate(matrix: Symmetric, order: list[int]) -> tuple[Symmetric, dict[int, Value]]:
-    """Return what is left of a matrix after eliminating rows, and the pivots: ``A_kk - A_kr A_rr^-1 A_rk``.
-
-    Raises ZeroDivisionError when a pivot is the number zero.
-    """
+    """Return what is left after eliminating rows, and the pivots; a pivot of 0 is a ZeroDivisionError."""
     left, meets = dict(matrix), neighbours(matrix)
     pivots: dict[int, Value] = {}
     for row in order:

@@ -69,8 +69,8 @@ def loaded_displacement(
 ) -> Array:
     """Return the displacement of all nodes (P, N, 6) under loads that also stiffen or soften: ``K_t z = f``.
 
-    Arguments as of `loaded_compliance`. The posture is that of the machine without any load. With rigid links
-    this is the equilibrium to second order in the loads, but for the curved ways of the nodes.
+    Arguments as of `loaded_compliance`; the posture is that without any load. With rigid links this is the
+    equilibrium to second order in the loads, but for the curved ways of the nodes.
     """
     parts = []
     for geometry, some in _chunks(structure, posture, loads, chunk):
@@ -118,10 +118,7 @@ def loaded_stiffness(compliance: Array, robot: str = "robot") -> Array:
 def load_stiffness(
     structure: Structure, geometry: Geometry, loads: Array, gravity: bool = False
 ) -> tuple[Array, Array]:
-    """Return what nodal loads (P, N, 6) and, by `gravity`, the dead weight add to the stiffness (P, n, n).
-
-    And the tension of the beams (P, B), N.
-    """
+    """Return what loads (P, N, 6) and weight add to the stiffness (P, n, n), and tensions (P, B)."""
     total = loads + gravity_wrenches(structure, geometry) if gravity else loads
     unknowns, forces, _ = solve_elements(structure, geometry, scatter(structure, geometry, total))
     rest = total.copy()

@@ -65,10 +65,7 @@ def beam_initial_stress(length: Array, ends: Array, load: Array, shear: Array) -
 
 
 def bending_stress(length: Array, against: Array, alike: Array) -> Array:
-    """Return the local stiffness of beams against rotations of their ends about the chord, (..., 12, 12).
-
-    `against` and `alike` (..., 2) are the end moments about y and z, N m/rad, when the ends turn so.
-    """
+    """Return the stiffness (..., 12, 12) of end moments (..., 2) of ends that turn against or alike."""
     turn = np.stack([-APART[2], APART[1]]) / length[..., None, None]
     bent_a, bent_b = TURN_A[1:] - turn, TURN_B[1:] - turn
     half = 0.5 * np.concatenate([against, alike], axis=-1)[..., None]
@@ -122,10 +119,7 @@ def joint_initial_stress(wrench: Array) -> Array:
 
 
 def strut_initial_stress(along: Array, length: Array, pull: Array) -> Array:
-    """Return the initial stress matrix of struts: ``P/L`` across, (..., 12, 12).
-
-    For unit vectors along them (..., 3), lengths (...), m, and tensions (...), N.
-    """
+    """Return the initial stress of struts (..., 12, 12), ``P/L`` across, by direction, length, tension."""
     across = APART - along[..., :, None] * (along[..., None, :] @ APART)
     return (pull / length)[..., None, None] * (_transpose(across) @ across)
 

@@ -9,7 +9,7 @@ from beamstiff.fem.beam import uniform_load
 from beamstiff.fem.geometry import Geometry
 from beamstiff.fem.structure import Structure
 from beamstiff.fem.unknowns import turning_nodes
-from beamstiff.se3 import Array, rotate_screw
+from beamstiff.se3 import Array
 
 
 def gravity_wrenches(structure: Structure, geometry: Geometry) -> Array:
@@ -18,8 +18,9 @@ def gravity_wrenches(structure: Structure, geometry: Geometry) -> Array:
     Beams carry ``rho A g`` a metre (seed 003: equivalent nodal loads); a mass off its node adds ``at x m g``.
     """
     result = mass_wrenches(structure, geometry)
-    turn = rotate_screw(geometry.beam_rotation)[:, :, None]
-    beams = (turn @ beam_weight(structure, geometry)[..., None])[..., 0]
+    local = beam_weight(structure, geometry)
+    triples = local.reshape(*local.shape[:2], 4, 3)  # forces and moments of both ends
+    beams = (triples @ geometry.beam_rotation.swapaxes(-1, -2)).reshape(local.shape)
     for end in (0, 1):
         nodes = structure.elements[: len(structure.robot.beams), end]
         np.add.at(result.swapaxes(0, 1), nodes, beams[:, :, end].swapaxes(0, 1))

@@ -32,10 +32,7 @@ SAME_SHARE = 1e-9  # relative difference of shares from pose to pose that is rou
 def independent_ports(
     structure: Structure, posture: Posture, ports: Sequence[Port]
 ) -> tuple[NDArray[np.int64], Array]:
-    """Return which ports to condense to (r,), and what all p ports move per unit of these, (p, r).
-
-    Rigid parts let some ports move only together: springs in parallel.
-    """
+    """Return which ports move by themselves (r,), and what all p ports move per unit of these, (p, r)."""
     everything = np.arange(len(ports)), np.eye(len(ports))
     if -1 not in port_unknowns(structure, ports) and not has_constraints(structure):
         return everything

@@ -70,10 +70,7 @@ def nodal_loads(structure: Structure, poses: int, wrenches: dict[str, Array]) ->
 
 
 def respond(structure: Structure, posture: Posture, loads: Array, gravity: bool = False) -> Response:
-    """Solve for the displacement of every node under nodal wrenches (P, N, 6), base frame, at P poses.
-
-    With `gravity` the dead weight is added.
-    """
+    """Return the response to wrenches (P, N, 6) on the nodes, base frame, and to the dead weight."""
     geometry = place(structure, posture)
     check_moments(structure, loads)
     total = loads + gravity_wrenches(structure, geometry) if gravity else loads

@@ -121,10 +121,7 @@ def _own(structure: Structure, rows: Array, element: int) -> Array:
 
 
 def strain_forces(structure: Structure, geometry: Geometry, strains: Array) -> tuple[Array, Array]:
-    """Return the wrenches on the ends of all elements (E, 2, 6), base frame, and their energy (E,).
-
-    As `assembly.element_forces`, from the strains (m,) of `Factored`.
-    """
+    """Return what `assembly.element_forces` does at one pose, (E, 2, 6) and (E,), from strains (m,)."""
     beams, chords = len(structure.robot.beams), len(structure.chords)
     local = np.zeros((len(structure.elements), 6))
     local[: beams + chords] = strains[: 6 * (beams + chords)].reshape(-1, 6)

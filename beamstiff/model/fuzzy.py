@@ -196,10 +196,7 @@ def out_of_range(premises: Partition, x: Array) -> NDArray[np.bool_]:
 
 
 def equal_parts(inputs: Sequence[str], trained: Array, sets: Sequence[int]) -> Partition:
-    """Return the partition that divides every trained range (n, 2) into equal parts, so many sets each.
-
-    One set where an input shall play no part or has no range.
-    """
+    """Return the partition of ranges (n, 2) into equal parts; one set where an input plays no part."""
     modal = [
         np.linspace(low, high, count) if count > 1 else np.array([0.5 * (low + high)])
         for (low, high), count in zip(trained.tolist(), sets, strict=True)

@@ -19,10 +19,7 @@ from beamstiff.se3 import Array
 
 
 def displaced(model: PortModel, compliance: Array) -> Array:
-    """Return the displacement ``[d, r]`` of every row (N, 6), base frame, for positive compliances (N, m).
-
-    Compliances are equal in rows of one pose.
-    """
+    """Return the displacement of every row (N, 6) for compliances (N, m), equal in rows of a pose."""
     if model.by_compliance is not None:
         return model.clamped + (model.by_compliance @ compliance[..., None])[..., 0]
     opened = (_inverse(model, compliance)[model.pose] @ model.force[..., None])[..., 0]

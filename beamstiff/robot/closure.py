@@ -37,10 +37,7 @@ class Closure(NamedTuple):
 
 
 def close_loops(kinematics: Kinematics, q: Array, strict: bool = True) -> Closure:
-    """Return all variables at the actuated ones (P, A), with the passive ones such that every loop closes.
-
-    A pose that cannot close is an error, or where not `strict` a reason.
-    """
+    """Return all variables at actuated ones (P, A), loops closed; an error if `strict` where they cannot."""
     joined, poses = kinematics.coupling, len(q)
     passive = len(joined.free) - joined.actuated
     free = np.concatenate([q, np.zeros((poses, passive))], axis=1)
@@ -67,10 +64,7 @@ def close_loops(kinematics: Kinematics, q: Array, strict: bool = True) -> Closur
 
 
 def closure_rates(kinematics: Kinematics, values: Array, transforms: Array) -> Array:
-    """Return how the passive variables follow the actuated ones, (P, Q, A): ``-pinv(J_p) J_a``.
-
-    At values (P, V) with the loops closed, and the transforms (P, F + 1, 4, 4) there.
-    """
+    """Return how the passive variables follow the actuated ones, (P, Q, A): ``-pinv(J_p) J_a``."""
     joined = kinematics.coupling
     if not kinematics.loops or not len(values):
         return np.zeros((len(values), len(joined.free) - joined.actuated, joined.actuated))

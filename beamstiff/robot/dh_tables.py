@@ -70,10 +70,7 @@ Row = dict[str, Any]
 
 
 def read_table(path: str | os.PathLike[str], convention: str | None = None) -> Robot:
-    """Return the robot of a table of frames, CSV or YAML by its ending: an elastic joint where a variable is.
-
-    `convention` is one of `CONVENTIONS`, for a file that does not say.
-    """
+    """Return the robot of a table of frames, CSV or YAML; `convention` where the file does not say."""
     file = Path(path)
     if file.suffix.lower() in (".yaml", ".yml"):
         return parse_yaml_table(read_text(file), convention, str(path))

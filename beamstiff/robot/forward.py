@@ -70,10 +70,7 @@ def chain_to(kinematics: Kinematics, frame: int) -> list[int]:
 
 
 def place(kinematics: Kinematics, values: Array, frames: Sequence[int]) -> tuple[list[Body], list[Screw]]:
-    """Return where some frames are, seen from the first of them, and the screws that move them.
-
-    For values (P, V); the parent of each frame but the first stands before it.
-    """
+    """Return where frames are, seen from the first, and the screws that move them; parents come before."""
     poses = len(values)
     bodies = {frames[0]: Body(np.broadcast_to(np.eye(3)[:, :, None], (3, 3, poses)), np.zeros((3, poses)))}
     screws: list[Screw] = []

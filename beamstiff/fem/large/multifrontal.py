@@ -58,10 +58,7 @@ class Plan:
 
 
 def make_plan(graph: sparse.csr_array, points: Array, last: Index, first: Index) -> Plan:
-    """Return the plan for a graph of nodes at points (N, 3), the nodes `last` kept (see `dissect`).
-
-    Node i has the unknowns ``first[i]`` to ``first[i + 1] - 1``.
-    """
+    """Return the plan for a graph of nodes (see `dissect`); node i begins at unknown ``first[i]``."""
     nodes, small = dissect(graph, points, last)
     sizes = np.diff(first)[nodes]
     ends = np.concatenate([[0], np.cumsum(sizes)])
