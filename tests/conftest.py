@@ -13,7 +13,7 @@ SHARED = REPOSITORY / os.environ.get("BEAMSTIFF_SHARED", "../shared")
 
 # No deadlines: they measure the machine. In continuous integration the same examples on every run, so that
 # a red run is about the change; `pytest --hypothesis-profile=thorough` looks for new ones.
-settings.register_profile("default", deadline=None, derandomize="CI" in os.environ, max_examples=30)
+settings.register_profile("default", deadline=None, derandomize="CI" in os.environ, max_examples=15)
 settings.register_profile("thorough", deadline=None, derandomize=False, max_examples=2000)
 settings.load_profile("default")
 

@@ -39,14 +39,7 @@ class ExpressionGraph:
     offsets: Array
 
     def run(self, values: Array, compiled: bool | None = None) -> Array:
-        """Return the outputs (O, P) for inputs (I, P).
-
-        Parameters
-        ----------
-        values : (I, P) array
-        compiled : bool, optional
-            Whether to use numba; default: where it is installed.
-        """
+        """Return the outputs (O, P) for inputs (I, P); `compiled` by numba, default where it is installed."""
         values = np.ascontiguousarray(values, dtype=np.float64)
         result = np.empty((len(self.outputs), values.shape[1]))
         run = kernel() if compiled is None or compiled else None
@@ -114,15 +107,7 @@ class ExpressionGraph:
 
 
 def compile_graph(recorder: Recorder, inputs: int, outputs: Sequence[Expression | float]) -> ExpressionGraph:
-    """Return the program that makes the outputs of a record.
-
-    Parameters
-    ----------
-    recorder : Recorder
-        Its first steps are the inputs.
-    inputs : int
-        How many those are.
-    """
+    """Return the program that makes the outputs of a record, whose first steps are so many inputs."""
     needed = _needed(recorder, [item.at for item in outputs if isinstance(item, Expression)])
     uses = np.zeros(len(recorder.steps), dtype=np.int64)
     for at in needed:

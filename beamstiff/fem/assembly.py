@@ -12,13 +12,7 @@ from beamstiff.se3 import Array, displacement_transport, rotate_screw
 
 
 def element_blocks(structure: Structure, geometry: Geometry) -> Array:
-    """Return the stiffness of all elements in the base frame, by end and end (seed 003, eqs 16 to 20).
-
-    Returns
-    -------
-    (P, E, 2, 2, 6, 6) array
-        ``[.., i, j, :, :]`` gives the wrench at end i for a displacement of end j.
-    """
+    """Return the stiffness of all elements (P, E, 2, 2, 6, 6), by end and end (seed 003, eqs 16 to 20)."""
     parts = (_beam_blocks, _joint_blocks, _strut_blocks)
     return np.concatenate([part(structure, geometry) for part in parts], axis=1)
 
@@ -59,8 +53,8 @@ def dense_stiffness(structure: Structure, geometry: Geometry) -> Array:
 def assemble(structure: Structure, geometry: Geometry) -> tuple[Array, Array]:
     """Return the reduced global stiffness of every pose (P, n, n), and how large what went into it is (P, n).
 
-    The latter is the largest stiffness of like dimension that each element has to offer at an unknown,
-    summed: what is left of it in the stiffness, turned into the base frame, is known to some 1e-16 of it.
+    The latter sums, by element, the largest stiffness of like dimension at an unknown: what is left of it in
+    the stiffness, turned into the base frame, is known to some 1e-16 of it.
     """
     count, pattern = structure.unknowns.count, structure.pattern
     blocks = element_blocks(structure, geometry)
@@ -117,20 +111,10 @@ def sparse_stiffness(structure: Structure, geometry: Geometry) -> sparse.csc_arr
 
 
 def element_forces(structure: Structure, geometry: Geometry, displacement: Array) -> tuple[Array, Array]:
-    """Return the wrenches on the ends of all elements and their strain energy.
+    """Return the wrenches on the ends of all elements (P, E, 2, 6), base frame, and their energy (P, E).
 
-    Only the deformation counts, second end against the first carried along: what moves an element as a whole
-    leaves no rounding errors of its stiffness behind.
-
-    Parameters
-    ----------
-    displacement : (P, N, 6) array
-        ``[d, r]`` of all nodes, base frame.
-
-    Returns
-    -------
-    forces : (P, E, 2, 6) array, N and N m, base frame
-    energy : (P, E) array, J
+    For displacements (P, N, 6) of the nodes. Only the deformation counts, second end against the first
+    carried along: what moves an element as a whole leaves no rounding errors of its stiffness behind.
     """
     deformation = _deformation(structure, geometry, displacement)
     blocks = element_blocks(structure, geometry)[:, :, :, 1]
@@ -139,21 +123,10 @@ def element_forces(structure: Structure, geometry: Geometry, displacement: Array
 
 
 def stiffness_between(structure: Structure, geometry: Geometry, motions: Array) -> tuple[Array, Array]:
-    """Return the stiffness against motions of the unknowns, and the forces they meet.
+    """Return ``Z^T K Z`` (P, c, c) and ``K Z`` (P, n, c) for motions Z (P, n, c) of the unknowns.
 
     As `element_forces` it takes the deformation alone, so that a motion that strains nothing meets no
     stiffness, however stiff the parts are that it moves.
-
-    Parameters
-    ----------
-    motions : (P, n, c) array
-
-    Returns
-    -------
-    stiffness : (P, c, c) array
-        Twice the energy of one motion with another, ``Z^T K Z``.
-    forces : (P, n, c) array
-        ``K Z``.
     """
     first, second = structure.elements.T
     blocks = element_blocks(structure, geometry)
@@ -188,17 +161,7 @@ def _deformation(structure: Structure, geometry: Geometry, displacement: Array) 
 
 
 def gather(structure: Structure, geometry: Geometry, unknowns: Array) -> Array:
-    """Return the displacement of all nodes from the unknowns: ``u = T z``.
-
-    Parameters
-    ----------
-    unknowns : (P, n) array
-
-    Returns
-    -------
-    (P, N, 6) array
-        Displacement ``[d, r]`` of every node, base frame.
-    """
+    """Return the displacement of all nodes (P, N, 6), base frame, from the unknowns (P, n): ``u = T z``."""
     numbering = structure.unknowns
     padded = np.concatenate([unknowns, np.zeros((unknowns.shape[0], 1))], axis=1)
     values = padded[:, numbering.blocks[numbering.term_block]]
@@ -209,17 +172,7 @@ def gather(structure: Structure, geometry: Geometry, unknowns: Array) -> Array:
 
 
 def scatter(structure: Structure, geometry: Geometry, wrenches: Array) -> Array:
-    """Return the generalised forces of nodal wrenches: ``f = T^T w``.
-
-    Parameters
-    ----------
-    wrenches : (P, N, 6) array
-        Wrench ``[f, m]`` on every node, base frame.
-
-    Returns
-    -------
-    (P, n) array
-    """
+    """Return the generalised forces (P, n) of nodal wrenches (P, N, 6), base frame: ``f = T^T w``."""
     numbering = structure.unknowns
     parts = (geometry.terms.swapaxes(-1, -2) @ wrenches[:, numbering.term_node, :, None])[..., 0]
     result = np.zeros((wrenches.shape[0], numbering.count + 1))

@@ -12,19 +12,10 @@ from beamstiff.se3 import Array
 
 
 def beam_axes(axis: Array, up: Array) -> Array:
-    """Return the rotation (columns x, y, z) of beams along `axis`, local y in the plane of x and `up`.
+    """Return the rotation (..., 3, 3) of beams along `axis` (..., 3): columns x, y, z.
 
-    Parameters
-    ----------
-    axis : (..., 3) array
-        From the first node to the second; its length does not matter but is not zero.
-    up : (..., 3) array
-        Not parallel to the axis; NaN where any perpendicular will do.
-
-    Returns
-    -------
-    (..., 3, 3) array
-        Maps local components to those of the frame that `axis` and `up` are given in.
+    Local y lies in the plane of x and `up` (..., 3), which is not parallel to the axis; NaN where any
+    perpendicular will do.
     """
     x = axis / _length(axis)
     chosen = up
@@ -44,24 +35,11 @@ def _length(vector: Array) -> Array:
 def beam_stiffness(
     length: Array, E: Array, G: Array, A: Array, Iy: Array, Iz: Array, J: Array, Ay: Array, Az: Array
 ) -> Array:
-    """Return the local stiffness of beams; all arguments broadcast over (...).
+    """Return the local stiffness of beams, (..., 12, 12), SI; all arguments broadcast over (...).
 
-    Parameters
-    ----------
-    length : (...) array, m
-    E, G : (...) array, Pa
-    A, Ay, Az : (...) array, m^2
-        Area and shear areas; an infinite shear area makes the beam Euler-Bernoulli.
-    Iy, Iz, J : (...) array, m^4
-        ``Iz`` resists bending in the x-y plane, ``Iy`` in the x-z plane.
+    ``Iz`` resists bending in the x-y plane, ``Iy`` in the x-z plane; an infinite shear area makes the beam
+    Euler-Bernoulli.
 
-    Returns
-    -------
-    (..., 12, 12) array
-        Symmetric; N/m, N, N m by block.
-
-    Examples
-    --------
     >>> beam_stiffness(*map(np.float64, (2.0, 6.0, 1.0, 1.0, 1.0, 1.0, 1.0, np.inf, np.inf)))[1, 1]
     np.float64(9.0)
     """
@@ -87,18 +65,9 @@ def beam_stiffness(
 
 
 def uniform_load(load: Array, length: Array) -> Array:
-    """Return the consistent nodal loads of a uniform line load in local axes.
+    """Return the consistent nodal loads (..., 12) of line loads (..., 3), N/m, on beams (...), m, local axes.
 
-    Parameters
-    ----------
-    load : (..., 3) array, N/m
-        Along local x, y, z.
-    length : (...) array, m
-
-    Returns
-    -------
-    (..., 12) array
-        ``q L/2`` at each end and ``q L^2/12`` couples, for Euler-Bernoulli and Timoshenko beams alike.
+    ``q L/2`` at each end and ``q L^2/12`` couples, for Euler-Bernoulli and Timoshenko beams alike.
     """
     length = np.asarray(length, dtype=np.float64)[..., None]
     result = np.zeros((*load.shape[:-1], 12))

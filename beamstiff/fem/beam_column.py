@@ -32,22 +32,11 @@ CLAMPED = -(np.pi**2)  # v^2 at which a beam buckles between clamped ends
 
 
 def stability_change(stiffness: Array, shear: Array, pull: Array, length: Array) -> tuple[Array, Array]:
-    """Return what is of second and higher order in the pull in the stiffness of a beam's bending.
+    """Return what is of second and higher order in the pull in the stiffness of a beam's bending, N m/rad.
 
-    Parameters
-    ----------
-    stiffness : (..., 2) array, N m^2
-        ``E I`` about y and z.
-    shear : (..., 2) array
-        Shear parameters ``12 E I / (G A_s L^2)`` in the same order.
-    pull, length : (...) array
-        Tension, N; m.
-
-    Returns
-    -------
-    against, alike : (..., 2) arrays, N m/rad
-        Change of the end moments per rotation against the chord, when the ends turn against one another and
-        when they turn alike.
+    For ``E I`` and shear parameters ``12 E I / (G A_s L^2)`` about y and z (..., 2), tension and length
+    (...). Two (..., 2): the end moments per rotation against the chord, the ends turning against one another,
+    and alike.
     """
     n, s, square = _reduced(stiffness, shear, pull, length)
     ratio = _ratio(square)
@@ -86,13 +75,11 @@ def check_beams(structure: Structure, geometry: Geometry, pull: Array) -> None:
 
 def pulled_weight(structure: Structure, geometry: Geometry, pull: Array) -> Array:
     """Return the dead weight on every node (P, N, 6), beams clamped at their ends under tension (P, B)."""
-    result, beams = gravity_wrenches(structure, geometry), beam_weight(structure, geometry)
+    result, couples = gravity_wrenches(structure, geometry), beam_weight(structure, geometry)[..., 3:]
     _, s, square = _reduced(*beam_bending(structure, geometry), pull, geometry.beam_length)
-    turn = geometry.beam_rotation[:, :, None]
-    couples = (turn.swapaxes(-1, -2) @ beams[..., 3:, None])[..., 0]
     couples[..., 0] = 0.0
     couples[..., 1:] *= (3 * s * _ratio(square) - 1)[:, :, None]
-    change = (turn @ couples[..., None])[..., 0]
+    change = (geometry.beam_rotation[:, :, None] @ couples[..., None])[..., 0]
     for end in (0, 1):
         nodes = structure.elements[: len(structure.robot.beams), end]
         np.add.at(result[..., 3:].swapaxes(0, 1), nodes, change[:, :, end].swapaxes(0, 1))
@@ -119,14 +106,9 @@ def _ratio(square: Array) -> Array:
 def coarse_beams(response: Response) -> list[str]:
     """Return notes on the beams whose moments change their stiffness by more than the first order holds.
 
-    Axial forces are exact, moments and torques of one element are of first order. What buckles a beam
-    between forks is ``M = pi sqrt(EI GJ)/L`` (Timoshenko and Gere, art. 6.2), or a torque of ``2 pi EI/L``
-    (art. 2.21).
-
-    Parameters
-    ----------
-    response : Response
-        To loads and dead weight together.
+    For the response to loads and dead weight together. Axial forces are exact, moments and torques of one
+    element are of first order. A beam between forks buckles under ``M = pi sqrt(EI GJ)/L`` (Timoshenko and
+    Gere, art. 6.2), or under a torque of ``2 pi EI/L`` (art. 2.21).
     """
     structure, length = response.structure, response.geometry.beam_length
     if not structure.robot.beams:

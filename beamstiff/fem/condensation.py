@@ -17,6 +17,7 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import qr
 
 from beamstiff.errors import BeamstiffError, suggest
 from beamstiff.expression_graph.graph import MANY
@@ -48,6 +49,8 @@ STIFFEST = 1e-10  # a scaled compliance below this is rounding
 ROUNDING = 1e-11  # of the stiffness that meets at a port of a large structure
 FAINT = 1e-7  # of the same: below this, what is left of it has lost digits that could show
 MOST_ENTRIES = 2_000_000  # of the maps of observed nodes of a chunk
+# of the largest component of a wrench: what is smaller comes from the compliance's rounding
+FAINT_COMPONENT = 1e-9
 CHUNK = 128  # poses at a time: the matrices of a chunk stay in the processor's cache
 
 
@@ -83,23 +86,11 @@ def condense(
     chunk: int = CHUNK,
     dead: bool = True,
 ) -> Condensed:
-    """Condense a structure to its ports and observed nodes at every pose.
+    """Condense a structure to ports and observed nodes (six components each) at every pose.
 
     Many poses that follow from joint values go by the program of the structure (`condensation_program`), as
-    far as that is sure of its answer; all else goes by matrices.
-
-    Parameters
-    ----------
-    posture : Posture
-        P poses with closed loops.
-    observed : sequence of str
-        Names of nodes; six components each, in this order.
-    ports : sequence of Port
-        Directions whose stiffness is left open (their present values are not used).
-    chunk : int
-        How many poses at a time.
-    dead : bool
-        Whether what the dead weight does is wanted; without it those parts may be zero.
+    far as that is sure of its answer; all else goes by matrices, `chunk` poses at a time. The present
+    stiffness of the ports is not used. Without `dead` the parts of the dead weight may be zero.
     """
     condensed = _condensed(structure, posture, observed, ports, chunk, dead)
     return _behind_rods(structure, posture, ports, condensed)
@@ -108,7 +99,7 @@ def condense(
 def _behind_rods(
     structure: Structure, posture: Posture, ports: Sequence[Port], condensed: Condensed
 ) -> Condensed:
-    """Return what is seen from the springs of struts whose own length gives way too, in series with them.
+    """Return what is seen from the springs of struts whose own length is compliant too, in series with them.
 
     What the rod of flexibility F takes up of the strut's elongation, ``d = F (S_s e - B_s w - g_s)`` but for
     its own share, is eliminated like all else.
@@ -247,13 +238,9 @@ def _condense_chunk(
     watch = np.concatenate(maps, axis=1)  # u_observed = watch @ z
     dead = scatter(structure, geometry, gravity_wrenches(structure, geometry))
     rest, moved = _split(structure, geometry, ports)
-    if rest.ndim == 1 and rest.size > MANY_UNKNOWNS:
-        return _condense_sparse(structure, geometry, (watch, dead), rest, moved)
-    stiffness, size = assemble(structure, geometry)
-    if rest.ndim == 1:
-        size_r, size_p = size[:, rest], size[:, moved]
-        k_rr = stiffness[:, rest[:, None], rest]
-        k_rp, k_pp = stiffness[:, rest[:, None], moved], stiffness[:, moved[:, None], moved]
+    of_unknowns = rest.ndim == 1
+    large = of_unknowns and rest.size > MANY_UNKNOWNS
+    if of_unknowns:
         watch_r, watch_p, dead_r, dead_p = (
             watch[:, :, rest],
             watch[:, :, moved],
@@ -262,17 +249,34 @@ def _condense_chunk(
         )
     else:
         rest_t, moved_t = rest.swapaxes(-1, -2), moved.swapaxes(-1, -2)
-        size_r, size_p = ((size[:, None] @ basis**2)[:, 0] for basis in (rest, moved))
-        along_rest, along_moved = stiffness @ rest, stiffness @ moved
-        k_rr, k_rp, k_pp = rest_t @ along_rest, rest_t @ along_moved, moved_t @ along_moved
         watch_r, watch_p = watch @ rest, watch @ moved
         dead_r, dead_p = (rest_t @ dead[..., None])[..., 0], (moved_t @ dead[..., None])[..., 0]
+    if large:
+        each = [sparse_stiffness(structure, geometry.only(np.array([at]))) for at in range(len(watch))]
+        beside = np.array([matrix[:, moved].toarray() for matrix in each]).reshape(*dead.shape, moved.size)
+        k_rp, k_pp = beside[:, rest], beside[:, moved]
+        size_p = np.diagonal(k_pp, axis1=1, axis2=2)
+    else:
+        stiffness, size = assemble(structure, geometry)
+        if of_unknowns:
+            size_r, size_p = size[:, rest], size[:, moved]
+            k_rr = stiffness[:, rest[:, None], rest]
+            k_rp, k_pp = stiffness[:, rest[:, None], moved], stiffness[:, moved[:, None], moved]
+        else:
+            size_r, size_p = ((size[:, None] @ basis**2)[:, 0] for basis in (rest, moved))
+            along_rest, along_moved = stiffness @ rest, stiffness @ moved
+            k_rr, k_rp, k_pp = rest_t @ along_rest, rest_t @ along_moved, moved_t @ along_moved
     right = np.concatenate([k_rp, watch_r.swapaxes(-1, -2), dead_r[..., None]], axis=2)
-    solved, firm = solve_firm(k_rr, right, size_r)
+    if large:
+        every = np.zeros((*dead.shape, right.shape[2]))
+        every[:, rest] = right
+        solved = solve_sparse(structure, geometry, every, rest)[:, rest]
+    else:
+        solved, firm = solve_firm(k_rr, right, size_r)
     p, o = k_rp.shape[2], watch.shape[1]
     to_ports, to_watch, to_dead = solved[:, :, :p], solved[:, :, p : p + o], solved[:, :, p + o]
     k_pr = k_rp.swapaxes(-1, -2)
-    if rest.ndim == 1 or p == 0:
+    if of_unknowns or p == 0:
         port_stiffness = _symmetric(k_pp - k_pr @ to_ports)
     else:  # bases mix stiff and soft unknowns: differences of their stiffness would be rounding
         _, unbalanced = stiffness_between(structure, geometry, moved - rest @ to_ports)
@@ -286,7 +290,9 @@ def _condense_chunk(
         port_dead=dead_p - (dead_r[:, None] @ to_ports)[:, 0],
         clamped_dead=(watch_r @ to_dead[..., None])[..., 0],
     )
-    if rest.ndim == 1:
+    if large:
+        return replace(result, port_stiffness=_without_rounding(port_stiffness, size_p))
+    if of_unknowns:
         every = np.diag(unknown_sizes(structure))
         rest, moved = (
             np.broadcast_to(every[:, some], (len(watch), *every[:, some].shape)) for some in (rest, moved)
@@ -311,16 +317,9 @@ def _sure_of_ports(
 ) -> NDArray[np.bool_]:
     """Return at which poses (P,) the stiffness at the ports is known, and make zero of what is rounding.
 
-    Parameters
-    ----------
-    port_stiffness : (P, p, p) array
-        Changed where nothing but its own spring holds a port: it may be set free later.
-    size : (P, p) array
-        How large what meets at the ports is.
-    firm : (P,) bool array
-        Poses whose answer is known otherwise.
-    exact : callable
-        The same at a pose, beyond doubt.
+    `port_stiffness` (P, p, p) is changed where nothing but its own spring holds a port: it may be set free
+    later. `size` (P, p) is how large what meets at the ports is, `firm` (P,) says where the answer is known
+    otherwise, and `exact` gives the stiffness at a pose beyond doubt.
     """
     own = np.abs(np.diagonal(port_stiffness, axis1=1, axis2=2))
     faint = (own < FAINT * size) & (port_stiffness != 0.0).any(axis=2) & firm[:, None]
@@ -330,36 +329,6 @@ def _sure_of_ports(
         port_stiffness.swapaxes(1, 2)[loose] = 0.0
         faint &= ~loose
     return np.asarray(~faint.any(axis=1))
-
-
-def _condense_sparse(
-    structure: Structure,
-    geometry: Geometry,
-    seen: tuple[Array, Array],
-    rest: NDArray[np.int64],
-    moved: NDArray[np.int64],
-) -> Condensed:
-    """Condense by sparse matrices; `seen` are the rows of the observed nodes and the dead weight."""
-    watch, dead = seen
-    p, o = moved.size, watch.shape[1]
-    right = np.zeros((len(watch), structure.unknowns.count, p + o + 1))
-    pattern = [sparse_stiffness(structure, geometry.only(np.array([at]))) for at in range(len(watch))]
-    beside = np.array([matrix[:, moved].toarray() for matrix in pattern]).reshape(*right.shape[:2], p)
-    right[:, rest, :p] = beside[:, rest]
-    right[:, rest, p:-1] = watch[:, :, rest].swapaxes(-1, -2)
-    right[:, rest, -1] = dead[:, rest]
-    solved = solve_sparse(structure, geometry, right, rest)
-    k_pr = beside[:, rest].swapaxes(-1, -2)
-    to_ports, to_watch, to_dead = solved[:, rest, :p], solved[:, rest, p:-1], solved[:, rest, -1]
-    watch_r = watch[:, :, rest]
-    size_p = np.diagonal(beside[:, moved], axis1=1, axis2=2)
-    return Condensed(
-        port_stiffness=_without_rounding(_symmetric(beside[:, moved] - k_pr @ to_ports), size_p),
-        port_map=(watch[:, :, moved] - watch_r @ to_ports).swapaxes(-1, -2),
-        clamped=_symmetric(watch_r @ to_watch),
-        port_dead=dead[:, moved] - (k_pr @ to_dead[..., None])[..., 0],
-        clamped_dead=(watch_r @ to_dead[..., None])[..., 0],
-    )
 
 
 def _split(
@@ -425,7 +394,26 @@ def tcp_stiffness(compliance: Array, robot: str = "robot") -> Array:
         names = ("fx", "fy", "fz", "mx", "my", "mz")
         most = names[int(np.argmax(np.abs(motion)))]
         raise BeamstiffError(
-            f"{robot}: singular compliance at pose {pose}: the TCP does not give way to some wrench (mostly "
+            f"{robot}: singular compliance at pose {pose}: the TCP is rigid against some wrench (mostly "
             f"{most}); its stiffness there is infinite, use the compliance instead"
         )
     return _symmetric(inverse).reshape(compliance.shape)
+
+
+def rigid_wrenches(compliance: Array) -> Array:
+    """Return a basis (R, 6) of the wrenches that displace nothing, of one compliance (6, 6).
+
+    Each is 1 in a component that the others do not have, so that a rigid axis stands alone.
+    """
+    if not np.isfinite(compliance).all():
+        return np.zeros((0, 6))
+    size = np.abs(np.diagonal(compliance)).reshape(2, 3).max(axis=1)
+    unit = np.repeat(np.sqrt(np.where(size > 0.0, size, 1.0)), 3)  # forces and moments of like effect
+    _, singular, rows = np.linalg.svd(compliance / np.outer(unit, unit))
+    basis = rows[singular <= STIFFEST * max(singular[0], 1e-300)]
+    if not len(basis):
+        return np.zeros((0, 6))
+    pivots = qr(basis, mode="r", pivoting=True)[1][: len(basis)]
+    basis = np.linalg.solve(basis[:, pivots], basis)[np.argsort(pivots)]
+    basis = np.where(np.abs(basis) > FAINT_COMPONENT, basis, 0.0) / unit
+    return np.asarray(basis / basis[np.arange(len(basis)), np.sort(pivots)][:, None])

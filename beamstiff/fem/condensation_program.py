@@ -10,10 +10,14 @@ unknowns but the ports leaves everything that is asked for in one symmetric matr
     [K  W^T  f]        [  S                                ]
     [W   0   0]   ->   [  B^T    -C_clamped                ]
     [f^T 0   0]        [  g^T    -d_clamped^T     (unused) ]
+
+The order of elimination is that of minimum degree: the unknown with the fewest neighbours goes first, so that
+a chain folds up from its ends and branches meet where they join.
 """
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import lru_cache, reduce
 from typing import Any
@@ -26,7 +30,6 @@ from beamstiff.expression_graph.expression import Expression, Recorder
 from beamstiff.expression_graph.graph import ExpressionGraph, compile_graph
 from beamstiff.fem.assembly import assemble
 from beamstiff.fem.constraints import has_constraints
-from beamstiff.fem.elimination import eliminate, elimination_order
 from beamstiff.fem.geometry import place
 from beamstiff.fem.recorded import RecordedStiffness, Symmetric, Unfit
 from beamstiff.fem.structure import Structure
@@ -78,20 +81,10 @@ class CondensationProgram:
 def condensation_program(
     structure: Structure, observed: tuple[int, ...], ports: tuple[int, ...], dead: bool
 ) -> CondensationProgram | None:
-    """Return the program of a structure, or None where only the general way will do.
+    """Return the program of a structure for observed nodes and ports (unknowns), their springs left out.
 
-    That is so with loops of rigid parts, with large structures, and where something is wrong at all poses.
-
-    Parameters
-    ----------
-    structure : Structure
-        With the springs of its ports still in place.
-    observed : tuple of int
-        Nodes.
-    ports : tuple of int
-        Unknowns that are ports; their springs are left out.
-    dead : bool
-        Whether the dead weight is wanted.
+    None where only the general way will do: with loops of rigid parts, with large structures, and where
+    something is wrong at all poses. `dead` says whether the dead weight is wanted.
     """
     if has_constraints(structure) or not 0 < structure.unknowns.count <= MOST_UNKNOWNS:
         return None
@@ -184,3 +177,52 @@ def _turned(rotation: NDArray[Any], rows: NDArray[Any]) -> NDArray[Any]:
         for j in range(rows.shape[1]):
             result[i, j] = sum((rotation[i, k] * rows[k, j] for k in range(3)), 0.0)
     return result
+
+
+def neighbours(matrix: Symmetric) -> dict[int, set[int]]:
+    """Return which rows each row meets."""
+    found: dict[int, set[int]] = {}
+    for row, column in matrix:
+        found.setdefault(row, set()).add(column)
+        found.setdefault(column, set()).add(row)
+    for row, others in found.items():
+        others.discard(row)
+    return found
+
+
+def elimination_order(matrix: Symmetric, rest: Collection[int]) -> tuple[list[int], int]:
+    """Return the order in which to eliminate some rows, and how many products that takes."""
+    meets = {row: set(others) for row, others in neighbours(matrix).items()}
+    left = dict.fromkeys(sorted(rest))
+    order, products = [], 0
+    while left:
+        row = min(left, key=lambda at: len(meets.get(at, ())))
+        del left[row]
+        others = meets.pop(row, set())
+        for other in others:
+            meets[other] |= others
+            meets[other] -= {other, row}
+        order.append(row)
+        products += len(others) * (len(others) + 1) // 2
+    return order, products
+
+
+def eliminate(matrix: Symmetric, order: list[int]) -> tuple[Symmetric, dict[int, Value]]:
+    """Return what is left after eliminating rows, and the pivots; a pivot of 0 is a ZeroDivisionError."""
+    left, meets = dict(matrix), neighbours(matrix)
+    pivots: dict[int, Value] = {}
+    for row in order:
+        pivot = left.pop((row, row), 0.0)
+        others = sorted(meets.pop(row, set()))
+        pivots[row] = pivot
+        along: dict[int, Any] = {at: left.pop((min(at, row), max(at, row))) for at in others}
+        if not isinstance(pivot, Expression) and pivot == 0.0:
+            raise ZeroDivisionError
+        inverse: Any = 1.0 / pivot
+        for number, i in enumerate(others):
+            share = along[i] * inverse
+            for j in others[number:]:
+                left[i, j] = left.get((i, j), 0.0) - share * along[j]
+            meets[i].discard(row)
+            meets[i].update(at for at in others if at != i)
+    return left, pivots

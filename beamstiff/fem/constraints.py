@@ -92,15 +92,10 @@ def count_ranks(singular: Array, scale: Array) -> NDArray[np.int64]:
 
 
 def null_space(rows: Array, scale: Array, what: str) -> Array:
-    """Return a basis N of the motions that all rows leave free, ``rows @ N = 0``, (P, n, m).
+    """Return a basis N of the motions that all rows (P, g, n) leave free, ``rows @ N = 0``, (P, n, m).
 
-    Parameters
-    ----------
-    rows : (P, g, n) array
-    scale : (n,) array
-        Size of a unit of each unknown, so that metres and radians compare.
-    what : str
-        What the rows stand for, for the message.
+    `scale` (n,) is the size of a unit of each unknown, so that metres and radians compare; `what` begins
+    messages.
     """
     _, singular, right = np.linalg.svd(rows * scale, full_matrices=True)
     rank = count_ranks(singular, scale)

@@ -33,9 +33,9 @@ from beamstiff.fem.initial_stress import (
     joint_initial_stress,
     strut_initial_stress,
 )
-from beamstiff.fem.loads import beam_weight, gravity_wrenches
-from beamstiff.fem.mechanism import unstable_pose
-from beamstiff.fem.response import check_moments, solve_constrained, solve_elements
+from beamstiff.fem.loads import gravity_wrenches, line_load
+from beamstiff.fem.mechanism import solve_stable
+from beamstiff.fem.response import beam_forces, check_moments, solve_constrained, solve_elements
 from beamstiff.fem.structure import Structure
 from beamstiff.fem.unknowns import joint_values
 from beamstiff.robot.fields import RIGID
@@ -50,21 +50,10 @@ MOST_ENTRIES = 20_000_000  # of the nodes' initial stress matrices, at a time
 def loaded_compliance(
     structure: Structure, posture: Posture, loads: Array, gravity: bool = False, chunk: int = CHUNK
 ) -> Array:
-    """Return the compliance at the TCP of the loaded machine, for a small wrench on top of the loads.
+    """Return the compliance at the TCP of the loaded machine, (P, 6, 6), base frame.
 
-    Parameters
-    ----------
-    posture : Posture
-        P poses with closed loops.
-    loads : (P, N, 6) array, N and N m
-        Wrench ``[f, m]`` on every node, base frame (`response.nodal_loads` makes it).
-    gravity : bool
-        Add the dead weight.
-
-    Returns
-    -------
-    (P, 6, 6) array
-        ``[d, r] = C [f, m]``, base frame; not symmetric when moments are among the loads (seed 000, eq. 10).
+    For a small wrench on top of nodal loads (P, N, 6), and of the dead weight where `gravity` says so; not
+    symmetric when moments are among the loads (seed 000, eq. 10).
     """
     tcp, parts = structure.kinematics.node_index[structure.robot.tcp], []
     for geometry, some in _chunks(structure, posture, loads, chunk):
@@ -78,20 +67,10 @@ def loaded_compliance(
 def loaded_displacement(
     structure: Structure, posture: Posture, loads: Array, gravity: bool = False, chunk: int = CHUNK
 ) -> Array:
-    """Return the displacement of all nodes under loads that also stiffen or soften: ``K_t z = f``.
+    """Return the displacement of all nodes (P, N, 6) under loads that also stiffen or soften: ``K_t z = f``.
 
-    The posture is that of the machine without any load. With rigid links this is the equilibrium to second
-    order in the loads, but for the curved ways of the nodes: displacements are those of the tangents.
-
-    Parameters
-    ----------
-    structure, posture, loads, gravity
-        As of `loaded_compliance`.
-
-    Returns
-    -------
-    (P, N, 6) array
-        ``[d, r]`` of every node, base frame, m and rad.
+    Arguments as of `loaded_compliance`; the posture is that without any load. With rigid links this is the
+    equilibrium to second order in the loads, but for the curved ways of the nodes.
     """
     parts = []
     for geometry, some in _chunks(structure, posture, loads, chunk):
@@ -124,9 +103,10 @@ def _chunks(
 def loaded_stiffness(compliance: Array, robot: str = "robot") -> Array:
     """Return the stiffness at the TCP, (..., 6, 6), from the compliance of the loaded machine."""
     symmetric = 0.5 * (compliance + compliance.swapaxes(-1, -2))
-    if (stuck := unstable_pose(symmetric.reshape(-1, 6, 6))) is not None:
+    flat = symmetric.reshape(-1, 6, 6)
+    if (stuck := solve_stable(flat, np.zeros((*flat.shape[:2], 0)))[1]) is not None:
         raise BeamstiffError(
-            f"{robot}: singular compliance at pose {stuck[0]}: the TCP does not give way to some wrench; its "
+            f"{robot}: singular compliance at pose {stuck[0]}: the TCP is rigid against some wrench; its "
             "stiffness there is infinite, use the compliance instead"
         )
     size = np.sqrt(np.diagonal(compliance, axis1=-2, axis2=-1))
@@ -138,15 +118,7 @@ def loaded_stiffness(compliance: Array, robot: str = "robot") -> Array:
 def load_stiffness(
     structure: Structure, geometry: Geometry, loads: Array, gravity: bool = False
 ) -> tuple[Array, Array]:
-    """Return what loads add to the stiffness (P, n, n) in the unknowns, and the tension of beams (P, B).
-
-    Parameters
-    ----------
-    loads : (P, N, 6) array
-        Wrench ``[f, m]`` on every node, base frame.
-    gravity : bool
-        Add the dead weight.
-    """
+    """Return what loads (P, N, 6) and weight add to the stiffness (P, n, n), and tensions (P, B)."""
     total = loads + gravity_wrenches(structure, geometry) if gravity else loads
     unknowns, forces, _ = solve_elements(structure, geometry, scatter(structure, geometry, total))
     rest = total.copy()
@@ -177,15 +149,9 @@ def _add_elements(
     Returns the tension of the beams, (P, B).
     """
     beams, chords = len(structure.robot.beams), len(structure.chords)
-    ends, load = forces[:, :beams], np.zeros((len(forces), beams, 3))
-    if gravity:
-        ends = ends - beam_weight(structure, geometry)
-        per_metre = structure.beam_density * structure.beam_properties["A"]
-        load = load + per_metre[:, None] * np.array(structure.robot.gravity)
     rotation, length = geometry.beam_rotation, geometry.beam_length
-    back = rotate_screw(rotation).swapaxes(-1, -2)
-    local_ends = (back[:, :, None] @ ends[..., None])[..., 0]
-    local_load = (rotation.swapaxes(-1, -2) @ load[..., None])[..., 0]
+    local_ends = beam_forces(structure, geometry, forces, gravity)
+    local_load = line_load(structure, geometry) * gravity
     pull = 0.5 * (local_ends[:, :, 1, 0] - local_ends[:, :, 0, 0])
     check_beams(structure, geometry, pull)
     bending, shear = beam_bending(structure, geometry)

@@ -37,15 +37,7 @@ class Geometry:
 
 
 def place(structure: Structure, posture: Posture, number: Index | None = None) -> Geometry:
-    """Put a structure into its poses.
-
-    Parameters
-    ----------
-    posture : Posture
-        P poses with closed loops.
-    number : (P,) int array, optional
-        Number of each of them in the whole list, for messages; default 0, 1, 2...
-    """
+    """Put a structure into P poses with closed loops; `number` (P,) stands for them in messages."""
     robot, unknowns, positions = structure.robot, structure.unknowns, posture.node_positions
     rotations = posture.transforms[:, :, :3, :3]
     number = np.arange(len(positions)) if number is None else number

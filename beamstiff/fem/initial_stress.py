@@ -32,24 +32,11 @@ APART[:, 0:3] = -np.eye(3)
 
 
 def beam_initial_stress(length: Array, ends: Array, load: Array, shear: Array) -> Array:
-    """Return the initial stress matrix of beams in local axes.
+    """Return the initial stress matrix of beams in local axes on ``[da, wa, db, wb]``, (..., 12, 12).
 
-    One element is exact to first order in the wrench: its shapes are those of the unloaded beam.
-
-    Parameters
-    ----------
-    length : (...) array, m
-    ends : (..., 2, 6) array
-        Wrenches on the ends in equilibrium with `load`, local axes, N and N m.
-    load : (..., 3) array, N/m
-        Dead load along the beam, local axes; its resultant acts on the nodes, its couples follow the chord.
-    shear : (..., 2) array
-        Shear parameters ``12 E I / (G A_s L^2)`` of bending about y (Iy, Az) and about z (Iz, Ay).
-
-    Returns
-    -------
-    (..., 12, 12) array
-        On ``[da, wa, db, wb]``.
+    One element is exact to first order in the wrench: its shapes are those of the unloaded beam. `ends` (...,
+    2, 6) are wrenches in equilibrium with the dead load (..., 3), N/m, whose resultant acts on the nodes and
+    whose couples follow the chord; `shear` (..., 2) is ``12 E I / (G A_s L^2)`` about y and about z.
     """
     force, couple_a, couple_b = ends[..., 0, :3], ends[..., 0, 3:], ends[..., 1, 3:]
     span = length[..., None, None]
@@ -78,19 +65,7 @@ def beam_initial_stress(length: Array, ends: Array, load: Array, shear: Array) -
 
 
 def bending_stress(length: Array, against: Array, alike: Array) -> Array:
-    """Return the stiffness of beams in local axes against rotations of their ends about their chord.
-
-    Parameters
-    ----------
-    length : (...) array, m
-    against, alike : (..., 2) arrays, N m/rad
-        End moments about y and z when the ends turn against one another, and when they turn alike.
-
-    Returns
-    -------
-    (..., 12, 12) array
-        On ``[da, wa, db, wb]``.
-    """
+    """Return the stiffness (..., 12, 12) of end moments (..., 2) of ends that turn against or alike."""
     turn = np.stack([-APART[2], APART[1]]) / length[..., None, None]
     bent_a, bent_b = TURN_A[1:] - turn, TURN_B[1:] - turn
     half = 0.5 * np.concatenate([against, alike], axis=-1)[..., None]
@@ -131,17 +106,9 @@ def _inside(
 
 
 def joint_initial_stress(wrench: Array) -> Array:
-    """Return the initial stress matrix of joints, whose frames turn with their first nodes.
+    """Return the initial stress matrix of joints, (..., 12, 12), whose frames turn with their first nodes.
 
-    Parameters
-    ----------
-    wrench : (..., 6) array
-        On the second node, N and N m; also what rigid directions carry.
-
-    Returns
-    -------
-    (..., 12, 12) array
-        On ``[da, wa, db, wb]``, same axes as the wrench.
+    For the wrench on the second node (..., 6), what rigid directions carry included, in the wrench's axes.
     """
     force, couple = wrench[..., :3], wrench[..., 3:]
     form = -_triple(force, TURN_A, APART) - 0.5 * _triple(couple, TURN_A, TURN_B)
@@ -152,16 +119,7 @@ def joint_initial_stress(wrench: Array) -> Array:
 
 
 def strut_initial_stress(along: Array, length: Array, pull: Array) -> Array:
-    """Return the initial stress matrix of struts: ``P/L`` across, (..., 12, 12).
-
-    Parameters
-    ----------
-    along : (..., 3) array
-        Unit vectors from the first node to the second.
-    length : (...) array, m
-    pull : (...) array, N
-        Tension.
-    """
+    """Return the initial stress of struts (..., 12, 12), ``P/L`` across, by direction, length, tension."""
     across = APART - along[..., :, None] * (along[..., None, :] @ APART)
     return (pull / length)[..., None, None] * (_transpose(across) @ across)
 

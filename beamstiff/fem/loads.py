@@ -18,7 +18,9 @@ def gravity_wrenches(structure: Structure, geometry: Geometry) -> Array:
     Beams carry ``rho A g`` a metre (seed 003: equivalent nodal loads); a mass off its node adds ``at x m g``.
     """
     result = mass_wrenches(structure, geometry)
-    beams = beam_weight(structure, geometry)
+    local = beam_weight(structure, geometry)
+    triples = local.reshape(*local.shape[:2], 4, 3)  # forces and moments of both ends
+    beams = (triples @ geometry.beam_rotation.swapaxes(-1, -2)).reshape(local.shape)
     for end in (0, 1):
         nodes = structure.elements[: len(structure.robot.beams), end]
         np.add.at(result.swapaxes(0, 1), nodes, beams[:, :, end].swapaxes(0, 1))
@@ -46,15 +48,17 @@ def mass_wrenches(structure: Structure, geometry: Geometry) -> Array:
     return result
 
 
-def beam_weight(structure: Structure, geometry: Geometry) -> Array:
-    """Return the consistent nodal wrenches of the beams' own weight, (P, B, 2, 6), base frame."""
+def line_load(structure: Structure, geometry: Geometry) -> Array:
+    """Return the weight of the beams a metre, (P, B, 3), local axes, N/m."""
     per_metre = structure.beam_density * np.nan_to_num(structure.beam_properties["A"], posinf=0.0)
     load = per_metre[:, None] * np.array(structure.robot.gravity)
-    rotation = geometry.beam_rotation
-    local = np.einsum("pbji,bj->pbi", rotation, load)
-    nodal = uniform_load(local, geometry.beam_length).reshape(*local.shape[:2], 4, 3)
-    turned: Array = np.einsum("pbij,pbkj->pbki", rotation, nodal)
-    return turned.reshape(*local.shape[:2], 2, 6)
+    return np.asarray(np.einsum("pbji,bj->pbi", geometry.beam_rotation, load))
+
+
+def beam_weight(structure: Structure, geometry: Geometry) -> Array:
+    """Return the consistent nodal wrenches of the beams' own weight, (P, B, 2, 6), local axes."""
+    load = line_load(structure, geometry)
+    return uniform_load(load, geometry.beam_length).reshape(*load.shape[:2], 2, 6)
 
 
 def total_mass(structure: Structure, geometry: Geometry) -> Array:

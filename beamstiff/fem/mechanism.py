@@ -33,32 +33,14 @@ def diagonal_scale(matrix: Array) -> Array:
     return 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
 
 
-def unstable_pose(matrix: Array) -> tuple[int, Array] | None:
-    """Return the first pose whose stiffness is not positive definite, with its softest motion, or None."""
-    return solve_stable(matrix, np.zeros((*matrix.shape[:2], 0)))[1]
-
-
 def solve_firm(
     matrix: Array, right: Array, size: Array, symmetric: bool = True
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Return the solutions of ``K x = b``, and at which poses K is too firm for rounding to show in them.
+    """Return the solutions (P, n, c) of ``K x = b``, and where (P,) K is too firm for rounding to show.
 
-    Parameters
-    ----------
-    matrix : (P, n, n) array
-        Stiffness.
-    right : (P, n, c) array
-    size : (P, n) array
-        How large what went into the diagonal is (`assembly.assemble`), so that what rounding left of it does
-        not pass for stiffness.
-    symmetric : bool
-        Whether K is symmetric; else its symmetric part decides.
-
-    Returns
-    -------
-    solution : (P, n, c) array
-        Zero where K is not firm.
-    firm : (P,) bool array
+    They are zero elsewhere. `size` (P, n) is how large what went into the diagonal is (`assembly.assemble`),
+    so that what rounding left of it does not pass for stiffness. Unless K is symmetric, its symmetric part
+    decides.
     """
     return _solve(matrix, right, np.maximum(size, np.diagonal(matrix, axis1=-2, axis2=-1)), symmetric, FIRM)
 
@@ -66,22 +48,10 @@ def solve_firm(
 def solve_stable(
     matrix: Array, right: Array, softest: float = SOFTEST
 ) -> tuple[Array, tuple[int, Array] | None]:
-    """Return the solutions of ``K x = b``, if K is positive definite at all poses.
+    """Return the solutions (P, n, c) of ``K x = b`` for symmetric K, and where it is not positive definite.
 
-    Parameters
-    ----------
-    matrix : (P, n, n) array
-        Symmetric.
-    right : (P, n, c) array
-    softest : float
-        The scaled stiffness below which a motion counts as free.
-
-    Returns
-    -------
-    solution : (P, n, c) array
-        Not to be used if there is an unstable pose.
-    unstable : None or (pose, motion)
-        The first pose whose stiffness is not positive definite, and its softest motion (n,).
+    The latter is the first such pose with its softest motion (n,), or None; the solutions then mean nothing.
+    `softest` is the scaled stiffness below which a motion counts as free.
     """
     solution, firm = _solve(matrix, right, np.diagonal(matrix, axis1=-2, axis2=-1), True, softest)
     if firm.all():
@@ -142,16 +112,9 @@ def scaled_condition(matrix: Array) -> Array:
 def mechanism_error(
     structure: Structure, geometry: Geometry, pose: int, motion: Array, what: str = MECHANISM
 ) -> BeamstiffError:
-    """Return the error that names a free motion: the nodes that move, how, and the joints that give way.
+    """Return the error that names a free motion (n,): the nodes that move, how, and the joints that move.
 
-    Parameters
-    ----------
-    pose : int
-        Pose within `geometry`.
-    motion : (n,) array
-        The motion as unknowns.
-    what : str
-        What is wrong with the robot.
+    `pose` counts within the geometry, `what` says what is wrong with the robot.
     """
     robot = structure.robot
     everywhere = np.zeros((geometry.terms.shape[0], structure.unknowns.count))
@@ -203,10 +166,10 @@ def _resisting(
     parts = [beam.name for beam in robot.beams] + [robot.joints[at].name for at in structure.chords]
     parts += [robot.struts[at].name for at in structure.struts]
     shares = [(float(energy[at]), parts[at]) for at in np.flatnonzero(energy > STRAINED * most)]
-    for at, joint in enumerate(structure.spring_joint):
-        spring, direction = structure.springs[at], labels[structure.springs[at]][1]
+    for at, spring in enumerate(structure.springs):
+        joint, direction = labels[spring]
         share = float(structure.spring_values[at] * motion[spring] ** 2)
         if share > 0.0 and abs(motion[spring]) > 1e-8 * amount[direction]:
-            shares.append((share, f"{robot.joints[joint].name}.{JOINT_DIRECTIONS[direction]}"))
+            shares.append((share, f"{joint}.{JOINT_DIRECTIONS[direction]}"))
     shares.sort(reverse=True)
     return list(dict.fromkeys(name for share, name in shares if share > 0.01 * shares[0][0]))

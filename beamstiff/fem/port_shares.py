@@ -32,15 +32,7 @@ SAME_SHARE = 1e-9  # relative difference of shares from pose to pose that is rou
 def independent_ports(
     structure: Structure, posture: Posture, ports: Sequence[Port]
 ) -> tuple[NDArray[np.int64], Array]:
-    """Return which ports to condense to where rigid parts let some move only together: springs in parallel.
-
-    Returns
-    -------
-    independent : (r,) int array
-        Of `ports`.
-    share : (p, r) array
-        What each port moves per unit of the independent ones.
-    """
+    """Return which ports move by themselves (r,), and what all p ports move per unit of these, (p, r)."""
     everything = np.arange(len(ports)), np.eye(len(ports))
     if -1 not in port_unknowns(structure, ports) and not has_constraints(structure):
         return everything
@@ -69,20 +61,10 @@ def independent_ports(
 
 
 def shares(rows: Array, basis: Array) -> tuple[NDArray[np.int64], Array]:
-    """Return which rows can move by themselves, and what all of them do when those move.
+    """Return which rows (P, p, n) can move by themselves (r,), and what all do when those move (P, p, r).
 
-    Parameters
-    ----------
-    rows : (P, p, n) array
-    basis : (P, n, g) array
-        Motions that are possible.
-
-    Returns
-    -------
-    independent : (r,) int array
-        Rows, the same at all poses; r is the rank at the first.
-    share : (P, p, r) array
-        ``rows @ z = share @ (rows[independent] @ z)`` for every z in the span of `basis`.
+    ``rows @ z = share @ (rows[independent] @ z)`` for every z in the span of the basis (P, n, g). The same
+    rows at all poses; r is the rank at the first.
     """
     inside = rows @ basis
     size = np.maximum(np.linalg.norm(inside, axis=2, keepdims=True), np.finfo(float).tiny)

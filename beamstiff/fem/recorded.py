@@ -35,22 +35,15 @@ class Unfit(Exception):  # noqa: N818 - no error of the user's
 
 
 class RecordedStiffness:
-    """A structure as expressions of the values of all variables.
-
-    Attributes
-    ----------
-    matrix : dict
-        Stiffness by unknown and unknown, without the springs of the ports.
-    sound : list of expressions
-        Each positive where the structure is as it was taken to be: joints together, beams of some length.
-    """
+    """A structure as expressions of the values of all variables."""
 
     def __init__(
         self, structure: Structure, values: NDArray[Any], ports: frozenset[int] = frozenset()
     ) -> None:
         self.structure, self.kinematics = structure, structure.kinematics
         self._values = values[None]
-        self.matrix: Symmetric = {}
+        self.matrix: Symmetric = {}  # stiffness by unknown and unknown, without the springs of the ports
+        # each positive where the structure is as it was taken to be: joints together, beams of some length
         self.sound: list[Expression] = []
         self.rotation = cache(self._rotation)
         self._placed = cache(self._place)

@@ -8,11 +8,10 @@ import numpy as np
 
 from beamstiff.errors import BeamstiffError, suggest
 from beamstiff.fem.assembly import assemble, element_forces, gather, scatter
-from beamstiff.fem.beam import uniform_load
 from beamstiff.fem.constraints import constraint_rows, has_constraints, null_space, ranks, unknown_sizes
 from beamstiff.fem.geometry import Geometry, place
 from beamstiff.fem.large.robot import MANY_UNKNOWNS, solve_sparse
-from beamstiff.fem.loads import gravity_wrenches
+from beamstiff.fem.loads import beam_weight, gravity_wrenches
 from beamstiff.fem.mechanism import solve_firm
 from beamstiff.fem.strain_factor import factored_at, strain_forces
 from beamstiff.fem.structure import Structure
@@ -71,17 +70,7 @@ def nodal_loads(structure: Structure, poses: int, wrenches: dict[str, Array]) ->
 
 
 def respond(structure: Structure, posture: Posture, loads: Array, gravity: bool = False) -> Response:
-    """Solve for the displacement of every node under nodal wrenches.
-
-    Parameters
-    ----------
-    posture : Posture
-        P poses with closed loops.
-    loads : (P, N, 6) array
-        Wrench ``[f, m]`` on every node, base frame.
-    gravity : bool
-        Add the dead weight.
-    """
+    """Return the response to wrenches (P, N, 6) on the nodes, base frame, and to the dead weight."""
     geometry = place(structure, posture)
     check_moments(structure, loads)
     total = loads + gravity_wrenches(structure, geometry) if gravity else loads
@@ -92,7 +81,7 @@ def respond(structure: Structure, posture: Posture, loads: Array, gravity: bool 
         geometry,
         displacement,
         forces,
-        _beam_forces(structure, geometry, forces[:, : len(structure.robot.beams)], gravity),
+        beam_forces(structure, geometry, forces, gravity),
         _joint_displacement(structure, geometry, displacement, unknowns),
         energy,
         0.5 * structure.spring_values * unknowns[:, structure.springs] ** 2,
@@ -113,16 +102,14 @@ def _joint_displacement(
     return local
 
 
-def _solve(structure: Structure, geometry: Geometry, force: Array) -> tuple[Array, dict[int, Array]]:
-    if structure.unknowns.count > MANY_UNKNOWNS and not has_constraints(structure):
-        return solve_sparse(structure, geometry, force[..., None])[..., 0], {}
-    solved, strains = solve_constrained(structure, geometry, force[..., None])
-    return solved[..., 0], strains
-
-
 def solve_elements(structure: Structure, geometry: Geometry, force: Array) -> tuple[Array, Array, Array]:
     """Return the unknowns (P, n), the wrenches on the elements' ends (P, E, 2, 6) and their energy (P, E)."""
-    unknowns, strains = _solve(structure, geometry, force)
+    column, strains = force[..., None], dict[int, Array]()
+    if structure.unknowns.count > MANY_UNKNOWNS and not has_constraints(structure):
+        unknowns = solve_sparse(structure, geometry, column)[..., 0]
+    else:
+        solved, strains = solve_constrained(structure, geometry, column)
+        unknowns = solved[..., 0]
     forces, energy = element_forces(structure, geometry, gather(structure, geometry, unknowns))
     for pose, some in strains.items():  # differences of displacements would be rounding
         one = geometry.only(np.array([pose]))
@@ -133,23 +120,11 @@ def solve_elements(structure: Structure, geometry: Geometry, force: Array) -> tu
 def solve_constrained(
     structure: Structure, geometry: Geometry, force: Array, by_load: Array | None = None, works: bool = False
 ) -> tuple[Array, dict[int, Array]]:
-    """Return the unknowns of ``K z = force`` under the constraints of rigid loops.
+    """Return the unknowns (P, n, c) of ``K z = force`` under the constraints of rigid loops.
 
-    Poses at which rounding could show go by `strain_factor`.
-
-    Parameters
-    ----------
-    force : (P, n, c) array
-    by_load : (P, n, n) array, optional
-        What loads add to the stiffness; not symmetric where moments act.
-    works : bool
-        Whether the forces are those of a compliance, of which the works on one another are asked.
-
-    Returns
-    -------
-    solution : (P, n, c) array
-    strains : dict of (m, c) arrays
-        Of the poses that went by the factor of the strains.
+    And, of the poses at which rounding could show, the strains (m, c) of `strain_factor`, by which these go.
+    `by_load` (P, n, n) is what loads add to the stiffness, not symmetric where moments act; `works` says that
+    the forces are those of a compliance, of which the works on one another are asked.
     """
     stiffness, size = assemble(structure, geometry)
     if by_load is not None:
@@ -189,15 +164,11 @@ def check_moments(structure: Structure, loads: Array) -> None:
             )
 
 
-def _beam_forces(structure: Structure, geometry: Geometry, forces: Array, gravity: bool) -> Array:
-    """Return the end wrenches of the beams in local axes, less the consistent loads of their own weight."""
+def beam_forces(structure: Structure, geometry: Geometry, forces: Array, gravity: bool) -> Array:
+    """Return the end wrenches of the beams in local axes, (P, B, 2, 6), less the loads of their own weight.
+
+    For the wrenches on the ends of all elements, base frame.
+    """
     turn = rotate_screw(geometry.beam_rotation).swapaxes(-1, -2)[:, :, None]
-    local = (turn @ forces[..., None])[..., 0]
-    if not gravity:
-        return local
-    per_metre = structure.beam_density * structure.beam_properties["A"]
-    load = np.einsum(
-        "pbji,bj->pbi", geometry.beam_rotation, per_metre[:, None] * np.array(structure.robot.gravity)
-    )
-    nodal = uniform_load(load, geometry.beam_length)
-    return local - nodal.reshape(local.shape)
+    local: Array = (turn @ forces[:, : len(structure.robot.beams), :, :, None])[..., 0]
+    return local - beam_weight(structure, geometry) if gravity else local

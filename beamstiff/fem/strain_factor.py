@@ -57,16 +57,11 @@ class Doubtful(Exception):  # noqa: N818 - caught where pose and robot are known
 
 
 def weighted_strains(structure: Structure, geometry: Geometry) -> tuple[Array, Array]:
-    """Return A of ``K = A^T A`` at every pose, (P, m, n): six rows a beam and chord, one a strut and spring.
+    """Return A of ``K = A^T A`` (P, m, n): six rows a beam and chord, one a strut and spring.
 
     A deformation is that of an element's second end against the first carried along. What moves both ends as
-    one body is left out, for its difference would be rounding.
-
-    Returns
-    -------
-    rows : (P, m, n) array
-    size : (P, m) array
-        What motions as large as the machine put into a row, before it adds up to less.
+    one body is left out, for its difference would be rounding. And what motions as large as the machine put
+    into a row before it adds up to less, (P, m).
     """
     poses, unknowns = len(geometry.number), structure.unknowns.count
     levers = np.repeat([structure.kinematics.size, 1.0], 3)  # displacements, rotations
@@ -126,20 +121,7 @@ def _own(structure: Structure, rows: Array, element: int) -> Array:
 
 
 def strain_forces(structure: Structure, geometry: Geometry, strains: Array) -> tuple[Array, Array]:
-    """Return the wrenches on the ends of all elements and their energy, as `assembly.element_forces` does.
-
-    Parameters
-    ----------
-    geometry : Geometry
-        One pose.
-    strains : (m,) array
-        Of `Factored`.
-
-    Returns
-    -------
-    forces : (E, 2, 6) array, base frame
-    energy : (E,) array
-    """
+    """Return what `assembly.element_forces` does at one pose, (E, 2, 6) and (E,), from strains (m,)."""
     beams, chords = len(structure.robot.beams), len(structure.chords)
     local = np.zeros((len(structure.elements), 6))
     local[: beams + chords] = strains[: 6 * (beams + chords)].reshape(-1, 6)
@@ -179,20 +161,11 @@ def factored_at(
     by_load: Array | None = None,
     works: bool = False,
 ) -> Factored:
-    """Return the answer at one of many poses from the strains.
+    """Return the answer at one of many poses from the strains, for loads (n, c) on the unknowns.
 
-    Parameters
-    ----------
-    rest : (n, r) array
-        Motions that are possible with the ports held, ``z = rest y + moved e``.
-    loads : (n, c) array
-        Forces on the unknowns.
-    moved : (n, p) array, optional
-        Unit motions of the ports.
-    by_load : (n, n) array, optional
-        What loads add to the stiffness; then there are no ports.
-    works : bool
-        Whether the works are asked (a compliance), and not the solution.
+    `rest` (n, r) are the motions that are possible with the ports held, ``z = rest y + moved e``, `moved` (n,
+    p) the unit motions of the ports; `by_load` (n, n) is what loads add to the stiffness (without ports), and
+    `works` says that the works are asked (a compliance), not the solution.
     """
     moved, one = np.zeros((len(rest), 0)) if moved is None else moved, geometry.only(np.array([pose]))
     try:

@@ -60,7 +60,6 @@ class Structure:
     strut_values: Array  # (S,), N/m: without what their own length adds
     springs: Index  # (S,): unknowns with a spring of their own: finite directions of joints on the tree
     spring_values: Array  # (S,), N/m or N m/rad
-    spring_joint: Index
     joint_axes: Array  # (J, 3, 3): each joint's frame (first axis along the joint) against its robot frame
     joint_frame: Index
     joint_nodes: Index
@@ -98,7 +97,7 @@ def compile_structure(robot: RobotLike) -> Structure:
         ]
     )
     springs = [
-        (number, finite[joint, direction], joint)
+        (number, finite[joint, direction])
         for (joint, direction), number in joint_unknowns(unknowns).items()
         if finite[joint, direction] != FREE
     ]
@@ -126,7 +125,6 @@ def compile_structure(robot: RobotLike) -> Structure:
         strut_values=np.array([robot.struts[at].stiffness for at in struts], dtype=np.float64),
         springs=spring_index,
         spring_values=np.array([spring[1] for spring in springs], dtype=np.float64),
-        spring_joint=np.array([spring[2] for spring in springs], dtype=np.int64),
         joint_axes=beam_axes(
             np.array([joint.axis for joint in robot.joints], dtype=np.float64).reshape(-1, 3),
             np.full((len(robot.joints), 3), np.nan),

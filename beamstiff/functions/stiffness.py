@@ -14,7 +14,6 @@ from beamstiff.fem import condensation
 from beamstiff.fem.beam_column import coarse_beams
 from beamstiff.fem.geometric import loaded_compliance, loaded_stiffness
 from beamstiff.fem.response import nodal_loads, respond
-from beamstiff.fem.rigid_wrenches import rigid_wrenches
 from beamstiff.fem.structure import Structure, compile_structure
 from beamstiff.functions.checks import left_out, six_numbers
 from beamstiff.functions.robots import as_robot
@@ -124,7 +123,7 @@ def stiffness(
     try:
         inverse = _inverse(structure, compliance, preload)[0]
     except BeamstiffError as error:
-        rigid, singular = rigid_wrenches(compliance[0]), str(error)
+        rigid, singular = condensation.rigid_wrenches(compliance[0]), str(error)
         if not len(rigid) or len(rigid) == len(compliance[0]):  # refused for another reason
             raise
     return TcpStiffness(

@@ -36,14 +36,7 @@ class FuzzyCompliance:
         return replace(self, extrapolate=True)
 
     def compliance(self, q: ArrayLike, wrench: ArrayLike | None = None) -> Array:
-        """Return the compliance matrices (N, 6, 6), base frame, NaN where nothing was trained.
-
-        Parameters
-        ----------
-        q : (N, A) array, rad or m
-        wrench : (N, 6) array, optional
-            N and N m; default none.
-        """
+        """Return the compliance matrices (N, 6, 6), base frame, NaN where nothing was trained."""
         x = inputs_of(self.system.premises.inputs, self.variables, q, wrench)
         return self.system(x, self.extrapolate)
 

@@ -30,8 +30,6 @@ AT_ONCE = 500  # rows predicted together
 def matern(distance: Array) -> Array:
     """Return the Matern covariance 5/2 at scaled distances.
 
-    Examples
-    --------
     >>> matern(np.array([0.0, 1.0])).round(4)
     array([1.   , 0.524])
     """

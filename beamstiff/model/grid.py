@@ -24,13 +24,9 @@ AXES = ("x", "y", "z")
 class Cubes:
     """Cubes of one size side by side, numbered with the last axis fastest.
 
-    Examples
-    --------
     >>> two = Cubes(np.array([1.0, -0.6, 1.0]), 0.6, (1, 2, 1))
-    >>> two.inside([[1.2, -0.1, 1.1], [1.2, 0.0, 1.1], [0.0, 0.0, 0.0]])
-    array([[ True, False],
-           [ True,  True],
-           [False, False]])
+    >>> two.inside([[1.2, -0.1, 1.1], [1.2, 0.0, 1.1], [0.0, 0.0, 0.0]]).tolist()
+    [[True, False], [True, True], [False, False]]
     """
 
     low: Array  # (3,), m: least corner, base frame
@@ -73,12 +69,8 @@ class Cubes:
     def weights(self, positions: ArrayLike, interpolate: bool) -> Array:
         """Return the share of every cube at positions (N, 3), (N, C); a row sums to one, or to zero outside.
 
-        Parameters
-        ----------
-        positions : (N, 3) array, m
-        interpolate : bool
-            Between the centres of neighbouring cubes, linearly along each axis; else the cube itself (the
-            mean of both on a face).
+        Between the centres of neighbouring cubes linearly along each axis, if `interpolate`; else the cube
+        itself (the mean of both on a face).
         """
         at = finite(positions, "positions", -1, 3)
         inside = self.inside(at).astype(np.float64)
@@ -122,11 +114,7 @@ class GriddedStiffness:
 
     def compliances(self, q: ArrayLike) -> Array:
         """Return the compliances (N, m) of the springs in postures (N, A)."""
-        at = tcp_positions(self.robot, q)
-        if not self.extrapolate:
-            self._refuse(at)
-        at = np.clip(at, self.cubes.low, self.cubes.high)
-        return np.exp(self.cubes.weights(at, self.interpolate) @ np.log(self.compliance))
+        return np.exp(self._weights(tcp_positions(self.robot, q)) @ np.log(self.compliance))
 
     def predict(self, q: Array, wrench: Array) -> Array:
         """Return displacements (N, 6), base frame, m and rad."""
@@ -138,12 +126,16 @@ class GriddedStiffness:
         if self.offset is None:
             raise BeamstiffError("gridded stiffness: found no offsets, expected them from absolute positions")
         at = tcp_positions(self.robot, q)
-        if not self.extrapolate:
-            self._refuse(at)
-        weights = self.cubes.weights(np.clip(at, self.cubes.low, self.cubes.high), self.interpolate)
+        weights = self._weights(at)
         turned = weights @ self.offset[:, 3:]
         lever = at - weights @ self.cubes.centres
         return np.hstack([weights @ self.offset[:, :3] + np.cross(turned, lever), turned])
+
+    def _weights(self, at: Array) -> Array:
+        """Return the share of every cube where the TCP is, (N, C)."""
+        if not self.extrapolate:
+            self._refuse(at)
+        return self.cubes.weights(np.clip(at, self.cubes.low, self.cubes.high), self.interpolate)
 
     def _refuse(self, at: Array) -> None:
         inside = self.cubes.inside(at)

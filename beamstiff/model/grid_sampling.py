@@ -31,8 +31,6 @@ class Sampling:
 def sampling_points(cubes: Cubes) -> Array:
     """Return the corners and centres of all cubes, each once, (S, 3), m.
 
-    Examples
-    --------
     >>> [len(sampling_points(Cubes(np.zeros(3), 1.0, counts))) for counts in ((1, 1, 1), (2, 1, 1))]
     [9, 14]
     """
@@ -54,21 +52,10 @@ def sample(
     start: ArrayLike | None = None,
     seed: int = 0,
 ) -> Sampling:
-    """Return configurations that bring the TCP to positions, at each with the tool turned about its y axis.
+    """Return configurations that bring the TCP to positions (S, 3), with the tool turned about its y axis.
 
-    Parameters
-    ----------
-    positions : (S, 3) array, m
-    rotation : (3, 3) array
-        Of the TCP's frame where it is not turned.
-    turns : (T,) array, deg
-    start : (A,) array, optional
-        Configuration to start from: neighbouring targets get neighbouring configurations.
-
-    Returns
-    -------
-    Sampling
-        S T configurations, the turns of one position one after the other.
+    S T of them, the `turns` (T,), deg, of one position one after the other. `rotation` (3, 3) is that of the
+    TCP's frame where it is not turned; neighbours of `start` (A,) get neighbouring configurations.
     """
     at, turned = np.asarray(positions, dtype=np.float64), np.deg2rad(np.asarray(turns, dtype=np.float64))
     about_y = rotation_from_vector(turned[:, None] * np.array([0.0, 1.0, 0.0]))

@@ -60,7 +60,7 @@ def predict_displacements(robot: Robot, loads: Measurements, preload: bool = Fal
     2.0386
     2.0405
     """
-    _refuse_idle_moments(robot, loads)
+    refuse_idle_moments(robot, loads)
     structure = compile_structure(robot)
     poses, pose = np.unique(loads.q, axis=0, return_inverse=True)
     where, number = posture(structure.kinematics, poses), pose.reshape(-1).astype(np.int64)
@@ -108,7 +108,7 @@ def preload_notes(robot: Robot, loads: Measurements) -> list[str]:
     return coarse_beams(respond(structure, where, wrenches, gravity=True))
 
 
-def _refuse_idle_moments(robot: Robot, loads: Measurements) -> None:
+def refuse_idle_moments(robot: Robot, loads: Measurements) -> None:
     """Refuse moments on nodes that only struts hold, which have no rotation."""
     held = np.isin(loads.load_point, list(turning_nodes(robot)))
     if (idle := ~held & loads.wrench[:, 3:].any(axis=1)).any():

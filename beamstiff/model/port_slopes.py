@@ -24,20 +24,9 @@ def moved_with_slopes(
 ) -> tuple[Array, Array]:
     """Return ``B_d^T M^-1 f`` of every row (N, 6), and its derivatives by the values k, (N, 6, m).
 
-    Parameters
-    ----------
-    own : (p, p) array
-        ``sum k_j Phi_j``.
-    springs : (m, p, p) array
-        Phi; none of them where no derivatives are wanted.
-    port_stiffness : (P, p, p) array
-        S, by pose.
-    pose : (N,) int array
-    force : (N, p) array
-    motion : (N, p, 6) array
+    `own` (p, p) is ``sum k_j Phi_j``, `springs` (m, p, p) are Phi, none where no derivatives are wanted; S
+    (P, p, p) by pose, f (N, p) and B_d (N, p, 6) by row.
 
-    Examples
-    --------
     >>> one = np.ones((1, 1, 1))
     >>> moved_with_slopes(np.eye(1), one, one, np.zeros(1, int), np.ones((1, 1)), np.ones((1, 1, 6)))[1][0, 0]
     array([-0.25])

@@ -29,8 +29,8 @@ from beamstiff.fem.geometry import place
 from beamstiff.fem.mechanism import solve_stable
 from beamstiff.fem.port_shares import independent_ports
 from beamstiff.fem.structure import Structure, compile_structure
-from beamstiff.fem.unknowns import turning_nodes
 from beamstiff.measure.table import Measurements
+from beamstiff.model.linear import refuse_idle_moments
 from beamstiff.model.port_slopes import moved_with_slopes
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import FREE, RIGID
@@ -66,13 +66,9 @@ class PortModel:
     lever: Array
 
     def predict(self, stiffness: Array) -> Array:
-        """Return the displacement ``[d, r]`` of every row, (..., N, 6), base frame.
+        """Return the displacement ``[d, r]`` of every row, (..., N, 6), base frame, for values (..., m).
 
-        Parameters
-        ----------
-        stiffness : (..., m) array
-            Values of `parameters`, N/m, N m/rad or Pa; zero is free. Several candidates at once along the
-            leading axes.
+        Of `parameters`, N/m, N m/rad or Pa; zero is free. Several candidates at once along the leading axes.
         """
         if (compliance := self._in_series(stiffness)) is not None:
             shares = self.by_compliance
@@ -85,18 +81,13 @@ class PortModel:
         own = np.tensordot(values, self.springs, 1)
         if values.ndim == 1 and self._sound(own):
             return self.clamped + moved_with_slopes(own, self.springs[:0], *self._rows)[0]
-        return self._displaced(self._opened(stiffness))
+        return self.displaced(self._opened(stiffness))
 
     def derivatives(self, stiffness: Array, by: Parametrisation = "stiffness") -> tuple[Array, Array]:
         """Return predictions (N, 6) and their derivatives (N, 6, m) at stiffness values (m,).
 
-        Parameters
-        ----------
-        stiffness : (m,) array
-            Values of `parameters`, N/m, N m/rad or Pa.
-        by : "stiffness", "log" or "compliance"
-            What the derivatives are by: the values k, their logarithms, or their inverses ``c = 1/k``;
-            ``dd/dlog k = k dd/dk``, ``dd/dc = -k^2 dd/dk``.
+        By the values k, their logarithms, or their inverses ``c = 1/k``; ``dd/dlog k = k dd/dk``, ``dd/dc =
+        -k^2 dd/dk``.
         """
         if by not in PARAMETRISATIONS:
             raise BeamstiffError(
@@ -116,13 +107,13 @@ class PortModel:
         carried = self.inverse(stiffness)[self.pose] @ self.motion
         stretched = np.tensordot(opened, self.springs, ([1], [2]))  # (N, m, p)
         by_value = -carried.swapaxes(-1, -2) @ stretched.swapaxes(-1, -2)
-        return self._displaced(opened), by_value * _factor(np.asarray(stiffness), power, by)
+        return self.displaced(opened), by_value * _factor(np.asarray(stiffness), power, by)
 
     @property
     def _rows(self) -> tuple[Array, Index, Array, Array]:
         return self.port_stiffness, self.pose, self.force, self.motion
 
-    def _displaced(self, opened: Array) -> Array:
+    def displaced(self, opened: Array) -> Array:
         """Return the displacements (..., N, 6) where the ports open by (..., N, p)."""
         return self.clamped + (self.motion.swapaxes(-1, -2) @ opened[..., None])[..., 0]
 
@@ -319,16 +310,10 @@ def reduce_to_ports(
     parameters: Sequence[str] | None = None,
     gravity: bool | None = None,
 ) -> PortModel:
-    """Reduce a robot to the ports of `parameters` for the rows of a measurement table.
+    """Reduce a robot to the ports of `parameters` (default ``robot.identify``) for the rows of a table.
 
-    Parameters
-    ----------
-    measurements : Measurements
-        N rows: joint values, wrench, measured point and point of load.
-    parameters : sequence of str, optional
-        Stiffness values to leave open; default ``robot.identify``.
-    gravity : bool, optional
-        Add the dead weight; default: for absolute positions, not for displacements (loaded minus unloaded).
+    `gravity` adds the dead weight; by default for absolute positions, not for displacements (loaded minus
+    unloaded).
     """
     names = tuple(parameters if parameters is not None else robot.identify)
     if not names:
@@ -341,13 +326,7 @@ def reduce_to_ports(
     ports, owner = find_ports(robot, names)
     open_robot = opened(robot, names)
     structure = compile_structure(open_robot)
-    turning = turning_nodes(robot)
-    for row, node in enumerate(measurements.load_point.tolist()):
-        if node not in turning and measurements.wrench[row, 3:].any():
-            raise BeamstiffError(
-                f"{measurements.place(row)}: a moment acts on node {node!r}, which struts alone hold: "
-                "it has no rotation"
-            )
+    refuse_idle_moments(robot, measurements)
     poses, pose = np.unique(measurements.q, axis=0, return_inverse=True)
     pose = pose.reshape(-1).astype(np.int64)
     observed = list(dict.fromkeys([*measurements.point.tolist(), *measurements.load_point.tolist()]))

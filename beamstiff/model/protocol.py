@@ -39,15 +39,7 @@ class Model(Protocol):
 
 @dataclass(frozen=True)
 class StructuralModel:
-    """The robot's own beams and joints as a `Model`.
-
-    Examples
-    --------
-    >>> from beamstiff.robot.reader import load_robot
-    >>> model = StructuralModel(load_robot("kr240-2"))
-    >>> print((1e3 * model.predict([[0, 0.5, -1, 0, 0.5, 0]], [[900, 0, -2000, 0, 0, 0]])[0, :3]).round(3))
-    [ 2.039 -0.    -1.397]
-    """
+    """The robot's own beams and joints as a `Model`."""
 
     robot: Robot
     preload: bool = False
@@ -61,14 +53,7 @@ class StructuralModel:
 
 @dataclass(frozen=True)
 class RigidModel:
-    """The robot that does not give way: what every other model is compared with.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> RigidModel().predict(np.zeros((1, 6)), np.ones((1, 6)))
-    array([[0., 0., 0., 0., 0., 0.]])
-    """
+    """The robot that is not compliant: what every other model is compared with."""
 
     def predict(self, q: Array, wrench: Array) -> Array:  # noqa: ARG002 (the protocol's)
         """Return zeros, one row each wrench."""

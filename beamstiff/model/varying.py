@@ -19,19 +19,11 @@ from beamstiff.se3 import Array
 
 
 def displaced(model: PortModel, compliance: Array) -> Array:
-    """Return the displacement ``[d, r]`` of every row, (N, 6), base frame.
-
-    Parameters
-    ----------
-    model : PortModel
-        N rows, m parameters.
-    compliance : (N, m) array
-        Of the springs, one over stiffness, positive; equal in rows of one pose.
-    """
+    """Return the displacement of every row (N, 6) for compliances (N, m), equal in rows of a pose."""
     if model.by_compliance is not None:
         return model.clamped + (model.by_compliance @ compliance[..., None])[..., 0]
     opened = (_inverse(model, compliance)[model.pose] @ model.force[..., None])[..., 0]
-    return model.clamped + (model.motion.swapaxes(-1, -2) @ opened[..., None])[..., 0]
+    return model.displaced(opened)
 
 
 def displaced_with_slopes(model: PortModel, compliance: Array) -> tuple[Array, Array]:
@@ -44,9 +36,7 @@ def displaced_with_slopes(model: PortModel, compliance: Array) -> tuple[Array, A
     opened = (inverse @ model.force[..., None])[..., 0]
     carried = inverse @ model.motion  # (N, p, 6)
     pulled = np.tensordot(opened, model.springs, ([1], [2])) / compliance[..., None]  # (N, m, p)
-    by_log = carried.swapaxes(-1, -2) @ pulled.swapaxes(-1, -2)
-    result: Array = model.clamped + (model.motion.swapaxes(-1, -2) @ opened[..., None])[..., 0]
-    return result, by_log
+    return model.displaced(opened), carried.swapaxes(-1, -2) @ pulled.swapaxes(-1, -2)
 
 
 def _inverse(model: PortModel, compliance: Array) -> Array:

@@ -40,27 +40,16 @@ SAME_PLACE = 1e-4  # machine sizes: nodes that coincide, postures that are one
 
 @dataclass(frozen=True, eq=False)
 class Closest:
-    """An assembly where it comes nearest to the guess.
+    """An assembly where it comes nearest to the guess."""
 
-    Attributes
-    ----------
-    name : str
-        A sign for each block of the closure equations that has a branch of its own, in the order of the
-        passive variables (`Assembly.patterns`); where several assemblies share the signs, all but the nearest
-        to the guess have a number too, in the order of nearness: ``+2``.
-    free : (A + Q,) array, rad or m
-        Actuated and passive variables there.
-    distance : float, rad
-        Root sum of squares of what the variables are off the guess, the actuated ones (off the middle of
-        their limits) by `EASE` only; one machine size counts as 1 rad.
-    farthest : float, rad
-        Of the passive variable that is off most.
-    """
-
+    # a sign for each block of the closure equations that has a branch of its own, in the order of the passive
+    # variables (`Assembly.patterns`); of several of the same signs all but the nearest have a number: ``+2``
     name: str
-    free: Array
+    free: Array  # (A + Q,), rad or m: actuated and passive variables there
+    # rad: root sum of squares of what the variables are off the guess, the actuated ones (off the middle of
+    # their limits) by `EASE` only; one machine size counts as 1 rad
     distance: float
-    farthest: float
+    farthest: float  # rad: of the passive variable that is off most
 
     @property
     def signs(self) -> str:

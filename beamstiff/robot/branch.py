@@ -21,7 +21,7 @@ from beamstiff.robot.loops import LoopSystem, loop_equations
 from beamstiff.se3 import Array
 
 Block = tuple[NDArray[np.intp], NDArray[np.intp]]
-NEAR_SINGULAR = 1e-5  # ratio of the pivots of J_p below which branches are too close to be told apart
+NEAR_SINGULAR = 1e-5  # ratio of the pivots of J_p below which branches are too close to be distinguished
 _ZERO = 1e-9
 
 

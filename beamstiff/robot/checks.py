@@ -90,36 +90,37 @@ def _names(robot: Robot) -> Iterator[Problem]:
     frames = dict.fromkeys(["base", *(frame.name for frame in robot.frames)])
     variables = dict.fromkeys(variable.name for variable in robot.variables)
 
-    def unknown(
-        path: tuple[str | int, ...], name: str, what: str, known: Collection[str]
-    ) -> Iterator[Problem]:
-        if name not in known:
-            hint = suggest(name, known) or f", expected one of {listed(known, 20)}"
+    known: dict[str, Collection[str]] = {
+        **{"frame": frames, "node": nodes, "variable": variables, "frame or node": frames | nodes},
+        **{"section": robot.sections, "material": robot.materials},
+    }
+
+    def unknown(path: tuple[str | int, ...], name: str | None, what: str) -> Iterator[Problem]:
+        if name is not None and name not in known[what]:
+            hint = suggest(name, known[what]) or f", expected one of {listed(known[what], 20)}"
             yield path, f"unknown {what} {name!r}{hint}"
 
-    for at, frame in enumerate(robot.frames):
-        yield from unknown(("frames", at, "parent"), frame.parent, "frame", frames)
-    for at, node in enumerate(robot.nodes):
-        yield from unknown(("nodes", at, "frame"), node.frame, "frame", frames)
+    def named(field: str, **keys: str) -> Iterator[Problem]:
+        """Yield what keys of the items of a field name without there being such a part."""
+        for at, item in enumerate(getattr(robot, field)):
+            for key, what in keys.items():
+                yield from unknown((field, at, key), getattr(item, key), what)
+
+    yield from named("frames", parent="frame")
+    yield from named("nodes", frame="frame")
     for field in ELEMENTS:
         for at, item in enumerate(getattr(robot, field)):
             for end in (0, 1):
-                yield from unknown((field, at, "nodes", end), item.nodes[end], "node", nodes)
-    for at, beam in enumerate(robot.beams):
-        yield from unknown(("beams", at, "section"), beam.section, "section", robot.sections)
-        yield from unknown(("beams", at, "material"), beam.material, "material", robot.materials)
-    for at, joint in enumerate(robot.joints):
-        yield from unknown(("joints", at, "frame"), joint.frame, "frame", frames)
-        if joint.variable is not None:
-            yield from unknown(("joints", at, "variable"), joint.variable, "variable", variables)
-    for at, mass in enumerate(robot.masses):
-        yield from unknown(("masses", at, "node"), mass.node, "node", nodes)
+                yield from unknown((field, at, "nodes", end), item.nodes[end], "node")
+    yield from named("beams", section="section", material="material")
+    yield from named("joints", frame="frame", variable="variable")
+    yield from named("masses", node="node")
     for at, name in enumerate(robot.fixed):
-        yield from unknown(("fixed", at), name, "node", nodes)
-    yield from unknown(("tcp",), robot.tcp, "node", nodes)
+        yield from unknown(("fixed", at), name, "node")
+    yield from unknown(("tcp",), robot.tcp, "node")
     for at, loop in enumerate(robot.loops):
         for key, place in (("a", loop.a), ("b", loop.b)):
-            yield from unknown(("loops", at, key), place, "frame or node", frames | nodes)
+            yield from unknown(("loops", at, key), place, "frame or node")
             if place in frames and place in nodes:
                 yield ("loops", at, key), f"{place!r} is both a frame and a node: rename one"
         if loop.a == loop.b:

@@ -37,15 +37,7 @@ class Closure(NamedTuple):
 
 
 def close_loops(kinematics: Kinematics, q: Array, strict: bool = True) -> Closure:
-    """Return all variables at the given poses, with the passive ones such that every loop closes.
-
-    Parameters
-    ----------
-    q : (P, A) array, rad or m
-        Actuated variables.
-    strict : bool
-        Whether a pose that cannot close is an error (default) or a reason.
-    """
+    """Return all variables at actuated ones (P, A), loops closed; an error if `strict` where they cannot."""
     joined, poses = kinematics.coupling, len(q)
     passive = len(joined.free) - joined.actuated
     free = np.concatenate([q, np.zeros((poses, passive))], axis=1)
@@ -72,18 +64,7 @@ def close_loops(kinematics: Kinematics, q: Array, strict: bool = True) -> Closur
 
 
 def closure_rates(kinematics: Kinematics, values: Array, transforms: Array) -> Array:
-    """Return how the passive variables follow the actuated ones: ``-pinv(J_p) J_a``.
-
-    Parameters
-    ----------
-    values : (P, V) array
-        With the loops closed.
-    transforms : (P, F + 1, 4, 4) array
-
-    Returns
-    -------
-    (P, Q, A) array
-    """
+    """Return how the passive variables follow the actuated ones, (P, Q, A): ``-pinv(J_p) J_a``."""
     joined = kinematics.coupling
     if not kinematics.loops or not len(values):
         return np.zeros((len(values), len(joined.free) - joined.actuated, joined.actuated))
@@ -112,15 +93,10 @@ def closure_rates(kinematics: Kinematics, values: Array, transforms: Array) -> A
 
 
 def assembled(kinematics: Kinematics) -> Kinematics:
-    """Return the kinematics with the assembly that the robot names, or that its guesses mean.
+    """Return the kinematics with the assembly that the robot names or its guesses mean, if any loop closes.
 
-    Without one where no loop closes.
-
-    Raises
-    ------
-    BeamstiffError
-        When no loop determines a passive variable, no assembly has the name, or two are equally near to the
-        guesses.
+    An error where no loop determines a passive variable, no assembly has the name, or two are equally near to
+    the guesses.
     """
     system, start, name = loop_system(kinematics), declared_start(kinematics), kinematics.robot.assembly
     _check_determined(system, start)
@@ -273,9 +249,7 @@ def _check_determined(system: LoopSystem, start: Array) -> None:
     jacobian = loop_equations(system, scattered(system, start))[1][:, :, system.actuated :]
     passive = jacobian.shape[2]
     if np.linalg.matrix_rank(jacobian, rtol=1e-9).max() < passive:
-        motion = np.abs(np.linalg.svd(jacobian[0])[2][-1])
-        names = system.kinematics.coupling.free[system.actuated :]
-        loose = [name for name, share in zip(names, motion, strict=True) if share > 1e-6]
+        loose, _ = _moved_alone(system, jacobian[0], 1e-6)
         raise BeamstiffError(
             f"robot {system.kinematics.robot.name!r}: the passive variables {listed(loose)} are not "
             f"determined by its loops {listed(loop.name for loop in system.kinematics.loops)}: "
@@ -283,11 +257,16 @@ def _check_determined(system: LoopSystem, start: Array) -> None:
         )
 
 
+def _moved_alone(system: LoopSystem, to_passive: Array, least: float) -> tuple[list[str], Array]:
+    """Return the passive variables of the motion that moves J_p (M, Q) least, and their shares of it (Q,)."""
+    motion = np.abs(np.linalg.svd(to_passive)[2][-1])
+    names = system.kinematics.coupling.free[system.actuated :]
+    return [name for name, share in zip(names, motion, strict=True) if share > least], motion
+
+
 def _undetermined(system: LoopSystem, free: Array, to_passive: Array, pose: int) -> str:
     """Say which passive variables can move by themselves, and in which loops."""
-    joined = system.kinematics.coupling
-    motion = np.abs(np.linalg.svd(to_passive[pose])[2][-1])
-    names = [name for name, share in zip(joined.free[system.actuated :], motion, strict=True) if share > 1e-3]
+    names, motion = _moved_alone(system, to_passive[pose], 1e-3)
     loops = [
         loop.name
         for loop, part in zip(system.kinematics.loops, system.rows, strict=True)

@@ -11,15 +11,7 @@ RobotLike = Robot | str | os.PathLike[str]
 
 
 def as_robot(robot: RobotLike, what: str = "robot") -> Robot:
-    """Return a robot: itself, or read from its file.
-
-    Parameters
-    ----------
-    robot : Robot, str or os.PathLike
-        A path, or the name of a bundled robot such as ``"ir663"``, is read with `load_robot`.
-    what : str
-        The argument, for messages.
-    """
+    """Return a robot: itself, or read by `load_robot`; `what` names the argument in messages."""
     if isinstance(robot, Robot):
         return robot
     if isinstance(robot, str | os.PathLike):

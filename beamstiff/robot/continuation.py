@@ -13,9 +13,8 @@ from scipy.spatial import KDTree
 from scipy.spatial.distance import pdist, squareform
 
 from beamstiff.robot.branch import Assembly, near_singular
-from beamstiff.robot.closing_program import close_at_once
 from beamstiff.robot.loops import LoopSystem, loop_equations
-from beamstiff.robot.newton import LARGEST_STEP, Mask, least_squares, newton
+from beamstiff.robot.newton import LARGEST_STEP, Mask, close_at_once, least_squares, newton
 from beamstiff.se3 import Array
 
 SMALLEST_STRIDE = 1 / 512  # of the way
@@ -96,18 +95,11 @@ def grid_of_starts(system: LoopSystem, assembly: Assembly) -> Starts:
 def close_in_branch(
     system: LoopSystem, assembly: Assembly, free: Array, starts: Starts | None = None
 ) -> Attempt:
-    """Close the loops at every pose in the branch of the assembly.
+    """Close the loops at every pose (P, A + Q) in the branch of the assembly; the passive part is not used.
 
-    First from the reference at once. What did not close, or flipped, is reached from the nearest good pose by
-    continuation, and at last tried from starts all over the passive variables: not every pose can be reached
-    along straight lines.
-
-    Parameters
-    ----------
-    free : (P, A + Q) array
-        The passive part is not used.
-    starts : Starts, optional
-        Closed postures all over the limits to start from, instead of the one of the assembly.
+    First from the reference, or from `starts`, at once. What did not close, or flipped, is reached from the
+    nearest good pose by continuation, and at last tried from starts all over the passive variables: not every
+    pose can be reached along straight lines.
     """
     first = system.actuated
     start = free.copy()
@@ -191,23 +183,10 @@ def _nearest(
 
 
 def continuation(system: LoopSystem, assembly: Assembly, origin: Array, target: Array) -> tuple[Array, Mask]:
-    """Follow closed postures along straight lines of the actuated variables.
+    """Follow closed postures (P, A + Q) along straight lines of the actuated variables to targets (P, A).
 
     Every pose takes strides of its own: doubled when a stride closes in the same branch without a jump,
-    halved when not; it gives up below a smallest stride.
-
-    Parameters
-    ----------
-    origin : (P, A + Q) array
-        Closed postures to start from.
-    target : (P, A) array
-        Actuated variables to arrive at.
-
-    Returns
-    -------
-    free : (P, A + Q) array
-        Where each got to.
-    arrived : (P,) bool array
+    halved when not; it gives up below a smallest stride. Returns where each got to, and which arrived (P,).
     """
     first = system.actuated
     scale, way = system.scale[first:], target - origin[:, :first]

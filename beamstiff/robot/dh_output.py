@@ -58,12 +58,7 @@ class Table:
 
 
 def robot_to_table(robot: Robot, convention: str) -> Table:
-    """Return the chain from the base to the TCP as a table of frames in CSV, deg and mm.
-
-    Parameters
-    ----------
-    convention : "classic", "modified" or "khalil-kleinfinger"
-    """
+    """Return the chain from the base to the TCP as a table of frames in CSV, deg and mm (`CONVENTIONS`)."""
     convention = known_convention(convention, "convention")
     rows = _chain(robot)
     rows = [part for row in rows for part in _plain(row)]
@@ -85,7 +80,7 @@ def robot_to_table(robot: Robot, convention: str) -> Table:
     left += ["joints that no row moves"] * (len(stiffness) < len(robot.joints))
     if left or any(not variable.actuated for variable in robot.variables):
         notes.append(
-            "a table holds the frames to the TCP and what gives way at their joints only"
+            "a table holds the frames to the TCP and the stiffness of their joints only"
             + (f", not {listed(left)}" if left else ", variables as they are named")
         )
     return Table(_csv(robot, rows, convention, stiffness), tuple(notes))

@@ -70,15 +70,7 @@ Row = dict[str, Any]
 
 
 def read_table(path: str | os.PathLike[str], convention: str | None = None) -> Robot:
-    """Return the robot of a table of frames: rigid links, an elastic joint where a variable is.
-
-    Parameters
-    ----------
-    path : str or os.PathLike
-        CSV, or YAML by its ending.
-    convention : str, optional
-        One of `CONVENTIONS`, for a file that does not say.
-    """
+    """Return the robot of a table of frames, CSV or YAML; `convention` where the file does not say."""
     file = Path(path)
     if file.suffix.lower() in (".yaml", ".yml"):
         return parse_yaml_table(read_text(file), convention, str(path))
@@ -88,8 +80,6 @@ def read_table(path: str | os.PathLike[str], convention: str | None = None) -> R
 def parse_csv_table(text: str, convention: str | None = None, name: str = "<text>") -> Robot:
     r"""Return the robot of a table in CSV; otherwise as `read_table`.
 
-    Examples
-    --------
     >>> robot = parse_csv_table("# convention: modified\nalpha [deg],a [mm],theta [deg],d [mm]\n-90,600,q1,0")
     >>> robot.frames[0].d, robot.frames[0].theta, robot.joints[0].variable
     (0.6, 'q1', 'q1')

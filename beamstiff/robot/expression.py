@@ -31,8 +31,6 @@ _SIGN = re.compile(r"\s*([+-])\s*")
 class Expression:
     """``constant + sum(coefficient * variable)``, SI.
 
-    Examples
-    --------
     >>> parse_expression("q2 - 90 deg", "angle", {"q2": "angle"})
     Expression(constant=-1.5707963267948966, coefficients={'q2': 1.0})
     """
@@ -46,16 +44,9 @@ class Expression:
 
 
 def parse_expression(text: object, kind: str, variables: Mapping[str, str]) -> Expression:
-    """Return the linear expression that `text` stands for.
+    """Return the linear expression that a number (SI) or text stands for.
 
-    Parameters
-    ----------
-    text : str, float or int
-        A number (SI) or an expression.
-    kind : str
-        ``"angle"`` or ``"length"``: what the expression's value is.
-    variables : mapping
-        Kind (``"angle"`` or ``"length"``) of every variable that may be used.
+    Its value is of a kind, ``"angle"`` or ``"length"``, and so is every variable that may be used.
     """
     if not isinstance(text, str):
         return _checked(Expression(number(text)), text, kind)

@@ -21,13 +21,7 @@ Problem = tuple[tuple[str | int, ...], str]
 
 
 class DescriptionError(BeamstiffError):
-    """A description that cannot be used: where in it, and why; the first problem makes the message.
-
-    Attributes
-    ----------
-    problems : list of (path, message)
-        ``path`` holds the keys and list positions from the described object down to the fault.
-    """
+    """A description that cannot be used: path (keys, list positions) and message of each problem."""
 
     def __init__(self, problems: list[Problem]) -> None:
         self.problems = problems

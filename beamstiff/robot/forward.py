@@ -41,16 +41,9 @@ class Screw(NamedTuple):
 
 
 def forward(kinematics: Kinematics, values: Array) -> Array:
-    """Return the transform base <- frame of every frame.
+    """Return the transform base <- frame of every frame, (P, F + 1, 4, 4), for all variables (P, V).
 
-    Parameters
-    ----------
-    values : (P, V) array, rad or m
-        All variables in the order of ``kinematics.coupling.names``; loops are not closed here.
-
-    Returns
-    -------
-    (P, F + 1, 4, 4) array, in the order of ``kinematics.frame_names``
+    In the orders of ``frame_names`` and ``coupling.names``; loops are not closed here.
     """
     bodies, _ = place(kinematics, values, range(len(kinematics.frame_names)))
     transforms = np.zeros((len(values), len(bodies), 4, 4))
@@ -68,31 +61,6 @@ def node_positions(kinematics: Kinematics, transforms: Array) -> Array:
     return positions
 
 
-def frame_twists(kinematics: Kinematics, values: Array, transforms: Array) -> Array:
-    """Return the twist of every frame's origin for a unit rate of every variable on its own.
-
-    Parameters
-    ----------
-    values : (P, V) array
-    transforms : (P, F + 1, 4, 4) array
-        From `forward` with the same values.
-
-    Returns
-    -------
-    (P, F + 1, 6, V) array
-        ``[v; w]`` in the base frame, m and rad per rad (or m) of the variable.
-    """
-    variables = np.eye(len(kinematics.coupling.names))
-    twists = np.zeros((len(kinematics.frame_names), 6, len(variables), len(values)))
-    for frame in range(1, len(twists)):
-        chain = chain_to(kinematics, frame)
-        origin = transforms[:, frame, :3, 3].T
-        twists[frame] = twists_at(
-            kinematics, screws_of(kinematics, values, transforms, chain), origin, variables
-        )
-    return np.ascontiguousarray(np.moveaxis(twists, -1, 0))
-
-
 def chain_to(kinematics: Kinematics, frame: int) -> list[int]:
     """Return the frames from the base to a frame, both included."""
     chain = [frame]
@@ -102,14 +70,7 @@ def chain_to(kinematics: Kinematics, frame: int) -> list[int]:
 
 
 def place(kinematics: Kinematics, values: Array, frames: Sequence[int]) -> tuple[list[Body], list[Screw]]:
-    """Return where some frames are, seen from the first of them, and the screws that move them.
-
-    Parameters
-    ----------
-    values : (P, V) array
-    frames : sequence of int
-        A root, then frames each of whose parents stands before it.
-    """
+    """Return where frames are, seen from the first, and the screws that move them; parents come before."""
     poses = len(values)
     bodies = {frames[0]: Body(np.broadcast_to(np.eye(3)[:, :, None], (3, 3, poses)), np.zeros((3, poses)))}
     screws: list[Screw] = []
@@ -167,22 +128,10 @@ def twists_at(
     directions: Array,
     backward: Iterable[Screw] = (),
 ) -> Array:
-    """Return the twist of a body at one of its points, for motions along given directions of the variables.
+    """Return the twist ``[v; w]`` (6, C, P) of a body at one of its points (3, P), frame of the screws.
 
-    Parameters
-    ----------
-    screws : iterable of Screw
-        Those that move the body.
-    point : (3, P) array, m
-    directions : (V, C) array
-        Rates of all variables, one column a motion.
-    backward : iterable of Screw
-        Those that move another body, from which this one is seen.
-
-    Returns
-    -------
-    (6, C, P) array
-        ``[v; w]`` in the frame of the screws.
+    For motions along C directions (V, C) of all variables. `screws` move the body, `backward` another one
+    from which it is seen.
     """
     groups = ((1.0, list(screws)), (-1.0, list(backward)))
     kind = np.result_type(point, *(item for _, group in groups for screw in group for item in screw[2:]))

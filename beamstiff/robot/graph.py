@@ -1,4 +1,4 @@
-"""The robot as a graph: nodes joined by beams, rigids, joints and struts; what hangs where."""
+"""The robot as a graph: nodes joined by beams, rigids, joints and struts; loops and support."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def structural_loops(graph: Structure, fixed: Collection[str] = ()) -> list[list
 
 
 def support_tree(graph: Structure, fixed: Collection[str]) -> Tree:
-    """Return the spanning tree of shortest paths from the fixed nodes: what hangs on what."""
+    """Return the spanning tree of shortest paths from the fixed nodes."""
     tree: Tree = nx.DiGraph()
     tree.add_nodes_from(graph.nodes(data=True))
     reached, front = set(fixed), list(fixed)

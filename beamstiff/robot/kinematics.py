@@ -12,25 +12,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from beamstiff.errors import BeamstiffError, listed, suggest
 from beamstiff.robot.closure import assembled, close_loops, closure_rates
-from beamstiff.robot.forward import chain_to, forward, frame_twists, node_positions, screws_of, twists_at
-from beamstiff.robot.frames import Kinematics, compile_frames
+from beamstiff.robot.forward import chain_to, node_positions, screws_of, twists_at
+from beamstiff.robot.forward import forward as forward
+from beamstiff.robot.frames import Kinematics as Kinematics
+from beamstiff.robot.frames import compile_frames
 from beamstiff.se3 import Array
 
 if TYPE_CHECKING:
     from beamstiff.robot.description import Robot
-
-__all__ = [
-    "ClosedPosture",
-    "Kinematics",
-    "Posture",
-    "actuated_values",
-    "compile_kinematics",
-    "forward",
-    "frame_twists",
-    "pose_of",
-    "posture",
-    "twist_jacobian",
-]
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,17 +74,10 @@ def compile_kinematics(robot: Robot) -> Kinematics:
 
 
 def actuated_values(robot: Robot, q: Mapping[str, ArrayLike] | ArrayLike) -> Array:
-    """Return values of the actuated variables as a table, one row a pose.
+    """Return values of the actuated variables as a table (P, A), one row a pose; rad or m.
 
-    Parameters
-    ----------
-    q : mapping or array
-        By name, each a number or P of them (variables not named are 0); or an array (A,) or (P, A) in the
-        order of ``robot.actuated``. rad or m.
-
-    Returns
-    -------
-    (P, A) array
+    By name, each a number or P of them (variables not named are 0), or as an array (A,) or (P, A) in the
+    order of ``robot.actuated``.
     """
     names = [variable.name for variable in robot.actuated]
     if isinstance(q, Mapping):
@@ -187,15 +169,10 @@ def posture_at(kinematics: Kinematics, values: Array) -> Posture:
 
 
 def twist_jacobian(kinematics: Kinematics, posture: Posture, node: str) -> Array:
-    """Return the Jacobian of a node's twist with respect to the actuated variables, passive ones eliminated.
+    """Return the Jacobian ``[v; w]`` of a node, base frame, by the actuated variables, (P, 6, A).
 
     ``J = T_a - T_p J_p^+ J_a``, with T the twists for unit rates of the actuated and passive variables and J
     the derivatives of the loops' gaps.
-
-    Returns
-    -------
-    (P, 6, A) array
-        ``[v; w]`` at the node in the base frame, per rad (or m) of each of ``robot.actuated``.
     """
     at = node_at(kinematics, node)
     chain = chain_to(kinematics, int(kinematics.node_frame[at]))

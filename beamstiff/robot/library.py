@@ -1,4 +1,4 @@
-"""The robots that come with the package: one YAML file each, found by name."""
+"""The bundled robots: one YAML file each, found by name."""
 
 from __future__ import annotations
 

@@ -94,19 +94,10 @@ def _frames_between(kinematics: Kinematics) -> tuple[int, ...]:
 
 
 def loop_equations(system: LoopSystem, free: Array) -> tuple[Array, Array]:
-    """Return how far the loops are from closed, and the derivative by all free variables.
+    """Return how far the loops are from closed (P, M), with derivatives by all free variables (P, M, A + Q).
 
-    Parameters
-    ----------
-    free : (P, A + Q) array, rad or m
-        Actuated and passive variables.
-
-    Returns
-    -------
-    gaps : (P, M) array
-        In machine sizes and rad.
-    jacobian : (P, M, A + Q) array
-        Per `system.scale` of the variable.
+    In machine sizes and rad, the derivative per `system.scale` of the variable; `free` is (P, A + Q), rad or
+    m.
     """
     if system.program is not None:
         rows = system.program.run(free.T)

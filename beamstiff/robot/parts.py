@@ -207,7 +207,7 @@ class Joint(Described):
 class Strut(Described):
     """An axial two-force member (ball screw, tie rod) between two distinct nodes.
 
-    With `EA`, N, its own length gives way too, but for `fixed_length`, m: its compliance is
+    With `EA`, N, its own length is compliant too, but for `fixed_length`, m: its compliance is
     ``1/stiffness + (L - fixed_length) / EA``. So a screw that a bearing holds at one end follows where its
     nut stands, and `stiffness` is that of bearing and nut in series.
     """

@@ -28,8 +28,6 @@ Parameters = dict[str, float]
 def elementary(parameters: dict[str, float]) -> Array:
     """Return the transform (4, 4) of a frame's parameters, rad and m; what is not named is 0.
 
-    Examples
-    --------
     >>> elementary({"alpha": np.pi / 2, "r": 2.0}).round(12)[:3, 3]
     array([ 0., -2.,  0.])
     """
@@ -48,8 +46,6 @@ def frame_parameters(placed: Array) -> list[Parameters]:
 
     The last motion is along the new z axis, so that a joint about or along it adds to theta or r of the last.
 
-    Examples
-    --------
     >>> quarter = transform(rotation_about(0, np.asarray(-np.pi / 2)), np.array([0.5, 0.0, 0.0]))
     >>> frame_parameters(quarter)
     [{'alpha': -1.5707963267948966, 'd': 0.5}]

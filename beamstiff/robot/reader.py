@@ -20,7 +20,7 @@ VERSION = 1
 
 
 def load_robot(path: str | os.PathLike[str]) -> Robot:
-    """Return the robot that a YAML, URDF or SDF file describes, told apart by its ending.
+    """Return the robot that a YAML, URDF or SDF file describes, by its ending.
 
     Parameters
     ----------
@@ -89,13 +89,7 @@ def _collector_paused() -> Iterator[None]:
 
 @_collector_paused()
 def parse_robot(text: str, name: str = "<text>") -> Robot:
-    """Return the robot that a YAML text describes.
-
-    Parameters
-    ----------
-    name : str
-        What messages call the text: its file.
-    """
+    """Return the robot that a YAML text describes; messages call the text by `name`."""
     data, lines = parse_yaml(text, name)
     if not isinstance(data, dict):
         expected = f"keys with values, the first `beamstiff: {VERSION}`"

@@ -24,8 +24,6 @@ def robot_schema() -> dict[str, Any]:
     It knows the keys, which are needed, and lists of the right length. What stands in them is checked when
     the file is read: a number is SI, text carries its unit (``"1047 mm"``).
 
-    Examples
-    --------
     >>> robot_schema()["required"]
     ['beamstiff', 'name', 'nodes', 'fixed', 'tcp']
     """

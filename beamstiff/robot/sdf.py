@@ -39,23 +39,12 @@ REFUSED = ("include", "model")
 
 
 def read_sdf(path: str | os.PathLike[str], *, tcp: str | None = None) -> Robot:
-    """Return the robot of an SDF file.
-
-    Parameters
-    ----------
-    tcp : str, optional
-        Link whose origin is the TCP; by default the only end of the tree.
-    """
+    """Return the robot of an SDF file; `tcp` names a link, by default the only end of the tree."""
     return parse_sdf(read_text(os.fspath(path)), str(path), tcp=tcp)
 
 
 def parse_sdf(text: str, name: str = "<text>", *, tcp: str | None = None) -> Robot:
-    """Return the robot of an SDF text; otherwise as `read_sdf`."""
-    return tree_robot(sdf_tree(text, name), tcp)
-
-
-def sdf_tree(text: str, name: str = "<text>") -> LinkTree:
-    """Return the links and joints of the only model of an SDF text."""
+    """Return the robot of the only model of an SDF text; otherwise as `read_sdf`."""
     root = parse_xml(text, name)
     if root.name != "sdf":
         root.fail("expected <sdf> as the outermost element")
@@ -64,7 +53,7 @@ def sdf_tree(text: str, name: str = "<text>") -> LinkTree:
     for refused in REFUSED:
         for child in model.all(refused):
             child.fail("cannot be read here, expected links and joints of one model")
-    return _Poses.of(model).tree()
+    return tree_robot(_Poses.of(model).tree(), tcp)
 
 
 @dataclass

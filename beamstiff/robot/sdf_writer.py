@@ -26,9 +26,8 @@ from beamstiff.robot.link_tree import (
 from beamstiff.robot.parts import JointStiffness
 from beamstiff.robot.placement import from_roll_pitch_yaw, roll_pitch_yaw
 from beamstiff.robot.sdf import parse_sdf
-from beamstiff.robot.urdf.agreement import disagreement
 from beamstiff.robot.urdf.export import numbers_text, urdf_skeleton
-from beamstiff.robot.urdf.reader import read_tree
+from beamstiff.robot.urdf.reader import disagreement, read_tree
 from beamstiff.robot.urdf.writer import differences, robot_to_urdf
 from beamstiff.robot.xml_text import Element, parse_xml
 from beamstiff.se3 import Array, transform

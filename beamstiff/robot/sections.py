@@ -124,8 +124,6 @@ def _check_properties(section: Section) -> None:
 def section_properties(section: Section) -> SectionProperties:
     """Return area, second moments, torsion constant and shear areas of a section.
 
-    Examples
-    --------
     >>> section_properties(Section(shape="rectangle", width=0.1, height=0.2)).Iy
     6.666666666666668e-05
     """

@@ -28,10 +28,7 @@ def stiffness_parameters(robot: Robot) -> dict[str, float]:
 
 
 def missing_stiffness(robot: Robot) -> list[str]:
-    """Return the joints along or about whose own axis nothing gives way, of a robot without any stiffness.
-
-    Empty where anything gives way: a spring in any joint, a strut or a beam.
-    """
+    """Return the joints of a robot without any stiffness; none where a spring, strut or beam is compliant."""
     gives = any(
         getattr(joint.stiffness, kind) != math.inf for joint in robot.joints for kind in STIFFNESS_KINDS
     )
@@ -41,11 +38,11 @@ def missing_stiffness(robot: Robot) -> list[str]:
 
 
 def check_stiffness(robot: Robot) -> None:
-    """Refuse a robot in which nothing gives way, such as one from a URDF that says no stiffness."""
+    """Refuse a robot without any compliance, such as one from a URDF that says no stiffness."""
     if missing := missing_stiffness(robot):
         raise BeamstiffError(
-            f"robot {robot.name!r}: nothing gives way, the joints {listed(missing, 12)} are rigid: expected "
-            "a stiffness (`stiffness: {torsional: 1e6 N*m/rad}`; of a URDF: beamstiff convert IN "
+            f"robot {robot.name!r}: nothing is compliant, the joints {listed(missing, 12)} are rigid: "
+            "expected a stiffness (`stiffness: {torsional: 1e6 N*m/rad}`; of a URDF: beamstiff convert IN "
             "--joint-stiffness '1e6 N*m/rad' --out OUT)"
         )
 

@@ -45,17 +45,11 @@ class _NotInPlaceError(Exception):
 def robot_yaml(
     robot: Robot, source: str | Path, std: Mapping[str, float] | None = None, head: str = ""
 ) -> str:
-    """Return the YAML text of a robot that may have changed since it was read from a file.
+    """Return the YAML text of a robot that may have changed since its file was read, `head` lines first.
 
-    Parameters
-    ----------
-    source : str or pathlib.Path
-        File that it was read from. Of a file that is not YAML nothing can be kept.
-    std : mapping of str to float, optional
-        Standard deviations, SI, by the name of a parameter such as ``J12.torsional`` or ``f3.d``: its value
-        is rounded to a hundredth of it. Without one a value is written with all its digits.
-    head : str
-        Comment lines that stand first.
+    Of a file that is not YAML nothing can be kept. A parameter such as ``J12.torsional`` or ``f3.d`` is
+    rounded to a hundredth of its standard deviation in `std`, SI; without one it is written with all its
+    digits.
     """
     text = read_text(source) if Path(source).suffix.lower() in (".yaml", ".yml") else ""
     edited = edited_yaml(text, robot, std or {})

@@ -60,20 +60,11 @@ class Lines:
 
 
 def parse_yaml(text: str, name: str = "<text>") -> tuple[Any, Lines]:
-    r"""Return the plain data of a YAML text, and the line of every key.
+    r"""Return the plain data of a YAML text, and the line of every key; messages call the text by `name`.
 
-    Parameters
-    ----------
-    name : str
-        What messages call the text: its file.
-
-    Examples
-    --------
     >>> data, lines = parse_yaml("gravity: [0, 0, -9.81]\nstart: 1:30\nE: 2e11")
-    >>> data
-    {'gravity': [0, 0, -9.81], 'start': '1:30', 'E': 200000000000.0}
-    >>> lines.at(("start",))
-    2
+    >>> data, lines.at(("start",))
+    ({'gravity': [0, 0, -9.81], 'start': '1:30', 'E': 200000000000.0}, 2)
     """
     text = text.removeprefix("\ufeff")
     if len(text) > LARGEST:
@@ -98,6 +89,8 @@ def parse_yaml(text: str, name: str = "<text>") -> tuple[Any, Lines]:
 def _not_valid(error: yaml.MarkedYAMLError, text: str, name: str) -> str:
     mark = error.problem_mark or error.context_mark
     line = mark.line + 1 if mark else 1
+    if "maximum nesting depth" in (error.problem or ""):  # the limit of libyaml, which reads ahead
+        return f"{name}:{line}: nested deeper than {DEEPEST} levels"
     message = f"{name}:{line}: not valid YAML: {(error.problem or 'cannot be read')[:200]}"
     if error.context:
         message += f" {error.context}"

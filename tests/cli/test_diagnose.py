@@ -167,7 +167,7 @@ def test_of_a_rigid_robot_it_is_said_that_nothing_was_fitted(run: Run, succeed: 
     (folder / "rigid.yaml").write_text(stiff.replace("identify: [J1.torsional]\n", ""))
     refused = run("identify", "rigid.yaml", "crane.csv")
     assert refused.exit_code == 2
-    assert "nothing gives way, the joints J1 are rigid" in refused.stderr
+    assert "nothing is compliant, the joints J1 are rigid" in refused.stderr
     shown = succeed("diagnose", "rigid.yaml", "crane.csv")
     assert "note: robot 'crane': nothing is fitted, no joint gives way" in shown.stderr
 

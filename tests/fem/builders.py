@@ -119,7 +119,10 @@ def displacement(
 
 def compliance(robot: Robot) -> Array:
     """Return the TCP's displacement under each of the six unit loads, as columns (6, 6)."""
-    return np.stack([displacement(robot, {robot.tcp: unit}) for unit in np.eye(6)], axis=1)
+    structure = compile_structure(robot)
+    rest, loads = at_rest(structure).only(np.zeros(6, dtype=np.int64)), {robot.tcp: np.eye(6)}
+    moved = respond(structure, rest, nodal_loads(structure, 6, loads)).displacement
+    return moved[:, structure.kinematics.node_index[robot.tcp]].T
 
 
 def turned(robot: Robot, rotation: Array, shift: Sequence[float] = (0.0, 0.0, 0.0)) -> Robot:
@@ -141,6 +144,12 @@ def turned(robot: Robot, rotation: Array, shift: Sequence[float] = (0.0, 0.0, 0.
             "masses": tuple(mass.model_copy(update={"at": turn(mass.at)}) for mass in robot.masses),
         }
     )
+
+
+def direct_error(found: Array, expected: Array) -> Array:
+    """Return the error of each entry of a compliance (6, 6) by the two direct ones that it couples."""
+    direct = np.sqrt(np.diag(expected))
+    return np.abs(found - expected) / np.outer(direct, direct)
 
 
 def screw(rotation: Array) -> Array:

@@ -24,7 +24,7 @@ TOLERANCE = 1e-13  # other kernels multiply one matrix than many
 
 
 def one(poses: Posture, at: int) -> Posture:
-    return Posture(*(getattr(poses, item.name)[at : at + 1] for item in dataclasses.fields(Posture)))
+    return poses.only(slice(at, at + 1))
 
 
 def same(found: Condensed, expected: Condensed, at: slice = slice(None)) -> bool:
@@ -96,7 +96,7 @@ def test_open_ports_of_a_random_machine_in_pieces() -> None:
     structure = compile_structure(made.robot())
     ports = [Port("j0.axial", "joint", 0, 0)]
     rest = at_rest(structure)
-    many = Posture(*(np.repeat(getattr(rest, item.name), 5, axis=0) for item in dataclasses.fields(Posture)))
+    many = rest.only(np.zeros(5, dtype=np.int64))
     whole = condense(structure, many, [structure.robot.tcp], ports)
     assert same(condense(structure, many, [structure.robot.tcp], ports, chunk=2), whole)
     assert same(condense(structure, rest, [structure.robot.tcp], ports), whole, slice(4, 5))

@@ -6,6 +6,7 @@ critical load with the second power of their length.
 """
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pytest
@@ -85,32 +86,24 @@ def critical_factor(robot: Robot, loads: Mapping[str, Sequence[float]]) -> float
     return low
 
 
-PUSH = (-1.0, 0, 0, 0, 0, 0)
+PUSH, DOWN, BEND = (-1.0, 0, 0, 0, 0, 0), (0, 0, -1.0, 0, 0, 0), (0, 0, 0, 0, 1.0, 0)
 EULER = np.pi**2 * EI / LENGTH**2
 
 
 @pytest.mark.parametrize("elements", [1, 2, 3])
-def test_a_pinned_column_buckles_at_eulers_load(elements: int) -> None:
-    robot = line(elements, ROD, tcp=1, supports=(HINGE, ROLLER))
-    assert critical_factor(robot, {f"n{elements}": PUSH}) == pytest.approx(EULER, rel=1e-6)  # art. 2.1
-
-
-@pytest.mark.parametrize("elements", [1, 2, 3])
-def test_a_cantilever_column_buckles_at_a_quarter_of_it(elements: int) -> None:
-    robot = turned(line(elements, ROD, tcp=elements), some_rotation(1))
-    push = (*(some_rotation(1) @ PUSH[:3]), 0, 0, 0)
-    found = critical_factor(robot, {f"n{elements}": push})
-    assert found == pytest.approx(EULER / 4, rel=1e-6)  # art. 2.1
-
-
-@pytest.mark.parametrize("elements", [1, 2, 3])
-@pytest.mark.parametrize(("end", "times"), [(SLIDING_CLAMP, 4.0), (ROLLER, 4.4934094579**2 / np.pi**2)])
-def test_a_clamped_column_buckles_at_a_multiple_of_it(
-    elements: int, end: Sequence[float], times: float
+@pytest.mark.parametrize(
+    ("supports", "times"),
+    [((HINGE, ROLLER), 1.0), ((), 0.25), ((SLIDING_CLAMP,), 4.0), ((ROLLER,), 4.4934094579**2 / np.pi**2)],
+    ids=["pinned", "cantilever", "clamped", "clamped and hinged"],  # the last at tan u = u
+)
+def test_a_column_buckles_at_a_multiple_of_eulers_load(
+    elements: int, supports: Sequence[Sequence[float]], times: float
 ) -> None:
-    """Four times with both ends clamped, at tan u = u with one hinged. Art. 2.2."""
-    robot = line(elements, ROD, tcp=elements, supports=(end,))
-    assert critical_factor(robot, {f"n{elements}": PUSH}) == pytest.approx(times * EULER, rel=1e-6)
+    """Arts 2.1 and 2.2; the column stands askew in space."""
+    rotation = some_rotation(1)
+    robot = turned(line(elements, ROD, tcp=1, supports=supports), rotation)
+    push = {f"n{elements}": (*(rotation @ PUSH[:3]), 0, 0, 0)}
+    assert critical_factor(robot, push) == pytest.approx(times * EULER, rel=1e-6)
 
 
 @pytest.mark.parametrize("elements", [1, 3])
@@ -222,35 +215,26 @@ def extrapolated(coarse: float, fine: float) -> float:
     return fine + (fine - coarse) / 3
 
 
-def test_a_blade_under_a_load_at_its_tip_buckles_sideways() -> None:
-    """At 4.013 sqrt(EI GJ)/L^2. Art. 6.3 (Prandtl, Michell 1899)."""
-    unit = np.sqrt(BLADE_EI * BLADE_GJ) / LENGTH**2
-    found = [
-        critical_factor(line(elements, BLADE, tcp=elements), {f"n{elements}": (0, 0, -1.0, 0, 0, 0)})
-        for elements in (8, 16)
-    ]
-    assert extrapolated(*found) == pytest.approx(4.0126 * unit, rel=1e-4)
-
-
-def test_a_blade_in_pure_bending_between_forks_buckles_sideways() -> None:
-    """At M = pi sqrt(EI GJ)/L. Art. 6.2."""
-    expected = np.pi * np.sqrt(BLADE_EI * BLADE_GJ) / LENGTH
+@pytest.mark.parametrize(
+    ("supports", "load", "times"),
+    [
+        ((), {1.0: DOWN}, pytest.approx(4.0126, rel=1e-4)),
+        ((HINGE, ROLLER), {0.0: BEND, 1.0: np.negative(BEND)}, pytest.approx(np.pi * LENGTH, rel=1e-4)),
+        ((HINGE, ROLLER), {0.5: DOWN}, pytest.approx(16.94, abs=0.005)),
+    ],
+    ids=["load at the tip", "pure bending between forks", "load at the middle between forks"],
+)
+def test_a_blade_buckles_sideways(
+    supports: Sequence[Sequence[float]], load: Mapping[float, Sequence[float]], times: Any
+) -> None:
+    """Times sqrt(EI GJ)/L^2: art. 6.3 (Prandtl, Michell 1899), 6.2 (M = pi sqrt(EI GJ)/L) and 6.4."""
     found = []
     for elements in (8, 16):
-        robot = line(elements, BLADE, tcp=1, supports=(HINGE, ROLLER))
-        bend = {"n0": (0, 0, 0, 0, 1.0, 0), f"n{elements}": (0, 0, 0, 0, -1.0, 0)}
-        found.append(critical_factor(robot, bend))
-    assert extrapolated(*found) == pytest.approx(expected, rel=1e-4)
-
-
-def test_a_blade_between_forks_under_a_load_at_its_middle_buckles_sideways() -> None:
-    """At 16.94 sqrt(EI GJ)/L^2. Art. 6.4."""
+        robot = line(elements, BLADE, tcp=1, supports=supports)
+        loads = {f"n{int(share * elements)}": wrench for share, wrench in load.items()}
+        found.append(critical_factor(robot, loads))
     unit = np.sqrt(BLADE_EI * BLADE_GJ) / LENGTH**2
-    found = []
-    for elements in (8, 16):
-        robot = line(elements, BLADE, tcp=1, supports=(HINGE, ROLLER))
-        found.append(critical_factor(robot, {f"n{elements // 2}": (0, 0, -1.0, 0, 0, 0)}))
-    assert extrapolated(*found) == pytest.approx(16.94 * unit, abs=0.005 * unit)
+    assert extrapolated(*found) / unit == times
 
 
 def test_a_clamped_shaft_buckles_under_torque() -> None:

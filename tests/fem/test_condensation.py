@@ -7,7 +7,7 @@ Morrison-Woodbury formula.
 
 import numpy as np
 import pytest
-from hypothesis import assume, event, given
+from hypothesis import assume, event, given, settings
 from hypothesis import strategies as st
 
 from beamstiff.errors import BeamstiffError
@@ -122,6 +122,7 @@ def put_together(result: Condensed, stiffness: np.ndarray) -> tuple[np.ndarray, 
     return C, result.clamped_dead[0] + B.T @ np.linalg.solve(M, result.port_dead[0])
 
 
+@settings(max_examples=15)
 @given(
     seed=seeds, more=sizes, loops=closing, rigid_loops=st.booleans(), rigid=st.sampled_from([0.0, 0.3, 0.6])
 )

@@ -19,9 +19,13 @@ from beamstiff.fem.condensation import (
     condense_by_matrices,
     tcp_compliance,
 )
-from beamstiff.fem.condensation_program import CondensationProgram, condensation_program
+from beamstiff.fem.condensation_program import (
+    CondensationProgram,
+    condensation_program,
+    eliminate,
+    elimination_order,
+)
 from beamstiff.fem.constraints import has_constraints
-from beamstiff.fem.elimination import eliminate, elimination_order
 from beamstiff.fem.structure import Structure, compile_structure
 from beamstiff.fem.unknowns import joint_unknowns
 from beamstiff.robot.closure import GRID
@@ -86,9 +90,8 @@ def test_compiled_and_interpreted_differ_as_the_last_digit_of_the_joint_values_d
     one, other = (program.run(poses.values, way)[0][2] for way in (True, False))
     # what last digits do is the worst of many draws: one alone is off by a factor of two from the next
     ways = np.random.default_rng(0).choice([-np.inf, np.inf], (64, *poses.values.shape))
-    last_digit = max(
-        disagreement(program.run(beside, False)[0][2], other) for beside in np.nextafter(poses.values, ways)
-    )
+    beside = np.nextafter(poses.values, ways).reshape(64 * 200, poses.values.shape[1])
+    last_digit = disagreement(program.run(beside, False)[0][2], np.tile(other, (64, 1, 1)))
     assert disagreement(one, other) <= max(last_digit, 1e-14)
     assert last_digit <= 1e-11
 
@@ -186,7 +189,7 @@ def _turn(gamma: float, alpha: float) -> np.ndarray:
     return np.array([[c, -s * k, s * t], [s, c * k, -c * t], [0.0, t, k]])
 
 
-@settings(max_examples=40)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 2**32 - 1), links=st.integers(1, 4))
 def test_random_arms_in_random_postures(seed: int, links: int) -> None:
     structure = compile_structure(moving_machine(seed, links))
@@ -326,7 +329,7 @@ def test_ports_and_dead_weight_of_shipped_robots(name: str) -> None:
     alike(condense(structure, poses, observed, ports), generally(structure, poses, observed, ports), met)
 
 
-@settings(max_examples=25)
+@settings(max_examples=10)
 @given(seed=st.integers(0, 2**32 - 1), links=st.integers(1, 3))
 def test_ports_and_dead_weight_of_random_arms(seed: int, links: int) -> None:
     made = moving_machine(seed, links)

@@ -85,18 +85,18 @@ def test_a_closed_loop_that_moves(rotation: np.ndarray, links: str) -> None:
 
 
 def test_a_hinge_hidden_in_a_large_frame() -> None:
-    """A tower of 40 storeys with one loose member among 300."""
+    """A tower of 16 storeys with one loose member among 112."""
     rng = np.random.default_rng(2)
     points, beams = [(x, y, 0.0) for x in (0, 1) for y in (0, 1)], []
-    for storey in range(40):
+    for storey in range(16):
         base = 4 * storey
         points += [(x + 0.05 * rng.random(), y, storey + 1.0) for x in (0, 1) for y in (0, 1)]
         beams += [(base + at, base + 4 + at) for at in range(4)]
         beams += [(base + 4 + i, base + 4 + j) for i, j in ((0, 1), (1, 3), (3, 2))]
     last = len(points) - 1
-    points += [points[90], (2.0, 0.3, 22.5)]
+    points += [points[38], (2.0, 0.3, 9.5)]
     loose = {"beams": [*beams, (last + 1, last + 2)], "fixed": (0, 1, 2, 3), "tcp": last}
-    robot = frame(points, joints=[(90, last + 1, (1, 1, 0), (FREE, RIGID, RIGID, RIGID))], **loose)
+    robot = frame(points, joints=[(38, last + 1, (1, 1, 0), (FREE, RIGID, RIGID, RIGID))], **loose)
     assert refusal(robot) == (
         f"robot 'frame' is a mechanism: node 'n{last + 1}' moves along (0.71, 0.71, 0.00) freely, "
         f"through j0.axial; moving nodes: n{last + 1}, n{last + 2}"
@@ -203,7 +203,7 @@ def test_singular_positions_among_others_are_answered_pose_by_pose() -> None:
 
 
 def test_a_locked_loop_of_rigid_bars_is_rigid() -> None:
-    """Five hinges on skew axes cannot move: nothing gives way, and nothing is a mechanism."""
+    """Five hinges on skew axes cannot move: nothing is compliant, and nothing is a mechanism."""
     rng = np.random.default_rng(1)
     corners = rng.uniform(-1, 1, (5, 3))
     points = [corner for corner in corners for _ in (0, 1)]
@@ -212,9 +212,7 @@ def test_a_locked_loop_of_rigid_bars_is_rigid() -> None:
     robot = frame(points, joints=joints, rigids=rigids, fixed=(0,), tcp=4)
     assert np.abs(compliance(robot)).max() == 0.0
     structure = compile_structure(robot)
-    with pytest.raises(
-        BeamstiffError, match="frame: singular compliance at pose 0: the TCP does not give way"
-    ):
+    with pytest.raises(BeamstiffError, match="frame: singular compliance at pose 0: the TCP is rigid"):
         tcp_stiffness(tcp_compliance(structure, at_rest(structure)), robot.name)
 
 

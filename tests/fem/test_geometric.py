@@ -15,7 +15,7 @@ from beamstiff.fem.response import nodal_loads
 from beamstiff.fem.structure import compile_structure
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import posture, twist_jacobian
-from beamstiff.robot.parts import Frame, Joint, Node, Rigid, Variable
+from beamstiff.robot.parts import Variable
 from beamstiff.robot.reader import load_robot
 from beamstiff.robot.sections import Section
 from beamstiff.se3 import Array
@@ -32,6 +32,7 @@ from tests.fem.builders import (
     turned,
 )
 from tests.fem.rigid_bodies import RigidBodies
+from tests.fem.test_serial_robots import serial_robot
 
 KR240 = load_robot("kr240-2")
 KR240_STIFFNESS = np.array([joint.stiffness.torsional for joint in KR240.joints])
@@ -39,42 +40,10 @@ KR240_STIFFNESS = np.array([joint.stiffness.torsional for joint in KR240.joints]
 
 def serial(kinds: str, seed: int) -> Robot:
     """Return a serial robot of revolute (R) and prismatic (P) joints with random frames and stiff springs."""
-    rng = np.random.default_rng(seed)
-    variables, frames, nodes, rigids, joints = [], [], [Node(name="n0")], [], []
-    for at, kind in enumerate(kinds, start=1):
-        gamma, b, alpha, d, theta, r = rng.uniform(0, 2, size=6)
-        name, parent = f"f{at}", f"f{at - 1}" if at > 1 else "base"
-        variables.append(Variable(name=f"q{at}", type="revolute" if kind == "R" else "prismatic"))
-        motion = (
-            {"theta": f"q{at} + {theta}", "r": r} if kind == "R" else {"theta": theta, "r": f"q{at} + {r} m"}
-        )
-        frames.append(Frame(name=name, parent=parent, gamma=gamma, b=b, alpha=alpha, d=d, **motion))
-        # on the joint's axis, where a prismatic joint has its slider too
-        nodes += [
-            Node(name=f"n{at}b", frame=name),
-            Node(name=f"n{at}", frame=name, at=tuple(rng.normal(size=3))),
-        ]
-        rigids.append(Rigid(name=f"l{at}", nodes=(f"n{at}b", f"n{at}")))
-        value = float(10 ** rng.uniform(5, 6))
-        stiffness: dict[str, Any] = {"torsional": value} if kind == "R" else {"axial": value}
-        joints.append((f"J{at}", name, stiffness))
-    robot_joints = []
-    for at, (name, in_frame, stiffness) in enumerate(joints, start=1):
-        nodes.append(Node(name=f"n{at}a", frame=in_frame))
-        rigids.append(Rigid(name=f"c{at}", nodes=(f"n{at - 1}", f"n{at}a")))
-        robot_joints.append(
-            Joint(name=name, nodes=(f"n{at}a", f"n{at}b"), frame=in_frame, stiffness=stiffness)
-        )
-    return Robot(
-        name="serial",
-        variables=variables,
-        frames=frames,
-        nodes=nodes,
-        rigids=rigids,
-        joints=robot_joints,
-        fixed=["n0"],
-        tcp=f"n{len(kinds)}",
-    )
+    rng, slides = np.random.default_rng(seed), np.array([kind == "P" for kind in kinds])
+    values = np.full((len(kinds), 4), RIGID)
+    values[range(len(kinds)), np.where(slides, 0, 2)] = 10 ** rng.uniform(5, 6, len(kinds))
+    return serial_robot(rng.uniform(0, 2, (len(kinds), 4)), slides, values, rng.normal(size=3))
 
 
 def stiffness_about_axes(robot: Robot) -> Array:

@@ -10,7 +10,7 @@ import pytest
 from beamstiff.fem.response import Response
 from beamstiff.robot.description import Robot
 from beamstiff.robot.sections import Section
-from tests.fem.builders import FREE, RIGID, STEEL, frame, solve, some_rotation, turned
+from tests.fem.builders import FREE, RIGID, STEEL, frame, solve
 
 WIDTH, HEIGHT = 3.2, 2.1
 COLUMN = Section(A=4e-3, Iy=1.5e-5, Iz=6e-6, J=1e-5)
@@ -80,15 +80,3 @@ def test_uniform_load_on_the_girder(hinged: bool) -> None:
     assert np.abs(end_moments(response)) == pytest.approx(expected, rel=TOLERANCE, abs=TOLERANCE * corner)
     thrust = (foot + corner) / HEIGHT
     assert np.abs(response.beam_forces[0, 0, 0, 2]) == pytest.approx(thrust, rel=TOLERANCE)
-
-
-@pytest.mark.parametrize("hinged", [False, True])
-@pytest.mark.parametrize("seed", range(3))
-def test_the_portal_turned_in_space(hinged: bool, seed: int) -> None:
-    rotation = some_rotation(seed)
-    load = np.concatenate([rotation @ [FORCE, 0, 0], np.zeros(3)])
-    response = solve(turned(portal(hinged), rotation, shift=(1, 2, 3)), {"n1": load})
-    sway = (2 * K + 1) / K if hinged else (3 * K + 2) / (6 * K + 1)
-    sway *= FORCE * HEIGHT**3 / (12 * STEEL.E * COLUMN.Iy)
-    moved = response.displacement[0, 1, :3]
-    assert moved == pytest.approx(rotation @ [sway, 0, 0], rel=TOLERANCE, abs=TOLERANCE * sway)

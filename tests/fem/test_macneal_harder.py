@@ -7,10 +7,17 @@ import math
 import numpy as np
 import pytest
 
+from beamstiff.fem.condensation import tcp_compliance
+from beamstiff.fem.structure import compile_structure
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import Material
 from beamstiff.robot.sections import Section, section_properties
-from tests.fem.builders import compliance, frame
+from tests.fem.builders import at_rest, frame
+
+
+def compliance(robot: Robot) -> np.ndarray:
+    structure = compile_structure(robot)
+    return tcp_compliance(structure, at_rest(structure))[0]
 
 
 def bar(width: float, height: float) -> Section:

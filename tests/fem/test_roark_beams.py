@@ -11,18 +11,7 @@ import pytest
 
 from beamstiff.robot.description import Robot
 from beamstiff.robot.sections import Section
-from tests.fem.builders import (
-    FREE,
-    RIGID,
-    SECTION,
-    SHEAR_SECTION,
-    STEEL,
-    displacement,
-    frame,
-    solve,
-    some_rotation,
-    turned,
-)
+from tests.fem.builders import FREE, RIGID, SECTION, SHEAR_SECTION, STEEL, displacement, frame, solve
 
 LENGTH, FORCE = 2.4, 700.0
 TOLERANCE = 1e-9
@@ -76,16 +65,6 @@ def test_deflection_under_a_concentrated_load(case: str, a: float, axis: int) ->
     second = SECTION.Iz if axis == 1 else SECTION.Iy
     found = displacement(supported(a, *SUPPORTS[case]), {"n2": load})
     assert found[axis] == pytest.approx(under_the_load(case, a, STEEL.E * second), rel=TOLERANCE)
-
-
-@pytest.mark.parametrize("case", SUPPORTS)
-@pytest.mark.parametrize("seed", range(3))
-def test_supports_turn_with_the_beam(case: str, seed: int) -> None:
-    rotation = some_rotation(seed)
-    load = np.concatenate([rotation @ [0, FORCE, 0], np.zeros(3)])
-    found = displacement(turned(supported(0.7, *SUPPORTS[case]), rotation), {"n2": load})
-    along_load = rotation[:, 1] @ found[:3]
-    assert along_load == pytest.approx(under_the_load(case, 0.7, STEEL.E * SECTION.Iz), rel=TOLERANCE)
 
 
 def test_guided_end() -> None:

@@ -6,7 +6,7 @@ ch. 7); complex step after Squire & Trapp, SIAM Review 40 (1998) 110.
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from beamstiff.errors import BeamstiffError
@@ -77,7 +77,7 @@ def values(model: PortModel, seed: int) -> np.ndarray:
 @pytest.mark.parametrize("name", ROBOTS)
 def test_predictions_are_those_of_the_whole_structure(name: str, gravity: bool) -> None:
     robot = load_robot(name)
-    for seed in range(4):
+    for seed in range(2):
         table = rows(robot, seed)
         model = reduce_to_ports(robot, table, LISTED[name], gravity)
         assert relative_error(model.predict(model.start), whole(robot, table, gravity)) <= 1e-9
@@ -99,6 +99,7 @@ def by_complex_step(model: PortModel, stiffness: np.ndarray) -> np.ndarray:
     return result
 
 
+@settings(max_examples=15)
 @given(name=st.sampled_from(sorted(ROBOTS)), seed=seeds, gravity=st.booleans())
 def test_derivatives_are_exact(name: str, seed: int, gravity: bool) -> None:
     robot = load_robot(name)
@@ -136,6 +137,7 @@ def test_derivatives_are_differences_of_the_whole_structure(name: str) -> None:
         assert np.abs(derivatives[..., at] - expected).max() <= 1e-8 * size
 
 
+@settings(max_examples=10)
 @given(seed=seeds)
 def test_derivative_of_the_compliance_is_minus_w_w_transposed(seed: int) -> None:
     """dC/dk of one spring: symmetric, of rank one, and stiffer is never softer."""
@@ -156,10 +158,10 @@ def test_derivative_of_the_compliance_is_minus_w_w_transposed(seed: int) -> None
         assert np.linalg.eigvalsh(derivatives[:, :, parameter])[-1] <= 1e-12 * np.abs(derivatives).max()
 
 
-@given(seed=seeds, count=st.integers(1, 5))
-def test_candidates_at_once_are_those_one_by_one(seed: int, count: int) -> None:
-    for name in ROBOTS:
-        model = reduce_to_ports(load_robot(name), rows(load_robot(name), 3), LISTED[name])
+@pytest.mark.parametrize("name", ROBOTS)
+def test_candidates_at_once_are_those_one_by_one(name: str) -> None:
+    model = reduce_to_ports(load_robot(name), rows(load_robot(name), 3), LISTED[name])
+    for seed, count in ((0, 1), (1, 2), (2, 5)):
         some = np.stack([values(model, seed + at) for at in range(count)])
         one_by_one = np.stack([model.predict(one) for one in some])
         assert relative_error(model.predict(some), one_by_one) <= 1e-12

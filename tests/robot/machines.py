@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import Frame, Loop, Node, Rigid, Variable
+from tests.robots.slider_cranks import arctangent, marie_theta
 
 Array = NDArray[np.float64]
 
@@ -184,14 +185,34 @@ def four_bar_th3(q2: Array, q8: Array, branch: int, lever: float = D10) -> Array
     """Return theta3 along the lever d10 (Marie et al., A.1, A.2, the two signs set right)."""
     z2, w = -lever, -D11
     x, y = D9 * np.cos(q2 - q8), D3 - D9 * np.sin(q2 - q8)
-    return _arctangent(2 * z2 * x, -2 * z2 * y, w**2 - x**2 - y**2 - z2**2, branch)
+    return arctangent(2 * z2 * x, -2 * z2 * y, w**2 - x**2 - y**2 - z2**2, branch)
 
 
-def _arctangent(b1: Array, b2: Array, b3: Array, branch: int) -> Array:
-    """Return the angle with b1 sin + b2 cos = b3."""
-    square = b1**2 + b2**2
-    root = np.sqrt(square - b3**2)
-    return np.arctan2((b1 * b3 + branch * b2 * root) / square, (b2 * b3 - branch * b1 * root) / square)
+def four_bar(
+    crank: float,
+    rocker: float,
+    guess: Sequence[float],
+    coupler: float = 1.0,
+    ground: float = 1.0,
+    plane: Frame | None = None,
+) -> Robot:
+    """Return a four-bar, in the plane of the base or of a frame, with the guess of its two passive angles."""
+    parent = "base" if plane is None else plane.name
+    return machine(
+        [
+            revolute("q"),
+            *(revolute(name, passive=True, guess=at) for name, at in zip("pr", guess, strict=True)),
+        ],
+        [
+            *([plane] if plane else []),
+            Frame(name="crank", parent=parent, theta="q"),
+            Frame(name="coupler", parent="crank", d=crank, theta="p"),
+            Frame(name="rocker", parent=parent, d=ground, theta="r"),
+        ],
+        tool=("coupler", (coupler, 0, 0)),
+        loops=[Loop(name="four_bar", a="tool", b="end", constrain="position")],
+        nodes=[Node(name="end", frame="rocker", at=(rocker, 0, 0))],
+    )
 
 
 def slider_crank(phi: float = 3.0, psi: float = -2.7) -> Robot:
@@ -220,11 +241,8 @@ def slider_crank(phi: float = 3.0, psi: float = -2.7) -> Robot:
 
 
 def slider_crank_theta2(screw: Array, branch: int) -> Array:
-    """Return theta2 (Marie et al., A.3, with r' squared and the two signs set right)."""
-    xb, yb = L32 * np.cos(np.pi / 2 - LAMBDA2), L32 * np.sin(np.pi / 2 - LAMBDA2)
-    z = screw**2 - xb**2 - yb**2 - L12**2
-    ones = np.ones_like(screw)
-    return KAPPA2 - _arctangent(2 * yb * L12 * ones, 2 * xb * L12 * ones, z, branch) + np.pi / 2
+    """Return theta2 (Marie et al., A.3)."""
+    return marie_theta(screw, KAPPA2, LAMBDA2, L12, L32, branch)
 
 
 BENNETT = (

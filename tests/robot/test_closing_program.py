@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from beamstiff import load_robot
-from beamstiff.robot.closing_program import CLOSED, close_at_once, closing_program
 from beamstiff.robot.kinematics import compile_kinematics
 from beamstiff.robot.loops import LoopSystem, loop_equations, loop_system, recorded
-from beamstiff.robot.newton import newton
+from beamstiff.robot.newton import CLOSED, close_at_once, closing_program, newton
 
 ROBOTS = ["ir663", "tripod"]
 

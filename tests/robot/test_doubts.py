@@ -1,4 +1,4 @@
-"""What is allowed in a robot but hardly meant is said; the robots that come along leave no doubt."""
+"""What is allowed in a robot but hardly meant is said; the bundled robots leave no doubt."""
 
 import re
 

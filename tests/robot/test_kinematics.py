@@ -13,7 +13,6 @@ from beamstiff.robot.kinematics import (
     actuated_values,
     compile_kinematics,
     forward,
-    frame_twists,
     pose_of,
     posture,
     twist_jacobian,
@@ -157,82 +156,27 @@ DRIVEN = {
 angles = st.tuples(*[st.floats(-3.0, 3.0)] * 3)
 
 
-@given(st.lists(parameters, min_size=1, max_size=3), angles)
-def test_every_motion_gives_its_twist(rows: list[list[float]], q: tuple[float, ...]) -> None:
-    robot = arm_of(rows, DRIVEN)
-    kinematics = compile_kinematics(robot)
-    at = np.array([q])
-    jacobian = twist_jacobian(kinematics, posture(kinematics, at), "tool")
-    assert np.abs(jacobian - differences(robot, at)).max() < 1e-9 * max(1.0, np.abs(jacobian).max())
-
-
-@given(st.lists(parameters, min_size=1, max_size=4), angles)
-def test_rotations_stay_orthonormal(rows: list[list[float]], q: tuple[float, ...]) -> None:
-    kinematics = compile_kinematics(arm_of(rows, DRIVEN))
-    transforms = posture(kinematics, np.array([q])).transforms[0]
-    rotations = transforms[:, :3, :3]
-    assert np.abs(np.swapaxes(rotations, 1, 2) @ rotations - np.eye(3)).max() < 1e-14
-    assert np.abs(np.linalg.det(rotations) - 1.0).max() < 1e-14
-    assert (transforms[:, 3] == [0, 0, 0, 1]).all()
-
-
 @given(st.lists(parameters, min_size=1, max_size=3), parameters, angles)
-def test_the_twist_turns_with_the_base(
+def test_every_motion_gives_its_twist_which_turns_with_the_base(
     rows: list[list[float]], moved: list[float], q: tuple[float, ...]
 ) -> None:
-    base = Frame(name="elsewhere", **dict(zip(DRIVEN, moved, strict=True)))
-    still = compile_kinematics(arm_of(rows, DRIVEN))
-    there = compile_kinematics(arm_of(rows, DRIVEN, base))
-    at = np.array([q])
-    turn = posture(there, at).transforms[:, 1, :3, :3]
-    expected = rotate_screw(turn) @ twist_jacobian(still, posture(still, at), "tool")
-    found = twist_jacobian(there, posture(there, at), "tool")
-    assert np.abs(found - expected).max() < 1e-12
-
-
-def test_hayati_beta_turns_about_y_after_theta() -> None:
-    theta, beta, r = 0.3, 0.02, 0.5
-    robot = machine(
-        [], [Frame(name="f", alpha=0.1, d=0.7, theta=theta, beta=beta, r=r)], tool=("f", (0, 0, 0))
-    )
-    expected = (
-        elementary("turn", 0, 0.1)
-        @ elementary("shift", 0, 0.7)
-        @ elementary("turn", 2, theta)
-        @ elementary("turn", 1, beta)
-        @ elementary("shift", 2, r)
-    )
+    robot, at = arm_of(rows, DRIVEN), np.array([q])
     kinematics = compile_kinematics(robot)
-    assert np.abs(pose_of(kinematics, posture(kinematics, {}), "tool")[0] - expected).max() < 1e-15
+    jacobian = twist_jacobian(kinematics, posture(kinematics, at), "tool")
+    assert np.abs(jacobian - differences(robot, at)).max() < 1e-9 * max(1.0, np.abs(jacobian).max())
+    base = Frame(name="elsewhere", **dict(zip(DRIVEN, moved, strict=True)))
+    there = compile_kinematics(arm_of(rows, DRIVEN, base))
+    transforms = posture(there, at).transforms
+    expected = rotate_screw(transforms[:, 1, :3, :3]) @ jacobian
+    assert np.abs(twist_jacobian(there, posture(there, at), "tool") - expected).max() < 1e-12
+    rotations = transforms[0, :, :3, :3]
+    assert np.abs(np.swapaxes(rotations, 1, 2) @ rotations - np.eye(3)).max() < 1e-14
+    assert np.abs(np.linalg.det(rotations) - 1.0).max() < 1e-14
+    assert (transforms[0, :, 3] == [0, 0, 0, 1]).all()
 
 
 def test_the_order_of_the_motions_is_that_of_the_format() -> None:
     assert list(MOTIONS) == KHALIL_KLEINFINGER
-
-
-def test_frame_twists_are_those_of_single_variables() -> None:
-    # a coupled variable on its own: th6 alone turns frame 6 alone, about its axis
-    kinematics = compile_kinematics(coupled_arm())
-    values = posture(kinematics, [[0.2, 0.3, 0.4, 0.1]]).values
-    transforms = forward(kinematics, values)
-    twists = frame_twists(kinematics, values, transforms)
-    th6 = kinematics.coupling.names.index("th6")
-    only = np.zeros_like(twists[..., th6])
-    # theta turns about z before beta = q2/4 tilts it about y
-    tilt = 0.25 * 0.3
-    axis = transforms[0, -1, :3, :3] @ [-np.sin(tilt), 0.0, np.cos(tilt)]
-    only[0, kinematics.frame_index["f6"], 3:] = axis
-    assert np.abs(twists[..., th6] - only).max() < 1e-14
-
-
-def test_the_twists_of_coupled_variables_add_up() -> None:
-    kinematics = compile_kinematics(coupled_arm())
-    at = posture(kinematics, np.random.default_rng(2).uniform(-1, 1, (7, 4)))
-    twists = frame_twists(kinematics, at.values, at.transforms)[:, kinematics.frame_index["f6"]]
-    summed = twists @ kinematics.coupling.matrix
-    arm = at.node_positions[:, kinematics.node_index["tool"]] - at.transforms[:, -1, :3, 3]
-    summed[:, :3] += np.cross(summed[:, 3:], arm[:, :, None], axis=1)
-    assert np.abs(summed - twist_jacobian(kinematics, at, "tool")).max() < 1e-13
 
 
 def test_frames_may_be_declared_in_any_order() -> None:

@@ -155,21 +155,13 @@ def robots_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.usefixtures("robots_folder")
-def test_a_robot_of_the_library_goes_by_its_name() -> None:
+def test_a_robot_of_the_library_goes_by_its_name_but_a_file_of_the_users_goes_before_it() -> None:
+    assert load_robot("point").name == load_robot(Path("point")).name == "point"
+    Path("point").mkdir()  # a folder does not hide the library
     assert load_robot("point").name == "point"
-    assert load_robot(Path("point")).name == "point"
-
-
-@pytest.mark.usefixtures("robots_folder")
-def test_a_file_of_the_users_goes_before_the_library() -> None:
+    Path("point").rmdir()
     Path("point").write_text(POINT.replace("name: point", "name: mine"), encoding="utf-8")
     assert load_robot("point").name == "mine"
-
-
-@pytest.mark.usefixtures("robots_folder")
-def test_a_folder_of_the_same_name_does_not_hide_the_library() -> None:
-    Path("point").mkdir()
-    assert load_robot("point").name == "point"
 
 
 @pytest.mark.usefixtures("robots_folder")

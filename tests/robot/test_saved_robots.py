@@ -44,7 +44,7 @@ def changed(draw: st.DrawFn) -> tuple[str, dict[str, float]]:
     return name, {one: draw(sizes if one.endswith(".E") else sizes | ends) for one in names}
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(changed())
 def test_a_robot_with_other_stiffness_loads_and_predicts_the_same(what: tuple[str, dict[str, float]]) -> None:
     name, values = what

@@ -71,7 +71,7 @@ def poses(robot: Robot, q: Mapping[str, float]) -> dict[str, Array]:
     return {node.name: placed[kinematics.frame_index[node.frame]] for node in robot.nodes}
 
 
-@settings(max_examples=150)
+@settings(max_examples=40)
 @given(trees(), st.integers(0, 10))
 def test_links_stand_where_urdf_puts_them(text: str, seed: int) -> None:
     robot = parse_urdf(text, tcp="l1")
@@ -82,7 +82,7 @@ def test_links_stand_where_urdf_puts_them(text: str, seed: int) -> None:
         np.testing.assert_allclose(mine[link], expected, atol=1e-12 * (1 + np.abs(expected).max()))
 
 
-@settings(max_examples=60)
+@settings(max_examples=20)
 @given(trees())
 def test_what_was_read_is_written_byte_for_byte(text: str) -> None:
     robot = parse_urdf(text, tcp="l0")
@@ -93,8 +93,7 @@ def test_what_was_read_is_written_byte_for_byte(text: str) -> None:
 
 
 def test_a_file_with_one_end_comes_back_without_a_single_change() -> None:
-    text = EVERYTHING.replace('<robot name="arm"', '<robot name="arm"', 1)
-    text = text.replace("</robot>", f'<beamstiff tcp="{TCP}"/></robot>')
+    text = EVERYTHING.replace("</robot>", f'<beamstiff tcp="{TCP}"/></robot>')
     assert robot_to_urdf(parse_urdf(text)) == text
 
 
@@ -155,7 +154,7 @@ def test_what_no_origin_can_say_as_it_is_stands_in_the_extension_too() -> None:
     np.testing.assert_allclose(poses(changed, q)["slide"], theirs["slide"], atol=1e-12)
 
 
-@settings(max_examples=40)
+@settings(max_examples=15)
 @given(trees(), st.integers(0, 10))
 def test_a_calibrated_machine_is_written_for_every_reader(text: str, seed: int) -> None:
     """Each parameter a little off, so that axes miss the origins of their links."""

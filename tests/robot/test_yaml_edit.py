@@ -61,7 +61,7 @@ def test_only_the_numbers_of_the_identified_values_change(name: str) -> None:
         assert again.parameter(one) == pytest.approx(value, rel=1e-14)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(st.sampled_from(sorted(TEXTS)), st.data())
 def test_any_stiffness_is_read_back_as_it_was_meant(name: str, data: st.DataObject) -> None:
     robot = parse_robot(TEXTS[name])

@@ -128,6 +128,11 @@ def test_anchors_stand_for_what_they_name() -> None:
         ("a: {b: 1, b: 2}", "t.yaml:1: a: duplicate key 'b', first on line 1"),
         ("a:\n  - b: 1\n  - b: 1\n    c: 2\n    b: 3", "t.yaml:5: a[1]: duplicate key 'b', first on line 3"),
         ("1: a\n'1': b", "t.yaml:2: duplicate key '1', first on line 1"),
+        (
+            "a: !!python/name:os.system",
+            "t.yaml:1: a: found the tag '!!python/name:os.system', expected plain",
+        ),
+        ("a: &x b\n*x : c\n", "t.yaml:2: found the alias *x as a key, expected text"),
         ("a: !!int 5", "t.yaml:1: a: found the tag '!!int', expected plain values"),
         ("a: 1\n--- \nb: 2", "t.yaml:2: found a second document (---), expected one robot a file"),
         ("a: *b", "t.yaml:1: a: found the alias *b, but no anchor &b before it"),

@@ -1,4 +1,4 @@
-"""A robot that comes along, put into poses."""
+"""A bundled robot, put into poses."""
 
 import itertools
 from collections.abc import Mapping

@@ -11,11 +11,18 @@ def marie_theta(screw: Array, kappa: float, lam: float, l1: float, l3: float, br
     With the slip of the paper set right: `screw` is squared in Z, and the two signs before the root differ.
     """
     xb, yb = l3 * np.cos(np.pi / 2 - lam), l3 * np.sin(np.pi / 2 - lam)
-    x, y, z = 2 * yb * l1, 2 * xb * l1, screw**2 - xb**2 - yb**2 - l1**2
-    square = x**2 + y**2
-    root = np.sqrt(square - z**2)
-    sine, cosine = (x * z + branch * y * root) / square, (y * z - branch * x * root) / square
-    return wrapped(kappa - np.arctan2(sine, cosine) + np.pi / 2)
+    z = screw**2 - xb**2 - yb**2 - l1**2
+    return wrapped(kappa - arctangent(2 * yb * l1, 2 * xb * l1, z, branch) + np.pi / 2)
+
+
+def arctangent(b1: Array | float, b2: Array | float, b3: Array, branch: int) -> Array:
+    """Return the angle with b1 sin + b2 cos = b3."""
+    square = b1**2 + b2**2
+    root = np.sqrt(square - b3**2)
+    result: Array = np.arctan2(
+        (b1 * b3 + branch * b2 * root) / square, (b2 * b3 - branch * b1 * root) / square
+    )
+    return result
 
 
 def third_side(one: float, other: float, between: Array) -> Array:

@@ -1,4 +1,4 @@
-"""What holds for every robot that comes along: it loads, closes, stands, and is well conditioned."""
+"""What holds for every bundled robot: it loads, closes, stands, and is well conditioned."""
 
 import numpy as np
 import pytest

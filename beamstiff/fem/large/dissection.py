@@ -106,22 +106,10 @@ def _folded(nodes: Index, points: Array) -> Index:
 
 
 def dissect(graph: sparse.csr_array, points: Array, last: Index) -> tuple[Index, list[Group]]:
-    """Return an order of the nodes of a graph, and its groups, each after its children.
+    """Return the order of elimination (N,) of the nodes of a graph, and its groups, each after its children.
 
-    Parameters
-    ----------
-    graph : (N, N) sparse array
-        An entry for each pair of nodes that meet, both ways.
-    points : (N, 3) array
-        Positions of the nodes.
-    last : int array
-        Nodes that come last; they are no part of a group.
-
-    Returns
-    -------
-    order : (N,) int array
-        Nodes in the order of elimination.
-    groups : list of Group
+    `graph` (N, N) has an entry for each pair of nodes that meet, both ways; the nodes `last` come last and
+    are no part of a group.
     """
     pointers, neighbours = graph.indptr.astype(np.int64), graph.indices.astype(np.int64)
     points = _in_pitches(points, pointers, neighbours)

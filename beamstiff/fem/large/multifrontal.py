@@ -4,12 +4,19 @@ Each group gathers its own entries and what its children hand on into one dense 
 unknowns, and hands on the rest: ``F22 - L21 L21^T``. All work is in dense products. Where only some nodes
 matter (the TCP), they come last and no factor is kept.
 Source: Duff and Reid, ACM Trans. Math. Softw. 9 (1983) 302.
+
+A factor in double precision leaves an error of condition times 1e-16: at a million unknowns one of 1e-3.
+Residuals in extended precision bring it down to the last digits (Wilkinson; Higham, Accuracy and Stability of
+Numerical Algorithms, ch. 12). Where `numpy.longdouble` is no more than a double the refinement stops earlier,
+and the error that remains says so.
 """
 
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +31,10 @@ Index = NDArray[np.int64]
 SOFTEST = 1e-13  # of what went into a pivot: what is left is rounding
 SMALL = 32
 RUNS = 60  # more pieces than this are added one index at a time
+ENOUGH = 1e-11  # relative error
+MOST = 12  # refinements
+
+Solve = Callable[[Array], Array]
 
 
 class Softness(Exception):  # noqa: N818 - turned into a message where the node has a name
@@ -47,17 +58,7 @@ class Plan:
 
 
 def make_plan(graph: sparse.csr_array, points: Array, last: Index, first: Index) -> Plan:
-    """Return the plan for a graph of nodes with some unknowns each (see `dissect`).
-
-    Parameters
-    ----------
-    graph : (N, N) sparse array
-    points : (N, 3) array
-    last : int array
-        Nodes to keep.
-    first : (N + 1,) int array
-        Node i has the unknowns ``first[i]`` to ``first[i + 1] - 1``.
-    """
+    """Return the plan for a graph of nodes (see `dissect`); node i begins at unknown ``first[i]``."""
     nodes, small = dissect(graph, points, last)
     sizes = np.diff(first)[nodes]
     ends = np.concatenate([[0], np.cumsum(sizes)])
@@ -115,18 +116,9 @@ class Factor:
 
 
 def factorise(matrix: sparse.csc_array, plan: Plan, keep: bool = True) -> Factor:
-    """Factorise a symmetric positive definite matrix by its plan.
+    """Factorise a symmetric positive definite matrix (n, n); unless `keep`, only `Factor.rest` is left.
 
-    Parameters
-    ----------
-    matrix : (n, n) sparse array
-    keep : bool
-        Keep the factor, for `Factor.solve`; without it only the rest is left.
-
-    Raises
-    ------
-    Softness
-        When a pivot is zero or rounding: a mechanism.
+    Raises `Softness` when a pivot is zero or rounding: a mechanism.
     """
     place = np.empty_like(plan.order)
     place[plan.order] = np.arange(len(plan.order))
@@ -259,3 +251,49 @@ def _add_lower(to: Array, index: Index, what: Array) -> None:
             continue
         for there_too, here_too in runs[number:]:
             to[there_too, there] += what[here_too, here]
+
+
+@dataclass(frozen=True)
+class Quality:
+    """What is known of a solution."""
+
+    # largest relative error of a column that is to be expected, in the norm scaled to unit diagonal
+    error: float
+    residual: float  # largest ``|b - K x| / |b|``, likewise
+    refinements: int  # how often it was refined
+    first_error: float  # relative error before the refinement
+
+
+def refined(
+    scale: Array, forces: Callable[[NDArray[Any]], NDArray[Any]], solve: Solve, right: Array
+) -> tuple[Array, Quality]:
+    """Return the solution (n, c) of a symmetric system, refined as far as it goes, and how good it is.
+
+    `scale` (n,) holds the square roots of the diagonal, `forces` gives ``K x`` in extended precision, `solve`
+    ``K^-1 b`` in double precision.
+    """
+    row = scale[:, None]
+    load = np.maximum(_norms(right / row), np.finfo(float).tiny)
+    x: NDArray[Any] = solve(right).astype(np.longdouble)
+    size = np.maximum(_norms(row * x.astype(np.float64)), np.finfo(float).tiny)
+    error = before = np.inf
+    first, times = 0.0, 0
+    left = (right - forces(x)).astype(np.float64)
+    while times < MOST and error > ENOUGH:
+        step = solve(left)
+        change = float((_norms(row * step) / size).max())
+        first = change if times == 0 else first
+        if not change < 0.5 * before:  # it grows no better
+            break
+        x = x + step
+        times += 1
+        left = (right - forces(x)).astype(np.float64)
+        # what a step leaves is to the step as the step was to the one before, or to the whole
+        rate = change / before if np.isfinite(before) else change
+        error, before = max(change * min(rate, 1.0), np.finfo(float).eps), change
+    residual = float((_norms(left / row) / load).max())
+    return x.astype(np.float64), Quality(min(error, before) if times else first, residual, times, first)
+
+
+def _norms(columns: Array) -> Array:
+    return np.asarray(np.sqrt((columns * columns).sum(axis=0)))

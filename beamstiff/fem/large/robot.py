@@ -12,8 +12,7 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.fem.assembly import element_forces, gather, scatter, sparse_stiffness
 from beamstiff.fem.geometry import Geometry
 from beamstiff.fem.large.memory import refuse_unless_fits
-from beamstiff.fem.large.multifrontal import Plan, Softness, factorise, make_plan
-from beamstiff.fem.large.refinement import refined
+from beamstiff.fem.large.multifrontal import Plan, Softness, factorise, make_plan, refined
 from beamstiff.fem.mechanism import SOFTEST, mechanism_error
 from beamstiff.fem.structure import Index, Structure
 from beamstiff.se3 import Array
@@ -24,16 +23,7 @@ SHIFT = 1e-8  # of the diagonal, to find a motion that nothing resists
 
 
 def solve_sparse(structure: Structure, geometry: Geometry, right: Array, rest: Index | None = None) -> Array:
-    """Return the unknowns z (P, n, c) of ``K z = f``, those outside `rest` held.
-
-    For structures without loops of rigid parts.
-
-    Parameters
-    ----------
-    right : (P, n, c) array
-    rest : int array, optional
-        Unknowns that may move; default all.
-    """
+    """Return the unknowns z (P, n, c) of ``K z = f``, those outside `rest` held; not for rigid loops."""
     some = np.arange(structure.unknowns.count) if rest is None else np.sort(rest)
     result = np.zeros(right.shape)
     plan = None

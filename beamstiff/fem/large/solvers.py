@@ -16,8 +16,7 @@ from scipy import sparse
 from beamstiff.errors import BeamstiffError
 from beamstiff.fem.large.frame import Frame, Index, frame_stiffness, nodal_forces
 from beamstiff.fem.large.memory import SHARE, free_bytes, refuse_unless_fits
-from beamstiff.fem.large.multifrontal import Plan, Softness, factorise, make_plan
-from beamstiff.fem.large.refinement import Quality, Solve, refined
+from beamstiff.fem.large.multifrontal import Plan, Quality, Softness, Solve, factorise, make_plan, refined
 from beamstiff.se3 import Array
 
 DIRECTIONS = ("x", "y", "z", "about x", "about y", "about z")
@@ -139,5 +138,5 @@ def _mechanism(frame: Frame, soft: Softness) -> BeamstiffError:
     node, direction = np.argwhere(frame.unknowns == soft.unknown)[0].tolist()
     return BeamstiffError(
         f"the frame is a mechanism: nothing resists node {node} {DIRECTIONS[direction]} once the nodes "
-        "around it give way; fix more of it, or check how it is connected"
+        "around it move; fix more of it, or check how it is connected"
     )

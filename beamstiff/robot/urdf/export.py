@@ -40,8 +40,6 @@ class _Step:
 def numbers_text(values: Array) -> str:
     """Return numbers as an attribute: the shortest text that is read back the same.
 
-    Examples
-    --------
     >>> numbers_text(np.array([0.0, -1.5, 1e-5]))
     '0 -1.5 1e-05'
     """

@@ -16,9 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from beamstiff.errors import shown
+from beamstiff.errors import BeamstiffError, listed, shown
 from beamstiff.files import read_text
 from beamstiff.robot.description import Robot
+from beamstiff.robot.forward import forward
+from beamstiff.robot.frames import all_values, compile_frames
 from beamstiff.robot.link_tree import (
     EXTENSION,
     KINDS,
@@ -35,12 +37,13 @@ from beamstiff.robot.link_tree import (
     with_stiffness,
 )
 from beamstiff.robot.placement import from_roll_pitch_yaw
-from beamstiff.robot.urdf.agreement import disagreement
 from beamstiff.robot.xml_text import Element, parse_xml
 from beamstiff.robot.yaml_text import parse_yaml
 from beamstiff.se3 import Array
 
 UNSAID = ("urdf", "beamstiff")  # keys that an extension may not hold
+POSTURES = 5  # in which a URDF and the frames in its extension are compared
+SAME_PLACE = 1e-9  # rad, and of the machine's size
 
 
 def read_urdf(
@@ -48,12 +51,8 @@ def read_urdf(
 ) -> Robot:
     """Return the robot of a URDF file.
 
-    Parameters
-    ----------
-    tcp : str, optional
-        Link whose origin is the TCP; by default what the extension names, else the only end of the tree.
-    stiffness : mapping of str to float or str, optional
-        Stiffness along or about the axis by joint, for joints that the file gives none.
+    `tcp` is the link whose origin is the TCP, by default what the extension names, else the only end of the
+    tree; `stiffness` that along or about the axis by joint, for joints that the file gives none.
     """
     return parse_urdf(read_text(os.fspath(path)), str(path), tcp=tcp, stiffness=stiffness)
 
@@ -63,8 +62,6 @@ def parse_urdf(
 ) -> Robot:
     """Return the robot of a URDF text; otherwise as `read_urdf`.
 
-    Examples
-    --------
     >>> robot = parse_urdf('''<robot name="crane"><link name="foot"/><link name="arm"/>
     ...     <joint name="slew" type="revolute"><parent link="foot"/><child link="arm"/>
     ...     <origin xyz="0 0 2"/><axis xyz="0 0 1"/><limit lower="-3" upper="3"/>
@@ -197,3 +194,31 @@ def _extension(root: Element) -> tuple[Element | None, dict[str, Any]]:
             extension.fail(f"unknown attribute {shown(name)}, expected tcp")
         fragment["tcp"] = value
     return extension, fragment
+
+
+def disagreement(tree: Robot, robot: Robot) -> str:
+    """Return what differs between frames of the same name, or an empty text.
+
+    Passive variables count as free here: loops are not closed.
+    """
+    try:
+        one, other = compile_frames(tree), compile_frames(robot)
+    except BeamstiffError as error:
+        return str(error)
+    free = [*other.coupling.free]
+    unknown = [name for name in one.coupling.free if name not in free]
+    if unknown:
+        return f"the joint {listed(unknown)} moves none of the frames"
+    generator = np.random.default_rng(0)
+    values = generator.uniform(-1.0, 1.0, (POSTURES, len(free)))
+    same = values[:, [free.index(name) for name in one.coupling.free]]
+    placed: list[Array] = [forward(one, all_values(one, same)), forward(other, all_values(other, values))]
+    size = max(one.size, other.size, 1.0)
+    inner = {joint.nodes[0] for joint in tree.joints}  # nodes that are no links; their frames are ours alone
+    for name in dict.fromkeys(node.frame for node in tree.nodes if node.name not in inner):
+        if name in other.frame_index:
+            at = one.frame_index[name]
+            gap = np.abs(placed[0][:, at] - placed[1][:, other.frame_index[name]]).max()
+            if gap > SAME_PLACE * size:
+                return f"the frame {name!r} stands {gap:.3g} (m or rad) beside the link of this name"
+    return ""

@@ -45,11 +45,8 @@ _NUMBER = re.compile(f"({NUMBER})")
 def robot_to_urdf(robot: Robot, like: str | None = None) -> str:
     """Return the URDF text of a robot; `parse_urdf` makes the same robot of it.
 
-    Parameters
-    ----------
-    like : str, optional
-        URDF text that it is written into; by default the text that it was read from. A robot that never was a
-        URDF gets links and joints of its frames: loops are then cut, and only the extension knows them.
+    It is written into the URDF text `like`, by default the one that it was read from. A robot that never was
+    a URDF gets links and joints of its frames: loops are then cut, and only the extension knows them.
     """
     text = like if like is not None else robot.urdf
     text = _written_into(urdf_skeleton(robot) if text is None else text, robot)
