@@ -120,7 +120,7 @@ def _of_rows(
     # what a table states of its noise is left as it is: rows that a crowd moves look as noisy as anything
     stated = baseline if baseline.claimed else screened.baseline
     several = _decomposed(robot, stated, library, without, seed)
-    if several is not None and len(several.causes) >= CROWD and several.remainder.share <= LEFT:
+    if several is not None and len(several.causes) >= CROWD:
         white = whiten(screened.baseline, screened.used)
         return diagnosis_of(several, tuple(notes(screened, white, several.causes[0].key, several.scatter)))
     found = _weighed_one_by_one(library, screened, without, seed)
@@ -132,7 +132,7 @@ def _of_rows(
 def _decomposed(
     robot: Robot, baseline: Baseline, library: Library, without: Sequence[str], seed: int
 ) -> Decomposition | None:
-    """Return the causes of displacements, where there are several.
+    """Return the causes of displacements, where there are several, and they leave hardly more.
 
     Of fewer postures than folds those that are held out tell too little.
     """
@@ -141,7 +141,8 @@ def _decomposed(
     at = by_candidate(library.hypotheses)
     known = {key: [library.hypotheses[k].shape for k in places] for key, places in at.items()}
     found = decompose(robot, baseline.rows, without=without, seed=seed, baseline=baseline, known=known)
-    return found if found.causes and len(found.causes) + len(found.unclear) > 1 else None
+    several = found.causes and len(found.causes) + len(found.unclear) > 1
+    return found if several and found.remainder.share <= LEFT else None
 
 
 def _screened(robot: Robot, rows: Measurements, without: Sequence[str]) -> tuple[Baseline, Library, Screened]:

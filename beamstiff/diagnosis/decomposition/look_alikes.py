@@ -59,11 +59,11 @@ def rival_of(choice: Choice, step: Step, cause: tuple[int, ...], held_out: HeldO
         key = choice.forms[number].key
         if after[number] > without.bic or len(best) > MOST_RIVALS:
             break
-        if key in best:
+        if key in form:
             continue
         other = fit_step(choice, (*others, number))
         if held_out is None or before is None or gain(before, held_out(other)) > 0.0:
-            best[key], form[key] = other.bic, number
+            best[key], form[key] = min(other.bic, best.get(key, np.inf)), number
     least = min(best.values())
     weight = {key: float(np.exp(-(value - least) / (2.0 * TEMPERING))) for key, value in best.items()}
     alike = [
