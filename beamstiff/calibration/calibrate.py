@@ -47,12 +47,7 @@ def calibrate(
     Gravity, payload and loads act as the robot's stiffness says; the stiffness values called `compliances`
     are estimated along with the geometry.
 
-    Parameters
-    ----------
-    parameters, fixed, last, compliances, method, noticed, folds, stations
-        As of `beamstiff.calibrate`.
-    priors : mapping of str to float, optional
-        Standard deviations about the robot's values, by parameter, SI.
+    Arguments as of `beamstiff.calibrate`; `priors` are standard deviations about the robot's values, SI.
     """
     statement = build_calibration(
         robot,

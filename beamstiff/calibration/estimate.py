@@ -43,13 +43,7 @@ def estimate(
     identified: Sequence[str],
     method: str = "levenberg-marquardt",
 ) -> Estimate:
-    """Return the parameters that explain the readings best; those not `identified` stay.
-
-    Parameters
-    ----------
-    begin : (t,) array
-    method : "levenberg-marquardt" or "gauss-newton"
-    """
+    """Return the parameters that explain the readings best from `begin` (t,); those not `identified` stay."""
     if method not in METHODS:
         raise BeamstiffError(
             f"there is no method {method!r}{suggest(method, METHODS)}; known: {listed(METHODS)}"

@@ -44,15 +44,9 @@ def observability(
 ) -> Observability:
     """Return which parameters the rows of a Jacobian tell apart.
 
-    Parameters
-    ----------
-    jacobian : (n, t) array
-        Weighed by the noise, per SI unit of the parameters.
-    parameters : tuple of Parameter (t)
-        Their sizes scale the columns, their ranks say which are kept.
-    noticed : float
-        Signal over noise of a realistic deviation from which a parameter is identified; 0 for all that could
-        be told apart without noise.
+    `jacobian` (n, t): weighed by the noise, per SI unit of the parameters. `parameters` (t): their sizes
+    scale the columns, their ranks say which are kept. `noticed`: signal over noise of a realistic deviation
+    from which a parameter is identified; 0 for all that could be told apart without noise.
     """
     size = np.array([item.size for item in parameters])
     scaled = jacobian * size

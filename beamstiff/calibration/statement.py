@@ -56,13 +56,7 @@ def build_calibration(
     noticed: float = NOTICED,
     stations: bool = False,
 ) -> Statement:
-    """State a calibration: the parameters, what the poses tell of them, where to start.
-
-    Parameters
-    ----------
-    robot, measurements, parameters, fixed, last, compliances, priors, noticed, stations
-        As of `calibrate`.
-    """
+    """State a calibration, arguments as of `calibrate`: what is sought and observable, where to start."""
     rows = measurements if isinstance(measurements, Measurements) else concatenate(measurements)
     _check_readings(robot, rows)
     stiffness = stiffness_parameters(robot)

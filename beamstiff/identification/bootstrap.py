@@ -83,14 +83,9 @@ def bootstrap(
 ) -> Bootstrap:
     """Fit a stated identification again to poses drawn with replacement.
 
-    Parameters
-    ----------
-    theta : (t,) array
-        Its optimum.
-    progress : callable, optional
-        Called with the number of draws that are fitted, after every 25 of them.
-    scheduler : str, optional
-        Of dask, ``tcp://host:port``; see `beamstiff.parallel`. The draws, and what is found, are the same.
+    `theta` (t,): its optimum. `progress`: called with the number of draws that are fitted, after every 25 of
+    them. `scheduler`: of dask, ``tcp://host:port``; see `beamstiff.parallel`. The draws, and what is found,
+    are the same.
     """
     objective = statement.objective
     group, poses = blocks_of(objective, statement.problem.pose)
@@ -159,12 +154,7 @@ def without_leverage(objective: Objective, theta: Array, group: Integers) -> Obj
     standard errors for linear regression with multi-stage samples", Survey Methodology 28, 2002). The optimum
     stays.
 
-    Parameters
-    ----------
-    theta : (t,) array
-        Its optimum.
-    group : (n,) int array
-        Pose of each whitened residual.
+    `theta` (t,): its optimum. `group` (n,): pose of each whitened residual.
     """
     problem = objective.problem
     n = problem.count
@@ -234,8 +224,6 @@ def percentiles(poses: int) -> tuple[float, float]:
     t: the percentiles are moved out by both (Hesterberg, "What teachers should know about the bootstrap", The
     American Statistician 69, 2015).
 
-    Examples
-    --------
     >>> [round(end, 3) for end in percentiles(10)], [round(end, 3) for end in percentiles(100_000)]
     ([0.009, 0.991], [0.025, 0.975])
     """

@@ -21,12 +21,7 @@ NO_RESIDUAL = 1e-9  # of the displacements, below which a residual is rounding
 def check_units(table: Measurements, size: float) -> None:
     """Refuse files whose displacements, rotations or noise contradict each other by hundreds of times.
 
-    Parameters
-    ----------
-    table : Measurements
-        Rows of several files.
-    size : float, m
-        Of the machine: moments compare with forces by it.
+    `table`: rows of several files. `size`, m: of the machine: moments compare with forces by it.
     """
     if len(table.sources) < 2:
         return
@@ -80,12 +75,7 @@ def _known(sigma: Array) -> Array:
 def cautions(problem: Problem, parameters: Parameters, theta: Array, rms: float) -> Iterator[str]:
     """Yield, in sentences, what limits the result of an identification.
 
-    Parameters
-    ----------
-    theta : (t,) array
-        The optimum.
-    rms : float, m
-        Of the position residual.
+    `theta` (t,): the optimum. `rms`, m: of the position residual.
     """
     poses, rows = np.unique(problem.pose).size, len(problem.pose)
     if poses == 1 and rows > 1:

@@ -71,15 +71,8 @@ class _Acting:
 def find_degeneracy(problem: Problem, seed: int = 0) -> Degeneracy:
     """Return what the rows of a problem cannot tell apart.
 
-    Parameters
-    ----------
-    seed : int
-        Of the random stiffness values.
-
-    Returns
-    -------
-    Degeneracy
-        Of series and parallel springs, all that these rows join exactly; with the names of `problem.model`.
+    All series and parallel springs that these rows join exactly, with the names of `problem.model`; `seed`:
+    of the random stiffness values.
     """
     model = problem.model
     rng = np.random.default_rng(seed)

@@ -40,20 +40,9 @@ def disturbed_covariance(
 ) -> list[tuple[Integers, Array]]:
     """Return the covariance of the used components, as blocks that are independent of one another.
 
-    Parameters
-    ----------
-    sigma : (N, 6) array
-        Standard deviations of the readings.
-    used : (N, 6) bool array
-        n in all.
-    sharing : (N,) int array
-        Number of a shared unloaded reading, -1 for none: half of the variance is that reading's.
-    pose : (N,) int array
-
-    Returns
-    -------
-    list of ((B, s) int array, (B, s, s) array)
-        Blocks of one size: the places 0..n-1 of the components in each, and their covariance.
+    `sigma` (N, 6): standard deviations of the readings. `used` (N, 6) bool: n in all. `sharing` (N,): number
+    of a shared unloaded reading, -1 for none: half of the variance is that reading's. Each item holds the
+    blocks of one size: the places 0..n-1 of their components (B, s), and their covariance (B, s, s).
     """
     n = len(used)
     joined = np.where(sharing >= 0, sharing, -1 - np.arange(n))

@@ -42,14 +42,8 @@ def identify(
 ) -> Identification:
     """Identify stiffness values from measured displacements.
 
-    Parameters
-    ----------
-    robot : Robot
-        Its present stiffness values are the start; all that is not among the parameters stays as it is.
-    measurements, parameters, method, folds, progress, options
-        As of `beamstiff.identify`.
-    effort : Effort, optional
-        Limits, seed and population of the method.
+    `robot`: its present stiffness values are the start; all that is not among the parameters stays as it is.
+    Arguments as of `beamstiff.identify`. `effort`: limits, seed and population of the method.
     """
     statement = build_identification(robot, measurements, parameters, **options)
     table = measurements if isinstance(measurements, Measurements) else concatenate(measurements)
@@ -92,12 +86,7 @@ def _loose(statement: Statement, options: Options) -> Statement:
 def conclude(statement: Statement, found: Minimum, method: str, folds: int = 5) -> Identification:
     """Return what a minimum says.
 
-    Parameters
-    ----------
-    method : str
-        By which it was found.
-    folds : int
-        Of the held-out errors; 0 for none.
+    `method`: by which it was found. `folds`: of the held-out errors; 0 for none.
     """
     problem, objective = statement.problem, statement.objective
     stiffness = statement.parameters.stiffness(found.theta)

@@ -30,13 +30,8 @@ def find_ill_determined(
 ) -> tuple[Combination, ...]:
     """Return sums of compliances that are well known though none of their terms is.
 
-    Parameters
-    ----------
-    names : sequence of str (m)
-    stiffness : (m,) array
-        Values at the optimum.
-    covariance : (m, m) array
-        Of their logarithms; infinite variance of what is not identifiable at all, which is left aside.
+    `stiffness` (m,): values at the optimum. `covariance` (m, m): of their logarithms; infinite
+    variance of what is not identifiable at all, which is left aside.
     """
     std = np.sqrt(np.diagonal(covariance))
     bad = np.flatnonzero(np.isfinite(std) & (std > BADLY))

@@ -35,14 +35,8 @@ class Uncertainty:
     def stiffness_interval(self, value: float, direction: Array, std: float) -> tuple[float, float]:
         """Return the 95 % interval of a stiffness.
 
-        Parameters
-        ----------
-        value : float
-            At the optimum.
-        direction : (t,) array
-            Derivatives of its logarithm by theta.
-        std : float
-            Standard deviation of its logarithm.
+        `value`: at the optimum. `direction` (t,): derivatives of its logarithm by theta. `std`: standard
+        deviation of its logarithm.
         """
         down, up = self.profile.interval(direction, std)
         return value / (1 + up), value / (1 + down) if down > -1 else np.inf
@@ -50,12 +44,7 @@ class Uncertainty:
     def compliance_interval(self, value: float, direction: Array, std: float) -> tuple[float, float]:
         """Return the 95 % interval of a sum of compliances: minus infinity where only a bound ends it.
 
-        Parameters
-        ----------
-        value : float
-            At the optimum.
-        direction : (t,) array
-            Its derivatives by theta.
+        `value`: at the optimum. `direction` (t,): its derivatives by theta.
         """
         down, up = self.profile.interval(-direction, std)
         return value + down, value + up
@@ -102,11 +91,7 @@ def huber_factor(objective: Objective, residuals: Array, count: int) -> float:
     ``K^2 [sum psi^2 / (n - t)] / [mean psi']^2`` with ``K = 1 + t/n var psi' / [mean psi']^2`` (Huber,
     "Robust regression", Annals of Statistics 1, 1973; "Robust Statistics", 1981, section 7.6).
 
-    Parameters
-    ----------
-    residuals : (n + m,) array
-    count : int
-        Number t of free values.
+    `residuals` (n + m,); `count`: number t of free values.
     """
     n = objective.problem.count
     psi = (objective.weights(residuals) * residuals)[:n]
@@ -129,8 +114,6 @@ def _slopes(objective: Objective, residuals: Array) -> Array:
 def invert(information: Array) -> Array:
     """Return the inverse of an information matrix (t, t), with infinite variances where it is singular.
 
-    Examples
-    --------
     >>> invert(np.diag([4.0, 0.0])).tolist()
     [[0.25, 0.0], [0.0, inf]]
     """
@@ -147,8 +130,6 @@ def invert(information: Array) -> Array:
 def spread_over(covariance: Array, tied: Integers) -> Array:
     """Return the covariance (m, m) of values of which the free one `tied[j]` moves the j-th, -1 none.
 
-    Examples
-    --------
     >>> spread_over(np.diag([4.0, np.inf]), np.array([0, 0, -1, 1])).tolist()[0]
     [4.0, 4.0, 0.0, 0.0]
     """

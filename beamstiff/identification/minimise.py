@@ -140,19 +140,11 @@ def minimise(
 ) -> Minimum:
     """Minimise an objective by one of `METHODS`.
 
-    Parameters
-    ----------
-    begin : (t,) array, optional
-        Where to start, logarithms; default the start values.
-    effort : Effort, optional
-    progress : callable, optional
-        Called with the number of evaluations and the least cost after each.
-    polish : bool
-        Let the trust region finish what a method of `POLISHED` found, and, where no `begin` is given, try
-        again from balanced values if some value ended as good as rigid or free: that may be another minimum.
+    `begin` (t,): where to start, logarithms; default the start values. `progress`: called with the number of
+    evaluations and the least cost after each. `polish`: let the trust region finish what a method of
+    `POLISHED` found, and, where no `begin` is given, try again from balanced values if some value ended as
+    good as rigid or free: that may be another minimum.
 
-    Notes
-    -----
     Ctrl-C ends the search with the best values so far; before the first evaluation it is passed on. Global
     methods search `searched`; what is polished is so within the bounds proper.
     """

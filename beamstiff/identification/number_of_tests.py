@@ -45,17 +45,8 @@ class NumberOfTests:
     def enough(self, tolerance: float = 0.1, level: float = 0.9) -> dict[str, int | None]:
         """Return the least number of tests from which on each value stays near the final one.
 
-        Parameters
-        ----------
-        tolerance : float
-            Relative distance within which it stays.
-        level : float
-            Share of the orders for which it does.
-
-        Returns
-        -------
-        dict of str to int or None
-            None where not even all tests but one are enough.
+        `tolerance`: relative distance within which it stays. `level`: share of the orders for which it does.
+        None where all tests but one are not enough.
         """
         band = self.band(level)
         result: dict[str, int | None] = {}
@@ -79,18 +70,9 @@ def number_of_tests(
 ) -> NumberOfTests:
     """Fit a stated identification to growing numbers of its tests.
 
-    Parameters
-    ----------
-    theta : (t,) array
-        Its optimum.
-    counts : sequence of int, optional
-        Numbers of tests, growing; default all, or thirty of them.
-    orders : int
-        Random orders of the tests.
-    by : "pose" or "row"
-        What a test is: a pose with all its loads, or a row.
-    progress : callable, optional
-        Called with the number of each order.
+    `theta` (t,): its optimum. `counts`: numbers of tests, growing; default all, or thirty of them. `orders`:
+    random orders of the tests. `by`: what a test is: a pose with all its loads, or a row. `progress`: called
+    with the number of each order.
     """
     problem, objective = statement.problem, statement.objective
     torn = (problem.sharing >= 0).any() or (

@@ -57,13 +57,9 @@ class Problem:
         return (self.whitening @ gap.T).T
 
     def jacobian(self, stiffness: Array, by: Parametrisation = "log") -> tuple[Array, Array]:
-        """Return whitened residuals (n,) and their derivatives (n, m).
+        """Return whitened residuals (n,) and their derivatives (n, m) at stiffness values (m,).
 
-        Parameters
-        ----------
-        stiffness : (m,) array
-        by : "log", "stiffness" or "compliance"
-            What the derivatives are by: the logarithms of the stiffness values, these, or their inverses.
+        `by`: their logarithms, themselves, or their inverses.
         """
         predicted, slopes = self.model.derivatives(stiffness, by)
         residual = self.whitening @ (self.measured - predicted)[self.used]
@@ -73,13 +69,9 @@ class Problem:
     def rows(self, chosen: ArrayLike, apart: ArrayLike | None = None) -> Problem:
         """Return the problem of some rows.
 
-        Parameters
-        ----------
-        chosen : (N,) bool array, or array of int
-            A mask, or indices; a row may come several times.
-        apart : array of int, optional
-            With indices: rows that share an unloaded reading share it only where these numbers are equal too
-            (for a pose that was drawn twice).
+        `chosen`: a mask (N,), or indices; a row may come several times. `apart`: with indices: rows that
+        share an unloaded reading share it only where these numbers are equal too (for a pose that was drawn
+        twice).
         """
         at = np.asarray(chosen)
         at = np.flatnonzero(at) if at.dtype == np.bool_ else at
@@ -118,14 +110,8 @@ def build_problem(
 ) -> Problem:
     """Return the identification problem of a robot and its measured displacements.
 
-    Parameters
-    ----------
-    data : Measurements, or several
-        Displacements, loaded minus unloaded.
-    parameters : sequence of str, optional
-        Stiffness values to identify; default ``robot.identify``.
-    components : "position", "rotation" or "both"
-        Which measured components count; each by its noise.
+    `data`: displacements, loaded minus unloaded. `parameters`: stiffness values to identify; default
+    ``robot.identify``. `components`: which measured components count; each by its noise.
     """
     measurements = data if isinstance(data, Measurements) else concatenate(data)
     source = measurements.source

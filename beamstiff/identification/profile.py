@@ -41,17 +41,8 @@ class Profile:
     def interval(self, direction: Array, std: float) -> tuple[float, float]:
         """Return how far ``a x`` reaches below and above its value at the optimum.
 
-        Parameters
-        ----------
-        direction : (t,) array
-            a.
-        std : float
-            Standard deviation of ``a x`` without bounds.
-
-        Returns
-        -------
-        (float, float)
-            Minus infinity and infinity where only a bound ends it.
+        `direction` (t,): a. `std`: standard deviation of ``a x`` without bounds. Infinite where only a bound
+        ends it.
         """
         reach = self.quantile * std
         if self._inside or not np.isfinite(std):

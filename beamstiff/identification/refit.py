@@ -24,11 +24,7 @@ LEAST_CURVED = 0.1  # of its weight: beyond, a robust loss bends down, and a ste
 def refit(objective: Objective, begin: Array, counts: Array | None = None) -> Array:
     """Return the optimum theta (t,) of an objective, from a start that is close.
 
-    Parameters
-    ----------
-    begin : (t,) array
-    counts : (n,) array, optional
-        How often each whitened residual counts; default once.
+    `counts` (n,): how often each whitened residual counts; default once.
     """
     if begin.size == 0:
         return begin

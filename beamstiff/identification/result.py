@@ -125,13 +125,7 @@ class Identification(Shown):
     reduced: Reduced | None = None
 
     def __getitem__(self, name: str) -> Parameter:
-        """Return a parameter by its name.
-
-        Raises
-        ------
-        BeamstiffError
-            When it was not among those identified.
-        """
+        """Return a parameter by its name."""
         by_name = {item.name: item for item in self.parameters}
         if name not in by_name:
             raise BeamstiffError(f"{name!r} was not identified{suggest(name, by_name)}")

@@ -60,18 +60,9 @@ def sensitivity(
 ) -> Sensitivity:
     """Return how far errors of the readings, loads and joint values move what is identified.
 
-    Parameters
-    ----------
-    measurements : Measurements
-        The table it states.
-    theta : (t,) array
-        Its optimum: the machine that is measured again.
-    errors : InputErrors
-        Of the loads and joint values. Those of the readings are the table's.
-    repetitions : int
-        For each source.
-    progress : callable, optional
-        Called with the number of refits made.
+    `measurements`: the table it states. `theta` (t,): its optimum: the machine that is measured again.
+    `errors`: of the loads and joint values. Those of the readings are the table's. `repetitions`: for each
+    source. `progress`: called with the number of refits made.
     """
     problem = statement.problem
     if len(measurements) != len(problem.measured):

@@ -26,14 +26,8 @@ def as_they_were(
 ) -> Iterator[PortModel]:
     """Yield the model of the rows at loads and joint values drawn around those in the table, several times.
 
-    Parameters
-    ----------
-    rows : Measurements
-        N rows; those of a pose share the error of the joint values.
-    parameters : tuple of str
-        The open stiffness values.
-    count : int
-        How many times.
+    `rows`: N rows; those of a pose share the error of the joint values. `parameters`: the open stiffness
+    values. `count`: how many times.
     """
     n = len(rows)
     pose = np.unique(rows.pose, return_inverse=True)[1].reshape(-1)

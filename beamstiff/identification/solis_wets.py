@@ -23,15 +23,8 @@ def solis_wets(
 
     Steps are normal about a bias that follows what went well; where one fails its opposite is tried.
 
-    Parameters
-    ----------
-    cost : callable
-        Of a point (n,); infinite where it is not allowed.
-    begin : (n,) array
-    step : float
-        Standard deviation of the first steps.
-    evaluations : int
-        At most.
+    `cost`: of a point (n,); infinite where it is not allowed. `step`: standard deviation of the
+    first steps. `evaluations`: at most.
     """
     at, best, bias = np.array(begin, dtype=np.float64), cost(begin), np.zeros(len(begin))
     good = bad = 0

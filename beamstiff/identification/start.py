@@ -20,10 +20,7 @@ def start_values(robot: Robot, problem: Problem, held: Collection[str] = ()) -> 
     With the guess the spring alone, carrying all of the load, would move the measured points as far as they
     were seen to move: what is measured is at least as stiff.
 
-    Parameters
-    ----------
-    held : collection of str
-        Parameters that will stay at their start: those stay as good as rigid, or free.
+    `held`: parameters that will stay at their start: those stay as good as rigid, or free.
     """
     model = problem.model
     result = model.start.copy()

@@ -105,13 +105,7 @@ def build_identification(
     components: Components = "both",
     errors: InputErrors | None = None,
 ) -> Statement:
-    """State an identification: reduce the model, find what cannot be told apart, weigh the rows.
-
-    Parameters
-    ----------
-    robot, measurements, parameters, fixed, ties, bounds, priors, loss, components, errors
-        As of `beamstiff.identify`.
-    """
+    """State an identification, arguments as of `beamstiff.identify`: reduce the model, find dependences."""
     if loss not in LOSSES:
         raise BeamstiffError(f"there is no loss {loss!r}; known: {listed(LOSSES)}")
     problem = build_problem(robot, measurements, _free_names(robot, parameters, fixed), components)

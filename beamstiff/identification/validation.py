@@ -55,19 +55,9 @@ class HeldOut:
 def held_out(objective: Objective, groups: Integers, folds: int, begin: Array) -> HeldOut | None:
     """Return the errors on groups of rows left out of the fit, fold by fold.
 
-    Parameters
-    ----------
-    groups : (N,) array of int
-        Rows of one group are left out together: poses, or loads.
-    folds : int
-        At most so many fits.
-    begin : (t,) array
-        Where to start: the optimum of all rows.
-
-    Returns
-    -------
-    HeldOut or None
-        None with fewer than three groups, or where the rest is too little to fit.
+    `groups` (N,): rows of one group are left out together: poses, or loads. `folds`: at most so many fits.
+    `begin` (t,): where to start: the optimum of all rows. None with fewer than three groups, or where the
+    rest is too little to fit.
     """
     residual = np.full(objective.problem.used.shape, np.nan)
     try:

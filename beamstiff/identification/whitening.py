@@ -64,12 +64,7 @@ def whitening(sigma: Array, used: NDArray[np.bool_], sharing: Integers) -> White
     For components that share an unloaded reading the covariance is ``D (1 + 1 1^T) D / 2``, D their standard
     deviations: its inverse root takes their mean out and puts it back with its own weight.
 
-    Parameters
-    ----------
-    sigma : (N, 6) array
-    used : (N, 6) bool array
-    sharing : (N,) int array
-        Number of the shared reading, -1 for none.
+    `sigma`, `used` (N, 6); `sharing` (N,): number of the shared reading, -1 for none.
     """
     inverse = 1.0 / sigma[used]
     row, component = np.nonzero(used)

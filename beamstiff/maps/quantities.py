@@ -116,13 +116,7 @@ def check_quantities(names: tuple[str, ...], wrench: bool, direction: bool, weig
 def from_compliance(name: str, compliance: Array, displacement: Array, direction: Array | None) -> Array:
     """Return a quantity at P poses; infinite where the TCP does not give way.
 
-    Parameters
-    ----------
-    compliance : (P, 6, 6) array
-    displacement : (P, 6) array
-        Under the wrench.
-    direction : (3,) array, optional
-        Of length 1.
+    `compliance` (P, 6, 6); `displacement` (P, 6): under the wrench; `direction` (3,): of length 1.
     """
     along, about = compliance[:, :3, :3], compliance[:, 3:, 3:]
     if name == "compliance":

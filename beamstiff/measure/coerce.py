@@ -26,15 +26,8 @@ def as_tables(
 ) -> list[Measurements]:
     """Return tables of measurements: themselves, or read from their CSV files.
 
-    Parameters
-    ----------
-    data : Measurements, str or os.PathLike, or a sequence of these
-    robot : Robot
-        Whose joint variables the columns are.
-    require_measured : bool
-        Refuse tables that hold loads alone.
-    what : str
-        The argument, for messages.
+    `robot`: whose joint variables the columns are. `require_measured`: refuse tables that hold loads alone.
+    `what`: the argument, for messages.
     """
     single = isinstance(data, Measurements | str | os.PathLike)
     if not single and not isinstance(data, Sequence):

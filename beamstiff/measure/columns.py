@@ -75,10 +75,8 @@ def read_header(
 ) -> list[Column]:
     """Return the columns that header cells such as ``q1 [deg]`` name.
 
-    Parameters
-    ----------
-    orientation : str or None
-        The declared meaning of columns A, B, C (or a, b, c): ``"KUKA ABC"`` or ``"rotation vector"``.
+    `orientation`: the declared meaning of columns A, B, C (or a, b, c): ``"KUKA ABC"`` or ``"rotation
+    vector"``.
     """
     declared = {variable.name: variable for variable in robot.variables}
     wrong = partial(fail, source, line)

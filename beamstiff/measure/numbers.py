@@ -27,10 +27,7 @@ class CellError(BeamstiffError):
 def numbers(cells: Sequence[str], *, may_be_empty: bool, decimal_comma: bool = False) -> Array:
     """Return the numbers of a column, NaN exactly where a cell is empty.
 
-    Parameters
-    ----------
-    decimal_comma : bool
-        Numbers are written ``1,5``.
+    `decimal_comma`: numbers are written ``1,5``.
     """
     if decimal_comma:
         if any("." in cell for cell in cells):

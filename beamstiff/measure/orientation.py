@@ -164,11 +164,8 @@ class RowError(BeamstiffError):
 def named_orientation(name: str) -> Orientation:
     """Return the convention of three columns a b c by its name.
 
-    Parameters
-    ----------
-    name : str
-        ``rotation vector``; ``KUKA ABC`` (intrinsic Z-Y-X); ``Euler ZYX`` and the like (intrinsic, in the
-        order of the columns); ``fixed XYZ`` and the like (about axes that stand still).
+    `name`: ``rotation vector``; ``KUKA ABC`` (intrinsic Z-Y-X); ``Euler ZYX`` and the like (intrinsic, in the
+    order of the columns); ``fixed XYZ`` and the like (about axes that stand still).
     """
     plain = re.sub(r"[\s_-]+", " ", name.strip().lower())
     if plain in ("rotation vector", "rotvec"):

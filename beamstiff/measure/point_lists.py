@@ -40,13 +40,8 @@ def convert_points(
 ) -> PointTable:
     """Return a list of points as a table of measurements in CSV.
 
-    Parameters
-    ----------
-    path : str or os.PathLike
-        The list.
-    joints : str or os.PathLike, optional
-        CSV table of joint values and loads, written beside the points: rows of the same `pose` where both
-        have one, else as many rows in the same order.
+    `path`: the list. `joints`: CSV table of joint values and loads, written beside the points: rows of the
+    same `pose` where both have one, else as many rows in the same order.
     """
     return parse_points(
         read_text(Path(path)),

@@ -86,8 +86,6 @@ def parse_measurements(
 ) -> Measurements:
     r"""Read measurements from the text of a table; otherwise as `read_measurements`.
 
-    Examples
-    --------
     >>> from beamstiff.robot.description import Robot
     >>> robot = Robot(
     ...     name="axis",

@@ -15,31 +15,17 @@ from beamstiff.se3 import Array, rotate_screw, skew
 
 @dataclass(frozen=True, eq=False)
 class Registration:
-    """The frame of a tracker in the base frame: ``base = scale * rotation @ tracker + translation``.
+    """The frame of a tracker in the base frame: ``base = scale * rotation @ tracker + translation``."""
 
-    Attributes
-    ----------
-    rotation : (3, 3) array
-    translation : (3,) array, m
-    scale : float
-        1 unless it was fitted.
-    residuals : (M, 3) array, m
-        Base point minus carried tracker point.
-    sigma : float
-        Standard deviation of one coordinate, m: as given, else from the residuals.
-    covariance : (6, 6) array
-        Of ``[translation, rotation vector]``, the rotation a small one about the base axes; m and rad.
-    apparent_scale, apparent_scale_std : float
-        Scale that fits best, applied or not, and its standard deviation. Far from 1 it warns of a scale
-        error.
-    """
-
-    rotation: Array
-    translation: Array
-    scale: float
-    residuals: Array
-    sigma: float
+    rotation: Array  # (3, 3)
+    translation: Array  # (3,), m
+    scale: float  # 1 unless it was fitted
+    residuals: Array  # (M, 3), m: base point minus carried tracker point
+    sigma: float  # standard deviation of one coordinate, m: as given, else from the residuals
+    # (6, 6): of ``[translation, rotation vector]``, the rotation a small one about the base axes; m and rad
     covariance: Array
+    # apparent_scale, apparent_scale_std: scale that fits best, applied or not, and its standard deviation.
+    # Far from 1 it warns of a scale error
     apparent_scale: float
     apparent_scale_std: float
 
@@ -76,22 +62,10 @@ def register(
 ) -> Registration:
     """Return the frame of a tracker in the base frame, by least squares over corresponding points.
 
-    Parameters
-    ----------
-    tracker, base : (M, 3) arrays, m
-        The same points in both frames, at least three, not on a line.
-    with_scale : bool
-        Fit a scale too. Off by default: it would hide a length error of the robot.
-    sigma : float, m
-        Standard deviation of one coordinate's difference; estimated from the residuals where not given.
+    `tracker, base` (M, 3), m: the same points in both frames, at least three, not on a line. `with_scale`:
+    fit a scale too. Off by default: it would hide a length error of the robot. `sigma`, m: standard deviation
+    of one coordinate's difference; estimated from the residuals where not given.
 
-    Raises
-    ------
-    BeamstiffError
-        When points are few, collinear, not finite, mirrored, or in different units.
-
-    Examples
-    --------
     >>> tracker = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
     >>> register(tracker, tracker + [1.0, 2.0, 3.0]).translation.round(12)
     array([1., 2., 3.])

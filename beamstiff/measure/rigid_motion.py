@@ -53,12 +53,8 @@ def fit_rigid_motion(start: Array, end: Array, *, with_scale: bool = False) -> R
 
     Kabsch 1976 (Acta Cryst. A32, 922) with the scale of Umeyama 1991 (IEEE PAMI 13, 376), by singular values.
 
-    Parameters
-    ----------
-    start, end : (..., M, 3) arrays, m
-        Corresponding points, M >= 3, not collinear (`check_spread`).
-    with_scale : bool
-        Fit a scale too.
+    `start, end` (..., M, 3), m: corresponding points, M >= 3, not collinear (`check_spread`). `with_scale`:
+    fit a scale too.
     """
     start, end = np.broadcast_arrays(start, end)
     from_centre, to_centre = start.mean(axis=-2), end.mean(axis=-2)

@@ -48,13 +48,7 @@ def write_measurements(measurements: Measurements, path: str | Path, robot: Robo
 
 
 def measurements_to_csv(measurements: Measurements, robot: Robot) -> str:
-    """Return the text of the file that `write_measurements` writes.
-
-    Raises
-    ------
-    BeamstiffError
-        When the table is not of this robot.
-    """
+    """Return the text of the file that `write_measurements` writes."""
     variables = tuple(variable.name for variable in robot.actuated)
     if variables != measurements.variables:
         raise BeamstiffError(

@@ -229,14 +229,8 @@ def _sensitivity(total: Array, information: Array, criterion: Criterion) -> Arra
 def upper_bound(information: Array, count: int, criterion: Criterion, repeats: int, start: Array) -> float:
     """Return what no choice of tests can exceed, from weighted designs on the way to the best of them.
 
-    Parameters
-    ----------
-    information : (N, m, m) array
-    count : int
-        Sum of the weights, each between 0 and `repeats`.
-    criterion : "D", "A" or "E"
-    start : (m, m) array
-        Information of a design to start from.
+    `information` (N, m, m). `count`: sum of the weights, each between 0 and `repeats`. `start` (m, m):
+    information of a design to start from.
     """
     full, left = divmod(count, repeats)
     most = np.full(full + (left > 0), float(repeats))

@@ -29,12 +29,8 @@ OUT_OF_REACH = 50.0  # log kappa_F of a pose that does not close
 def normalised_jacobian(kinematics: Kinematics, posture: Posture, length: float) -> Array:
     """Return the Jacobian with translations in characteristic lengths (seed 000, eq. 12), (P, 6, A).
 
-    Parameters
-    ----------
-    posture : Posture
-        P poses.
-    length : float, m
-        Prismatic variables are counted in it too, so that the entries have no unit.
+    `posture`: P poses. `length`, m: prismatic variables are counted in it too, so that the entries have no
+    unit.
     """
     if not (np.isfinite(length) and length > 0):
         raise BeamstiffError(f"characteristic length: found {length}, expected a positive number of metres")

@@ -52,15 +52,8 @@ def how_many(
 ) -> Enough:
     """Return the best designs of several sizes, each started from the one before.
 
-    Parameters
-    ----------
-    information : (N, m, m) array
-        Of each candidate.
-    counts : sequence of int
-        Numbers of tests, growing.
-    criterion : "D", "A" or "E"
-    repeats : int
-        How often a candidate may be taken.
+    `information` (N, m, m): of each candidate. `counts`: numbers of tests, growing. `repeats`: how often a
+    candidate may be taken.
     """
     numbers = np.asarray(counts, dtype=np.int64)
     if numbers.ndim != 1 or not numbers.size or (np.diff(numbers) <= 0).any():
@@ -89,13 +82,7 @@ def random_designs(
 ) -> AtRandom:
     """Return what designs of `count` different tests, drawn evenly from the candidates, would tell.
 
-    Parameters
-    ----------
-    information : (N, m, m) array
-        Of each candidate.
-    count : int
-        Number of tests of a design, N at most.
-    criterion : "D", "A" or "E"
+    `information` (N, m, m): of each candidate. `count`: number of tests of a design, N at most.
     """
     if not 1 <= count <= len(information):
         raise BeamstiffError(

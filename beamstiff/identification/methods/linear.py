@@ -63,12 +63,8 @@ def run(method: str, search: Search, begin: Array, effort: Effort) -> str:  # no
 def nonnegative_step(compliance: Array, residuals: Array, slopes: Array, low: Array, high: Array) -> Array:
     """Return the compliances (t,) within bounds that minimise ``|r + A (x - c)|``.
 
-    Parameters
-    ----------
-    compliance : (t,) array
-        c, where r (n,) are the residuals and A (n, t) the slopes.
-    low, high : (t,) arrays
-        Bounds: a compliance is positive.
+    `compliance` (t,): c, where r (n,) are the residuals and A (n, t) the slopes. `low, high` (t,): bounds: a
+    compliance is positive.
     """
     size = np.linalg.norm(slopes, axis=0)
     size = np.where(size > 0, size, 1.0)

@@ -79,18 +79,9 @@ def fit_varying(
 ) -> Varying:
     """Fit compliances that vary with weights of the configuration.
 
-    Parameters
-    ----------
-    problem : Problem
-        N rows, m springs.
-    weights : (N, R) array
-        phi: of each row, not negative, summing to one; equal in rows of one pose.
-    compliance : (m,) array
-        Start of all.
-    correlation : (R, R) array, optional
-        Of the changes by weight, positive definite; default none.
-    spread : (m,) array, optional
-        tau; default by evidence.
+    `problem`: N rows, m springs. `weights` (N, R): phi: of each row, not negative, summing to one; equal in
+    rows of one pose. `compliance` (m,): start of all. `correlation` (R, R): of the changes by weight,
+    positive definite; default none. `spread` (m,): tau; default by evidence.
     """
     rows, m = problem.used.shape[0], len(problem.model.parameters)
     if weights.shape[0] != rows or np.abs(weights.sum(axis=1) - 1).max(initial=0.0) > 1e-9:

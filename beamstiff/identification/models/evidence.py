@@ -103,12 +103,7 @@ class Evidence:
 def prior_of_readings(covariances: Array, slopes: Array, of: NDArray[np.intp]) -> Array:
     """Return the covariance (n, n) of readings without noise, from those of the logarithms (m, P, P).
 
-    Parameters
-    ----------
-    covariances : (m, P, P) array
-    slopes : (n, m) array
-    of : (n,) int array
-        Posture of each reading, among the P.
+    `slopes` (n, m). `of` (n,): posture of each reading, among the P.
     """
     total = np.zeros((len(slopes), len(slopes)))
     for own, slope in zip(covariances, slopes.T, strict=True):
@@ -143,13 +138,8 @@ def most_evident(
 ) -> tuple[Covariance, float]:
     """Return the covariance and the noise of most evidence.
 
-    Parameters
-    ----------
-    postures : (P, A) array
-    noise : float
-        To begin with.
-    sigma_known : bool
-        The noise is stated: the readings may scatter more, not less.
+    `postures` (P, A). `noise`: to begin with. `sigma_known`: it is stated: the readings may scatter
+    more, not less.
     """
     evidence = Evidence(readings, postures, begin)
     start = evidence.theta(noise)

@@ -63,19 +63,10 @@ def fit_fuzzy(
 ) -> FuzzyFit:
     """Fit fuzzy compliance rules on a partition of the inputs to measured displacements.
 
-    Parameters
-    ----------
-    robot : Robot
-        Names the variables and the TCP; nothing else of it is used.
-    table : Measurements
-        Displacements of the TCP under loads there.
-    inputs : sequence of str, optional
-        What the compliance may depend on: actuated variables, and components of the wrench; default the
-        actuated variables that vary.
-    method : "exact" or "gradient"
-        How the conclusions are fitted in the end.
-    seed : int
-        Of the test set and of the random search.
+    `robot`: names the variables and the TCP; nothing else of it is used. `table`: displacements of the TCP
+    under loads there. `inputs`: what the compliance may depend on: actuated variables, and components of the
+    wrench; default the actuated variables that vary. `method`: how the conclusions are fitted in the end.
+    `seed`: of the test set and of the random search.
     """
     task = _state_task(robot, table, inputs, seed)
     random = np.random.default_rng([seed, 1])

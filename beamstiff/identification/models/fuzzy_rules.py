@@ -66,12 +66,8 @@ class Readings:
 def build_readings(table: Measurements, length: float, tcp: str) -> Readings:
     """Return what a table says of compliance terms; the compliance is symmetric (Maxwell and Betti).
 
-    Parameters
-    ----------
-    table : Measurements
-        Displacements of the TCP under loads there.
-    length : float, m
-        Of the machine: makes moments compare with forces and rotations with displacements.
+    `table`: displacements of the TCP under loads there. `length`, m: of the machine: makes moments compare
+    with forces and rotations with displacements.
     """
     if table.kind != "displacement":
         raise BeamstiffError(
@@ -145,15 +141,9 @@ def fit_conclusions(
 ) -> Array:
     """Return the conclusions (R, K) that explain the readings best.
 
-    Parameters
-    ----------
-    readings : Readings
-        N rows.
-    firing : (N, R) array
-    method : "exact" or "gradient"
-        Least squares by a direct solution, or descent from the rapid prototype.
-    positive : bool
-        Every rule's compliance is positive definite, hence that of every mean of them.
+    `readings`: N rows. `firing` (N, R). `method`: least squares by a direct solution, or descent from the
+    rapid prototype. `positive`: every rule's compliance is positive definite, hence that of every mean of
+    them.
     """
     hessian, slope = _normal_equations(readings, premises, firing)
     if method == "gradient":

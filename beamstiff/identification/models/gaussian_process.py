@@ -46,14 +46,9 @@ def fit_gaussian_process(
 ) -> GaussianProcessFit:
     """Teach joint compliances that vary with the configuration from measured displacements.
 
-    Parameters
-    ----------
-    table : Measurements
-        Displacements, loaded minus unloaded.
-    parameters : sequence of str, optional
-        Springs that may vary; default ``robot.identify``.
-    seed : int
-        Of the choice of readings that spreads and lengths are found from, where there are very many.
+    `table`: displacements, loaded minus unloaded. `parameters`: springs that may vary; default
+    ``robot.identify``. `seed`: of the choice of readings that spreads and lengths are found from, where there
+    are very many.
     """
     start = begin_with(robot, table, parameters)
     problem = start.problem

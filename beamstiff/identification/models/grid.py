@@ -54,18 +54,11 @@ def fit_grid(
 ) -> GridFit:
     """Fit springs that change from cube to cube to measured displacements.
 
-    Parameters
-    ----------
-    table : Measurements
-        Displacements, loaded minus unloaded; rows on the face of cubes count for all that meet there.
-    parameters : sequence of str, optional
-        Springs that may vary; default ``robot.identify``.
-    shrink : bool
-        Shrink cubes towards what all share, as far as the readings ask for it: a cube without data then has
-        the common value, and is flagged. Else each cube is identified by its own rows alone, as in seed 001:
-        springs that only act together there keep their ratio.
-    interpolate : bool
-        Between the centres of neighbouring cubes.
+    `table`: displacements, loaded minus unloaded; rows on the face of cubes count for all that meet there.
+    `parameters`: springs that may vary; default ``robot.identify``. `shrink`: shrink cubes towards what all
+    share, as far as the readings ask for it: a cube without data then has the common value, and is flagged.
+    Else each cube is identified by its own rows alone, as in seed 001: springs that only act together there
+    keep their ratio. `interpolate`: between the centres of neighbouring cubes.
     """
     at = tcp_positions(robot, table.q)
     inside = cubes.inside(at)
@@ -123,10 +116,7 @@ def with_offsets(model: GriddedStiffness, table: Measurements) -> GriddedStiffne
     The small rigid motion of each cube that carries the nominal TCP positions to the measured ones, in place
     of kinematic parameters a cube (seed 001, eq. 12): within a cube of some decimetres they do little else.
 
-    Parameters
-    ----------
-    table : Measurements
-        Absolute positions of the unloaded TCP.
+    `table`: absolute positions of the unloaded TCP.
     """
     if table.kind != "absolute":
         raise BeamstiffError(

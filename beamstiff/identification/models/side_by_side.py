@@ -232,20 +232,9 @@ def fit_models(
 ) -> Models:
     """Fit models to the rows that a split says, and predict all rows.
 
-    Parameters
-    ----------
-    table : Measurements
-        Displacements of the TCP under loads there, N rows.
-    names : sequence of str
-        Of the models, among `FITS`.
-    options : Options, optional
-    progress : callable, optional
-        Called with the name of the model that is fitted next.
-
-    Returns
-    -------
-    Models
-        A model that these rows cannot carry is there without answers, and says why.
+    `table`: displacements of the TCP under loads there, N rows; `names`: among `FITS`; `progress` gets the name
+    of the model that is fitted next. A model that these rows cannot carry is there without answers, and says
+    why.
     """
     for name in names:
         if name not in FITS:
