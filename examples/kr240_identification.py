@@ -35,7 +35,7 @@ from beamstiff.planning.dexterity import (
 )
 from beamstiff.planning.influence import Influence, choose_wrist, influence_map
 from beamstiff.planning.poses import Grid, joint_grid
-from beamstiff.planning.singular import SingularLine, singular_lines
+from beamstiff.planning.zones import SingularLine, singular_lines
 from beamstiff.report.figures import BLUE, GREEN, ORANGE, new_figure, plain, save_figure
 from beamstiff.report.tables import table
 from beamstiff.robot.kinematics import twist_jacobian

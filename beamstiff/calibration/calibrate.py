@@ -13,9 +13,8 @@ from beamstiff.calibration.elastic import build_elastic, gives_way, is_rigid
 from beamstiff.calibration.estimate import Estimate, covariance_of, estimate
 from beamstiff.calibration.observability import NOTICED, observability
 from beamstiff.calibration.problem import Problem
-from beamstiff.calibration.registration import rigid_gap
 from beamstiff.calibration.result import Calibration, Found, errors_of
-from beamstiff.calibration.statement import Statement, build_calibration
+from beamstiff.calibration.statement import Statement, build_calibration, rigid_gap
 from beamstiff.calibration.validation import held_out
 from beamstiff.errors import listed, optional
 from beamstiff.measure.table import Measurements

@@ -8,7 +8,7 @@ import numpy as np
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.fem.unknowns import turning_nodes
-from beamstiff.identification.disturbance import Disturbance
+from beamstiff.identification.whitening import Disturbance
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements
 from beamstiff.model.ports import PortModel, reduce_to_ports

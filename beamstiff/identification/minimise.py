@@ -11,9 +11,9 @@ from typing import Protocol
 import numpy as np
 
 from beamstiff.errors import BeamstiffError, listed, suggest
-from beamstiff.identification.balance import balanced_stiffness
 from beamstiff.identification.objective import Objective
 from beamstiff.identification.parameters import SPAN, Parameters
+from beamstiff.identification.start import balanced_stiffness
 from beamstiff.parallel import parallel_map
 from beamstiff.se3 import Array
 

@@ -10,8 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from beamstiff.errors import BeamstiffError, listed
-from beamstiff.identification.disturbance import Disturbance, disturbed_covariance, inverse_root
-from beamstiff.identification.whitening import Whitening, of_blocks, whitening
+from beamstiff.identification.whitening import (
+    Disturbance,
+    Whitening,
+    disturbed_covariance,
+    inverse_root,
+    of_blocks,
+    whitening,
+)
 from beamstiff.measure.arrays import Integers, equal_rows
 from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements

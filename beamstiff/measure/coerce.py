@@ -10,10 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from beamstiff.errors import BeamstiffError, OptionError, shown
-from beamstiff.measure.doubts import doubts
+from beamstiff.measure.doubts import UnusableError, copies_between, doubts
 from beamstiff.measure.reader import read_measurements
 from beamstiff.measure.table import Measurements
-from beamstiff.measure.usable import UnusableError, copies_between
 from beamstiff.robot.description import Robot
 from beamstiff.robot.doubts import robot_doubts
 

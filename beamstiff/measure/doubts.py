@@ -1,4 +1,4 @@
-"""What in a table is allowed but hardly meant: a load of the wrong sign, degrees read as radians.
+"""What in a table is allowed but hardly meant, such as a load of the wrong sign; and what cannot be used.
 
 The load does positive work on whatever it displaces: ``w . d > 0`` for linear springs, springs that harden,
 play and friction alike, as long as the load acts where the displacement is seen. Rows that say otherwise by
@@ -7,12 +7,13 @@ more than their noise are rare even where a machine drifts; loads of the wrong s
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from beamstiff.errors import listed
+from beamstiff.errors import BeamstiffError, listed
 from beamstiff.measure.position_doubts import position_doubts
+from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
@@ -209,3 +210,43 @@ def _of_the_robot(table: Measurements, robot: Robot) -> Iterator[str]:
     name = table.metadata.get("robot")
     if name is not None and name != robot.name:
         yield f"{table.source}: the table is of robot {name!r}, here it is read with {robot.name!r}"
+
+
+class UnusableError(BeamstiffError):
+    """Displacements that tell nothing of the machine; the message says all there is to say."""
+
+
+def require_usable(table: Measurements) -> None:
+    """Refuse displacements that tell nothing of the machine."""
+    if table.kind != "displacement":
+        return
+    if not np.nan_to_num(table.displacement).any():
+        raise UnusableError(
+            f"{table.source}: all displacements are 0: found no reading (dx dy dz are loaded minus unloaded)"
+        )
+    done = sure_work(table)
+    if len(done) >= SEVERAL and (done < 0).all():
+        raise UnusableError(
+            f"{table.source}: the tool moved against its load in all {len(done)} rows that tell, which no "
+            "elastic machine does: reverse the sign of the loads (they act on the tool) or of the "
+            "displacements (loaded minus unloaded)"
+        )
+
+
+def counted_once(table: Measurements) -> Measurements:
+    """Return a table without its copies of rows: readings that agree to the last digit by chance only."""
+    again = copies(table)
+    if len(again) < SEVERAL:
+        return table
+    kept = np.ones(len(table), dtype=np.bool_)
+    kept[[row for row, _ in again]] = False
+    return subset(table, kept)
+
+
+def copies_between(tables: Sequence[Measurements]) -> Iterator[str]:
+    """Yield that rows of one table stand in another as well, where they do."""
+    read = [set(readings(table).values()) for table in tables]
+    for at, table in enumerate(tables):
+        for before, other in enumerate(tables[:at]):
+            if (count := len(read[at] & read[before])) >= SEVERAL:
+                yield f"{table.source}: {count} rows are copies of rows of {other.source}: each counts once"

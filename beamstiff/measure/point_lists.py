@@ -15,11 +15,10 @@ import numpy as np
 from beamstiff.errors import BeamstiffError, listed, shown, suggest
 from beamstiff.files import read_text
 from beamstiff.measure.columns import LABELS, QUANTITIES, Column, fail, to_si
-from beamstiff.measure.numbers import CellError, numbers
 from beamstiff.measure.orientation import Orientation, Quaternion, RowError, named_orientation
 from beamstiff.measure.profiles import ANGLES, POSITION, QUATERNION, Profile
 from beamstiff.measure.registration import Registration, register
-from beamstiff.measure.text import RawTable, split_table
+from beamstiff.measure.text import CellError, RawTable, numbers, split_table
 from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 from beamstiff.units import UNITS, quantity, unit_factor
 

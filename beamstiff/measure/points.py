@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.arrays import finite, positive, rotation_matrix
-from beamstiff.measure.rigid_motion import check_spread, fit_rigid_motion, rotation_precision
+from beamstiff.measure.registration import check_spread, fit_rigid_motion, rotation_precision
 from beamstiff.se3 import Array, displacement_transport, rotate_screw, skew, transform, vector_from_rotation
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.measure.rigid_motion import check_spread, fit_rigid_motion
+from beamstiff.measure.registration import check_spread, fit_rigid_motion
 from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.closure import every_assembly

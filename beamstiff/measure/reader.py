@@ -31,9 +31,8 @@ from beamstiff.errors import BeamstiffError, listed, shown, suggest
 from beamstiff.files import read_text
 from beamstiff.measure.arrays import Integers
 from beamstiff.measure.columns import NODES, RESERVED, Column, kind_of, read_header, to_si
-from beamstiff.measure.numbers import CellError, numbers
 from beamstiff.measure.table import MEASURED, WRENCH, Kind, Measurements, Names, make_measurements
-from beamstiff.measure.text import RawTable, split_table
+from beamstiff.measure.text import CellError, RawTable, numbers, split_table
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array, rotation_about, vector_from_rotation
 from beamstiff.units import MOST_TURN, quantity, unit_factor

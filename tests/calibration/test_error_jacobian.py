@@ -7,8 +7,8 @@ import pytest
 
 from beamstiff import BeamstiffError, Robot, load_robot
 from beamstiff.calibration.error_jacobian import Geometry, build_geometry
-from beamstiff.calibration.opening import opening_parameters, refuse_opening
 from beamstiff.calibration.parameters import known_parameters
+from beamstiff.calibration.statement import opening_parameters, refuse_opening
 from beamstiff.measure.rows import concatenate
 from beamstiff.se3 import Array, vector_from_rotation
 from tests.calibration.machines import four_bar, four_bar_poses, machine, measured, serial, within

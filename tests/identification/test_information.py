@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from beamstiff import BeamstiffError
-from beamstiff.identification.disturbance import Disturbance, disturbed_covariance, inverse_root
 from beamstiff.identification.identify import estimate, identify
+from beamstiff.identification.information import Profile
 from beamstiff.identification.input_errors import InputErrors
-from beamstiff.identification.profile import Profile
 from beamstiff.identification.refit import refit
 from beamstiff.identification.statement import build_identification
+from beamstiff.identification.whitening import Disturbance, disturbed_covariance, inverse_root
 from beamstiff.robot.kinematics import compile_kinematics, posture, twist_jacobian
 from tests.identification.campaigns import (
     compliances,

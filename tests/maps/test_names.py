@@ -7,8 +7,7 @@ import pytest
 import xarray
 
 from beamstiff import Robot, map_workspace
-from beamstiff.maps.names import OWN, dimension_names
-from beamstiff.maps.quantities import QUANTITIES
+from beamstiff.maps.quantities import OWN, QUANTITIES, dimension_names
 from beamstiff.maps.summary import summary
 from beamstiff.report.workspace import map_figure, map_tables
 from tests.maps.robots import planar_arm

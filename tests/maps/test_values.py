@@ -16,7 +16,7 @@ from beamstiff import (
 )
 from beamstiff.errors import BeamstiffError
 from beamstiff.fem import condensation
-from beamstiff.maps.names import Reason
+from beamstiff.maps.quantities import Reason
 from beamstiff.planning.dexterity import inverse_condition, normalised_jacobian
 from beamstiff.robot.kinematics import posture_at
 from beamstiff.se3 import Array

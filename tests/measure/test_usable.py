@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from beamstiff import BeamstiffError
+from beamstiff.measure.doubts import copies_between, counted_once, require_usable
 from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements
-from beamstiff.measure.usable import copies_between, counted_once, require_usable
 from tests.diagnosis.machines import at_random, elbow, nominal
 
 ARM = elbow()

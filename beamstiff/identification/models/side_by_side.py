@@ -232,9 +232,8 @@ def fit_models(
 ) -> Models:
     """Fit models to the rows that a split says, and predict all rows.
 
-    `table`: displacements of the TCP under loads there, N rows; `names`: among `FITS`; `progress` gets the name
-    of the model that is fitted next. A model that these rows cannot carry is there without answers, and says
-    why.
+    `table`: displacements of the TCP under loads there, N rows; `names`: among `FITS`; `progress` gets
+    the name of the model fitted next. A model that these rows cannot carry has no answers, and says why.
     """
     for name in names:
         if name not in FITS:

@@ -9,8 +9,12 @@ from scipy.special import gamma, kv
 
 from beamstiff import load_robot
 from beamstiff.identification.identify import identify
-from beamstiff.identification.models.evidence import Evidence, LinearReadings, most_evident
-from beamstiff.identification.models.gaussian_process import fit_gaussian_process
+from beamstiff.identification.models.gaussian_process import (
+    Evidence,
+    LinearReadings,
+    fit_gaussian_process,
+    most_evident,
+)
 from beamstiff.measure import make_measurements
 from beamstiff.model.gaussian_process import COMMON, Covariance, matern
 from beamstiff.model.linear import predict_displacements
