@@ -61,7 +61,7 @@ def build_calibration(
     stations: bool = False,
 ) -> Statement:
     """State a calibration, arguments as of `calibrate`: what is sought and observable, where to start."""
-    rows = measurements if isinstance(measurements, Measurements) else concatenate(measurements)
+    rows = concatenate(measurements)
     _check_readings(robot, rows)
     stiffness = stiffness_parameters(robot)
     for name in compliances:

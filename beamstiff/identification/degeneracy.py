@@ -24,7 +24,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from beamstiff.identification.problem import Problem
-from beamstiff.identification.relations import INVERSE_UNITS, Joined, Kind, Spring, Sum, join
+from beamstiff.identification.relations import INVERSE_UNITS, Joined, Kind, Spring, join
 from beamstiff.identification.result import Combination
 from beamstiff.identification.start import balanced_stiffness
 from beamstiff.robot.description import Robot
@@ -59,7 +59,7 @@ class Mixed:
     # (h): those whose value makes no difference: whatever it is, the others make up for it
     held: tuple[str, ...]
     # (g - h): the combinations that act, where they are sums of compliances; else empty
-    sums: tuple[Sum, ...] = ()
+    sums: tuple[Joined, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -269,7 +269,7 @@ def _mixed(group: list[_Acting], missing: int, bases: list[Array]) -> Mixed:
             share = -shares[0][:, number]
             felt = [at for at in range(missing) if abs(share[at]) > ENTANGLED * np.abs(share).max()]
             parts = (item.spring, *(group[pivots[at]].spring for at in felt))
-            sums.append(Sum(parts, (1.0, *(float(share[at]) for at in felt))))
+            sums.append(Joined("sum", parts, (1.0, *(float(share[at]) for at in felt))))
     return Mixed(names, held, tuple(sums))
 
 
@@ -301,7 +301,8 @@ def find_ill_determined(
         lead = coefficients[first]
         coefficients = coefficients / lead
         error = float(np.sqrt(max(variance[0], 0.0)) / abs(lead))
-        total = Sum(tuple(Spring(names[k]) for k in at), tuple(_plain(c) for c in coefficients.tolist()))
+        terms = tuple(Spring(names[k]) for k in at)
+        total = Joined("sum", terms, tuple(_plain(c) for c in coefficients.tolist()))
         value = float(coefficients @ (1.0 / stiffness[at]))
         if error * BETTER < abs(value) * std[at].min() and value > 0:
             unit = INVERSE_UNITS[parameter_unit(robot, names[at[first]])]

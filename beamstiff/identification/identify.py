@@ -14,7 +14,7 @@ from beamstiff.identification.information import Uncertainty, spread_over, uncer
 from beamstiff.identification.minimise import Effort, Minimum, Progress, minimise
 from beamstiff.identification.parameters import SPAN, Parameters, build_parameters
 from beamstiff.identification.problem import Problem
-from beamstiff.identification.relations import INVERSE_UNITS, Joined, Sum
+from beamstiff.identification.relations import INVERSE_UNITS, Joined
 from beamstiff.identification.result import Combination, Identification, Parameter
 from beamstiff.identification.statement import Options, Plan, Statement, build_identification
 from beamstiff.identification.validation import held_out, position_rms
@@ -50,7 +50,7 @@ def identify(
     Arguments as of `beamstiff.identify`. `effort`: limits, seed and population of the method.
     """
     statement = build_identification(robot, measurements, parameters, **options)
-    table = measurements if isinstance(measurements, Measurements) else concatenate(measurements)
+    table = concatenate(measurements)
     require_usable(table)
     check_units(table, float(statement.problem.model.lever.max(initial=1.0)))
     first = None
@@ -172,30 +172,28 @@ def _combinations(
     if isinstance(group, Mixed) and not group.sums:
         return [Combination(group.members, "", None, None, "mixed", unit)]
     result = []
-    for sum_ in [group] if isinstance(group, Joined) else group.sums:
+    for sum_ in group.sums:
         slopes = sum_.value_slopes(values)
         by_log = np.array([slopes.get(name, 0.0) * values[name] for name in stated.names])
         by_theta = by_log @ stated.sums
         felt = by_theta != 0
         covariance = spread.covariance[np.ix_(felt, felt)]
         std = float(np.sqrt(by_theta[felt] @ covariance @ by_theta[felt]))
-        kind = sum_.kind if isinstance(sum_, Joined) else "sum"
         value, known = sum_.value(values), bool(np.isfinite(std))
         interval = None
-        if known and kind == "parallel":
+        if known and sum_.kind == "parallel":
             interval = spread.stiffness_interval(value, by_theta / value, std / value)
         elif known:
             low, high = spread.compliance_interval(value, by_theta, std)
-            signed = isinstance(sum_, Sum) and min(sum_.coefficients) < 0
-            interval = (low if signed else max(low, 0.0), high)
+            interval = (low if min(sum_.ratios) < 0 else max(low, 0.0), high)
         result.append(
             Combination(
                 sum_.members,
                 sum_.text(),
                 value if known else None,
                 std if known else None,
-                kind,
-                unit if kind == "parallel" else INVERSE_UNITS[unit],
+                sum_.kind,
+                unit if sum_.kind == "parallel" else INVERSE_UNITS[unit],
                 interval=interval,
             )
         )

@@ -72,20 +72,10 @@ class Problem:
         jacobian = self.whitening @ -slopes[self.used]
         return residual, jacobian
 
-    def rows(self, chosen: ArrayLike, apart: ArrayLike | None = None) -> Problem:
-        """Return the problem of some rows.
-
-        `chosen`: a mask (N,), or indices; a row may come several times. `apart`: with indices: rows that
-        share an unloaded reading share it only where these numbers are equal too (for a pose that was drawn
-        twice).
-        """
-        at = np.asarray(chosen)
-        at = np.flatnonzero(at) if at.dtype == np.bool_ else at
-        sharing = self.sharing[at]
-        if apart is not None and (sharing >= 0).any():
-            both = equal_rows(np.stack([sharing, np.asarray(apart)], axis=1).astype(np.float64))
-            sharing = np.where(sharing >= 0, both, -1)
-        used, sigma = self.used[at], self.sigma[at]
+    def rows(self, chosen: ArrayLike) -> Problem:
+        """Return the problem of some rows: a mask (N,), or indices; a row may come several times."""
+        at = np.arange(len(self.measured))[np.asarray(chosen)]
+        used, sigma, sharing = self.used[at], self.sigma[at], self.sharing[at]
         undisturbed = replace(
             self,
             model=self.model.rows(at),
@@ -119,7 +109,7 @@ def build_problem(
     `data`: displacements, loaded minus unloaded. `parameters`: stiffness values to identify; default
     ``robot.identify``. `components`: which measured components count; each by its noise.
     """
-    measurements = data if isinstance(data, Measurements) else concatenate(data)
+    measurements = concatenate(data)
     source = measurements.source
     if robot.effects:
         names = listed(effect.effect for effect in robot.effects)

@@ -68,7 +68,7 @@ def find_separations(
     of the measured rows. `stiffness` (m,): values at which to judge how well; default the robot's. `seed`: of
     other postures.
     """
-    table = measurements if isinstance(measurements, Measurements) else concatenate(measurements)
+    table = concatenate(measurements)
     table = subset(table, _spread(len(table), MOST_ROWS))
     noise_known = bool(np.isfinite(table.sigma).any())
     found: list[list[Separation]] = [[] for _ in groups]

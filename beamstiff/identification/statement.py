@@ -14,7 +14,7 @@ from beamstiff.identification.input_errors import InputErrors, Response, build_r
 from beamstiff.identification.objective import LOSSES, Loss, Objective
 from beamstiff.identification.parameters import Parameters, build_parameters
 from beamstiff.identification.problem import Components, Problem, build_problem
-from beamstiff.identification.relations import Joined, Sum
+from beamstiff.identification.relations import Joined
 from beamstiff.identification.start import start_values
 from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements
@@ -50,10 +50,9 @@ class Plan:
         return frozenset(name for group in self.groups for name in group.members)
 
     @property
-    def sums(self) -> tuple[Joined | Sum, ...]:
+    def sums(self) -> tuple[Joined, ...]:
         """The sums that are known of the groups."""
-        of_group = ((group,) if isinstance(group, Joined) else group.sums for group in self.groups)
-        return tuple(sum_ for sums in of_group for sum_ in sums)
+        return tuple(sum_ for group in self.groups for sum_ in group.sums)
 
 
 @dataclass(frozen=True)
@@ -123,8 +122,8 @@ def build_identification(
             f"{problem.source}: found no noise (sigma_position, sigma_rotation), expected it beside the "
             "errors of loads and joint values"
         )
-    data = measurements if isinstance(measurements, Measurements) else concatenate(measurements)
-    statement = replace(statement, response=build_response(robot, data, errors, names))
+    response = build_response(robot, concatenate(measurements), errors, names)
+    statement = replace(statement, response=response)
     return statement.weighed(start)
 
 

@@ -147,7 +147,7 @@ def _cells(
             fail(name, lines[error.row], column, str(error))
         kind = _kind(column, profile)
         unit = profile.units.get(column, profile.units.get(kind, ""))
-        values[column] = raw if column in QUATERNION else to_si(raw, Column(column, kind, unit, column))
+        values[column] = raw if column in QUATERNION else to_si(raw, Column(column, kind, unit))
     return labels, values
 
 

@@ -31,10 +31,11 @@ from beamstiff.errors import BeamstiffError, listed, shown, suggest
 from beamstiff.files import read_text
 from beamstiff.measure.arrays import Integers
 from beamstiff.measure.columns import NODES, RESERVED, Column, kind_of, read_header, to_si
+from beamstiff.measure.orientation import KUKA
 from beamstiff.measure.table import MEASURED, WRENCH, Kind, Measurements, Names, make_measurements
 from beamstiff.measure.text import CellError, RawTable, numbers, split_table
 from beamstiff.robot.description import Robot
-from beamstiff.se3 import Array, rotation_about, vector_from_rotation
+from beamstiff.se3 import Array, vector_from_rotation
 from beamstiff.units import MOST_TURN, quantity, unit_factor
 
 LARGEST = 1 << 30  # bytes; a table of some five million states
@@ -268,11 +269,8 @@ def _orientation(angles: Array, orientation: str | None, raw: RawTable) -> Array
         raw.fail_in_row(row, "a b c", "found some of the three empty, expected all or none")
     if orientation == "KUKA ABC":
         known = ~np.isnan(angles).any(axis=1)
-        a, b, c = angles[known].T
         result = angles.copy()
-        result[known] = vector_from_rotation(
-            rotation_about(2, a) @ rotation_about(1, b) @ rotation_about(0, c)
-        )
+        result[known] = vector_from_rotation(KUKA.rotations(angles[known]))
         return result
     length = np.linalg.norm(angles, axis=1)
     if orientation is None and (length > np.pi * (1 + 1e-9)).any():

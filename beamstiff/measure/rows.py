@@ -61,11 +61,14 @@ def in_runs(measurements: Measurements, most: int, runs: int = 10) -> Measuremen
     return subset(measurements, (end - start[run] <= most // runs)[place])
 
 
-def concatenate(tables: Sequence[Measurements]) -> Measurements:
+def concatenate(data: Measurements | Sequence[Measurements]) -> Measurements:
     """Return several tables as one. Poses are numbered anew: those of different files stay apart.
 
     Where the tables' noise differs, `sigma` keeps it row by row and `sigma_position` (`_rotation`) is None.
     """
+    if isinstance(data, Measurements):
+        return data
+    tables = data
     if not tables:
         raise BeamstiffError("found no table of measurements, expected at least one")
     first = tables[0]

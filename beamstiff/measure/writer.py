@@ -121,7 +121,7 @@ def _millimetres(value: float) -> str:
 
 def _in_unit(values: Array, variable: Variable, unit: str) -> list[str]:
     """Return SI values as text in a unit: the short decimal where it stands for the same number."""
-    column = Column(variable.name, variable.kind, unit, variable.name)
+    column = Column(variable.name, variable.kind, unit)
     factor, offset = unit_factor(unit, variable.kind)
     plain = (values - offset) / factor
     short = [f"{value:.15g}" for value in plain.tolist()]

@@ -122,6 +122,6 @@ def rounded_postures(robot: Robot, q: Array, units: Mapping[str, str]) -> Array:
         unit = units.get(variable.name, UNITS[variable.kind])
         factor, _ = unit_factor(unit, variable.kind)
         decimals = max(0, -int(np.floor(np.log10(DIGIT[variable.kind] / factor))))
-        column = Column(variable.name, variable.kind, unit, variable.name)
+        column = Column(variable.name, variable.kind, unit)
         result[:, k] = to_si(np.round(q[:, k] / factor, decimals) + 0.0, column)
     return np.where((result >= lower) & (result <= upper), result, q)

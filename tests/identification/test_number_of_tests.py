@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from beamstiff import BeamstiffError
+from beamstiff.identification.bootstrap import NumberOfTests, number_of_tests
 from beamstiff.identification.input_errors import InputErrors
-from beamstiff.identification.number_of_tests import NumberOfTests, number_of_tests
 from beamstiff.identification.refit import refit
 from beamstiff.identification.statement import Statement, build_identification
 from tests.identification.campaigns import kr240, measured, rows, sensitivities, white

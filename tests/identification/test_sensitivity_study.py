@@ -5,7 +5,7 @@ import io
 import numpy as np
 from rich.console import Console
 
-from beamstiff.identification.number_of_tests import number_of_tests
+from beamstiff.identification.bootstrap import number_of_tests
 from beamstiff.identification.sensitivity import sensitivity
 from benchmarks.sensitivity_study import ERRORS, campaign, print_number, print_sensitivity
 

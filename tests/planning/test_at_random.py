@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.planning.designs import CRITERIA, choose_tests
-from beamstiff.planning.enough import random_designs
+from beamstiff.planning.designs import CRITERIA, choose_tests, random_designs
 
 
 def some_information(seed: int) -> Any:

@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.planning.designs import CRITERIA, Criterion, choose_tests, criterion_of, upper_bound
-from beamstiff.planning.enough import how_many
+from beamstiff.planning.designs import CRITERIA, Criterion, choose_tests, criterion_of, how_many, upper_bound
 from beamstiff.se3 import Array
 
 NAMES = ["a", "b", "c"]

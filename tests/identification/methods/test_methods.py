@@ -15,7 +15,7 @@ from scipy.optimize import nnls
 from beamstiff import load_robot
 from beamstiff.errors import BeamstiffError
 from beamstiff.identification.identify import identify
-from beamstiff.identification.methods.linear import nonnegative_step
+from beamstiff.identification.methods.linear import bounded_step
 from beamstiff.identification.minimise import GLOBAL, METHODS, Effort, minimise
 from beamstiff.identification.objective import Objective
 from beamstiff.identification.parameters import build_parameters
@@ -156,7 +156,7 @@ def test_a_step_within_bounds_is_that_of_bounded_least_squares() -> None:
     column = np.array([[1.0], [2.0]])
     for target, expected in ((3.0, 3.0), (-1.0, 0.5), (9.0, 4.0)):
         residuals = column[:, 0] * (1.0 - target)
-        found = nonnegative_step(np.ones(1), residuals, column, np.array([0.5]), np.array([4.0]))
+        found = bounded_step(np.ones(1), residuals, column, np.array([0.5]), np.array([4.0]))
         assert found == pytest.approx([expected], rel=1e-12)
 
 

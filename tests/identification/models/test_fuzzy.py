@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 from beamstiff import BeamstiffError, Robot, load_robot
-from beamstiff.identification.models.fuzzy import fit_fuzzy
+from beamstiff.identification.models.fuzzy import fit_fuzzy, solis_wets
 from beamstiff.identification.models.fuzzy_rules import build_readings, fit_conclusions, rapid_prototype
-from beamstiff.identification.solis_wets import solis_wets
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.fuzzy import FuzzySystem, Partition
 from beamstiff.model.fuzzy_compliance import FuzzyCompliance
