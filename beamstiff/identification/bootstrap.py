@@ -62,8 +62,7 @@ class Bootstrap:
     def spread(self) -> Array:
         """Standard deviation of the compliances over their mean, (m,)."""
         compliance = 1.0 / self.stiffness
-        result: Array = compliance.std(axis=0, ddof=1) / compliance.mean(axis=0)
-        return result
+        return np.asarray(compliance.std(axis=0, ddof=1) / compliance.mean(axis=0))
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON: how many draws, and the intervals, SI; None for an infinite end."""

@@ -122,8 +122,7 @@ def _slopes(objective: Objective, residuals: Array) -> Array:
     """Return psi', the derivative of what each measured residual weighs by the residual itself, (n,)."""
     z = (residuals / objective.scale) ** 2
     _, first, second = objective.rho(z)[:, : objective.problem.count]
-    result: Array = first + 2 * z[: objective.problem.count] * second
-    return result
+    return np.asarray(first + 2 * z[: objective.problem.count] * second)
 
 
 def invert(information: Array) -> Array:

@@ -46,5 +46,4 @@ def refit(objective: Objective, begin: Array, counts: Array | None = None) -> Ar
     compliance, converged, message = gauss_newton(evaluate, start, low, high, CLOSE, SHORTEST)
     if not converged:
         raise BeamstiffError(f"{objective.problem.source}: a fit did not converge: {message}")
-    result: Array = -np.log(compliance)
-    return result
+    return np.asarray(-np.log(compliance))

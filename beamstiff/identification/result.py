@@ -136,8 +136,7 @@ class Identification(Shown):
         """Correlation of the logarithms of the stiffness values, (m, m); NaN where there is no variance."""
         std = np.sqrt(np.diagonal(self.covariance))
         std = np.where(np.isfinite(std), std, np.nan)
-        result: Array = self.covariance / np.outer(std, std)
-        return result
+        return np.asarray(self.covariance / np.outer(std, std))
 
     @property
     def conditional_std(self) -> dict[str, float]:

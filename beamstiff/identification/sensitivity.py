@@ -43,14 +43,12 @@ class Sensitivity:
     @property
     def spread(self) -> Array:
         """Standard deviation of the compliances over the true ones, (S, m); to first order also of k."""
-        result: Array = (self.true / self.stiffness).std(axis=1, ddof=1)
-        return result
+        return np.asarray((self.true / self.stiffness).std(axis=1, ddof=1))
 
     @property
     def bias(self) -> Array:
         """Mean error of the compliances over the true ones, (S, m)."""
-        result: Array = (self.true / self.stiffness).mean(axis=1) - 1.0
-        return result
+        return np.asarray((self.true / self.stiffness).mean(axis=1) - 1.0)
 
 
 def sensitivity(

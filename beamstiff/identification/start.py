@@ -62,9 +62,7 @@ def balanced_stiffness(model: PortModel) -> Array:
     effect = np.sqrt((carried * (moved + turned)).mean(axis=0)) / unit
     held, acts = rest > 0, effect > 0
     if not acts.any():
-        alone: Array = np.where(held, rest, 1.0 / unit)
-        return alone
+        return np.asarray(np.where(held, rest, 1.0 / unit))
     ratio = float(np.median(rest[held & acts] / effect[held & acts])) if (held & acts).any() else 1.0
     effect = np.where(acts, effect, float(np.median(effect[acts] * unit[acts])) / unit)
-    result: Array = np.where(held, rest, effect * ratio)
-    return result
+    return np.asarray(np.where(held, rest, effect * ratio))

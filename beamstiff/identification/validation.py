@@ -21,8 +21,7 @@ from beamstiff.se3 import Array
 def position_gap(problem: Problem, stiffness: Array) -> Array:
     """Return the norm of the position residual of every row with a measured position, (rows,), m."""
     gap = np.where(problem.used, problem.measured - problem.model.predict(stiffness), 0.0)[:, :3]
-    result: Array = np.linalg.norm(gap[problem.used[:, :3].any(axis=1)], axis=1)
-    return result
+    return np.asarray(np.linalg.norm(gap[problem.used[:, :3].any(axis=1)], axis=1))
 
 
 def position_rms(problem: Problem, stiffness: Array) -> float:

@@ -45,8 +45,7 @@ class Whitening:
         own = np.asarray(self.blocks.diagonal())  # Sherman, Morrison and Woodbury
         shared = 1.0 + np.asarray((self.right * self.left).T @ (1.0 / own))
         alone = values / own
-        result: Array = alone - (self.left @ ((self.right.T @ alone) / shared)) / own
-        return result
+        return np.asarray(alone - (self.left @ ((self.right.T @ alone) / shared)) / own)
 
     def among(self, at: NDArray[np.intp]) -> Array:
         """Return the entries (B, m, m) of W among each of B groups of m components (B, m)."""

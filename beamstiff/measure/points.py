@@ -177,5 +177,4 @@ def _covariance(points: Array, arm: Array, sigma: float) -> Array:
 
 
 def _root_mean(block: Array) -> Array:
-    result: Array = np.sqrt(np.trace(block, axis1=-2, axis2=-1) / 3.0)
-    return result
+    return np.asarray(np.sqrt(np.trace(block, axis1=-2, axis2=-1) / 3.0))

@@ -138,8 +138,7 @@ class RigidMotion:
     @property
     def rms(self) -> Array:
         """Root mean square of the residuals' norm (...), m."""
-        result: Array = np.sqrt(np.mean(np.sum(self.residuals**2, axis=-1), axis=-1))
-        return result
+        return np.asarray(np.sqrt(np.mean(np.sum(self.residuals**2, axis=-1), axis=-1)))
 
 
 def check_spread(points: Array, name: str) -> None:

@@ -51,8 +51,7 @@ def inverse_condition(matrix: Array) -> Array:
     ahead = np.divide(values, largest, out=np.ones_like(values), where=largest > 0.0)
     behind = np.divide(smallest, values, out=np.ones_like(values), where=values > 0.0)
     ratio = np.divide(smallest, largest, out=np.zeros_like(largest), where=largest > 0.0)[..., 0]
-    result: Array = values.shape[-1] * ratio / np.sqrt((ahead**2).sum(-1) * (behind**2).sum(-1))
-    return result
+    return np.asarray(values.shape[-1] * ratio / np.sqrt((ahead**2).sum(-1) * (behind**2).sum(-1)))
 
 
 @dataclass(frozen=True)

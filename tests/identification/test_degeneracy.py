@@ -39,14 +39,14 @@ def radial(*joints: str) -> frozenset[str]:
 @pytest.mark.parametrize("planted", [True, False])
 def test_groups_are_exact_on_random_graphs(planted: bool) -> None:
     wrong, count = {}, 0
-    for seed in range(200):
+    for seed in range(80):
         case = random_case(seed, planted)
         count += len(case.series) + len(case.parallel)
         found = find_degeneracy(build_problem(case.robot, case.tests))
         if fault := faults(case, found):
             wrong[seed] = fault
     assert wrong == {}
-    assert count > 200 if planted else count == 0
+    assert count > 80 if planted else count == 0
 
 
 def test_bearings_of_the_ir663_act_in_series_as_the_paper_says() -> None:
@@ -78,8 +78,8 @@ def test_the_sum_in_series_is_known_though_no_term_is() -> None:
 
 
 def test_loads_out_of_the_plane_tell_axial_stiffness_in_sums_and_some_tilting() -> None:
-    by_campaign = {name: expected(*one) for name, one in CAMPAIGNS.items()}
-    plane, best = by_campaign["x, z"], by_campaign["with moments, rotations read"]
+    names = ("x, z", "x, y, z", "with moments, rotations read")
+    plane, along_y, best = (expected(*CAMPAIGNS[name]) for name in names)
     for joint in JOINTS:
         assert plane[f"{joint}.axial"] == plane[f"{joint}.tilting"] == np.inf
         assert f"{joint}.axial" not in best
@@ -87,7 +87,7 @@ def test_loads_out_of_the_plane_tell_axial_stiffness_in_sums_and_some_tilting() 
     well = {name for name, std in best.items() if ".tilting" in name and std < 0.2}
     assert well == {"J12.tilting", "J33.tilting"}
     # forces along y alone, positions read: felt, but nothing is bounded
-    assert all(std > 1 for name, std in by_campaign["x, y, z"].items() if "tilting" in name)
+    assert all(std > 1 for name, std in along_y.items() if "tilting" in name)
 
 
 @pytest.mark.parametrize("name", ["kr500", "kr240-2"])

@@ -43,7 +43,7 @@ def test_growth_and_speed_up_are_judged_by_what_was_asked() -> None:
 
 
 def test_both_maps_have_a_value_at_every_pose() -> None:
-    for work in (map_scaling.over_joints(100), map_scaling.over_positions(27)):
+    for work in (map_scaling.over_joints(36), map_scaling.over_positions(8)):
         told, total = map_scaling.cost(work, 1)
         assert told.wall > 0
         assert total > 0

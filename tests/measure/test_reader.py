@@ -200,13 +200,12 @@ def test_line_numbers_count_what_is_skipped(arm: Robot) -> None:
     assert table.rows.tolist() == [5, 8]
 
 
-def test_a_hundred_thousand_rows_take_seconds_even_with_as_many_poses(arm: Robot) -> None:
-    rows = "\n".join(f"{i * 1e-4!r},0.1,{-i},{i * 1e-9!r},0.001,,P{i}" for i in range(100_000))
+def test_thirty_thousand_rows_take_seconds_even_with_as_many_poses(arm: Robot) -> None:
+    rows = "\n".join(f"{i * 1e-4!r},0.1,{-i},{i * 1e-9!r},0.001,,P{i}" for i in range(30_000))
     start = time.process_time()
     table = parse_measurements(f"q1,d2,fx,dx,dy,dz,pose\n{rows}\n", arm)
-    assert time.process_time() - start < 20  # about one; quadratic work would take hours
-    assert len(table) == 100_000
-    assert len(np.unique(table.pose)) == 100_000
+    assert time.process_time() - start < 6  # about a third; quadratic work would take many minutes
+    assert len(table) == len(np.unique(table.pose)) == 30_000
 
 
 def test_remarks_of_ones_own_are_passed_over(arm: Robot) -> None:

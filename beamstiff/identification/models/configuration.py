@@ -129,8 +129,7 @@ def _std(covariance: Array, turn: Array) -> Array:
     sums = np.hstack([np.ones((each - 1, 1)), turn])
     blocks = covariance.reshape(-1, each, covariance.shape[0] // each, each)
     own = np.stack([blocks[at, :, at] for at in range(len(blocks))])
-    result: Array = np.sqrt(np.maximum(((sums @ own) * sums).sum(axis=2), 0.0)).T
-    return result
+    return np.asarray(np.sqrt(np.maximum(((sums @ own) * sums).sum(axis=2), 0.0)).T)
 
 
 @dataclass(frozen=True, eq=False)

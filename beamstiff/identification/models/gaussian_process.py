@@ -177,8 +177,7 @@ class Evidence:
         """Return the logarithms of the covariance as it is, and of a noise."""
         own = self.covariance
         ends = np.array([own.own_length]), own.lengths, np.array([noise])
-        result: Array = np.log(np.concatenate([own.own_spread, own.spread, *ends]))
-        return result
+        return np.asarray(np.log(np.concatenate([own.own_spread, own.spread, *ends])))
 
     def at(self, theta: Array) -> tuple[Covariance, float]:
         """Return the covariance and the noise at logarithms."""
@@ -253,8 +252,7 @@ def readings_root(total: Array, noise: float) -> Array:
 def _by_log_length(distance: Array) -> Array:
     """Return the derivative of the Matern covariance by the logarithm of its length, ``-r k'(r)``."""
     scaled = np.sqrt(5.0) * distance
-    result: Array = scaled**2 * (1.0 + scaled) / 3.0 * np.exp(-scaled)
-    return result
+    return np.asarray(scaled**2 * (1.0 + scaled) / 3.0 * np.exp(-scaled))
 
 
 def most_evident(

@@ -143,5 +143,4 @@ def _rigid_motion(lever: Array, gap: Array) -> Array:
     rows = np.concatenate([each, -skew(lever)], axis=2).reshape(-1, 6)
     prior = np.hstack([np.zeros((3, 3)), np.eye(3) * (1e-5 / LOOSEST)])
     right = np.concatenate([gap.reshape(-1), np.zeros(3)])
-    found: Array = np.linalg.lstsq(np.concatenate([rows, prior]), right)[0]
-    return found
+    return np.asarray(np.linalg.lstsq(np.concatenate([rows, prior]), right)[0])
