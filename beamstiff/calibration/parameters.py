@@ -33,7 +33,7 @@ TURNS = ("rx", "ry", "rz")
 LENGTH, ANGLE = 1e-3, 1e-3  # m, rad: realistic deviations of parts that were machined
 PLACED = 0.1  # m, rad: of what was set up for the measurement
 USUAL = ("alpha", "d", "r")  # with the variable they place any axis that is not parallel to the one before
-# ranks: of what cannot be told apart the lowest is kept. Compliances come behind geometry:
+# ranks: of what cannot be distinguished the lowest is kept. Compliances come behind geometry:
 # one that cannot be negative does not make up for an error of geometry that it looks like
 SETUP, OFFSET, NEEDED, SPARE, COMPLIANCE, LAST = range(6)
 GROUPS = ("base", "target", "offsets", "frames")

@@ -81,7 +81,7 @@ class _Acting:
 
 
 def find_degeneracy(problem: Problem, seed: int = 0) -> Degeneracy:
-    """Return what the rows of a problem cannot tell apart.
+    """Return what the rows of a problem cannot distinguish.
 
     All series and parallel springs that these rows join exactly, with the names of `problem.model`; `seed`:
     of the random stiffness values.

@@ -1,4 +1,4 @@
-"""The reduced model: springs that only act together become one, the others of each group rigid or free."""
+"""The reduced model: springs identifiable only in combination become one, the others rigid or free."""
 
 from __future__ import annotations
 

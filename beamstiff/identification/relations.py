@@ -1,4 +1,4 @@
-"""Springs that only act together, as one: 1/k = sum of 1/k_i in series, k = sum of k_i in parallel."""
+"""Springs identifiable only in combination: 1/k = sum of 1/k_i in series, k = sum of k_i in parallel."""
 
 from __future__ import annotations
 

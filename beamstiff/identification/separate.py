@@ -1,4 +1,4 @@
-"""What further measurement would tell apart springs that only act together, if any would.
+"""What further measurement would distinguish springs identifiable only in combination, if any would.
 
 Candidate rows are added to those measured, and it is seen whether the group dissolves: rotations read as
 well, forces and moments at the tool along and about each axis, other postures, and at last the displacement
@@ -63,7 +63,7 @@ def find_separations(
 ) -> tuple[tuple[Separation, ...], ...]:
     """Return for each group the measurements that would tell its members apart, the best first.
 
-    `measurements`: what was measured. `groups`: parameters that only act together; or a single one that is
+    `measurements`: what was measured. `groups`: parameters identifiable only in combination; or one that is
     never loaded. `parameters`: all that are identified; default ``robot.identify``. `components`: what counts
     of the measured rows. `stiffness` (m,): values at which to judge how well; default the robot's. `seed`: of
     other postures.
@@ -131,7 +131,7 @@ def with_separations(
     components: Components = "both",
     seed: int = 0,
 ) -> Identification:
-    """Return an identification that says what would tell apart what it could not.
+    """Return an identification that says what would distinguish what it could not.
 
     `robot, measurements, components`: of which it was made. `seed`: of other postures.
     """

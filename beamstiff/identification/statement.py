@@ -39,14 +39,14 @@ class Plan:
     """What is fitted: by name, which parameters stay, which move together, which only groups are known of."""
 
     silent: dict[str, str]  # parameters that the rows do not feel, each with the reason
-    groups: tuple[Joined | Mixed, ...]  # parameters that only act together
+    groups: tuple[Joined | Mixed, ...]  # parameters identifiable only in combination
     # parameters that keep the ratio of their starts: the user's, and those of a group
     ties: tuple[Sequence[str], ...]
     held: frozenset[str]  # parameters that stay at their start
 
     @property
     def grouped(self) -> frozenset[str]:
-        """Names of all that only act together with others."""
+        """Names of all that are identifiable only in combination."""
         return frozenset(name for group in self.groups for name in group.members)
 
     @property

@@ -32,7 +32,7 @@ def position_rms(problem: Problem, stiffness: Array) -> float:
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Errors on rows while they were left out of the fit."""
+    """Errors on rows while they were held out."""
 
     groups: Integers  # (N,): rows of one group were left out together: a pose, or a load
     residual: Array  # (N, 6), m and rad: measured less predicted; NaN where not measured
@@ -52,7 +52,7 @@ class HeldOut:
 
 
 def held_out(objective: Objective, groups: Integers, folds: int, begin: Array) -> HeldOut | None:
-    """Return the errors on groups of rows left out of the fit, fold by fold.
+    """Return the errors on held-out groups of rows, fold by fold.
 
     `groups` (N,): rows of one group are left out together: poses, or loads. `folds`: at most so many fits.
     `begin` (t,): where to start: the optimum of all rows. None with fewer than three groups, or where the

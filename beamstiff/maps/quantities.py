@@ -122,7 +122,7 @@ def check_quantities(names: tuple[str, ...], wrench: bool, direction: bool, weig
 
 
 def from_compliance(name: str, compliance: Array, displacement: Array, direction: Array | None) -> Array:
-    """Return a quantity at P poses; infinite where the TCP does not give way.
+    """Return a quantity at P poses; infinite where the TCP is rigid.
 
     `compliance` (P, 6, 6); `displacement` (P, 6): under the wrench; `direction` (3,): of length 1.
     """

@@ -201,7 +201,7 @@ def _chunks(
 
 
 def _refuse_what_never_works(job: Job) -> None:
-    """Compute some poses: where the robot gives way or stands rigid at all it reaches, say so at once."""
+    """Compute some poses: where the robot is a mechanism or rigid at all it reaches, say so at once."""
     numbers = np.random.default_rng(0).integers(0, job.grid.count, TRIED)
     places = np.unravel_index(np.unique(numbers), job.grid.shape)
     points = np.stack([axis[at] for axis, at in zip(job.grid.axes, places, strict=True)], axis=1)

@@ -27,7 +27,7 @@ from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.se3 import Array
 
-LARGE_DISPLACEMENT = 0.1  # m; a loaded robot gives way by millimetres
+LARGE_DISPLACEMENT = 0.1  # m; a loaded robot moves by millimetres
 LARGE_ROTATION = 0.1  # rad
 LARGE_SIGMA = (5e-3, 5e-3)  # m, rad; a tape measure
 LARGE_FORCE = 1e6  # N, N m

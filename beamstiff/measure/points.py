@@ -131,7 +131,7 @@ def subtract_sensor_deflection(
     rotation: ArrayLike,
     arm: ArrayLike = (0.0, 0.0, 0.0),
 ) -> Array:
-    """Return measured TCP displacements without what a force sensor between flange and tool gave way.
+    """Return measured TCP displacements without the deflection of a force sensor between flange and tool.
 
     `displacement` (..., 6), m and rad: measured ``[d, r]`` of the TCP, base frame. `wrench` (..., 6), N and N
     m: wrench on the tool at the TCP, base frame. `compliance` (6, 6): of the sensor, at its own origin and in

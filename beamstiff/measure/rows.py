@@ -127,7 +127,7 @@ def history_order(measurements: Measurements) -> Integers:
     within = np.where(complete(measurements.time, group), measurements.time, stepped)
     if measurements.continuous:
         start = np.where(timed_run, measurements.time, start)
-    # the last key counts most; equal times are told apart by step and row
+    # the last key counts most; step and row distinguish equal times
     keys = (row, stepped, within, first_of(row), start, measurements.run)
     return np.lexsort(keys).astype(np.int64)
 

@@ -7,7 +7,7 @@ import pytest
 
 from beamstiff import BeamstiffError, Robot, calibrate, load_robot
 from beamstiff.calibration.corrected import corrected
-from beamstiff.calibration.elastic import build_elastic, elastic_displacement, gives_way
+from beamstiff.calibration.elastic import build_elastic, elastic_displacement, is_compliant
 from beamstiff.calibration.validation import errors_on
 from beamstiff.diagnosis.residual.baseline import nominal_pose, predict
 from beamstiff.measure.rows import concatenate
@@ -41,8 +41,8 @@ def test_the_displacement_is_that_of_the_diagnosis() -> None:
     assert elastic_displacement(SOFT, rows) == pytest.approx(expected, abs=1e-15)
     assert np.abs(expected[:, :3]).max() > 1e-3
     assert not elastic_displacement(serial(), rows).any()
-    assert gives_way(SOFT)
-    assert not gives_way(serial())
+    assert is_compliant(SOFT)
+    assert not is_compliant(serial())
 
 
 def test_its_derivatives_are_those_by_compliance() -> None:

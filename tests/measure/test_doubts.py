@@ -232,7 +232,7 @@ def loaded(seed: int = 1, rows: int = 12, source: str = "t.csv") -> Measurements
     return replace(there.rows, displacement=there.predicted + noise)
 
 
-def test_a_machine_that_gives_way_is_usable() -> None:
+def test_a_compliant_machine_is_usable() -> None:
     require_usable(loaded())
 
 

@@ -6,8 +6,8 @@ Springs follow weights phi of the configuration (the cube of the workspace, the 
 
 The hierarchical prior shrinks what few readings say towards the common value, by as much as the readings
 themselves ask for: tau_j and the noise maximise the evidence (MacKay, "Bayesian interpolation", 1992). Where
-springs only act together (joints 4 and 6 of a stretched wrist) it is the prior that parts their sum. R is the
-correlation of the weights: none between cubes, that of neighbours between rules.
+springs are identifiable only in combination (joints 4 and 6 of a stretched wrist) it is the prior that parts
+their sum. R is the correlation of the weights: none between cubes, that of neighbours between rules.
 """
 
 from __future__ import annotations
@@ -58,7 +58,8 @@ class Begin:
 def begin_with(robot: Robot, table: Measurements, parameters: Sequence[str] | None = None) -> Begin:
     """Identify one stiffness for all configurations, and keep the springs that the readings feel.
 
-    One that fits best as good as rigid begins where a reading would just show it: in places it may give way.
+    One that fits best as good as rigid begins where a reading would just show it: in places it may be
+    compliant.
     """
     found = identify(robot, table, parameters, folds=0)
     felt = [not item.silent for item in found.parameters]

@@ -26,7 +26,7 @@ class GridFit:
 
     model: GriddedStiffness
     varying: Varying | None  # what the hierarchical fit says; None where each cube was fitted for itself
-    # cube by cube, which springs only act together there, and which its rows do not feel
+    # cube by cube, which springs are identifiable only in combination, and which its rows do not feel
     notes: tuple[str, ...] = ()
 
 
@@ -57,8 +57,8 @@ def fit_grid(
     `table`: displacements, loaded minus unloaded; rows on the face of cubes count for all that meet there.
     `parameters`: springs that may vary; default ``robot.identify``. `shrink`: shrink cubes towards what all
     share, as far as the readings ask for it: a cube without data then has the common value, and is flagged.
-    Else each cube is identified by its own rows alone, as in seed 001: springs that only act together there
-    keep their ratio. `interpolate`: between the centres of neighbouring cubes.
+    Else each cube is identified by its own rows alone, as in seed 001: springs identifiable only in
+    combination keep their ratio. `interpolate`: between the centres of neighbouring cubes.
     """
     at = tcp_positions(robot, table.q)
     inside = cubes.inside(at)
