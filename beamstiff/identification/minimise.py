@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib import import_module
-from typing import Protocol
 
 import numpy as np
 
@@ -123,11 +122,8 @@ class Effort:
                 )
 
 
-class Method(Protocol):
-    """A way to minimise: works on the search's objective from `begin` and says why it stopped."""
-
-    def __call__(self, method: str, search: Search, begin: Array, effort: Effort) -> str:
-        """Minimise; the best values are in the search."""
+# works on the search's objective from a start, leaves the best values in the search, says why it stopped
+Method = Callable[[str, Search, Array, Effort], str]
 
 
 def minimise(

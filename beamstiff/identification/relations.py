@@ -70,7 +70,7 @@ class Joined:
 
     def value_slopes(self, values: Mapping[str, float]) -> dict[str, float]:
         """Return the derivative of the sum that is known by each member's stiffness."""
-        result = {}
+        result: dict[str, float] = {}
         for part, ratio in zip(self.parts, self.ratios, strict=True):
             outer = ratio if self.kind == "parallel" else -ratio / part.stiffness(values) ** 2
             result |= {name: outer * slope for name, slope in part.slopes(values).items()}

@@ -15,6 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from beamstiff.errors import BeamstiffError, shown
+from beamstiff.measure.text import RowError
 from beamstiff.se3 import Array, rotation_about, rotation_from_vector, vector_from_rotation
 
 NORM_TOLERANCE = 5e-3  # of quaternions and axes as people write them: three digits
@@ -151,14 +152,6 @@ class ToolAxis:
     def numbers(self, rotations: Array, like: Array) -> Array:  # noqa: ARG002 (there is but one)
         """Return axes (N, 3)."""
         return np.asarray(-rotations[:, :, 2])
-
-
-class RowError(BeamstiffError):
-    """Numbers that are no orientation; `row` is their place among those given."""
-
-    def __init__(self, row: int, message: str) -> None:
-        self.row = row
-        super().__init__(message)
 
 
 def named_orientation(name: str) -> Orientation:

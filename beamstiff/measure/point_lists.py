@@ -15,10 +15,10 @@ import numpy as np
 from beamstiff.errors import BeamstiffError, listed, shown, suggest
 from beamstiff.files import read_text
 from beamstiff.measure.columns import LABELS, QUANTITIES, Column, fail, to_si
-from beamstiff.measure.orientation import Orientation, Quaternion, RowError, named_orientation
+from beamstiff.measure.orientation import Orientation, Quaternion, named_orientation
 from beamstiff.measure.profiles import ANGLES, POSITION, QUATERNION, Profile
 from beamstiff.measure.registration import Registration, register
-from beamstiff.measure.text import CellError, RawTable, numbers, split_table
+from beamstiff.measure.text import RawTable, RowError, numbers, split_table
 from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 from beamstiff.units import UNITS, quantity, unit_factor
 
@@ -143,7 +143,7 @@ def _cells(
             continue
         try:
             raw = numbers(cells, may_be_empty=column in QUANTITIES, decimal_comma=profile.decimal == "comma")
-        except CellError as error:
+        except RowError as error:
             fail(name, lines[error.row], column, str(error))
         kind = _kind(column, profile)
         unit = profile.units.get(column, profile.units.get(kind, ""))

@@ -33,7 +33,7 @@ from beamstiff.measure.arrays import Integers
 from beamstiff.measure.columns import NODES, RESERVED, Column, kind_of, read_header, to_si
 from beamstiff.measure.orientation import KUKA
 from beamstiff.measure.table import MEASURED, WRENCH, Kind, Measurements, Names, make_measurements
-from beamstiff.measure.text import CellError, RawTable, numbers, split_table
+from beamstiff.measure.text import RawTable, RowError, numbers, split_table
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array, vector_from_rotation
 from beamstiff.units import MOST_TURN, quantity, unit_factor
@@ -166,7 +166,7 @@ def _values(
             read = numbers(cells[column.name], may_be_empty=may_be_empty, decimal_comma=decimal_comma)
             values[column.name] = to_si(read, column)
             _check_range(column, values[column.name], cells[column.name])
-        except CellError as error:
+        except RowError as error:
             bad.append((error.row, at, str(error)))
     if bad:
         row, at, message = min(bad)
@@ -209,7 +209,7 @@ def _check_range(column: Column, values: Array, cells: Sequence[str]) -> None:
         )
     if wrong.any():
         row = int(np.flatnonzero(wrong)[0])
-        raise CellError(row, f"found {shown(cells[row].strip())}, expected {expected}")
+        raise RowError(row, f"found {shown(cells[row].strip())}, expected {expected}")
 
 
 def _choice(key: str, raw: RawTable) -> str | None:

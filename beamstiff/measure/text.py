@@ -178,8 +178,8 @@ def _ragged(row: list[str], header: list[str], separator: str, source: str, numb
     )
 
 
-class CellError(BeamstiffError):
-    """A cell that holds no number; `row` is its place in the column."""
+class RowError(BeamstiffError):
+    """A cell that holds no number, or numbers that are no orientation; `row` is their place."""
 
     def __init__(self, row: int, message: str) -> None:
         self.row = row
@@ -212,19 +212,19 @@ def _one_by_one(cells: Sequence[str], may_be_empty: bool, decimal_comma: bool) -
         text = cell.strip()
         if not text:
             if not may_be_empty:
-                raise CellError(row, "found an empty cell, expected a number")
+                raise RowError(row, "found an empty cell, expected a number")
             continue
         if decimal_comma:
             if "." in text and "," in text:
-                raise CellError(row, f"found {shown(text)}, expected a number with one decimal comma")
+                raise RowError(row, f"found {shown(text)}, expected a number with one decimal comma")
             if "." in text:
-                raise CellError(row, f"found {shown(text)}, expected a decimal comma as declared")
+                raise RowError(row, f"found {shown(text)}, expected a decimal comma as declared")
             text = text.replace(",", ".")
         if not _NUMBER.fullmatch(text):
-            raise CellError(row, f"found {shown(cell.strip())}, expected {_expected(text, may_be_empty)}")
+            raise RowError(row, f"found {shown(cell.strip())}, expected {_expected(text, may_be_empty)}")
         values[row] = float(text)
         if not np.isfinite(values[row]):
-            raise CellError(row, f"found {shown(text)}, expected a finite number")
+            raise RowError(row, f"found {shown(text)}, expected a finite number")
     return values
 
 
