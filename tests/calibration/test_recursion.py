@@ -1,7 +1,5 @@
 """The pose-by-pose recursion of the paper, without and with memory; sensitivity indices by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Refits against the trust region and least squares; the scatter of draws against the sandwich estimate."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -78,7 +78,6 @@ def test_a_residual_beyond_the_noise_widens_the_intervals(size: float) -> None:
     np.testing.assert_allclose(np.sqrt(np.diagonal(found.covariance)), max(size, 1) * relative, rtol=1e-6)
     reach = stats.t.ppf(0.975, 24) if size > 2 else NORMAL  # 1.02 is within chance
     item = found.parameters[0]
-    assert item.interval is not None
     assert item.interval[0] == pytest.approx(item.value / (1 + reach * max(size, 1) * relative[0]), rel=1e-6)
 
 
@@ -136,7 +135,6 @@ def test_a_drive_that_does_not_hold_counts_by_itself_too() -> None:
         ROBOT, measured(ROBOT, rows(ROBOT, 4)), errors=InputErrors(hold_angle=1e-4)
     )
     disturbance = statement.problem.disturbance
-    assert disturbance is not None
     assert np.abs(disturbance.own).max() > 1e-4
     assert not disturbance.common.any()
 
@@ -248,7 +246,6 @@ def test_results_are_labelled_by_parameter() -> None:
     item = found["J3.torsional"]
     assert frame.loc["J3.torsional", ["low", "high"]].tolist() == list(item.interval)
     assert covariance.loc["J3.torsional", "J3.torsional"] == pytest.approx((item.std / item.value) ** 2)
-    assert found.held_out is not None
     assert found.held_out.rms == found.rms_held_out
     with pytest.raises(BeamstiffError, match=r"'J3.tilting' was not identified"):
         found["J3.tilting"]

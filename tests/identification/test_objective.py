@@ -48,7 +48,7 @@ def objective_of(name: str = "kr240-2") -> Objective:
 @pytest.mark.parametrize("loss", LOSSES)
 @pytest.mark.parametrize("name", ["kr240-2", "ir663", "ir663-screws-beams"])
 def test_gradients_are_differences_of_the_cost(name: str, loss: str) -> None:
-    objective = replace(objective_of(name), loss=loss)  # type: ignore[arg-type]
+    objective = replace(objective_of(name), loss=loss)
     theta = (
         objective.parameters.begin + np.random.default_rng(1).normal(size=objective.parameters.begin.size) / 3
     )
@@ -197,7 +197,7 @@ def test_robust_losses_resist_outliers(loss: str) -> None:
     off = {
         name: np.abs(
             np.log(identify(robot, data, loss=name, folds=0).stiffness / clean.stiffness) / std
-        ).max()  # type: ignore[arg-type]
+        ).max()
         for name in ("linear", loss)
     }
     assert off[loss] < 3
@@ -208,7 +208,7 @@ def test_robust_losses_resist_outliers(loss: str) -> None:
 def test_without_outliers_robust_losses_agree_with_least_squares_within_the_noise(loss: str) -> None:
     robot, table = kr240(), rows(kr240(), 40)
     data = measured(robot, table, white(table, 8))
-    plain, robust = identify(robot, data, folds=0), identify(robot, data, loss=loss, folds=0)  # type: ignore[arg-type]
+    plain, robust = identify(robot, data, folds=0), identify(robot, data, loss=loss, folds=0)
     std = np.sqrt(np.diagonal(plain.covariance))
     assert (np.abs(np.log(robust.stiffness / plain.stiffness)) < std).all()
 
@@ -233,4 +233,4 @@ def test_priors_do_not_count_less_under_a_robust_loss() -> None:
 def test_an_unknown_loss_is_named() -> None:
     table = measured(kr240(), rows(kr240(), 4))
     with pytest.raises(BeamstiffError, match="there is no loss 'tukey'; known: linear"):
-        identify(kr240(), table, loss="tukey")  # type: ignore[arg-type]
+        identify(kr240(), table, loss="tukey")

@@ -93,7 +93,7 @@ def test_an_unknown_parametrisation_is_named() -> None:
     with pytest.raises(
         BeamstiffError, match=r"no derivatives by 'compliances' \(did you mean 'compliance'\?\)"
     ):
-        problem.jacobian(problem.model.start, "compliances")  # type: ignore[arg-type]
+        problem.jacobian(problem.model.start, "compliances")
 
 
 def any_data(name: str) -> tuple[Robot, Measurements]:
@@ -211,5 +211,5 @@ def test_only_the_components_asked_for_count() -> None:
         rest = np.delete(np.arange(6), free)
         target = d[:, some] - (a[:, some][:, :, rest] @ compliances(robot)[rest])
         best = np.linalg.lstsq(a[:, some][:, :, free].reshape(-1, len(free)), target.ravel())[0]
-        found = identify(robot, data, names, components=components, folds=0)  # type: ignore[arg-type]
+        found = identify(robot, data, names, components=components, folds=0)
         assert 1 / found.stiffness == pytest.approx(best, rel=1e-7)

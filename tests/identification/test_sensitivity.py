@@ -1,7 +1,5 @@
 """Monte Carlo sensitivity against the propagation of small errors through least squares; its study."""
 
-from __future__ import annotations
-
 import io
 from dataclasses import replace
 

@@ -37,7 +37,7 @@ def test_other_postures_tell_joints_4_and_6_apart_as_well_as_said() -> None:
     bent = np.random.default_rng(4).uniform(-np.pi, np.pi, (20, 6))
     found = identify(robot, concatenate([tests, campaign(robot, bent, loads, seed=1)]))
     assert found.degenerate == ()
-    worst = max(found[name].std / found[name].value for name in pair)  # type: ignore[operator]
+    worst = max(found[name].std / found[name].value for name in pair)
     assert worst == pytest.approx(best.std, rel=1.0)  # other postures than those tried
 
 
@@ -92,7 +92,7 @@ def test_the_reduced_robot_does_the_same_on_the_rows_and_has_no_groups_left() ->
     assert again.rms == pytest.approx(found.rms, rel=1e-6)
     std = found.degenerate[1].std
     lumped = again["J1010.radial"]
-    assert lumped.std / lumped.value**2 == pytest.approx(std, rel=0.01)  # type: ignore[operator]
+    assert lumped.std / lumped.value**2 == pytest.approx(std, rel=0.01)
 
 
 @pytest.mark.parametrize("seed", range(60))

@@ -15,7 +15,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
         scheduler: str | None = None,  # noqa: ARG001
     ) -> tuple[map_scaling.Cost, float]:
         poses = 1
-        for axis in work["over"].values():  # type: ignore[attr-defined]
+        for axis in work["over"].values():
             poses *= len(axis)
         wall = 1e-5 * poses / processes
         return map_scaling.Cost(wall, 1e-5 * poses, 0.0 if processes == 1 else 1e-5 * poses), 1.0

@@ -1,7 +1,5 @@
 """Tables that are valid and hardly meant, by loads, units and positions; and what no analysis can use."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import replace

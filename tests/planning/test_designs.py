@@ -1,7 +1,5 @@
 """Optimal designs against published ones, against all choices of small sets and random ones, certificates."""
 
-from __future__ import annotations
-
 import itertools
 from itertools import combinations
 from typing import Any

@@ -6,6 +6,7 @@ where the derivative by complex step vanishes, and what all methods agree on.
 """
 
 from dataclasses import replace
+from functools import cache
 
 import nlopt
 import numpy as np
@@ -36,6 +37,7 @@ LOCAL = [name for name in METHODS if name not in GLOBAL]
 FEW = Effort(evaluations=3000)
 
 
+@cache
 def kr240_objective(seed: int = 0, factor: float = 3.0) -> tuple[Objective, np.ndarray]:
     """Return an objective that starts off by a factor, and the optimal compliances by least squares."""
     robot, table = kr240(), rows(kr240(), 10, 2)
