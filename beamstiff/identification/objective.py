@@ -103,5 +103,5 @@ class Objective:
     def _costs_of(self, residuals: Array) -> Array:
         if self.loss == "linear":
             return np.asarray(0.5 * np.einsum("...n,...n->...", residuals, residuals))
-        result = 0.5 * self.scale**2 * self.rho((residuals / self.scale) ** 2)[0].sum(axis=-1)
-        return result
+        rho = self.rho((residuals / self.scale) ** 2)[0]
+        return np.asarray(0.5 * self.scale**2 * rho.sum(axis=-1))

@@ -91,7 +91,7 @@ def test_the_scatter_over_draws_is_the_sandwich_estimate() -> None:
         value, vectors = np.linalg.eigh(np.eye(6) - of_pose @ inverse @ of_pose.T)
         scores[pose] = of_pose.T @ (vectors / np.sqrt(value)) @ vectors.T @ rest
     sandwich = inverse @ scores.T @ scores @ inverse
-    found = bootstrap(statement, theta, 2000, seed=1)
+    found = bootstrap(statement, theta, 4000, seed=1)
     assert found.undetermined == 0
     assert found.poses == 80
     np.testing.assert_allclose(found.spread, np.sqrt(np.diagonal(sandwich)) / compliance, rtol=0.06)
