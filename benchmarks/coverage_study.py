@@ -24,7 +24,7 @@ from beamstiff.identification.bootstrap import Bootstrap, bootstrap
 from beamstiff.identification.identify import ROUNDS, Estimates, estimate
 from beamstiff.identification.input_errors import InputErrors
 from beamstiff.identification.refit import refit
-from beamstiff.identification.simulation import as_they_were
+from beamstiff.identification.sensitivity import as_they_were
 from beamstiff.identification.statement import Statement, build_identification
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements, make_measurements

@@ -19,12 +19,11 @@ from rich.table import Table
 from beamstiff import Robot, compile_structure, load_robot, posture
 from beamstiff.fem.geometric import complementary_stiffness
 from beamstiff.planning.candidates import Noise, candidate_poses, candidate_tests, force_loads, information
-from beamstiff.planning.designs import choose_tests
+from beamstiff.planning.designs import choose_tests, how_many
 from beamstiff.planning.dexterity import (
     characteristic_length,
     dexterity_map,
 )
-from beamstiff.planning.enough import how_many
 from beamstiff.planning.influence import influence_map
 from beamstiff.planning.poses import joint_grid
 from beamstiff.planning.zones import find_zones

@@ -17,8 +17,8 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from beamstiff.identification.bootstrap import NumberOfTests, number_of_tests
 from beamstiff.identification.input_errors import InputErrors
-from beamstiff.identification.number_of_tests import NumberOfTests, number_of_tests
 from beamstiff.identification.refit import refit
 from beamstiff.identification.sensitivity import Sensitivity, sensitivity
 from beamstiff.identification.statement import Statement, build_identification

@@ -30,7 +30,7 @@ from beamstiff.compensation.rewrite import compensate_program
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.identification.models.fuzzy import fit_fuzzy
 from beamstiff.planning.candidates import Noise, candidate_poses, candidate_tests, force_loads, identifiable
-from beamstiff.planning.enough import how_many, random_designs
+from beamstiff.planning.designs import how_many, random_designs
 from beamstiff.report.compensation import compensation_figure
 from beamstiff.report.diagnosis import diagnosis_figure
 from beamstiff.report.exam import exam_figure

@@ -35,7 +35,7 @@ from beamstiff.planning.dexterity import (
 )
 from beamstiff.planning.influence import Influence, choose_wrist, influence_map
 from beamstiff.planning.poses import Grid, joint_grid
-from beamstiff.planning.singular import SingularLine, singular_lines
+from beamstiff.planning.zones import SingularLine, singular_lines
 from beamstiff.report.figures import BLUE, GREEN, ORANGE, new_figure, plain, save_figure
 from beamstiff.report.tables import table
 from beamstiff.robot.kinematics import twist_jacobian
@@ -61,7 +61,7 @@ LINKS = {
 SIGMA_POSITION, SIGMA_ROTATION = 3e-5, 5e-5  # m and rad: tracker, and three points some 0.5 m apart
 
 
-def main(folder: Path = OUTPUT) -> None:
+def main(folder: Path = OUTPUT, step: float = 3.0) -> None:  # deg, of the maps
     console = Console(highlight=False, markup=False, soft_wrap=True)
     folder.mkdir(parents=True, exist_ok=True)
     robot = load_robot("kr240-2")
@@ -74,10 +74,10 @@ def main(folder: Path = OUTPUT) -> None:
     console.print(
         f"Characteristic length {length.length:.3f} m (paper 0.682), kappa_F {length.condition:.4f} at best"
     )
-    angles = np.radians(np.arange(-180, 181, 3))
-    grid = joint_grid(robot, {"q2": angles, "q3": np.radians(np.arange(-270, 91, 3))}, WRIST)
+    angles = np.radians(np.arange(-180, 181, step))
+    grid = joint_grid(robot, {"q2": angles, "q3": np.radians(np.arange(-270, 91, step))}, WRIST)
     dexterity = dexterity_map(kinematics, grid, length.length)
-    fine = np.radians(np.arange(-180, 180, 1.25))
+    fine = np.radians(np.arange(-180, 180, step / 2.4))
     everywhere = joint_grid(robot, {"q2": fine, "q3": fine}, WRIST)
     work = workspace_map(dexterity_map(kinematics, everywhere, length.length), 0.05)
     lines = singular_lines(kinematics, dexterity)

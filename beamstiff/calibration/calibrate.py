@@ -9,20 +9,19 @@ import numpy as np
 from scipy import stats
 
 from beamstiff.calibration.corrected import corrected, nominal_value
-from beamstiff.calibration.elastic import build_elastic, gives_way, is_rigid
+from beamstiff.calibration.elastic import build_elastic, is_compliant, is_rigid
 from beamstiff.calibration.estimate import Estimate, covariance_of, estimate
 from beamstiff.calibration.observability import NOTICED, observability
 from beamstiff.calibration.problem import Problem
-from beamstiff.calibration.registration import rigid_gap
 from beamstiff.calibration.result import Calibration, Found, errors_of
-from beamstiff.calibration.statement import Statement, build_calibration
+from beamstiff.calibration.statement import Statement, build_calibration, rigid_gap
 from beamstiff.calibration.validation import held_out
 from beamstiff.errors import listed, optional
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array, transform, vector_from_rotation
 
-ROUNDS = 5  # of calibrating and putting right what gives way
+ROUNDS = 5  # of calibrating and correcting the elastic displacement
 SETTLED = 1e-2  # of the noise: change of the elastic displacement below which the rounds end
 CHANCE = 0.05  # of so large a residual, below which the stated noise is not believed
 
@@ -43,16 +42,11 @@ def calibrate(
 ) -> Calibration:
     """Calibrate the geometry of a robot from measured absolute positions, or poses.
 
-    Weighted least squares over the parameters that the poses can tell apart; the others stay as they are.
+    Weighted least squares over the parameters that the poses can distinguish; the others stay as they are.
     Gravity, payload and loads act as the robot's stiffness says; the stiffness values called `compliances`
     are estimated along with the geometry.
 
-    Parameters
-    ----------
-    parameters, fixed, last, compliances, method, noticed, folds, stations
-        As of `beamstiff.calibrate`.
-    priors : mapping of str to float, optional
-        Standard deviations about the robot's values, by parameter, SI.
+    Arguments as of `beamstiff.calibrate`; `priors` are standard deviations about the robot's values, SI.
     """
     statement = build_calibration(
         robot,
@@ -75,10 +69,10 @@ def calibrate(
 
 
 def _settled(statement: Statement, method: str) -> tuple[Problem, Estimate]:
-    """Return the estimate, what gives way evaluated for the robot found."""
+    """Return the estimate, the elastic displacement evaluated for the robot found."""
     problem, begin = statement.problem, statement.begin
     found = estimate(problem, begin, statement.identified, method)
-    if not (problem.elastic.names or gives_way(statement.robot)):
+    if not (problem.elastic.names or is_compliant(statement.robot)):
         return problem, found
     for _ in range(ROUNDS):
         robot = calibrated(statement.robot, problem, found.theta)

@@ -27,13 +27,9 @@ def corrected(robot: Robot, changes: Mapping[str, float], q: Array) -> Robot:
     Where frames move, the first node of each joint follows the second one, so that joints stay whole; if it
     is another joint's too, it stays and bears a bracket.
 
-    Parameters
-    ----------
-    changes : mapping of str to float
-        Deviations by parameter, SI: frames' parameters, encoders' zeros, places of measured points. Those of
-        the measuring frame and of the target are no part of a robot and left out.
-    q : (P, A) array
-        Joint readings at which the loops close, one at least.
+    `changes`: deviations by parameter, SI: frames' parameters, encoders' zeros, places of measured points.
+    Those of the measuring frame and of the target are no part of a robot and left out. `q` (P, A): joint
+    readings at which the loops close, one at least.
     """
     changes = {name: float(by) for name, by in changes.items() if by}
     robot = _apart_from_joints(robot, changes)

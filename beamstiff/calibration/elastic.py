@@ -1,4 +1,4 @@
-"""What gives way under gravity, payload and load, where absolute positions are measured.
+"""The elastic displacement under gravity, payload and load, where absolute positions are measured.
 
 Compliances are sought in the linear model of the springs (`model.ports`), exact in series; what the stiffness
 of the loaded machine (K_C) and a changed geometry make of it is put right from round to round.
@@ -59,7 +59,7 @@ def elastic_displacement(robot: Robot, rows: Measurements) -> Array:
 
     Of the stiffness of the loaded machine; the rotation is the TCP's.
     """
-    if not gives_way(robot):
+    if not is_compliant(robot):
         return np.zeros((len(rows), 6))
     structure = compile_structure(robot)
     index, each = structure.kinematics.node_index, np.arange(len(rows))
@@ -77,13 +77,13 @@ def elastic_displacement(robot: Robot, rows: Measurements) -> Array:
     return result
 
 
-def gives_way(robot: Robot) -> bool:
-    """Tell whether anything of the robot gives way at all."""
+def is_compliant(robot: Robot) -> bool:
+    """Tell whether anything of the robot is compliant."""
     return bool(robot.beams) or any(0.0 < value < RIGID for value in stiffness_parameters(robot).values())
 
 
 def build_elastic(robot: Robot, rows: Measurements, names: Sequence[str]) -> Elastic:
-    """Return what gives way, with the compliances called `names` open.
+    """Return the elastic displacement, with the compliances called `names` open.
 
     Something has to load each of them (`felt_names`).
     """

@@ -108,11 +108,7 @@ class Geometry:
     def placed(self, theta: Array, moved: Array | None = None) -> Placed:
         """Return where the points are, in the measuring frame.
 
-        Parameters
-        ----------
-        theta : (t,) array
-        moved : (N, 6) array, optional
-            Elastic displacement ``[d, r]`` of the points, in the base frame.
+        `theta` (t,). `moved` (N, 6): elastic displacement ``[d, r]`` of the points, in the base frame.
         """
         kinematics = self.changed(theta)
         posture, position, rotation = self.in_base(kinematics, theta, moved)
@@ -150,16 +146,8 @@ class Geometry:
     def jacobian(self, theta: Array, moved: Array | None = None) -> tuple[Placed, Array]:
         """Return where the points are, and the error Jacobian there.
 
-        Parameters
-        ----------
-        theta, moved
-            As of `placed`.
-
-        Returns
-        -------
-        Placed
-        (N, 6, t) array
-            ``[v; w]`` of the points, in the measuring frame, m and rad per unit of each parameter.
+        Arguments as of `placed`. Columns (N, 6, t): ``[v; w]`` of the points, in the measuring frame, m and
+        rad per unit of each parameter.
         """
         kinematics = self.changed(theta)
         posture, position, rotation = self.in_base(kinematics, theta, moved)

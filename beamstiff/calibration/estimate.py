@@ -33,7 +33,6 @@ class Estimate:
 
     theta: Array  # (t,)
     costs: Array  # (iterations + 1,): half the sum of squared weighed residuals, from the start on
-    damping: Array  # (iterations,)
     converged: bool
 
 
@@ -43,13 +42,7 @@ def estimate(
     identified: Sequence[str],
     method: str = "levenberg-marquardt",
 ) -> Estimate:
-    """Return the parameters that explain the readings best; those not `identified` stay.
-
-    Parameters
-    ----------
-    begin : (t,) array
-    method : "levenberg-marquardt" or "gauss-newton"
-    """
+    """Return the parameters that explain the readings best from `begin` (t,); those not `identified` stay."""
     if method not in METHODS:
         raise BeamstiffError(
             f"there is no method {method!r}{suggest(method, METHODS)}; known: {listed(METHODS)}"
@@ -64,7 +57,7 @@ def estimate(
     columns = jacobian[:, free] * size[free]
     undamped = method == "gauss-newton"
     damping = 0.0 if undamped else DAMPING * float((columns**2).sum(axis=0).mean())
-    costs, dampings, converged = [cost], [], False
+    costs, converged = [cost], False
     for _ in range(ITERATIONS):
         step = np.zeros(len(theta))
         lowest = ((floor - theta) / size)[free]
@@ -79,7 +72,6 @@ def estimate(
                 raise
             new_cost = np.inf
         gain = (cost - new_cost) / cost if cost > 0 else 0.0
-        dampings.append(damping)
         if new_cost <= cost or undamped:
             theta, cost = trial, new_cost
             residual, jacobian = problem.linearised(theta)
@@ -95,7 +87,7 @@ def estimate(
             damping *= 10.0
             if damping > LARGEST * float((columns**2).sum(axis=0).max(initial=1.0)):
                 break
-    return Estimate(theta, np.array(costs), np.array(dampings), converged)
+    return Estimate(theta, np.array(costs), converged)
 
 
 def damped_step(columns: Array, residual: Array, damping: float, lowest: Array) -> Array:

@@ -1,4 +1,4 @@
-"""What the poses can tell apart: the minimal identifiable set, and the rest as linear combinations of it.
+"""What the poses can distinguish: the minimal identifiable set, and the rest as linear combinations of it.
 
 Columns are weighed by the noise and scaled by realistic deviations, so that a column's length, and a singular
 value, is a ratio of signal to noise: below one, the readings say less of a direction than the tolerances of
@@ -32,7 +32,7 @@ class Observability:
     # (t,): in that order, what each adds to those before it: signal over noise of a realistic deviation
     adds: Array
     singular_values: Array  # (t,): of the weighed and scaled Jacobian
-    exact_rank: int  # number of parameters that could be told apart without noise
+    exact_rank: int  # number of parameters that could be distinguished without noise
     # by parameter that is held: an error of it looks like these many of the identified ones, SI units
     dependent: Mapping[str, Mapping[str, float]]
     silent: tuple[str, ...]  # parameters that move no measured point by themselves
@@ -42,17 +42,11 @@ class Observability:
 def observability(
     jacobian: Array, parameters: tuple[Parameter, ...], noticed: float = NOTICED
 ) -> Observability:
-    """Return which parameters the rows of a Jacobian tell apart.
+    """Return which parameters the rows of a Jacobian distinguish.
 
-    Parameters
-    ----------
-    jacobian : (n, t) array
-        Weighed by the noise, per SI unit of the parameters.
-    parameters : tuple of Parameter (t)
-        Their sizes scale the columns, their ranks say which are kept.
-    noticed : float
-        Signal over noise of a realistic deviation from which a parameter is identified; 0 for all that could
-        be told apart without noise.
+    `jacobian` (n, t): weighed by the noise, per SI unit of the parameters. `parameters` (t): their sizes
+    scale the columns, their ranks say which are kept. `noticed`: signal over noise of a realistic deviation
+    from which a parameter is identified; 0 for all that could be distinguished without noise.
     """
     size = np.array([item.size for item in parameters])
     scaled = jacobian * size

@@ -33,7 +33,7 @@ TURNS = ("rx", "ry", "rz")
 LENGTH, ANGLE = 1e-3, 1e-3  # m, rad: realistic deviations of parts that were machined
 PLACED = 0.1  # m, rad: of what was set up for the measurement
 USUAL = ("alpha", "d", "r")  # with the variable they place any axis that is not parallel to the one before
-# ranks: of what cannot be told apart the lowest is kept. Compliances come behind geometry:
+# ranks: of what cannot be distinguished the lowest is kept. Compliances come behind geometry:
 # one that cannot be negative does not make up for an error of geometry that it looks like
 SETUP, OFFSET, NEEDED, SPARE, COMPLIANCE, LAST = range(6)
 GROUPS = ("base", "target", "offsets", "frames")
@@ -55,14 +55,8 @@ def known_parameters(
 ) -> tuple[Parameter, ...]:
     """Return all parameters of a robot's geometry that measurements could show.
 
-    Parameters
-    ----------
-    points : sequence of str
-        Nodes that are measured.
-    turned : bool
-        Whether orientations are measured.
-    stations : int
-        Places that the robot, or the tracker, stood in.
+    `points`: nodes that are measured. `turned`: whether orientations are measured. `stations`: places that
+    the robot, or the tracker, stood in.
     """
     units = {"length": "m", "angle": "rad"}
     found: list[Parameter] = []
@@ -95,8 +89,6 @@ def known_parameters(
 def base_names(stations: int) -> list[str]:
     """Return what the places are called that the robot's base has in the measuring frame.
 
-    Examples
-    --------
     >>> base_names(1), base_names(2)
     (['base'], ['base1', 'base2'])
     """
@@ -112,14 +104,9 @@ def choose_parameters(
 ) -> tuple[Parameter, ...]:
     """Return the parameters to seek.
 
-    Parameters
-    ----------
-    names : sequence of str, optional
-        Parameters, groups (base, target, offsets, frames), frames or reflectors (all of one); default all.
-    fixed : sequence of str
-        Likewise: what stays as it is.
-    last : sequence of str
-        Likewise: what is left out first where it cannot be told from others.
+    `names`: parameters, groups (base, target, offsets, frames), frames or reflectors (all of one); default
+    all. `fixed`: likewise: what stays as it is. `last`: likewise: what is left out first where it cannot be
+    told from others.
     """
     wanted = known if names is None else [item for item in known if item.name in _named(robot, known, names)]
     out = _named(robot, known, fixed)

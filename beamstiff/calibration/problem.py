@@ -85,8 +85,8 @@ class Problem:
     def linearised(self, theta: Array, deformed: bool = True) -> tuple[Array, Array]:
         """Return weighed residuals (n + p,) and their fall for a unit of each parameter, (n + p, t).
 
-        What gives way carries the points a little off, so that parameters which look alike on the undeformed
-        machine no longer do to rounding; without `deformed` they do.
+        The elastic displacement carries the points a little off, so that parameters which look alike on the
+        undeformed machine no longer do to rounding; without `deformed` they do.
         """
         geometry, compliance = self.split(theta)
         moved = self.elastic.displacement(compliance) if deformed else None
@@ -103,12 +103,8 @@ class Problem:
     def ahead(self, robot: Robot, rows: Measurements) -> Array:
         """Return what a unit of each parameter adds to other rows, measured or not, (R, 6, t).
 
-        Parameters
-        ----------
-        robot : Robot
-            That was linearised about; what it gives way there counts in no geometry.
-        rows : Measurements
-            Read at points that the problem knows.
+        `robot`: that was linearised about; its elastic displacement there counts in no geometry. `rows`: read
+        at points that the problem knows.
         """
         poses, pose = np.unique(rows.q, axis=0, return_inverse=True)
         there = replace(self.geometry, rows=rows, poses=poses, pose=pose.reshape(-1))
@@ -152,14 +148,8 @@ def build_problem(
 ) -> Problem:
     """Return the calibration problem.
 
-    Parameters
-    ----------
-    parameters : sequence of Parameter
-        Geometry first, compliances behind it.
-    start : (t,) array
-        What the robot says.
-    priors : mapping of str to float, optional
-        Standard deviations about what the robot says, by parameter, SI.
+    `parameters`: geometry first, compliances behind it. `start` (t,): what the robot says. `priors`: standard
+    deviations about what the robot says, by parameter, SI.
     """
     rows = geometry.rows
     used = rows.measured_mask

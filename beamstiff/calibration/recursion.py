@@ -42,15 +42,8 @@ def recursion(
 ) -> Recursion:
     """Return the recursion over all poses, `sweeps` times.
 
-    Parameters
-    ----------
-    begin : (t,) array
-    identified : sequence of str
-        Parameters that move.
-    sweeps : int
-        How often all poses are gone through.
-    memory : bool
-        Weigh each pose against all before it, by noise.
+    `identified`: parameters that move, from `begin` (t,). `memory`: weigh each pose against all before it, by
+    noise.
     """
     free = np.array([item.name in set(identified) for item in problem.parameters])
     # without memory the shortest step explains a pose: base and target must not take all of it

@@ -84,72 +84,35 @@ class Found:
 
 @dataclass(frozen=True, eq=False)
 class Calibration(Shown):
-    """A calibrated robot, how sure its parameters are, and what is left; N rows, t parameters.
+    """A calibrated robot, how sure its parameters are, and what is left; N rows, t parameters."""
 
-    Attributes
-    ----------
-    robot : Robot
-        With the geometry, and the compliances, found. Writes itself with `save_robot`.
-    bases : (S, 4, 4) array
-        Where the robot's base stands in the measuring frame; in several, if each table has its own.
-    target : (3, 3) array
-        How the measured target is turned against the frame of the TCP.
-    parameters : tuple of Found (t)
-    covariance : (t, t) array
-        SI units; 0 for parameters that were held.
-    observability : Observability
-        At the start.
-    before, after : Errors
-        Over the rows: of the robot as described, laid over the readings as a rigid body, and as calibrated.
-    held_out : Errors or None
-        On poses while they were left out.
-    predicted : (N, 6) array
-        Positions and rotation vectors in the measuring frame.
-    residual : (N, 6) array, m and rad
-        Measured less predicted, ``[d, r]``, in the measuring frame; NaN where not measured.
-    nominal_residual : (N, 6) array, m and rad
-        The same of the robot as described, laid over the readings as a rigid body (`before`).
-    held_out_residual : (N, 6) array or None
-    pose : (N,) array of int
-        Rows of one pose have one number.
-    noise : float
-        Factor by which the residual exceeds the noise as stated (or the usual one where none is).
-    claimed : bool
-        Whether the table states its noise.
-    method, message : str
-    costs : (iterations + 1,) array
-    notes : tuple of str
-    statement : Statement or None
-        What was estimated.
-    rows : Measurements or None
-        What was fitted.
-    tests : mapping of str to Errors
-        On other readings, by name.
-    """
-
-    robot: Robot
+    robot: Robot  # with the geometry, and the compliances, found. Writes itself with `save_robot`
+    # (S, 4, 4): where the robot's base stands in the measuring frame; in several, if each table has its own
     bases: Array
-    target: Array
-    parameters: tuple[Found, ...]
-    covariance: Array
-    observability: Observability
+    target: Array  # (3, 3): how the measured target is turned against the frame of the TCP
+    parameters: tuple[Found, ...]  # (t)
+    covariance: Array  # (t, t): SI units; 0 for parameters that were held
+    observability: Observability  # at the start
+    # before, after: of the robot as described, laid over the readings as a rigid body; and as calibrated
     before: Errors
     after: Errors
-    held_out: Errors | None
-    predicted: Array
+    held_out: Errors | None  # on poses while they were left out
+    predicted: Array  # (N, 6): positions and rotation vectors in the measuring frame
+    # (N, 6), m and rad: measured less predicted, ``[d, r]``, in the measuring frame; NaN where not measured
     residual: Array
+    # (N, 6), m and rad: the same of the robot as described, laid over the readings as a rigid body (`before`)
     nominal_residual: Array
-    held_out_residual: Array | None
-    pose: Integers
-    noise: float
-    claimed: bool
+    held_out_residual: Array | None  # (N, 6)
+    pose: Integers  # (N,): rows of one pose have one number
+    noise: float  # factor by which the residual exceeds the noise as stated (or the usual one where none is)
+    claimed: bool  # whether the table states its noise
     method: str
     message: str
-    costs: Array
+    costs: Array  # (iterations + 1,)
     notes: tuple[str, ...] = ()
-    statement: Statement | None = None
-    rows: Measurements | None = None
-    tests: Mapping[str, Errors] = field(default_factory=dict)
+    statement: Statement | None = None  # what was estimated
+    rows: Measurements | None = None  # what was fitted
+    tests: Mapping[str, Errors] = field(default_factory=dict)  # on other readings, by name
 
     def __getitem__(self, name: str) -> Found:
         known = {item.name: item for item in self.parameters}

@@ -38,13 +38,7 @@ class SensitivityIndices:
 
 
 def sensitivity_indices(geometry: Geometry, theta: Array | None = None) -> SensitivityIndices:
-    """Return the sensitivity indices of the geometry's parameters.
-
-    Parameters
-    ----------
-    theta : (t,) array, optional
-        Where; the robot as described by default.
-    """
+    """Return the sensitivity indices of the geometry's parameters at theta (t,); default as described."""
     at = np.zeros(len(geometry.parameters)) if theta is None else theta
     _, jacobian = geometry.jacobian(at)
     return SensitivityIndices(

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from beamstiff.calibration.elastic import (
     build_elastic,
@@ -13,19 +14,22 @@ from beamstiff.calibration.elastic import (
     compliances_of,
     felt_names,
 )
-from beamstiff.calibration.error_jacobian import build_geometry
+from beamstiff.calibration.error_jacobian import Geometry, build_geometry, widened
+from beamstiff.calibration.estimate import estimate
 from beamstiff.calibration.observability import NOTICED, Observability, observability
-from beamstiff.calibration.opening import opening_parameters, refuse_opening
-from beamstiff.calibration.parameters import choose_parameters, known_parameters
+from beamstiff.calibration.parameters import AXES, TURNS, base_names, choose_parameters, known_parameters
 from beamstiff.calibration.problem import Problem, build_problem
-from beamstiff.calibration.registration import registered
 from beamstiff.errors import BeamstiffError, listed, suggest
+from beamstiff.measure.registration import check_spread, fit_rigid_motion
 from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements
+from beamstiff.robot.closure import HELD
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import FREE
+from beamstiff.robot.loops import loop_equations, loop_system
+from beamstiff.robot.newton import least_squares
 from beamstiff.robot.stiffness import stiffness_parameters
-from beamstiff.se3 import Array
+from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,14 +60,8 @@ def build_calibration(
     noticed: float = NOTICED,
     stations: bool = False,
 ) -> Statement:
-    """State a calibration: the parameters, what the poses tell of them, where to start.
-
-    Parameters
-    ----------
-    robot, measurements, parameters, fixed, last, compliances, priors, noticed, stations
-        As of `calibrate`.
-    """
-    rows = measurements if isinstance(measurements, Measurements) else concatenate(measurements)
+    """State a calibration, arguments as of `calibrate`: what is sought and observable, where to start."""
+    rows = concatenate(measurements)
     _check_readings(robot, rows)
     stiffness = stiffness_parameters(robot)
     for name in compliances:
@@ -129,3 +127,90 @@ def _check_readings(robot: Robot, rows: Measurements) -> None:
         )
     if robot.effects:
         raise BeamstiffError(f"robot {robot.name!r} has effects, which a calibration does not count in")
+
+
+def opening_parameters(geometry: Geometry) -> dict[str, str]:
+    """Return the parameters that no passive motion makes up for, each with the loop that they open.
+
+    A planar loop that is closed as a point (``constrain: position``) closes for its nominal geometry only;
+    ``constrain: plane`` leaves the third direction to the bearings' play.
+    """
+    kinematics = geometry.kinematics
+    if not kinematics.loops or not geometry.frame_columns:
+        return {}
+    posture, _, _ = geometry.in_base(kinematics, np.zeros(len(geometry.parameters)), None)
+    wide = widened(kinematics, [(frame, motion) for _, frame, motion in geometry.frame_columns])
+    system = loop_system(wide)
+    joined = kinematics.coupling
+    free = posture.values[:, [joined.names.index(name) for name in joined.free]]
+    few = free[np.unique(np.linspace(0, len(free) - 1, 8).astype(np.intp))]
+    nothing = np.zeros((len(few), len(geometry.frame_columns)))
+    few = np.concatenate([few[:, : joined.actuated], nothing, few[:, joined.actuated :]], axis=1)
+    _, jacobian = loop_equations(system, few)
+    passive = jacobian[:, :, system.actuated :]
+    found = {}
+    for at, (number, _, _) in enumerate(geometry.frame_columns):
+        column = jacobian[:, :, joined.actuated + at]
+        left = np.abs(column - (passive @ least_squares(passive, column)[:, :, None])[:, :, 0])
+        if left.max() > HELD:
+            row = int(left.max(axis=0).argmax())
+            ends = zip(kinematics.loops, system.rows, strict=True)
+            loop = next(loop.name for loop, part in ends if row < part.stop)
+            found[geometry.parameters[number].name] = loop
+    return found
+
+
+def refuse_opening(opening: Mapping[str, str], names: Sequence[str]) -> None:
+    """Refuse parameters that were asked for by name and open a loop."""
+    if asked := [name for name in names if name in opening]:
+        loop = opening[asked[0]]
+        raise BeamstiffError(
+            f"{listed(asked)}: loop {loop!r} closes with the present value only (constrain: position or "
+            "pose); with constrain: plane it closes in its plane"
+        )
+
+
+def registered(problem: Problem, theta: Array) -> Array:
+    """Return parameters (t,) with the base, and the target's turn, where the readings have them.
+
+    Each only where all of it is sought; a start, not an estimate.
+    """
+    result = theta.copy()
+    at = {item.name: number for number, item in enumerate(problem.parameters)}
+    placed = problem.placed(theta)
+    turn = np.tile(np.eye(3), (len(problem.rows), 1, 1))
+    for station, base in enumerate(base_names(problem.geometry.stations)):
+        sought = [at[f"{base}.{name}"] for name in (*AXES, *TURNS) if f"{base}.{name}" in at]
+        own = problem.geometry.station == station
+        seen = own & problem.used[:, :3].all(axis=1)
+        if len(sought) < 6:
+            continue
+        try:
+            check_spread(placed.position[seen], problem.rows.source)
+        except BeamstiffError:
+            continue  # too few points: the base stays, and observability will say so
+        motion = fit_rigid_motion(placed.position[seen], problem.rows.position[seen])
+        turn[own] = motion.rotation
+        result[sought] = [*motion.translation, *vector_from_rotation(motion.rotation)]
+    target = [at[f"target.{name}"] for name in TURNS if f"target.{name}" in at]
+    turned = problem.used[:, 3:].all(axis=1)
+    if len(target) == 3 and turned.any():
+        measured = rotation_from_vector(problem.rows.rotation[turned])
+        relative = (turn[turned] @ placed.rotation[turned]).swapaxes(-1, -2) @ measured
+        result[target] = Rotation.from_matrix(relative).mean().as_rotvec()
+    return result
+
+
+def rigid_gap(problem: Problem) -> Array:
+    """Return the residuals (N, 6) of the robot as described, laid over the readings as a rigid body.
+
+    Base and target are fitted where they are sought, so that what is left is the robot's.
+    """
+    start = registered(problem, problem.expected)
+    placing = [item.name for item in problem.parameters if item.group in ("base", "target")]
+    if not placing:
+        return problem.gap(start)
+    free = replace(problem, prior=np.full(len(start), np.inf))
+    _, jacobian = free.linearised(start, deformed=False)
+    seen = observability(jacobian, problem.parameters)
+    return problem.gap(estimate(free, start, [name for name in placing if name in seen.identified]).theta)

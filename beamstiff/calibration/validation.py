@@ -46,14 +46,8 @@ def held_out(
 def gap_of(robot: Robot, rows: Measurements, base: Array | None = None, target: Array | None = None) -> Array:
     """Return measured less predicted, (N, 6), m and rad, for a robot as it is; NaN where not measured.
 
-    Parameters
-    ----------
-    rows : Measurements
-        Absolute.
-    base : (4, 4) or (N, 4, 4) array, optional
-        Where the robot's base stands in the measuring frame; default there.
-    target : (3, 3) array, optional
-        How the target is turned against the frame of the TCP.
+    `rows`: absolute. `base` (4, 4) or (N, 4, 4): where the robot's base stands in the measuring frame;
+    default there. `target` (3, 3): how the target is turned against the frame of the TCP.
     """
     if rows.kind != "absolute":
         raise BeamstiffError(f"{rows.source}: found displacements, expected absolute positions (x y z)")

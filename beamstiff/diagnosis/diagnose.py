@@ -40,9 +40,9 @@ from beamstiff.diagnosis.residual.whitened import Whitened, whiten
 from beamstiff.diagnosis.result import Candidate, Diagnosis, estimates_of
 from beamstiff.errors import BeamstiffError, optional
 from beamstiff.identification.problem import LEAST_LOAD
+from beamstiff.measure.doubts import counted_once, require_usable
 from beamstiff.measure.rows import in_runs
 from beamstiff.measure.table import Measurements
-from beamstiff.measure.usable import counted_once, require_usable
 from beamstiff.robot.description import Robot
 
 NULLS = 200  # simulated campaigns without an effect

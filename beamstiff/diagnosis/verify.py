@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from beamstiff.diagnosis.residual.baseline import deviation, predict
 from beamstiff.errors import BeamstiffError
-from beamstiff.measure.rigid_motion import fit_rigid_motion
+from beamstiff.measure.registration import fit_rigid_motion
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array

@@ -17,7 +17,7 @@ from beamstiff.errors import BeamstiffError, OptionError, optional, shown, sugge
 from beamstiff.functions.checks import names_of, whole
 from beamstiff.functions.robots import as_robot
 from beamstiff.measure.coerce import DataLike, TableLike, as_tables, doubted, doubts_of, refuse_fitted
-from beamstiff.measure.position_doubts import stands_doubts
+from beamstiff.measure.doubts import stands_doubts
 from beamstiff.measure.rows import concatenate
 from beamstiff.robot.coerce import RobotLike
 from beamstiff.units import quantity

@@ -10,7 +10,7 @@ from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.functions.checks import names_of, whole
 from beamstiff.functions.robots import as_robot
 from beamstiff.measure.coerce import DataLike, as_tables, doubted, doubts_of
-from beamstiff.measure.position_doubts import stands_doubts
+from beamstiff.measure.doubts import stands_doubts
 from beamstiff.measure.rows import concatenate
 from beamstiff.model.linear import preload_notes
 from beamstiff.robot.coerce import RobotLike

@@ -25,9 +25,9 @@ from beamstiff.identification.result import Identification
 from beamstiff.identification.separate import with_separations
 from beamstiff.identification.statement import Statement, build_identification
 from beamstiff.measure.coerce import DataLike, as_tables, doubted, doubts_of
+from beamstiff.measure.doubts import counted_once
 from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements
-from beamstiff.measure.usable import counted_once
 from beamstiff.parallel import check_places
 from beamstiff.robot.coerce import RobotLike
 from beamstiff.robot.description import Robot

@@ -16,8 +16,15 @@ from beamstiff.functions.checks import names_of, one_of, whole
 from beamstiff.functions.robots import as_robot
 from beamstiff.planning.campaign import Plan, by_pose, plan_csv, plan_of
 from beamstiff.planning.candidates import Noise, candidate_poses, candidate_tests, force_loads, identifiable
-from beamstiff.planning.designs import CRITERIA, Criterion, choose_tests
-from beamstiff.planning.enough import AtRandom, Enough, how_many, random_designs
+from beamstiff.planning.designs import (
+    CRITERIA,
+    AtRandom,
+    Criterion,
+    Enough,
+    choose_tests,
+    how_many,
+    random_designs,
+)
 from beamstiff.robot.coerce import RobotLike
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics

@@ -1,18 +1,23 @@
-"""Bootstrap over poses: intervals that ask the scatter of the poses themselves, not the stated noise.
+"""Refits of resampled poses: bootstrap intervals, and values against the number of tests they come from.
 
-Poses are drawn with replacement and the model is fitted again, many times (Efron and Tibshirani, "An
-introduction to the bootstrap", 1993, chapters 6 and 13). Whatever the rows of a pose have in common (a shared
-unloaded reading, a joint reading, an error of the model there) stays together. A pose drawn twice counts
-twice: its whitened residuals do, since poses are independent of one another. Before they are drawn, residuals
-are freed of the leverage of their pose.
+Bootstrap intervals ask the scatter of the poses themselves, not the stated noise. Poses are drawn with
+replacement and the model is fitted again, many times (Efron and Tibshirani, "An introduction to the
+bootstrap", 1993, chapters 6 and 13). Whatever the rows of a pose have in common (a shared unloaded reading, a
+joint reading, an error of the model there) stays together. A pose drawn twice counts twice: its whitened
+residuals do, since poses are independent of one another. Before they are drawn, residuals are freed of the
+leverage of their pose.
+
+For the number of tests (seed 000, section 5.1, Figure 7) they are taken one by one in a random order, none
+twice, and the model is fitted to the first n of them; many orders show what is chance. Values that no longer
+move come from enough tests.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from scipy import stats
@@ -32,6 +37,8 @@ FEWEST = 4  # poses: of fewer there are next to no different draws
 LOST = 1e-7  # information, of what all rows tell of each parameter, below which nothing is known
 AT_BOUND = 1e-6  # of the logarithm
 BLOCK = 25  # draws in a task: some ten milliseconds at least, beside one that it costs to give it away
+
+MOST = 30  # numbers of tests looked at, where the caller names none
 
 
 @dataclass(frozen=True)
@@ -55,8 +62,7 @@ class Bootstrap:
     def spread(self) -> Array:
         """Standard deviation of the compliances over their mean, (m,)."""
         compliance = 1.0 / self.stiffness
-        result: Array = compliance.std(axis=0, ddof=1) / compliance.mean(axis=0)
-        return result
+        return np.asarray(compliance.std(axis=0, ddof=1) / compliance.mean(axis=0))
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON: how many draws, and the intervals, SI; None for an infinite end."""
@@ -83,14 +89,9 @@ def bootstrap(
 ) -> Bootstrap:
     """Fit a stated identification again to poses drawn with replacement.
 
-    Parameters
-    ----------
-    theta : (t,) array
-        Its optimum.
-    progress : callable, optional
-        Called with the number of draws that are fitted, after every 25 of them.
-    scheduler : str, optional
-        Of dask, ``tcp://host:port``; see `beamstiff.parallel`. The draws, and what is found, are the same.
+    `theta` (t,): its optimum. `progress`: called with the number of draws that are fitted, after every 25 of
+    them. `scheduler`: of dask, ``tcp://host:port``; see `beamstiff.parallel`. The draws, and what is found,
+    are the same.
     """
     objective = statement.objective
     group, poses = blocks_of(objective, statement.problem.pose)
@@ -159,12 +160,7 @@ def without_leverage(objective: Objective, theta: Array, group: Integers) -> Obj
     standard errors for linear regression with multi-stage samples", Survey Methodology 28, 2002). The optimum
     stays.
 
-    Parameters
-    ----------
-    theta : (t,) array
-        Its optimum.
-    group : (n,) int array
-        Pose of each whitened residual.
+    `theta` (t,): its optimum. `group` (n,): pose of each whitened residual.
     """
     problem = objective.problem
     n = problem.count
@@ -234,8 +230,6 @@ def percentiles(poses: int) -> tuple[float, float]:
     t: the percentiles are moved out by both (Hesterberg, "What teachers should know about the bootstrap", The
     American Statistician 69, 2015).
 
-    Examples
-    --------
     >>> [round(end, 3) for end in percentiles(10)], [round(end, 3) for end in percentiles(100_000)]
     ([0.009, 0.991], [0.025, 0.975])
     """
@@ -247,3 +241,100 @@ def percentiles(poses: int) -> tuple[float, float]:
 def _interval(values: Array, ends: tuple[float, float]) -> tuple[float, float]:
     low, high = np.quantile(values, ends, method="inverted_cdf")
     return float(low), float(high)
+
+
+@dataclass(frozen=True)
+class NumberOfTests:
+    """Values identified from the first n tests of random orders."""
+
+    names: tuple[str, ...]  # (m)
+    relations: tuple[str, ...]  # (s): sums that are known though their members are not
+    counts: Integers  # (c,): numbers n
+    stiffness: Array  # (O, c, m): by order, NaN where the tests leave a parameter open
+    sums: Array  # (O, c, s)
+    final: Array  # (m,): from all tests
+
+    def band(self, level: float = 0.9) -> Array:
+        """Return low, median and high of the stiffness over its final value, (c, 3, m).
+
+        NaN where not all orders determine the parameters.
+        """
+        tail = 50 * (1 - level)
+        ratio = self.stiffness / self.final
+        return np.percentile(ratio, [tail, 50, 100 - tail], axis=0, method="nearest").swapaxes(0, 1)
+
+    def enough(self, tolerance: float = 0.1, level: float = 0.9) -> dict[str, int | None]:
+        """Return the least number of tests from which on each value stays near the final one.
+
+        `tolerance`: relative distance within which it stays. `level`: share of the orders for which it does.
+        None where all tests but one are not enough.
+        """
+        band = self.band(level)
+        result: dict[str, int | None] = {}
+        for at, name in enumerate(self.names):
+            near = (band[:, 0, at] >= 1 / (1 + tolerance)) & (band[:, 2, at] <= 1 + tolerance)
+            far = np.flatnonzero(np.logical_not(near))
+            last = int(far[-1]) if far.size else -1
+            known = np.isfinite(self.final[at]) and last + 1 < len(self.counts) - 1
+            result[name] = int(self.counts[last + 1]) if known else None
+        return result
+
+
+def number_of_tests(
+    statement: Statement,
+    theta: Array,
+    counts: Sequence[int] | None = None,
+    orders: int = 30,
+    seed: int = 0,
+    by: Literal["pose", "row"] = "pose",
+    progress: Callable[[int], None] | None = None,
+) -> NumberOfTests:
+    """Fit a stated identification to growing numbers of its tests.
+
+    `theta` (t,): its optimum. `counts`: numbers of tests, growing; default all, or thirty of them. `orders`:
+    random orders of the tests. `by`: what a test is: a pose with all its loads, or a row. `progress`: called
+    with the number of each order.
+    """
+    problem, objective = statement.problem, statement.objective
+    torn = (problem.sharing >= 0).any() or (
+        problem.disturbance is not None and bool(problem.disturbance.common.any())
+    )
+    if by not in ("pose", "row") or (by == "row" and torn):
+        why = 'the rows of a pose share a reading: by="pose"' if by == "row" else 'expected "pose" or "row"'
+        raise BeamstiffError(f"number of tests: found by={by!r}; {why}")
+    groups = problem.pose if by == "pose" else np.arange(len(problem.measured))
+    group, tests = blocks_of(objective, groups)
+    if counts is None:
+        counts = np.unique(np.geomspace(1, tests, MOST).round()).astype(int).tolist()
+        counts = list(range(1, tests + 1)) if tests <= MOST else counts
+    numbers = np.asarray(counts, dtype=np.int64)
+    if not numbers.size or (np.diff(numbers) <= 0).any() or numbers[0] < 1 or numbers[-1] > tests:
+        raise BeamstiffError(
+            f"number of tests: found {list(counts)!s:.60}, expected growing numbers from 1 to {tests}"
+        )
+    if orders < 1:
+        raise BeamstiffError(f"number of tests: found {orders} orders, expected one or more")
+    random = np.random.default_rng(seed)
+    slopes = objective.jacobian(theta)[1]
+    final = values_of(statement, theta[None])[0]
+    stiffness = np.full((orders, len(numbers), final.size), np.nan)
+    sums = np.full((orders, len(numbers), len(statement.plan.sums)), np.nan)
+    for order in range(orders):
+        rank = random.permutation(tests)
+        for at in range(len(numbers) - 1, -1, -1):  # from many to few: each starts near
+            often = (rank < numbers[at])[group].astype(np.float64)
+            if not determines(slopes, often):
+                break
+            found = refit(objective, theta, often)
+            stiffness[order, at] = values_of(statement, found[None])[0]
+            sums[order, at] = sums_of(statement, found[None])[0]
+        if progress is not None:
+            progress(order)
+    return NumberOfTests(
+        names=statement.parameters.names,
+        relations=tuple(sum_.text() for sum_ in statement.plan.sums),
+        counts=numbers,
+        stiffness=stiffness,
+        sums=sums,
+        final=final,
+    )

@@ -1,4 +1,4 @@
-"""What the data cannot tell apart, whatever the noise: springs never loaded, and such as only act together.
+"""What the data cannot distinguish, whatever the noise; and what they distinguish hardly.
 
 The sensitivities of all rows to the compliances are taken at several random stiffness values: what holds
 at all of them is the structure's doing and not a chance. A column of zeros is a spring that is never loaded
@@ -6,6 +6,11 @@ at all of them is the structure's doing and not a chance. A column of zeros is a
 then the displacement depends on the sum of the compliances, and springs in parallel where the ratio of the
 sensitivities to the stiffness is. Further dependent columns are found from the null space: the group that a
 dependence joins is a block of the projector on it.
+
+Near a singular posture the columns of two springs are nearly parallel, no more (joints 4 and 6 of a wrist
+that is nearly stretched): nothing is degenerate, and yet either value may be anything while the sum of both
+compliances is known. The covariance tells: among compliances that are badly known and correlated, the
+combination of least variance (the last principal component, each in its standard deviations).
 """
 
 from __future__ import annotations
@@ -18,9 +23,12 @@ from scipy.linalg import qr
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from beamstiff.identification.balance import balanced_stiffness
 from beamstiff.identification.problem import Problem
-from beamstiff.identification.relations import Joined, Kind, Spring, Sum, join
+from beamstiff.identification.relations import INVERSE_UNITS, Joined, Kind, Spring, join
+from beamstiff.identification.result import Combination
+from beamstiff.identification.start import balanced_stiffness
+from beamstiff.robot.description import Robot
+from beamstiff.robot.stiffness import parameter_unit
 from beamstiff.se3 import Array
 
 POINTS = 3  # stiffness values at which a dependence has to hold
@@ -29,6 +37,10 @@ UNLOADED = 1e-9  # of the load, or of the motion, of the whole machine
 PARALLEL = 1e-9  # sine of the angle between columns, and singular values of unit columns, that count as none
 ENTANGLED = 1e-4  # entry of the projector on what does nothing that is more than rounding
 SAME = 1e-5  # relative difference of ratios at different values
+
+BADLY = 0.2  # relative standard deviation from which on a value is badly known
+TOGETHER = 0.95  # correlation from which on compliances are known together only
+BETTER = 4.0  # times, at least, that a sum is better known than the best of its terms
 
 
 @dataclass(frozen=True)
@@ -47,7 +59,7 @@ class Mixed:
     # (h): those whose value makes no difference: whatever it is, the others make up for it
     held: tuple[str, ...]
     # (g - h): the combinations that act, where they are sums of compliances; else empty
-    sums: tuple[Sum, ...] = ()
+    sums: tuple[Joined, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -69,17 +81,10 @@ class _Acting:
 
 
 def find_degeneracy(problem: Problem, seed: int = 0) -> Degeneracy:
-    """Return what the rows of a problem cannot tell apart.
+    """Return what the rows of a problem cannot distinguish.
 
-    Parameters
-    ----------
-    seed : int
-        Of the random stiffness values.
-
-    Returns
-    -------
-    Degeneracy
-        Of series and parallel springs, all that these rows join exactly; with the names of `problem.model`.
+    All series and parallel springs that these rows join exactly, with the names of `problem.model`; `seed`:
+    of the random stiffness values.
     """
     model = problem.model
     rng = np.random.default_rng(seed)
@@ -264,5 +269,47 @@ def _mixed(group: list[_Acting], missing: int, bases: list[Array]) -> Mixed:
             share = -shares[0][:, number]
             felt = [at for at in range(missing) if abs(share[at]) > ENTANGLED * np.abs(share).max()]
             parts = (item.spring, *(group[pivots[at]].spring for at in felt))
-            sums.append(Sum(parts, (1.0, *(float(share[at]) for at in felt))))
+            sums.append(Joined("sum", parts, (1.0, *(float(share[at]) for at in felt))))
     return Mixed(names, held, tuple(sums))
+
+
+def find_ill_determined(
+    robot: Robot, names: Sequence[str], stiffness: Array, covariance: Array
+) -> tuple[Combination, ...]:
+    """Return sums of compliances that are well known though none of their terms is.
+
+    `stiffness` (m,): values at the optimum. `covariance` (m, m): of their logarithms; infinite
+    variance of what is not identifiable at all, which is left aside.
+    """
+    std = np.sqrt(np.diagonal(covariance))
+    bad = np.flatnonzero(np.isfinite(std) & (std > BADLY))
+    if bad.size < 2:
+        return ()
+    # of the compliances 1/k, in their standard deviations: that of log k with the other sign, twice
+    correlation = covariance[np.ix_(bad, bad)] / np.outer(std[bad], std[bad])
+    groups = connected_components(csr_array(np.abs(correlation) > TOGETHER), directed=False)[1]
+    result = []
+    for group in np.unique(groups):
+        members = np.flatnonzero(groups == group)
+        if members.size < 2:
+            continue
+        variance, direction = np.linalg.eigh(correlation[np.ix_(members, members)])
+        at = bad[members]
+        spread = std[at] / stiffness[at]  # of the compliances
+        first = int(np.argmax(np.abs(direction[:, 0] / spread)))
+        coefficients = direction[:, 0] / spread
+        lead = coefficients[first]
+        coefficients = coefficients / lead
+        error = float(np.sqrt(max(variance[0], 0.0)) / abs(lead))
+        terms = tuple(Spring(names[k]) for k in at)
+        total = Joined("sum", terms, tuple(_plain(c) for c in coefficients.tolist()))
+        value = float(coefficients @ (1.0 / stiffness[at]))
+        if error * BETTER < abs(value) * std[at].min() and value > 0:
+            unit = INVERSE_UNITS[parameter_unit(robot, names[at[first]])]
+            result.append(Combination(total.members, total.text(), value, error, "ill-determined", unit))
+    return tuple(result)
+
+
+def _plain(coefficient: float) -> float:
+    """Return a coefficient to the three digits that it is worth."""
+    return float(f"{coefficient:.3g}")

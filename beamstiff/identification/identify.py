@@ -2,31 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Unpack
 
 import numpy as np
 
-from beamstiff.errors import listed
-from beamstiff.identification.cautions import cautions, check_units
-from beamstiff.identification.degeneracy import Mixed
-from beamstiff.identification.ill_determined import find_ill_determined
+from beamstiff.errors import BeamstiffError, listed
+from beamstiff.identification.degeneracy import Mixed, find_ill_determined
 from beamstiff.identification.information import Uncertainty, spread_over, uncertainty
 from beamstiff.identification.minimise import Effort, Minimum, Progress, minimise
-from beamstiff.identification.parameters import Parameters, build_parameters
-from beamstiff.identification.relations import INVERSE_UNITS, Joined, Sum
+from beamstiff.identification.parameters import SPAN, Parameters, build_parameters
+from beamstiff.identification.problem import Problem
+from beamstiff.identification.relations import INVERSE_UNITS, Joined
 from beamstiff.identification.result import Combination, Identification, Parameter
 from beamstiff.identification.statement import Options, Plan, Statement, build_identification
 from beamstiff.identification.validation import held_out, position_rms
+from beamstiff.measure.doubts import require_usable
 from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements
-from beamstiff.measure.usable import require_usable
 from beamstiff.robot.description import Robot
 from beamstiff.robot.stiffness import parameter_unit
 from beamstiff.se3 import Array
 
 ROUNDS = 2  # of fitting again with the errors of the inputs as they are at the values found
+
+# between the files of one machine; poses and directions of load alone do not differ by as much
+CONTRADICTION = 300.0  # times; millimetres read as metres make 1000
+AT_BOUND = 1e-6  # of the logarithm
+NO_RESIDUAL = 1e-9  # of the displacements, below which a residual is rounding
 
 
 def identify(
@@ -42,17 +46,11 @@ def identify(
 ) -> Identification:
     """Identify stiffness values from measured displacements.
 
-    Parameters
-    ----------
-    robot : Robot
-        Its present stiffness values are the start; all that is not among the parameters stays as it is.
-    measurements, parameters, method, folds, progress, options
-        As of `beamstiff.identify`.
-    effort : Effort, optional
-        Limits, seed and population of the method.
+    `robot`: its present stiffness values are the start; all that is not among the parameters stays as it is.
+    Arguments as of `beamstiff.identify`. `effort`: limits, seed and population of the method.
     """
     statement = build_identification(robot, measurements, parameters, **options)
-    table = measurements if isinstance(measurements, Measurements) else concatenate(measurements)
+    table = concatenate(measurements)
     require_usable(table)
     check_units(table, float(statement.problem.model.lever.max(initial=1.0)))
     first = None
@@ -92,12 +90,7 @@ def _loose(statement: Statement, options: Options) -> Statement:
 def conclude(statement: Statement, found: Minimum, method: str, folds: int = 5) -> Identification:
     """Return what a minimum says.
 
-    Parameters
-    ----------
-    method : str
-        By which it was found.
-    folds : int
-        Of the held-out errors; 0 for none.
+    `method`: by which it was found. `folds`: of the held-out errors; 0 for none.
     """
     problem, objective = statement.problem, statement.objective
     stiffness = statement.parameters.stiffness(found.theta)
@@ -179,30 +172,28 @@ def _combinations(
     if isinstance(group, Mixed) and not group.sums:
         return [Combination(group.members, "", None, None, "mixed", unit)]
     result = []
-    for sum_ in [group] if isinstance(group, Joined) else group.sums:
+    for sum_ in group.sums:
         slopes = sum_.value_slopes(values)
         by_log = np.array([slopes.get(name, 0.0) * values[name] for name in stated.names])
         by_theta = by_log @ stated.sums
         felt = by_theta != 0
         covariance = spread.covariance[np.ix_(felt, felt)]
         std = float(np.sqrt(by_theta[felt] @ covariance @ by_theta[felt]))
-        kind = sum_.kind if isinstance(sum_, Joined) else "sum"
         value, known = sum_.value(values), bool(np.isfinite(std))
         interval = None
-        if known and kind == "parallel":
+        if known and sum_.kind == "parallel":
             interval = spread.stiffness_interval(value, by_theta / value, std / value)
         elif known:
             low, high = spread.compliance_interval(value, by_theta, std)
-            signed = isinstance(sum_, Sum) and min(sum_.coefficients) < 0
-            interval = (low if signed else max(low, 0.0), high)
+            interval = (low if min(sum_.ratios) < 0 else max(low, 0.0), high)
         result.append(
             Combination(
                 sum_.members,
                 sum_.text(),
                 value if known else None,
                 std if known else None,
-                kind,
-                unit if kind == "parallel" else INVERSE_UNITS[unit],
+                sum_.kind,
+                unit if sum_.kind == "parallel" else INVERSE_UNITS[unit],
                 interval=interval,
             )
         )
@@ -243,3 +234,80 @@ def _parameter(
         reason = "these data do not bound it from above: rigid would fit nearly as well"
         return Parameter(name, unit, None, None, False, (low, high), low, reason)
     return Parameter(name, unit, value, value * relative, True, (low, high))
+
+
+def check_units(table: Measurements, size: float) -> None:
+    """Refuse files whose displacements, rotations or noise contradict each other by hundreds of times.
+
+    `table`: rows of several files. `size`, m: of the machine: moments compare with forces by it.
+    """
+    if len(table.sources) < 2:
+        return
+    load = np.hypot(
+        np.linalg.norm(table.wrench[:, :3], axis=1), np.linalg.norm(table.wrench[:, 3:], axis=1) / size
+    )
+    moved, turned = (
+        np.linalg.norm(np.nan_to_num(table.displacement[:, part]), axis=1)
+        for part in (slice(0, 3), slice(3, 6))
+    )
+    with np.errstate(divide="ignore", invalid="ignore"):
+        quantities = (
+            ("displacement over load", "m/N", moved / load, "dx [mm], fx [kN]"),
+            ("rotation over load", "rad/N", turned / load, "rx [deg], fx [kN]"),
+            (
+                "noise of positions",
+                "m",
+                np.nanmin(_known(table.sigma[:, :3]), axis=1),
+                "sigma_position: 0.03 mm",
+            ),
+            (
+                "noise of rotations",
+                "rad",
+                np.nanmin(_known(table.sigma[:, 3:]), axis=1),
+                "sigma_rotation: 0.01 deg",
+            ),
+        )
+    for what, unit, values, header in quantities:
+        medians = []
+        for number in range(len(table.sources)):
+            own = values[(table.run == number) & np.isfinite(values) & (values > 0)]
+            medians.append(float(np.median(own)) if own.size else np.nan)
+        if np.isfinite(medians).sum() < 2:
+            continue
+        least, most = int(np.nanargmin(medians)), int(np.nanargmax(medians))
+        ratio = medians[most] / medians[least]
+        if ratio > CONTRADICTION:
+            raise BeamstiffError(
+                f"{table.sources[most]} and {table.sources[least]}: conflicting units? {what} is "
+                f"{medians[most]:.2g} {unit} in the first and {medians[least]:.2g} {unit} in the second, "
+                f"{ratio:.0f} times less, expected of one machine; a number without a unit is SI, write for "
+                f"instance {header}"
+            )
+
+
+def _known(sigma: Array) -> Array:
+    """Return standard deviations with infinity where none is known."""
+    return np.where(np.isfinite(sigma), sigma, np.inf)
+
+
+def cautions(problem: Problem, parameters: Parameters, theta: Array, rms: float) -> Iterator[str]:
+    """Yield, in sentences, what limits the result of an identification.
+
+    `theta` (t,): the optimum. `rms`, m: of the position residual.
+    """
+    poses, rows = np.unique(problem.pose).size, len(problem.pose)
+    if poses == 1 and rows > 1:
+        yield f"all {rows} rows are of one pose: how the model does at others is not known"
+    for ends, what in ((parameters.lower, "least"), (parameters.upper, "largest")):
+        for at in np.flatnonzero(np.abs(theta - ends) < AT_BOUND):
+            leader = parameters.first[at]
+            if abs(theta[at] - np.log(parameters.start[leader])) < np.log(SPAN) * 0.999:  # the user's
+                name = parameters.names[leader]
+                value = float(np.exp(theta[at]))
+                yield f"{name} lies at the {what} value allowed, {value:.4g}: the data ask for another"
+    size = float(np.abs(problem.measured[:, :3]).max(initial=0.0))
+    if not problem.sigma_known and rms <= NO_RESIDUAL * size:
+        yield (
+            "no noise is stated and no residual is left: the standard deviations say nothing; state "
+            "sigma_position in the table"
+        )

@@ -8,7 +8,7 @@ import numpy as np
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.fem.unknowns import turning_nodes
-from beamstiff.identification.disturbance import Disturbance
+from beamstiff.identification.whitening import Disturbance
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements
 from beamstiff.model.ports import PortModel, reduce_to_ports
@@ -23,8 +23,6 @@ STEP = 1e-4  # rad or m, of the central difference by a joint value
 class InputErrors:
     """Standard deviations of what a table says of its rows' loads and joint values; independent.
 
-    Examples
-    --------
     A spring balance to 0.1 kg and encoders to 0.01 deg, as in seed 000, section 5.2:
 
     >>> paper = InputErrors(load=0.1 * 9.81, angle=np.radians(0.01))
@@ -97,10 +95,7 @@ def build_response(
 ) -> Response:
     """Return what errors of the inputs do to the rows of a table.
 
-    Parameters
-    ----------
-    parameters : tuple of str
-        The open stiffness values.
+    `parameters`: the open stiffness values.
     """
     own = _wrenches(robot, measurements, errors)
     spread = errors.of_variables(robot)

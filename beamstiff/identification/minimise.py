@@ -6,14 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib import import_module
-from typing import Protocol
 
 import numpy as np
 
 from beamstiff.errors import BeamstiffError, listed, suggest
-from beamstiff.identification.balance import balanced_stiffness
 from beamstiff.identification.objective import Objective
 from beamstiff.identification.parameters import SPAN, Parameters
+from beamstiff.identification.start import balanced_stiffness
 from beamstiff.parallel import parallel_map
 from beamstiff.se3 import Array
 
@@ -123,11 +122,8 @@ class Effort:
                 )
 
 
-class Method(Protocol):
-    """A way to minimise: works on the search's objective from `begin` and says why it stopped."""
-
-    def __call__(self, method: str, search: Search, begin: Array, effort: Effort) -> str:
-        """Minimise; the best values are in the search."""
+# works on the search's objective from a start, leaves the best values in the search, says why it stopped
+Method = Callable[[str, Search, Array, Effort], str]
 
 
 def minimise(
@@ -140,19 +136,11 @@ def minimise(
 ) -> Minimum:
     """Minimise an objective by one of `METHODS`.
 
-    Parameters
-    ----------
-    begin : (t,) array, optional
-        Where to start, logarithms; default the start values.
-    effort : Effort, optional
-    progress : callable, optional
-        Called with the number of evaluations and the least cost after each.
-    polish : bool
-        Let the trust region finish what a method of `POLISHED` found, and, where no `begin` is given, try
-        again from balanced values if some value ended as good as rigid or free: that may be another minimum.
+    `begin` (t,): where to start, logarithms; default the start values. `progress`: called with the number of
+    evaluations and the least cost after each. `polish`: let the trust region finish what a method of
+    `POLISHED` found, and, where no `begin` is given, try again from balanced values if some value ended as
+    good as rigid or free: that may be another minimum.
 
-    Notes
-    -----
     Ctrl-C ends the search with the best values so far; before the first evaluation it is passed on. Global
     methods search `searched`; what is polished is so within the bounds proper.
     """

@@ -77,8 +77,7 @@ class Objective:
 
     def weights(self, residuals: Array) -> Array:
         """Return rho' of each residual, (n + m,): what it counts; priors count in full."""
-        result: Array = self.rho((residuals / self.scale) ** 2)[1]
-        return result
+        return np.asarray(self.rho((residuals / self.scale) ** 2)[1])
 
     def cost(self, theta: Array) -> float:
         """Return F(theta)."""
@@ -103,7 +102,6 @@ class Objective:
 
     def _costs_of(self, residuals: Array) -> Array:
         if self.loss == "linear":
-            result: Array = 0.5 * np.einsum("...n,...n->...", residuals, residuals)
-            return result
-        result = 0.5 * self.scale**2 * self.rho((residuals / self.scale) ** 2)[0].sum(axis=-1)
-        return result
+            return np.asarray(0.5 * np.einsum("...n,...n->...", residuals, residuals))
+        rho = self.rho((residuals / self.scale) ** 2)[0]
+        return np.asarray(0.5 * self.scale**2 * rho.sum(axis=-1))

@@ -76,19 +76,10 @@ def build_parameters(
 ) -> Parameters:
     """Return the free values of an identification.
 
-    Parameters
-    ----------
-    names : sequence of str (m)
-    start : (m,) array
-        Values in the robot.
-    ties : sequence of sequences of str
-        Parameters that keep the ratio of their starts.
-    bounds : mapping of str to (low, high), optional
-        Least and largest value, SI; None for none. Default a factor of 1e8 either way.
-    priors : mapping of str to (value, factor), optional
-        Known beforehand: the value, and the factor (above 1) by which one standard deviation is off.
-    held : collection of str
-        Parameters that stay at their start.
+    `names` (m). `start` (m,): values in the robot. `ties`: parameters that keep the ratio of their starts.
+    `bounds` (low, high): least and largest value, SI; None for none. Default a factor of 1e8 either way.
+    `priors` (value, factor): known beforehand: the value, and the factor (above 1) by which one standard
+    deviation is off. `held`: parameters that stay at their start.
     """
     number = {name: at for at, name in enumerate(names)}
 

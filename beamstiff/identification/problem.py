@@ -10,8 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from beamstiff.errors import BeamstiffError, listed
-from beamstiff.identification.disturbance import Disturbance, disturbed_covariance, inverse_root
-from beamstiff.identification.whitening import Whitening, of_blocks, whitening
+from beamstiff.identification.whitening import (
+    Disturbance,
+    Whitening,
+    disturbed_covariance,
+    inverse_root,
+    of_blocks,
+    whitening,
+)
 from beamstiff.measure.arrays import Integers, equal_rows
 from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements
@@ -57,37 +63,19 @@ class Problem:
         return (self.whitening @ gap.T).T
 
     def jacobian(self, stiffness: Array, by: Parametrisation = "log") -> tuple[Array, Array]:
-        """Return whitened residuals (n,) and their derivatives (n, m).
+        """Return whitened residuals (n,) and their derivatives (n, m) at stiffness values (m,).
 
-        Parameters
-        ----------
-        stiffness : (m,) array
-        by : "log", "stiffness" or "compliance"
-            What the derivatives are by: the logarithms of the stiffness values, these, or their inverses.
+        `by`: their logarithms, themselves, or their inverses.
         """
         predicted, slopes = self.model.derivatives(stiffness, by)
         residual = self.whitening @ (self.measured - predicted)[self.used]
         jacobian = self.whitening @ -slopes[self.used]
         return residual, jacobian
 
-    def rows(self, chosen: ArrayLike, apart: ArrayLike | None = None) -> Problem:
-        """Return the problem of some rows.
-
-        Parameters
-        ----------
-        chosen : (N,) bool array, or array of int
-            A mask, or indices; a row may come several times.
-        apart : array of int, optional
-            With indices: rows that share an unloaded reading share it only where these numbers are equal too
-            (for a pose that was drawn twice).
-        """
-        at = np.asarray(chosen)
-        at = np.flatnonzero(at) if at.dtype == np.bool_ else at
-        sharing = self.sharing[at]
-        if apart is not None and (sharing >= 0).any():
-            both = equal_rows(np.stack([sharing, np.asarray(apart)], axis=1).astype(np.float64))
-            sharing = np.where(sharing >= 0, both, -1)
-        used, sigma = self.used[at], self.sigma[at]
+    def rows(self, chosen: ArrayLike) -> Problem:
+        """Return the problem of some rows: a mask (N,), or indices; a row may come several times."""
+        at = np.arange(len(self.measured))[np.asarray(chosen)]
+        used, sigma, sharing = self.used[at], self.sigma[at], self.sharing[at]
         undisturbed = replace(
             self,
             model=self.model.rows(at),
@@ -118,16 +106,10 @@ def build_problem(
 ) -> Problem:
     """Return the identification problem of a robot and its measured displacements.
 
-    Parameters
-    ----------
-    data : Measurements, or several
-        Displacements, loaded minus unloaded.
-    parameters : sequence of str, optional
-        Stiffness values to identify; default ``robot.identify``.
-    components : "position", "rotation" or "both"
-        Which measured components count; each by its noise.
+    `data`: displacements, loaded minus unloaded. `parameters`: stiffness values to identify; default
+    ``robot.identify``. `components`: which measured components count; each by its noise.
     """
-    measurements = data if isinstance(data, Measurements) else concatenate(data)
+    measurements = concatenate(data)
     source = measurements.source
     if robot.effects:
         names = listed(effect.effect for effect in robot.effects)

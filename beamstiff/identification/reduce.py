@@ -1,4 +1,4 @@
-"""The reduced model: springs that only act together become one, the others of each group rigid or free."""
+"""The reduced model: springs identifiable only in combination become one, the others rigid or free."""
 
 from __future__ import annotations
 
@@ -49,18 +49,10 @@ def reduce_model(
 ) -> Reduced:
     """Return the robot with every group as one spring: on the rows at hand it does the same as before.
 
-    Parameters
-    ----------
-    degeneracy : Degeneracy
-        From `find_degeneracy`.
-    values : mapping of str to float, SI
-        Stiffness at hand, such as the identified one, of every parameter; becomes the robot's, but for what
-        is never loaded.
-    parameters : sequence of str, optional
-        All that were to be identified; default ``robot.identify``.
+    `degeneracy`: from `find_degeneracy`. `values`, SI: stiffness at hand, such as the identified one, of
+    every parameter; becomes the robot's, but for what is never loaded. `parameters`: all that were to be
+    identified; default ``robot.identify``.
 
-    Notes
-    -----
     In series the most compliant spring is kept, in parallel the stiffest: it is the most like the whole.
     Under other loads than those of the rows the reduced robot may differ.
     """

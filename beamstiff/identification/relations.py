@@ -1,4 +1,4 @@
-"""Springs that only act together, as one: 1/k = sum of 1/k_i in series, k = sum of k_i in parallel."""
+"""Springs identifiable only in combination: 1/k = sum of 1/k_i in series, k = sum of k_i in parallel."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-Kind = Literal["series", "parallel"]
+Kind = Literal["series", "parallel", "sum"]
 
 INVERSE_UNITS = {"N/m": "m/N", "N*m/rad": "rad/(N*m)", "Pa": "1/Pa"}  # of the compliances
 
@@ -40,7 +40,8 @@ class Joined:
     """Springs that act as one, in the units of the first.
 
     In series ``1/k = 1/k_1 + r_2/k_2 + ...``, in parallel ``k = k_1 + r_2 k_2 + ...``; the ratios are 1 where
-    the springs carry the same load (have the same deformation), or squares of lever arms.
+    the springs carry the same load (have the same deformation), or squares of lever arms. A "sum" of
+    compliances, whose ratios may be negative, is known though its terms are not.
     """
 
     kind: Kind
@@ -52,75 +53,45 @@ class Joined:
         """Names of the parameters in it."""
         return tuple(name for part in self.parts for name in part.members)
 
+    @property
+    def sums(self) -> tuple[Joined, ...]:
+        """What is known of it: the sum itself."""
+        return (self,)
+
     def value(self, values: Mapping[str, float]) -> float:
-        """Return the sum that is known: of compliances in series, of stiffness in parallel."""
-        power = -1 if self.kind == "series" else 1
+        """Return the sum that is known: of stiffness in parallel, else of compliances."""
+        power = 1 if self.kind == "parallel" else -1
         return sum(r * p.stiffness(values) ** power for p, r in zip(self.parts, self.ratios, strict=True))
 
     def stiffness(self, values: Mapping[str, float]) -> float:
         """Return the stiffness of all of them together."""
         value = self.value(values)
-        return 1.0 / value if self.kind == "series" else value
+        return value if self.kind == "parallel" else 1.0 / value
 
     def value_slopes(self, values: Mapping[str, float]) -> dict[str, float]:
         """Return the derivative of the sum that is known by each member's stiffness."""
-        outer = -1.0 / self.stiffness(values) ** 2 if self.kind == "series" else 1.0
-        return {name: outer * slope for name, slope in self.slopes(values).items()}
+        result: dict[str, float] = {}
+        for part, ratio in zip(self.parts, self.ratios, strict=True):
+            outer = ratio if self.kind == "parallel" else -ratio / part.stiffness(values) ** 2
+            result |= {name: outer * slope for name, slope in part.slopes(values).items()}
+        return result
 
     def slopes(self, values: Mapping[str, float]) -> dict[str, float]:
         """Return the derivative of the stiffness by each member's."""
-        whole, result = self.stiffness(values), {}
-        for part, ratio in zip(self.parts, self.ratios, strict=True):
-            outer = ratio if self.kind == "parallel" else ratio * (whole / part.stiffness(values)) ** 2
-            for name, slope in part.slopes(values).items():
-                result[name] = outer * slope
-        return result
+        outer = 1.0 if self.kind == "parallel" else -(self.stiffness(values) ** 2)
+        return {name: outer * slope for name, slope in self.value_slopes(values).items()}
 
     def text(self) -> str:
         """Return the sum that is known as a formula: ``1/J12.radial + 1/J33.radial``."""
         terms = []
         for part, ratio in zip(self.parts, self.ratios, strict=True):
-            joined = isinstance(part, Joined)  # of the other kind: `join` makes one sum of like kinds
-            if self.kind == "series":
-                terms.append(f"{ratio:.6g}/({part.text()})" if joined else f"{ratio:.6g}/{part.text()}")
-            else:
-                inner = f"1/({part.text()})" if joined else part.text()
+            inner = f"({part.text()})" if isinstance(part, Joined) else part.text()
+            if self.kind == "parallel":  # what is joined in it is in series: `join` makes one of like kinds
+                inner = f"1/{inner}" if isinstance(part, Joined) else inner
                 terms.append(inner if ratio == 1 else f"{ratio:.6g}*{inner}")
-        return " + ".join(terms)
-
-
-@dataclass(frozen=True)
-class Sum:
-    """A sum of compliances that is known though its terms are not: ``sum of coefficient / k``."""
-
-    parts: tuple[Spring | Joined, ...]
-    coefficients: tuple[float, ...]
-
-    @property
-    def members(self) -> tuple[str, ...]:
-        """Names of the parameters in it."""
-        return tuple(name for part in self.parts for name in part.members)
-
-    def value(self, values: Mapping[str, float]) -> float:
-        """Return the sum."""
-        return sum(c / p.stiffness(values) for p, c in zip(self.parts, self.coefficients, strict=True))
-
-    def value_slopes(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Return the derivative of the sum by each member's stiffness."""
-        result = {}
-        for part, coefficient in zip(self.parts, self.coefficients, strict=True):
-            for name, slope in part.slopes(values).items():
-                result[name] = -coefficient * slope / part.stiffness(values) ** 2
-        return result
-
-    def text(self) -> str:
-        """Return the sum as a formula: ``1/J1.tilting + 0.25/J2.axial``."""
-        result = ""
-        for part, coefficient in zip(self.parts, self.coefficients, strict=True):
-            name = f"({part.text()})" if isinstance(part, Joined) else part.text()
-            sign = "-" if coefficient < 0 else "+"
-            result += f" {sign} {abs(coefficient):.6g}/{name}" if result else f"{coefficient:.6g}/{name}"
-        return result
+            else:
+                terms.append(f"{ratio:.6g}/{inner}")
+        return " + ".join(terms).replace("+ -", "- ")
 
 
 def join(kind: Kind, a: Spring | Joined, b: Spring | Joined, ratio: float) -> Joined:

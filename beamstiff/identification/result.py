@@ -41,7 +41,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Combination:
-    """Parameters that only act together, and the sum of theirs that is known."""
+    """Parameters identifiable only in combination, and the sum of theirs that is known."""
 
     parameters: tuple[str, ...]
     relation: str  # ``"1/J12.radial + 1/J33.radial"``, or nothing where the combination is no sum
@@ -50,7 +50,7 @@ class Combination:
     std: float | None
     kind: str  # "series", "parallel", "sum" or "mixed"; "ill-determined" where only noise hides the terms
     unit: str
-    separate: str = ""  # what measurement would tell them apart, in words; empty where none was sought
+    separate: str = ""  # what measurement would distinguish them, in words; empty where none was sought
     interval: tuple[float, float] | None = None  # (low, high): 95 %, of the value
 
 
@@ -62,7 +62,7 @@ class Identification(Shown):
     ----------
     parameters : tuple of Parameter (m)
     degenerate : tuple of Combination
-        What no amount of such rows could tell apart.
+        What no amount of such rows could distinguish.
     ill_determined : tuple of Combination
         Sums that are well known though these rows with their noise hardly tell their terms.
     covariance : (m, m) array
@@ -75,7 +75,7 @@ class Identification(Shown):
     rms : float, m
         Root mean square of the position residual's norm over the fitted rows.
     rms_held_out, rms_held_out_load : float or None, m
-        The same on poses, and on loads, left out of the fit; None with fewer than three.
+        The same on held-out poses, and loads; None with fewer than three.
     chi_square : float
         Sum of squared whitened residuals over the degrees of freedom; near 1 when noise explains
         the residual.
@@ -90,7 +90,7 @@ class Identification(Shown):
     notes : tuple of str
         What was left aside, and why, in sentences.
     held_out, held_out_load : HeldOut or None
-        Errors row by row while poses, and loads, were left out of the fit: which of them the model misses.
+        Errors row by row while poses, and loads, were held out: which of them the model misses.
     start : Robot or None
         As it was given.
     rows : Measurements or None
@@ -125,13 +125,7 @@ class Identification(Shown):
     reduced: Reduced | None = None
 
     def __getitem__(self, name: str) -> Parameter:
-        """Return a parameter by its name.
-
-        Raises
-        ------
-        BeamstiffError
-            When it was not among those identified.
-        """
+        """Return a parameter by its name."""
         by_name = {item.name: item for item in self.parameters}
         if name not in by_name:
             raise BeamstiffError(f"{name!r} was not identified{suggest(name, by_name)}")
@@ -142,8 +136,7 @@ class Identification(Shown):
         """Correlation of the logarithms of the stiffness values, (m, m); NaN where there is no variance."""
         std = np.sqrt(np.diagonal(self.covariance))
         std = np.where(np.isfinite(std), std, np.nan)
-        result: Array = self.covariance / np.outer(std, std)
-        return result
+        return np.asarray(self.covariance / np.outer(std, std))
 
     @property
     def conditional_std(self) -> dict[str, float]:

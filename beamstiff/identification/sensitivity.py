@@ -7,21 +7,25 @@ same: it is the machine that was elsewhere.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.identification.bootstrap import sums_of, values_of
-from beamstiff.identification.input_errors import InputErrors
+from beamstiff.identification.input_errors import InputErrors, rigid_motion
 from beamstiff.identification.refit import refit
-from beamstiff.identification.simulation import as_they_were
 from beamstiff.identification.statement import Statement
+from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements
+from beamstiff.model.ports import PortModel, reduce_to_ports
+from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 
 READINGS, ALL = "readings", "all"
+
+AT_ONCE = 2500  # rows that are condensed together
 
 
 @dataclass(frozen=True)
@@ -39,14 +43,12 @@ class Sensitivity:
     @property
     def spread(self) -> Array:
         """Standard deviation of the compliances over the true ones, (S, m); to first order also of k."""
-        result: Array = (self.true / self.stiffness).std(axis=1, ddof=1)
-        return result
+        return np.asarray((self.true / self.stiffness).std(axis=1, ddof=1))
 
     @property
     def bias(self) -> Array:
         """Mean error of the compliances over the true ones, (S, m)."""
-        result: Array = (self.true / self.stiffness).mean(axis=1) - 1.0
-        return result
+        return np.asarray((self.true / self.stiffness).mean(axis=1) - 1.0)
 
 
 def sensitivity(
@@ -60,18 +62,9 @@ def sensitivity(
 ) -> Sensitivity:
     """Return how far errors of the readings, loads and joint values move what is identified.
 
-    Parameters
-    ----------
-    measurements : Measurements
-        The table it states.
-    theta : (t,) array
-        Its optimum: the machine that is measured again.
-    errors : InputErrors
-        Of the loads and joint values. Those of the readings are the table's.
-    repetitions : int
-        For each source.
-    progress : callable, optional
-        Called with the number of refits made.
+    `measurements`: the table it states. `theta` (t,): its optimum: the machine that is measured again.
+    `errors`: of the loads and joint values. Those of the readings are the table's. `repetitions`: for each
+    source. `progress`: called with the number of refits made.
     """
     problem = statement.problem
     if len(measurements) != len(problem.measured):
@@ -130,3 +123,39 @@ def _noise(statement: Statement, sigma: Array, random: np.random.Generator) -> A
     common = random.standard_normal((group.max() + 1, 6))[group]
     both = np.sqrt(0.5) * (own + common)
     return sigma * np.where(problem.sharing[:, None] >= 0, both, own)
+
+
+def as_they_were(
+    robot: Robot,
+    rows: Measurements,
+    errors: InputErrors,
+    parameters: tuple[str, ...],
+    count: int,
+    random: np.random.Generator,
+) -> Iterator[PortModel]:
+    """Yield the model of the rows at loads and joint values drawn around those in the table, several times.
+
+    `rows`: N rows; those of a pose share the error of the joint values. `parameters`: the open stiffness
+    values. `count`: how many times.
+    """
+    n = len(rows)
+    pose = np.unique(rows.pose, return_inverse=True)[1].reshape(-1)
+    spread, hold = errors.of_variables(robot), errors.of_hold(robot)
+    motion = rigid_motion(robot, rows)
+    some = max(1, AT_ONCE // n)
+    for start in range(0, count, some):
+        times = min(some, count - start)
+        every = subset(rows, np.tile(np.arange(n), times))
+        size = np.linalg.norm(every.wrench[:, :3], axis=1, keepdims=True)
+        share = np.divide(errors.load, size, out=np.zeros_like(size), where=size > 0)
+        wrench = every.wrench * (1 + share * random.standard_normal(size.shape))
+        wrench = wrench + random.standard_normal(wrench.shape) * np.repeat([errors.force, errors.moment], 3)
+        off = spread * random.standard_normal((times, pose.max() + 1, spread.size))
+        shifted = replace(every, wrench=wrench, q=every.q + off[:, pose].reshape(len(every), -1))
+        model = reduce_to_ports(robot, shifted, parameters, gravity=False)
+        if hold.any():
+            let_go = hold * random.standard_normal((len(every), hold.size))
+            moved = np.einsum("nij,nj->ni", np.tile(motion, (times, 1, 1)), let_go)
+            model = replace(model, clamped=model.clamped + moved)
+        for at in range(times):
+            yield model.rows(np.arange(at * n, (at + 1) * n))

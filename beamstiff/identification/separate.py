@@ -1,4 +1,4 @@
-"""What further measurement would tell apart springs that only act together, if any would.
+"""What further measurement would distinguish springs identifiable only in combination, if any would.
 
 Candidate rows are added to those measured, and it is seen whether the group dissolves: rotations read as
 well, forces and moments at the tool along and about each axis, other postures, and at last the displacement
@@ -63,22 +63,12 @@ def find_separations(
 ) -> tuple[tuple[Separation, ...], ...]:
     """Return for each group the measurements that would tell its members apart, the best first.
 
-    Parameters
-    ----------
-    measurements : Measurements, or several
-        What was measured.
-    groups : sequence of sequences of str
-        Parameters that only act together; or a single one that is never loaded.
-    parameters : sequence of str, optional
-        All that are identified; default ``robot.identify``.
-    components : "position", "rotation" or "both"
-        What counts of the measured rows.
-    stiffness : (m,) array, optional
-        Values at which to judge how well; default the robot's.
-    seed : int
-        Of other postures.
+    `measurements`: what was measured. `groups`: parameters identifiable only in combination; or one that is
+    never loaded. `parameters`: all that are identified; default ``robot.identify``. `components`: what counts
+    of the measured rows. `stiffness` (m,): values at which to judge how well; default the robot's. `seed`: of
+    other postures.
     """
-    table = measurements if isinstance(measurements, Measurements) else concatenate(measurements)
+    table = concatenate(measurements)
     table = subset(table, _spread(len(table), MOST_ROWS))
     noise_known = bool(np.isfinite(table.sigma).any())
     found: list[list[Separation]] = [[] for _ in groups]
@@ -111,8 +101,6 @@ def _worth(one: Separation) -> tuple[bool, int, float]:
 def separation_text(group: Sequence[str], found: Sequence[Separation]) -> str:
     """Return in words what would tell a group apart, from `find_separations`.
 
-    Examples
-    --------
     >>> way = Separation("forces along y at the tool", (("a",), ("b", "c")), 0.1)
     >>> separation_text(["a", "b", "c"], [way])
     'forces along y at the tool would tell some apart, to 10 % at worst; b and c would stay together'
@@ -143,14 +131,9 @@ def with_separations(
     components: Components = "both",
     seed: int = 0,
 ) -> Identification:
-    """Return an identification that says what would tell apart what it could not.
+    """Return an identification that says what would distinguish what it could not.
 
-    Parameters
-    ----------
-    robot, measurements, components
-        Of which it was made.
-    seed : int
-        Of other postures.
+    `robot, measurements, components`: of which it was made. `seed`: of other postures.
     """
     groups = {item.parameters: "" for item in (*found.degenerate, *found.ill_determined)}
     groups |= {(item.name,): "" for item in found.parameters if item.silent}
@@ -287,14 +270,8 @@ def _parts(group: Sequence[str], found: Degeneracy) -> tuple[tuple[str, ...], ..
 def expected_spread(problem: Problem, found: Degeneracy, stiffness: Array | None = None) -> Array:
     """Return the relative standard deviations (m,) that are expected of stiffness values.
 
-    Parameters
-    ----------
-    problem : Problem
-        Its readings do not matter.
-    found : Degeneracy
-        Of it. Of a group the first spring stands for all, the others are held; what is silent is infinite.
-    stiffness : (m,) array, optional
-        Where; default the robot's values.
+    `problem`: its readings do not matter. `found`: of it. Of a group the first spring stands for all, the
+    others are held; what is silent is infinite. `stiffness` (m,): where; default the robot's values.
     """
     values = problem.model.start if stiffness is None else stiffness
     _, slopes = problem.jacobian(values)

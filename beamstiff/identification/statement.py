@@ -14,7 +14,7 @@ from beamstiff.identification.input_errors import InputErrors, Response, build_r
 from beamstiff.identification.objective import LOSSES, Loss, Objective
 from beamstiff.identification.parameters import Parameters, build_parameters
 from beamstiff.identification.problem import Components, Problem, build_problem
-from beamstiff.identification.relations import Joined, Sum
+from beamstiff.identification.relations import Joined
 from beamstiff.identification.start import start_values
 from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements
@@ -39,21 +39,20 @@ class Plan:
     """What is fitted: by name, which parameters stay, which move together, which only groups are known of."""
 
     silent: dict[str, str]  # parameters that the rows do not feel, each with the reason
-    groups: tuple[Joined | Mixed, ...]  # parameters that only act together
+    groups: tuple[Joined | Mixed, ...]  # parameters identifiable only in combination
     # parameters that keep the ratio of their starts: the user's, and those of a group
     ties: tuple[Sequence[str], ...]
     held: frozenset[str]  # parameters that stay at their start
 
     @property
     def grouped(self) -> frozenset[str]:
-        """Names of all that only act together with others."""
+        """Names of all that are identifiable only in combination."""
         return frozenset(name for group in self.groups for name in group.members)
 
     @property
-    def sums(self) -> tuple[Joined | Sum, ...]:
+    def sums(self) -> tuple[Joined, ...]:
         """The sums that are known of the groups."""
-        of_group = ((group,) if isinstance(group, Joined) else group.sums for group in self.groups)
-        return tuple(sum_ for sums in of_group for sum_ in sums)
+        return tuple(sum_ for group in self.groups for sum_ in group.sums)
 
 
 @dataclass(frozen=True)
@@ -105,13 +104,7 @@ def build_identification(
     components: Components = "both",
     errors: InputErrors | None = None,
 ) -> Statement:
-    """State an identification: reduce the model, find what cannot be told apart, weigh the rows.
-
-    Parameters
-    ----------
-    robot, measurements, parameters, fixed, ties, bounds, priors, loss, components, errors
-        As of `beamstiff.identify`.
-    """
+    """State an identification, arguments as of `beamstiff.identify`: reduce the model, find dependences."""
     if loss not in LOSSES:
         raise BeamstiffError(f"there is no loss {loss!r}; known: {listed(LOSSES)}")
     problem = build_problem(robot, measurements, _free_names(robot, parameters, fixed), components)
@@ -129,8 +122,8 @@ def build_identification(
             f"{problem.source}: found no noise (sigma_position, sigma_rotation), expected it beside the "
             "errors of loads and joint values"
         )
-    data = measurements if isinstance(measurements, Measurements) else concatenate(measurements)
-    statement = replace(statement, response=build_response(robot, data, errors, names))
+    response = build_response(robot, concatenate(measurements), errors, names)
+    statement = replace(statement, response=response)
     return statement.weighed(start)
 
 

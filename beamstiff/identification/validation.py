@@ -21,8 +21,7 @@ from beamstiff.se3 import Array
 def position_gap(problem: Problem, stiffness: Array) -> Array:
     """Return the norm of the position residual of every row with a measured position, (rows,), m."""
     gap = np.where(problem.used, problem.measured - problem.model.predict(stiffness), 0.0)[:, :3]
-    result: Array = np.linalg.norm(gap[problem.used[:, :3].any(axis=1)], axis=1)
-    return result
+    return np.asarray(np.linalg.norm(gap[problem.used[:, :3].any(axis=1)], axis=1))
 
 
 def position_rms(problem: Problem, stiffness: Array) -> float:
@@ -33,7 +32,7 @@ def position_rms(problem: Problem, stiffness: Array) -> float:
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Errors on rows while they were left out of the fit."""
+    """Errors on rows while they were held out."""
 
     groups: Integers  # (N,): rows of one group were left out together: a pose, or a load
     residual: Array  # (N, 6), m and rad: measured less predicted; NaN where not measured
@@ -53,21 +52,11 @@ class HeldOut:
 
 
 def held_out(objective: Objective, groups: Integers, folds: int, begin: Array) -> HeldOut | None:
-    """Return the errors on groups of rows left out of the fit, fold by fold.
+    """Return the errors on held-out groups of rows, fold by fold.
 
-    Parameters
-    ----------
-    groups : (N,) array of int
-        Rows of one group are left out together: poses, or loads.
-    folds : int
-        At most so many fits.
-    begin : (t,) array
-        Where to start: the optimum of all rows.
-
-    Returns
-    -------
-    HeldOut or None
-        None with fewer than three groups, or where the rest is too little to fit.
+    `groups` (N,): rows of one group are left out together: poses, or loads. `folds`: at most so many fits.
+    `begin` (t,): where to start: the optimum of all rows. None with fewer than three groups, or where the
+    rest is too little to fit.
     """
     residual = np.full(objective.problem.used.shape, np.nan)
     try:

@@ -13,8 +13,7 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.fem.condensation import condense, tcp_stiffness
 from beamstiff.maps.grid import Box
 from beamstiff.maps.job import Job
-from beamstiff.maps.names import MEANING, Reason
-from beamstiff.maps.quantities import QUANTITIES, from_compliance, from_jacobian
+from beamstiff.maps.quantities import MEANING, QUANTITIES, Reason, from_compliance, from_jacobian
 from beamstiff.maps.reach import outside_limits
 from beamstiff.robot.closure import close_loops
 from beamstiff.robot.kinematics import Posture, posture_at

@@ -18,8 +18,7 @@ from beamstiff.files import draft_of
 from beamstiff.maps.chunk import Part
 from beamstiff.maps.grid import CARTESIAN, Box
 from beamstiff.maps.job import Job, robot_digest, versions
-from beamstiff.maps.names import MEANING, Reason, dimension_names
-from beamstiff.maps.quantities import LOADS, MOTIONS, QUANTITIES
+from beamstiff.maps.quantities import LOADS, MEANING, MOTIONS, QUANTITIES, Reason, dimension_names
 from beamstiff.outputs import UNSEALED, check_replaceable, is_sealed_folder, seal_folder, seal_in_place
 
 if TYPE_CHECKING:

@@ -74,17 +74,11 @@ def make_grid(
 ) -> Grid:
     """Return a grid over joint variables, or over x, y and z of the TCP.
 
-    Parameters
-    ----------
-    over : mapping of str to values, rad or m
-        An axis each, in growing order, at least two values. Names are those of actuated variables or, where
-        no variable is called so, x, y and z in the base frame; not both.
-    held : mapping of str to float, rad or m
-        The other variables; those not named are 0. Over positions it is the posture whose configuration is
-        kept, and what its TCP has on the axes not named stays.
-    orientation : (3, 3) array or "free", optional
-        Of the TCP over positions. Default: as in the posture held, for robots of six actuated variables or
-        more; others cannot hold it.
+    `over`, rad or m: an axis each, in growing order, at least two values. Names are those of actuated
+    variables or, where no variable is called so, x, y and z in the base frame; not both. `held`, rad or m:
+    the other variables; those not named are 0. Over positions it is the posture whose configuration is kept,
+    and what its TCP has on the axes not named stays. `orientation` (3, 3): of the TCP over positions.
+    Default: as in the posture held, for robots of six actuated variables or more; others cannot hold it.
     """
     robot, held = kinematics.robot, dict(held or {})
     actuated = [variable.name for variable in robot.actuated]

@@ -28,12 +28,8 @@ class Parts:
 
     Held while it is used (``with``): another process that wants the same map is refused.
 
-    Parameters
-    ----------
-    out : path
-        Of the map; the folder's name has ``.parts`` at its end.
-    stated : dict
-        The job, as plain data. A folder that holds chunks of another is refused.
+    `out`: of the map; the folder's name has ``.parts`` at its end. `stated`: the job, as plain data. A folder
+    that holds chunks of another is refused.
     """
 
     def __init__(self, out: str | Path, stated: dict[str, Any]) -> None:

@@ -1,15 +1,20 @@
-"""What a map may hold at each pose, and how it follows from compliance, dead weight and Jacobian."""
+"""What a map holds at each pose, how it follows from compliance and Jacobian, and why a pose has none."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Literal
+from enum import IntEnum
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from beamstiff.errors import BeamstiffError, listed, suggest
 from beamstiff.fem.condensation import STIFFEST
 from beamstiff.se3 import Array
+
+if TYPE_CHECKING:
+    import xarray
 
 MOTIONS = ("dx", "dy", "dz", "rx", "ry", "rz")
 LOADS = ("fx", "fy", "fz", "mx", "my", "mz")
@@ -95,6 +100,9 @@ QUANTITIES: dict[str, Quantity] = {
     ),
 }
 
+# what maps call their own: no axis is called so
+OWN = (*QUANTITIES, "reason", "q", "joint", "motion", "load")
+
 
 def check_quantities(names: tuple[str, ...], wrench: bool, direction: bool, weight: bool) -> None:
     """Refuse quantities that are unknown, named twice, or lack what they follow from."""
@@ -114,15 +122,9 @@ def check_quantities(names: tuple[str, ...], wrench: bool, direction: bool, weig
 
 
 def from_compliance(name: str, compliance: Array, displacement: Array, direction: Array | None) -> Array:
-    """Return a quantity at P poses; infinite where the TCP does not give way.
+    """Return a quantity at P poses; infinite where the TCP is rigid.
 
-    Parameters
-    ----------
-    compliance : (P, 6, 6) array
-    displacement : (P, 6) array
-        Under the wrench.
-    direction : (3,) array, optional
-        Of length 1.
+    `compliance` (P, 6, 6); `displacement` (P, 6): under the wrench; `direction` (3,): of length 1.
     """
     along, about = compliance[:, :3, :3], compliance[:, 3:, 3:]
     if name == "compliance":
@@ -154,3 +156,52 @@ def from_jacobian(name: str, jacobian: Array) -> Array:
         return dexterity
     with np.errstate(divide="ignore", over="ignore"):
         return np.where(dexterity > 0.0, 1.0 / dexterity, np.inf)
+
+
+def dimension_names(variables: Iterable[str]) -> dict[str, str]:
+    """Return what the axes of a map are called in its file, by variable.
+
+    An axis has its variable's name, or ``variable_NAME`` where a map calls something else so.
+    """
+    names = tuple(variables)
+    result = {}
+    for name in names:
+        called = name
+        while called in OWN or (called != name and called in names):
+            called = f"variable_{called}"
+        result[name] = called
+    return result
+
+
+def variable_of(dataset: xarray.Dataset, axis: str) -> str:
+    """Return the variable that an axis of a map stands for."""
+    return str(dataset[axis].attrs.get("variable", axis))
+
+
+class Reason(IntEnum):
+    """What stands in `reason` at each pose of a map; 0 where all quantities are there."""
+
+    COMPUTED = 0
+    LIMITS = 1
+    LOOP_OPEN = 2
+    OUT_OF_REACH = 3
+    OTHER_CONFIGURATION = 4
+    SINGULAR = 5
+    MECHANISM = 6
+    RIGID = 7
+
+    @property
+    def label(self) -> str:
+        """The name, as files have it."""
+        return self.name.lower()
+
+
+MEANING = {
+    Reason.LIMITS: "a joint variable would be outside its limits",
+    Reason.LOOP_OPEN: "a loop does not close",
+    Reason.OUT_OF_REACH: "the TCP does not get there",
+    Reason.OTHER_CONFIGURATION: "reached only in another configuration than that of the posture held",
+    Reason.SINGULAR: "a loop leaves variables undetermined: no Jacobian",
+    Reason.MECHANISM: "the structure is a mechanism",
+    Reason.RIGID: "the TCP does not give way at all: infinite stiffness",
+}

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.maps.names import Reason
+from beamstiff.maps.quantities import Reason
 from beamstiff.robot.closure import close_loops
 from beamstiff.robot.frames import compile_frames
 from beamstiff.robot.inverse import inverse_geometry

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, nullcontext
@@ -13,13 +14,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from beamstiff.errors import BeamstiffError, listed
+from beamstiff.fem.large.memory import SHARE, free_bytes
 from beamstiff.files import remove_drafts
-from beamstiff.maps.chunk import Part, compute_chunk, compute_poses
+from beamstiff.maps.chunk import BLOCK, Part, compute_chunk, compute_poses
 from beamstiff.maps.dataset import check_format, empty_dataset, put, save_dataset
-from beamstiff.maps.foresee import refuse_unless_it_fits
 from beamstiff.maps.job import Job, build_job
-from beamstiff.maps.names import Reason
 from beamstiff.maps.parts import Parts
+from beamstiff.maps.quantities import Reason
 from beamstiff.maps.summary import reason_counts
 from beamstiff.parallel import check_places, parallel_map
 from beamstiff.robot.coerce import RobotLike, as_robot
@@ -27,10 +28,15 @@ from beamstiff.robot.coerce import RobotLike, as_robot
 if TYPE_CHECKING:
     import xarray
 
+
 Progress = Callable[[int, int], None]
 TRIED = 32  # poses, before all of them
 AWAY = (Reason.LIMITS, Reason.LOOP_OPEN, Reason.OUT_OF_REACH, Reason.OTHER_CONFIGURATION)
 NOTHING = (Reason.SINGULAR, Reason.MECHANISM, Reason.RIGID)
+
+PROCESS = 120e6  # B, that another process takes before it begins
+AT_A_POSE = 400.0  # B at a pose being computed, for each frame and node
+COPIES = 3  # of the quantities: gathered, written, and turned over for the file
 
 
 def map_workspace(
@@ -195,7 +201,7 @@ def _chunks(
 
 
 def _refuse_what_never_works(job: Job) -> None:
-    """Compute some poses: where the robot gives way or stands rigid at all it reaches, say so at once."""
+    """Compute some poses: where the robot is a mechanism or rigid at all it reaches, say so at once."""
     numbers = np.random.default_rng(0).integers(0, job.grid.count, TRIED)
     places = np.unravel_index(np.unique(numbers), job.grid.shape)
     points = np.stack([axis[at] for axis, at in zip(job.grid.axes, places, strict=True)], axis=1)
@@ -223,4 +229,39 @@ def _why_not(dataset: xarray.Dataset) -> str:
     return listed(
         f"{count} x {label} ({dataset['reason'].attrs.get(f'example_{label}', '')})"
         for label, count in counts.items()
+    )
+
+
+def refuse_unless_it_fits(job: Job, out: str | Path | None, processes: int) -> None:
+    """Refuse a map that memory or disk would not hold."""
+    per_pose = job.bytes_of_result
+    copies = 1 if out is None else COPIES
+    working = processes * (working_bytes(job) + 2 * per_pose * min(job.chunk_size, job.grid.count))
+    working += PROCESS * (processes if processes > 1 else 0)
+    _check("memory", copies * per_pose, working, SHARE * free_bytes(), job)
+    if out is not None:
+        try:
+            room = float(shutil.disk_usage(Path(out).resolve().parent).free)
+            room += sum(part.stat().st_size for part in Path(f"{out}.parts").glob("*"))  # finished chunks
+        except OSError:  # said when it is written to
+            return
+        _check(f"disk at {out}", 2 * per_pose, 0.0, room, job)
+
+
+def working_bytes(job: Job) -> float:
+    """Return what computing takes at a time, B."""
+    return BLOCK * AT_A_POSE * (len(job.robot.frames) + len(job.robot.nodes) + 6)
+
+
+def _check(what: str, per_pose: float, working: float, free: float, job: Job) -> None:
+    count = job.grid.count
+    needed = count * per_pose + working
+    if needed <= free:
+        return
+    fitting = int(max(0.0, free - working) / per_pose)
+    rounded = fitting - fitting % 10 ** max(0, len(str(fitting)) - 2)
+    about = f"about {rounded} poses" if fitting else "none"
+    raise BeamstiffError(
+        f"a map of {count} poses needs {needed / 1e9:.2g} GB of {what}, {free / 1e9:.2g} GB are free: "
+        f"{about} would fit; take a coarser grid, fewer quantities or fewer processes"
     )

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamstiff.maps.names import Reason, variable_of
-from beamstiff.maps.quantities import QUANTITIES
+from beamstiff.maps.quantities import QUANTITIES, Reason, variable_of
 
 if TYPE_CHECKING:
     import xarray

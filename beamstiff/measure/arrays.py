@@ -16,15 +16,8 @@ Integers = NDArray[np.int64]
 def finite(value: ArrayLike, name: str, *tail: int, missing: bool = False) -> Array:
     """Return `value` as a float array whose last axes are `tail`, every entry finite.
 
-    Parameters
-    ----------
-    value : array_like
-    name : str
-        What it is, for the message.
-    *tail : int
-        Lengths of the last axes; -1 for any.
-    missing : bool
-        Whether NaN is allowed, as "not measured".
+    `name`: what it is, for the message. `*tail`: lengths of the last axes; -1 for any. `missing`: whether NaN
+    is allowed, as "not measured".
     """
     try:
         array = np.array(value, dtype=np.float64)
@@ -66,8 +59,6 @@ def rotation_matrix(value: ArrayLike, name: str) -> Array:
 def equal_rows(values: Array) -> Integers:
     """Return an id for every row (N,), equal for equal rows, counted from 0 in order of appearance.
 
-    Examples
-    --------
     >>> equal_rows(np.array([[2.0], [1.0], [2.0]]))
     array([0, 1, 0])
     """
@@ -82,8 +73,6 @@ def equal_rows(values: Array) -> Integers:
 def places_of_each(number: NDArray[Any]) -> list[NDArray[np.intp]]:
     """Return where each value of an array (N,) stands, the least first.
 
-    Examples
-    --------
     >>> [places.tolist() for places in places_of_each(np.array([7, 3, 7]))]
     [[1], [0, 2]]
     """

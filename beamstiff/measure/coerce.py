@@ -10,10 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from beamstiff.errors import BeamstiffError, OptionError, shown
-from beamstiff.measure.doubts import doubts
+from beamstiff.measure.doubts import UnusableError, copies_between, doubts
 from beamstiff.measure.reader import read_measurements
 from beamstiff.measure.table import Measurements
-from beamstiff.measure.usable import UnusableError, copies_between
 from beamstiff.robot.description import Robot
 from beamstiff.robot.doubts import robot_doubts
 
@@ -26,15 +25,8 @@ def as_tables(
 ) -> list[Measurements]:
     """Return tables of measurements: themselves, or read from their CSV files.
 
-    Parameters
-    ----------
-    data : Measurements, str or os.PathLike, or a sequence of these
-    robot : Robot
-        Whose joint variables the columns are.
-    require_measured : bool
-        Refuse tables that hold loads alone.
-    what : str
-        The argument, for messages.
+    `robot`: whose joint variables the columns are. `require_measured`: refuse tables that hold loads alone.
+    `what`: the argument, for messages.
     """
     single = isinstance(data, Measurements | str | os.PathLike)
     if not single and not isinstance(data, Sequence):

@@ -57,12 +57,11 @@ Wrong = Callable[[str, str], NoReturn]  # raises the error of a column
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a file: its name, quantity ("" for labels), unit and header cell."""
+    """A column of a file: its name, quantity ("" for labels) and unit."""
 
     name: str
     quantity: str
     unit: str
-    cell: str
 
 
 def fail(source: str, line: int, column: str, message: str) -> NoReturn:
@@ -75,10 +74,8 @@ def read_header(
 ) -> list[Column]:
     """Return the columns that header cells such as ``q1 [deg]`` name.
 
-    Parameters
-    ----------
-    orientation : str or None
-        The declared meaning of columns A, B, C (or a, b, c): ``"KUKA ABC"`` or ``"rotation vector"``.
+    `orientation`: the declared meaning of columns A, B, C (or a, b, c): ``"KUKA ABC"`` or ``"rotation
+    vector"``.
     """
     declared = {variable.name: variable for variable in robot.variables}
     wrong = partial(fail, source, line)
@@ -87,7 +84,7 @@ def read_header(
         match = _CELL.fullmatch(cell)
         if match is None or not match["name"]:
             wrong(f"column {at}", f"found {shown(cell)}, expected a name and its unit, like dx [mm]")
-        column = _read_cell(match["name"], match["unit"], cell, declared, robot, orientation, wrong)
+        column = _read_cell(match["name"], match["unit"], declared, robot, orientation, wrong)
         for place, other in enumerate(columns, start=1):
             if other.name == column.name:
                 wrong(column.name, f"found twice, in columns {place} and {at}, expected once")
@@ -104,7 +101,6 @@ def read_header(
 def _read_cell(
     name: str,
     unit: str | None,
-    cell: str,
     declared: dict[str, Variable],
     robot: Robot,
     orientation: str | None,
@@ -116,7 +112,7 @@ def _read_cell(
             wrong(name, "this variable is passive, solved by loop closure: leave the column out")
         if not variable.actuated:
             wrong(name, f"this variable follows others (= {variable.equals}): leave the column out")
-        return Column(name, variable.kind, _unit(variable.kind, unit, name, wrong), cell)
+        return Column(name, variable.kind, _unit(variable.kind, unit, name, wrong))
     if name in ("A", "B", "C"):
         if orientation is None:
             wrong(name, KUKA_HINT)
@@ -124,10 +120,10 @@ def _read_cell(
     if name in LABELS:
         if unit is not None and unit.strip() not in ("-", "1"):
             wrong(name, f"found the unit {shown(unit)}, expected none")
-        return Column(name, "", "", cell)
+        return Column(name, "", "")
     if name not in QUANTITIES:
         _unknown(name, robot, wrong)
-    return Column(name, QUANTITIES[name], _unit(QUANTITIES[name], unit, name, wrong), cell)
+    return Column(name, QUANTITIES[name], _unit(QUANTITIES[name], unit, name, wrong))
 
 
 def _unit(quantity: str, unit: str | None, name: str, wrong: Wrong) -> str:

@@ -15,6 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from beamstiff.errors import BeamstiffError, shown
+from beamstiff.measure.text import RowError
 from beamstiff.se3 import Array, rotation_about, rotation_from_vector, vector_from_rotation
 
 NORM_TOLERANCE = 5e-3  # of quaternions and axes as people write them: three digits
@@ -153,22 +154,11 @@ class ToolAxis:
         return np.asarray(-rotations[:, :, 2])
 
 
-class RowError(BeamstiffError):
-    """Numbers that are no orientation; `row` is their place among those given."""
-
-    def __init__(self, row: int, message: str) -> None:
-        self.row = row
-        super().__init__(message)
-
-
 def named_orientation(name: str) -> Orientation:
     """Return the convention of three columns a b c by its name.
 
-    Parameters
-    ----------
-    name : str
-        ``rotation vector``; ``KUKA ABC`` (intrinsic Z-Y-X); ``Euler ZYX`` and the like (intrinsic, in the
-        order of the columns); ``fixed XYZ`` and the like (about axes that stand still).
+    `name`: ``rotation vector``; ``KUKA ABC`` (intrinsic Z-Y-X); ``Euler ZYX`` and the like (intrinsic, in the
+    order of the columns); ``fixed XYZ`` and the like (about axes that stand still).
     """
     plain = re.sub(r"[\s_-]+", " ", name.strip().lower())
     if plain in ("rotation vector", "rotvec"):

@@ -15,11 +15,10 @@ import numpy as np
 from beamstiff.errors import BeamstiffError, listed, shown, suggest
 from beamstiff.files import read_text
 from beamstiff.measure.columns import LABELS, QUANTITIES, Column, fail, to_si
-from beamstiff.measure.numbers import CellError, numbers
-from beamstiff.measure.orientation import Orientation, Quaternion, RowError, named_orientation
+from beamstiff.measure.orientation import Orientation, Quaternion, named_orientation
 from beamstiff.measure.profiles import ANGLES, POSITION, QUATERNION, Profile
 from beamstiff.measure.registration import Registration, register
-from beamstiff.measure.text import RawTable, split_table
+from beamstiff.measure.text import RawTable, RowError, numbers, split_table
 from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 from beamstiff.units import UNITS, quantity, unit_factor
 
@@ -40,13 +39,8 @@ def convert_points(
 ) -> PointTable:
     """Return a list of points as a table of measurements in CSV.
 
-    Parameters
-    ----------
-    path : str or os.PathLike
-        The list.
-    joints : str or os.PathLike, optional
-        CSV table of joint values and loads, written beside the points: rows of the same `pose` where both
-        have one, else as many rows in the same order.
+    `path`: the list. `joints`: CSV table of joint values and loads, written beside the points: rows of the
+    same `pose` where both have one, else as many rows in the same order.
     """
     return parse_points(
         read_text(Path(path)),
@@ -149,11 +143,11 @@ def _cells(
             continue
         try:
             raw = numbers(cells, may_be_empty=column in QUANTITIES, decimal_comma=profile.decimal == "comma")
-        except CellError as error:
+        except RowError as error:
             fail(name, lines[error.row], column, str(error))
         kind = _kind(column, profile)
         unit = profile.units.get(column, profile.units.get(kind, ""))
-        values[column] = raw if column in QUATERNION else to_si(raw, Column(column, kind, unit, column))
+        values[column] = raw if column in QUATERNION else to_si(raw, Column(column, kind, unit))
     return labels, values
 
 

@@ -9,29 +9,20 @@ from numpy.typing import ArrayLike
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.arrays import finite, positive, rotation_matrix
-from beamstiff.measure.rigid_motion import check_spread, fit_rigid_motion, rotation_precision
+from beamstiff.measure.registration import check_spread, fit_rigid_motion, rotation_precision
 from beamstiff.se3 import Array, displacement_transport, rotate_screw, skew, transform, vector_from_rotation
 
 
 @dataclass(frozen=True, eq=False)
 class PointDisplacement:
-    """Displacements of the TCP found from points.
+    """Displacements of the TCP found from points."""
 
-    Attributes
-    ----------
-    displacement : (..., 6) array, m and rad
-        ``[d, r]`` of the TCP, in the frame of the points.
-    rotation : (..., 3, 3) array
-        ``dR = R' R^T`` (eq. 30); its rotation vector is r.
-    residual : (...) array, m
-        Root mean square distance between the points after loading and the points before, moved rigidly.
-    covariance : (..., 6, 6) array or None
-        Of `displacement`, from the points' sigma; None where that was not given.
-    """
-
-    displacement: Array
-    rotation: Array
+    displacement: Array  # (..., 6), m and rad: ``[d, r]`` of the TCP, in the frame of the points
+    rotation: Array  # (..., 3, 3): ``dR = R' R^T`` (eq. 30); its rotation vector is r
+    # (...), m: root mean square distance between the points after loading and the points before, moved
+    # rigidly
     residual: Array
+    # (..., 6, 6): of `displacement`, from the points' sigma; None where that was not given
     covariance: Array | None
 
     @property
@@ -50,22 +41,8 @@ def frame_from_points(points: ArrayLike) -> Array:
 
     Origin P10, x towards P11, z normal to the plane of the three, P12 on the side of positive y.
 
-    Parameters
-    ----------
-    points : (..., 3, 3) array, m
-        Rows P10, P11, P12.
+    `points` (..., 3, 3), m: rows P10, P11, P12.
 
-    Returns
-    -------
-    (..., 4, 4) array
-
-    Raises
-    ------
-    BeamstiffError
-        When they lie on a line.
-
-    Examples
-    --------
     >>> frame_from_points([[0, 0, 1], [2, 0, 1], [1, 1, 1]])[:3, 3]
     array([0., 0., 1.])
     """
@@ -92,28 +69,12 @@ def displacement_from_points(
     ``d = p' - p`` (eq. 29) and ``dR = R' R^T`` (eq. 30) of the rigid motion that carries the points before
     onto those after with the least squared distance; for three points this is F7 to F7' of eqs 27 and 28.
 
-    Parameters
-    ----------
-    before, after : (..., M, 3) arrays, m
-        M >= 3 points, in the base frame (else the result is in the frame of the tracker); an unloaded reading
-        (M, 3) serves all poses.
-    tcp : (..., 3) array, m
-        Unloaded TCP, in the frame of the points.
-    offset : (..., 3) array, m
-        Instead of `tcp`: the TCP in the frame F7 of the first three points (`frame_from_points`).
-    sigma : float, m
-        Standard deviation of one coordinate of one point, before and after.
-    tolerance : float, m
-        Largest residual: points on a rigid tool keep their distances.
+    `before, after` (..., M, 3), m: M >= 3 points, in the base frame (else the result is in the frame of the
+    tracker); an unloaded reading (M, 3) serves all poses. `tcp` (..., 3), m: unloaded TCP, in the frame of
+    the points. `offset` (..., 3), m: instead of `tcp`: the TCP in the frame F7 of the first three points
+    (`frame_from_points`). `sigma`, m: standard deviation of one coordinate of one point, before and after.
+    `tolerance`, m: largest residual: points on a rigid tool keep their distances.
 
-    Raises
-    ------
-    BeamstiffError
-        When points are few, collinear or not finite, moved against one another by more than `tolerance`, or
-        not exactly one of `tcp` and `offset` is given.
-
-    Examples
-    --------
     >>> points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
     >>> displacement_from_points(points, points + [0, 0, -1e-3], tcp=[0, 0, 2]).displacement.round(12)
     array([ 0.   ,  0.   , -0.001,  0.   ,  0.   ,  0.   ])
@@ -170,25 +131,12 @@ def subtract_sensor_deflection(
     rotation: ArrayLike,
     arm: ArrayLike = (0.0, 0.0, 0.0),
 ) -> Array:
-    """Return measured TCP displacements without what a force sensor between flange and tool gave way.
+    """Return measured TCP displacements without the deflection of a force sensor between flange and tool.
 
-    Parameters
-    ----------
-    displacement : (..., 6) array, m and rad
-        Measured ``[d, r]`` of the TCP, base frame.
-    wrench : (..., 6) array, N and N m
-        Wrench on the tool at the TCP, base frame.
-    compliance : (6, 6) array
-        Of the sensor, at its own origin and in its own axes, ``[d, r] = C [f, m]``, from the maker's data.
-    rotation : (..., 3, 3) array
-        Base from sensor axes.
-    arm : (..., 3) array, m
-        From the sensor's origin to the TCP, base frame.
-
-    Raises
-    ------
-    BeamstiffError
-        When the compliance is not symmetric and positive semidefinite, or anything is not finite.
+    `displacement` (..., 6), m and rad: measured ``[d, r]`` of the TCP, base frame. `wrench` (..., 6), N and N
+    m: wrench on the tool at the TCP, base frame. `compliance` (6, 6): of the sensor, at its own origin and in
+    its own axes, ``[d, r] = C [f, m]``, from the maker's data. `rotation` (..., 3, 3): base from sensor axes.
+    `arm` (..., 3), m: from the sensor's origin to the TCP, base frame.
     """
     measured = finite(displacement, "displacement", 6)
     load = finite(wrench, "wrench", 6)
@@ -229,5 +177,4 @@ def _covariance(points: Array, arm: Array, sigma: float) -> Array:
 
 
 def _root_mean(block: Array) -> Array:
-    result: Array = np.sqrt(np.trace(block, axis1=-2, axis2=-1) / 3.0)
-    return result
+    return np.asarray(np.sqrt(np.trace(block, axis1=-2, axis2=-1) / 3.0))

@@ -31,11 +31,11 @@ from beamstiff.errors import BeamstiffError, listed, shown, suggest
 from beamstiff.files import read_text
 from beamstiff.measure.arrays import Integers
 from beamstiff.measure.columns import NODES, RESERVED, Column, kind_of, read_header, to_si
-from beamstiff.measure.numbers import CellError, numbers
+from beamstiff.measure.orientation import KUKA
 from beamstiff.measure.table import MEASURED, WRENCH, Kind, Measurements, Names, make_measurements
-from beamstiff.measure.text import RawTable, split_table
+from beamstiff.measure.text import RawTable, RowError, numbers, split_table
 from beamstiff.robot.description import Robot
-from beamstiff.se3 import Array, rotation_about, vector_from_rotation
+from beamstiff.se3 import Array, vector_from_rotation
 from beamstiff.units import MOST_TURN, quantity, unit_factor
 
 LARGEST = 1 << 30  # bytes; a table of some five million states
@@ -86,8 +86,6 @@ def parse_measurements(
 ) -> Measurements:
     r"""Read measurements from the text of a table; otherwise as `read_measurements`.
 
-    Examples
-    --------
     >>> from beamstiff.robot.description import Robot
     >>> robot = Robot(
     ...     name="axis",
@@ -168,7 +166,7 @@ def _values(
             read = numbers(cells[column.name], may_be_empty=may_be_empty, decimal_comma=decimal_comma)
             values[column.name] = to_si(read, column)
             _check_range(column, values[column.name], cells[column.name])
-        except CellError as error:
+        except RowError as error:
             bad.append((error.row, at, str(error)))
     if bad:
         row, at, message = min(bad)
@@ -211,7 +209,7 @@ def _check_range(column: Column, values: Array, cells: Sequence[str]) -> None:
         )
     if wrong.any():
         row = int(np.flatnonzero(wrong)[0])
-        raise CellError(row, f"found {shown(cells[row].strip())}, expected {expected}")
+        raise RowError(row, f"found {shown(cells[row].strip())}, expected {expected}")
 
 
 def _choice(key: str, raw: RawTable) -> str | None:
@@ -271,11 +269,8 @@ def _orientation(angles: Array, orientation: str | None, raw: RawTable) -> Array
         raw.fail_in_row(row, "a b c", "found some of the three empty, expected all or none")
     if orientation == "KUKA ABC":
         known = ~np.isnan(angles).any(axis=1)
-        a, b, c = angles[known].T
         result = angles.copy()
-        result[known] = vector_from_rotation(
-            rotation_about(2, a) @ rotation_about(1, b) @ rotation_about(0, c)
-        )
+        result[known] = vector_from_rotation(KUKA.rotations(angles[known]))
         return result
     length = np.linalg.norm(angles, axis=1)
     if orientation is None and (length > np.pi * (1 + 1e-9)).any():

@@ -1,45 +1,33 @@
-"""A tracker's frame carried to the base frame, from points known in both."""
+"""The rigid motion that carries points onto points, by least squares; a tracker's frame in the base frame."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.arrays import finite, positive
-from beamstiff.measure.rigid_motion import check_spread, fit_rigid_motion
 from beamstiff.se3 import Array, rotate_screw, skew
+
+# a triangle this flat turns a micrometre of noise along its height into a rotation a thousand times larger
+FLATTEST = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class Registration:
-    """The frame of a tracker in the base frame: ``base = scale * rotation @ tracker + translation``.
+    """The frame of a tracker in the base frame: ``base = scale * rotation @ tracker + translation``."""
 
-    Attributes
-    ----------
-    rotation : (3, 3) array
-    translation : (3,) array, m
-    scale : float
-        1 unless it was fitted.
-    residuals : (M, 3) array, m
-        Base point minus carried tracker point.
-    sigma : float
-        Standard deviation of one coordinate, m: as given, else from the residuals.
-    covariance : (6, 6) array
-        Of ``[translation, rotation vector]``, the rotation a small one about the base axes; m and rad.
-    apparent_scale, apparent_scale_std : float
-        Scale that fits best, applied or not, and its standard deviation. Far from 1 it warns of a scale
-        error.
-    """
-
-    rotation: Array
-    translation: Array
-    scale: float
-    residuals: Array
-    sigma: float
+    rotation: Array  # (3, 3)
+    translation: Array  # (3,), m
+    scale: float  # 1 unless it was fitted
+    residuals: Array  # (M, 3), m: base point minus carried tracker point
+    sigma: float  # standard deviation of one coordinate, m: as given, else from the residuals
+    # (6, 6): of ``[translation, rotation vector]``, the rotation a small one about the base axes; m and rad
     covariance: Array
+    # apparent_scale, apparent_scale_std: scale that fits best, applied or not, and its standard deviation.
+    # Far from 1 it warns of a scale error
     apparent_scale: float
     apparent_scale_std: float
 
@@ -76,22 +64,10 @@ def register(
 ) -> Registration:
     """Return the frame of a tracker in the base frame, by least squares over corresponding points.
 
-    Parameters
-    ----------
-    tracker, base : (M, 3) arrays, m
-        The same points in both frames, at least three, not on a line.
-    with_scale : bool
-        Fit a scale too. Off by default: it would hide a length error of the robot.
-    sigma : float, m
-        Standard deviation of one coordinate's difference; estimated from the residuals where not given.
+    `tracker, base` (M, 3), m: the same points in both frames, at least three, not on a line. `with_scale`:
+    fit a scale too. Off by default: it would hide a length error of the robot. `sigma`, m: standard deviation
+    of one coordinate's difference; estimated from the residuals where not given.
 
-    Raises
-    ------
-    BeamstiffError
-        When points are few, collinear, not finite, mirrored, or in different units.
-
-    Examples
-    --------
     >>> tracker = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
     >>> register(tracker, tracker + [1.0, 2.0, 3.0]).translation.round(12)
     array([1., 2., 3.])
@@ -146,3 +122,72 @@ def _scale_std(tracker: Array, base: Array, scale: Array, rotation: Array, sigma
         rest = b - scale * (a @ rotation.T)
         sigma = float(np.sqrt(np.sum(rest**2) / (3 * len(a) - 7)))
     return sigma / float(np.linalg.norm(a))
+
+
+@dataclass(frozen=True, eq=False)
+class RigidMotion:
+    """Motions ``to = scale * rotation @ from + translation``."""
+
+    rotation: Array  # (..., 3, 3)
+    translation: Array  # (..., 3), m
+    residuals: Array  # (..., M, 3), m: what remains at each point, to minus moved from
+    best_scale: Array  # (...): scale that would fit best, whether applied or not
+    # (...): a reflection would fit the points far better than any rotation
+    mirrored: NDArray[np.bool_]
+
+    @property
+    def rms(self) -> Array:
+        """Root mean square of the residuals' norm (...), m."""
+        return np.asarray(np.sqrt(np.mean(np.sum(self.residuals**2, axis=-1), axis=-1)))
+
+
+def check_spread(points: Array, name: str) -> None:
+    """Refuse sets of points (..., M, 3) that do not fix a rotation."""
+    count = points.shape[-2]
+    if count < 3:
+        raise BeamstiffError(f"{name}: found {count} points, expected at least three that are not on a line")
+    spread = np.linalg.svd(points - points.mean(axis=-2, keepdims=True), compute_uv=False).reshape(-1, 3)
+    flat = spread[:, 1] <= FLATTEST * spread[:, 0]
+    if flat.any():
+        worst = int(flat.argmax())
+        place = f" in pose {worst}" if points.ndim > 2 else ""
+        kind = "on one line" if spread[worst, 0] > 0 else "at one place"
+        raise BeamstiffError(
+            f"{name}: found points {kind}{place}, expected at least three that are not on a line"
+        )
+
+
+def fit_rigid_motion(start: Array, end: Array, *, with_scale: bool = False) -> RigidMotion:
+    """Return the motions that carry points `start` onto `end` with the least squared distance.
+
+    Kabsch 1976 (Acta Cryst. A32, 922) with the scale of Umeyama 1991 (IEEE PAMI 13, 376), by singular values.
+
+    `start, end` (..., M, 3), m: corresponding points, M >= 3, not collinear (`check_spread`). `with_scale`:
+    fit a scale too.
+    """
+    start, end = np.broadcast_arrays(start, end)
+    from_centre, to_centre = start.mean(axis=-2), end.mean(axis=-2)
+    a, b = start - from_centre[..., None, :], end - to_centre[..., None, :]
+    u, values, vt = np.linalg.svd(np.swapaxes(b, -1, -2) @ a)
+    hand = np.sign(np.linalg.det(u) * np.linalg.det(vt))
+    signs = np.ones_like(values)
+    signs[..., 2] = hand
+    rotation = (u * signs[..., None, :]) @ vt
+    size = np.sum(a**2, axis=(-2, -1))
+    fitted = np.sum(values * signs, axis=-1)
+    best_scale = fitted / size
+    scale = best_scale if with_scale else np.ones_like(best_scale)
+    translation = to_centre - scale[..., None] * np.einsum("...ij,...j->...i", rotation, from_centre)
+    moved = np.einsum("...ij,...mj->...mi", rotation, a) * scale[..., None, None]
+    residuals = b - moved
+    # squared residuals of the best rotation and of the best reflection, each with its own scale
+    left = np.sum(b**2, axis=(-2, -1))
+    proper, improper = left - fitted**2 / size, left - np.sum(values, axis=-1) ** 2 / size
+    mirrored = (proper > 100 * np.maximum(improper, 0.0)) & (proper > 1e-6 * left)
+    return RigidMotion(rotation, translation, residuals, best_scale, mirrored)
+
+
+def rotation_precision(centred: Array) -> Array:
+    """Return ``sum |c|^2 I - c c^T`` (..., 3, 3): sigma^2 times its inverse is a rotation's covariance."""
+    s = skew(centred)
+    return np.asarray(np.sum(np.swapaxes(s, -1, -2) @ s, axis=-3))

@@ -18,15 +18,7 @@ from beamstiff.se3 import Array
 def subset(measurements: Measurements, mask: ArrayLike) -> Measurements:
     """Return some rows of a table.
 
-    Parameters
-    ----------
-    mask : (N,) array of bool, or array of int
-        Rows to keep, or their indices in the wanted order.
-
-    Raises
-    ------
-    BeamstiffError
-        When no row is left, or the mask does not fit.
+    `mask`: (N,) of bool, rows to keep; or their indices in the wanted order.
     """
     chosen = np.asarray(mask)
     if chosen.dtype == np.bool_:
@@ -53,8 +45,6 @@ def in_runs(measurements: Measurements, most: int, runs: int = 10) -> Measuremen
 
     Neighbours stay together, for a machine has a memory.
 
-    Examples
-    --------
     >>> from beamstiff.measure import make_measurements
     >>> q = 0.1 * np.arange(100)[:, None]
     >>> table = make_measurements(["q1"], q, tcp="tip", displacement=np.zeros((100, 3)))
@@ -71,17 +61,14 @@ def in_runs(measurements: Measurements, most: int, runs: int = 10) -> Measuremen
     return subset(measurements, (end - start[run] <= most // runs)[place])
 
 
-def concatenate(tables: Sequence[Measurements]) -> Measurements:
+def concatenate(data: Measurements | Sequence[Measurements]) -> Measurements:
     """Return several tables as one. Poses are numbered anew: those of different files stay apart.
 
     Where the tables' noise differs, `sigma` keeps it row by row and `sigma_position` (`_rotation`) is None.
-
-    Raises
-    ------
-    BeamstiffError
-        When there is none, or two contradict one another: other variables, another kind, another sharing of
-        unloaded readings or another history. The message names both files.
     """
+    if isinstance(data, Measurements):
+        return data
+    tables = data
     if not tables:
         raise BeamstiffError("found no table of measurements, expected at least one")
     first = tables[0]
@@ -140,7 +127,7 @@ def history_order(measurements: Measurements) -> Integers:
     within = np.where(complete(measurements.time, group), measurements.time, stepped)
     if measurements.continuous:
         start = np.where(timed_run, measurements.time, start)
-    # the last key counts most; equal times are told apart by step and row
+    # the last key counts most; step and row distinguish equal times
     keys = (row, stepped, within, first_of(row), start, measurements.run)
     return np.lexsort(keys).astype(np.int64)
 

@@ -22,52 +22,25 @@ _MEAN_DEVIATION = 1.2533141373155003
 
 @dataclass(frozen=True, eq=False)
 class AveragedStates:
-    """States averaged over their samples; S states, D components.
+    """States averaged over their samples; S states, D components."""
 
-    Attributes
-    ----------
-    state : (S,) array of int
-        Their ids, in order of appearance.
-    mean : (S, D) array
-        NaN where nothing was sampled.
-    spread : (S, D) array
-        Standard deviation of one sample (n - 1); NaN for fewer than two.
-    sigma : (S, D) array
-        Standard deviation of the mean, ``spread / sqrt(n)``: of independent samples. Slow drift within a
-        state makes it too small; repeats (`repeated_states`) show that.
-    count : (S, D) array of int
-        Samples used.
-    rejected : (S, D) array of int
-        Samples left out as outliers.
-    """
-
-    state: Integers
-    mean: Array
-    spread: Array
+    state: Integers  # (S,): their ids, in order of appearance
+    mean: Array  # (S, D): naN where nothing was sampled
+    spread: Array  # (S, D): standard deviation of one sample (n - 1); NaN for fewer than two
+    # (S, D): standard deviation of the mean, ``spread / sqrt(n)``: of independent samples. Slow drift within
+    # a state makes it too small; repeats (`repeated_states`) show that
     sigma: Array
-    count: Integers
-    rejected: Integers
+    count: Integers  # (S, D): samples used
+    rejected: Integers  # (S, D): samples left out as outliers
 
 
 def average_samples(samples: ArrayLike, state: ArrayLike, *, robust: bool = False) -> AveragedStates:
     """Return the mean and spread of every state's samples.
 
-    Parameters
-    ----------
-    samples : (T, D) array
-        Raw readings; NaN where one dropped out. Angles must not wrap: give rotations relative to a reference.
-    state : (T,) array of int
-        State that each sample belongs to.
-    robust : bool
-        Leave out samples further from the median than 3.5 robust standard deviations, component by component.
+    `samples` (T, D): raw readings; NaN where one dropped out. Angles must not wrap: give rotations relative
+    to a reference. `state` (T,): state that each sample belongs to. `robust`: leave out samples further from
+    the median than 3.5 robust standard deviations, component by component.
 
-    Raises
-    ------
-    BeamstiffError
-        When there is no sample, shapes do not fit, or a sample is infinite.
-
-    Examples
-    --------
     >>> states = average_samples([[1.0], [3.0], [7.0]], [5, 5, 6])
     >>> states.mean.ravel(), states.spread.ravel(), states.sigma[0]
     (array([2., 7.]), array([1.41421356, nan]), array([1.]))
@@ -103,20 +76,9 @@ def difference_of_states(
 ) -> tuple[Array, Array]:
     """Return loaded minus unloaded means (N, D) and their standard deviations (N, D).
 
-    Parameters
-    ----------
-    states : AveragedStates
-    loaded, unloaded : (N,) arrays of int
-        Ids of the states. Where one unloaded state serves several rows, their errors are correlated: give
-        ``shared_unloaded=True`` to `make_measurements`.
+    `loaded, unloaded` (N,): ids of the states. Where one unloaded state serves several rows, their errors are
+    correlated: give ``shared_unloaded=True`` to `make_measurements`.
 
-    Raises
-    ------
-    BeamstiffError
-        When a state does not exist.
-
-    Examples
-    --------
     >>> states = average_samples([[1.0], [3.0], [7.0], [9.0]], [0, 0, 1, 1])
     >>> difference_of_states(states, [1], [0])
     (array([[6.]]), array([[1.41421356]]))
@@ -144,21 +106,9 @@ def pooled_sigma(values: ArrayLike, group: ArrayLike) -> tuple[Array, Integers]:
 
     ``sigma^2 = sum_g sum_i (x_gi - mean_g)^2 / sum_g (n_g - 1)``, component by component.
 
-    Parameters
-    ----------
-    values : (N, D) array
-        NaN where not measured.
-    group : (N,) array of int
-        Repeats of one state share an id.
+    `values` (N, D): NaN where not measured. `group` (N,): repeats of one state share an id. Both results are
+    (D,); sigma is NaN without repeats.
 
-    Returns
-    -------
-    sigma : (D,) array
-        NaN without repeats.
-    freedom : (D,) array of int
-
-    Examples
-    --------
     >>> pooled_sigma([[1.0], [3.0], [10.0], [10.0], [50.0]], [0, 0, 1, 1, 2])
     (array([1.]), array([2]))
     """

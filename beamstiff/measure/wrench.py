@@ -24,27 +24,10 @@ def wrench_from_force(
 ) -> Array:
     """Return the wrench at the TCP of a force of known direction that acts beside it.
 
-    Parameters
-    ----------
-    direction : (..., 3) array
-        Of the force on the tool, base frame, any length but zero.
-    magnitude : (...) array, N
-    arm : (..., 3) array, m
-        From the TCP to the point where the force acts, base frame.
-    moment : (..., 3) array, N m
-        A pure moment on top of it.
+    `direction` (..., 3): of the force on the tool, base frame, any length but zero. `magnitude` (...), N.
+    `arm` (..., 3), m: from the TCP to the point where the force acts, base frame. `moment` (..., 3), N m: a
+    pure moment on top of it.
 
-    Returns
-    -------
-    (..., 6) array
-
-    Raises
-    ------
-    BeamstiffError
-        When a direction is zero or anything is not finite.
-
-    Examples
-    --------
     >>> wrench_from_force([0, 0, -2], 100.0, arm=[0.5, 0, 0])
     array([   0.,   0., -100.,    0.,   50.,    0.])
     """
@@ -60,19 +43,8 @@ def wrench_from_force(
 def transport_wrench(wrench: ArrayLike, start: ArrayLike, end: ArrayLike) -> Array:
     """Return the wrench that acts at `end` as `wrench` does at `start`, two points of one rigid body.
 
-    Parameters
-    ----------
-    wrench : (..., 6) array, N and N m
-        ``[f, m]`` about `start`, base frame.
-    start, end : (..., 3) arrays, m
-        Base frame.
+    `wrench` (..., 6), N and N m: ``[f, m]`` about `start`, base frame. `start, end` (..., 3), m: base frame.
 
-    Returns
-    -------
-    (..., 6) array
-
-    Examples
-    --------
     >>> transport_wrench([0, 0, -100, 0, 0, 0], start=[1.5, 0, 1], end=[1, 0, 1])
     array([   0.,   0., -100.,    0.,   50.,    0.])
     """
@@ -93,27 +65,10 @@ def wrench_from_sensor(
 ) -> Array:
     """Return the wrench on the tool at the TCP in the base frame, from a force and moment sensor.
 
-    Parameters
-    ----------
-    reading : (..., 6) array, N and N m
-        ``[f, m]`` at the sensor's origin, in its axes.
-    rotation : (..., 3, 3) array
-        Base from sensor axes.
-    sensor, tcp : (..., 3) arrays, m
-        The sensor's origin and the TCP, base frame.
-    tare : (..., 6) array
-        Reading at the same pose without load; it takes the tool's weight and the zero offset away.
-    reaction : bool
-        The sensor tells what the tool exerts, not what is exerted on it: the sign is turned.
-
-    Returns
-    -------
-    (..., 6) array
-
-    Raises
-    ------
-    BeamstiffError
-        When `rotation` is none or anything is not finite.
+    `reading` (..., 6), N and N m: ``[f, m]`` at the sensor's origin, in its axes. `rotation` (..., 3, 3):
+    base from sensor axes. `sensor, tcp` (..., 3), m: the sensor's origin and the TCP, base frame. `tare`
+    (..., 6): reading at the same pose without load; it takes the tool's weight and the zero offset away.
+    `reaction`: the sensor tells what the tool exerts, not what is exerted on it: the sign is turned.
     """
     load = finite(reading, "sensor reading", 6) - finite(tare, "tare", 6)
     screw = rotate_screw(rotation_matrix(rotation, "sensor rotation"))
@@ -132,32 +87,11 @@ def wrench_from_dead_weight(
 ) -> Array:
     """Return the wrench at the TCP of a weight that hangs from the tool, straight or over a pulley.
 
-    Parameters
-    ----------
-    mass : (...) array, kg
-        Hanging mass, zero or more.
-    attachment : (..., 3) array, m
-        Where the cable is fixed to the tool, base frame.
-    tcp : (..., 3) array, m
-    pulley : (..., 3) array, m
-        Where the cable leaves the pulley; the force points from the attachment to it. None: the weight hangs
-        straight down.
-    gravity : (3,) array, m/s^2
-        Base frame.
-    efficiency : float
-        Share of the weight that the pulley passes on, above 0, at most 1.
+    `mass` (...), kg: hanging mass, zero or more. `attachment` (..., 3), m: where the cable is fixed to the
+    tool, base frame. `tcp` (..., 3), m. `pulley` (..., 3), m: where the cable leaves the pulley; the force
+    points from the attachment to it. None: the weight hangs straight down. `gravity` (3,), m/s^2: base frame.
+    `efficiency`: share of the weight that the pulley passes on, above 0, at most 1.
 
-    Returns
-    -------
-    (..., 6) array
-
-    Raises
-    ------
-    BeamstiffError
-        When a mass is negative, attachment and pulley coincide, or anything is not finite.
-
-    Examples
-    --------
     >>> wrench_from_dead_weight(10.0, [1, 0, 1], [1, 0, 1], pulley=[3, 0, 1])
     array([98.0665,  0.    ,  0.    ,  0.    ,  0.    ,  0.    ])
     """

@@ -48,13 +48,7 @@ def write_measurements(measurements: Measurements, path: str | Path, robot: Robo
 
 
 def measurements_to_csv(measurements: Measurements, robot: Robot) -> str:
-    """Return the text of the file that `write_measurements` writes.
-
-    Raises
-    ------
-    BeamstiffError
-        When the table is not of this robot.
-    """
+    """Return the text of the file that `write_measurements` writes."""
     variables = tuple(variable.name for variable in robot.actuated)
     if variables != measurements.variables:
         raise BeamstiffError(
@@ -127,7 +121,7 @@ def _millimetres(value: float) -> str:
 
 def _in_unit(values: Array, variable: Variable, unit: str) -> list[str]:
     """Return SI values as text in a unit: the short decimal where it stands for the same number."""
-    column = Column(variable.name, variable.kind, unit, variable.name)
+    column = Column(variable.name, variable.kind, unit)
     factor, offset = unit_factor(unit, variable.kind)
     plain = (values - offset) / factor
     short = [f"{value:.15g}" for value in plain.tolist()]

@@ -36,12 +36,7 @@ def by_pose(tests: Measurements, information: Array) -> Array:
 def plan_of(tests: Measurements, design: Design, noise: Noise, whole_poses: bool = False) -> Plan:
     """Return the campaign of a design.
 
-    Parameters
-    ----------
-    tests : Measurements
-        The candidates, as from `candidate_tests`.
-    design : Design
-        What is chosen of them, or of their poses.
+    `tests`: the candidates, as from `candidate_tests`. `design`: what is chosen of them, or of their poses.
     """
     rows = design.chosen
     if whole_poses:

@@ -171,17 +171,8 @@ def information(
     The Fisher information ``S^T W S`` of a row, S the sensitivity at the robot's present stiffness and W the
     inverse covariance of what is read there, load errors included: ``sigma^2 I + C cov(w) C^T``.
 
-    Parameters
-    ----------
-    tests : Measurements
-        N rows, as from `candidate_tests`.
-    parameters : sequence of str, optional
-        Stiffness values to find; default ``robot.identify``.
-
-    Returns
-    -------
-    names : tuple of str (m)
-    information : (N, m, m) array
+    `tests`: N rows, as from `candidate_tests`. `parameters`: stiffness values to find; default
+    ``robot.identify``. Returns the names (m) and the information (N, m, m).
     """
     names, found, idle = _information(robot, tests, noise, parameters)
     problem = _undetermined(names, found.sum(axis=0), idle)
@@ -197,12 +188,8 @@ def identifiable(
 
     Of parameters that act only together, all but the first count as known.
 
-    Returns
-    -------
-    names : tuple of str (m)
-    information : (N, m, m) array
-    left_out : dict of str to str
-        Parameters that these tests cannot tell, each with the reason.
+    Returns the names (m), the information (N, m, m), and the parameters that these tests cannot tell, each
+    with the reason.
     """
     names, found, idle = _information(robot, tests, noise, parameters)
     left_out: dict[str, str] = {}

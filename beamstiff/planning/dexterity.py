@@ -29,12 +29,8 @@ OUT_OF_REACH = 50.0  # log kappa_F of a pose that does not close
 def normalised_jacobian(kinematics: Kinematics, posture: Posture, length: float) -> Array:
     """Return the Jacobian with translations in characteristic lengths (seed 000, eq. 12), (P, 6, A).
 
-    Parameters
-    ----------
-    posture : Posture
-        P poses.
-    length : float, m
-        Prismatic variables are counted in it too, so that the entries have no unit.
+    `posture`: P poses. `length`, m: prismatic variables are counted in it too, so that the entries have no
+    unit.
     """
     if not (np.isfinite(length) and length > 0):
         raise BeamstiffError(f"characteristic length: found {length}, expected a positive number of metres")
@@ -55,8 +51,7 @@ def inverse_condition(matrix: Array) -> Array:
     ahead = np.divide(values, largest, out=np.ones_like(values), where=largest > 0.0)
     behind = np.divide(smallest, values, out=np.ones_like(values), where=values > 0.0)
     ratio = np.divide(smallest, largest, out=np.zeros_like(largest), where=largest > 0.0)[..., 0]
-    result: Array = values.shape[-1] * ratio / np.sqrt((ahead**2).sum(-1) * (behind**2).sum(-1))
-    return result
+    return np.asarray(values.shape[-1] * ratio / np.sqrt((ahead**2).sum(-1) * (behind**2).sum(-1)))
 
 
 @dataclass(frozen=True)

@@ -45,12 +45,8 @@ class Influence:
 def load_influence(structure: Structure, posture: Posture, wrench: ArrayLike) -> Influence:
     """Return the influence of K_C at every pose, for any robot.
 
-    Parameters
-    ----------
-    posture : Posture
-        P poses.
-    wrench : (6,) or (P, 6) array, N and N m
-        ``[f, m]`` at the TCP, base frame: the load that stiffens or softens, and that displaces.
+    `posture`: P poses. `wrench` (6,), N and N m: ``[f, m]`` at the TCP, base frame: the load that stiffens or
+    softens, and that displaces.
     """
     poses = posture.node_positions.shape[0]
     load = np.broadcast_to(_wrench(wrench, poses), (poses, 6))
@@ -103,16 +99,9 @@ def choose_wrist(
     Least is the smallest ``max(nu_p / P, nu_r / R)``, P and R the medians over the values tried; values at
     which a pose falls below the least dexterity are left out.
 
-    Parameters
-    ----------
-    poses : (P, A) array, rad or m
-        Chosen for their dexterity; the two variables' values in them do not count.
-    wrench : (6,) array, N and N m
-    over : mapping of two names to values, rad or m
-    length : float, m
-        Characteristic length.
-    least : float
-        1/kappa_F that every pose has to keep.
+    `poses` (P, A), rad or m: chosen for their dexterity; the two variables' values in them do not count.
+    `wrench` (6,), N and N m. `over`: values of two variables, rad or m. `length`, m: characteristic length.
+    `least`: 1/kappa_F that every pose has to keep.
     """
     kinematics, robot = structure.kinematics, structure.robot
     chosen = actuated_values(robot, np.asarray(poses))

@@ -42,12 +42,8 @@ class Grid:
 def joint_grid(robot: Robot, over: Mapping[str, ArrayLike], held: Mapping[str, float] | None = None) -> Grid:
     """Return the poses of a grid over two actuated variables.
 
-    Parameters
-    ----------
-    over : mapping of two names to values, rad or m
-        In growing order, at least two.
-    held : mapping of str to float, rad or m
-        The other variables; those not named are 0.
+    `over`, rad or m: in growing order, at least two. `held`, rad or m: the other variables; those not named
+    are 0.
     """
     names, held = list(over), dict(held or {})
     if len(names) != 2:
@@ -112,15 +108,9 @@ def random_poses(kinematics: Kinematics, count: int, random: np.random.Generator
 def rounded_postures(robot: Robot, q: Array, units: Mapping[str, str]) -> Array:
     """Return postures with the digits that a pendant takes, within the limits.
 
-    Parameters
-    ----------
-    q : (n, A) array
-        Of the actuated variables, rad or m.
-    units : mapping of str to str
-        In which the pendant takes them, by variable; SI else.
+    `q` (n, A): of the actuated variables, rad or m. `units`: in which the pendant takes them, by variable; SI
+    else.
 
-    Examples
-    --------
     >>> from beamstiff import load_robot
     >>> posture = np.array([[0.12345, -0.5, 0.5, 0.0, 0.0, 0.0]])
     >>> np.degrees(rounded_postures(load_robot("kr500"), posture, {"q1": "deg"}))[0, 0].round(12)
@@ -132,6 +122,6 @@ def rounded_postures(robot: Robot, q: Array, units: Mapping[str, str]) -> Array:
         unit = units.get(variable.name, UNITS[variable.kind])
         factor, _ = unit_factor(unit, variable.kind)
         decimals = max(0, -int(np.floor(np.log10(DIGIT[variable.kind] / factor))))
-        column = Column(variable.name, variable.kind, unit, variable.name)
+        column = Column(variable.name, variable.kind, unit)
         result[:, k] = to_si(np.round(q[:, k] / factor, decimals) + 0.0, column)
     return np.where((result >= lower) & (result <= upper), result, q)

@@ -8,7 +8,7 @@ from beamstiff.errors import listed
 from beamstiff.functions.plan import MeasurementPlan
 from beamstiff.planning.campaign import Plan
 from beamstiff.planning.candidates import Noise
-from beamstiff.planning.enough import AtRandom
+from beamstiff.planning.designs import AtRandom
 from beamstiff.report.tables import Column, Table, counted, number, table
 from beamstiff.robot.stiffness import parameter_unit
 

@@ -13,8 +13,7 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.maps.names import variable_of
-from beamstiff.maps.quantities import QUANTITIES
+from beamstiff.maps.quantities import QUANTITIES, variable_of
 from beamstiff.maps.summary import PERCENTILES, axes_of, ordered_quantities, worst_pose
 from beamstiff.report.figures import BLUE, ORANGE, new_figure, plain
 from beamstiff.report.tables import Column, Table, number, table

@@ -36,7 +36,6 @@ def test_exact_readings_are_explained_exactly() -> None:
     assert found.after.position_max == pytest.approx(0, abs=1e-10)
     fresh = measured(REAL, within(serial(), 50, 2), noise=0.0, base=BASE)
     assert errors_on(found, fresh).position_max == pytest.approx(0, abs=1e-8)
-    assert found.before.position_mean is not None
     assert found.before.position_mean > 1e-3
 
 
@@ -57,7 +56,6 @@ def test_single_errors_in_the_base_frame_are_named_and_sized() -> None:
     rows = measured(machine(serial(), planted), within(serial(), 50, 4))
     found = calibrate(serial(), rows, [*planted, "q3", "f5.d"])
     for item in found.parameters:
-        assert item.std is not None
         assert abs(item.change - planted.get(item.name, 0.0)) < 4 * item.std
     assert found["f3.d"].value == pytest.approx(1.3005, abs=1e-4)
     assert found["f3.d"].nominal == 1.3
@@ -108,9 +106,7 @@ def test_held_out_errors_are_those_of_fresh_poses() -> None:
     rows = measured(REAL, within(serial(), 60, 6), base=BASE)
     found = calibrate(serial(), rows, folds=10)
     fresh = errors_on(found, measured(REAL, within(serial(), 300, 7), base=BASE, seed=1))
-    assert found.held_out is not None
     assert found.held_out.position_rms == pytest.approx(fresh.position_rms, rel=0.2)
-    assert found.after.position_rms is not None
     assert found.after.position_rms < found.held_out.position_rms
     assert calibrate(serial(), rows, folds=0).held_out is None
 
@@ -123,8 +119,6 @@ def test_readings_of_one_pose_are_held_out_together_though_the_encoders_tremble(
     rows = replace(seen, position=seen.position + shift, pose=common.astype(np.int64))
     tremble = 1e-10 * np.random.default_rng(4).standard_normal(q.shape)
     still, moving = (calibrate(serial(), one).held_out for one in (rows, replace(rows, q=q + tremble)))
-    assert still is not None
-    assert moving is not None
     assert moving.position_rms == pytest.approx(still.position_rms, rel=1e-3)
 
 
@@ -169,7 +163,6 @@ def test_tables_from_several_stations_share_one_geometry() -> None:
     moved = in_base_frame(found, concatenate(tables))
     assert np.nanmax(np.abs(gap_of(found.robot, moved))) < 6 * SIGMA
     wrong = calibrate(serial(), tables, folds=0)
-    assert wrong.after.position_rms is not None
     assert wrong.after.position_rms > 0.1
 
 
@@ -181,8 +174,6 @@ def test_priors_hold_back_what_the_poses_hardly_show() -> None:
     free, held = calibrate(serial(), rows, folds=0), calibrate(serial(), rows, priors=priors, folds=0)
     assert len(held.observability.identified) > len(free.observability.identified)
     one, other = errors_on(free, fresh).position_rms, errors_on(held, fresh).position_rms
-    assert one is not None
-    assert other is not None
     assert other < one
     nailed = calibrate(serial(), rows, ["q2", "q3"], priors={"q2": 1e-9}, folds=0)
     assert nailed["q2"].value == pytest.approx(0, abs=1e-7)

@@ -1,6 +1,7 @@
 """Synthetic campaigns for the tests, and the KR240-2's displacement by seed 000, eq. 20."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from beamstiff.robot.kinematics import compile_kinematics, posture, twist_jacobi
 POSITION, ROTATION = 3e-5, 5e-5
 
 
+@cache
 def kr240() -> Robot:
     return load_robot("kr240-2")
 

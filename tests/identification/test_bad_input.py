@@ -35,13 +35,6 @@ def measured(
     return replace(table, displacement=predict_displacements(robot, table))
 
 
-def test_fewer_values_than_parameters_are_refused() -> None:
-    one = measured(POSES[:1], LOADS[:1])
-    some = replace(one, displacement=np.where(np.arange(6) < 3, one.displacement, np.nan))
-    with pytest.raises(BeamstiffError, match=r"3 measured components .* for 6 parameters \(J1\.torsional, "):
-        identify(ROBOT, some)
-
-
 def test_a_joint_that_is_never_loaded_is_named_and_gets_no_value() -> None:
     # forces through the axis of joint 6, which the tool's point lies on
     forces = LOADS * [1, 1, 1, 0, 0, 0]
@@ -58,12 +51,6 @@ def test_nothing_but_joints_never_loaded_is_refused() -> None:
     forces = LOADS * [1, 1, 1, 0, 0, 0]
     with pytest.raises(BeamstiffError, match=r"J6\.torsional is never loaded: its stiffness cannot be ident"):
         identify(ROBOT, measured(wrench=forces), ["J6.torsional"])
-
-
-def test_loads_of_zero_are_refused() -> None:
-    table = replace(measured(), wrench=np.zeros((10, 6)))
-    with pytest.raises(BeamstiffError, match="all loads are zero; without load no stiffness can be"):
-        identify(ROBOT, table)
 
 
 def test_one_test_repeated_is_reported_and_gives_only_sums() -> None:

@@ -39,14 +39,14 @@ def radial(*joints: str) -> frozenset[str]:
 @pytest.mark.parametrize("planted", [True, False])
 def test_groups_are_exact_on_random_graphs(planted: bool) -> None:
     wrong, count = {}, 0
-    for seed in range(200):
+    for seed in range(80):
         case = random_case(seed, planted)
         count += len(case.series) + len(case.parallel)
         found = find_degeneracy(build_problem(case.robot, case.tests))
         if fault := faults(case, found):
             wrong[seed] = fault
     assert wrong == {}
-    assert count > 200 if planted else count == 0
+    assert count > 80 if planted else count == 0
 
 
 def test_bearings_of_the_ir663_act_in_series_as_the_paper_says() -> None:
@@ -67,19 +67,17 @@ def test_the_sum_in_series_is_known_though_no_term_is() -> None:
     [_, coupler] = found.degenerate
     assert coupler.relation == "1/J18.radial + 1/J99.radial + 1/J1010.radial"
     truth = sum(1 / robot.parameter(name) for name in coupler.parameters)
-    assert coupler.value is not None
-    assert coupler.std is not None
     assert abs(coupler.value - truth) < 3 * coupler.std
     assert coupler.std < 0.1 * truth
     for name in coupler.parameters:
         assert found[name].value is None
-        assert 0 < found[name].lower_bound <= 1 / truth  # type: ignore[operator]
+        assert 0 < found[name].lower_bound <= 1 / truth
         assert "acts only together with" in found[name].reason
 
 
 def test_loads_out_of_the_plane_tell_axial_stiffness_in_sums_and_some_tilting() -> None:
-    by_campaign = {name: expected(*one) for name, one in CAMPAIGNS.items()}
-    plane, best = by_campaign["x, z"], by_campaign["with moments, rotations read"]
+    names = ("x, z", "x, y, z", "with moments, rotations read")
+    plane, along_y, best = (expected(*CAMPAIGNS[name]) for name in names)
     for joint in JOINTS:
         assert plane[f"{joint}.axial"] == plane[f"{joint}.tilting"] == np.inf
         assert f"{joint}.axial" not in best
@@ -87,7 +85,7 @@ def test_loads_out_of_the_plane_tell_axial_stiffness_in_sums_and_some_tilting() 
     well = {name for name, std in best.items() if ".tilting" in name and std < 0.2}
     assert well == {"J12.tilting", "J33.tilting"}
     # forces along y alone, positions read: felt, but nothing is bounded
-    assert all(std > 1 for name, std in by_campaign["x, y, z"].items() if "tilting" in name)
+    assert all(std > 1 for name, std in along_y.items() if "tilting" in name)
 
 
 @pytest.mark.parametrize("name", ["kr500", "kr240-2"])
@@ -96,8 +94,7 @@ def test_joints_4_and_6_are_one_spring_at_the_wrist_singularity(name: str) -> No
     [both] = found.degenerate
     assert both.relation == "1/J4.torsional + 1/J6.torsional"
     truth = sum(1 / robot.parameter(name) for name in both.parameters)
-    assert both.value is not None
-    assert abs(both.value - truth) < 3 * both.std  # type: ignore[operator]
+    assert abs(both.value - truth) < 3 * both.std
     assert [item.name for item in found.parameters if not item.identifiable] == list(both.parameters)
 
 
@@ -107,8 +104,6 @@ def test_near_the_singularity_they_are_ill_determined_and_said_to_be(name: str) 
     assert found.degenerate == ()
     [both] = found.ill_determined
     assert both.parameters == ("J4.torsional", "J6.torsional")
-    assert both.value is not None
-    assert both.std is not None
     truth = sum(1 / robot.parameter(name) for name in both.parameters)
     assert both.value == pytest.approx(truth, rel=0.05)
     assert both.std < 0.02 * both.value
@@ -134,7 +129,7 @@ def test_a_search_along_a_flat_valley_ends_with_what_is_known() -> None:
     assert found.chi_square < 1.3
     for name in ("J12.torsional", "J18.torsional"):
         item = found[name]
-        assert abs(item.value - actual.parameter(name)) < 3 * item.std  # type: ignore[operator]
+        assert abs(item.value - actual.parameter(name)) < 3 * item.std
     assert not any(found[name].identifiable for name in names if "tilting" in name or "axial" in name)
 
 
@@ -152,7 +147,7 @@ def test_a_start_of_what_a_group_cannot_tell_does_not_spoil_the_fit(softer: floa
     assert found.chi_square < 1.1
     truth = [total.value(values) for total in group.sums]
     for known, value in zip(found.degenerate, truth, strict=True):
-        assert abs(known.value - value) < 3 * known.std  # type: ignore[operator]
+        assert abs(known.value - value) < 3 * known.std
     assert not any(item.identifiable for item in found.parameters)
     again = predict_displacements(found.robot, tests)
     assert np.abs(again - found.predicted).max() < 1e-9 * np.abs(again).max()

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ from benchmarks.identification_methods import SOFT, TOLD, campaign
 from tests.identification.campaigns import kr240, measured, rows, white
 
 
+@cache
 def objective() -> Objective:
     robot, table = kr240(), rows(kr240(), 10)
     data = measured(robot, table, white(table, 0))

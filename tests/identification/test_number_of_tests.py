@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from beamstiff import BeamstiffError
+from beamstiff.identification.bootstrap import NumberOfTests, number_of_tests
 from beamstiff.identification.input_errors import InputErrors
-from beamstiff.identification.number_of_tests import NumberOfTests, number_of_tests
 from beamstiff.identification.refit import refit
 from beamstiff.identification.statement import Statement, build_identification
 from tests.identification.campaigns import kr240, measured, rows, sensitivities, white
@@ -100,9 +100,5 @@ def test_numbers_that_make_no_sense_are_refused(counts: list[int]) -> None:
     statement, theta = fitted(6)
     with pytest.raises(BeamstiffError, match="growing numbers from 1 to 6"):
         number_of_tests(statement, theta, counts)
-
-
-def test_no_order_is_refused() -> None:
-    statement, theta = fitted(6)
     with pytest.raises(BeamstiffError, match="0 orders"):
         number_of_tests(statement, theta, orders=0)

@@ -93,7 +93,7 @@ def test_an_unknown_parametrisation_is_named() -> None:
     with pytest.raises(
         BeamstiffError, match=r"no derivatives by 'compliances' \(did you mean 'compliance'\?\)"
     ):
-        problem.jacobian(problem.model.start, "compliances")  # type: ignore[arg-type]
+        problem.jacobian(problem.model.start, "compliances")
 
 
 def any_data(name: str) -> tuple[Robot, Measurements]:
@@ -162,7 +162,7 @@ def test_tables_of_other_variables_are_refused_with_both_names() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"wrench": np.zeros((4, 6))}, "campaign: all loads are zero"),
+        ({"wrench": np.zeros((4, 6))}, "campaign: all loads are zero; without load no stiffness can be"),
         ({"displacement": np.full((4, 6), np.nan)}, "campaign: found no measured displacements"),
         ({"kind": "absolute"}, "campaign: holds absolute positions"),
     ],
@@ -177,7 +177,9 @@ def test_fewer_readings_than_parameters_are_counted() -> None:
     table = measured(kr240(), rows(kr240(), 1))
     displacement = table.displacement.copy()
     displacement[:, 3:] = np.nan
-    with pytest.raises(BeamstiffError, match="3 measured components in 1 row for 6 parameters"):
+    with pytest.raises(
+        BeamstiffError, match=r"3 measured components in 1 row for 6 parameters \(J1\.torsional, "
+    ):
         build_problem(kr240(), replace(table, displacement=displacement))
 
 
@@ -209,5 +211,5 @@ def test_only_the_components_asked_for_count() -> None:
         rest = np.delete(np.arange(6), free)
         target = d[:, some] - (a[:, some][:, :, rest] @ compliances(robot)[rest])
         best = np.linalg.lstsq(a[:, some][:, :, free].reshape(-1, len(free)), target.ravel())[0]
-        found = identify(robot, data, names, components=components, folds=0)  # type: ignore[arg-type]
+        found = identify(robot, data, names, components=components, folds=0)
         assert 1 / found.stiffness == pytest.approx(best, rel=1e-7)

@@ -1,17 +1,22 @@
-"""Monte Carlo sensitivity against the propagation of small errors through least squares."""
+"""Monte Carlo sensitivity against the propagation of small errors through least squares; its study."""
 
+import io
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from beamstiff import BeamstiffError, load_robot
+from beamstiff.identification.bootstrap import number_of_tests
 from beamstiff.identification.input_errors import InputErrors
 from beamstiff.identification.refit import refit
 from beamstiff.identification.sensitivity import Sensitivity, sensitivity
 from beamstiff.identification.statement import build_identification
 from beamstiff.robot.kinematics import compile_kinematics, posture, twist_jacobian
 from benchmarks.coverage_study import ALL_RADIAL, ir663
+from benchmarks.sensitivity_study import ERRORS as PAPER
+from benchmarks.sensitivity_study import campaign, print_number, print_sensitivity
 from tests.identification.campaigns import (
     compliances,
     kr240,
@@ -109,3 +114,20 @@ def test_another_table_no_noise_or_one_repetition_are_refused() -> None:
     unknown = build_identification(ROBOT, silent, ROBOT.identify[:5])
     with pytest.raises(BeamstiffError, match="no noise"):
         sensitivity(unknown, silent, unknown.parameters.begin, ERRORS)
+
+
+def test_errors_by_source_and_number_of_tests_are_printed_beside_the_paper() -> None:
+    console = Console(width=140, record=True, file=io.StringIO())
+    statement, tests, theta = campaign(10)
+    found = sensitivity(statement, tests, theta, PAPER, 60)
+    spread = dict(zip(found.sources, 3 * found.spread, strict=True))
+    assert (spread["angle"] < 0.001).all()
+    assert (spread["hold_angle"] > np.array([8, 8, 9, 2, 2, 5]) / 100).all()
+    print_sensitivity(console, found)
+    statement, _, theta = campaign(23)
+    by_number = number_of_tests(statement, theta, orders=20)
+    assert max(count or 99 for count in by_number.enough(0.1).values()) <= 8  # the paper: stable above six
+    print_number(console, by_number)
+    text = console.export_text()
+    assert "paper, %" in text
+    assert "within 10 % from" in text

@@ -37,20 +37,23 @@ def test_other_postures_tell_joints_4_and_6_apart_as_well_as_said() -> None:
     bent = np.random.default_rng(4).uniform(-np.pi, np.pi, (20, 6))
     found = identify(robot, concatenate([tests, campaign(robot, bent, loads, seed=1)]))
     assert found.degenerate == ()
-    worst = max(found[name].std / found[name].value for name in pair)  # type: ignore[operator]
+    worst = max(found[name].std / found[name].value for name in pair)
     assert worst == pytest.approx(best.std, rel=1.0)  # other postures than those tried
 
 
 def test_no_load_at_the_tool_parts_bearings_in_series_but_a_reflector_between_does() -> None:
-    robot = load_robot("ir663")
+    """And the noise of the table says how well it does."""
+    robot, pair = load_robot("ir663"), ("J99.radial", "J1010.radial")
     tests = campaign(robot, poses_of(robot), loads_of(("x", "z")), components="position")
-    [[best, *others]] = find_separations(robot, tests, [("J99.radial", "J1010.radial")], NAMES)
+    [[best, *others]] = find_separations(robot, tests, [pair], NAMES)
     assert best.measure.startswith("the displacement of n")
     assert not any("at the tool" in other.measure for other in others)
     node = best.measure.split()[3]
     there = replace(tests, point=np.full(len(tests), node))
     both = find_degeneracy(build_problem(robot, [tests, there], NAMES))
-    assert not any({"J99.radial", "J1010.radial"} <= set(group.members) for group in both.joined)
+    assert not any(set(pair) <= set(group.members) for group in both.joined)
+    exact = replace(tests, sigma=tests.sigma * 1e-3, sigma_position=SIGMA_POSITION * 1e-3)
+    assert find_separations(robot, exact, [pair], NAMES)[0][0].std == pytest.approx(1e-3 * best.std, rel=1e-6)
 
 
 def test_a_load_along_y_makes_axial_stiffness_felt() -> None:
@@ -89,10 +92,10 @@ def test_the_reduced_robot_does_the_same_on_the_rows_and_has_no_groups_left() ->
     assert again.rms == pytest.approx(found.rms, rel=1e-6)
     std = found.degenerate[1].std
     lumped = again["J1010.radial"]
-    assert lumped.std / lumped.value**2 == pytest.approx(std, rel=0.01)  # type: ignore[operator]
+    assert lumped.std / lumped.value**2 == pytest.approx(std, rel=0.01)
 
 
-@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize("seed", range(30))
 def test_random_groups_are_reduced_without_a_change_at_the_tool(seed: int) -> None:
     case = random_case(seed, planted=True)
     found = find_degeneracy(build_problem(case.robot, case.tests))
@@ -123,15 +126,6 @@ def test_a_beam_is_not_lumped_away() -> None:
         reduce_model(
             load_robot("ir663"), Degeneracy((), (group,), ()), {"J12.radial": 1.0, "arm.E": 1e12}, ["arm.E"]
         )
-
-
-def test_the_noise_of_the_table_decides_what_is_worth_it() -> None:
-    robot = load_robot("ir663")
-    tests = campaign(robot, poses_of(robot), loads_of(("x", "z")), components="position")
-    exact = replace(tests, sigma=tests.sigma * 1e-3, sigma_position=SIGMA_POSITION * 1e-3)
-    pair = ("J99.radial", "J1010.radial")
-    coarse, fine = (find_separations(robot, some, [pair], NAMES)[0][0].std for some in (tests, exact))
-    assert fine == pytest.approx(1e-3 * coarse, rel=1e-6)
 
 
 def nested(seed: int) -> Robot:

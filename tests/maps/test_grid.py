@@ -65,7 +65,7 @@ def test_a_robot_of_few_joints_follows_positions() -> None:
         ({name: np.linspace(0, 1, 2_000_000) for name in ("q1", "q2")}, "expected at most"),
     ],
 )
-def test_grids_that_make_no_sense_are_refused(over: dict, told: str) -> None:  # type: ignore[type-arg]
+def test_grids_that_make_no_sense_are_refused(over: dict, told: str) -> None:
     with pytest.raises(BeamstiffError, match=told):
         make_grid(compile_kinematics(planar_arm()), over)
 

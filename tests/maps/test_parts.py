@@ -15,7 +15,7 @@ import pytest
 
 from beamstiff import files
 from beamstiff.errors import BeamstiffError
-from tests.maps.test_resume import computed, mapped, same, small_chunks, stopped  # noqa: F401
+from tests.maps.test_resume import computed, mapped, same, small_chunks, stopped, whole  # noqa: F401
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 DRAFT = f".beamstiff-{12 * 'a'}-{32 * 'b'}"
@@ -29,7 +29,7 @@ def test_a_folder_that_a_kill_left_before_it_held_a_job_is_taken_up(
     parts.mkdir()
     for name in left:
         (parts / name).mkdir() if name == DRAFT else (parts / name).touch()
-    assert same(mapped(tmp_path / "map.nc"), mapped())
+    assert same(mapped(tmp_path / "map.nc"), whole())
     assert [path.name for path in tmp_path.iterdir()] == ["map.nc"]
 
 
@@ -43,63 +43,66 @@ def test_a_job_that_is_broken_is_named(tmp_path: Path, content: bytes) -> None:
     assert (parts / "job.json").read_bytes() == content
 
 
-def changed(data: bytes, change: Callable[[dict[str, Any]], None]) -> bytes:
-    """Return a chunk with other arrays under its old head."""
-    head, _, body = data.partition(b"\n")
+def changed(chunk: Path, change: Callable[[dict[str, Any]], None]) -> None:
+    """Write other arrays under a chunk's old head."""
+    head, _, body = chunk.read_bytes().partition(b"\n")
     with np.load(io.BytesIO(body)) as arrays:
         values = dict(arrays)
     change(values)
     out = io.BytesIO()
     np.savez(out, **values)
-    return head + b"\n" + out.getvalue()
+    chunk.write_bytes(head + b"\n" + out.getvalue())
 
 
-def shift(values: dict[str, Any]) -> None:
-    values["reasons"] = (values["reasons"] + 1).astype(np.int8)
+def lacking(one: Path, _: Path) -> None:
+    changed(one, lambda values: values.pop("stiffness"))
 
 
-@pytest.mark.parametrize("change", [lambda values: values.pop("stiffness"), shift])
-def test_a_chunk_that_was_changed_is_computed_again(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    computed: Counter[int],  # noqa: F811
-    change: Callable[[dict[str, Any]], None],
-) -> None:
-    out = stopped(tmp_path, monkeypatch, 3)
-    chunk = tmp_path / "map.nc.parts" / "000001.chunk"
-    chunk.write_bytes(changed(chunk.read_bytes(), change))
-    found = mapped(out)
-    assert sorted(computed) == [1, 3, 4, 5, 6, 7, 8]
-    assert same(found, mapped())
+def shifted(one: Path, _: Path) -> None:
+    changed(one, lambda values: values.update(reasons=(values["reasons"] + 1).astype(np.int8)))
 
 
-def test_chunks_that_changed_places_are_computed_again(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    computed: Counter[int],  # noqa: F811
-) -> None:
-    out = stopped(tmp_path, monkeypatch, 4)
-    one, other = (tmp_path / "map.nc.parts" / f"00000{k}.chunk" for k in (1, 2))
+def damaged(one: Path, other: Path) -> None:
+    one.write_bytes(one.read_bytes()[:-200])
+    flipped = bytearray(other.read_bytes())
+    flipped[len(flipped) // 2] ^= 0xFF
+    other.write_bytes(flipped)
+
+
+def in_each_others_place(one: Path, other: Path) -> None:
     a, b = one.read_bytes(), other.read_bytes()
     one.write_bytes(b)
     other.write_bytes(a)
-    found = mapped(out)
-    assert sorted(computed) == [1, 2, 4, 5, 6, 7, 8]
-    assert same(found, mapped())
 
 
-def test_a_chunk_of_another_job_is_computed_again(
+def of_another_job(one: Path, _: Path) -> None:
+    words = one.read_bytes().split(b" ", 3)
+    words[2] = 64 * b"0"
+    one.write_bytes(b" ".join(words))
+
+
+@pytest.mark.parametrize(
+    ("change", "again"),
+    [
+        (lacking, [1]),
+        (shifted, [1]),
+        (damaged, [1, 2]),
+        (in_each_others_place, [1, 2]),
+        (of_another_job, [1]),
+    ],
+)
+def test_chunks_that_are_not_as_they_were_written_are_computed_again(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     computed: Counter[int],  # noqa: F811
+    change: Callable[[Path, Path], None],
+    again: list[int],
 ) -> None:
-    out = stopped(tmp_path, monkeypatch, 2)
-    chunk = tmp_path / "map.nc.parts" / "000001.chunk"
-    words = chunk.read_bytes().split(b" ", 3)
-    words[2] = 64 * b"0"
-    chunk.write_bytes(b" ".join(words))
-    mapped(out)
-    assert sorted(computed)[:2] == [1, 2]
+    out = stopped(tmp_path, monkeypatch, 4)
+    change(*(tmp_path / "map.nc.parts" / f"00000{number}.chunk" for number in (1, 2)))
+    found = mapped(out)
+    assert sorted(computed) == [*again, 4, 5, 6, 7, 8]
+    assert same(found, whole())
 
 
 def test_files_of_others_in_the_folder_stay(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -140,7 +143,6 @@ def test_a_second_map_to_the_same_file_is_refused_and_a_killed_one_holds_nothing
         stdout=subprocess.PIPE,
         text=True,
     )
-    assert first.stdout is not None
     assert first.stdout.readline() == "holding\n"
     begun = time.monotonic()
     with pytest.raises(
@@ -151,7 +153,7 @@ def test_a_second_map_to_the_same_file_is_refused_and_a_killed_one_holds_nothing
     assert len(list((tmp_path / "map.nc.parts").glob("*.chunk"))) == 2
     first.kill()
     first.communicate()
-    assert same(mapped(out), mapped())
+    assert same(mapped(out), whole())
     assert [path.name for path in tmp_path.iterdir()] == ["map.nc"]
 
 

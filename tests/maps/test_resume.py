@@ -6,7 +6,7 @@ import signal
 import subprocess
 import sys
 from collections import Counter
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ import xarray
 
 from beamstiff import load_robot, map_workspace
 from beamstiff.errors import BeamstiffError
-from beamstiff.maps import foresee, job, parts, run
+from beamstiff.maps import job, parts, run
 from beamstiff.maps.chunk import compute_chunk
 from tests.maps.dying import always_dies, dies_once
 
@@ -51,6 +51,12 @@ def mapped(out: Path | None = None, **options: Any) -> xarray.Dataset:
     )
 
 
+@cache
+def whole() -> xarray.Dataset:
+    """Return the map as it is made at once."""
+    return mapped()
+
+
 def same(a: xarray.Dataset, b: xarray.Dataset) -> bool:
     return all(a[name].values.tobytes() == b[name].values.astype(a[name].dtype).tobytes() for name in a)
 
@@ -62,51 +68,51 @@ from beamstiff.maps import job, run
 from tests.maps import test_resume
 
 job.MANY = 300
-at, log, out = int(sys.argv[1]), sys.argv[2], sys.argv[3]
+log, out = sys.argv[1:]
 compute = run.compute_chunk
 
 def counted(one, box):
     with open(log, "a") as file:
         print(one.boxes.index(box), file=file)
-    if sum(1 for _ in open(log)) == at:
+    if sum(1 for _ in open(log)) in (3, 6):
         os.kill(os.getpid(), signal.SIGKILL)
     return compute(one, box)
 
 run.compute_chunk = counted
-test_resume.mapped(out)
+for _ in range(2):
+    if not (child := os.fork()):
+        test_resume.mapped(out)
+        os._exit(0)
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), os.path.exists(out))
 """
 
 
 def test_a_kill_costs_the_chunk_in_the_air_alone(tmp_path: Path, computed: Counter[int]) -> None:
     log, out = tmp_path / "log", tmp_path / "map.nc"
-    for at in (3, 6):  # killed twice, each time in the third chunk that it computes
-        ended = subprocess.run(
-            [sys.executable, "-c", KILLED, str(at), str(log), str(out)],
-            cwd=Path(__file__).resolve().parents[2],
-            env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
-            capture_output=True,
-        )
-        assert ended.returncode == -signal.SIGKILL, ended.stderr
-        assert not out.exists()
+    ended = subprocess.run(  # killed twice, each time in the third chunk that it computes
+        [sys.executable, "-c", KILLED, str(log), str(out)],
+        cwd=Path(__file__).resolve().parents[2],
+        env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
+        capture_output=True,
+        text=True,
+    )
+    assert ended.stdout.split() == [f"{-signal.SIGKILL}", "False"] * 2, ended.stderr
     assert [int(line) for line in log.read_text().split()] == [0, 1, 2, 2, 3, 4]
     found = mapped(out)
     assert sorted(computed.elements()) == [4, 5, 6, 7, 8]
     assert not (tmp_path / "map.nc.parts").exists()
     assert [path.name for path in tmp_path.iterdir() if path != log] == ["map.nc"]
-    assert same(found, mapped())
+    assert same(found, whole())
     with xarray.open_dataset(out) as written:
         assert same(found, written)
 
 
-def test_processes_change_no_bit(tmp_path: Path) -> None:
-    assert same(mapped(tmp_path / "map.nc", processes=2), mapped())
-
-
-def test_a_process_that_is_killed_costs_what_it_had(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    expected = mapped()
+def test_processes_change_no_bit_and_one_that_is_killed_costs_what_it_had(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     with monkeypatch.context() as patched:
         patched.setattr(run, "compute_chunk", partial(dies_once, tmp_path, 26))
-        assert same(mapped(tmp_path / "map.nc", processes=2), expected)
+        assert same(mapped(tmp_path / "map.nc", processes=2), whole())
     assert (tmp_path / "died").exists()
     monkeypatch.setattr(run, "compute_chunk", always_dies)
     with pytest.raises(BeamstiffError, match="one of the processes was killed"):
@@ -114,7 +120,7 @@ def test_a_process_that_is_killed_costs_what_it_had(tmp_path: Path, monkeypatch:
 
 
 def test_the_workers_of_a_cluster_change_no_bit(tmp_path: Path, scheduler: str) -> None:
-    assert same(mapped(tmp_path / "map.nc", scheduler=scheduler), mapped())
+    assert same(mapped(tmp_path / "map.nc", scheduler=scheduler), whole())
 
 
 def test_a_finished_map_leaves_nothing_but_itself_and_may_be_made_again(tmp_path: Path) -> None:
@@ -150,36 +156,22 @@ def stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, after: int) -> Path
         ({"wrench": [0, 0, -901, 0, 0, 0]}, "wrench"),
         ({"over": {**OVER, "q2": np.linspace(0.2, 1.3, 60)}}, "grid"),
         ({"gravity": True}, "gravity"),
+        ({"robot": load_robot("kr240-2").with_parameters({"J1.torsional": 1e6})}, "robot"),
     ],
 )
 def test_chunks_of_another_map_are_refused_by_what_differs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, change: dict[str, Any], named: str
 ) -> None:
     out = stopped(tmp_path, monkeypatch, 2)
-    usual = {"over": OVER, "held": HELD, "quantities": QUANTITIES, "wrench": WRENCH}
+    usual = {
+        "robot": load_robot("kr240-2"),
+        "over": OVER,
+        "held": HELD,
+        "quantities": QUANTITIES,
+        "wrench": WRENCH,
+    }
     with pytest.raises(BeamstiffError, match=rf"map.nc.parts: holds chunks of another map: {named} was"):
-        map_workspace(load_robot("kr240-2"), **{**usual, **change}, out=out)
-
-
-def test_chunks_of_another_robot_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    out, robot = stopped(tmp_path, monkeypatch, 2), load_robot("kr240-2")
-    softer = robot.with_parameters({f"{robot.joints[0].name}.torsional": 1e6})
-    with pytest.raises(BeamstiffError, match="another map: robot was"):
-        map_workspace(softer, OVER, held=HELD, quantities=QUANTITIES, wrench=WRENCH, out=out)
-
-
-def test_a_damaged_chunk_is_computed_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, computed: Counter[int]
-) -> None:
-    out = stopped(tmp_path, monkeypatch, 4)
-    whole = (tmp_path / "map.nc.parts" / "000001.chunk").read_bytes()
-    (tmp_path / "map.nc.parts" / "000001.chunk").write_bytes(whole[:-200])
-    flipped = bytearray(whole)
-    flipped[len(flipped) // 2] ^= 0xFF
-    (tmp_path / "map.nc.parts" / "000002.chunk").write_bytes(flipped)
-    found = mapped(out)
-    assert sorted(computed) == [1, 2, 4, 5, 6, 7, 8]
-    assert same(found, mapped())
+        map_workspace(**{**usual, **change}, out=out)
 
 
 def test_a_full_disk_loses_no_finished_chunk(
@@ -220,7 +212,7 @@ def test_a_disk_that_is_full_at_the_end_keeps_all_chunks(
 
 
 def test_memory_is_foreseen_and_what_would_fit_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(foresee, "free_bytes", lambda: 1e9)
+    monkeypatch.setattr(run, "free_bytes", lambda: 1e9)
     over = {name: np.linspace(0.2, 1.2, 300) for name in ("q1", "q2", "q3")}
     with pytest.raises(BeamstiffError) as refused:
         map_workspace(load_robot("kr240-2"), over, held=HELD, quantities=["compliance"])
@@ -231,8 +223,8 @@ def test_memory_is_foreseen_and_what_would_fit_is_said(monkeypatch: pytest.Monke
 
 
 def test_a_disk_too_small_is_foreseen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    usage = foresee.shutil.disk_usage(tmp_path)
-    monkeypatch.setattr(foresee.shutil, "disk_usage", lambda _: usage._replace(free=100_000))
+    usage = run.shutil.disk_usage(tmp_path)
+    monkeypatch.setattr(run.shutil, "disk_usage", lambda _: usage._replace(free=100_000))
     with pytest.raises(BeamstiffError, match=r"needs .* GB of disk .* would fit"):
         mapped(tmp_path / "map.nc")
     assert list(tmp_path.iterdir()) == []
@@ -253,5 +245,5 @@ def test_the_memory_foreseen_is_what_a_chunk_takes() -> None:
         run.compute_poses(one, points)
         peak = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
-        set_aside = foresee.working_bytes(one)
+        set_aside = run.working_bytes(one)
         assert 0.2 * set_aside < peak < set_aside, name

@@ -16,7 +16,7 @@ from beamstiff import (
 )
 from beamstiff.errors import BeamstiffError
 from beamstiff.fem import condensation
-from beamstiff.maps.names import Reason
+from beamstiff.maps.quantities import Reason
 from beamstiff.planning.dexterity import inverse_condition, normalised_jacobian
 from beamstiff.robot.kinematics import posture_at
 from beamstiff.se3 import Array
@@ -221,7 +221,6 @@ def test_a_pose_that_only_the_other_elbow_reaches_names_that_posture() -> None:
     assert (mirrored > 0).tolist() == [[False, True]] * 2
     assert found.reason.values.tolist() == [[0, Reason.OTHER_CONFIGURATION]] * 2
     named = re.search(r"q1=(.*)deg,q2=(.*)deg", found.reason.attrs["example_other_configuration"])
-    assert named is not None
     off = np.radians([float(named[1]), float(named[2])]) - [q1[0, 1], q2[0, 1]]
     assert np.abs(np.angle(np.exp(1j * off))).max() < 1e-3
 

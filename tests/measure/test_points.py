@@ -82,7 +82,7 @@ def test_many_poses_at_once_are_each_pose_alone() -> None:
     found = displacement_from_points(before, after, tcp=tcp, sigma=1e-5)
     np.testing.assert_allclose(found.displacement, np.hstack([d, r]), atol=1e-13)
     alone = displacement_from_points(before[7], after[7], tcp=tcp[7], sigma=1e-5)
-    np.testing.assert_allclose(found.covariance[7], alone.covariance, rtol=1e-9)  # type: ignore[index, arg-type]
+    np.testing.assert_allclose(found.covariance[7], alone.covariance, rtol=1e-9)
 
 
 def test_one_unloaded_reading_serves_all_loads() -> None:
@@ -107,7 +107,6 @@ def test_the_covariance_is_the_spread_of_noisy_readings() -> None:
     noise = random.normal(0, sigma, (2, n, 3, 3))
     noisy = displacement_from_points(TRIANGLE + noise[0], after + noise[1], tcp=TCP)
     claimed = displacement_from_points(TRIANGLE, after, tcp=TCP, sigma=sigma)
-    assert claimed.covariance is not None
     spread = np.cov(noisy.displacement.T)
     size = np.sqrt(np.diag(claimed.covariance))
     # correlations have a standard error of 1 / sqrt(n) = 0.005, variances of sqrt(2 / n)

@@ -90,7 +90,7 @@ def test_a_scale_is_found_when_asked_for_and_told_when_not() -> None:
 @pytest.mark.parametrize("with_scale", [False, True])
 def test_the_covariance_is_the_spread_over_noisy_readings(with_scale: bool) -> None:
     random = np.random.default_rng(9)
-    sigma, n = 1e-4, 4000
+    sigma, n = 1e-4, 1500
     claimed = register(POINTS, base(POINTS), sigma=sigma, with_scale=with_scale)
     errors, estimates, scales = [], [], []
     for _ in range(n):

@@ -39,7 +39,7 @@ def test_a_table_is_frozen_and_holds_arrays_of_its_own() -> None:
     source = np.zeros((3, 6))
     one = table(3, displacement=source)
     with pytest.raises(AttributeError):
-        one.q = np.zeros((3, 1))  # type: ignore[misc]
+        one.q = np.zeros((3, 1))
     source[0, 0] = 1.0
     assert one.displacement[0, 0] == 0.0
 
@@ -157,33 +157,27 @@ def test_files_of_different_robots_are_named() -> None:
         concatenate([])
 
 
-def test_without_time_or_step_rows_are_in_order() -> None:
-    assert history_order(table(4, pose=[1, 0, 1, 0])).tolist() == [0, 2, 1, 3]
+POSE = [1, 0, 1, 0]
 
 
-def test_steps_order_the_rows_of_a_pose() -> None:
-    assert history_order(table(4, pose=[1, 0, 1, 0], step=[2, 1, 1, 0])).tolist() == [2, 0, 3, 1]
-
-
-def test_time_counts_before_step_and_orders_the_poses() -> None:
-    order = history_order(table(4, pose=[1, 0, 1, 0], step=[0, 1, 1, 0], time=[9, 2, 8, 3]))
-    assert order.tolist() == [1, 3, 2, 0]
-
-
-def test_a_pose_with_a_gap_in_time_falls_back_to_step() -> None:
-    order = history_order(table(4, pose=[0, 0, 1, 1], step=[2, 1, 1, 0], time=[1, np.nan, 0, 3]))
-    # without all times the poses stand in the order of their rows; the second is timed
-    assert order.tolist() == [1, 0, 2, 3]
-
-
-def test_equal_times_are_told_apart_by_step() -> None:
-    assert history_order(table(3, pose=[0, 0, 0], time=[1, 1, 0], step=[1, 0, 5])).tolist() == [2, 1, 0]
-
-
-def test_a_continuous_history_with_time_may_come_back_to_a_pose() -> None:
-    times, pose = [0, 1, 2, 3], [0, 1, 0, 1]
-    assert history_order(table(4, pose=pose, time=times, continuous=True)).tolist() == [0, 1, 2, 3]
-    assert history_order(table(4, pose=pose, time=times)).tolist() == [0, 2, 1, 3]
+@pytest.mark.parametrize(
+    ("given", "order"),
+    [
+        ({"pose": POSE}, [0, 2, 1, 3]),
+        ({"pose": POSE, "step": [2, 1, 1, 0]}, [2, 0, 3, 1]),
+        # time counts before step, and orders the poses
+        ({"pose": POSE, "step": [0, 1, 1, 0], "time": [9, 2, 8, 3]}, [1, 3, 2, 0]),
+        # without all times the poses stand in the order of their rows; the second is timed
+        ({"pose": [0, 0, 1, 1], "step": [2, 1, 1, 0], "time": [1, np.nan, 0, 3]}, [1, 0, 2, 3]),
+        # equal times are distinguished by step
+        ({"pose": [0, 0, 0], "time": [1, 1, 0], "step": [1, 0, 5]}, [2, 1, 0]),
+        ({"pose": [0, 1, 0, 1], "time": [0, 1, 2, 3]}, [0, 2, 1, 3]),
+        # a continuous history with time may come back to a pose
+        ({"pose": [0, 1, 0, 1], "time": [0, 1, 2, 3], "continuous": True}, [0, 1, 2, 3]),
+    ],
+)
+def test_rows_are_ordered_by_time_step_and_place(given: dict[str, Any], order: list[int]) -> None:
+    assert history_order(table(len(order), **given)).tolist() == order
 
 
 def test_runs_follow_one_another_whatever_their_clocks_say() -> None:

@@ -11,7 +11,7 @@ from examples.kr240_identification import main
 def test_the_example_draws_the_papers_figures_and_identifies(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    main(tmp_path)
+    main(tmp_path, step=9.0)
     text = capsys.readouterr().out
     names = ("dexterity", "influence", "links", "tests", "validation")
     assert sorted(path.name for path in tmp_path.iterdir()) == [f"kr240_{name}.png" for name in names]

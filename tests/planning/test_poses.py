@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from beamstiff.errors import BeamstiffError
+from beamstiff.planning import poses
 from beamstiff.planning.poses import (
     closed_posture,
     joint_grid,
@@ -49,15 +50,15 @@ def test_bad_grids_are_refused(over: dict[str, Any], held: dict[str, float], mes
 
 def test_random_poses_close_within_the_limits_and_come_again_with_the_seed() -> None:
     kinematics = compile_kinematics(IR663)
-    poses = random_poses(kinematics, 300, np.random.default_rng(4))
+    found = random_poses(kinematics, 300, np.random.default_rng(4))
     lower, upper = joint_ranges(IR663)
-    assert poses.shape == (300, 2)
-    assert ((poses >= lower) & (poses <= upper)).all()
-    assert closed_posture(kinematics, poses)[1].all()
-    assert (poses == random_poses(kinematics, 300, np.random.default_rng(4))).all()
-    assert (poses != random_poses(kinematics, 300, np.random.default_rng(5))).all()
+    assert found.shape == (300, 2)
+    assert ((found >= lower) & (found <= upper)).all()
+    assert closed_posture(kinematics, found)[1].all()
+    assert (found == random_poses(kinematics, 300, np.random.default_rng(4))).all()
+    assert (found != random_poses(kinematics, 300, np.random.default_rng(5))).all()
     # all over the limits, not near one pose
-    assert (np.ptp(poses, axis=0) > 0.5 * (upper - lower)).all()
+    assert (np.ptp(found, axis=0) > 0.5 * (upper - lower)).all()
 
 
 def test_poses_whose_loops_do_not_close_are_left_out_and_shown_as_missing() -> None:
@@ -77,7 +78,8 @@ def test_a_length_without_limits_has_no_range() -> None:
         joint_ranges(robot)
 
 
-def test_when_no_pose_closes_that_is_said() -> None:
+def test_when_no_pose_closes_that_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(poses, "ROUNDS", 3)  # each takes a fifth of a second
     limits = {"q2": np.radians((0.0, 2.0)), "q8": np.radians((-92.0, -90.0))}
     variables = tuple(
         v.model_copy(update={"limits": tuple(limits[v.name])}) if v.actuated else v for v in IR663.variables

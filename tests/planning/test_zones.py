@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 from beamstiff.errors import BeamstiffError
 from beamstiff.planning.dexterity import dexterity_map
 from beamstiff.planning.poses import joint_grid
-from beamstiff.planning.singular import singular_lines
-from beamstiff.planning.zones import find_zones
+from beamstiff.planning.zones import find_zones, singular_lines
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.robot.reader import load_robot
 

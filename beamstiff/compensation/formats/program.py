@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from beamstiff.compensation.editing import ENCODING, Slot, replaced
 from beamstiff.compensation.path import ToolPath
 from beamstiff.errors import BeamstiffError, listed, suggest
-from beamstiff.measure.orientation import Orientation, RowError
+from beamstiff.measure.orientation import Orientation
+from beamstiff.measure.text import RowError
 from beamstiff.se3 import Array, transform
 
 MOST = 1e3  # m

@@ -15,7 +15,7 @@ from beamstiff.exam.crowded.cases import CrowdedCase, CrowdedExam
 from beamstiff.exam.crowded.record import EXAMINED, CrowdedRecord, Reply
 from beamstiff.exam.names import FAILED, key_of, normal
 from beamstiff.exam.record import sha256
-from beamstiff.measure.rigid_motion import fit_rigid_motion
+from beamstiff.measure.registration import fit_rigid_motion
 
 Shifts = tuple[Array, Array]
 Report = Mapping[str, Any]

@@ -7,6 +7,8 @@ where a whole one goes too far.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.optimize import lsq_linear
 
@@ -35,45 +37,67 @@ def run(method: str, search: Search, begin: Array, effort: Effort) -> str:  # no
         search.note(theta, cost)
         return cost, residuals, -by_log / compliance  # d/dc = -(1/c) d/dlog k
 
-    last = search.evaluations + effort.evaluations
-    low, high = np.exp(-upper), np.exp(-lower)
     compliance = np.exp(-np.clip(begin, lower, upper))
+    bounds = np.exp(-upper), np.exp(-lower)
+    return gauss_newton(evaluate, compliance, *bounds, CLOSE, SHORTEST, effort.evaluations)[2]
+
+
+def gauss_newton(
+    evaluate: Callable[[Array], tuple[float, Array, Array]],
+    compliance: Array,
+    low: Array,
+    high: Array,
+    close: float,
+    shortest: float,
+    evaluations: float = np.inf,
+) -> tuple[Array, bool, str]:
+    """Return the compliances (t,) that steps within bounds end at, whether they converged, and why.
+
+    `evaluate` gives the cost, residuals (n,) and their slopes (n, t) by the compliances. A step that goes too
+    far is halved, down to `shortest` of it; no more are made where one is expected to gain less than `close`
+    of the cost.
+    """
     cost, residuals, slopes = evaluate(compliance)
+    spent = 1
     for step in range(STEPS):
-        target = nonnegative_step(compliance, residuals, slopes, low, high)
+        target = bounded_step(compliance, residuals, slopes, low, high)
         moved = slopes @ (target - compliance)
         gain = -float(moved @ (residuals + 0.5 * moved))
-        if gain <= CLOSE * cost or np.abs(target / compliance - 1).max() <= CLOSE:
-            return f"converged in {step} step{'s'[: step > 1]}"
+        if gain <= close * cost or np.abs(target / compliance - 1).max() <= close:
+            return compliance, True, f"converged in {step} step{'s'[: step > 1]}"
         share = 1.0
         while True:
-            if search.evaluations >= last:
-                return "stopped: the evaluations allowed are used up"
+            if spent >= evaluations:
+                return compliance, False, "stopped: the evaluations allowed are used up"
             there = np.clip(compliance + share * (target - compliance), low, high)
             new, *rest = evaluate(there)
+            spent += 1
             if new < cost:
                 break
             share /= 2
-            if share < SHORTEST:
-                return f"converged in {step} steps as far as rounding lets it"
+            if share < shortest:
+                return compliance, True, f"converged in {step} steps as far as rounding lets it"
         compliance, cost, (residuals, slopes) = there, new, rest
-    return f"stopped after {STEPS} steps"
+    return compliance, False, f"stopped after {STEPS} steps"
 
 
-def nonnegative_step(compliance: Array, residuals: Array, slopes: Array, low: Array, high: Array) -> Array:
+def bounded_step(compliance: Array, residuals: Array, slopes: Array, low: Array, high: Array) -> Array:
     """Return the compliances (t,) within bounds that minimise ``|r + A (x - c)|``.
 
-    Parameters
-    ----------
-    compliance : (t,) array
-        c, where r (n,) are the residuals and A (n, t) the slopes.
-    low, high : (t,) arrays
-        Bounds: a compliance is positive.
+    `compliance` (t,): c, where r (n,) are the residuals and A (n, t) the slopes; `low`, `high` (t,).
     """
     size = np.linalg.norm(slopes, axis=0)
     size = np.where(size > 0, size, 1.0)
-    target = slopes @ compliance - residuals
+    change, _, rank, _ = np.linalg.lstsq(slopes / size, -residuals)
+    target: Array = compliance + change / size
+    if rank == len(compliance) and ((target >= low) & (target <= high)).all():
+        return target
     found = lsq_linear(
-        slopes / size, target, bounds=(low * size, high * size), method="bvls", tol=1e-15, max_iter=1000
+        slopes / size,
+        slopes @ compliance - residuals,
+        bounds=(low * size, high * size),
+        method="bvls",
+        tol=1e-15,
+        max_iter=1000,
     )
     return np.clip(found.x / size, low, high)

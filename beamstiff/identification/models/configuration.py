@@ -6,8 +6,8 @@ Springs follow weights phi of the configuration (the cube of the workspace, the 
 
 The hierarchical prior shrinks what few readings say towards the common value, by as much as the readings
 themselves ask for: tau_j and the noise maximise the evidence (MacKay, "Bayesian interpolation", 1992). Where
-springs only act together (joints 4 and 6 of a stretched wrist) it is the prior that parts their sum. R is the
-correlation of the weights: none between cubes, that of neighbours between rules.
+springs are identifiable only in combination (joints 4 and 6 of a stretched wrist) it is the prior that parts
+their sum. R is the correlation of the weights: none between cubes, that of neighbours between rules.
 """
 
 from __future__ import annotations
@@ -58,7 +58,8 @@ class Begin:
 def begin_with(robot: Robot, table: Measurements, parameters: Sequence[str] | None = None) -> Begin:
     """Identify one stiffness for all configurations, and keep the springs that the readings feel.
 
-    One that fits best as good as rigid begins where a reading would just show it: in places it may give way.
+    One that fits best as good as rigid begins where a reading would just show it: in places it may be
+    compliant.
     """
     found = identify(robot, table, parameters, folds=0)
     felt = [not item.silent for item in found.parameters]
@@ -79,18 +80,9 @@ def fit_varying(
 ) -> Varying:
     """Fit compliances that vary with weights of the configuration.
 
-    Parameters
-    ----------
-    problem : Problem
-        N rows, m springs.
-    weights : (N, R) array
-        phi: of each row, not negative, summing to one; equal in rows of one pose.
-    compliance : (m,) array
-        Start of all.
-    correlation : (R, R) array, optional
-        Of the changes by weight, positive definite; default none.
-    spread : (m,) array, optional
-        tau; default by evidence.
+    `problem`: N rows, m springs. `weights` (N, R): phi: of each row, not negative, summing to one; equal in
+    rows of one pose. `compliance` (m,): start of all. `correlation` (R, R): of the changes by weight,
+    positive definite; default none. `spread` (m,): tau; default by evidence.
     """
     rows, m = problem.used.shape[0], len(problem.model.parameters)
     if weights.shape[0] != rows or np.abs(weights.sum(axis=1) - 1).max(initial=0.0) > 1e-9:
@@ -138,8 +130,7 @@ def _std(covariance: Array, turn: Array) -> Array:
     sums = np.hstack([np.ones((each - 1, 1)), turn])
     blocks = covariance.reshape(-1, each, covariance.shape[0] // each, each)
     own = np.stack([blocks[at, :, at] for at in range(len(blocks))])
-    result: Array = np.sqrt(np.maximum(((sums @ own) * sums).sum(axis=2), 0.0)).T
-    return result
+    return np.asarray(np.sqrt(np.maximum(((sums @ own) * sums).sum(axis=2), 0.0)).T)
 
 
 @dataclass(frozen=True, eq=False)

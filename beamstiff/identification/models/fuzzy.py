@@ -8,7 +8,7 @@ set, which is none: of six joints those that count come in by themselves.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from beamstiff.errors import BeamstiffError
 from beamstiff.identification.models.fuzzy_rules import Method, Readings, build_readings, fit_conclusions
 from beamstiff.identification.models.split import configurations
-from beamstiff.identification.solis_wets import solis_wets
 from beamstiff.measure.table import Measurements
 from beamstiff.model.fuzzy import FuzzySystem, Partition, equal_parts
 from beamstiff.model.fuzzy_compliance import FuzzyCompliance, inputs_of
@@ -33,6 +32,9 @@ MANY = 300  # unknown conclusions from which on fewer evaluations are spent
 MOST_RULES = 64
 CLOSEST = 0.02  # share of an input's range that modal values keep apart
 CLOSER_LOOK = 2  # inputs whose one more set is placed by random search: those that equal parts favour
+
+WIDER, NARROWER, AFTER = 2.0, 0.5, (5, 3)  # the step after so many successes, failures
+SMALLEST = 1e-4
 
 
 @dataclass(frozen=True)
@@ -63,19 +65,10 @@ def fit_fuzzy(
 ) -> FuzzyFit:
     """Fit fuzzy compliance rules on a partition of the inputs to measured displacements.
 
-    Parameters
-    ----------
-    robot : Robot
-        Names the variables and the TCP; nothing else of it is used.
-    table : Measurements
-        Displacements of the TCP under loads there.
-    inputs : sequence of str, optional
-        What the compliance may depend on: actuated variables, and components of the wrench; default the
-        actuated variables that vary.
-    method : "exact" or "gradient"
-        How the conclusions are fitted in the end.
-    seed : int
-        Of the test set and of the random search.
+    `robot`: names the variables and the TCP; nothing else of it is used. `table`: displacements of the TCP
+    under loads there. `inputs`: what the compliance may depend on: actuated variables, and components of the
+    wrench; default the actuated variables that vary. `method`: how the conclusions are fitted in the end.
+    `seed`: of the test set and of the random search.
     """
     task = _state_task(robot, table, inputs, seed)
     random = np.random.default_rng([seed, 1])
@@ -185,3 +178,40 @@ def _placed(task: _Task, partition: Partition, random: np.random.Generator) -> P
     unknowns = partition.count * len(task.readings.terms)
     spent = max(int(EVALUATIONS * min(1.0, (MANY / unknowns) ** 2)), LEAST_EVALUATIONS)
     return moved(solis_wets(cost, begin, 0.15, spent, random)[0]) or partition
+
+
+def solis_wets(
+    cost: Callable[[Array], float],
+    begin: Array,
+    step: float,
+    evaluations: int,
+    random: np.random.Generator,
+) -> tuple[Array, float]:
+    """Return the best point found, and its cost.
+
+    Steps are normal about a bias that follows what went well; where one fails its opposite is tried.
+
+    `cost`: of a point (n,); infinite where it is not allowed. `step`: standard deviation of the
+    first steps. `evaluations`: at most.
+    """
+    at, best, bias = np.array(begin, dtype=np.float64), cost(begin), np.zeros(len(begin))
+    good = bad = 0
+    spent = 1
+    while spent < evaluations and step > SMALLEST and len(begin):
+        move = bias + step * random.standard_normal(at.size)
+        for sign in (1.0, -1.0):
+            value = cost(at + sign * move)
+            spent += 1
+            if value < best:
+                at, best = at + sign * move, value
+                bias = 0.2 * bias + 0.4 * move if sign > 0 else bias - 0.4 * move
+                good, bad = good + 1, 0
+                break
+        else:
+            bias *= 0.5
+            good, bad = 0, bad + 1
+        if good >= AFTER[0]:
+            step, good = WIDER * step, 0
+        elif bad >= AFTER[1]:
+            step, bad = NARROWER * step, 0
+    return at, best

@@ -42,12 +42,8 @@ def fit_fuzzy_correction(
     grows; the conclusions are shrunk towards no correction
     (see `beamstiff.identification.models.configuration`), so that no test set is needed.
 
-    Parameters
-    ----------
-    table : Measurements
-        Displacements, loaded minus unloaded.
-    parameters : sequence of str, optional
-        Springs that may vary; default ``robot.identify``.
+    `table`: displacements, loaded minus unloaded. `parameters`: springs that may vary; default
+    ``robot.identify``.
     """
     start = begin_with(robot, table, parameters)
     names = table.variables

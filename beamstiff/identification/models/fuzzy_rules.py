@@ -66,24 +66,10 @@ class Readings:
 def build_readings(table: Measurements, length: float, tcp: str) -> Readings:
     """Return what a table says of compliance terms; the compliance is symmetric (Maxwell and Betti).
 
-    Parameters
-    ----------
-    table : Measurements
-        Displacements of the TCP under loads there.
-    length : float, m
-        Of the machine: makes moments compare with forces and rotations with displacements.
+    `table`: displacements of the TCP under loads there. `length`, m: of the machine: makes moments compare
+    with forces and rotations with displacements.
     """
-    if table.kind != "displacement":
-        raise BeamstiffError(
-            f"{table.source}: holds absolute positions; a fuzzy compliance needs displacements dx dy dz"
-        )
-    elsewhere = (table.point != tcp) | (table.load_point != tcp)
-    if elsewhere.any():
-        row = int(np.argmax(elsewhere))
-        raise BeamstiffError(
-            f"{table.place(row)}: measured at {str(table.point[row])!r} under a load at "
-            f"{str(table.load_point[row])!r}, expected the TCP {tcp!r} for a fuzzy compliance"
-        )
+    require_tcp(table, tcp, "a fuzzy compliance", "for a fuzzy compliance")
     used, whitened = _used(table, length)
     unit = np.array([1.0] * 3 + [length] * 3)
     loaded = (table.wrench != 0).any(axis=0)
@@ -110,6 +96,22 @@ def build_readings(table: Measurements, length: float, tcp: str) -> Readings:
         count=used.sum(axis=1),
         scale=scale,
     )
+
+
+def require_tcp(table: Measurements, tcp: str, who: str, why: str) -> None:
+    """Refuse rows that are not displacements of the TCP under loads there."""
+    if table.kind != "displacement":
+        raise BeamstiffError(
+            f"{table.source}: holds absolute positions; {who} needs displacements dx dy dz (loaded minus "
+            "unloaded)"
+        )
+    elsewhere = (table.point != tcp) | (table.load_point != tcp)
+    if elsewhere.any():
+        row = int(np.argmax(elsewhere))
+        raise BeamstiffError(
+            f"{table.place(row)}: measured at {str(table.point[row])!r} under a load at "
+            f"{str(table.load_point[row])!r}, expected the TCP {tcp!r} {why}"
+        )
 
 
 def _used(table: Measurements, length: float) -> tuple[NDArray[np.bool_], Array]:
@@ -145,15 +147,9 @@ def fit_conclusions(
 ) -> Array:
     """Return the conclusions (R, K) that explain the readings best.
 
-    Parameters
-    ----------
-    readings : Readings
-        N rows.
-    firing : (N, R) array
-    method : "exact" or "gradient"
-        Least squares by a direct solution, or descent from the rapid prototype.
-    positive : bool
-        Every rule's compliance is positive definite, hence that of every mean of them.
+    `readings`: N rows. `firing` (N, R). `method`: least squares by a direct solution, or descent from the
+    rapid prototype. `positive`: every rule's compliance is positive definite, hence that of every mean of
+    them.
     """
     hessian, slope = _normal_equations(readings, premises, firing)
     if method == "gradient":

@@ -26,7 +26,7 @@ class GridFit:
 
     model: GriddedStiffness
     varying: Varying | None  # what the hierarchical fit says; None where each cube was fitted for itself
-    # cube by cube, which springs only act together there, and which its rows do not feel
+    # cube by cube, which springs are identifiable only in combination, and which its rows do not feel
     notes: tuple[str, ...] = ()
 
 
@@ -54,18 +54,11 @@ def fit_grid(
 ) -> GridFit:
     """Fit springs that change from cube to cube to measured displacements.
 
-    Parameters
-    ----------
-    table : Measurements
-        Displacements, loaded minus unloaded; rows on the face of cubes count for all that meet there.
-    parameters : sequence of str, optional
-        Springs that may vary; default ``robot.identify``.
-    shrink : bool
-        Shrink cubes towards what all share, as far as the readings ask for it: a cube without data then has
-        the common value, and is flagged. Else each cube is identified by its own rows alone, as in seed 001:
-        springs that only act together there keep their ratio.
-    interpolate : bool
-        Between the centres of neighbouring cubes.
+    `table`: displacements, loaded minus unloaded; rows on the face of cubes count for all that meet there.
+    `parameters`: springs that may vary; default ``robot.identify``. `shrink`: shrink cubes towards what all
+    share, as far as the readings ask for it: a cube without data then has the common value, and is flagged.
+    Else each cube is identified by its own rows alone, as in seed 001: springs identifiable only in
+    combination keep their ratio. `interpolate`: between the centres of neighbouring cubes.
     """
     at = tcp_positions(robot, table.q)
     inside = cubes.inside(at)
@@ -123,10 +116,7 @@ def with_offsets(model: GriddedStiffness, table: Measurements) -> GriddedStiffne
     The small rigid motion of each cube that carries the nominal TCP positions to the measured ones, in place
     of kinematic parameters a cube (seed 001, eq. 12): within a cube of some decimetres they do little else.
 
-    Parameters
-    ----------
-    table : Measurements
-        Absolute positions of the unloaded TCP.
+    `table`: absolute positions of the unloaded TCP.
     """
     if table.kind != "absolute":
         raise BeamstiffError(
@@ -153,5 +143,4 @@ def _rigid_motion(lever: Array, gap: Array) -> Array:
     rows = np.concatenate([each, -skew(lever)], axis=2).reshape(-1, 6)
     prior = np.hstack([np.zeros((3, 3)), np.eye(3) * (1e-5 / LOOSEST)])
     right = np.concatenate([gap.reshape(-1), np.zeros(3)])
-    found: Array = np.linalg.lstsq(np.concatenate([rows, prior]), right)[0]
-    return found
+    return np.asarray(np.linalg.lstsq(np.concatenate([rows, prior]), right)[0])

@@ -1,4 +1,4 @@
-"""Every model of elasticity, fitted to the same rows and judged by rows that none saw (seed 003, 3.3)."""
+"""Every model of elasticity, fitted to the same rows and judged by held-out rows (seed 003, 3.3)."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from beamstiff.errors import BeamstiffError, listed, suggest
 from beamstiff.identification.identify import identify
 from beamstiff.identification.models.fuzzy import fit_fuzzy
 from beamstiff.identification.models.fuzzy_correction import fit_fuzzy_correction
+from beamstiff.identification.models.fuzzy_rules import require_tcp
 from beamstiff.identification.models.gaussian_process import fit_gaussian_process
 from beamstiff.identification.models.grid import cubes_about, fit_grid
 from beamstiff.identification.models.split import KINDS, Split, position_errors
@@ -232,38 +233,15 @@ def fit_models(
 ) -> Models:
     """Fit models to the rows that a split says, and predict all rows.
 
-    Parameters
-    ----------
-    table : Measurements
-        Displacements of the TCP under loads there, N rows.
-    names : sequence of str
-        Of the models, among `FITS`.
-    options : Options, optional
-    progress : callable, optional
-        Called with the name of the model that is fitted next.
-
-    Returns
-    -------
-    Models
-        A model that these rows cannot carry is there without answers, and says why.
+    `table`: displacements of the TCP under loads there, N rows; `names`: among `FITS`; `progress` gets
+    the name of the model fitted next. A model that these rows cannot carry has no answers, and says why.
     """
     for name in names:
         if name not in FITS:
             raise BeamstiffError(
                 f"there is no model {name!r}{suggest(name, FITS)}; known: {listed(FITS, 12)}"
             )
-    if table.kind != "displacement":
-        raise BeamstiffError(
-            f"{table.source}: holds absolute positions; compare needs displacements dx dy dz (loaded minus "
-            "unloaded)"
-        )
-    elsewhere = (table.point != robot.tcp) | (table.load_point != robot.tcp)
-    if elsewhere.any():
-        row = int(np.argmax(elsewhere))
-        raise BeamstiffError(
-            f"{table.place(row)}: measured at {str(table.point[row])!r} under a load at "
-            f"{str(table.load_point[row])!r}, expected the TCP {robot.tcp!r} to compare models"
-        )
+    require_tcp(table, robot.tcp, "compare", "to compare models")
     for name in (options or Options()).parameters or ():
         robot.parameter(name)  # one that does not exist is refused here, not by every model
     training = subset(table, split.fitted)

@@ -44,16 +44,9 @@ def split_rows(
 ) -> Split:
     """Hold poses out, and a load where there are several.
 
-    Parameters
-    ----------
-    share : float
-        Of the poses that are held out, drawn at random.
-    fit_load : float, optional
-        Size of the load to fit, N (N m where loads are moments only): all others are held out, as in seed
-        003. Default: the largest is held out.
+    `share`: of the poses that are held out, drawn at random. `fit_load`: size of the load to fit, N (N m
+    where loads are moments only): all others are held out, as in seed 003. Default: the largest is held out.
 
-    Notes
-    -----
     What is held out is where the robot stood: rows of equal joint values leave together, in whatever table
     and under whatever pose id they are.
     """

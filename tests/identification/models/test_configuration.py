@@ -39,7 +39,6 @@ def test_the_linear_case_is_the_gaussian_posterior_of_textbooks() -> None:
     problem = build_problem(kr500(), table(q, loads(16), lambda q: halves(q) @ change, noise=1e-7))
     found = fit_varying(problem, weights, compliances(), spread=tau)
     shares = reduce_to_ports(kr500(), table(q, loads(16), nothing), kr500().identify).by_compliance
-    assert shares is not None
     by_log = shares * compliances()  # (N, 6, 6)
     columns = np.einsum("nij,nr->nirj", by_log, weights).reshape(96, 12)
     measured = table(q, loads(16), lambda q: halves(q) @ change, noise=1e-7).displacement.ravel()
@@ -124,6 +123,5 @@ def test_a_spring_that_fits_as_rigid_begins_where_a_reading_would_show_it() -> N
     start = begin_with(kr500(), table(q, push, lambda q: np.tile(stiff, (len(q), 1))))
     at = start.parameters.index("J3.torsional")
     model = start.problem.model
-    assert model.by_compliance is not None
     moved = np.abs(model.by_compliance[:, :, at] * start.compliance[at]).max()
     assert 0.9e-5 < moved < 1e-4

@@ -52,15 +52,11 @@ def test_where_nothing_varies_one_rule_is_enough() -> None:
     assert np.allclose(fit.model.compliances(postures(5)) / compliances(), 1.0, atol=0.05)
 
 
-def test_each_set_more_had_more_evidence() -> None:
+def test_each_set_more_had_more_evidence_and_outside_their_range_they_are_refused_or_flagged() -> None:
     fit = fit_fuzzy_correction(kr500(), table(postures(40), loads(40), lever))
-    evidence = [value for _, value in fit.sets]
+    evidence, model = [value for _, value in fit.sets], fit.model
     assert len(evidence) > 1
     assert evidence == sorted(evidence)
-
-
-def test_corrections_outside_the_trained_range_are_refused_or_flagged() -> None:
-    model = fit_fuzzy_correction(kr500(), table(postures(40), loads(40), lever)).model
     far = postures(1) + np.array([0, 1.5, 0, 0, 0, 0])
     with pytest.raises(BeamstiffError, match=r"row 0: found q2 = .* outside the trained range"):
         model.predict(far, loads(1))

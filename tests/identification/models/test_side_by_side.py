@@ -15,7 +15,7 @@ from tests.identification.varying_machines import kr500, lever, loads, nothing, 
 def measured(poses: int = 40, change: object = lever) -> Measurements:
     q = np.repeat(postures(poses), 2, axis=0)
     wrench = np.repeat(loads(poses), 2, axis=0) * np.tile([[0.5], [1.0]], (poses, 1))
-    return table(q, wrench, change)  # type: ignore[arg-type]
+    return table(q, wrench, change)
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +40,6 @@ def test_models_that_let_springs_vary_leave_less_on_new_poses(models: Models) ->
 
 def test_errors_are_those_of_the_models_themselves(models: Models) -> None:
     one = models["gaussian process"]
-    assert one.model is not None
     gap = models.table.displacement[:, :3] - one.model.predict(models.table.q, models.table.wrench)[:, :3]
     assert np.allclose(one.error, np.linalg.norm(gap, axis=1))
     some = models.split.new_pose

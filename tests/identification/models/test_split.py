@@ -43,16 +43,10 @@ def test_the_largest_load_is_held_out_where_there_are_several() -> None:
 def test_one_load_alone_may_be_fitted() -> None:
     split = split_rows(rows(8, [300.0, 600.0, 900.0, 1100.0]), fit_load=900)
     assert np.array_equal(~split.new_load, split.level == 2)
-    with pytest.raises(
-        BeamstiffError, match=r"campaign.csv: found no load of 950 N, expected one of 300, 600"
-    ):
-        split_rows(rows(8, [300.0, 600.0]), fit_load=950.0)
-
-
-@pytest.mark.parametrize("load", [float("nan"), float("inf"), 0.0, -900.0])
-def test_a_load_that_is_none_is_refused(load: float) -> None:
-    with pytest.raises(BeamstiffError, match="found no load of"):
-        split_rows(rows(8, [300.0, 900.0]), fit_load=load)
+    for load in (950.0, float("nan"), float("inf"), 0.0, -900.0):
+        said = rf"campaign.csv: found no load of {load:.4g} N, expected one of 300, 600"
+        with pytest.raises(BeamstiffError, match=said):
+            split_rows(rows(8, [300.0, 600.0]), fit_load=load)
 
 
 def test_without_a_share_no_pose_is_held_out() -> None:
