@@ -1,4 +1,4 @@
-"""beamstiff: why the real robot does not do what the model says."""
+"""beamstiff: predict robot deflection, identify joint stiffness, and find why the real machine differs."""
 
 from __future__ import annotations
 

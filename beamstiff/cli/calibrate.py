@@ -41,13 +41,13 @@ def calibrate(
     ],
     parameters: list[str] | None = option(
         "NAME,...",
-        "What to seek: f3.d, q2 (an encoder's zero), n7.x (a reflector's place), a frame, or base, "
+        "What to estimate: f3.d, q2 (an encoder's zero), n7.x (a reflector's place), a frame, or base, "
         "target, offsets, frames; default all.",
     ),
     fix: list[str] | None = option(
         "NAME,...", "What stays, likewise; `base` where the readings are in the robot's own base frame."
     ),
-    last: list[str] | None = option("NAME,...", "Of parameters that cannot be told apart, hold these first."),
+    last: list[str] | None = option("NAME,...", "Of indistinguishable parameters, hold these first."),
     compliances: list[str] | None = option(
         "NAME,...", "Stiffness values to estimate along with the geometry, such as J2.torsional."
     ),
@@ -71,7 +71,7 @@ def calibrate(
         "Write another table, which is not fitted, in the base frame found: fresh.csv=moved.csv; repeatable.",
     ),
     sensitivity: str | None = option("FILE", "Draw how far each parameter moves and turns the tool."),
-    recursion: str | None = option("FILE", "Draw the residual, pose after pose counted in."),
+    recursion: str | None = option("FILE", "Draw the residual over the number of poses used."),
     figure: str | None = option("FILE", "Draw errors and changes, before and after (.png, .svg or .pdf)."),
     assembly: Assembly = None,
     json: Json = None,
@@ -81,9 +81,9 @@ def calibrate(
 ) -> None:
     """Calibrate the geometry of a robot from measured absolute positions, or poses.
 
-    Weighted least squares over the parameters that the poses can tell apart; the others are named, with
-    what they look like, and stay. Gravity, payload and loads act as the robot's stiffness says. Where
-    the readings are in a frame of the tracker's own, the robot's base is sought in it (default).
+    Weighted least squares over the parameters that the poses can distinguish; the others are listed,
+    with what they look like, and keep their values. Gravity, payload and loads deform the robot as its
+    stiffness says. By default the robot's base is estimated in the tracker's frame.
 
     \b
     Examples:

@@ -1,4 +1,4 @@
-"""`beamstiff compare`: every model of elasticity fitted to the same rows, judged by rows that none saw."""
+"""`beamstiff compare`: every model of elasticity fitted to the same rows, tested on held-out rows."""
 
 from __future__ import annotations
 
@@ -64,13 +64,13 @@ def compare(
     quiet: Quiet = False,
     debug: Debug = False,  # noqa: ARG001
 ) -> None:
-    """Fit every model of elasticity to the same rows, and judge each by rows that none saw.
+    """Fit every model of elasticity to the same rows, and test each on held-out rows.
 
-    rigid and nominal are the robot that does not give way and the one in the file; parametric has
-    its stiffness identified; fuzzy rules know nothing but the readings; grid,
-    gray box and gaussian process let the identified springs vary: by cubes of the workspace, by
-    fuzzy rules of the joint values, smoothly over these. Poses are held out at random, and the
-    largest load where there are several. "outside" counts rows beyond what a model was trained on.
+    rigid has no compliance, nominal is the robot file as it is, parametric has its stiffness
+    identified; fuzzy is fitted to the readings alone; grid, gray box and gaussian process let the
+    identified springs vary: by cubes of the workspace, by fuzzy rules of the joint values, smoothly
+    over these. Poses are held out at random, and the largest load where there are several.
+    "outside" counts rows outside a model's training range.
 
     \b
     Examples:

@@ -239,6 +239,6 @@ def _notes(robot: Robot) -> list[str]:
     if not missing:
         return []
     return [
-        f"nothing gives way: the joints {listed(missing, 12)} are rigid; give them a stiffness with "
+        f"no compliance: the joints {listed(missing, 12)} are rigid; give them a stiffness with "
         "--joint-stiffness '1e6 N*m/rad' (or NAME='...')"
     ]

@@ -1,4 +1,4 @@
-"""`beamstiff diagnose`: where the gap is, what causes it, how far it shrinks, what to measure next."""
+"""`beamstiff diagnose`: where the gap is, what causes it, how much of it closes, what to measure next."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def diagnose(
     next_to: str | None = typer.Option(
         None,
         "--next",
-        help="Write the measurements that would tell most, ready to fill in; near where the tool was "
+        help="Write the measurements that discriminate best, ready to fill in; near where the tool was "
         "measured, or in --region.",
         metavar="CSV",
     ),
@@ -57,13 +57,13 @@ def diagnose(
     quiet: Quiet = False,
     debug: Debug = False,  # noqa: ARG001
 ) -> None:
-    """Say where the gap between model and machine is, and what causes it.
+    """Find where the gap between model and machine is, and what causes it.
 
-    The robot's `identify` parameters are fitted first. What remains is weighed: every effect of the
-    library at every component in several shapes, nothing but noise, and something unknown. The answer
-    is a verdict with its probability, what the data cannot tell from it, what they cannot show at all,
-    how much of the gap would close on postures that were not fitted, and what to measure next. It may
-    be `none` or `unknown`.
+    The robot's `identify` parameters are fitted first. The residual is then explained by every effect
+    of the library at every component in several shapes, by noise alone, and by an unknown cause. The
+    answer is a verdict with its probability, the causes indistinguishable from it, the effects that
+    the data cannot show, how much of the gap closes on held-out data, and what to measure next. The
+    verdict may be `none` or `unknown`.
 
     \b
     Example:
@@ -91,7 +91,7 @@ def diagnose(
     with working("diagnosing", quiet):
         result = run(machine, tables, without=excluded, region=where, seed=seed, stations=stations)
     known = effects_text(machine.effects)
-    before = [f"Known before, and counted in: {known}."] if known else []
+    before = [f"Already in the robot and included: {known}."] if known else []
     outputs.result(result.notes, [*diagnosis_tables(result), *before], result.to_dict())
     if next_to is not None and result.next:
         with optional_file(next_to, quiet):

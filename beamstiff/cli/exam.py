@@ -26,7 +26,7 @@ def exam(
         str | None,
         typer.Argument(
             metavar="[ROBOT]",
-            help="Examine on this robot only: YAML file, or the name of one that comes along; default: two "
+            help="Examine on this robot only: YAML file, or the name of a bundled one; default: two "
             "serial robots, arms of random proportions and the closed-loop ir663.",
         ),
     ] = None,

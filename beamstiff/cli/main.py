@@ -49,8 +49,8 @@ def beamstiff(
 ) -> None:
     """Elastostatic robot models: stiffness at the tool, and joint stiffness from measurements.
 
-    ROBOT is always a YAML, URDF or SDF file, or the name of a robot that comes along (beamstiff show
-    lists them).
+    ROBOT is always a YAML, URDF or SDF file, or the name of a bundled robot (beamstiff show lists
+    them).
     Numbers without a unit are SI: m, rad, N, N m. Wrenches [f, m] and displacements [d, r] are at
     the TCP, in the base frame; r is a rotation vector.
 

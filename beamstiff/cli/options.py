@@ -12,7 +12,7 @@ from beamstiff.errors import BeamstiffError
 
 
 def robots_beginning(incomplete: str) -> list[str]:
-    """Return the robots that come along whose name begins so: what the shell offers, or else files."""
+    """Return the bundled robots whose name begins so: what the shell offers, or else files."""
     from beamstiff.robot.library import robot_names
 
     return [name for name in robot_names() if name.startswith(incomplete)]
@@ -27,7 +27,7 @@ RobotFile = Annotated[
     str,
     typer.Argument(
         metavar="ROBOT",
-        help="YAML, URDF or SDF file, or the name of a robot that comes along.",
+        help="YAML, URDF or SDF file, or the name of a bundled robot.",
         autocompletion=robots_beginning,
     ),
 ]
@@ -92,7 +92,7 @@ Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an e
 
 
 def robot_file(robot: str) -> Path:
-    """Return the file behind the argument ROBOT, which may be the name of a robot that comes along."""
+    """Return the file behind the argument ROBOT, which may be the name of a bundled robot."""
     from beamstiff.robot.library import robot_names, robot_path
 
     path = Path(robot)

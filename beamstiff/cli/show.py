@@ -18,7 +18,7 @@ def show(
         str | None,
         typer.Argument(
             metavar="ROBOT",
-            help="YAML file, or the name of a robot that comes along; without it these are listed.",
+            help="YAML file, or the name of a bundled robot; without it these are listed.",
             autocompletion=robots_beginning,
         ),
     ] = None,
@@ -47,7 +47,7 @@ def show(
     if robot is None:
         from beamstiff.robot.library import robot_names
 
-        lines = ["Robots that come along:", *(f"  {name}" for name in robot_names())]
+        lines = ["Bundled robots:", *(f"  {name}" for name in robot_names())]
         Outputs([], json, quiet).result([], lines, {"robots": robot_names()})
         return
     from beamstiff.functions.checks import effects_text

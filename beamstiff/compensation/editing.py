@@ -146,7 +146,7 @@ def _signed(parts: re.Match[str], number: str, value: float) -> str:
 def replaced(text: str, changes: Iterable[tuple[Slot, float]]) -> str:
     """Return a text with numbers replaced.
 
-    Where a number is aligned by blanks in front of it, the blanks give way, but for one.
+    Where a number is aligned by blanks in front of it, the number grows into the blanks, but for one.
 
     Parameters
     ----------

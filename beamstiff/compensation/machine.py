@@ -1,7 +1,7 @@
 """Where the tool of the real robot is when its controller has been sent to a pose.
 
 The controller turns poses into joint values with the robot that it knows. At these, the real robot has its
-own geometry, sags under its weight, gives way to the load and has its effects.
+own geometry, sags under its weight, is compliant under the load and has its effects.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Machine:
     controller: Robot  # whose geometry the controller takes for true; its stiffness and masses do not matter
     # the real one, calibrated, with masses, stiffness and `effects`; None: as the controller's
     actual: Robot | None = None
-    # what gives way to the process load in place of the real robot's beams and joints; its weight and its
+    # what deforms under the process load in place of the real robot's beams and joints; its weight and its
     # effects still count. Components that the model leaves open (NaN: never measured) are the real robot's
     elasticity: Model | None = None
     frames: Frames = field(default_factory=Frames)  # whose tool the poses are of

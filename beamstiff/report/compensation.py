@@ -1,4 +1,4 @@
-"""A corrected path told to people: what the tool would do, what it will do, what could not be corrected."""
+"""Tables and figure of a corrected path: predicted error before and after, targets not corrected."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def compensation_text(result: Compensated) -> str:
     )
     if before.rms_mm > NOTHING:
         less = 100 * (1 - after.rms_mm / before.rms_mm)
-        text += f" ({less:.2f} % less, if the robot is as it is described)"
+        text += f" ({less:.2f} % less, provided the robot is as described)"
     turned = result.correction.turned
     if not turned.all():
         what = "all targets" if not turned.any() else counted(int((~turned).sum()), "target")

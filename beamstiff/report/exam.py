@@ -1,4 +1,4 @@
-"""An exam of the diagnosis told to people: what was reached beside what was asked, the worst class first."""
+"""Tables and figures of an exam of the diagnosis: targets and results, the worst class first."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from beamstiff.report.tables import Table, counted, table
 
 Records = Sequence[Record]
 
-MARKS = {"aim": "aim reached", "required": "reached", "missed": "MISSED", None: ""}
+MARKS = {"aim": "aim met", "required": "met", "missed": "MISSED", None: ""}
 FEW = 20  # cases, of which no share says whether a figure is reached
 MOST_FAILURES = 20
 SIZES = tuple(row.name for row in headline([]) if not row.share)  # figures that are no shares of cases
@@ -54,7 +54,7 @@ def crowded_tables(records: Sequence[CrowdedRecord]) -> Iterator[Table]:
     for group, some in by_data(records).items():
         kinds = [record.label.kind for record in some]
         title = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
-        result = table(f"Crowded machines, {group}: {title}", "figure", "required", "", *heads)
+        result = table(f"Crowded machines, {group}: {title}", "figure", "target", "", *heads)
         for found in figures(some):
             row = found[who[0]]
             asked = f"{'>=' if row.better == 'high' else '<='} {row.required:g}" if row.required else ""
@@ -98,13 +98,13 @@ def plan_tables(records: Records) -> Iterator[Table]:
 
 
 def mark(row: Row) -> str:
-    """Return what is said of a figure beside what is asked."""
+    """Return whether a figure meets its target, in words."""
     return "too few cases" if row.met is not None and row.figure.count < FEW else MARKS[row.met]
 
 
 def headline_table(rows: Iterable[Row], title: str) -> Table:
     """Return the figures, each with its 95 % interval, beside what is required and aimed at."""
-    result = table(title, "figure", "reached", "95 %", "cases", "required", "aim", "")
+    result = table(title, "figure", "result", "95 %", "cases", "target", "aim", "")
     for row in rows:
         sign = ">=" if row.better == "high" else "<="
         asked = ["" if value is None else f"{sign} {value:g}" for value in (row.required, row.aim)]
@@ -115,7 +115,7 @@ def headline_table(rows: Iterable[Row], title: str) -> Table:
 
 def control_table(rows: Iterable[Row]) -> Table:
     """Return the controls: what chance and plain methods get exactly right."""
-    result = table("Controls: exact cause and place, single effects", "control", "reached", "95 %", "cases")
+    result = table("Controls: exact cause and place, single effects", "control", "result", "95 %", "cases")
     for row in rows:
         result.add_row(row.name, _share(row.figure), _interval(row), str(row.figure.count))
     return result
@@ -234,7 +234,7 @@ def reliability_figure(records: Records) -> Drawing:
 
 
 def exam_figure(told: Mapping[str, Any], title: str = "") -> Drawing:
-    """Draw an exam from its table, as ``--json`` writes it: asked and reached, reliability, single effects.
+    """Draw an exam from its table, as ``--json`` writes it: targets and results, reliability, single effects.
 
     Lean designs are left out where others are there.
 
@@ -261,9 +261,9 @@ def exam_figure(told: Mapping[str, Any], title: str = "") -> Drawing:
         color="black",
         ms=18,
         mew=2,
-        label="required",
+        label="target",
     )
-    asked.set(title="Asked and reached", xlabel="share of the cases, 95 %")
+    asked.set(title="Targets and results", xlabel="share of the cases, 95 %")
     asked.legend(loc="center left", frameon=False)
     bins = told["reliability"]
     shares = [one["right"] for one in bins]
@@ -292,12 +292,12 @@ def _said_and_right(
 
 
 def _reached(axes: Axes, names: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> None:
-    """Draw what was reached with its interval, a row a name, the first on top; what was missed as a cross."""
+    """Draw results with their intervals, a row a name, the first on top; a missed target as a cross."""
     for at, row in enumerate(rows):
         missed = row["met"] == "missed"
         colour = ORANGE if missed else BLUE
         axes.plot([row["low"], row["high"]], [at, at], color=colour, linewidth=2)
-        label = "missed" if missed else "reached"
+        label = "missed" if missed else "met"
         known = axes.get_legend_handles_labels()[1]
         axes.plot(
             row["value"], at, "X" if missed else "o", color=colour, label="" if label in known else label

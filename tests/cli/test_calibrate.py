@@ -70,7 +70,7 @@ def test_people_get_parameters_what_they_look_like_and_errors(run: Run, told: Ru
         "f3.d 1300.0000 1300.5",
         "f3.r 1 f2.r",
         "q1 - 1 base.rz",
-        "poses left out",
+        "held-out poses",
     ):
         assert part.replace("arm:", "kr500:") in text
     facts = told("calibrate", arm, "poses.csv", "--folds", "0")

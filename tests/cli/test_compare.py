@@ -43,7 +43,7 @@ def test_models_are_shown_by_what_was_held_out_and_by_load(run: Run, data: str) 
         assert text in result.stdout
     for name in ("rigid", "nominal", "parametric", "fuzzy", "grid", "gray box", "gaussian process"):
         assert f"\n{name} " in result.stdout
-    assert "The stated noise alone leaves 0.0173 mm RMS." in result.stdout
+    assert "Noise floor: 0.0173 mm RMS." in result.stdout
 
 
 def test_json_holds_every_model_and_the_split(succeed: Run, data: str) -> None:

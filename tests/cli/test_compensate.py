@@ -191,7 +191,7 @@ x [mm],y [mm],z [mm],a [deg],b [deg],c [deg],fz [N]
 """
 PLAY = (
     "masses: [{node: n6b, mass: 200 kg}]\n"
-    "effects: [{effect: backlash, component: q3, shape: 'flank within 0.03, off rest', "
+    "effects: [{effect: backlash, component: q3, shape: 'flank within 0.03, asymmetric', "
     "parameters: {width_up: 1.5e-4, width_down: 1e-4}, scales: {torque: 2000}}]\n"
 )
 

@@ -169,7 +169,7 @@ def test_of_a_rigid_robot_it_is_said_that_nothing_was_fitted(run: Run, succeed: 
     assert refused.exit_code == 2
     assert "nothing gives way, the joints J1 are rigid" in refused.stderr
     shown = succeed("diagnose", "rigid.yaml", "crane.csv")
-    assert "note: robot 'crane': nothing is fitted, no joint gives way" in shown.stderr
+    assert "note: robot 'crane': nothing is fitted, no joint is compliant" in shown.stderr
 
 
 REVERSED = """\

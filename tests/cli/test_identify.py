@@ -88,7 +88,7 @@ def test_people_get_start_value_uncertainty_and_gap(run: Run, wrong_start: str) 
     text = " ".join(run("identify", wrong_start, "crane.csv").stdout.split())
     for part in (
         "J1.torsional 3e+05 1e+06 7071 0.7 %",
-        "RMS 0.000 mm over the 4 rows fitted",
+        "0.000 mm RMS on the 4 fitted rows",
         "0.000 mm on poses",
     ):
         assert part in text

@@ -130,10 +130,10 @@ def _view(result: Compensated, robot: Robot, some: Array) -> StillView | None:
         open=False,
     )
     caption = (
-        "The tool's path in the base frame: where it is meant to go, where it would go as programmed, where "
-        "it goes with the commands as written, and the commands. What is off is magnified."
+        "The tool's path in the base frame: as meant, as predicted without compensation, as "
+        "predicted with the commands as written, and the commands. Deviations are magnified."
     )
-    return still_view(robot, postures, deviations, "Magnification of what is off", caption, table)
+    return still_view(robot, postures, deviations, "Magnification of the deviations", caption, table)
 
 
 def _name(result: Compensated, row: int) -> str:

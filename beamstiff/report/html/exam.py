@@ -1,4 +1,4 @@
-"""The report of an exam: what was asked and what was reached, how far probabilities hold, the worst class."""
+"""The report of an exam: targets and results, how far probabilities hold, the worst class."""
 
 from __future__ import annotations
 
@@ -82,9 +82,9 @@ def exam_html(
 def _verdict(rows: Sequence[Row], records: Records) -> str:
     asked = [row for row in rows if row.met is not None and row.figure.count >= told.FEW]
     if not asked:
-        return f"{counted(len(records), 'case')}: too few to say what is reached"
+        return f"{counted(len(records), 'case')}: too few to judge the targets"
     met = sum(row.met != "missed" for row in asked)
-    return f"{met} of {len(asked)} required figures reached, in {counted(len(records), 'case')}"
+    return f"{met} of {len(asked)} targets met, in {counted(len(records), 'case')}"
 
 
 def _found(records: Records) -> str:
@@ -127,12 +127,12 @@ def _rates(key: str, title: str, caption: str, names: Sequence[str], rates: Sequ
 
 def _summary(main: Records, lean: Records, rows: Sequence[Row]) -> Iterator[str]:
     yield (
-        "Machines with something wrong that the diagnosis is not told were simulated by a program that "
-        "shares no equations with it, and diagnosed from their rows alone."
+        "Each machine was simulated with a withheld effect, by a program that shares no equations with the "
+        "diagnosis, and diagnosed from its rows alone."
     )
     if missed := [row for row in rows if row.met == "missed"]:
         parts = [
-            f"{row.name} {_text(row, row.figure.value)} (asked "
+            f"{row.name} {_text(row, row.figure.value)} (target "
             f"{'at least' if row.better == 'high' else 'at most'} {_text(row, row.required)})"
             for row in missed
         ]
@@ -146,7 +146,7 @@ def _summary(main: Records, lean: Records, rows: Sequence[Row]) -> Iterator[str]
             f"{_share(found['exact'])}."
         )
     if lean:
-        yield f"Lean designs, {counted(len(lean), 'case')}, stand apart: little is asked of them."
+        yield f"Lean designs, {counted(len(lean), 'case')}, are scored separately, with lower targets."
     if broken := sum(record.error is not None for record in main):
         yield f"The diagnosis broke off in {counted(broken, 'case')}, which count as wrong."
 
@@ -156,7 +156,7 @@ def _facts(main: Records) -> Iterator[Fact]:
     for name, figure, meaning in (
         ("False alarms", score.false_alarms(main), "of machines with nothing wrong"),
         ("Exact", score.exact(singles), "cause and place, one effect, gap above the noise"),
-        ("Set holds the truth", score.coverage(singles), "verdict, and what it cannot tell from it"),
+        ("Set holds the truth", score.coverage(singles), "the verdict or one of its look-alikes is right"),
     ):
         if figure.value is not None:
             yield Fact(name, _share(figure), f"{meaning}; {counted(figure.count, 'case')}")
@@ -169,10 +169,10 @@ def _asked(rows: Sequence[Row]) -> Section:
     shares = [row for row in rows if row.share]
     traces = [_intervals([row.figure for row in shares])]
     for key, name in (
-        ("aim", "aim reached"),
-        ("required", "required reached"),
+        ("aim", "aim met"),
+        ("required", "target met"),
         ("missed", "missed"),
-        (None, "not asked"),
+        (None, "no target"),
     ):
         own = [at for at, row in enumerate(shares) if row.met == key]
         symbol, colour = MARKS[key]
@@ -182,18 +182,18 @@ def _asked(rows: Sequence[Row]) -> Section:
             traces.append(scatter(x, own, name, HOVER, (symbol, colour, 11), text=texts))
     asked = [at for at, row in enumerate(shares) if row.required is not None]
     if asked:
-        x, hover = [shares[at].required for at in asked], "required: %{x:.0%}<extra></extra>"
-        traces.append(scatter(x, asked, "required", hover, ("line-ns-open", "ink", 20)))
+        x, hover = [shares[at].required for at in asked], "target: %{x:.0%}<extra></extra>"
+        traces.append(scatter(x, asked, "target", hover, ("line-ns-open", "ink", 20)))
         traces[-1]["marker"]["line"] = {"width": 2}
     layout = named_rows(
         [row.name for row in shares], "share of the cases", tickformat=".0%", range=[-0.02, 1.02]
     )
     layout |= {"showlegend": True, "margin": MARGIN | {"t": LEGEND}, "height": layout["height"] + 30}
-    caption = "What was reached, with its 95 % interval; the upright line is what is required."
-    table = told.headline_table(rows, "Asked and reached")
+    caption = "Result with its 95 % interval; the vertical line is the target."
+    table = told.headline_table(rows, "Targets and results")
     return Section(
         "asked",
-        "Asked and reached",
+        "Targets and results",
         figures=[Figure("asked-shares", "Shares", caption, traces, layout, table)],
     )
 
@@ -287,11 +287,11 @@ def _confusion(records: Records) -> Section:
     table = replace(told.confusion_table(records), open=False)
     text = (
         "Of cases whose gap is at least the noise. Of removed the effect was taken from the library, "
-        "outside are in nobody's."
+        "outside are in no library."
     )
     return Section(
         "confusion",
-        "What was taken for what",
+        "What was mistaken for what",
         [text],
         [confusion_figure(counts, order, table)],
     )
@@ -308,7 +308,7 @@ def _sorts(records: Records, lean: Records) -> Section:
 
 
 def _controls(records: Records) -> Section:
-    text = "What chance and plain methods get exactly right, so that the figures above have a measure."
+    text = "What chance and simple methods get exactly right, for comparison."
     return Section("controls", "Controls", [text], tables=[told.control_table(controls(records))])
 
 

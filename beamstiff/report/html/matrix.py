@@ -24,7 +24,7 @@ def correlation_figure(names: Sequence[str], correlation: Array) -> Figure:
     return Figure(
         "correlation",
         "Correlation",
-        "Of the logarithms of the values: near 1 or -1, the data hardly tell two apart.",
+        "Of the logarithms of the values: near 1 or -1, the data hardly distinguish two.",
         [
             {
                 **_squares(len(names), len(names), values),

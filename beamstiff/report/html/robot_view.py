@@ -135,11 +135,11 @@ def robot_view(
     figure = Figure(
         "robot",
         "The robot",
-        f"Colour tells each part's {share}. The deformed shape is that of {model} under "
+        f"Colour shows each part's {share}. The deformed shape is that of {model} under "
         "the load shown"
         + (" and its own weight" if gravity else "")
         + ", magnified; the undeformed one is dashed. The ellipsoid at the tool is its compliance: how far "
-        "the tool gives way to a force of one size in any direction.",
+        "a unit force in each direction displaces the tool.",
         _styles(share, most),
         space(showlegend=False),
         _table(shown, moved, compliance, structure.kinematics.node_index[robot.tcp]),
