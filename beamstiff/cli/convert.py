@@ -134,14 +134,8 @@ def convert(
 def read_robot(source: str, tcp: str | None, convention: str | None, written: str = "") -> Robot:
     """Return the robot of any file that one can be read from.
 
-    Parameters
-    ----------
-    tcp : str or None
-        Node at the TCP.
-    convention : str or None
-        Of a table that does not say.
-    written : str
-        Ending of the output: a convention given for a table to be written is none of the input.
+    `tcp`: node at the TCP. `convention`: of a table that does not say. `written`: ending of the output: a
+    convention given for a table to be written is none of the input.
     """
     from beamstiff.functions.robots import check_known, load_robot
     from beamstiff.robot.dh_tables import is_table, parse_yaml_table, read_table

@@ -66,10 +66,7 @@ def doctor(
 def parts(requirements: list[str]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Return the libraries that are needed and those of optional parts, each with what is installed.
 
-    Parameters
-    ----------
-    requirements : list of str
-        As in the metadata of a package: ``"numba>=0.61; extra == 'fast'"``.
+    `requirements`: as in the metadata of a package: ``"numba>=0.61; extra == 'fast'"``.
     """
     needed, optional = list[dict[str, Any]](), list[dict[str, Any]]()
     for requirement in requirements:

@@ -54,12 +54,7 @@ def optional_file(path: str, quiet: bool) -> AbstractContextManager[None]:
 def working(what: str, quiet: bool, still: bool = False) -> Iterator[None]:
     """Show on stderr that long work goes on, if it is a terminal; numbers that overflow are bad input.
 
-    Parameters
-    ----------
-    what : str
-        The work, such as "identifying".
-    still : bool
-        Show nothing, since the work shows itself.
+    `what`: the work, such as "identifying". `still`: show nothing, since the work shows itself.
     """
     import numpy as np
 
@@ -83,12 +78,8 @@ def progress(
 ) -> Iterator[Callable[..., None] | None]:
     """Yield what moves a bar on stderr (`completed`, `advance`, `total`); None where it is no terminal.
 
-    Parameters
-    ----------
-    columns : str
-        What stands behind the bar: names of columns of rich, or texts.
-    live : bool
-        Drawn by a thread; else when there is news, since a thread keeps processes from beginning as copies.
+    `columns`: what stands behind the bar: names of columns of rich, or texts. `live`: drawn by a thread; else
+    when there is news, since a thread keeps processes from beginning as copies.
     """
     from rich import progress as parts
 
@@ -120,16 +111,9 @@ def check_outputs(
     The one rule for all commands: an output never falls on an input or on another output, and replaces
     nothing but a file that beamstiff wrote and nobody has edited since (see `beamstiff.outputs`).
 
-    Parameters
-    ----------
-    inputs : iterable of path
-        Files that the command reads.
-    json_to : str, optional
-        Where ``--json`` goes; ``-`` is stdout.
-    elsewhere : mapping of str to str, optional
-        Outputs that are checked elsewhere for what they replace, by what to call them.
-    **files : str or None
-        The other output files by the name of their option.
+    `inputs`: files that the command reads. `json_to`: where ``--json`` goes; ``-`` is stdout. `elsewhere`:
+    outputs that are checked elsewhere for what they replace, by what to call them. `files`: the other output
+    files by the name of their option.
     """
     wanted = {"json": None if json_to == STDOUT else json_to, **files}
     named = {f"--{option.replace('_', '-')}": path for option, path in wanted.items() if path is not None}
@@ -164,12 +148,8 @@ DRAWINGS = ("figure", "recursion", "rules", "sensitivity")  # options of picture
 class Outputs:
     """What a command prints and writes: checked before any work, then its result and what goes beside it.
 
-    Parameters
-    ----------
-    inputs, json_to, elsewhere, files
-        As of `check_outputs`; ``html`` among the files is the report.
-    seed : int
-        That the report states.
+    `inputs`, `json_to`, `elsewhere`, `files`: as of `check_outputs`; ``html`` among the files is the report.
+    `seed`: that the report states.
     """
 
     def __init__(

@@ -78,13 +78,8 @@ class Machine:
     def moved(self, q: Array, wrench: Array, tip: Array) -> Array:
         """Return how weight, load and effects move the `tcp` node, (N, 6) ``[d, r]``, base frame.
 
-        Parameters
-        ----------
-        q : (N, A) array
-        wrench : (N, 6) array
-            On the tool at its tip, base frame.
-        tip : (N, 4, 4) array
-            Where the tool is, for the lever arm of the load.
+        `q` (N, A). `wrench` (N, 6): on the tool at its tip, base frame. `tip` (N, 4, 4): where the tool is,
+        for the lever arm of the load.
         """
         node = tip @ np.linalg.inv(self.frames.tool)
         at_node = transport_wrench(wrench, tip[:, :3, 3], node[:, :3, 3])
@@ -105,14 +100,8 @@ class Machine:
         show it all the same where it goes with the load: then it follows from what the load does. So counts
         what does not double where the weight does.
 
-        Parameters
-        ----------
-        q : (N, A) array
-
-        Returns
-        -------
-        dict of str to dict of str to float
-            At most in these postures, by effect and parameter; nothing where all is proven.
+        `q` (N, A). Returns dict of str to dict of str to float: at most in these postures, by effect and
+        parameter; nothing where all is proven.
         """
         if not len(q):  # no target within reach
             return {}

@@ -238,11 +238,7 @@ def exam_figure(told: Mapping[str, Any], title: str = "") -> Drawing:
 
     Lean designs are left out where others are there.
 
-    Parameters
-    ----------
-    told : mapping
-        Of `table_dict`: ``headline``, ``reliability``, ``effects``.
-    title : str
+    `told`: of `table_dict`: ``headline``, ``reliability``, ``effects``.
     """
     rows = [
         (name, row)

@@ -32,10 +32,7 @@ def identification_table(
 ) -> Table:
     """Return a table: value before, identified value with its standard deviation, or a lower bound.
 
-    Parameters
-    ----------
-    robot : Robot, optional
-        As it was before; default `found.start`.
+    `robot`: as it was before; default `found.start`.
     """
     before = robot or found.start
     columns = ["parameter", *(["start"] if before is not None else []), "identified", "std"]
@@ -122,10 +119,7 @@ def _group_text(item: Combination) -> str:
 def identification_text(found: Identification, measured: Measurements, folds: int = 5) -> str:
     """Return sentences: what is not bounded, the residual, how it compares with the stated noise.
 
-    Parameters
-    ----------
-    folds : int
-        Of the held-out gap that was asked for; 0 for none.
+    `folds`: of the held-out gap that was asked for; 0 for none.
     """
     grouped = {name for item in found.degenerate for name in item.parameters}
     unbounded = [

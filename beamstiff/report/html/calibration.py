@@ -44,12 +44,7 @@ def calibration_html(
 ) -> str:
     """Return the report of a calibration as one HTML page.
 
-    Parameters
-    ----------
-    robot : Robot
-        As it was described.
-    measured : Measurements
-        The rows that were fitted.
+    `robot`: as it was described. `measured`: the rows that were fitted.
     """
     sizes = Sizes(
         found.robot,

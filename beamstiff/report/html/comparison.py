@@ -34,10 +34,7 @@ def comparison_html(
 ) -> str:
     """Return the report of a comparison as one HTML page.
 
-    Parameters
-    ----------
-    robot : Robot
-        As it was given.
+    `robot`: as it was given.
     """
     answered = ranked(models)
     keys = {f"model{at + 1}": one for at, one in enumerate(answered) if one.name != "rigid"}

@@ -31,10 +31,7 @@ BEFORE, AFTER = "without compensation", "compensated, as written"
 def compensation_html(result: Compensated, robot: Robot, provenance: Provenance) -> str:
     """Return the report of a corrected path as one HTML page.
 
-    Parameters
-    ----------
-    robot : Robot
-        That the controller takes for true.
+    `robot`: that the controller takes for true.
     """
     some = shown(len(result.known))
     seen = _view(result, robot, some)

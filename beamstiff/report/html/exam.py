@@ -42,14 +42,8 @@ def exam_html(
 ) -> str:
     """Return the report of an exam as one HTML page.
 
-    Parameters
-    ----------
-    examined : str
-        The robot, or what else.
-    facts : mapping
-        What ``--json`` writes.
-    plan : bool
-        The cases are of one campaign: what could it find?
+    `examined`: the robot, or what else. `facts`: what ``--json`` writes. `plan`: the cases are of one
+    campaign: what could it find?.
     """
     rich, lean = by_design(records)
     main = rich or lean

@@ -37,14 +37,8 @@ def identification_html(
 ) -> str:
     """Return the report of an identification as one HTML page.
 
-    Parameters
-    ----------
-    robot : Robot
-        As it was before: the start.
-    measured : Measurements
-        The rows that were fitted.
-    folds : int
-        Of the held-out gap that was asked for.
+    `robot`: as it was before: the start. `measured`: the rows that were fitted. `folds`: of the held-out gap
+    that was asked for.
     """
     used = measured.measured_mask
     compared = Compared(

@@ -45,10 +45,7 @@ class Lines:
 def link_lines(robot: Robot, positions: Array, moved: Array) -> Lines:
     """Return beams, rigids and struts, at most `MOST_LINKS` of them, evenly chosen.
 
-    Parameters
-    ----------
-    positions : (N, 3) array, m
-    moved : (N, 6) array, m and rad
+    `positions` (N, 3), m. `moved` (N, 6), m and rad.
     """
     index = {node.name: at for at, node in enumerate(robot.nodes)}
     parts = [(beam.name, beam.nodes, True) for beam in robot.beams]

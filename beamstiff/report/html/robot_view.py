@@ -98,14 +98,8 @@ def robot_view(
 ) -> RobotView | None:
     """Return a robot in some postures, or None where there is none to show.
 
-    Parameters
-    ----------
-    share : str
-        What the shares are of, such as "share of the gap".
-    gravity : bool
-        Let the dead weight deform it as well.
-    model : str
-        Whose deformed shape it is.
+    `share`: what the shares are of, such as "share of the gap". `gravity`: let the dead weight deform it as
+    well. `model`: whose deformed shape it is.
     """
     if not shown:
         return None

@@ -74,16 +74,8 @@ def still_view(
 ) -> StillView | None:
     """Return a robot in some postures and deviations that a slider magnifies; None without a posture.
 
-    Parameters
-    ----------
-    postures : sequence of (str, (A,) array)
-        What each is, and its actuated values.
-    deviations : sequence of Deviations
-        In the base frame.
-    slider : str
-        What is magnified.
-    table : Table
-        The numbers.
+    `postures` (str, (A,)): what each is, and its actuated values. `deviations`: in the base frame. `slider`:
+    what is magnified. `table`: the numbers.
     """
     if not postures:
         return None
