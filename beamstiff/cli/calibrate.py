@@ -10,10 +10,7 @@ import typer
 
 from beamstiff.cli.options import (
     Assembly,
-    Debug,
     Html,
-    Json,
-    Quiet,
     RobotFile,
     option,
     parse_names,
@@ -74,10 +71,7 @@ def calibrate(
     recursion: str | None = option("FILE", "Draw the residual over the number of poses used."),
     figure: str | None = option("FILE", "Draw errors and changes, before and after (.png, .svg or .pdf)."),
     assembly: Assembly = None,
-    json: Json = None,
     html: Html = None,
-    quiet: Quiet = False,
-    debug: Debug = False,  # noqa: ARG001
 ) -> None:
     """Calibrate the geometry of a robot from measured absolute positions, or poses.
 
@@ -109,12 +103,12 @@ def calibrate(
         )
     inputs: list[str | Path] = [file, *data, *(test or ()), *(source for source, _ in moved)]
     drawings |= {f"apply_to_{number}": path for number, (_, path) in enumerate(moved, 1)}
-    outputs = Outputs(inputs, json, quiet, out=out, readings=readings, html=html, **drawings)
+    outputs = Outputs(inputs, out=out, readings=readings, html=html, **drawings)
     machine = as_robot(file, assembly=assembly)
     refuse_fitted(test or (), data)
     tables = as_tables(data, machine)
     others = [as_tables(source, machine, what="--apply-to")[0] for source, _ in moved]
-    with working(f"calibrating from {sum(map(len, tables))} rows", quiet):
+    with working(f"calibrating from {sum(map(len, tables))} rows"):
         found = run(
             machine,
             tables,

@@ -9,10 +9,7 @@ import typer
 
 from beamstiff.cli.options import (
     Assembly,
-    Debug,
     Html,
-    Json,
-    Quiet,
     RobotFile,
     option,
     parse_names,
@@ -57,12 +54,9 @@ def compare(
     ),
     seed: int = option("N", "Of all that is drawn at random.", 0),
     assembly: Assembly = None,
-    json: Json = None,
     figure: str | None = option("FILE", "Draw the errors over the workspace (.png, .svg or .pdf)."),
     rules: str | None = option("FILE", "Draw the fuzzy model's rule surface and membership functions."),
     html: Html = None,
-    quiet: Quiet = False,
-    debug: Debug = False,  # noqa: ARG001
 ) -> None:
     """Fit every model of elasticity to the same rows, and test each on held-out rows.
 
@@ -90,10 +84,10 @@ def compare(
         raise BeamstiffError("--rules: expected fuzzy among the models")
     machine = as_robot(robot, assembly=assembly)
     inputs: list[str | Path] = [robot_file(robot), *data]
-    outputs = Outputs(inputs, json, quiet, seed=seed, figure=figure, rules=rules, html=html)
+    outputs = Outputs(inputs, seed=seed, figure=figure, rules=rules, html=html)
     rows = as_tables(data, machine)
     count = "all" if names is None else len(names)
-    with working(f"fitting {count} models to {sum(map(len, rows))} rows", quiet):
+    with working(f"fitting {count} models to {sum(map(len, rows))} rows"):
         found = run(
             machine,
             rows,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from beamstiff.cli.options import Debug, Json, Quiet, option, robot_file
+from beamstiff.cli.options import option, robot_file
 from beamstiff.cli.output import Outputs
 from beamstiff.errors import BeamstiffError, listed, shown
 from beamstiff.files import read_text
@@ -52,9 +52,6 @@ def convert(
     joints: str | None = option(
         "CSV", "With --profile: joint values and loads, to be joined with the points."
     ),
-    json: Json = None,
-    quiet: Quiet = False,
-    debug: Debug = False,  # noqa: ARG001
 ) -> None:
     """Convert robots and measured points from and to the files of other programs.
 
@@ -76,7 +73,7 @@ def convert(
         robot_file(source),
         *(path for path in (like, profile, joints) if path is not None),
     ]
-    outputs = Outputs(inputs, json, quiet, out=out)
+    outputs = Outputs(inputs, out=out)
     if profile is not None:
         from beamstiff.measure.point_lists import convert_points
         from beamstiff.measure.profiles import read_profile

@@ -10,10 +10,7 @@ import typer
 from beamstiff.cli.options import (
     Assembly,
     DataFiles,
-    Debug,
     Html,
-    Json,
-    Quiet,
     Region,
     RobotFile,
     option,
@@ -21,7 +18,7 @@ from beamstiff.cli.options import (
     parse_region,
     robot_file,
 )
-from beamstiff.cli.output import Outputs, optional_file, say, working
+from beamstiff.cli.output import Outputs, note, optional_file, working
 from beamstiff.errors import BeamstiffError
 
 
@@ -52,10 +49,7 @@ def diagnose(
     ),
     figure: str | None = option("FILE", "Draw the diagnosis (.png, .svg or .pdf)."),
     assembly: Assembly = None,
-    json_to: Json = None,
     html: Html = None,
-    quiet: Quiet = False,
-    debug: Debug = False,  # noqa: ARG001
 ) -> None:
     """Find where the gap between model and machine is, and what causes it.
 
@@ -83,26 +77,26 @@ def diagnose(
 
     file = robot_file(robot)
     wanted: dict[str, Any] = {"next": next_to, "apply": apply, "figure": figure, "html": html}
-    outputs = Outputs([file, *data], json_to, quiet, seed=seed, **wanted)
+    outputs = Outputs([file, *data], seed=seed, **wanted)
     machine = as_robot(file, assembly=assembly)
     where = parse_region(region)
     excluded = parse_names(without, "--without", "backlash,hardening:q1") or ()
     tables = as_tables(data, machine)
-    with working("diagnosing", quiet):
+    with working("diagnosing"):
         result = run(machine, tables, without=excluded, region=where, seed=seed, stations=stations)
     known = effects_text(machine.effects)
     before = [f"Already in the robot and included: {known}."] if known else []
     outputs.result(result.notes, [*diagnosis_tables(result), *before], result.to_dict())
     if next_to is not None and result.next:
-        with optional_file(next_to, quiet):
+        with optional_file(next_to):
             write_output(next_to, proposed_csv(result))
     elif next_to is not None:  # a diagnosis was made all the same
-        say(f"note: {next_to} was not written: this diagnosis proposes no states to measure", quiet)
+        note(f"{next_to} was not written: this diagnosis proposes no states to measure")
     if apply is not None:
         from beamstiff.diagnosis.apply import extended, readable, written_std
         from beamstiff.robot.yaml_edit import robot_yaml
 
-        with optional_file(apply, quiet):
+        with optional_file(apply):
             larger = readable(extended(result))
             added = effects_text(larger.effects[len(machine.effects) :]) or "no effect"
             names = ", ".join(Path(path).name for path in data)
@@ -113,6 +107,6 @@ def diagnose(
             outputs.console.print(f"{apply}: the fitted stiffness, and {added} added.")
             if result.fits and result.verdict.probability < LIKELY:
                 share = f"{100 * result.verdict.probability:.0f} %"
-                say(f"note: {apply} holds what is no more than the likeliest cause ({share})", quiet)
+                note(f"{apply} holds what is no more than the likeliest cause ({share})")
     outputs.draw("figure", lambda: diagnosis_figure(result))
     outputs.page("diagnosis", result)

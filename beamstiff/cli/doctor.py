@@ -15,7 +15,6 @@ from rich.console import Console
 
 from beamstiff._version import __version__
 from beamstiff.cli.group import THREADS
-from beamstiff.cli.options import Debug, Json, Quiet
 from beamstiff.cli.output import Outputs
 from beamstiff.errors import BeamstiffError
 
@@ -28,9 +27,6 @@ REQUIREMENT = re.compile(
 
 def doctor(
     check: bool = typer.Option(True, "--check/--no-check", help="Compare a cantilever with its closed form."),
-    json: Json = None,
-    quiet: Quiet = False,
-    debug: Debug = False,  # noqa: ARG001
 ) -> None:
     """Say which versions are installed, which optional parts are there, and whether they calculate right.
 
@@ -43,7 +39,7 @@ def doctor(
       beamstiff doctor
       beamstiff doctor --json -
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
-    outputs = Outputs([], json, quiet)
+    outputs = Outputs([])
     needed, optional = parts(_requirements())
     facts: dict[str, Any] = {
         "beamstiff": __version__,

@@ -13,11 +13,8 @@ from beamstiff.cli.identify_options import parse_bounds, parse_errors, parse_pri
 from beamstiff.cli.options import (
     Assembly,
     DataFiles,
-    Debug,
     Html,
-    Json,
     Processes,
-    Quiet,
     RobotFile,
     Scheduler,
     option,
@@ -77,7 +74,6 @@ def identify(
     processes: Processes = 1,
     scheduler: Scheduler = None,
     assembly: Assembly = None,
-    json: Json = None,
     out: str | None = option("FILE", "Write the robot with the identified stiffness as YAML."),
     reduce: str | None = option(
         "FILE",
@@ -88,8 +84,6 @@ def identify(
         "FILE", "Draw measured against predicted displacements (.png, .svg or .pdf)."
     ),
     html: Html = None,
-    quiet: Quiet = False,
-    debug: Debug = False,  # noqa: ARG001
 ) -> None:
     """Identify joint stiffness from measured displacements, with uncertainty.
 
@@ -134,11 +128,11 @@ def identify(
     }
     file = robot_file(robot)
     wanted: dict[str, Any] = {"out": out, "reduce": reduce, "figure": figure, "html": html}
-    outputs = Outputs([file, *data], json, quiet, seed=seed, **wanted)
+    outputs = Outputs([file, *data], seed=seed, **wanted)
     most = evaluations * searches
     with (
-        working("identifying", quiet, still=True),
-        progress("identifying", quiet, EVALUATED, "TimeElapsedColumn", total=most, cost=float("inf")) as bar,
+        working("identifying", still=True),
+        progress("identifying", EVALUATED, "TimeElapsedColumn", total=most, cost=float("inf")) as bar,
     ):
         found = run(
             machine,

@@ -18,6 +18,8 @@ from beamstiff.cli.exam import exam
 from beamstiff.cli.group import Commands
 from beamstiff.cli.identify import identify
 from beamstiff.cli.map import map as map_
+from beamstiff.cli.options import with_common
+from beamstiff.cli.output import STDOUT
 from beamstiff.cli.plan import plan
 from beamstiff.cli.schema import schema
 from beamstiff.cli.show import show
@@ -82,6 +84,6 @@ for command in (
     convert,
     exam,
     doctor,
-    schema,
 ):
-    app.command()(command)
+    app.command()(with_common(command))
+app.command()(with_common(schema, json=STDOUT))
