@@ -8,14 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from beamstiff.cli.options import (
-    Assembly,
-    Html,
-    RobotFile,
-    option,
-    parse_names,
-    robot_file,
-)
+from beamstiff.cli.options import Assembly, Html, RobotFile, option, parse_names, robot_file
 from beamstiff.cli.output import Outputs, working
 from beamstiff.errors import BeamstiffError
 

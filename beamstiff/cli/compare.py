@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from beamstiff.cli.options import (
     Assembly,
+    DataFiles,
     Html,
     RobotFile,
     option,
@@ -28,17 +27,9 @@ if TYPE_CHECKING:
 
 def compare(
     robot: RobotFile,
-    data: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="DATA...",
-            help="CSV tables, one row a state: joint variables, wrench, measured displacement; units in the "
-            "header, SI otherwise.",
-        ),
-    ],
+    data: DataFiles,
     models: list[str] | None = option(
-        "NAME,...",
-        "rigid, nominal, parametric, fuzzy, grid, gray box, gaussian process; default all.",
+        "NAME,...", "rigid, nominal, parametric, fuzzy, grid, gray box, gaussian process; default all."
     ),
     parameters: list[str] | None = option(
         "NAME,...",

@@ -7,15 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from beamstiff.cli.options import (
-    Assembly,
-    Html,
-    RobotFile,
-    option,
-    parse_names,
-    parse_quantities,
-    robot_file,
-)
+from beamstiff.cli.options import Assembly, Html, RobotFile, option, parse_names, parse_quantities, robot_file
 from beamstiff.cli.output import Outputs, note, working
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.outputs import write_output

@@ -192,10 +192,7 @@ def with_joint_stiffness(robot: Robot, texts: list[str]) -> Robot:
             )
         found: dict[str, float] = {}
         problems: dict[str, BeamstiffError] = {}
-        for direction, kind in (
-            ("torsional", "rotational stiffness"),
-            ("axial", "translational stiffness"),
-        ):
+        for direction, kind in (("torsional", "rotational stiffness"), ("axial", "translational stiffness")):
             try:
                 found[direction] = quantity(value, kind)
             except BeamstiffError as error:

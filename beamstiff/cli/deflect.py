@@ -5,15 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from beamstiff.cli.options import (
-    Assembly,
-    DataFile,
-    Html,
-    Preload,
-    RobotFile,
-    option,
-    robot_file,
-)
+from beamstiff.cli.options import Assembly, DataFile, Html, Preload, RobotFile, option, robot_file
 from beamstiff.cli.output import Outputs, optional_file, working
 from beamstiff.errors import BeamstiffError
 from beamstiff.outputs import write_output

@@ -7,14 +7,7 @@ from typing import Annotated
 
 import typer
 
-from beamstiff.cli.options import (
-    Html,
-    Processes,
-    Scheduler,
-    option,
-    parse_names,
-    robot_file,
-)
+from beamstiff.cli.options import Html, Processes, Scheduler, option, parse_names, robot_file
 from beamstiff.cli.output import Outputs, progress
 
 

@@ -2,15 +2,7 @@
 
 from __future__ import annotations
 
-from beamstiff.cli.options import (
-    Assembly,
-    Region,
-    RobotFile,
-    option,
-    parse_names,
-    parse_region,
-    robot_file,
-)
+from beamstiff.cli.options import Assembly, Region, RobotFile, option, parse_names, parse_region, robot_file
 from beamstiff.cli.output import Outputs, working
 from beamstiff.outputs import write_output
 

@@ -119,12 +119,7 @@ def compensate_program(
     parts = [FromPath(), *([process] if process is not None else [])]
     load = Together(tuple(parts))
     correction = correct_path(
-        machine,
-        machine.frames.to_base(path),
-        load,
-        start=start,
-        taught=taught,
-        positions_only=positions_only,
+        machine, machine.frames.to_base(path), load, start=start, taught=taught, positions_only=positions_only
     )
     content, written = _written(program, machine, correction, path, steps is not None)
     after = errors_of(machine, correction, machine.frames.to_base(written).poses, load)

@@ -58,7 +58,7 @@ def crowded_tables(records: Sequence[CrowdedRecord]) -> Iterator[Table]:
         for found in figures(some):
             row = found[who[0]]
             asked = f"{'>=' if row.better == 'high' else '<='} {row.required:g}" if row.required else ""
-            cells = ((_share if one.share else _plain)(one.figure) for one in found.values())
+            cells = ((share if one.share else _plain)(one.figure) for one in found.values())
             counts = (str(one.figure.count) for one in found.values())
             pairs = (cell for pair in zip(cells, counts, strict=True) for cell in pair)
             result.add_row(row.name, asked, mark(row), *pairs)
@@ -86,7 +86,7 @@ def plan_tables(records: Records) -> Iterator[Table]:
             effect,
             str(len(cases)),
             f"{gaps[len(gaps) // 2]:.2g}",
-            *(_share(found[name]) for name in ("detected", "exact", "covered")),
+            *(share(found[name]) for name in ("detected", "exact", "covered")),
             _plain(found["set_size"]),
         )
     yield result
@@ -108,7 +108,7 @@ def headline_table(rows: Iterable[Row], title: str) -> Table:
     for row in rows:
         sign = ">=" if row.better == "high" else "<="
         asked = ["" if value is None else f"{sign} {value:g}" for value in (row.required, row.aim)]
-        reached = _share(row.figure) if row.share else _plain(row.figure)
+        reached = share(row.figure) if row.share else _plain(row.figure)
         result.add_row(row.name, reached, _interval(row), str(row.figure.count), *asked, mark(row))
     return result
 
@@ -117,7 +117,7 @@ def control_table(rows: Iterable[Row]) -> Table:
     """Return the controls: what chance and plain methods get exactly right."""
     result = table("Controls: exact cause and place, single effects", "control", "result", "95 %", "cases")
     for row in rows:
-        result.add_row(row.name, _share(row.figure), _interval(row), str(row.figure.count))
+        result.add_row(row.name, share(row.figure), _interval(row), str(row.figure.count))
     return result
 
 
@@ -147,7 +147,7 @@ def _figures_table(title: str, head: str, groups: Iterable[tuple[str, Records]])
     for name, cases in groups:
         found = effect_figures(cases)
         sizes = (_plain(found[one]) for one in ("set_size", "shrink_difference"))
-        result.add_row(name, str(len(cases)), *(_share(found[one]) for one in SHARES), *sizes)
+        result.add_row(name, str(len(cases)), *(share(found[one]) for one in SHARES), *sizes)
     return result
 
 
@@ -163,12 +163,12 @@ def groups_table(records: Records) -> Table:
             group.name,
             str(len(group.records)),
             str(nulls.count),
-            _share(nulls),
+            share(nulls),
             str(len(singles)),
-            _share(score.exact(singles)),
-            _share(score.right_family(singles)),
-            _share(score.coverage(singles)),
-            _share(score.coverage_of_names(singles)),
+            share(score.exact(singles)),
+            share(score.right_family(singles)),
+            share(score.coverage(singles)),
+            share(score.coverage_of_names(singles)),
             _plain(score.set_size(singles)),
             _plain(calibration_error(group.records)),
         )
@@ -183,7 +183,7 @@ def reliability_table(records: Records) -> Table:
         result.add_row(
             f"{item.low:.1f} to {item.high:.1f}",
             f"{item.said:.3f}",
-            _share(item.right),
+            share(item.right),
             _interval(row),
             str(item.right.count),
         )
@@ -308,7 +308,8 @@ def _cases(records: Records) -> str:
     return counted(len(records), "case") + (f", {broken} of them broke off" if broken else "")
 
 
-def _share(figure: Figure) -> str:
+def share(figure: Figure) -> str:
+    """Return a share of cases in per cent."""
     return "-" if figure.value is None else f"{100 * figure.value:.1f} %"
 
 

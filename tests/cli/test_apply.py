@@ -66,10 +66,12 @@ def test_diagnose_and_identify_take_the_effect_for_known(run: Run, succeed: Run,
     (folder / "new.csv").write_text(crane_with_backlash(3))
     again = run("diagnose", "larger.yaml", "new.csv", "--json", "-", "--apply", "same.yaml")
     assert json.loads(again.stdout)["verdict"]["effect"] == "none"
-    assert "Known before, and counted in: backlash:q1." in run("diagnose", "larger.yaml", "new.csv").stdout
+    assert (
+        "Already in the robot and included: backlash:q1." in run("diagnose", "larger.yaml", "new.csv").stdout
+    )
     assert load_robot(folder / "same.yaml").effects == load_robot(folder / "larger.yaml").effects
     found = succeed("identify", "larger.yaml", "new.csv", "--json", "found.json", "--out", "identified.yaml")
-    assert "Beside the robot's effects, as they are: backlash:q1." in found.stdout
+    assert "The fit includes the robot's effects unchanged: backlash:q1." in found.stdout
     value = json.loads((folder / "found.json").read_text())["parameters"]["J1.torsional"]["value"]
     assert value == pytest.approx(TORSIONAL, rel=0.01)
     assert load_robot(folder / "identified.yaml").effects == load_robot(folder / "larger.yaml").effects

@@ -147,14 +147,12 @@ def test_a_component_that_an_effect_cannot_have_is_refused_by_name(run: Run, suc
 def test_a_robot_that_names_nothing_to_fit_is_fitted_alike_by_both_commands(run: Run, folder: Path) -> None:
     text = (folder / "crane.yaml").read_text()
     (folder / "bare.yaml").write_text(text.replace("identify: [J1.torsional]\n", ""))
-    shown = (
-        "note: robot 'crane' names nothing under `identify:`, fitted is what its joints have about or along "
-    )
+    shown = "note: robot 'crane' names nothing under `identify:`: the fit takes the stiffness of its joints "
     for command in ("identify", "diagnose"):
         named, bare = (
             run(command, robot, "crane.csv", "--json", "-") for robot in ("crane.yaml", "bare.yaml")
         )
-        assert f"{shown}their axes: J1.torsional" in bare.stderr
+        assert f"{shown}about or along their axes: J1.torsional" in bare.stderr
         assert shown not in named.stderr
         one, other = (json.loads(result.stdout) for result in (named, bare))
         assert one.pop("notes") == [note for note in other.pop("notes") if "names nothing" not in note]

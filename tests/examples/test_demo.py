@@ -1,32 +1,36 @@
 """The demo says what it should, honestly, and draws its figure."""
 
-import os
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from matplotlib.image import imread
 
+from tests.cli.demo_text import demo_text
+from tests.printed import prints
+
 REPOSITORY = Path(__file__).resolve().parents[2]
-DEMO = REPOSITORY / "examples" / "demo.py"
 
 
 @pytest.fixture(scope="module")
-def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
+def printed(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
+    """Return what the demo prints, and the folder of its figures."""
+    folder = tmp_path_factory.mktemp("demo") / "new"
+    return demo_text(folder), folder
+
+
+@pytest.fixture(scope="module")
+def demo(printed: tuple[str, Path]) -> tuple[str, Path]:
     """Return what the demo prints, on one line, and its figure."""
-    figure = tmp_path_factory.mktemp("demo") / "new" / "figure.png"
-    result = subprocess.run(
-        [sys.executable, str(DEMO), str(figure)],
-        capture_output=True,
-        encoding="utf-8",
-        check=False,
-        env=os.environ | {"COLUMNS": "120"},
-    )
-    assert (result.returncode, result.stderr) == (0, "")
-    return " ".join(result.stdout.split()), figure
+    return " ".join(printed[0].split()), printed[1] / "ir663_identification.png"
+
+
+def test_the_demo_prints_what_its_page_shows(printed: tuple[str, Path]) -> None:
+    page = (REPOSITORY / "docs" / "demo.md").read_text(encoding="utf-8")
+    shown = re.search(r"<!-- demo -->\n```\w*\n(.*?)```", page, re.DOTALL)
+    assert shown is not None
+    assert prints(shown[1], printed[0]), f"`make readme` writes what the demo prints now:\n{printed[0]}"
 
 
 def test_stiffness_comes_with_uncertainty_and_what_cannot_be_bounded_is_said(demo: tuple[str, Path]) -> None:
@@ -99,7 +103,7 @@ def test_what_to_measure_next_is_said(demo: tuple[str, Path]) -> None:
 
 def test_the_figure_is_drawn(demo: tuple[str, Path]) -> None:
     text, figure = demo
-    assert str(figure) in text
+    assert f"examples/output/{figure.name}" in text
     pixels = imread(figure)
     assert pixels.shape[0] > 600
     assert pixels.shape[1] > 1200

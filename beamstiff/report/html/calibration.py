@@ -36,12 +36,7 @@ BEFORE, AFTER, HELD_OUT = "as described", "calibrated", "held-out poses"
 PARTS = (("position", slice(0, 3), 1e3, "mm"), ("orientation", slice(3, 6), 180 / np.pi, "deg"))
 
 
-def calibration_html(
-    found: Calibration,
-    robot: Robot,
-    measured: Measurements,
-    provenance: Provenance,
-) -> str:
+def calibration_html(found: Calibration, robot: Robot, measured: Measurements, provenance: Provenance) -> str:
     """Return the report of a calibration as one HTML page.
 
     `robot`: as it was described. `measured`: the rows that were fitted.

@@ -27,11 +27,7 @@ LOOKS = tuple(
 )
 
 
-def comparison_html(
-    models: Models,
-    robot: Robot,
-    provenance: Provenance,
-) -> str:
+def comparison_html(models: Models, robot: Robot, provenance: Provenance) -> str:
     """Return the report of a comparison as one HTML page.
 
     `robot`: as it was given.

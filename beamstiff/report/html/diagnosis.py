@@ -219,11 +219,7 @@ def _how_far(result: Diagnosis) -> Section:
         left[f"with {causes(result)}"] = result.verdict.shrink.after
     left |= {"any elastic model": result.ceiling, "noise floor": result.noise}
     traces, layout = bars(
-        list(left),
-        [1e3 * value for value in left.values()],
-        "green",
-        "RMS gap, mm",
-        rangemode="tozero",
+        list(left), [1e3 * value for value in left.values()], "green", "RMS gap, mm", rangemode="tozero"
     )
     figure = Figure(
         "how-far",

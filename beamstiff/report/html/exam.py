@@ -103,16 +103,13 @@ def _plan(records: Records) -> Section:
         "plan-covered", "The verdict's set holds the truth", caption, names, [rates[n] for n in names]
     )
     return Section(
-        "plan",
-        "What this plan could find",
-        figures=[figure],
-        tables=[next(told.plan_tables(records))],
+        "plan", "What this plan could find", figures=[figure], tables=[next(told.plan_tables(records))]
     )
 
 
 def _rates(key: str, title: str, caption: str, names: Sequence[str], rates: Sequence[Rate]) -> Figure:
     """Return shares with their intervals, a row a name."""
-    texts = [f"{name}: {_share(one)} of {one.count}" for name, one in zip(names, rates, strict=True)]
+    texts = [f"{name}: {told.share(one)} of {one.count}" for name, one in zip(names, rates, strict=True)]
     values, places, said = [one.value for one in rates], list(range(len(rates))), list(map(label, texts))
     traces = [_intervals(rates), scatter(values, places, title, HOVER, ("circle", "blue", 10), text=said)]
     layout = named_rows(names, "share of the cases, 95 %", tickformat=".0%", range=[-0.02, 1.02])
@@ -136,8 +133,8 @@ def _summary(main: Records, lean: Records, rows: Sequence[Row]) -> Iterator[str]
         found = effect_figures(cases)
         yield (
             f"The worst class is {effect}: the verdict's set holds the truth in "
-            f"{_share(found['covered'])} of {counted(len(cases), 'case')}, exactly right are "
-            f"{_share(found['exact'])}."
+            f"{told.share(found['covered'])} of {counted(len(cases), 'case')}, exactly right are "
+            f"{told.share(found['exact'])}."
         )
     if lean:
         yield f"Lean designs, {counted(len(lean), 'case')}, are scored separately, with lower targets."
@@ -153,7 +150,7 @@ def _facts(main: Records) -> Iterator[Fact]:
         ("Set holds the truth", score.coverage(singles), "the verdict or one of its look-alikes is right"),
     ):
         if figure.value is not None:
-            yield Fact(name, _share(figure), f"{meaning}; {counted(figure.count, 'case')}")
+            yield Fact(name, told.share(figure), f"{meaning}; {counted(figure.count, 'case')}")
     error = calibration_error(main)
     if error.value is not None:
         yield Fact("Calibration error", f"{error.value:.3f}", "probability said against share that is right")
@@ -172,7 +169,7 @@ def _asked(rows: Sequence[Row]) -> Section:
         symbol, colour = MARKS[key]
         if own:
             x = [shares[at].figure.value for at in own]
-            texts = [label(f"{shares[at].name}: {_share(shares[at].figure)}") for at in own]
+            texts = [label(f"{shares[at].name}: {told.share(shares[at].figure)}") for at in own]
             traces.append(scatter(x, own, name, HOVER, (symbol, colour, 11), text=texts))
     asked = [at for at, row in enumerate(shares) if row.required is not None]
     if asked:
@@ -207,7 +204,7 @@ def _reliability(records: Records) -> Section:
         return Section("reliability", "Probabilities")
     right = [item.right.value or 0.0 for item in bins]
     texts = [
-        f"{item.low:.1f} to {item.high:.1f}: {_share(item.right)} of {item.right.count} right"
+        f"{item.low:.1f} to {item.high:.1f}: {told.share(item.right)} of {item.right.count} right"
         for item in bins
     ]
     said = [item.said for item in bins]
@@ -284,10 +281,7 @@ def _confusion(records: Records) -> Section:
         "outside are in no library."
     )
     return Section(
-        "confusion",
-        "What was mistaken for what",
-        [text],
-        [confusion_figure(counts, order, table)],
+        "confusion", "What was mistaken for what", [text], [confusion_figure(counts, order, table)]
     )
 
 
@@ -310,10 +304,6 @@ def _failures(records: Records) -> Section:
     broken = any(record.error is not None for record in records)
     tables = [told.failures_table(records)] if broken else []
     return Section("failures", "Where the diagnosis broke off", tables=tables)
-
-
-def _share(figure: Rate) -> str:
-    return "-" if figure.value is None else f"{100 * figure.value:.1f} %"
 
 
 def _text(row: Row, value: float | None) -> str:

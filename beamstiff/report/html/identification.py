@@ -29,11 +29,7 @@ MOST_NAMED = 30  # parameters whose correlation is drawn
 
 
 def identification_html(
-    found: Identification,
-    robot: Robot,
-    measured: Measurements,
-    provenance: Provenance,
-    folds: int = 5,
+    found: Identification, robot: Robot, measured: Measurements, provenance: Provenance, folds: int = 5
 ) -> str:
     """Return the report of an identification as one HTML page.
 

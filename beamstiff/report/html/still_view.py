@@ -18,10 +18,9 @@ from beamstiff.report.html.robot_view import (
     RobotView,
     base_and_tool,
     lines,
-    nice,
     space,
 )
-from beamstiff.report.tables import Table
+from beamstiff.report.tables import Table, nice
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.se3 import Array
