@@ -67,7 +67,7 @@ def _bent(ends: Array, moved: Array, count: int, bends: bool) -> tuple[Array, Ar
     """Return points along a part and their displacement: of a beam cubic across it, as `beam_shape` says."""
     s = np.linspace(0.0, 1.0, count)
     points, way = (np.outer(1 - s, one[0]) + np.outer(s, one[1]) for one in (ends, moved[:, :3]))
-    return points, beam_shape(*ends, *moved, s)[:, :3] if bends else way
+    return points, beam_shape(ends[0], ends[1], moved[0], moved[1], s)[:, :3] if bends else way
 
 
 def joint_lines(robot: Robot, q: Array, positions: Array, moved: Array, size: float) -> Lines:
