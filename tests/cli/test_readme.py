@@ -71,7 +71,8 @@ def test_the_table_of_the_formats_is_what_its_robot_does(crane: Path) -> None:
 
 def commands() -> list[str]:
     blocks = re.findall(r"```\n(.*?)```", "\n".join((README, *PAGES.values())), re.DOTALL)
-    return [line for text in blocks for line in text.splitlines() if line.startswith("beamstiff ")]
+    lines = (line for text in blocks for line in text.splitlines() if line.startswith("beamstiff "))
+    return list(dict.fromkeys(lines))
 
 
 @pytest.mark.parametrize("command", commands())
