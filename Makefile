@@ -38,7 +38,7 @@ test: venv
 slow: venv
 	$(BIN)/python -m pytest -n $(JOBS) -m slow $(PYTEST_ARGS)
 
-# What the core must show: asked beside reached.
+# What the core must show: target and result.
 figures: venv
 	$(BIN)/python -m benchmarks.core_figures
 

@@ -1,4 +1,4 @@
-"""beamstiff: why the real robot does not do what the model says."""
+"""beamstiff: predict robot deflection, identify joint stiffness, and find why the real machine differs."""
 
 from __future__ import annotations
 
@@ -45,47 +45,24 @@ if TYPE_CHECKING:
     from beamstiff.robot.writer import save_robot
 
 # Imported when first used: together they take a second, `beamstiff --help` needs none of them.
-_HOME = {
-    "calibrate": "functions.calibrate",
-    "compare": "functions.compare",
-    "compensate": "functions.compensate",
-    "diagnose": "functions.diagnose",
-    "plan": "functions.plan",
-    "predict": "functions.predict",
-    **dict.fromkeys(
-        ("forward_kinematics", "stiffness", "tcp_compliance", "tcp_stiffness"), "functions.stiffness"
-    ),
-    "compile_structure": "fem.structure",
-    "examine": "functions.examine",
-    "identify": "functions.identify",
-    "load_robot": "functions.robots",
-    "map_workspace": "maps.run",
-    "plot": "report.shown",
-    "posture": "robot.kinematics",
-    "read_measurements": "measure.reader",
-    "robot_names": "robot.library",
-    "save_robot": "robot.writer",
-    "verify": "functions.verify",
-    "write_measurements": "measure.writer",
-    "Robot": "robot.description",
-    "Section": "robot.sections",
-    **dict.fromkeys(
-        (
-            "Beam",
-            "Frame",
-            "Joint",
-            "JointStiffness",
-            "Loop",
-            "Mass",
-            "Material",
-            "Node",
-            "Rigid",
-            "Strut",
-            "Variable",
-        ),
-        "robot.parts",
-    ),
+_MODULES = {
+    "fem.structure": "compile_structure",
+    **{f"functions.{name}": name for name in ("calibrate", "compare", "compensate", "diagnose", "examine")},
+    **{f"functions.{name}": name for name in ("identify", "plan", "predict", "verify")},
+    "functions.robots": "load_robot",
+    "functions.stiffness": "forward_kinematics stiffness tcp_compliance tcp_stiffness",
+    "maps.run": "map_workspace",
+    "measure.reader": "read_measurements",
+    "measure.writer": "write_measurements",
+    "report.shown": "plot",
+    "robot.description": "Robot",
+    "robot.kinematics": "posture",
+    "robot.library": "robot_names",
+    "robot.parts": "Beam Frame Joint JointStiffness Loop Mass Material Node Rigid Strut Variable",
+    "robot.sections": "Section",
+    "robot.writer": "save_robot",
 }
+_HOME = {name: module for module, names in _MODULES.items() for name in names.split()}
 
 __all__ = [
     "Beam",

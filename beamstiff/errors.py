@@ -37,10 +37,7 @@ class BeamstiffError(ValueError):
 class OptionError(BeamstiffError):
     """An option of a function that cannot be used; the command line calls it by its own name for it.
 
-    Attributes
-    ----------
-    what : str
-        What was found, and what would be right.
+    `what`: what was found, and what would be right.
 
     Examples
     --------
@@ -63,12 +60,7 @@ def optional(what: str, note: Callable[[str], object]) -> Iterator[None]:
 
     A file that cannot be written stays an error, and so does any other exception.
 
-    Parameters
-    ----------
-    what : str
-        What is missing then, such as "the figure".
-    note : callable
-        Takes the note.
+    `what`: what is missing then, such as "the figure". `note`: takes the note.
 
     Examples
     --------

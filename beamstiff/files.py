@@ -22,16 +22,8 @@ PATIENCE = 2.0  # s; the worker processes of a killed run keep its lock until th
 def read_text(path: str | Path, largest: int = LARGEST) -> str:
     """Return the text of a UTF-8 file, with or without byte order mark.
 
-    Parameters
-    ----------
-    path : str or pathlib.Path
-    largest : int
-        Bytes; a larger file is refused before it is read.
-
-    Raises
-    ------
-    BeamstiffError
-        When the file is missing, unreadable, too large, empty or no UTF-8 text.
+    `largest`: bytes; a larger file is refused before it is read. Raises BeamstiffError when the file is
+    missing, unreadable, too large, empty or no UTF-8 text.
     """
     if os.path.isdir(path):
         raise BeamstiffError(f"{path}: is a folder, expected a file")
@@ -67,10 +59,7 @@ def read_text(path: str | Path, largest: int = LARGEST) -> str:
 def check_writable(path: str | Path) -> None:
     """Refuse a path that could not be written, before any work is done for it.
 
-    Raises
-    ------
-    BeamstiffError
-        When the folder is missing, or the path is a folder or cannot be written to.
+    Raises BeamstiffError when the folder is missing, or the path is a folder or cannot be written to.
     """
     target = target_of(path)
     if is_device(target):
@@ -89,17 +78,8 @@ def write_whole(path: str | Path, content: str | bytes) -> None:
     A draft beside the target takes its place once it is on the disk. Links stay links, a file keeps its mode,
     and devices and pipes are written to, not replaced.
 
-    Parameters
-    ----------
-    path : str or pathlib.Path
-        Replaced if it exists; its folder has to.
-    content : str or bytes
-        Text is written in UTF-8, line ends as they are.
-
-    Raises
-    ------
-    BeamstiffError
-        When the file cannot be written; what was there before is still there then.
+    `path`: replaced if it exists; its folder has to. `content`: text is written in UTF-8, line ends as they
+    are. Raises BeamstiffError when the file cannot be written; what was there before is still there then.
     """
     target = target_of(path)
     try:
@@ -119,10 +99,7 @@ def write_whole(path: str | Path, content: str | bytes) -> None:
 def write_new(path: str | Path, content: str) -> bool:
     """Write a file in one step unless there is one: returns whether it was written.
 
-    Raises
-    ------
-    BeamstiffError
-        When the file cannot be written.
+    Raises BeamstiffError when the file cannot be written.
     """
     target = target_of(path)
     try:
@@ -154,15 +131,7 @@ def draft_of(target: Path) -> Iterator[Path]:
 
     Where the process is killed it stays, until `remove_drafts` finds it.
 
-    Parameters
-    ----------
-    target : pathlib.Path
-        Not a symbolic link: see `target_of`.
-
-    Raises
-    ------
-    OSError
-        When no folder can be made there.
+    `target`: not a symbolic link: see `target_of`. Raises OSError when no folder can be made there.
     """
     # not the target's name with an ending: that may be too long
     folder = target.with_name(f".beamstiff-{_digest(target.name)}-{uuid.uuid4().hex}")
@@ -227,18 +196,8 @@ def held(path: Path, in_use: str) -> Iterator[int]:
 
     The system lets go of it when the process ends, however it ends: there are no stale locks.
 
-    Parameters
-    ----------
-    path : pathlib.Path
-    in_use : str
-        What to say when another process holds it.
-
-    Raises
-    ------
-    BeamstiffError
-        When another process holds it for longer than `PATIENCE`.
-    OSError
-        When it cannot be opened.
+    `in_use`: what to say when another process holds it. Raises BeamstiffError when another process holds it
+    for longer than `PATIENCE`. Raises OSError when it cannot be opened.
     """
     until = time.monotonic() + PATIENCE
     while True:

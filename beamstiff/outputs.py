@@ -34,11 +34,8 @@ _MOST_SEALS = 16  # that are tried: a page may show a text that was sealed itsel
 def sealed(content: str | bytes) -> bytes:
     r"""Return the content of an output with its seal, in the way of its format.
 
-    Parameters
-    ----------
-    content : str or bytes
-        JSON (an object), XML, HTML, SVG, PDF or PNG, or a text whose comments begin with ``#``; in the
-        head of such a text, where it was an output itself, the new seal takes the place of the old one.
+    `content`: JSON (an object), XML, HTML, SVG, PDF or PNG, or a text whose comments begin with ``#``; in the
+    head of such a text, where it was an output itself, the new seal takes the place of the old one.
 
     Examples
     --------
@@ -78,10 +75,7 @@ def _filled(data: bytes, at: int) -> bytes:
 def is_sealed(path: Path) -> bool:
     """Tell whether beamstiff wrote a file, and nobody has changed it since.
 
-    Raises
-    ------
-    OSError
-        When it cannot be read.
+    Raises OSError when it cannot be read.
     """
     with path.open("rb") as file:
         if not os.fstat(file.fileno()).st_size:
@@ -149,10 +143,7 @@ def check_replaceable(path: str | Path) -> None:
 
     An empty file, as ``mktemp`` makes one, holds nothing that could be lost.
 
-    Raises
-    ------
-    BeamstiffError
-        Naming the path.
+    Raises BeamstiffError naming the path.
     """
     target = target_of(path)
     if not target.exists() or is_device(target):
@@ -169,16 +160,7 @@ def check_replaceable(path: str | Path) -> None:
 def check_distinct(inputs: Iterable[str | Path], outputs: Mapping[str, str | Path]) -> None:
     """Refuse outputs that fall on an input, on each other, or into each other, by whatever name.
 
-    Parameters
-    ----------
-    inputs : iterable of path
-    outputs : mapping of str to path
-        By what to call them.
-
-    Raises
-    ------
-    BeamstiffError
-        Naming the output.
+    `outputs`: by what to call them. Raises BeamstiffError naming the output.
     """
     taken: dict[object, str] = {}
     for path in inputs:
@@ -218,18 +200,8 @@ def _marks(path: Path) -> list[object]:
 def write_output(path: str | Path, content: str | bytes, *, as_it_is: bool = False) -> None:
     """Write an output of a command whole, with its seal, over nothing but an earlier one.
 
-    Parameters
-    ----------
-    path : str or pathlib.Path
-    content : str or bytes
-        See `sealed`.
-    as_it_is : bool
-        Add nothing to it: its digest is kept in the folder's `LEDGER` instead.
-
-    Raises
-    ------
-    BeamstiffError
-        When the file cannot be written, or is the user's.
+    `content`: see `sealed`. `as_it_is`: add nothing to it: its digest is kept in the folder's `LEDGER`
+    instead. Raises BeamstiffError when the file cannot be written, or is the user's.
     """
     check_replaceable(path)  # once more: the work may have taken hours
     target = target_of(path)

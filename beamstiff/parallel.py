@@ -62,20 +62,13 @@ def parallel_map(
     Tasks are taken from `tasks` when there is somebody to do them, a few ahead. Whoever stops asking for
     results, Ctrl-C included, leaves no process behind.
 
-    Parameters
-    ----------
-    function : callable
-        Of one task. With several processes or a scheduler it is pickled, once for all tasks: a function of a
-        module, or a `functools.partial` of one, which holds what all tasks share.
-    processes : int
-        Above 1, that many new ones; a script then needs ``if __name__ == "__main__":``. On Linux they are
-        copies of this one, if it has no threads of its own.
-    scheduler : str, optional
-        Of dask, ``tcp://host:port`` or ``tls://host:port``: its workers do the tasks. A worker that dies
-        costs the tasks that it had; others do them again.
-    then : callable, optional
-        Tasks that a result brings with it. It is called here, before the result is yielded; they go before
-        others and have the same number.
+    `function`: of one task. With several processes or a scheduler it is pickled, once for all tasks: a
+    function of a module, or a `functools.partial` of one, which holds what all tasks share. `processes`:
+    above 1, that many new ones; a script then needs ``if __name__ == "__main__":``. On Linux they are copies
+    of this one, if it has no threads of its own. `scheduler`: of dask, ``tcp://host:port`` or
+    ``tls://host:port``: its workers do the tasks. A worker that dies costs the tasks that it had; others do
+    them again. `then`: tasks that a result brings with it. It is called here, before the result is yielded;
+    they go before others and have the same number.
 
     Examples
     --------

@@ -15,13 +15,7 @@ Array = NDArray[np.float64]
 def skew(vector: Array) -> Array:
     """Return the cross-product matrix of vectors: ``skew(a) @ b == cross(a, b)``.
 
-    Parameters
-    ----------
-    vector : (..., 3) array
-
-    Returns
-    -------
-    (..., 3, 3) array
+    `vector` (..., 3). Returns (..., 3, 3) array.
     """
     vector = np.asarray(vector, dtype=np.float64)
     matrix = np.zeros((*vector.shape, 3))
@@ -35,13 +29,7 @@ def skew(vector: Array) -> Array:
 def rotation_about(axis: int, angle: Array) -> Array:
     """Return rotations about a coordinate axis (0 x, 1 y, 2 z).
 
-    Parameters
-    ----------
-    angle : (...) array, rad
-
-    Returns
-    -------
-    (..., 3, 3) array
+    `angle` (...), rad. Returns (..., 3, 3) array.
 
     Examples
     --------
@@ -61,13 +49,7 @@ def rotation_about(axis: int, angle: Array) -> Array:
 def rotation_from_vector(vector: Array) -> Array:
     """Return the rotation matrix of a rotation vector (Rodrigues).
 
-    Parameters
-    ----------
-    vector : (..., 3) array, rad
-
-    Returns
-    -------
-    (..., 3, 3) array
+    `vector` (..., 3), rad. Returns (..., 3, 3) array.
     """
     vector = np.asarray(vector, dtype=np.float64)
     angle = np.linalg.norm(vector, axis=-1)[..., None, None]
@@ -82,13 +64,7 @@ def rotation_from_vector(vector: Array) -> Array:
 def vector_from_rotation(rotation: Array) -> Array:
     """Return the rotation vector of rotation matrices, angle in [0, pi].
 
-    Parameters
-    ----------
-    rotation : (..., 3, 3) array
-
-    Returns
-    -------
-    (..., 3) array, rad
+    `rotation` (..., 3, 3). Returns (..., 3) array, rad.
     """
     from scipy.spatial.transform import Rotation
 
@@ -113,13 +89,7 @@ def displacement_transport(arm: Array) -> Array:
     ``d_b = d_a + r x arm``, ``r_b = r_a``; the same matrix transposed carries a wrench from b to a:
     ``w_a = X^T w_b``.
 
-    Parameters
-    ----------
-    arm : (..., 3) array, m, base frame
-
-    Returns
-    -------
-    (..., 6, 6) array
+    `arm` (..., 3), m, base frame. Returns (..., 6, 6) array.
     """
     arm = np.asarray(arm, dtype=np.float64)
     result = np.zeros((*arm.shape[:-1], 6, 6))

@@ -118,12 +118,7 @@ def _registry() -> pint.UnitRegistry[Any]:
 def unit_factor(unit: str, kind: str) -> tuple[float, float]:
     """Return (factor, offset) with ``SI value = factor * value + offset`` for a unit of the given kind.
 
-    Parameters
-    ----------
-    unit : str
-        A unit such as ``"mm"``, ``"N*mm/rad"``, ``"deg"``.
-    kind : str
-        A key of `UNITS`.
+    `unit`: a unit such as ``"mm"``, ``"N*mm/rad"``, ``"deg"``. `kind`: a key of `UNITS`.
 
     Examples
     --------
@@ -200,12 +195,8 @@ def check_turn(angle: float, found: object) -> float:
 def quantity(value: object, kind: str) -> float:
     """Return a quantity in SI: a plain number is SI already, text carries its unit.
 
-    Parameters
-    ----------
-    value : float, int or str
-        ``0.047``, ``"47 mm"``, ``"1.72e9 N*mm/rad"`` or ``"2e11"`` (YAML 1.1 reads that as text).
-    kind : str
-        A key of `UNITS`, for instance ``"length"``.
+    `value`: ``0.047``, ``"47 mm"``, ``"1.72e9 N*mm/rad"`` or ``"2e11"`` (YAML 1.1 reads that as text).
+    `kind`: a key of `UNITS`, for instance ``"length"``.
 
     Examples
     --------

@@ -1,6 +1,6 @@
 """Draw the pictures of the documentation: `python -m docs.pictures [FOLDER]` in the repository's folder.
 
-They are drawn from robots that come along and from examples/data, by the functions that users have.
+They are drawn from bundled robots and from examples/data, by the functions that users have.
 """
 
 from __future__ import annotations

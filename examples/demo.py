@@ -1,4 +1,4 @@
-"""Identify the KUKA IR-663 from its published measured compliance, and diagnose the gap that remains.
+"""Identify the KUKA IR-663 from its published measured compliance, and diagnose the remaining gap.
 
 Run by `make demo`, or `python examples/demo.py [FIGURE.png]`; the diagnosis is drawn beside that figure.
 Source of the data and of the paper's numbers: Marie, Courteille, Maurine, "Elasto-geometrical modeling and
@@ -53,15 +53,15 @@ INTRODUCTION = (
     "from 126 readings along x and z (Table 3, design 1; its units corrected).\n"
 )
 CAUTION = (
-    "The paper's 0.110 mm and our gap are not the same quantity: its number is over the displacements that "
-    "it measured, ours over 12 values of a fuzzy model fitted to its 900 N readings (which leaves 0.057 mm "
-    "RMS), smoothed and partly beyond the measured postures."
+    "The paper's 0.110 mm and our gap are not the same quantity: its number is over the measured "
+    "displacements, ours over 12 values of a fuzzy model fitted to its 900 N readings (residual 0.057 mm "
+    "RMS), smoothed and partly outside the measured postures."
 )
 SHOWN = 12  # causes in the figure
 DRIVES = ("J12.torsional", "J18.torsional")
 DIAGNOSIS = (
     "\nDiagnosis, from constant springs of the two drives alone (axes 2 and 8 identified; the coupler's "
-    "bearings are as the paper has them and count among the suspects):"
+    "bearings keep the paper's values and are among the candidate causes):"
 )
 REFITTED = (
     "Each cause is added to the model alone and all is fitted again; no drive may get stiffer than rigid. "
@@ -77,9 +77,9 @@ MODELS = {
 }
 CONCLUSION = (
     "In short, these 12 values do not name the cause. A compliance that is the same in all postures (tool, "
-    "floor, camera) closes most, also on postures left out. A spring along the coupler closes less. The ball "
+    "floor, camera) closes most, also on held-out postures. A spring along the coupler closes less. The ball "
     "screws that the paper suspects close little alone; beside that spring they are neither needed nor "
-    "excluded, for their lengths are not printed and guessed here."
+    "excluded, because their lengths are not published and are guessed here."
 )
 
 
@@ -102,7 +102,7 @@ def main(figure: Path = FIGURE) -> None:
     console.print(cause_table(told, causes, left))
     console.print(f"{REFITTED}\n")
     console.print(model_table(robot, measured))
-    console.print("\nTo tell them apart:")
+    console.print("\nTo distinguish them:")
     for line in to_measure(told):
         console.print(f"- {line}")
     for note in told.notes:
@@ -117,17 +117,15 @@ def main(figure: Path = FIGURE) -> None:
 
 
 def gap_table(robot: Robot, measured: Measurements, found: Identification) -> Table:
-    """Return the gaps that remain, ours beside the paper's, and over what each is taken."""
+    """Return the residuals, ours beside the paper's, and over which rows each is taken."""
     before = x_displacement(robot, measured.q, measured.wrench)
     rms_before = 1e3 * np.sqrt(np.mean((measured.displacement[:, 0] - before) ** 2))
     values = f"the {len(measured)} published values"
-    result = table("Gap that remains, RMS", "model", "mm", Column("over", left=True))
+    result = table("Residual, RMS", "model", "mm", Column("over", left=True))
     result.add_row("the start, in our beam model", f"{rms_before:.3f}", values)
     result.add_row("identified here", f"{1e3 * found.rms:.3f}", f"{values}, fitted")
     if found.rms_held_out is not None:
-        result.add_row(
-            "identified here, tested", f"{1e3 * found.rms_held_out:.3f}", "postures left out of the fit"
-        )
+        result.add_row("identified here, tested", f"{1e3 * found.rms_held_out:.3f}", "held-out postures")
     result.add_row("the paper's beam model", f"{PAPER_RMS:.3f}", "its readings, 300 to 1100 N, x and z")
     return result
 
@@ -141,7 +139,7 @@ def suspects(told: Diagnosis) -> list[Candidate]:
 
 
 def refitted(told: Diagnosis, cause: Candidate) -> tuple[float, float]:
-    """Return the RMS gaps, mm, that a cause leaves in its likeliest shape: fitted, and on postures left out.
+    """Return the RMS gaps, mm, with a cause in its likeliest shape: fitted, and on held-out postures.
 
     Compliances of the drives stay positive; the cause's parameters are held to realistic sizes as by a
     measurement of theirs.
@@ -170,9 +168,9 @@ def refitted(told: Diagnosis, cause: Candidate) -> tuple[float, float]:
 
 
 def cause_table(told: Diagnosis, causes: Sequence[Candidate], left: dict[str, tuple[float, float]]) -> Table:
-    """Return what each cause leaves, and whether the diagnosis has it in its set."""
+    """Return the residual with each cause, and whether the diagnosis has it in its set."""
     result = table(
-        "What each cause leaves, RMS, mm", "cause", "in the set", "probability", "fitted", "left out"
+        "Residual with each cause, RMS, mm", "cause", "in the set", "probability", "fitted", "held out"
     )
     in_set = {told.verdict.key, *told.indistinguishable}
     for one in causes:
@@ -202,7 +200,7 @@ def model_table(robot: Robot, measured: Measurements) -> Table:
         (soft, measured, (*DRIVES, "floor.axial", "J1010.radial")),
         (screws, strokes, screws.identify),
     )
-    result = table("Whole models, identified anew, RMS, mm", "model", "fitted", "left out", "others found")
+    result = table("Whole models, identified anew, RMS, mm", "model", "fitted", "held out", "others found")
     for (name, theirs), (one, rows, names) in zip(MODELS.items(), variants, strict=True):
         found = identify(one, rows, names, folds=len(rows))
         assert found.rms_held_out is not None
@@ -243,7 +241,7 @@ def draw_causes(told: Diagnosis, causes: Sequence[Candidate], left: dict[str, tu
     fitted, tested = zip(*(left[one.key] for one in causes), strict=True)
     place = np.arange(len(names))
     how_far.barh(place + 0.2, fitted[::-1], 0.38, color=BLUE, label="fitted")
-    how_far.barh(place - 0.2, tested[::-1], 0.38, color=ORANGE, hatch="//", label="postures left out")
+    how_far.barh(place - 0.2, tested[::-1], 0.38, color=ORANGE, hatch="//", label="held-out postures")
     for value, style, label in (
         (1e3 * told.rms, "-", "without"),
         (PAPER_RMS, "--", "the paper's model, on its readings"),
@@ -251,7 +249,7 @@ def draw_causes(told: Diagnosis, causes: Sequence[Candidate], left: dict[str, tu
     ):
         how_far.axvline(value, color="black", linestyle=style, linewidth=1.2, label=label)
     how_far.set_yticks(place, names)
-    how_far.set(title="How far: the gap that each leaves", xlabel="RMS, mm")
+    how_far.set(title="How far: the gap with each", xlabel="RMS, mm")
     how_far.legend(fontsize="small", loc="upper center", bbox_to_anchor=(0.25, -0.18), ncols=3)
     for axes in (which, how_far):
         plain(axes)

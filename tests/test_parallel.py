@@ -107,10 +107,7 @@ if __name__ == "__main__":
 
 @pytest.mark.parametrize(
     ("threads", "origin"),
-    [
-        ("none", "{'the program'}" if sys.platform == "linux" else "{'the file'}"),
-        ("thread", "{'the file'}"),
-    ],
+    [("none", "{'the program'}" if sys.platform == "linux" else "{'the file'}"), ("thread", "{'the file'}")],
 )
 def test_processes_are_copies_only_where_no_thread_can_hold_a_lock(threads: str, origin: str) -> None:
     one = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL")}

@@ -158,26 +158,14 @@ def test_what_is_neither_robot_nor_table_is_refused(name: str, robot: Any, data:
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (
-            lambda: beamstiff.identify("ir663", DATA, "J12.torsional"),
-            "parameters: found 'J12",
-        ),
-        (
-            lambda: beamstiff.identify("ir663", DATA, folds=1),
-            "folds: found 1, expected",
-        ),
+        (lambda: beamstiff.identify("ir663", DATA, "J12.torsional"), "parameters: found 'J12"),
+        (lambda: beamstiff.identify("ir663", DATA, folds=1), "folds: found 1, expected"),
         (lambda: beamstiff.identify("ir663", DATA, loss="l1"), "loss: found 'l1'"),
         (lambda: beamstiff.plan("ir663", force="2 kg"), "force: "),
         (lambda: beamstiff.plan("ir663", tests=4, poses=2), "tests: found beside"),
-        (
-            lambda: beamstiff.compensate("kr500", 7),
-            "path: found 7, expected a program",
-        ),
+        (lambda: beamstiff.compensate("kr500", 7), "path: found 7, expected a program"),
         (lambda: beamstiff.stiffness("ir663", Q, wrench=[0] * 6), "wrench: loads the machine"),
-        (
-            lambda: beamstiff.stiffness("ir663", Q, preload=True, wrench=[0]),
-            "wrench: found [0]",
-        ),
+        (lambda: beamstiff.stiffness("ir663", Q, preload=True, wrench=[0]), "wrench: found [0]"),
         (lambda: beamstiff.tcp_compliance(None), "robot: found null"),
         (lambda: beamstiff.map_workspace(1.5, GRID), "robot: found 1.5"),
     ],

@@ -8,17 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from beamstiff.cli.options import (
-    Assembly,
-    Debug,
-    Html,
-    Json,
-    Quiet,
-    RobotFile,
-    option,
-    parse_names,
-    robot_file,
-)
+from beamstiff.cli.options import Assembly, Html, RobotFile, option, parse_names, robot_file
 from beamstiff.cli.output import Outputs, working
 from beamstiff.errors import BeamstiffError
 
@@ -41,13 +31,13 @@ def calibrate(
     ],
     parameters: list[str] | None = option(
         "NAME,...",
-        "What to seek: f3.d, q2 (an encoder's zero), n7.x (a reflector's place), a frame, or base, "
+        "What to estimate: f3.d, q2 (an encoder's zero), n7.x (a reflector's place), a frame, or base, "
         "target, offsets, frames; default all.",
     ),
     fix: list[str] | None = option(
         "NAME,...", "What stays, likewise; `base` where the readings are in the robot's own base frame."
     ),
-    last: list[str] | None = option("NAME,...", "Of parameters that cannot be told apart, hold these first."),
+    last: list[str] | None = option("NAME,...", "Of indistinguishable parameters, hold these first."),
     compliances: list[str] | None = option(
         "NAME,...", "Stiffness values to estimate along with the geometry, such as J2.torsional."
     ),
@@ -71,19 +61,16 @@ def calibrate(
         "Write another table, which is not fitted, in the base frame found: fresh.csv=moved.csv; repeatable.",
     ),
     sensitivity: str | None = option("FILE", "Draw how far each parameter moves and turns the tool."),
-    recursion: str | None = option("FILE", "Draw the residual, pose after pose counted in."),
+    recursion: str | None = option("FILE", "Draw the residual over the number of poses used."),
     figure: str | None = option("FILE", "Draw errors and changes, before and after (.png, .svg or .pdf)."),
     assembly: Assembly = None,
-    json: Json = None,
     html: Html = None,
-    quiet: Quiet = False,
-    debug: Debug = False,  # noqa: ARG001
 ) -> None:
     """Calibrate the geometry of a robot from measured absolute positions, or poses.
 
-    Weighted least squares over the parameters that the poses can tell apart; the others are named, with
-    what they look like, and stay. Gravity, payload and loads act as the robot's stiffness says. Where
-    the readings are in a frame of the tracker's own, the robot's base is sought in it (default).
+    Weighted least squares over the parameters that the poses can distinguish; the others are listed,
+    with what they look like, and keep their values. Gravity, payload and loads deform the robot as its
+    stiffness says. By default the robot's base is estimated in the tracker's frame.
 
     \b
     Examples:
@@ -109,12 +96,12 @@ def calibrate(
         )
     inputs: list[str | Path] = [file, *data, *(test or ()), *(source for source, _ in moved)]
     drawings |= {f"apply_to_{number}": path for number, (_, path) in enumerate(moved, 1)}
-    outputs = Outputs(inputs, json, quiet, out=out, readings=readings, html=html, **drawings)
+    outputs = Outputs(inputs, out=out, readings=readings, html=html, **drawings)
     machine = as_robot(file, assembly=assembly)
     refuse_fitted(test or (), data)
     tables = as_tables(data, machine)
     others = [as_tables(source, machine, what="--apply-to")[0] for source, _ in moved]
-    with working(f"calibrating from {sum(map(len, tables))} rows", quiet):
+    with working(f"calibrating from {sum(map(len, tables))} rows"):
         found = run(
             machine,
             tables,

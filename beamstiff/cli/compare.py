@@ -1,18 +1,14 @@
-"""`beamstiff compare`: every model of elasticity fitted to the same rows, judged by rows that none saw."""
+"""`beamstiff compare`: every model of elasticity fitted to the same rows, tested on held-out rows."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from beamstiff.cli.options import (
     Assembly,
-    Debug,
+    DataFiles,
     Html,
-    Json,
-    Quiet,
     RobotFile,
     option,
     parse_names,
@@ -31,17 +27,9 @@ if TYPE_CHECKING:
 
 def compare(
     robot: RobotFile,
-    data: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="DATA...",
-            help="CSV tables, one row a state: joint variables, wrench, measured displacement; units in the "
-            "header, SI otherwise.",
-        ),
-    ],
+    data: DataFiles,
     models: list[str] | None = option(
-        "NAME,...",
-        "rigid, nominal, parametric, fuzzy, grid, gray box, gaussian process; default all.",
+        "NAME,...", "rigid, nominal, parametric, fuzzy, grid, gray box, gaussian process; default all."
     ),
     parameters: list[str] | None = option(
         "NAME,...",
@@ -57,20 +45,17 @@ def compare(
     ),
     seed: int = option("N", "Of all that is drawn at random.", 0),
     assembly: Assembly = None,
-    json: Json = None,
     figure: str | None = option("FILE", "Draw the errors over the workspace (.png, .svg or .pdf)."),
     rules: str | None = option("FILE", "Draw the fuzzy model's rule surface and membership functions."),
     html: Html = None,
-    quiet: Quiet = False,
-    debug: Debug = False,  # noqa: ARG001
 ) -> None:
-    """Fit every model of elasticity to the same rows, and judge each by rows that none saw.
+    """Fit every model of elasticity to the same rows, and test each on held-out rows.
 
-    rigid and nominal are the robot that does not give way and the one in the file; parametric has
-    its stiffness identified; fuzzy rules know nothing but the readings; grid,
-    gray box and gaussian process let the identified springs vary: by cubes of the workspace, by
-    fuzzy rules of the joint values, smoothly over these. Poses are held out at random, and the
-    largest load where there are several. "outside" counts rows beyond what a model was trained on.
+    rigid has no compliance, nominal is the robot file as it is, parametric has its stiffness
+    identified; fuzzy is fitted to the readings alone; grid, gray box and gaussian process let the
+    identified springs vary: by cubes of the workspace, by fuzzy rules of the joint values, smoothly
+    over these. Poses are held out at random, and the largest load where there are several.
+    "outside" counts rows outside a model's training range.
 
     \b
     Examples:
@@ -90,10 +75,10 @@ def compare(
         raise BeamstiffError("--rules: expected fuzzy among the models")
     machine = as_robot(robot, assembly=assembly)
     inputs: list[str | Path] = [robot_file(robot), *data]
-    outputs = Outputs(inputs, json, quiet, seed=seed, figure=figure, rules=rules, html=html)
+    outputs = Outputs(inputs, seed=seed, figure=figure, rules=rules, html=html)
     rows = as_tables(data, machine)
     count = "all" if names is None else len(names)
-    with working(f"fitting {count} models to {sum(map(len, rows))} rows", quiet):
+    with working(f"fitting {count} models to {sum(map(len, rows))} rows"):
         found = run(
             machine,
             rows,

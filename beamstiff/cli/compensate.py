@@ -7,19 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from beamstiff.cli.options import (
-    Assembly,
-    Debug,
-    Html,
-    Json,
-    Quiet,
-    RobotFile,
-    option,
-    parse_names,
-    parse_quantities,
-    robot_file,
-)
-from beamstiff.cli.output import Outputs, say, working
+from beamstiff.cli.options import Assembly, Html, RobotFile, option, parse_names, parse_quantities, robot_file
+from beamstiff.cli.output import Outputs, note, working
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.outputs import write_output
 
@@ -73,10 +62,7 @@ def compensate(
     ),
     figure: str | None = option("FILE", "Draw the path before and after (.png, .svg or .pdf)."),
     assembly: Assembly = None,
-    json: Json = None,
     html: Html = None,
-    quiet: Quiet = False,
-    debug: Debug = False,  # noqa: ARG001
 ) -> None:
     """Correct a tool path for what the real robot makes of it.
 
@@ -123,8 +109,8 @@ def compensate(
     controller = as_robot(robot, assembly=assembly)
     inputs: list[str | Path] = [robot_file(robot), path, *([robot_file(actual)] if actual else [])]
     inputs += [process] if process else []
-    outputs = Outputs(inputs, json, quiet, out=out, figure=figure, html=html)
-    with working("correcting the targets", quiet):
+    outputs = Outputs(inputs, out=out, figure=figure, html=html)
+    with working("correcting the targets"):
         result = run(
             controller,
             path,
@@ -148,7 +134,7 @@ def compensate(
     if out is not None:
         write_output(out, result.content, as_it_is=steps is None)
     else:
-        say("note: --out FILE writes the corrected path", quiet)
+        note("--out FILE writes the corrected path")
     outputs.draw("figure", lambda: compensation_figure(result, f"{controller.name}: {Path(path).name}"))
     outputs.page("compensation", result, controller)
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from beamstiff.cli.options import Debug, Json, Quiet, option, robot_file
+from beamstiff.cli.options import option, robot_file
 from beamstiff.cli.output import Outputs
 from beamstiff.errors import BeamstiffError, listed, shown
 from beamstiff.files import read_text
@@ -52,9 +52,6 @@ def convert(
     joints: str | None = option(
         "CSV", "With --profile: joint values and loads, to be joined with the points."
     ),
-    json: Json = None,
-    quiet: Quiet = False,
-    debug: Debug = False,  # noqa: ARG001
 ) -> None:
     """Convert robots and measured points from and to the files of other programs.
 
@@ -76,7 +73,7 @@ def convert(
         robot_file(source),
         *(path for path in (like, profile, joints) if path is not None),
     ]
-    outputs = Outputs(inputs, json, quiet, out=out)
+    outputs = Outputs(inputs, out=out)
     if profile is not None:
         from beamstiff.measure.point_lists import convert_points
         from beamstiff.measure.profiles import read_profile
@@ -134,14 +131,8 @@ def convert(
 def read_robot(source: str, tcp: str | None, convention: str | None, written: str = "") -> Robot:
     """Return the robot of any file that one can be read from.
 
-    Parameters
-    ----------
-    tcp : str or None
-        Node at the TCP.
-    convention : str or None
-        Of a table that does not say.
-    written : str
-        Ending of the output: a convention given for a table to be written is none of the input.
+    `tcp`: node at the TCP. `convention`: of a table that does not say. `written`: ending of the output: a
+    convention given for a table to be written is none of the input.
     """
     from beamstiff.functions.robots import check_known, load_robot
     from beamstiff.robot.dh_tables import is_table, parse_yaml_table, read_table
@@ -201,10 +192,7 @@ def with_joint_stiffness(robot: Robot, texts: list[str]) -> Robot:
             )
         found: dict[str, float] = {}
         problems: dict[str, BeamstiffError] = {}
-        for direction, kind in (
-            ("torsional", "rotational stiffness"),
-            ("axial", "translational stiffness"),
-        ):
+        for direction, kind in (("torsional", "rotational stiffness"), ("axial", "translational stiffness")):
             try:
                 found[direction] = quantity(value, kind)
             except BeamstiffError as error:
@@ -239,6 +227,6 @@ def _notes(robot: Robot) -> list[str]:
     if not missing:
         return []
     return [
-        f"nothing gives way: the joints {listed(missing, 12)} are rigid; give them a stiffness with "
+        f"no compliance: the joints {listed(missing, 12)} are rigid; give them a stiffness with "
         "--joint-stiffness '1e6 N*m/rad' (or NAME='...')"
     ]

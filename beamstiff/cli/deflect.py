@@ -5,18 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from beamstiff.cli.options import (
-    Assembly,
-    DataFile,
-    Debug,
-    Html,
-    Json,
-    Preload,
-    Quiet,
-    RobotFile,
-    option,
-    robot_file,
-)
+from beamstiff.cli.options import Assembly, DataFile, Html, Preload, RobotFile, option, robot_file
 from beamstiff.cli.output import Outputs, optional_file, working
 from beamstiff.errors import BeamstiffError
 from beamstiff.outputs import write_output
@@ -31,15 +20,12 @@ def deflect(
     data: DataFile,
     preload: Preload = False,
     assembly: Assembly = None,
-    json: Json = None,
     out: str | None = option("FILE", "Write the loads with the predicted displacements as a CSV table."),
     vtu: str | None = option(
         "FILE", "Write the deformed structure for ParaView (.vtu): of the row that moves most, or --line."
     ),
     line: int | None = option("N", "With --vtu: the line of DATA whose row it is."),
     html: Html = None,
-    quiet: Quiet = False,
-    debug: Debug = False,  # noqa: ARG001
 ) -> None:
     """Predict the displacement of each row of a table of postures and loads.
 
@@ -77,14 +63,14 @@ def deflect(
     machine = as_robot(robot, assembly=assembly)
     if not machine.effects:
         check_stiffness(machine)  # before the table: no table helps
-    outputs = Outputs([robot_file(robot), data], json, quiet, out=out, vtu=vtu, html=html)
+    outputs = Outputs([robot_file(robot), data], out=out, vtu=vtu, html=html)
     if vtu is not None and Path(vtu).suffix.lower() != ".vtu":
         raise BeamstiffError(f"--vtu {vtu}: found the ending {Path(vtu).suffix!r}, expected .vtu")
     if line is not None and vtu is None:
         raise BeamstiffError("--line: goes with --vtu")
     (loads,) = as_tables(data, machine, require_measured=False)
     shape_of = None if line is None else _row_of(loads, line)
-    with working(f"deflecting {len(loads)} rows", quiet):
+    with working(f"deflecting {len(loads)} rows"):
         found = predict(machine, loads, preload=preload)
         said = deflection_text(found)  # of numbers that may overflow
     outputs.result(found.notes, [deflection_table(found), "\n".join(said)], found.to_dict())
@@ -92,7 +78,7 @@ def deflect(
         write_output(out, measurements_to_csv(found.to_measurements(), machine))
     if vtu is not None:
         most = int((found.displacement[:, :3] ** 2).sum(axis=1).argmax())
-        with optional_file(vtu, quiet):
+        with optional_file(vtu):
             outputs.console.print(_write_shape(machine, loads, most if shape_of is None else shape_of, vtu))
     outputs.page("deflection", found)
 

@@ -1,4 +1,4 @@
-"""`beamstiff diagnose`: where the gap is, what causes it, how far it shrinks, what to measure next."""
+"""`beamstiff diagnose`: where the gap is, what causes it, how much of it closes, what to measure next."""
 
 from __future__ import annotations
 
@@ -10,10 +10,7 @@ import typer
 from beamstiff.cli.options import (
     Assembly,
     DataFiles,
-    Debug,
     Html,
-    Json,
-    Quiet,
     Region,
     RobotFile,
     option,
@@ -21,7 +18,7 @@ from beamstiff.cli.options import (
     parse_region,
     robot_file,
 )
-from beamstiff.cli.output import Outputs, optional_file, say, working
+from beamstiff.cli.output import Outputs, note, optional_file, working
 from beamstiff.errors import BeamstiffError
 
 
@@ -40,7 +37,7 @@ def diagnose(
     next_to: str | None = typer.Option(
         None,
         "--next",
-        help="Write the measurements that would tell most, ready to fill in; near where the tool was "
+        help="Write the measurements that discriminate best, ready to fill in; near where the tool was "
         "measured, or in --region.",
         metavar="CSV",
     ),
@@ -52,18 +49,15 @@ def diagnose(
     ),
     figure: str | None = option("FILE", "Draw the diagnosis (.png, .svg or .pdf)."),
     assembly: Assembly = None,
-    json_to: Json = None,
     html: Html = None,
-    quiet: Quiet = False,
-    debug: Debug = False,  # noqa: ARG001
 ) -> None:
-    """Say where the gap between model and machine is, and what causes it.
+    """Find where the gap between model and machine is, and what causes it.
 
-    The robot's `identify` parameters are fitted first. What remains is weighed: every effect of the
-    library at every component in several shapes, nothing but noise, and something unknown. The answer
-    is a verdict with its probability, what the data cannot tell from it, what they cannot show at all,
-    how much of the gap would close on postures that were not fitted, and what to measure next. It may
-    be `none` or `unknown`.
+    The robot's `identify` parameters are fitted first. The residual is then explained by every effect
+    of the library at every component in several shapes, by noise alone, and by an unknown cause. The
+    answer is a verdict with its probability, the causes indistinguishable from it, the effects that
+    the data cannot show, how much of the gap closes on held-out data, and what to measure next. The
+    verdict may be `none` or `unknown`.
 
     \b
     Example:
@@ -83,26 +77,26 @@ def diagnose(
 
     file = robot_file(robot)
     wanted: dict[str, Any] = {"next": next_to, "apply": apply, "figure": figure, "html": html}
-    outputs = Outputs([file, *data], json_to, quiet, seed=seed, **wanted)
+    outputs = Outputs([file, *data], seed=seed, **wanted)
     machine = as_robot(file, assembly=assembly)
     where = parse_region(region)
     excluded = parse_names(without, "--without", "backlash,hardening:q1") or ()
     tables = as_tables(data, machine)
-    with working("diagnosing", quiet):
+    with working("diagnosing"):
         result = run(machine, tables, without=excluded, region=where, seed=seed, stations=stations)
     known = effects_text(machine.effects)
-    before = [f"Known before, and counted in: {known}."] if known else []
+    before = [f"Already in the robot and included: {known}."] if known else []
     outputs.result(result.notes, [*diagnosis_tables(result), *before], result.to_dict())
     if next_to is not None and result.next:
-        with optional_file(next_to, quiet):
+        with optional_file(next_to):
             write_output(next_to, proposed_csv(result))
     elif next_to is not None:  # a diagnosis was made all the same
-        say(f"note: {next_to} was not written: this diagnosis proposes no states to measure", quiet)
+        note(f"{next_to} was not written: this diagnosis proposes no states to measure")
     if apply is not None:
         from beamstiff.diagnosis.apply import extended, readable, written_std
         from beamstiff.robot.yaml_edit import robot_yaml
 
-        with optional_file(apply, quiet):
+        with optional_file(apply):
             larger = readable(extended(result))
             added = effects_text(larger.effects[len(machine.effects) :]) or "no effect"
             names = ", ".join(Path(path).name for path in data)
@@ -113,6 +107,6 @@ def diagnose(
             outputs.console.print(f"{apply}: the fitted stiffness, and {added} added.")
             if result.fits and result.verdict.probability < LIKELY:
                 share = f"{100 * result.verdict.probability:.0f} %"
-                say(f"note: {apply} holds what is no more than the likeliest cause ({share})", quiet)
+                note(f"{apply} holds what is no more than the likeliest cause ({share})")
     outputs.draw("figure", lambda: diagnosis_figure(result))
     outputs.page("diagnosis", result)

@@ -15,7 +15,6 @@ from rich.console import Console
 
 from beamstiff._version import __version__
 from beamstiff.cli.group import THREADS
-from beamstiff.cli.options import Debug, Json, Quiet
 from beamstiff.cli.output import Outputs
 from beamstiff.errors import BeamstiffError
 
@@ -28,9 +27,6 @@ REQUIREMENT = re.compile(
 
 def doctor(
     check: bool = typer.Option(True, "--check/--no-check", help="Compare a cantilever with its closed form."),
-    json: Json = None,
-    quiet: Quiet = False,
-    debug: Debug = False,  # noqa: ARG001
 ) -> None:
     """Say which versions are installed, which optional parts are there, and whether they calculate right.
 
@@ -43,7 +39,7 @@ def doctor(
       beamstiff doctor
       beamstiff doctor --json -
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
-    outputs = Outputs([], json, quiet)
+    outputs = Outputs([])
     needed, optional = parts(_requirements())
     facts: dict[str, Any] = {
         "beamstiff": __version__,
@@ -66,10 +62,7 @@ def doctor(
 def parts(requirements: list[str]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Return the libraries that are needed and those of optional parts, each with what is installed.
 
-    Parameters
-    ----------
-    requirements : list of str
-        As in the metadata of a package: ``"numba>=0.61; extra == 'fast'"``.
+    `requirements`: as in the metadata of a package: ``"numba>=0.61; extra == 'fast'"``.
     """
     needed, optional = list[dict[str, Any]](), list[dict[str, Any]]()
     for requirement in requirements:

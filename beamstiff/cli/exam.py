@@ -7,17 +7,7 @@ from typing import Annotated
 
 import typer
 
-from beamstiff.cli.options import (
-    Debug,
-    Html,
-    Json,
-    Processes,
-    Quiet,
-    Scheduler,
-    option,
-    parse_names,
-    robot_file,
-)
+from beamstiff.cli.options import Html, Processes, Scheduler, option, parse_names, robot_file
 from beamstiff.cli.output import Outputs, progress
 
 
@@ -26,7 +16,7 @@ def exam(
         str | None,
         typer.Argument(
             metavar="[ROBOT]",
-            help="Examine on this robot only: YAML file, or the name of one that comes along; default: two "
+            help="Examine on this robot only: YAML file, or the name of a bundled one; default: two "
             "serial robots, arms of random proportions and the closed-loop ir663.",
         ),
     ] = None,
@@ -52,7 +42,6 @@ def exam(
         "--crowded",
         help="Examine on machines with three to six effects at once, and a geometry that is off.",
     ),
-    json: Json = None,
     out: str | None = option(
         "FILE", "Keep every case's result as a line of JSON; a broken-off exam is taken up again there."
     ),
@@ -62,8 +51,6 @@ def exam(
         True, "--compare/--no-compare", help="Ask a plain regression too (best BIC), as a control."
     ),
     html: Html = None,
-    quiet: Quiet = False,
-    debug: Debug = False,  # noqa: ARG001
 ) -> None:
     """Examine the diagnosis on simulated campaigns whose effect is withheld from it.
 
@@ -95,9 +82,9 @@ def exam(
         inputs += [path for path in Path(sets).iterdir() if path.is_file()]
     kept = {} if out is None else {"--out": out}
     kept |= {f"--reports {Path(path).name}": path for path in reports_of(reports, sets, cases)}
-    outputs = Outputs(inputs, json, quiet, seed=seed, elsewhere=kept, figure=figure, html=html)
+    outputs = Outputs(inputs, seed=seed, elsewhere=kept, figure=figure, html=html)
     check_kept(out, reports, sets, cases)
-    with progress("examining", quiet, "MofNCompleteColumn", "TimeRemainingColumn", total=cases) as tell:
+    with progress("examining", "MofNCompleteColumn", "TimeRemainingColumn", total=cases) as tell:
         found = examine(
             robot,
             plan,

@@ -23,13 +23,7 @@ SUCCESS, FAILURE, REFUSED, INTERRUPTED = 0, 1, 2, 130
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 # arguments of functions whose option on the command line has another name
-CALLED = {
-    "components": "use",
-    "fixed": "fix",
-    "ties": "tie",
-    "bounds": "bound",
-    "priors": "prior",
-}
+CALLED = {"components": "use", "fixed": "fix", "ties": "tie", "bounds": "bound", "priors": "prior"}
 
 
 class Commands(TyperGroup):

@@ -13,11 +13,8 @@ from beamstiff.cli.identify_options import parse_bounds, parse_errors, parse_pri
 from beamstiff.cli.options import (
     Assembly,
     DataFiles,
-    Debug,
     Html,
-    Json,
     Processes,
-    Quiet,
     RobotFile,
     Scheduler,
     option,
@@ -77,28 +74,25 @@ def identify(
     processes: Processes = 1,
     scheduler: Scheduler = None,
     assembly: Assembly = None,
-    json: Json = None,
     out: str | None = option("FILE", "Write the robot with the identified stiffness as YAML."),
     reduce: str | None = option(
         "FILE",
-        "Write the reduced robot as YAML: springs that only act together are one, what cannot be "
-        "identified is left out.",
+        "Write the reduced robot as YAML: springs identifiable only in combination become one, springs "
+        "that cannot be identified are removed.",
     ),
     figure: str | None = option(
         "FILE", "Draw measured against predicted displacements (.png, .svg or .pdf)."
     ),
     html: Html = None,
-    quiet: Quiet = False,
-    debug: Debug = False,  # noqa: ARG001
 ) -> None:
     """Identify joint stiffness from measured displacements, with uncertainty.
 
     DATA holds displacements dx dy dz (rx ry rz), loaded minus unloaded, in the base frame; the
     start are the robot's present values. Weighted least squares; rotations count where the table
-    says sigma_rotation. The uncertainty is one standard deviation; where the data do not bound a
-    stiffness from above, a lower bound is given instead. The held-out gap is that of poses left
-    out of the fit. Springs that only act together are named, with the sum that is known of them
-    and the measurement that would tell them apart. Ctrl-C ends with the best values so far.
+    states sigma_rotation. The uncertainty is one standard deviation; a stiffness that the data do
+    not bound from above gets a lower bound instead. Springs identifiable only in combination are
+    listed with their known sum and the measurement that distinguishes them. Ctrl-C ends with the
+    best values so far.
 
     \b
     Examples:
@@ -134,11 +128,11 @@ def identify(
     }
     file = robot_file(robot)
     wanted: dict[str, Any] = {"out": out, "reduce": reduce, "figure": figure, "html": html}
-    outputs = Outputs([file, *data], json, quiet, seed=seed, **wanted)
+    outputs = Outputs([file, *data], seed=seed, **wanted)
     most = evaluations * searches
     with (
-        working("identifying", quiet, still=True),
-        progress("identifying", quiet, EVALUATED, "TimeElapsedColumn", total=most, cost=float("inf")) as bar,
+        working("identifying", still=True),
+        progress("identifying", EVALUATED, "TimeElapsedColumn", total=most, cost=float("inf")) as bar,
     ):
         found = run(
             machine,
@@ -163,7 +157,7 @@ def identify(
     table = identification_table(found, machine, f"{machine.name}: identified stiffness")
     texts = [*combinations_text(found), identification_text(found, fitted, folds), method_text(found)]
     if machine.effects:
-        texts.append(f"Beside the robot's effects, as they are: {effects_text(machine.effects)}.")
+        texts.append(f"The fit includes the robot's effects unchanged: {effects_text(machine.effects)}.")
     outputs.result(found.notes, [table, "", *texts], found.to_dict())
     if out is not None:
         write_output(out, robot_yaml(found.robot, file, found.conditional_std, _head(found, data)))

@@ -18,6 +18,8 @@ from beamstiff.cli.exam import exam
 from beamstiff.cli.group import Commands
 from beamstiff.cli.identify import identify
 from beamstiff.cli.map import map as map_
+from beamstiff.cli.options import with_common
+from beamstiff.cli.output import STDOUT
 from beamstiff.cli.plan import plan
 from beamstiff.cli.schema import schema
 from beamstiff.cli.show import show
@@ -49,8 +51,8 @@ def beamstiff(
 ) -> None:
     """Elastostatic robot models: stiffness at the tool, and joint stiffness from measurements.
 
-    ROBOT is always a YAML, URDF or SDF file, or the name of a robot that comes along (beamstiff show
-    lists them).
+    ROBOT is always a YAML, URDF or SDF file, or the name of a bundled robot (beamstiff show lists
+    them).
     Numbers without a unit are SI: m, rad, N, N m. Wrenches [f, m] and displacements [d, r] are at
     the TCP, in the base frame; r is a rotation vector.
 
@@ -82,6 +84,6 @@ for command in (
     convert,
     exam,
     doctor,
-    schema,
 ):
-    app.command()(command)
+    app.command()(with_common(command))
+app.command()(with_common(schema, json=STDOUT))

@@ -9,10 +9,7 @@ import typer
 
 from beamstiff.cli.options import (
     Assembly,
-    Debug,
-    Json,
     Processes,
-    Quiet,
     RobotFile,
     Scheduler,
     option,
@@ -20,7 +17,7 @@ from beamstiff.cli.options import (
     parse_quantity,
     robot_file,
 )
-from beamstiff.cli.output import TYPED, Outputs, progress, say, working
+from beamstiff.cli.output import TYPED, Outputs, note, progress, working
 from beamstiff.errors import BeamstiffError
 
 if TYPE_CHECKING:
@@ -66,9 +63,6 @@ def map(
     processes: Processes = 1,
     scheduler: Scheduler = None,
     assembly: Assembly = None,
-    json: Json = None,
-    quiet: Quiet = False,
-    debug: Debug = False,  # noqa: ARG001
 ) -> None:
     """Map stiffness, deflection or dexterity over joint variables or over positions of the TCP.
 
@@ -113,11 +107,11 @@ def map(
     }
     file = robot_file(robot)
     kept = {} if out is None else {"--out": out, "the chunks": f"{out}.parts"}
-    outputs = Outputs([file], json, quiet, elsewhere=kept, figure=figure)
+    outputs = Outputs([file], elsewhere=kept, figure=figure)
     if out is not None:
         check_target(out)
-    for note in (*robot_doubts(description), *left_out(description.effects, "the map")):
-        say(f"note: {note}", quiet)
+    for text in (*robot_doubts(description), *left_out(description.effects, "the map")):
+        note(text)
     told = provenance([file], 0, TYPED.get())
     attributes = {
         "command": told.command,
@@ -125,9 +119,9 @@ def map(
         "robot_file_sha256": told.files[0][1],
     }
     with (
-        working("mapping", quiet, still=True),
+        working("mapping", still=True),
         progress(
-            "mapping", quiet, "MofNCompleteColumn", "poses", "TimeRemainingColumn", total=None, live=False
+            "mapping", "MofNCompleteColumn", "poses", "TimeRemainingColumn", total=None, live=False
         ) as tell,
     ):
         found = map_workspace(

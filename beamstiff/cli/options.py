@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import wraps
+from inspect import Parameter, signature
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from beamstiff.cli.output import JSON, QUIET
 from beamstiff.errors import BeamstiffError
 
 
 def robots_beginning(incomplete: str) -> list[str]:
-    """Return the robots that come along whose name begins so: what the shell offers, or else files."""
+    """Return the bundled robots whose name begins so: what the shell offers, or else files."""
     from beamstiff.robot.library import robot_names
 
     return [name for name in robot_names() if name.startswith(incomplete)]
@@ -27,7 +30,7 @@ RobotFile = Annotated[
     str,
     typer.Argument(
         metavar="ROBOT",
-        help="YAML, URDF or SDF file, or the name of a robot that comes along.",
+        help="YAML, URDF or SDF file, or the name of a bundled robot.",
         autocompletion=robots_beginning,
     ),
 ]
@@ -56,12 +59,6 @@ DataFile = Annotated[
         "header, SI otherwise.",
     ),
 ]
-Json = Annotated[
-    str | None,
-    typer.Option(
-        "--json", metavar="FILE", help="Write the result as JSON, SI; - is stdout (no tables then)."
-    ),
-]
 Html = Annotated[
     str | None,
     typer.Option("--html", metavar="FILE", help="Write a report as one HTML page that works offline."),
@@ -87,12 +84,38 @@ Scheduler = Annotated[
         "--scheduler", metavar="ADDRESS", help="Calculate on a dask cluster, such as tcp://10.0.0.5:8786."
     ),
 ]
-Quiet = Annotated[bool, typer.Option("--quiet", help="Print no tables and no notes, only errors.")]
-Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
+COMMON = {
+    "json": typer.Option(
+        None, "--json", metavar="FILE", help="Write the result as JSON, SI; - is stdout (no tables then)."
+    ),
+    "quiet": typer.Option(False, "--quiet", help="Print no tables and no notes, only errors."),
+    "debug": typer.Option(False, "--debug", help="Show the traceback of an error."),
+}
+
+
+def with_common(command: Callable[..., None], json: str | None = None) -> Callable[..., None]:
+    """Return a command that has the options of all: --json (by default to `json`), --quiet, --debug."""
+    own = signature(command, eval_str=True)
+
+    @wraps(command)
+    def run(**given: Any) -> None:
+        JSON.set(given.pop("json") or json)
+        QUIET.set(given.pop("quiet"))
+        del given["debug"]  # which `Commands` looks for itself
+        command(**given)
+
+    more = [
+        Parameter(
+            name, Parameter.KEYWORD_ONLY, default=one, annotation=str | None if name == "json" else bool
+        )
+        for name, one in COMMON.items()
+    ]
+    run.__signature__ = own.replace(parameters=[*own.parameters.values(), *more])  # type: ignore[attr-defined]
+    return run
 
 
 def robot_file(robot: str) -> Path:
-    """Return the file behind the argument ROBOT, which may be the name of a robot that comes along."""
+    """Return the file behind the argument ROBOT, which may be the name of a bundled robot."""
     from beamstiff.robot.library import robot_names, robot_path
 
     path = Path(robot)

@@ -24,13 +24,16 @@ if TYPE_CHECKING:
 
 STDOUT = "-"
 TYPED: ContextVar[Sequence[str]] = ContextVar("TYPED", default=())  # the words of the command
+JSON: ContextVar[str | None] = ContextVar("JSON", default=None)  # where --json goes
+QUIET: ContextVar[bool] = ContextVar("QUIET", default=False)
 PIPE_WIDTH = 200  # columns where there is no terminal to fit into
 
 
-def people(quiet: bool, json_to: str | None) -> Console:
+def people() -> Console:
     """Return the console for people's tables: silent when they asked for quiet, or stdout is for JSON."""
-    console = _console(quiet=quiet or json_to == STDOUT)
-    return console if console.is_terminal else _console(quiet=quiet or json_to == STDOUT, width=PIPE_WIDTH)
+    quiet = QUIET.get() or JSON.get() == STDOUT
+    console = _console(quiet=quiet)
+    return console if console.is_terminal else _console(quiet=quiet, width=PIPE_WIDTH)
 
 
 def say(message: str, quiet: bool = False) -> None:
@@ -42,28 +45,28 @@ def say(message: str, quiet: bool = False) -> None:
     console.print(rest, soft_wrap=True)
 
 
-def optional_file(path: str, quiet: bool) -> AbstractContextManager[None]:
+def note(message: str) -> None:
+    """Print a note on stderr, unless they asked for quiet."""
+    say(f"note: {message}", QUIET.get())
+
+
+def optional_file(path: str) -> AbstractContextManager[None]:
     """Return the context in which a file beside the result is made: where that fails, a note says why.
 
     That the file cannot be written stays an error.
     """
-    return optional(path, lambda text: say(f"note: {text}", quiet))
+    return optional(path, note)
 
 
 @contextmanager
-def working(what: str, quiet: bool, still: bool = False) -> Iterator[None]:
+def working(what: str, still: bool = False) -> Iterator[None]:
     """Show on stderr that long work goes on, if it is a terminal; numbers that overflow are bad input.
 
-    Parameters
-    ----------
-    what : str
-        The work, such as "identifying".
-    still : bool
-        Show nothing, since the work shows itself.
+    `what`: the work, such as "identifying". `still`: show nothing, since the work shows itself.
     """
     import numpy as np
 
-    console = _console(quiet=quiet, stderr=True)
+    console = _console(quiet=QUIET.get(), stderr=True)
     try:
         with (
             console.status(f"{what} ...") if console.is_terminal and not still else nullcontext(),
@@ -79,21 +82,17 @@ def working(what: str, quiet: bool, still: bool = False) -> Iterator[None]:
 
 @contextmanager
 def progress(
-    what: str, quiet: bool, *columns: str, total: float | None, live: bool = True, **fields: Any
+    what: str, *columns: str, total: float | None, live: bool = True, **fields: Any
 ) -> Iterator[Callable[..., None] | None]:
     """Yield what moves a bar on stderr (`completed`, `advance`, `total`); None where it is no terminal.
 
-    Parameters
-    ----------
-    columns : str
-        What stands behind the bar: names of columns of rich, or texts.
-    live : bool
-        Drawn by a thread; else when there is news, since a thread keeps processes from beginning as copies.
+    `columns`: what stands behind the bar: names of columns of rich, or texts. `live`: drawn by a thread; else
+    when there is news, since a thread keeps processes from beginning as copies.
     """
     from rich import progress as parts
 
-    console = Console(stderr=True, quiet=quiet)
-    if quiet or not console.is_terminal:
+    console = Console(stderr=True)
+    if QUIET.get() or not console.is_terminal:
         yield None
         return
     behind = [getattr(parts, one)() if one.endswith("Column") else parts.TextColumn(one) for one in columns]
@@ -109,29 +108,17 @@ def progress(
 
 
 def check_outputs(
-    inputs: Iterable[str | Path],
-    json_to: str | None,
-    elsewhere: Mapping[str, str] | None = None,
-    /,
-    **files: str | None,
+    inputs: Iterable[str | Path], elsewhere: Mapping[str, str] | None = None, /, **files: str | None
 ) -> None:
     """Refuse, before any work, outputs that cannot be written or that would cost a file of the user's.
 
     The one rule for all commands: an output never falls on an input or on another output, and replaces
     nothing but a file that beamstiff wrote and nobody has edited since (see `beamstiff.outputs`).
 
-    Parameters
-    ----------
-    inputs : iterable of path
-        Files that the command reads.
-    json_to : str, optional
-        Where ``--json`` goes; ``-`` is stdout.
-    elsewhere : mapping of str to str, optional
-        Outputs that are checked elsewhere for what they replace, by what to call them.
-    **files : str or None
-        The other output files by the name of their option.
+    `inputs`: files that the command reads. `elsewhere`: outputs that are checked elsewhere for what they
+    replace, by what to call them. `files`: the output files beside --json by the name of their option.
     """
-    wanted = {"json": None if json_to == STDOUT else json_to, **files}
+    wanted = {"json": None if JSON.get() == STDOUT else JSON.get(), **files}
     named = {f"--{option.replace('_', '-')}": path for option, path in wanted.items() if path is not None}
     for option, path in named.items():
         if path == STDOUT:
@@ -146,49 +133,31 @@ def check_outputs(
         check_writable(path)
 
 
-def write_json(value: Mapping[str, Any], json_to: str | None) -> None:
-    """Write plain data as JSON to a file or, for ``-``, to stdout; nowhere for None."""
-    if json_to is None:
-        return
-    text = json_text(value) + "\n"
-    if json_to == STDOUT:
-        sys.stdout.write(text)
-        sys.stdout.flush()
-    else:
-        write_output(json_to, text)
-
-
 DRAWINGS = ("figure", "recursion", "rules", "sensitivity")  # options of pictures
 
 
 class Outputs:
     """What a command prints and writes: checked before any work, then its result and what goes beside it.
 
-    Parameters
-    ----------
-    inputs, json_to, elsewhere, files
-        As of `check_outputs`; ``html`` among the files is the report.
-    seed : int
-        That the report states.
+    `inputs`, `elsewhere`, `files`: as of `check_outputs`; ``html`` among the files is the report.
+    `seed`: that the report states.
     """
 
     def __init__(
         self,
         inputs: Sequence[str | Path],
-        json_to: str | None,
-        quiet: bool,
         *,
         seed: int = 0,
         elsewhere: Mapping[str, str] | None = None,
         **files: str | None,
     ) -> None:
-        check_outputs(inputs, json_to, elsewhere, **files)
+        check_outputs(inputs, elsewhere, **files)
         for path in filter(None, map(files.get, DRAWINGS)):
             from beamstiff.report.figures import check_format
 
             check_format(path)
-        self.files, self.quiet, self._json, self._source = files, quiet, json_to, None
-        self.console = people(quiet, json_to)
+        self.files, self._source = files, None
+        self.console = people()
         if files.get("html") is not None:
             from beamstiff.report.html.provenance import provenance
 
@@ -196,18 +165,22 @@ class Outputs:
 
     def result(self, notes: Iterable[str], shown: Iterable[RenderableType], told: Mapping[str, Any]) -> None:
         """Say the notes, print tables and sentences, write the JSON."""
-        for note in notes:
-            say(f"note: {note}", self.quiet)
+        for text in notes:
+            note(text)
         for part in shown:
             self.console.print(part)
-        write_json(told, self._json)
+        if (path := JSON.get()) == STDOUT:
+            sys.stdout.write(f"{json_text(told)}\n")
+            sys.stdout.flush()
+        elif path is not None:
+            write_output(path, f"{json_text(told)}\n")
 
     def draw(self, option: str, figure: Callable[[], Figure]) -> None:
         """Write a picture, if the option asks for it."""
         if (path := self.files[option]) is not None:
             from beamstiff.report.figures import figure_bytes
 
-            with optional_file(path if option != "rules" else f"--rules {path}", self.quiet):
+            with optional_file(path if option != "rules" else f"--rules {path}"):
                 write_output(path, figure_bytes(figure(), path))
 
     def page(self, name: str, *given: Any, **more: Any) -> None:
@@ -215,7 +188,7 @@ class Outputs:
         path = self.files["html"]
         if path is not None and self._source is not None:
             make = getattr(import_module(f"beamstiff.report.html.{name}"), f"{name}_html")  # takes its time
-            with optional_file(path, self.quiet):
+            with optional_file(path):
                 write_output(path, make(*given, provenance=self._source, **more))
 
 

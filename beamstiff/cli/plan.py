@@ -2,18 +2,7 @@
 
 from __future__ import annotations
 
-from beamstiff.cli.options import (
-    Assembly,
-    Debug,
-    Json,
-    Quiet,
-    Region,
-    RobotFile,
-    option,
-    parse_names,
-    parse_region,
-    robot_file,
-)
+from beamstiff.cli.options import Assembly, Region, RobotFile, option, parse_names, parse_region, robot_file
 from beamstiff.cli.output import Outputs, working
 from beamstiff.outputs import write_output
 
@@ -42,9 +31,6 @@ def plan(
     candidates: int = option("N", "Random poses to choose from.", 300),
     seed: int = option("N", "Seed of these poses.", 0),
     assembly: Assembly = None,
-    json: Json = None,
-    quiet: Quiet = False,
-    debug: Debug = False,  # noqa: ARG001
 ) -> None:
     """Plan which poses and loads to measure, to find the stiffness as well as possible.
 
@@ -74,8 +60,8 @@ def plan(
     machine = as_robot(robot, assembly=assembly)
     own = None if not load else np.array([parse_wrench([text], "--load") for text in load])
     where, names = parse_region(region), parse_names(parameters)
-    outputs = Outputs([robot_file(robot)], json, quiet, out=out)
-    with working(f"choosing tests from {candidates} poses", quiet):
+    outputs = Outputs([robot_file(robot)], out=out)
+    with working(f"choosing tests from {candidates} poses"):
         found = run(
             machine,
             names,

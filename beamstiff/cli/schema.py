@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from beamstiff.cli.options import Debug, Json, Quiet
 from beamstiff.cli.output import Outputs
 
 
-def schema(
-    json: Json = "-",
-    quiet: Quiet = False,
-    debug: Debug = False,  # noqa: ARG001
-) -> None:
+def schema() -> None:
     """Print the JSON Schema of robot files, with which editors complete keys and mark wrong ones.
 
     Where an editor knows YAML schemas, the first line of a robot file names it:
@@ -22,4 +17,4 @@ def schema(
     """  # noqa: D301
     from beamstiff.robot.schema import robot_schema
 
-    Outputs([], json, quiet).result([], [], robot_schema())
+    Outputs([]).result([], [], robot_schema())

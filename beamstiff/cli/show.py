@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from beamstiff.cli.options import Assembly, Debug, Json, Quiet, option, robot_file, robots_beginning
-from beamstiff.cli.output import Outputs, say, working
+from beamstiff.cli.options import Assembly, option, robot_file, robots_beginning
+from beamstiff.cli.output import Outputs, note, working
 from beamstiff.errors import BeamstiffError
 
 MOST_SAMPLES = 100_000
@@ -18,16 +18,13 @@ def show(
         str | None,
         typer.Argument(
             metavar="ROBOT",
-            help="YAML file, or the name of a robot that comes along; without it these are listed.",
+            help="YAML file, or the name of a bundled robot; without it these are listed.",
             autocompletion=robots_beginning,
         ),
     ] = None,
     assembly: Assembly = None,
-    json: Json = None,
     samples: int = option("N", "Postures sampled for the reach of the TCP.", 1000),
     seed: int = option("N", "Seed of the sampled postures.", 0),
-    quiet: Quiet = False,
-    debug: Debug = False,  # noqa: ARG001
 ) -> None:
     """Show what a robot file means: variables, frames, loops, nodes, stiffness, mass and reach.
 
@@ -47,8 +44,8 @@ def show(
     if robot is None:
         from beamstiff.robot.library import robot_names
 
-        lines = ["Robots that come along:", *(f"  {name}" for name in robot_names())]
-        Outputs([], json, quiet).result([], lines, {"robots": robot_names()})
+        lines = ["Bundled robots:", *(f"  {name}" for name in robot_names())]
+        Outputs([]).result([], lines, {"robots": robot_names()})
         return
     from beamstiff.functions.checks import effects_text
     from beamstiff.functions.robots import as_robot
@@ -62,10 +59,10 @@ def show(
     if seed < 0:
         raise BeamstiffError(f"--seed: found {seed}, expected 0 or more")
     description = as_robot(robot, assembly=assembly)
-    outputs = Outputs([robot_file(robot)], json, quiet)
-    for note in robot_doubts(description):
-        say(f"note: {note}", quiet)
-    with working("sampling the reach", quiet):
+    outputs = Outputs([robot_file(robot)])
+    for doubt in robot_doubts(description):
+        note(doubt)
+    with working("sampling the reach"):
         facts = describe(description, samples, seed)
     told = list(spaced(overview_tables(facts)))
     for one in description.effects:

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from beamstiff.cli.options import Assembly, Debug, Json, Preload, Quiet, RobotFile, option, robot_file
-from beamstiff.cli.output import Outputs, say, working
+from beamstiff.cli.options import Assembly, Preload, RobotFile, option, robot_file
+from beamstiff.cli.output import JSON, Outputs, note, working
 from beamstiff.errors import BeamstiffError, OptionError
 
 if TYPE_CHECKING:
@@ -28,9 +28,6 @@ def stiffness(
         "fz=-900N,mx=20; components not named are 0.",
     ),
     assembly: Assembly = None,
-    json: Json = None,
-    quiet: Quiet = False,
-    debug: Debug = False,  # noqa: ARG001
 ) -> None:
     """Print the 6 x 6 stiffness and compliance at the TCP in one posture.
 
@@ -60,16 +57,14 @@ def stiffness(
     machine = as_robot(robot, assembly=assembly)
     values = parse_variables(machine, q or [])
     load = parse_wrench(wrench or []) if wrench else None
-    outputs = Outputs([robot_file(robot)], json, quiet)
-    with working("condensing the structure", quiet), _hint_at_q(machine, values):
+    outputs = Outputs([robot_file(robot)])
+    with working("condensing the structure"), _hint_at_q(machine, values):
         found = run(machine, values or None, preload=preload, wrench=load)
-        if json is not None and found.singular:  # the file promises both matrices
+        if JSON.get() is not None and found.singular:  # the file promises both matrices
             raise BeamstiffError(found.singular)
     if not values and any(found.variables.values()):  # where all are zero nothing surprises
-        say(
-            "note: no --q: the reference posture, the middle of the joint limits where the loops close", quiet
-        )
-    note_limits(machine, found.variables, quiet)
+        note("no --q: the reference posture, the middle of the joint limits where the loops close")
+    note_limits(machine, found.variables)
     outputs.result(found.notes, spaced(stiffness_tables(found)), found.to_dict())
 
 

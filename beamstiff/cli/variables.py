@@ -7,7 +7,7 @@ from math import pi
 from typing import TYPE_CHECKING
 
 from beamstiff.cli.options import parse_quantities, parse_quantity
-from beamstiff.cli.output import say
+from beamstiff.cli.output import note
 from beamstiff.errors import BeamstiffError
 from beamstiff.functions.checks import shown_value
 from beamstiff.measure.table import WRENCH
@@ -64,7 +64,7 @@ def _parts(option: str, texts: Sequence[str], example: str) -> Iterator[tuple[st
         yield name, value
 
 
-def note_limits(robot: Robot, values: Mapping[str, float], quiet: bool) -> None:
+def note_limits(robot: Robot, values: Mapping[str, float]) -> None:
     """Say on stderr which variables lie outside their limits; the numbers hold there all the same."""
     for variable in robot.variables:
         value, limits = values[variable.name], variable.limits
@@ -73,7 +73,7 @@ def note_limits(robot: Robot, values: Mapping[str, float], quiet: bool) -> None:
             hint = ""
             if variable_kinds(robot)[variable.name] == "angle" and abs(value) > 2 * pi:
                 hint = "; a number without a unit is rad"
-            say(f"note: {variable.name} = {found} is outside its limits {low} to {high}{hint}", quiet)
+            note(f"{variable.name} = {found} is outside its limits {low} to {high}{hint}")
 
 
 def parse_frame(option: str, text: str) -> Array:

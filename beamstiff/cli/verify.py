@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import typer
 
-from beamstiff.cli.options import Assembly, DataFiles, Debug, Json, Quiet, RobotFile, option, robot_file
-from beamstiff.cli.output import Outputs, say, working
+from beamstiff.cli.options import Assembly, DataFiles, RobotFile, option, robot_file
+from beamstiff.cli.output import QUIET, Outputs, say, working
 from beamstiff.report.tables import add_rows, table
 
 TOO_LARGE = 3  # exit code of a gap beyond --max-gap
@@ -19,9 +19,6 @@ def verify(
     ),
     max_gap: str | None = option("LENGTH", "Exit with 3 where a larger gap is left: 0.2mm."),
     assembly: Assembly = None,
-    json: Json = None,
-    quiet: Quiet = False,
-    debug: Debug = False,  # noqa: ARG001
 ) -> None:
     """Compare a robot, without and with its effects, with rows that were not fitted.
 
@@ -38,9 +35,9 @@ def verify(
     from beamstiff.functions.verify import verify as run
     from beamstiff.units import in_unit
 
-    outputs = Outputs([robot_file(robot), *data], json, quiet)
+    outputs = Outputs([robot_file(robot), *data])
     limit = None if max_gap is None else in_unit(max_gap, "m")
-    with working("verifying", quiet):
+    with working("verifying"):
         found = run(as_robot(robot, assembly=assembly), data, refit_frame=refit_frame)
     rows = table(f"Position error on {found.rows} rows, RMS", "robot", "error", "closes")
     lines = [["without effects", f"{1e3 * found.before:.4f} mm", ""]]
@@ -52,5 +49,5 @@ def verify(
     said = [f"Promised {found.promised:.0%} of the gap, true {found.true:.0%}."] if known else []
     outputs.result([], [rows, *said], found.to_dict())
     if limit is not None and found.after > limit:
-        say(f"gap: {1e3 * found.after:.4g} mm is left, more than {1e3 * limit:.4g} mm", quiet)
+        say(f"gap: {1e3 * found.after:.4g} mm is left, more than {1e3 * limit:.4g} mm", QUIET.get())
         raise typer.Exit(TOO_LARGE)

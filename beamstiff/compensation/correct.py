@@ -77,19 +77,10 @@ def correct_path(
 ) -> Correction:
     """Return the commands that bring the real tool to its targets under load.
 
-    Parameters
-    ----------
-    path : ToolPath
-        In the base frame (`Frames.to_base`).
-    load : Process, optional
-        Default: none.
-    start : (A,) array, optional
-        A posture near the first target, to choose the branch.
-    taught : bool
-        The targets were taught on the unloaded robot: it reaches them as they are, only what the load does is
-        corrected.
-    positions_only : bool
-        Leave the orientations of the commands as they are. So it is for robots of fewer than six joints.
+    `path`: in the base frame (`Frames.to_base`). `load`: default: none. `start` (A,): a posture near the
+    first target, to choose the branch. `taught`: the targets were taught on the unloaded robot: it reaches
+    them as they are, only what the load does is corrected. `positions_only`: leave the orientations of the
+    commands as they are. So it is for robots of fewer than six joints.
     """
     load = load or NoLoad()
     whole = six_freedoms(machine.kinematics)
@@ -277,11 +268,7 @@ def _settled(machine: Machine, q: Array, load: Callable[[Array], Array], near: A
 
     Broyden's method on ``x = moved(q, load(x))``, all targets at once; its first step is the fixed point's.
 
-    Parameters
-    ----------
-    load : function of (N, 4, 4) to (N, 6)
-    near : (N, 4, 4) array
-        Where to begin.
+    `near` (N, 4, 4): where to begin.
     """
     undeformed = machine.undeformed(q)
     x = machine.moved(q, load(near), near)

@@ -99,14 +99,8 @@ def _line_starts(text: str) -> list[int]:
 def rewritten(text: str, value: float, decimals: int) -> str:
     """Return a number in the form of another.
 
-    Parameters
-    ----------
-    text : str
-        The number as it was.
-    value : float
-        What it is to be, in the same unit.
-    decimals : int
-        That it needs; what `text` had stays if that is more.
+    `text`: the number as it was. `value`: what it is to be, in the same unit. `decimals`: that it needs; what
+    `text` had stays if that is more.
     """
     parts = _PARTS.fullmatch(text)
     if parts is None:
@@ -146,12 +140,9 @@ def _signed(parts: re.Match[str], number: str, value: float) -> str:
 def replaced(text: str, changes: Iterable[tuple[Slot, float]]) -> str:
     """Return a text with numbers replaced.
 
-    Where a number is aligned by blanks in front of it, the blanks give way, but for one.
+    Where a number is aligned by blanks in front of it, the number grows into the blanks, but for one.
 
-    Parameters
-    ----------
-    changes : iterable of (Slot, float)
-        New values in SI.
+    `changes`: new values in SI.
     """
     parts, at = [], 0
     for slot, value in sorted(changes, key=lambda change: change[0].start):

@@ -55,12 +55,8 @@ def solve(kinematics: Kinematics, poses: Array, start: Array | None, restarts: i
 def follow(kinematics: Kinematics, poses: Array, start: Array | None = None) -> Followed:
     """Return joint values that bring the `tcp` node to the poses one after the other.
 
-    Parameters
-    ----------
-    poses : (N, 4, 4) array
-        Base frame, m.
-    start : (A,) array, optional
-        A posture near the first target, which chooses the branch; rad or m.
+    `poses` (N, 4, 4): base frame, m. `start` (A,): a posture near the first target, which chooses the branch;
+    rad or m.
     """
     count, actuated = len(poses), len(kinematics.robot.actuated)
     q, reached = np.zeros((count, actuated)), np.zeros(count, dtype=np.bool_)

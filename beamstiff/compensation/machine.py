@@ -1,7 +1,7 @@
 """Where the tool of the real robot is when its controller has been sent to a pose.
 
 The controller turns poses into joint values with the robot that it knows. At these, the real robot has its
-own geometry, sags under its weight, gives way to the load and has its effects.
+own geometry, sags under its weight, is compliant under the load and has its effects.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Machine:
     controller: Robot  # whose geometry the controller takes for true; its stiffness and masses do not matter
     # the real one, calibrated, with masses, stiffness and `effects`; None: as the controller's
     actual: Robot | None = None
-    # what gives way to the process load in place of the real robot's beams and joints; its weight and its
+    # what deforms under the process load in place of the real robot's beams and joints; its weight and its
     # effects still count. Components that the model leaves open (NaN: never measured) are the real robot's
     elasticity: Model | None = None
     frames: Frames = field(default_factory=Frames)  # whose tool the poses are of
@@ -78,13 +78,8 @@ class Machine:
     def moved(self, q: Array, wrench: Array, tip: Array) -> Array:
         """Return how weight, load and effects move the `tcp` node, (N, 6) ``[d, r]``, base frame.
 
-        Parameters
-        ----------
-        q : (N, A) array
-        wrench : (N, 6) array
-            On the tool at its tip, base frame.
-        tip : (N, 4, 4) array
-            Where the tool is, for the lever arm of the load.
+        `q` (N, A). `wrench` (N, 6): on the tool at its tip, base frame. `tip` (N, 4, 4): where the tool is,
+        for the lever arm of the load.
         """
         node = tip @ np.linalg.inv(self.frames.tool)
         at_node = transport_wrench(wrench, tip[:, :3, 3], node[:, :3, 3])
@@ -105,14 +100,8 @@ class Machine:
         show it all the same where it goes with the load: then it follows from what the load does. So counts
         what does not double where the weight does.
 
-        Parameters
-        ----------
-        q : (N, A) array
-
-        Returns
-        -------
-        dict of str to dict of str to float
-            At most in these postures, by effect and parameter; nothing where all is proven.
+        `q` (N, A). Returns dict of str to dict of str to float: at most in these postures, by effect and
+        parameter; nothing where all is proven.
         """
         if not len(q):  # no target within reach
             return {}

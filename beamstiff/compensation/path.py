@@ -45,6 +45,12 @@ class ToolPath:
             columns={name: values[rows] for name, values in self.columns.items()},
         )
 
+    @property
+    def way(self) -> Array:
+        """The way along the path to every target, (N,), m."""
+        steps = np.linalg.norm(np.diff(self.poses[:, :3, 3], axis=0), axis=1)
+        return np.concatenate([[0.0], np.cumsum(steps)])
+
     def moved_to(self, poses: Array) -> ToolPath:
         """Return the path with other poses (N, 4, 4)."""
         return replace(self, poses=poses)

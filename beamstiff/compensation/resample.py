@@ -17,16 +17,9 @@ MOST = 200_000  # targets
 def resample(path: ToolPath, step: float = np.inf, angle: float = np.inf) -> ToolPath:
     """Return the path with targets put in between, evenly: along straight lines, turning about one axis.
 
-    Parameters
-    ----------
-    step, angle : float
-        Largest distance, m, and turn, rad, from a target to the next.
-
-    Returns
-    -------
-    ToolPath
-        The targets of old are all there. The others are called ``P1+1/4``, one of four parts of the way from
-        P1 to its successor; loads and columns are interpolated linearly.
+    `step`, `angle`: largest distance, m, and turn, rad, from a target to the next. Returns ToolPath: the
+    targets of old are all there. The others are called ``P1+1/4``, one of four parts of the way from P1 to
+    its successor; loads and columns are interpolated linearly.
     """
     if not (step > 0 and angle > 0):
         raise BeamstiffError(f"found the steps {step:g} m and {angle:g} rad, expected positive ones")

@@ -44,15 +44,8 @@ def size_of(errors: Array) -> Size:
 class Compensated(Shown):
     """A corrected file, and what is known of it; N targets.
 
-    Attributes
-    ----------
-    correction : Correction
-    content : bytes
-        Of the file.
-    after : (N, 6) array
-        Error of the real tool with the numbers as the file holds them, rounded. NaN where it cannot follow.
-    machine : Machine
-    notes : tuple of str
+    `content`: of the file. `after` (N, 6): error of the real tool with the numbers as the file holds them,
+    rounded. NaN where it cannot follow.
     """
 
     correction: Correction
@@ -118,27 +111,15 @@ def compensate_program(
 ) -> Compensated:
     """Return a program with its targets corrected.
 
-    Parameters
-    ----------
-    machine : Machine
-        Its `frames` say where the path lies and which tool it moves.
-    process : Process, optional
-        Load on the tool, on top of what columns of the path state.
-    steps : (float, float), optional
-        Resample to at most this distance, m, and turn, rad, a step: the result is a path table then.
-    start, taught, positions_only
-        As of `correct_path`.
+    `machine`: its `frames` say where the path lies and which tool it moves. `process`: load on the tool, on
+    top of what columns of the path state. `steps`: resample to at most this distance, m, and turn, rad, a
+    step: the result is a path table then. `start`, `taught`, `positions_only`: as of `correct_path`.
     """
     path = program.path if steps is None else resample(program.path, *steps)
     parts = [FromPath(), *([process] if process is not None else [])]
     load = Together(tuple(parts))
     correction = correct_path(
-        machine,
-        machine.frames.to_base(path),
-        load,
-        start=start,
-        taught=taught,
-        positions_only=positions_only,
+        machine, machine.frames.to_base(path), load, start=start, taught=taught, positions_only=positions_only
     )
     content, written = _written(program, machine, correction, path, steps is not None)
     after = errors_of(machine, correction, machine.frames.to_base(written).poses, load)

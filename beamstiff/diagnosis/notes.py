@@ -41,43 +41,43 @@ def notes(screened: Screened, white: Whitened, verdict: str, scale: float) -> It
     elif poses < FEW_POSES:
         yield f"only {poses} posture{'s' * (poses > 1)}: what holds there need not hold in others"
     if not baseline.claimed:
-        yield "the table states no noise: it was estimated along with everything that could be"
+        yield "the table states no noise: it was estimated together with the effects"
     else:
         for name, factor in zip(("position", "rotation"), screened.noise.tolist(), strict=True):
             if factor > OFF or factor < 1.0 / OFF:
-                yield f"the noise of the {name}s looks {factor:.2g} times what the table claims"
+                yield f"the noise of the {name}s is {factor:.2g} times the stated noise"
     if screened.below_claim:
         yield (
-            "the rows scatter by less than a third of the noise that the table claims, as simulated ones do: "
-            "what is smaller than the claim is not looked at"
+            "the rows scatter by less than a third of the stated noise, as simulated rows do: effects "
+            "smaller than the stated noise are ignored"
         )
     yield from _of_repeats(screened)
     if verdict == "unknown":
         yield (
-            "what no effect explains may stand in the table as well: joint columns in another order, loads "
-            "or readings in another frame, another tool"
+            "the cause may also be in the table: joint columns in another order, loads or readings in "
+            "another frame, another tool"
         )
     if verdict == "none" and baseline.claimed and scale > OFF:
         yield (
-            f"the fit leaves {scale:.2g} times the noise counted with: either that noise is not what it is "
-            "said to be, or something acts that these rows cannot show"
+            f"the residual is {scale:.2g} times the assumed noise: either that noise is wrong, or an effect "
+            "acts that these rows cannot show"
         )
     if not (np.abs(rows.wrench).max(axis=1) > 0).any():
         places = (*baseline.places.joints.values(), *baseline.places.links.values())
         weighs = baseline.absolute and any(place.dead.any() for place in places)
-        what = "only what gives way under the dead weight" if weighs else "nothing that gives way under load"
+        what = "only compliance under the dead weight" if weighs else "no compliance"
         yield f"no row carries a load: {what} can show"
     else:
         force = rows.wrench[:, :3]
         values = np.linalg.svd(force / max(float(np.linalg.norm(force)), 1e-300), compute_uv=False)
         if (values > 0.05).sum() < 3:
-            yield "the forces do not span all directions: nothing is promised in those that were not loaded"
+            yield "the forces do not span all directions: the result does not hold in directions without load"
         loads = force if force.any() else rows.wrench[:, 3:]
         sizes = np.linalg.norm(loads, axis=1)
         if np.ptp(sizes[sizes > 0]) < 0.05 * sizes.max():
-            yield "one load level only: laws that are not linear in the load can hardly show"
+            yield "one load level only: nonlinear effects can hardly show"
     if count := len(screened.outliers):
-        yield f"{count} row{'s' * (count > 1)} that nothing explains left out"
+        yield f"{count} row{'s' * (count > 1)} excluded as {'outliers' if count > 1 else 'an outlier'}"
 
 
 def chosen_for(robot: Robot) -> Iterator[str]:
@@ -86,14 +86,14 @@ def chosen_for(robot: Robot) -> Iterator[str]:
         return
     if names := fitted_names(robot):
         yield (
-            f"robot {robot.name!r} names nothing under `identify:`, fitted is what its joints have about or "
-            f"along their axes: {listed(names, 12)}"
+            f"robot {robot.name!r} names nothing under `identify:`: the fit takes the stiffness "
+            f"of its joints about or along their axes: {listed(names, 12)}"
         )
     else:
         yield (
-            f"robot {robot.name!r}: nothing is fitted, no joint gives way about or along its axis; with "
-            "values to start from (of a URDF: beamstiff convert IN --joint-stiffness '1e6 N*m/rad') its "
-            "drives are fitted before anything else is blamed"
+            f"robot {robot.name!r}: nothing is fitted, no joint is compliant about or along its axis; "
+            "with start values (of a URDF: beamstiff convert IN --joint-stiffness '1e6 N*m/rad') the fit "
+            "takes its drives before any effect is sought"
         )
 
 
@@ -109,12 +109,12 @@ def undetermined_at(baseline: Baseline) -> Iterator[str]:
 def _of_repeats(screened: Screened) -> Iterator[str]:
     found = repeats(screened.baseline)
     if not found.freedom.any():
-        yield "no state was measured twice: the noise cannot be told from what the model lacks by itself"
+        yield "no state was measured twice: the data alone cannot separate noise from model error"
         return
     for kind, (name, factor, unit) in enumerate((("position", 1e3, "mm"), ("rotation", 1e3, "mrad"))):
         # against the claim, which the baseline's sigma no longer is
         ratio = found.noise[kind] * screened.noise[kind]
         if screened.baseline.claimed and found.likely[kind] < SURE and not 1 / OFF < ratio < OFF:
-            yield f"repeats scatter {ratio:.2g} times as much as the {name} noise that the table claims"
+            yield f"repeats scatter {ratio:.2g} times as much as the stated {name} noise"
         if found.steady[kind] < SURE:
             yield f"repeated {name}s drift by {3600 * factor * found.drift[kind]:.2g} {unit} an hour"

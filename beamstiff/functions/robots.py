@@ -32,7 +32,7 @@ def as_robot(robot: RobotLike, what: str = "robot", assembly: str | None = None)
 
 
 def load_robot(path: str | os.PathLike[str]) -> Robot:
-    """Return the robot that a YAML, URDF or SDF file describes, told apart by its ending.
+    """Return the robot that a YAML, URDF or SDF file describes, by its ending.
 
     Parameters
     ----------

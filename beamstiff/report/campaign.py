@@ -1,4 +1,4 @@
-"""A planned campaign told to people: what it is expected to find, and what more tests would."""
+"""Table and sentences of a test plan: the standard errors to expect, and what more tests would bring."""
 
 from __future__ import annotations
 
@@ -43,9 +43,7 @@ def campaign_text(plan: MeasurementPlan) -> str:
     lines = []
     if left_out:
         why = "; ".join(f"{name} {reason}" for name, reason in left_out.items())
-        lines.append(
-            f"Cannot be identified: {why}. Other loads, moments or measured rotations may show them."
-        )
+        lines.append(f"Cannot be identified: {why}. Add other loads, moments or measured rotations.")
     if hardly := [name for name, error in design.standard_errors.items() if error > HARDLY]:
         lines.append(f"Hardly bounded: {listed(hardly)}. Load more, measure better or make more tests.")
     made, chosen = counted(len(campaign.tests), "test"), counted(count, unit)

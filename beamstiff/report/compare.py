@@ -54,12 +54,14 @@ def loads_table(models: Models, title: str) -> Table:
 
 
 def models_text(models: Models) -> list[str]:
-    """Return what came out of each model, a line each, and what noise alone would leave."""
+    """Return what came out of each model, a line each, and the noise floor."""
     lines = [f"{one.name}: {one.about}" for one in models.judged]
     if models.noise is not None:
-        lines.append(f"The stated noise alone leaves {1e3 * models.noise:.4f} mm RMS.")
+        lines.append(f"Noise floor: {1e3 * models.noise:.4f} mm RMS.")
     if models.robot is not None and models.robot.effects:
-        lines.append(f"All beside the robot's effects, as they are: {effects_text(models.robot.effects)}.")
+        lines.append(
+            f"All models include the robot's effects unchanged: {effects_text(models.robot.effects)}."
+        )
     return lines
 
 

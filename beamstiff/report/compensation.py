@@ -1,4 +1,4 @@
-"""A corrected path told to people: what the tool would do, what it will do, what could not be corrected."""
+"""Tables and figure of a corrected path: predicted error before and after, targets not corrected."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from beamstiff.compensation.path import difference
 from beamstiff.compensation.rewrite import Compensated, size_of
 from beamstiff.report.figures import BLUE, GREEN, GREY, ORANGE, new_figure, plain
-from beamstiff.report.tables import Column, Table, add_rows, counted, number, table
-from beamstiff.se3 import vector_from_rotation
+from beamstiff.report.tables import Column, Table, add_rows, counted, nice, number, table
 
 NOTHING = 1e-6  # mm
 PARTS = ((slice(0, 3), 1e3), (slice(3, 6), 180 / np.pi))
@@ -24,8 +24,7 @@ def compensation_table(result: Compensated, some: Sequence[int] | None = None) -
     A page shows where the targets are, too, and into which direction commands move.
     """
     found = result.correction
-    moved = found.commands[:, :3, 3] - found.path.poses[:, :3, 3]
-    between = found.commands[:, :3, :3] @ found.path.poses[:, :3, :3].swapaxes(-1, -2)
+    moved = difference(found.commands, found.path.poses)
     places = [Column(f"{axis}, mm", only="page") for axis in "xyz"]
     shifts = [Column(f"moved {axis}, mm", only="page") for axis in "xyz"]
     errors = ("before, mm", "before, deg", "after, mm", "after, deg")
@@ -40,9 +39,9 @@ def compensation_table(result: Compensated, some: Sequence[int] | None = None) -
             np.linalg.norm(found.wrench[:, :3], axis=1),
             np.linalg.norm(found.wrench[:, 3:], axis=1),
             *sizes,
-            1e3 * moved,
-            1e3 * np.linalg.norm(moved, axis=1),
-            np.degrees(np.linalg.norm(vector_from_rotation(between), axis=1)),
+            1e3 * moved[:, :3],
+            1e3 * np.linalg.norm(moved[:, :3], axis=1),
+            np.degrees(np.linalg.norm(moved[:, 3:], axis=1)),
         ]
     )
     made = Table(
@@ -83,7 +82,7 @@ def compensation_text(result: Compensated) -> str:
     )
     if before.rms_mm > NOTHING:
         less = 100 * (1 - after.rms_mm / before.rms_mm)
-        text += f" ({less:.2f} % less, if the robot is as it is described)"
+        text += f" ({less:.2f} % less, provided the robot is as described)"
     turned = result.correction.turned
     if not turned.all():
         what = "all targets" if not turned.any() else counted(int((~turned).sum()), "target")
@@ -113,7 +112,7 @@ def _draw_path(axes: Axes, result: Compensated, known: NDArray[np.bool_]) -> Non
     second = max((axis for axis in range(3) if axis != first), key=lambda axis: (size[axis], extent[axis]))
     shown = sorted((first, second))
     largest = float(np.linalg.norm(before, axis=1).max(initial=0.0))
-    scale = _round(0.15 * float(extent.max()) / largest) if largest > 0 and extent.max() > 0 else 1.0
+    scale = nice(0.15 * float(extent.max()) / largest) if largest > 0 and extent.max() > 0 else 1.0
     axes.plot(*targets[:, shown].T, "-", color=GREY, linewidth=5, alpha=0.4, label="target")
     for errors, style, colour, label in (
         (before, "o-", ORANGE, "without compensation"),
@@ -135,8 +134,7 @@ def _draw_path(axes: Axes, result: Compensated, known: NDArray[np.bool_]) -> Non
 
 
 def _draw_size(axes: Axes, result: Compensated, known: NDArray[np.bool_]) -> None:
-    way = np.linalg.norm(np.diff(result.correction.path.poses[:, :3, 3], axis=0), axis=1)
-    along = 1e3 * np.concatenate([[0.0], np.cumsum(way)])[known]
+    along = 1e3 * result.correction.path.way[known]
     for errors, style, colour, label in (
         (result.correction.before, "o-", ORANGE, "without compensation"),
         (result.after, "s--", BLUE, "compensated, as written"),
@@ -154,9 +152,3 @@ def _draw_size(axes: Axes, result: Compensated, known: NDArray[np.bool_]) -> Non
 def _seen(size: float) -> str:
     """Return a length in mm, an angle in degrees or a load; what is rounding is 0, what is unknown empty."""
     return "" if np.isnan(size) else number(size) if abs(size) > NOTHING else "0"
-
-
-def _round(value: float) -> float:
-    """Return a number cut to 1, 2 or 5 times a power of ten."""
-    power = 10.0 ** np.floor(np.log10(value))
-    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= value))

@@ -1,4 +1,4 @@
-"""Predicted displacements told to people: a table, the gap to what was measured, what is in it."""
+"""Table and sentences of predicted displacements: the gap to measured ones, and the effects included."""
 
 from __future__ import annotations
 

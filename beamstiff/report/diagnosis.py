@@ -28,7 +28,7 @@ PARTS_OF_GAP = {
     "history": "Loading and unloading",
     "time": "Over time",
 }
-CAUSES = "Causes, in the order of what each closes after those before it"
+CAUSES = "Causes, each added to those above it"
 LIKELY = 0.6  # probability below which a verdict is no more than the likeliest
 DUST = 1e-6  # of its standard deviation, below which a value is nothing but rounding
 NAMED = 3  # explanations that are named where nothing is decided
@@ -56,14 +56,14 @@ def diagnosis_tables(result: Diagnosis) -> Iterator[RenderableType]:
     if result.untestable:
         yield untestable_table(result, "What these data cannot show")
     if result.next and result.verdict.effect != "none":
-        yield Text(f"\nTo measure next: {proposed(result)} (--next writes them).")
+        yield Text(f"\nMeasure next: {proposed(result)} (--next writes them).")
     for line in separations(result):
         yield Text(line)
 
 
 def causes_table(found: Decomposition, title: str) -> Table:
     """Return the causes of a gap that has several."""
-    heads = ("closes", "90 %", "gap after", "probability", Column("not distinguished from", left=True))
+    heads = ("closes", "90 %", "gap after", "probability", Column("indistinguishable from", left=True))
     made = table(title, Column("cause", left=True), *heads)
     for cause in found.causes:
         form = cause.forms[0]
@@ -110,7 +110,7 @@ def candidates_table(result: Diagnosis, some: Sequence[Candidate], title: str) -
 
 
 def sizes_table(result: Diagnosis, title: str) -> Table:
-    """Return the parameters of the verdict and of what cannot be told from it, beside realistic sizes."""
+    """Return the parameters of the verdict and of its look-alikes, beside realistic sizes."""
     realistic = (Column("realistic", only="console"), Column("realistic", only="page"))
     heads = ("value", "std", *realistic, Column("plausible", only="page"), "unit")
     made = table(title, *(Column(name, left=True) for name in ("effect", "parameter")), *heads)
@@ -161,12 +161,9 @@ def percents(ends: Sequence[float]) -> str:
 def summary(result: Diagnosis) -> str:
     """Return the verdict in plain words."""
     rms, noise = 1e3 * result.rms, 1e3 * result.noise
-    first = (
-        f"Gap that remains after the fit, {tested(result)}: {rms:.3f} mm RMS; noise "
-        f"alone{_scaled(result)} would leave {noise:.3f} mm"
-    )
+    first = f"Gap {tested(result)}: {rms:.3f} mm RMS; noise floor {noise:.3f} mm{_scaled(result)}"
     if not one_posture(result):
-        first += f", all that could give way in any way {1e3 * result.ceiling:.3f} mm"
+        first += f"; best achievable by any elastic model {1e3 * result.ceiling:.3f} mm"
     first += "."
     verdict, head = result.verdict, headline(result)
     if found := several(result):
@@ -177,26 +174,25 @@ def summary(result: Diagnosis) -> str:
             f"{NOTHING if one.effect == 'none' else named(one)} ({100 * one.probability:.0f} %)"
             for one in result.candidates[:NAMED]
         )
-        structure = " There is a gap with structure." if verdict.effect == "unknown" else ""
+        structure = " The gap is systematic, not noise." if verdict.effect == "unknown" else ""
         others = [key for key in result.indistinguishable if key != UNKNOWN]
         alike = (
-            f"\nThese data cannot tell {named(verdict)} from: {in_words(others)}."
+            f"\nIndistinguishable from {named(verdict)} with these data: {in_words(others)}."
             if others and verdict.effect != "unknown"
             else ""
         )
         return f"{first}\n{head}: {likely}.{structure}{alike}"
     if head == TOO_FEW:
-        return f"{first}\n{head}: nothing beyond noise shows in them, but hardly anything could."
+        return (
+            f"{first}\n{head}: they show nothing beyond noise, but so few rows could hardly show an effect."
+        )
     if verdict.effect == "none":
-        far = " All the same they scatter far more than is stated." if _factor(result) > OFF else ""
+        far = " The rows scatter far more than the stated noise." if _factor(result) > OFF else ""
         return f"{first}\n{head} ({sure}).{far}"
     if verdict.effect == "unknown":
-        text = (
-            f"{first}\nUnknown ({sure}): there is a gap with structure, and no effect of the library "
-            "explains it."
-        )
+        text = f"{first}\nUnknown ({sure}): the gap is systematic, and no effect in the library explains it."
         if result.indistinguishable:
-            text += f"\nNot ruled out all the same: {in_words(result.indistinguishable)}."
+            text += f"\nStill possible: {in_words(result.indistinguishable)}."
         return text
     also = second(result)
     meaning = EFFECTS[verdict.effect].meaning
@@ -205,27 +201,26 @@ def summary(result: Diagnosis) -> str:
         meaning += f" {EFFECTS[also.effect].meaning}" if also.effect != verdict.effect else ""
     text = f"{first}\n{head} ({sure}). {meaning}"
     if verdict.shrink is not None and one_posture(result):
-        text += "\nHow far the gap closes with it cannot be said: no posture is left to try it on."
+        text += "\nThe reduction cannot be tested: it needs held-out postures, and all rows are of one."
     elif verdict.shrink is not None:
-        low, high = (100 * value for value in verdict.shrink.interval)
-        closes = (
-            f"{100 * verdict.shrink.shrink:.0f} % of the explainable gap closes ({low:.0f} to {high:.0f} %)"
-        )
-        left = f"{1e3 * verdict.shrink.after:.3f} mm"
+        share, interval = percent(verdict.shrink.shrink), percents(verdict.shrink.interval)
         both = "it" if also is None else "both"
-        text += f"\nWith {both} the model leaves {left}: {closes}, "
-        text += "within the postures and load directions measured."
+        text += (
+            f"\nAdding {both} reduces the residual to {1e3 * verdict.shrink.after:.3f} mm ({share} of the "
+            f"gap above noise; 90 % interval {interval}), within the postures and load directions measured."
+        )
     others = [key for key in result.indistinguishable if key != UNKNOWN]
     if others and also is None:
-        text += f"\nThese data cannot tell it from: {in_words(others)}."
+        text += f"\nIndistinguishable with these data: {in_words(others)}."
     elif others:
-        text += f"\nIn place of one of the two it could be: {in_words(others)}."
+        text += f"\nPossible in place of one of the two: {in_words(others)}."
     if UNKNOWN in result.indistinguishable:
-        text += f"\nA cause that the library lacks is not ruled out{' either' if others else ''}."
+        open_to = sum(one.probability for one in result.candidates if one.key == UNKNOWN)
+        text += f"\nA cause outside the library remains possible ({percent(open_to)})."
     if result.also is not None and also is None:
         text += f"\nAlso: {named(result.also)} ({100 * result.also.probability:.0f} %)."
     if result.outliers:
-        text += f"\nRows that nothing explains, left out: {', '.join(_by_line(result.outliers))}."
+        text += f"\nOutliers, excluded from the fit: {', '.join(_by_line(result.outliers))}."
     return text
 
 
@@ -244,7 +239,7 @@ def headline(result: Diagnosis) -> str:
     if verdict.effect == "unknown":
         if verdict.probability < LIKELY:
             return UNDECIDED
-        return "A gap that nothing in the library explains"
+        return "A gap that no effect in the library explains"
     plural = "" if second(result) is None else "s"
     if verdict.probability >= LIKELY:
         return f"Cause{plural}: {causes(result)}"
@@ -273,8 +268,8 @@ def _of_several(found: Sequence[Cause]) -> str:
     them = "all of them" if len(found) > 1 else "it"
     left = f"{1e3 * found[-1].rms_after:.3f} mm"
     return (
-        f"{meaning}\nWhat each closes of the explainable gap after those before it, on postures left out: "
-        f"{each}. With {them} the model leaves {left}."
+        f"{meaning}\nShare of the explainable gap that each closes on held-out data, added in this order: "
+        f"{each}. Adding {them} reduces the residual to {left}."
     )
 
 
@@ -290,13 +285,13 @@ def second(result: Diagnosis) -> Candidate | None:
 
 
 def one_posture(result: Diagnosis) -> bool:
-    """Return whether all rows are of one posture, so that none can be left out to be foretold."""
+    """Return whether all rows are of one posture, so that none can be held out."""
     return len(np.unique(result.baseline.rows.q, axis=0)) < 2
 
 
 def tested(result: Diagnosis) -> str:
     """Return, in words, what the gap is of."""
-    return "in one posture" if one_posture(result) else "on postures left out"
+    return "in one posture" if one_posture(result) else "on held-out data"
 
 
 def _factor(result: Diagnosis) -> float:
@@ -310,7 +305,7 @@ def _scaled(result: Diagnosis) -> str:
     factor = _factor(result)
     if 1.0 / OFF < factor < OFF:
         return ""
-    return f", taken {factor:.2g} times as large as stated,"
+    return f" ({factor:.2g} times the stated noise)"
 
 
 def sized(item: Estimate) -> tuple[str, str, str, str, str]:
@@ -339,18 +334,19 @@ def in_words(keys: Sequence[str]) -> str:
 
 
 def proposed(result: Diagnosis) -> str:
-    """Return, in words, how many states the test plan proposes, and where else they are to be read."""
+    """Return, in words, how many states the test plan proposes, and where else to read them."""
     told: dict[str, float] = {}
     for item in result.next:
         told[item["point"]] = told.get(item["point"], 0.0) + item["discrimination"]
-    what = "tell most" if any(item["separates"] for item in result.next) else "bound the sizes best"
-    states = f"{counted(len(result.next) // len(told), 'state')} that would {what}"
+    rivals = any(item["separates"] for item in result.next)
+    what = "discriminate best between the causes" if rivals else "bound the sizes best"
+    states = f"{counted(len(result.next) // len(told), 'state')} to {what}"
     tcp = told.pop(next(iter(told)))  # one point, or the TCP and another
     for node, there in told.items():
-        times = f"{there / tcp:.0f} times as much" if there < 1e3 * tcp else "what the TCP does not"
+        times = f" {there / tcp:.0f} times as well" if there < 1e3 * tcp else ", as the TCP does not"
         near = [joint.name for joint in result.baseline.nominal.joints if node in joint.nodes]
         place = f"{node} ({', '.join(near)})" if near else node
-        states += f", read at a reflector on {place} as well, which would tell {times}"
+        states += f"; also read a reflector on {place}, which discriminates{times}"
     return states
 
 
@@ -362,7 +358,7 @@ def separations(result: Diagnosis) -> list[str]:
 
 
 def told(result: Diagnosis) -> list[Candidate]:
-    """Return the verdict, what cannot be told from it, and the second cause; of several causes all."""
+    """Return the verdict, its look-alikes and the second cause; of several causes all."""
     if listed := several(result):
         return [cause_candidate(one) for one in listed]
     keys = {result.verdict.key, *result.indistinguishable}
@@ -399,7 +395,7 @@ def diagnosis_figure(result: Diagnosis) -> Figure:
     bars = {"gap": result.rms}
     if result.verdict.shrink is not None:
         bars["with\nthe cause"] = result.verdict.shrink.after
-    bars |= {"any law of\nany place": result.ceiling, "noise": result.noise}
+    bars |= {"any elastic\nmodel": result.ceiling, "noise\nfloor": result.noise}
     axes[2].bar(list(bars), [1e3 * value for value in bars.values()], color=GREEN)
     axes[2].set(title="How far", ylabel="held-out position gap, RMS, mm")
     worst = result.where.get("poses", [])

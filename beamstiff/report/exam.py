@@ -1,4 +1,4 @@
-"""An exam of the diagnosis told to people: what was reached beside what was asked, the worst class first."""
+"""Tables and figures of an exam of the diagnosis: targets and results, the worst class first."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from beamstiff.report.tables import Table, counted, table
 
 Records = Sequence[Record]
 
-MARKS = {"aim": "aim reached", "required": "reached", "missed": "MISSED", None: ""}
+MARKS = {"aim": "aim met", "required": "met", "missed": "MISSED", None: ""}
 FEW = 20  # cases, of which no share says whether a figure is reached
 MOST_FAILURES = 20
 SIZES = tuple(row.name for row in headline([]) if not row.share)  # figures that are no shares of cases
@@ -54,11 +54,11 @@ def crowded_tables(records: Sequence[CrowdedRecord]) -> Iterator[Table]:
     for group, some in by_data(records).items():
         kinds = [record.label.kind for record in some]
         title = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
-        result = table(f"Crowded machines, {group}: {title}", "figure", "required", "", *heads)
+        result = table(f"Crowded machines, {group}: {title}", "figure", "target", "", *heads)
         for found in figures(some):
             row = found[who[0]]
             asked = f"{'>=' if row.better == 'high' else '<='} {row.required:g}" if row.required else ""
-            cells = ((_share if one.share else _plain)(one.figure) for one in found.values())
+            cells = ((share if one.share else _plain)(one.figure) for one in found.values())
             counts = (str(one.figure.count) for one in found.values())
             pairs = (cell for pair in zip(cells, counts, strict=True) for cell in pair)
             result.add_row(row.name, asked, mark(row), *pairs)
@@ -86,7 +86,7 @@ def plan_tables(records: Records) -> Iterator[Table]:
             effect,
             str(len(cases)),
             f"{gaps[len(gaps) // 2]:.2g}",
-            *(_share(found[name]) for name in ("detected", "exact", "covered")),
+            *(share(found[name]) for name in ("detected", "exact", "covered")),
             _plain(found["set_size"]),
         )
     yield result
@@ -98,26 +98,26 @@ def plan_tables(records: Records) -> Iterator[Table]:
 
 
 def mark(row: Row) -> str:
-    """Return what is said of a figure beside what is asked."""
+    """Return whether a figure meets its target, in words."""
     return "too few cases" if row.met is not None and row.figure.count < FEW else MARKS[row.met]
 
 
 def headline_table(rows: Iterable[Row], title: str) -> Table:
     """Return the figures, each with its 95 % interval, beside what is required and aimed at."""
-    result = table(title, "figure", "reached", "95 %", "cases", "required", "aim", "")
+    result = table(title, "figure", "result", "95 %", "cases", "target", "aim", "")
     for row in rows:
         sign = ">=" if row.better == "high" else "<="
         asked = ["" if value is None else f"{sign} {value:g}" for value in (row.required, row.aim)]
-        reached = _share(row.figure) if row.share else _plain(row.figure)
+        reached = share(row.figure) if row.share else _plain(row.figure)
         result.add_row(row.name, reached, _interval(row), str(row.figure.count), *asked, mark(row))
     return result
 
 
 def control_table(rows: Iterable[Row]) -> Table:
     """Return the controls: what chance and plain methods get exactly right."""
-    result = table("Controls: exact cause and place, single effects", "control", "reached", "95 %", "cases")
+    result = table("Controls: exact cause and place, single effects", "control", "result", "95 %", "cases")
     for row in rows:
-        result.add_row(row.name, _share(row.figure), _interval(row), str(row.figure.count))
+        result.add_row(row.name, share(row.figure), _interval(row), str(row.figure.count))
     return result
 
 
@@ -147,7 +147,7 @@ def _figures_table(title: str, head: str, groups: Iterable[tuple[str, Records]])
     for name, cases in groups:
         found = effect_figures(cases)
         sizes = (_plain(found[one]) for one in ("set_size", "shrink_difference"))
-        result.add_row(name, str(len(cases)), *(_share(found[one]) for one in SHARES), *sizes)
+        result.add_row(name, str(len(cases)), *(share(found[one]) for one in SHARES), *sizes)
     return result
 
 
@@ -163,12 +163,12 @@ def groups_table(records: Records) -> Table:
             group.name,
             str(len(group.records)),
             str(nulls.count),
-            _share(nulls),
+            share(nulls),
             str(len(singles)),
-            _share(score.exact(singles)),
-            _share(score.right_family(singles)),
-            _share(score.coverage(singles)),
-            _share(score.coverage_of_names(singles)),
+            share(score.exact(singles)),
+            share(score.right_family(singles)),
+            share(score.coverage(singles)),
+            share(score.coverage_of_names(singles)),
             _plain(score.set_size(singles)),
             _plain(calibration_error(group.records)),
         )
@@ -183,7 +183,7 @@ def reliability_table(records: Records) -> Table:
         result.add_row(
             f"{item.low:.1f} to {item.high:.1f}",
             f"{item.said:.3f}",
-            _share(item.right),
+            share(item.right),
             _interval(row),
             str(item.right.count),
         )
@@ -234,15 +234,11 @@ def reliability_figure(records: Records) -> Drawing:
 
 
 def exam_figure(told: Mapping[str, Any], title: str = "") -> Drawing:
-    """Draw an exam from its table, as ``--json`` writes it: asked and reached, reliability, single effects.
+    """Draw an exam from its table, as ``--json`` writes it: targets and results, reliability, single effects.
 
     Lean designs are left out where others are there.
 
-    Parameters
-    ----------
-    told : mapping
-        Of `table_dict`: ``headline``, ``reliability``, ``effects``.
-    title : str
+    `told`: of `table_dict`: ``headline``, ``reliability``, ``effects``.
     """
     rows = [
         (name, row)
@@ -261,9 +257,9 @@ def exam_figure(told: Mapping[str, Any], title: str = "") -> Drawing:
         color="black",
         ms=18,
         mew=2,
-        label="required",
+        label="target",
     )
-    asked.set(title="Asked and reached", xlabel="share of the cases, 95 %")
+    asked.set(title="Targets and results", xlabel="share of the cases, 95 %")
     asked.legend(loc="center left", frameon=False)
     bins = told["reliability"]
     shares = [one["right"] for one in bins]
@@ -292,12 +288,12 @@ def _said_and_right(
 
 
 def _reached(axes: Axes, names: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> None:
-    """Draw what was reached with its interval, a row a name, the first on top; what was missed as a cross."""
+    """Draw results with their intervals, a row a name, the first on top; a missed target as a cross."""
     for at, row in enumerate(rows):
         missed = row["met"] == "missed"
         colour = ORANGE if missed else BLUE
         axes.plot([row["low"], row["high"]], [at, at], color=colour, linewidth=2)
-        label = "missed" if missed else "reached"
+        label = "missed" if missed else "met"
         known = axes.get_legend_handles_labels()[1]
         axes.plot(
             row["value"], at, "X" if missed else "o", color=colour, label="" if label in known else label
@@ -312,7 +308,8 @@ def _cases(records: Records) -> str:
     return counted(len(records), "case") + (f", {broken} of them broke off" if broken else "")
 
 
-def _share(figure: Figure) -> str:
+def share(figure: Figure) -> str:
+    """Return a share of cases in per cent."""
     return "-" if figure.value is None else f"{100 * figure.value:.1f} %"
 
 

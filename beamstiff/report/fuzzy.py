@@ -23,12 +23,7 @@ def rules_figure(model: FuzzyCompliance, angles: Sequence[str] = ()) -> Figure:
 
     As figure 13 of seed 003. Inputs beyond the two are in the middle of their trained range.
 
-    Parameters
-    ----------
-    model : FuzzyCompliance
-        With rules on a partition.
-    angles : sequence of str
-        Inputs that are angles, drawn in degrees.
+    `model`: with rules on a partition. `angles`: inputs that are angles, drawn in degrees.
     """
     premises = model.system.premises
     chosen = _largest(model)

@@ -1,4 +1,4 @@
-"""A geometric calibration told to people: tables, sensitivity indices, the residual pose by pose."""
+"""Tables and figures of a geometric calibration: sensitivity indices, the residual pose by pose."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def errors_table(found: Calibration) -> Table:
     result = table("Errors of the absolute readings", "robot", *kinds)
     rows = {"nominal": found.before, "calibrated": found.after}
     if found.held_out is not None:
-        rows["calibrated, on poses left out"] = found.held_out
+        rows["calibrated, held-out poses"] = found.held_out
     rows |= {f"calibrated, {Path(name).name}": errors for name, errors in found.tests.items()}
     for name, errors in rows.items():
         position = (errors.position_mean, errors.position_rms, errors.position_max)
@@ -70,11 +70,13 @@ def _error(value: float | None, factor: float) -> str:
 
 
 def dependent_table(found: Calibration) -> Table | None:
-    """Return a table of the parameters that cannot be told from others, and what each looks like."""
+    """Return a table of the parameters indistinguishable from others, and what each looks like."""
     seen = found.observability
     if not seen.dependent:
         return None
-    result = table("Cannot be told from others: held as they were", "parameter", "looks like", left=2)
+    result = table(
+        "Indistinguishable from others: held at their nominal values", "parameter", "looks like", left=2
+    )
     units = {item.name: item.parameter.unit for item in found.parameters}
     ranks = {item.name: item.parameter.rank for item in found.parameters}
     usual = [name for name in seen.dependent if ranks[name] != SPARE]
@@ -100,16 +102,16 @@ def calibration_text(found: Calibration) -> list[str]:
     """Return sentences: how many parameters, what the noise says, where the base stands."""
     seen = found.observability
     lines = [
-        f"{len(seen.identified)} of {counted(len(seen.names), 'parameter')} are sought; "
-        f"{len(seen.dependent)} cannot be told from others, {len(seen.silent)} move nothing measured. "
-        f"Condition number {seen.condition:.3g}."
+        f"{len(seen.identified)} of {counted(len(seen.names), 'parameter')} are estimated; "
+        f"{len(seen.dependent)} are indistinguishable from others, {len(seen.silent)} change no measured "
+        f"value. Condition number {seen.condition:.3g}."
     ]
     stated = "stated noise" if found.claimed else "usual noise (none is stated)"
-    lines.append(f"What is left is {found.noise:.2g} times the {stated}. {found.method}: {found.message}.")
+    lines.append(f"The residual is {found.noise:.2g} times the {stated}. {found.method}: {found.message}.")
     if any(item.parameter.group == "base" and item.identified for item in found.parameters):
         places = [", ".join(f"{1e3 * value:.3f}" for value in base[:3, 3]) for base in found.bases]
         shown = listed([f"({place})" for place in places], 4)
-        lines.append(f"The robot's base stands at {shown} mm in the measuring frame.")
+        lines.append(f"Robot base in the measuring frame: {shown} mm.")
     if found.compliances:
         lines.append(f"Stiffness: {', '.join(map(_stiffness, found.compliances))}.")
     return lines
@@ -157,7 +159,7 @@ def _errors(axes: Axes, found: Calibration) -> None:
         part, factor, unit = (slice(3, 6), 180 / np.pi, "deg")
     gaps = {"as described": found.nominal_residual, "calibrated": found.residual}
     if found.held_out_residual is not None:
-        gaps["on poses left out"] = found.held_out_residual
+        gaps["held-out poses"] = found.held_out_residual
     for (name, gap), colour, style in zip(
         gaps.items(), (ORANGE, BLUE, GREEN), ("-", "-", "--"), strict=False
     ):
@@ -214,7 +216,7 @@ def recursion_figure(ways: Mapping[str, Recursion], title: str) -> Figure:
         if turned:
             panels[1].plot(steps, np.degrees(way.orientation), color=colour, linestyle=style, label=name)
     for axes, what in zip(panels, ("position, mm", "orientation, deg"), strict=False):
-        axes.set(xlabel="poses counted in", ylabel=f"residual {what}, RMS over all poses", yscale="log")
+        axes.set(xlabel="poses used", ylabel=f"residual {what}, RMS over all poses", yscale="log")
         plain(axes)
     panels[0].legend()
     return figure

@@ -1,4 +1,4 @@
-"""An identification told to people: a table of stiffness with its uncertainty, and what the gap means."""
+"""Tables and sentences of an identification: stiffness with its uncertainty, and what the residual means."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ ENOUGH_ROWS = 12
 ACTS = {
     "series": "act in series",
     "parallel": "act in parallel",
-    "sum": "act in sums only",
-    "mixed": "act together only, in no simple sum",
-    "ill-determined": "are hardly told apart by these rows",
+    "sum": "are identifiable only as sums",
+    "mixed": "are identifiable only in combination, not as a simple sum",
+    "ill-determined": "are hardly distinguishable with these data",
 }
 
 
@@ -32,10 +32,7 @@ def identification_table(
 ) -> Table:
     """Return a table: value before, identified value with its standard deviation, or a lower bound.
 
-    Parameters
-    ----------
-    robot : Robot, optional
-        As it was before; default `found.start`.
+    `robot`: as it was before; default `found.start`.
     """
     before = robot or found.start
     columns = ["parameter", *(["start"] if before is not None else []), "identified", "std"]
@@ -70,7 +67,7 @@ def _interval(ends: tuple[float, float] | None) -> str:
 
 
 def combinations_text(found: Identification) -> Iterator[str | Table]:
-    """Yield what is known of springs that only act together: a table, and a sentence a group.
+    """Yield what is known of springs identifiable only in combination: a table, and a sentence a group.
 
     Nothing where every spring is known by itself.
     """
@@ -92,7 +89,7 @@ def combinations_table(found: Identification) -> Table:
     """Return a table of the sums that are known though their terms are not."""
     how, between = Column("how", left=True, only="page"), Column("95 %", only="page")
     unit, one = Column("unit", left=True), Column("as one spring")
-    result = table("Known together only", "sum", how, "value", "std", between, unit, one)
+    result = table("Identifiable only in combination", "sum", how, "value", "std", between, unit, one)
     for item in (*found.degenerate, *found.ill_determined):
         if item.value is not None:
             std = "-" if item.std is None else number(item.std)
@@ -120,12 +117,9 @@ def _group_text(item: Combination) -> str:
 
 
 def identification_text(found: Identification, measured: Measurements, folds: int = 5) -> str:
-    """Return sentences: what is not bounded, the gap that remains, how it compares with the stated noise.
+    """Return sentences: what is not bounded, the residual, how it compares with the stated noise.
 
-    Parameters
-    ----------
-    folds : int
-        Of the held-out gap that was asked for; 0 for none.
+    `folds`: of the held-out gap that was asked for; 0 for none.
     """
     grouped = {name for item in found.degenerate for name in item.parameters}
     unbounded = [
@@ -133,25 +127,25 @@ def identification_text(found: Identification, measured: Measurements, folds: in
         for item in found.parameters
         if item.value is None and item.lower_bound and not item.silent and item.name not in grouped
     ]
-    over = "the one row fitted" if len(measured) == 1 else f"the {len(measured)} rows fitted"
-    gap = f"Gap that remains in position: RMS {1e3 * found.rms:.3f} mm over {over}"
+    over = "the one fitted row" if len(measured) == 1 else f"the {len(measured)} fitted rows"
+    gap = f"Position residual: {1e3 * found.rms:.3f} mm RMS on {over}"
     if not measured.measured_mask[:, :3].any():
-        gap, held_out = f"No position was read in {over}, only rotations", "."
+        gap, held_out = f"No position was measured in {over}, only rotations", "."
     elif found.rms_held_out is None:
         few = folds > 1 and not found.interrupted
-        held_out = "; too few poses to leave some out and test on them." if few else "."
+        held_out = "; too few poses to hold some out." if few else "."
     else:
-        held_out = f", {1e3 * found.rms_held_out:.3f} mm on poses left out of the fit."
+        held_out = f", {1e3 * found.rms_held_out:.3f} mm on held-out poses."
     if int(measured.measured_mask.sum()) <= len(found.parameters):
-        judged = "As many values are fitted as were measured: whatever the model, little can remain."
+        judged = "As many parameters as readings: any model would fit, so the residual says nothing."
     else:
         judged = _against_noise(sqrt(found.chi_square), measured)
     lines = [f"{gap}{held_out} {judged}"]
     if unbounded:
         lines.insert(
             0,
-            f"These data do not bound {listed(unbounded)} from above: rigid would fit nearly as well. "
-            "> is the lower bound that holds with 97.5 %.",
+            f"No upper bound from these data for {listed(unbounded)}: rigid would fit nearly as well. "
+            "> marks the lower bound (97.5 % confidence).",
         )
     if found.interrupted:
         lines.insert(0, "Stopped by hand: the best values so far.")
@@ -170,15 +164,15 @@ def _against_noise(ratio: float, measured: Measurements) -> str:
     elif np.isfinite(measured.sigma[measured.measured_mask]).any():
         noise = "the stated noise"  # of rows, files or rotations
     else:
-        return "The table states no sigma_position: the uncertainty is estimated from the gap itself."
+        return "The table states no sigma_position: the uncertainty is estimated from the residual."
     if ratio > BEYOND_NOISE:
         return (
-            f"The fit leaves {ratio:.1f} times what {noise} would: the model lacks something. The standard "
-            "deviations are widened by this factor; they do not cover what a wrong model does."
+            f"The residual is {ratio:.1f} times {noise}: the model is incomplete. The standard deviations "
+            "are scaled by this factor; they do not cover the bias of an incomplete model."
         )
     if ratio < BELOW_NOISE and len(measured) >= ENOUGH_ROWS:
         return (
-            f"The fit leaves {ratio:.2g} times what {noise} would: the rows scatter far less than is stated, "
-            "and the bounds and standard deviations are as much too wide."
+            f"The residual is {ratio:.2g} times {noise}: the rows scatter far less than stated, and the "
+            "bounds and standard deviations are too wide by as much."
         )
-    return f"The fit leaves {ratio:.2f} times what {noise} would: noise explains it."
+    return f"The residual is {ratio:.2f} times {noise}: noise explains it."

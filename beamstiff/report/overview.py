@@ -31,12 +31,8 @@ MOST_UNKNOWNS = 3000  # the condition is found from a dense matrix
 def describe(robot: Robot, samples: int = 1000, seed: int = 0) -> dict[str, Any]:
     """Return what a robot file means as plain data, SI, base frame.
 
-    Parameters
-    ----------
-    samples : int
-        Postures drawn for the reach, evenly within the limits of the actuated variables.
-    seed : int
-        Of the samples.
+    `samples`: postures drawn for the reach, evenly within the limits of the actuated variables. `seed`: of
+    the samples.
 
     Examples
     --------

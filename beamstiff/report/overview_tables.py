@@ -109,8 +109,8 @@ def _springs(facts: dict[str, Any]) -> Table:
 
 
 def _tree(facts: dict[str, Any]) -> Tree:
-    """Return what hangs where: from the fixed nodes outward, with the elements that hold each node."""
-    tree = Tree("What hangs where (node by the element that holds it; x y z at the reference, mm)")
+    """Return the structure from the fixed nodes outward, with the elements that hold each node."""
+    tree = Tree("Structure (each node with the element that holds it; x y z at the reference, mm)")
     nodes = {item["name"]: item for item in facts["nodes"]}
     below: dict[str | None, list[str]] = {}
     for name, item in nodes.items():

@@ -20,12 +20,7 @@ MARKERS = (("o", BLUE), ("s", ORANGE), ("^", GREEN))
 def parity_figure(measured: Measurements, predicted: Array, title: str = "") -> Figure:
     """Draw predicted over measured displacement, positions and rotations apart.
 
-    Parameters
-    ----------
-    measured : Measurements
-        N rows of displacements.
-    predicted : (N, 6) array
-        ``[d, r]``, m and rad.
+    `measured`: n rows of displacements. `predicted` (N, 6): ``[d, r]``, m and rad.
     """
     mask = measured.measured_mask & (measured.kind == "displacement")
     panels = [(part, what, unit) for part, what, unit in _PARTS if mask[:, part].any()]

@@ -104,7 +104,7 @@ def plot(thing: object, **options: Any) -> Figure:
 
 @singledispatch
 def told(thing: object) -> Iterable[RenderableType]:
-    """Return the tables and sentences that tell of a robot or a result."""
+    """Return the tables and sentences that describe a robot or a result."""
     return [repr(thing)]
 
 
@@ -157,9 +157,9 @@ def _(thing: Identification) -> Iterable[RenderableType]:
     yield identification_table(thing)
     yield ""
     yield from combinations_text(thing)
-    gap = f"Gap that remains in position: RMS {1e3 * thing.rms:.3f} mm over the rows fitted"
-    gap = gap if thing.rms > 0 else "No position was read, only rotations"
-    held = "" if thing.rms_held_out is None else f", {1e3 * thing.rms_held_out:.3f} mm on poses left out"
+    gap = f"Position residual: {1e3 * thing.rms:.3f} mm RMS on the fitted rows"
+    gap = gap if thing.rms > 0 else "No position was measured, only rotations"
+    held = "" if thing.rms_held_out is None else f", {1e3 * thing.rms_held_out:.3f} mm on held-out poses"
     yield f"{gap}{held}; {np.sqrt(thing.chi_square):.2f} times the noise."
     if thing.notes:
         yield f"Mind: {listed(thing.notes, 4)}."

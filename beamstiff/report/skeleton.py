@@ -24,12 +24,8 @@ TOOL_POINT = "tool point"  # where the tool is taken to be, which may be off
 def draw_shares(axes: Axes, robot: Robot, q: Array, shares: Mapping[str, float]) -> None:
     """Draw a robot in a posture, its parts coloured by their shares.
 
-    Parameters
-    ----------
-    q : (A,) array
-        Actuated joint values, rad or m.
-    shares : mapping of str to float
-        From 0 to 1, by joint component, beam, rigid, ``base``, ``tool`` or ``tool point``.
+    `q` (A,): actuated joint values, rad or m. `shares`: from 0 to 1, by joint component, beam, rigid,
+    ``base``, ``tool`` or ``tool point``.
     """
     kinematics = compile_kinematics(robot)
     positions = posture(kinematics, q[None]).node_positions[0]

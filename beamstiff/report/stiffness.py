@@ -1,4 +1,4 @@
-"""Stiffness at the TCP told to people: the posture, and the two matrices."""
+"""Tables of the stiffness at the TCP: the posture, and the two matrices."""
 
 from __future__ import annotations
 

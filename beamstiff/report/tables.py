@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
@@ -103,6 +104,12 @@ def small(values: Sequence[float], unit: str) -> tuple[list[str], str]:
     """Return numbers as tables show them, and their unit: small angles in mrad, lengths in mm."""
     factor, shown = SMALL[unit] if unit in SMALL and max(map(abs, values)) < 1.0 else (1.0, unit)
     return [number(factor * value) for value in values], shown
+
+
+def nice(value: float) -> float:
+    """Return a number cut to 1, 2 or 5 times a power of ten."""
+    power = 10.0 ** math.floor(math.log10(value))
+    return float(power * max(step for step in (1, 2, 5) if step * power <= value * (1 + 1e-9)))
 
 
 def millimetres(lengths: Iterable[float]) -> list[str]:

@@ -43,22 +43,9 @@ def write_vtu(
     Point data: `displacement` (m) and `rotation` (rad, rotation vector); cell data: `kind` (0 beam, 1 rigid,
     2 joint, 3 strut) and `energy_share`, the element's part of the strain energy. Base frame.
 
-    Parameters
-    ----------
-    robot : Robot
-    q : mapping or array
-        One value for each actuated variable, rad or m; not named ones are 0.
-    wrench : (6,) array, N and N m
-    path : str or os.PathLike
-    point : str, optional
-        Node on which it acts; by default the TCP.
-    gravity : bool
-        Add the dead weight.
-
-    Raises
-    ------
-    BeamstiffError
-        When the structure is a mechanism, a node unknown, or the file cannot be written.
+    `q`: one value for each actuated variable, rad or m; not named ones are 0. `wrench` (6,), N and N m.
+    `point`: node on which it acts; by default the TCP. `gravity`: add the dead weight. Raises BeamstiffError
+    when the structure is a mechanism, a node unknown, or the file cannot be written.
     """
     write_whole(os.fspath(path), vtu_text(robot, q, wrench, point=point, gravity=gravity))
 
@@ -87,13 +74,8 @@ def vtu_text(
 def beam_shape(start: Array, end: Array, first: Array, second: Array, at: Array) -> Array:
     """Return displacements ``[d, r]`` (S, 6) along a beam from those of its ends.
 
-    Parameters
-    ----------
-    start, end : (3,) arrays, m
-    first, second : (6,) arrays, m and rad
-        ``[d, r]`` of the ends.
-    at : (S,) array
-        Places from 0 to 1.
+    `start`, `end` (3,)s, m. `first`, `second` (6,)s, m and rad: ``[d, r]`` of the ends. `at` (S,): places
+    from 0 to 1.
     """
     length = float(np.linalg.norm(end - start))
     along = (end - start) / length

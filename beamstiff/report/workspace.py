@@ -1,4 +1,4 @@
-"""A map of the workspace told to people: tables, and pictures of its slices with the worst pose."""
+"""Tables and figures of a map of the workspace: its slices with the worst pose."""
 
 from __future__ import annotations
 

@@ -14,7 +14,8 @@ def demo_text(folder: Path) -> str:
     """Return what the demo prints, 80 columns wide; it draws into a folder, named as by default."""
     printed = subprocess.run(
         [sys.executable, str(REPOSITORY / "examples" / "demo.py"), str(folder / "ir663_identification.png")],
-        capture_output=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,  # of which there is none
         encoding="utf-8",
         check=True,
         env=os.environ | {"COLUMNS": "80", "NO_COLOR": "1"},

@@ -1,14 +1,17 @@
 """From a diagnosis to a robot with the effect, and on to the other commands."""
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from beamstiff import load_robot
-from tests.cli.conftest import Run
+from beamstiff.cli.main import app
+from tests.cli.conftest import CRANE, Run
 
 NOISE = 1e-5  # m
 TORSIONAL, HALF_WIDTH = 8e5, 3e-4  # N m/rad and rad; the model says 1e6 and none
@@ -28,10 +31,23 @@ def crane_with_backlash(seed: int) -> str:
     return "\n".join(lines) + "\n"
 
 
+@pytest.fixture(scope="module")
+def diagnosed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, Path]:
+    """Return how the diagnosis of the loads ended, and the folder with what it wrote."""
+    where = tmp_path_factory.mktemp("applied")
+    (where / "crane.yaml").write_text(CRANE)
+    (where / "loads.csv").write_text(crane_with_backlash(1))
+    with pytest.MonkeyPatch.context() as here:
+        here.chdir(where)
+        words = ["diagnose", "crane.yaml", "loads.csv", "--apply", "larger.yaml", "--json", "said.json"]
+        return CliRunner().invoke(app, words, prog_name="beamstiff"), where
+
+
 @pytest.fixture
-def applied(run: Run, folder: Path) -> Any:
-    (folder / "loads.csv").write_text(crane_with_backlash(1))
-    return run("diagnose", "crane.yaml", "loads.csv", "--apply", "larger.yaml", "--json", "said.json")
+def applied(diagnosed: tuple[Any, Path], folder: Path) -> Any:
+    result, where = diagnosed
+    shutil.copytree(where, folder, dirs_exist_ok=True)
+    return result
 
 
 def test_the_robot_with_the_effect_is_written(applied: Any, folder: Path) -> None:
@@ -62,14 +78,14 @@ def test_deflect_adds_the_effect_and_says_so(succeed: Run, told: Run, folder: Pa
 
 
 @pytest.mark.usefixtures("applied")
-def test_diagnose_and_identify_take_the_effect_for_known(run: Run, succeed: Run, folder: Path) -> None:
+def test_diagnose_and_identify_take_the_effect_for_known(succeed: Run, folder: Path) -> None:
     (folder / "new.csv").write_text(crane_with_backlash(3))
-    again = run("diagnose", "larger.yaml", "new.csv", "--json", "-", "--apply", "same.yaml")
-    assert json.loads(again.stdout)["verdict"]["effect"] == "none"
-    assert "Known before, and counted in: backlash:q1." in run("diagnose", "larger.yaml", "new.csv").stdout
+    again = succeed("diagnose", "larger.yaml", "new.csv", "--json", "again.json", "--apply", "same.yaml")
+    assert json.loads((folder / "again.json").read_text())["verdict"]["effect"] == "none"
+    assert "Already in the robot and included: backlash:q1." in again.stdout
     assert load_robot(folder / "same.yaml").effects == load_robot(folder / "larger.yaml").effects
     found = succeed("identify", "larger.yaml", "new.csv", "--json", "found.json", "--out", "identified.yaml")
-    assert "Beside the robot's effects, as they are: backlash:q1." in found.stdout
+    assert "The fit includes the robot's effects unchanged: backlash:q1." in found.stdout
     value = json.loads((folder / "found.json").read_text())["parameters"]["J1.torsional"]["value"]
     assert value == pytest.approx(TORSIONAL, rel=0.01)
     assert load_robot(folder / "identified.yaml").effects == load_robot(folder / "larger.yaml").effects

@@ -70,12 +70,12 @@ def test_people_get_parameters_what_they_look_like_and_errors(run: Run, told: Ru
         "f3.d 1300.0000 1300.5",
         "f3.r 1 f2.r",
         "q1 - 1 base.rz",
-        "poses left out",
+        "held-out poses",
     ):
         assert part.replace("arm:", "kr500:") in text
     facts = told("calibrate", arm, "poses.csv", "--folds", "0")
     assert "q6" in facts["silent"]  # the flange's centre lies on axis 6
-    assert f"{len(facts['silent'])} move nothing measured" in text
+    assert f"{len(facts['silent'])} change no measured value" in text
 
 
 def test_the_tracker_may_stand_anywhere_and_readings_come_out_in_the_base_frame(
@@ -86,7 +86,9 @@ def test_the_tracker_may_stand_anywhere_and_readings_come_out_in_the_base_frame(
     turned = rows.position @ np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]) + [5.0, -3.0, 0.2]
     write_measurements(replace(rows, position=turned), folder / "tracker.csv", robot)
     result = succeed("calibrate", arm, "tracker.csv", "--readings", "base.csv", "--out", "found.yaml")
-    place = re.search(r"The robot's base stands at \(([\d.]+), ([-\d.]+), ([\d.]+)\) mm", result.stdout)
+    place = re.search(
+        r"Robot base in the measuring frame: \(([\d.]+), ([-\d.]+), ([\d.]+)\) mm", result.stdout
+    )
     assert place is not None
     assert [float(value) for value in place.groups()] == pytest.approx([5000, -3000, 200], abs=0.05)
     again = run("calibrate", "found.yaml", "base.csv", "--parameters", "q2", "--folds", "0", "--json", "-")

@@ -191,7 +191,7 @@ x [mm],y [mm],z [mm],a [deg],b [deg],c [deg],fz [N]
 """
 PLAY = (
     "masses: [{node: n6b, mass: 200 kg}]\n"
-    "effects: [{effect: backlash, component: q3, shape: 'flank within 0.03, off rest', "
+    "effects: [{effect: backlash, component: q3, shape: 'flank within 0.03, asymmetric', "
     "parameters: {width_up: 1.5e-4, width_down: 1e-4}, scales: {torque: 2000}}]\n"
 )
 
@@ -215,7 +215,7 @@ def test_what_displacements_cannot_fix_is_not_promised(cell: Path, run: Run) -> 
     again = re.search(r"\(width_up (\S+) mm\)", twice)
     assert again is not None, twice
     assert float(again[1]) == pytest.approx(2 * float(told[1]), rel=0.06)  # two digits each
-    assert "% less, if the robot is as it is described)" in " ".join(result.stdout.split())
+    assert "% less, provided the robot is as described)" in " ".join(result.stdout.split())
     assert (
         "unloaded tool"
         not in run("compensate", "kr500", "path.csv", "--actual", "play.yaml", "--taught").stderr

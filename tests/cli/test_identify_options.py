@@ -51,7 +51,7 @@ def test_several_tables_count_together(run: Run, wrong: Path) -> None:
             whole["parameters"]["J1.torsional"][key], rel=1e-9
         )
     text = run("identify", "crane.yaml", "one.csv", "two.csv").stdout
-    assert "over the 4 rows fitted" in " ".join(text.split())
+    assert "on the 4 fitted rows" in " ".join(text.split())
 
 
 @pytest.mark.parametrize("method", ["levenberg-marquardt", "linear", "slsqp", "bobyqa", "crs2", "genetic"])
@@ -132,7 +132,7 @@ def test_groups_are_told_with_what_would_part_them(run: Run) -> None:
     text = " ".join(run("identify", "crane.yaml", "across.csv", *BOTH).stdout.split())
     assert "1/J1.torsional + 1/J1.radial 1.50" in text
     assert "J1.torsional and J1.radial act in series: lump them into one (--reduce)" in text
-    assert "do not bound" not in text
+    assert "No upper bound" not in text
 
 
 def test_the_reduced_robot_has_one_spring_for_the_group(run: Run, series: Path) -> None:

@@ -11,8 +11,6 @@ from typer.testing import CliRunner
 
 from beamstiff import load_robot, read_measurements
 from beamstiff.cli.main import app
-from tests.cli.demo_text import demo_text
-from tests.printed import prints
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 README = (REPOSITORY / "README.md").read_text(encoding="utf-8")
@@ -35,11 +33,6 @@ def crane(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "crane.csv").write_text(block("data"), encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     return tmp_path
-
-
-def test_the_demo_prints_what_its_page_shows(tmp_path: Path) -> None:
-    printed = demo_text(tmp_path)
-    assert prints(block("demo"), printed), f"`make readme` writes what the demo prints now:\n{printed}"
 
 
 def test_the_python_of_the_readme_runs(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -78,7 +71,8 @@ def test_the_table_of_the_formats_is_what_its_robot_does(crane: Path) -> None:
 
 def commands() -> list[str]:
     blocks = re.findall(r"```\n(.*?)```", "\n".join((README, *PAGES.values())), re.DOTALL)
-    return [line for text in blocks for line in text.splitlines() if line.startswith("beamstiff ")]
+    lines = (line for text in blocks for line in text.splitlines() if line.startswith("beamstiff "))
+    return list(dict.fromkeys(lines))
 
 
 @pytest.mark.parametrize("command", commands())

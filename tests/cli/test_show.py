@@ -27,8 +27,8 @@ def facts(run: Run) -> Callable[..., dict[str, Any]]:
     return show
 
 
-def test_without_a_robot_those_that_come_along_are_listed(run: Run, told: Run) -> None:
-    assert run("show").stdout.split()[4:] == robot_names()
+def test_without_a_robot_the_bundled_ones_are_listed(run: Run, told: Run) -> None:
+    assert run("show").stdout.split() == ["Bundled", "robots:", *robot_names()]
     assert told("show") == {"robots": robot_names()}
 
 

@@ -20,7 +20,7 @@ from tests.arms import planar_arm
 UPPER, FORE = 1.2, 0.8  # m, links of the elbow arm
 SHOULDER, ELBOW = 2e6, 5e5  # N m/rad
 POSITION, ROTATION = 3e-5, 5e-5  # m, rad: usual noise of the campaigns
-ONCE = "no state was measured twice: the noise cannot be told from what the model lacks by itself"
+ONCE = "no state was measured twice: the data alone cannot separate noise from model error"
 
 
 def elbow(mass: float = 0.0, gravity: tuple[float, float, float] = (0.0, 0.0, -9.81), **second: Any) -> Robot:

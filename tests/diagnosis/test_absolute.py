@@ -75,4 +75,4 @@ def test_what_rigid_joints_without_loads_cannot_show_is_said(told: dict[int | No
     for effect in ("backlash", "hardening", "hysteresis", "actuator-lever", "gravity-compensator"):
         assert hidden[effect] == "the model holds every joint rigid about its axis"
     assert hidden["load-error"] == "no row carries a load"
-    assert "no row carries a load: only what gives way under the dead weight can show" in told[2].notes
+    assert "no row carries a load: only compliance under the dead weight can show" in told[2].notes

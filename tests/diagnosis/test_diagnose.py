@@ -236,7 +236,7 @@ def unclaimed(rows: Measurements) -> Measurements:
 def test_rows_without_a_load_show_none_and_say_why() -> None:
     found = diagnose(kr240(), unloaded())
     assert found.verdict.key == "none:null"
-    assert "no row carries a load: nothing that gives way under load can show" in found.notes
+    assert "no row carries a load: no compliance can show" in found.notes
     hidden = {one.effect: one.why for one in found.untestable}
     for effect in ("backlash", "link-bending", "base-compliance", "load-error"):
         assert "load" in hidden[effect]
@@ -260,7 +260,7 @@ def test_noise_that_nobody_claims_is_said_to_be_estimated() -> None:
 def test_a_claim_that_is_off_by_two_makes_no_effect_and_is_said(noise: float) -> None:
     found = diagnose(kr240(), campaign(plan(8), noise=noise))
     assert found.verdict.key == "none:null"
-    assert any("times what the table claims" in note for note in found.notes)
+    assert any("times the stated noise" in note for note in found.notes)
 
 
 @pytest.mark.slow

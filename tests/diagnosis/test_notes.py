@@ -44,7 +44,9 @@ def test_a_sound_campaign_lacks_repeats_at_most() -> None:
     twice = at_random(elbow(), 10, seed=1)
     told = said(q=np.repeat(twice.q, 2, axis=0), wrench=np.repeat(twice.wrench, 2, axis=0))
     assert ONCE not in told
-    assert "repeats scatter 0 times as much as the position noise" in told  # the readings have none here
+    assert (
+        "repeats scatter 0 times as much as the stated position noise" in told
+    )  # the readings have none here
 
 
 def test_repeats_that_contradict_the_claim_or_drift_are_told() -> None:
@@ -71,7 +73,7 @@ def test_repeats_that_contradict_the_claim_or_drift_are_told() -> None:
             1.0,
         )
     )
-    assert "times as much as the position noise that the table claims" in told
+    assert "times as much as the stated position noise" in told
     assert "repeated rotations drift by 14 mrad an hour" in told
 
 
@@ -81,18 +83,18 @@ def test_repeats_that_contradict_the_claim_or_drift_are_told() -> None:
         ({"wrench": np.eye(6)[1:4] * 500}, "only 16 values beyond those fitted: no confident verdict"),
         ({"q": np.zeros(2)}, "only 1 posture: "),
         ({"sigma_position": None, "sigma_rotation": None}, "states no noise"),
-        ({"noise": (2.1, 1.0)}, "the noise of the positions looks 2.1 times what the table claims"),
-        ({"noise": (1.0, 0.5)}, "the noise of the rotations looks 0.5 times what the table claims"),
+        ({"noise": (2.1, 1.0)}, "the noise of the positions is 2.1 times the stated noise"),
+        ({"noise": (1.0, 0.5)}, "the noise of the rotations is 0.5 times the stated noise"),
         ({"wrench": np.zeros((10, 6))}, "no row carries a load"),
         ({"wrench": np.linspace(1, 2, 10)[:, None] * np.eye(6)[1] * 500}, "do not span all directions"),
         ({"wrench": np.tile(np.eye(6)[:3], (4, 1))[:10] * 500}, "one load level only"),
         ({"wrench": np.linspace(1, 2, 10)[:, None] * np.eye(6)[5] * 500}, "do not span all directions"),
         ({"wrench": np.tile(np.eye(6)[3:], (4, 1))[:10] * 500}, "one load level only"),
-        ({"silent": True}, "as simulated ones do: what is smaller than the claim is not looked at"),
-        ({"scale": 1.8}, "the fit leaves 1.8 times the noise counted with"),
-        ({"verdict": "unknown"}, "may stand in the table as well: joint columns in another order"),
-        ({"outliers": 1}, "1 row that nothing explains left out"),
-        ({"outliers": 3}, "3 rows that nothing explains left out"),
+        ({"silent": True}, "as simulated rows do: effects smaller than the stated noise are ignored"),
+        ({"scale": 1.8}, "the residual is 1.8 times the assumed noise"),
+        ({"verdict": "unknown"}, "may also be in the table: joint columns in another order"),
+        ({"outliers": 1}, "1 row excluded as an outlier"),
+        ({"outliers": 3}, "3 rows excluded as outliers"),
     ],
 )
 def test_what_limits_the_conclusions_is_said_in_a_line(changed: dict[str, Any], note: str) -> None:

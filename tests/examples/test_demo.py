@@ -1,39 +1,43 @@
 """The demo says what it should, honestly, and draws its figure."""
 
-import os
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from matplotlib.image import imread
 
+from tests.cli.demo_text import demo_text
+from tests.printed import prints
+
 REPOSITORY = Path(__file__).resolve().parents[2]
-DEMO = REPOSITORY / "examples" / "demo.py"
 
 
 @pytest.fixture(scope="module")
-def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
+def printed(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
+    """Return what the demo prints, and the folder of its figures."""
+    folder = tmp_path_factory.mktemp("demo") / "new"
+    return demo_text(folder), folder
+
+
+@pytest.fixture(scope="module")
+def demo(printed: tuple[str, Path]) -> tuple[str, Path]:
     """Return what the demo prints, on one line, and its figure."""
-    figure = tmp_path_factory.mktemp("demo") / "new" / "figure.png"
-    result = subprocess.run(
-        [sys.executable, str(DEMO), str(figure)],
-        capture_output=True,
-        encoding="utf-8",
-        check=False,
-        env=os.environ | {"COLUMNS": "120"},
-    )
-    assert (result.returncode, result.stderr) == (0, "")
-    return " ".join(result.stdout.split()), figure
+    return " ".join(printed[0].split()), printed[1] / "ir663_identification.png"
+
+
+def test_the_demo_prints_what_its_page_shows(printed: tuple[str, Path]) -> None:
+    page = (REPOSITORY / "docs" / "demo.md").read_text(encoding="utf-8")
+    shown = re.search(r"<!-- demo -->\n```\w*\n(.*?)```", page, re.DOTALL)
+    assert shown is not None
+    assert prints(shown[1], printed[0]), f"`make readme` writes what the demo prints now:\n{printed[0]}"
 
 
 def test_stiffness_comes_with_uncertainty_and_what_cannot_be_bounded_is_said(demo: tuple[str, Path]) -> None:
     text, _ = demo
     assert re.search(r"J12\.torsional 1\.72e\+06 \S+ \S+ [0-9.]+ % N\*m/rad", text)
     assert re.search(r"J18\.torsional 1\.56e\+06 > \S+ - - N\*m/rad", text)
-    assert "do not bound J18.torsional from above" in text
+    assert "No upper bound from these data for J18.torsional:" in text
 
 
 def test_the_gap_stands_beside_the_papers_and_is_that_of_an_independent_prototype(
@@ -60,8 +64,8 @@ def test_the_diagnosis_is_a_set_that_no_cause_of_is_sure(demo: tuple[str, Path])
     text, _ = demo
     assert "no confident verdict can come of them" in text
     assert "Undecided: unknown (" in text
-    assert "These data cannot tell tool-compliance from: " in text
-    table = text[text.index("What each cause leaves") : text.index("Each cause is added")]
+    assert "Indistinguishable from tool-compliance with these data: " in text
+    table = text[text.index("Residual with each cause") : text.index("Each cause is added")]
     assert len(re.findall(r" yes 0\.\d", table)) >= 2
     assert all(float(value) < 0.6 for value in re.findall(r" (?:yes|no) (0\.\d{3})", table))
     assert "bearing-tilt at" in table
@@ -99,7 +103,7 @@ def test_what_to_measure_next_is_said(demo: tuple[str, Path]) -> None:
 
 def test_the_figure_is_drawn(demo: tuple[str, Path]) -> None:
     text, figure = demo
-    assert str(figure) in text
+    assert f"examples/output/{figure.name}" in text
     pixels = imread(figure)
     assert pixels.shape[0] > 600
     assert pixels.shape[1] > 1200

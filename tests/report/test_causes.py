@@ -48,11 +48,11 @@ def test_causes_that_close_the_gap_together_are_the_headline_where_none_makes_mo
     assert said.startswith("Causes of 9") or said.startswith("Causes of 100 %")
     assert all(name in said for name in ("angle-curve at q3", "approach-direction at q2", "target-slip"))
     text = summary(result)
-    assert "no effect of the library" not in text
+    assert "no effect in the library" not in text
     assert "Undecided" not in text
     for cause in several.causes:
         assert f"({100 * cause.closes:.0f} %)" in text
-    assert f"leaves {1e3 * several.causes[-1].rms_after:.3f} mm" in text
+    assert f"reduces the residual to {1e3 * several.causes[-1].rms_after:.3f} mm" in text
 
 
 def test_each_of_several_causes_is_told_with_its_size_and_its_check() -> None:

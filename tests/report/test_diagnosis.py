@@ -8,15 +8,7 @@ import pytest
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.measure.rows import subset
-from beamstiff.report.diagnosis import (
-    causes_of,
-    headline,
-    proposed,
-    separations,
-    sized,
-    summary,
-    told,
-)
+from beamstiff.report.diagnosis import causes_of, headline, proposed, separations, sized, summary, told
 from tests.diagnosis.machines import POSITION, at_random, elbow, nominal
 from tests.diagnosis.planted import diagnosed
 
@@ -66,7 +58,8 @@ def test_few_rows_are_no_proof_that_there_is_nothing() -> None:
 
 
 @pytest.mark.parametrize(
-    ("scale", "words"), [(3.3, "taken 3.3 times as large as stated"), (1.2, "noise alone would")]
+    ("scale", "words"),
+    [(3.3, " mm (3.3 times the stated noise)"), (1.2, " mm; best achievable by any elastic model")],
 )
 def test_noise_that_is_not_the_stated_one_is_called_so(scale: float, words: str) -> None:
     assert words in said(NONE, scale=scale, noise_position=1.0)[1]
@@ -89,9 +82,10 @@ def test_of_two_causes_both_stand_in_the_verdict_and_what_closes_is_theirs() -> 
     result = with_second(floor, "bearing-tilt:q1", "unknown:null")
     text = summary(result)
     assert headline(result) == "Causes: backlash at q3 and base-compliance"
-    assert "With both the model leaves" in text
-    assert "In place of one of the two it could be: bearing-tilt at q1." in text
-    assert "A cause that the library lacks is not ruled out either." in text
+    assert "Adding both reduces the residual to" in text
+    assert "Possible in place of one of the two: bearing-tilt at q1." in text
+    [unknown] = [one.probability for one in result.candidates if one.effect == "unknown"]
+    assert f"A cause outside the library remains possible ({100 * unknown:.0f} %)." in text
     assert causes_of(result.verdict, result) == ("backlash and base-compliance", "q3 and -")
     assert floor in told(result)
     assert any("To check base-compliance" in line for line in separations(result))
@@ -100,25 +94,25 @@ def test_of_two_causes_both_stand_in_the_verdict_and_what_closes_is_theirs() -> 
 def test_wrong_rows_beside_a_cause_are_no_second_one() -> None:
     result = with_second(Candidate("outliers", None, 0.9))
     assert headline(result) == "Cause: backlash at q3"
-    assert "With it the model leaves" in summary(result)
+    assert "Adding it reduces the residual to" in summary(result)
     assert "Also: outliers (90 %)." in summary(result)
 
 
 def test_what_only_the_unknown_rivals_is_said_in_a_sentence_of_its_own() -> None:
     text = summary(replace(diagnosed("backlash"), indistinguishable=("unknown:null",)))
-    assert "A cause that the library lacks is not ruled out." in text
-    assert "cannot tell it from" not in text
+    assert "A cause outside the library remains possible (" in text
+    assert "Indistinguishable" not in text
 
 
-def test_of_one_posture_nothing_is_said_of_postures_left_out() -> None:
+def test_of_one_posture_nothing_is_said_of_held_out_data() -> None:
     result = diagnosed("backlash")
     one = at_random(elbow(), 1, seed=1, sigma_position=POSITION)
     result = replace(result, baseline=nominal(elbow(), subset(one, np.zeros(8, dtype=int))))
     text = summary(result)
     assert "in one posture" in text
-    assert "left out" not in text
-    assert "cannot be said" in text
-    assert "%" not in text.partition("cannot be said")[2]
+    assert "held-out data" not in text
+    assert "The reduction cannot be tested" in text
+    assert "%" not in text.partition("cannot be tested")[2]
 
 
 def test_rounding_is_told_as_zero_and_a_negative_compliance_as_implausible() -> None:
@@ -137,7 +131,7 @@ def test_rows_left_out_stand_in_the_order_of_the_file() -> None:
 def test_a_likely_unknown_that_is_not_sure_is_undecided() -> None:
     head, text = said(replace(UNKNOWN, probability=0.46), replace(PLAY, probability=0.31))
     assert head == "Undecided"
-    assert "unknown (46 %), backlash at q2 (31 %). There is a gap with structure." in text
+    assert "unknown (46 %), backlash at q2 (31 %). The gap is systematic, not noise." in text
 
 
 def test_a_second_reflector_is_proposed_with_what_it_tells() -> None:
@@ -145,6 +139,6 @@ def test_a_second_reflector_is_proposed_with_what_it_tells() -> None:
     tool, head = ({**item, "point": point, "discrimination": d} for point, d in (("n6b", 2.0), ("n1a", 30.0)))
     result = replace(diagnosed("backlash"), next=[tool, head])
     assert proposed(result) == (
-        "1 state that would tell most, read at a reflector on n1a (J1) as well, which would tell 15 times "
-        "as much"
+        "1 state to discriminate best between the causes; also read a reflector on n1a (J1), which "
+        "discriminates 15 times as well"
     )

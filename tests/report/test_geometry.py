@@ -20,10 +20,7 @@ def test_combinations_are_in_mm_and_deg() -> None:
 
 
 def test_bars_are_mean_and_largest_by_kind() -> None:
-    parameters = (
-        Parameter("f3.d", "frame", "m", 1e-3, 2),
-        Parameter("q2", "offset", "rad", 1e-3, 1),
-    )
+    parameters = (Parameter("f3.d", "frame", "m", 1e-3, 2), Parameter("q2", "offset", "rad", 1e-3, 1))
     found = SensitivityIndices(
         parameters, np.array([[1.0, 2.0], [1.0, 4.0]]), np.array([[0.0, 1.0], [0.0, 1.0]])
     )

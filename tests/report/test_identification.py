@@ -8,11 +8,7 @@ from rich.console import Console
 from beamstiff import Robot, identify, load_robot
 from beamstiff.identification.result import Combination, Identification, Parameter
 from beamstiff.measure import Measurements, make_measurements
-from beamstiff.report.identification import (
-    combinations_text,
-    identification_table,
-    identification_text,
-)
+from beamstiff.report.identification import combinations_text, identification_table, identification_text
 
 PARTS: dict[str, Any] = {
     "nodes": [{"name": "a"}, {"name": "b"}],
@@ -72,21 +68,21 @@ def test_the_table_has_the_start_the_value_and_its_uncertainty(robot: Robot) -> 
 
 def test_what_is_not_bounded_shows_its_lower_bound_and_no_value(robot: Robot) -> None:
     assert ["J1.radial", "rigid", ">", "4e+08", "-", "-", "N/m"] in printed(FOUND, robot)
-    assert "do not bound J1.radial from above" in identification_text(FOUND, measured(1e-5))
+    assert "No upper bound from these data for J1.radial:" in identification_text(FOUND, measured(1e-5))
 
 
 @pytest.mark.parametrize(
     ("chi_square", "sigma", "says"),
     [
-        (1.0, 35e-6, "1.00 times what the stated noise (0.035 mm) would: noise explains it"),
-        (13.69, 35e-6, "3.7 times what the stated noise (0.035 mm) would: the model lacks something"),
+        (1.0, 35e-6, "1.00 times the stated noise (0.035 mm): noise explains it"),
+        (13.69, 35e-6, "3.7 times the stated noise (0.035 mm): the model is incomplete"),
         (1.0, None, "states no sigma_position"),
     ],
 )
 def test_the_gap_is_compared_with_the_noise(chi_square: float, sigma: float | None, says: str) -> None:
     text = identification_text(replace(FOUND, chi_square=chi_square), measured(sigma))
     assert says in text
-    assert "RMS 0.100 mm over the 2 rows fitted, 0.150 mm on poses left out" in text
+    assert "Position residual: 0.100 mm RMS on the 2 fitted rows, 0.150 mm on held-out poses." in text
 
 
 def test_too_few_poses_to_hold_out_are_told() -> None:
@@ -127,8 +123,8 @@ def test_groups_without_a_sum_and_hardly_told_springs_are_named() -> None:
     mixed = Combination(("a", "b", "c"), "", None, None, "mixed", "N/m")
     near = Combination(("J4", "J6"), "1/J4 + 1/J6", 4e-6, 1e-8, "ill-determined", "rad/(N*m)")
     text = told(mixed, nearly=(near,))
-    assert "a, b and c act together only, in no simple sum." in text
-    assert "J4 and J6 are hardly told apart by these rows." in text
+    assert "a, b and c are identifiable only in combination, not as a simple sum." in text
+    assert "J4 and J6 are hardly distinguishable with these data." in text
     assert "1/J4 + 1/J6 4e-06 1e-08 rad/(N*m) -" in text
 
 
@@ -140,7 +136,7 @@ def test_what_is_never_loaded_is_not_called_unbounded() -> None:
         ("J1.radial", "J2.radial"), "1/J1.radial + 1/J2.radial", 4e-9, 1e-10, "series", "m/N"
     )
     found = replace(FOUND, parameters=(*FOUND.parameters, silent), degenerate=(grouped,))
-    assert "do not bound" not in identification_text(found, measured(1e-5))
+    assert "No upper bound" not in identification_text(found, measured(1e-5))
     assert "never loaded; y would tell it." in "".join(
         map(
             str,
@@ -155,7 +151,7 @@ def test_rows_that_scatter_far_less_than_is_stated_are_no_proof_of_the_model() -
     q = np.zeros((12, 1))
     rows = make_measurements(["q1"], q, tcp="b", displacement=np.zeros((12, 3)), sigma_position=0.02)
     text = identification_text(replace(FOUND, chi_square=2.5e-5), rows)
-    assert "0.005 times what the stated noise (20 mm) would: the rows scatter far less than is stated" in text
+    assert "0.005 times the stated noise (20 mm): the rows scatter far less than stated" in text
     assert "noise explains it" not in text
 
 
@@ -171,6 +167,6 @@ def test_of_a_fit_without_anything_left_over_nothing_good_is_said() -> None:
         sigma_position=1e-5,
     )
     text = identification_text(identify(robot, one, ["J12.torsional"]), one)
-    assert "over the one row fitted" in text
-    assert "As many values are fitted as were measured" in text
+    assert "on the one fitted row" in text
+    assert "As many parameters as readings" in text
     assert "noise explains it" not in text

@@ -22,10 +22,7 @@ __all__ = ["ENDINGS", "Program", "read_program"]
 def read_program(path: str | Path) -> Program:
     """Return the targets of a file, by its ending.
 
-    Parameters
-    ----------
-    path : str or pathlib.Path
-        ``.csv``; ``.src``, ``.dat`` (KUKA KRL); ``.mod``, ``.prg`` (ABB RAPID); ``.apt``, ``.cls`` (APT).
+    `path`: ``.csv``; ``.src``, ``.dat`` (KUKA KRL); ``.mod``, ``.prg`` (ABB RAPID); ``.apt``, ``.cls`` (APT).
     """
     ending = Path(path).suffix.lower()
     if ending not in ENDINGS:

@@ -71,7 +71,7 @@ def read(text: str, source: str) -> Program:
             motion, name = _before(line[:start])
             keys = _keys(inner)
             if name is not None and (_FRAMES.fullmatch(name) or name.partition("[")[0].upper() in apart):
-                if not name.startswith("$"):  # those are told apart
+                if not name.startswith("$"):  # $ variables belong to the controller
                     left["frames, tools and loads"].append(number)
             elif "{" in inner or not keys:
                 continue

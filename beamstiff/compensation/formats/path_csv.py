@@ -18,13 +18,7 @@ from beamstiff.compensation.editing import NUMBER, Slot, lines, proper
 from beamstiff.compensation.formats.program import Place, Program, make_program, refuse
 from beamstiff.compensation.path import ToolPath
 from beamstiff.errors import BeamstiffError, listed, shown, suggest
-from beamstiff.measure.orientation import (
-    Orientation,
-    Quaternion,
-    RotationVector,
-    ToolAxis,
-    named_orientation,
-)
+from beamstiff.measure.orientation import Orientation, Quaternion, RotationVector, ToolAxis, named_orientation
 from beamstiff.measure.table import WRENCH
 from beamstiff.se3 import Array
 from beamstiff.units import UNITS, unit_factor

@@ -52,12 +52,7 @@ class Program:
     def with_poses(self, poses: Array, which: NDArray[np.bool_] | None = None) -> bytes:
         """Return the file with the numbers of targets replaced.
 
-        Parameters
-        ----------
-        poses : (N, 4, 4) array
-            In the frame of the path.
-        which : (N,) bool array, optional
-            The targets to change; default all.
+        `poses` (N, 4, 4): in the frame of the path. `which` (N,) bool: the targets to change; default all.
         """
         chosen = np.flatnonzero(np.ones(len(self.path), dtype=np.bool_) if which is None else which).tolist()
         changes = []

@@ -113,10 +113,7 @@ class Cantilever:
 def sliding(place: Array) -> Array:
     """Return which way the tool slid to each place along a line, (N,): 1, -1, or 0 where it stood still.
 
-    Parameters
-    ----------
-    place : (N,) array, m
-        On the line, in the order of the path. To the first nothing slid.
+    `place` (N,), m: on the line, in the order of the path. To the first nothing slid.
 
     Examples
     --------

@@ -50,14 +50,8 @@ def straight(elements: int = ELEMENTS) -> Bent:
 def under_load(beam: Bent, load: float, friction: float = 0.0, increments: int = 8) -> Bent:
     """Return the beam under a load, reached in increments with the geometry updated.
 
-    Parameters
-    ----------
-    beam : Bent
-        Where to begin.
-    load : float
-        beta.
-    friction : float
-        tau, the tangential over the normal force on the beam, along its tangent.
+    `beam`: where to begin. `load`: beta. `friction`: tau, the tangential over the normal force on the beam,
+    along its tangent.
     """
     for step in np.linspace(beam.load, load, increments + 1)[1:]:
         beam = _equilibrium(beam.nodes, float(step), friction, None)
@@ -67,10 +61,7 @@ def under_load(beam: Bent, load: float, friction: float = 0.0, increments: int =
 def at_ratio(beam: Bent, ratio: float, friction: float = 0.0) -> Bent:
     """Return the beam whose tip lies in a direction from the clamp, deflection over distance.
 
-    Parameters
-    ----------
-    beam : Bent
-        Near it: the increment before.
+    `beam`: near it: the increment before.
     """
     return _equilibrium(beam.nodes, beam.load, friction, ratio)
 

@@ -54,8 +54,7 @@ class CuttingTable:
         if self.variable in COORDINATES:
             return np.asarray(tool[:, COORDINATES.index(self.variable), 3])
         if self.variable == WAY:
-            steps = np.linalg.norm(np.diff(path.poses[:, :3, 3], axis=0), axis=1)
-            return np.concatenate([[0.0], np.cumsum(steps)])
+            return path.way
         known = [*path.columns, WAY, *COORDINATES]
         raise BeamstiffError(
             f"{path.source}: found no column {self.variable!r}{suggest(self.variable, known)}, which the "

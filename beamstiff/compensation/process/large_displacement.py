@@ -33,14 +33,9 @@ class Contact:
 def contact(distance: Array, deflection: Array, friction: float = 0.0) -> Contact:
     """Return where and how hard a tool at a place presses on a beam.
 
-    Parameters
-    ----------
-    distance : (N,) array, m
-        Of the tool from the clamp along the undeformed beam.
-    deflection : (N,) array, m
-        At most `LARGEST_RATIO` of the distance.
-    friction : float
-        Tangential over normal force on the beam, positive away from the clamp.
+    `distance` (N,), m: of the tool from the clamp along the undeformed beam. `deflection` (N,), m: at most
+    `LARGEST_RATIO` of the distance. `friction`: tangential over normal force on the beam, positive away from
+    the clamp.
     """
     ratio = deflection / distance
     load, length, slope = (series(ratio) for series in _tables(friction))

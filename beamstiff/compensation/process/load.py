@@ -17,17 +17,9 @@ class Process(Protocol):
     def wrench(self, tool: Array, path: ToolPath) -> Array:
         """Return the load at every target.
 
-        Parameters
-        ----------
-        tool : (N, 4, 4) array
-            Where the real tool is, base frame, m.
-        path : ToolPath
-            Where it should be, base frame; its order gives the direction of travel, its columns all else.
-
-        Returns
-        -------
-        (N, 6) array
-            ``[f, m]`` on the tool at its tip, base frame, N and N m.
+        `tool` (N, 4, 4): where the real tool is, base frame, m. `path`: where it should be, base frame; its
+        order gives the direction of travel, its columns all else. Returns (N, 6) array: ``[f, m]`` on the
+        tool at its tip, base frame, N and N m.
         """
         ...
 

@@ -52,7 +52,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         # without torque the drive rests off the middle: the way to one flank is longer
         one, spread = sized(width)
         ways = tuple(replace(one, name=f"width_{side}") for side in SIDES)
-        name = f"{kind} within {width:g}, off rest"
+        name = f"{kind} within {width:g}, asymmetric"
         return Shape(name, np.stack(both, -1), ways, prior_factor=spread, weight=weight)
 
     sided = [to_sides(_one_side, width) for width in WIDTHS]

@@ -80,7 +80,7 @@ def _normalisation(baseline: Baseline, component: str | None) -> Normalisation: 
 EFFECT = Effect(
     name="base-compliance",
     family="structure",
-    meaning="The pedestal or the floor under the machine gives way.",
+    meaning="The pedestal or the floor under the machine is compliant.",
     components=lambda baseline: [None],  # noqa: ARG005
     shapes=_shapes,
     separation="the same load with the first joint turned by 90 degrees; a reflector on the pedestal",

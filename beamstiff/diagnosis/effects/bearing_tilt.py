@@ -219,7 +219,7 @@ def _normalisation(baseline: Baseline, component: str | None) -> Normalisation:
 EFFECT = Effect(
     name="bearing-tilt",
     family="structure",
-    meaning="The bearing gives way radially or in tilting, across the joint's axis.",
+    meaning="The bearing is compliant radially or in tilting, across the joint's axis.",
     components=_components,
     shapes=_shapes,
     separation="a reflector on either side of the joint",

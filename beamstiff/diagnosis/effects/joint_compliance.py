@@ -93,7 +93,7 @@ def _scales(baseline: Baseline, component: str | None) -> Normalisation:
 EFFECT = Effect(
     name="joint-compliance",
     family="structure",
-    meaning="The model holds the joint rigid about its axis, but it gives way under load or weight.",
+    meaning="The model has the joint rigid about its axis, but it deforms under load or weight.",
     components=_components,
     shapes=_shapes,
     separation="load about this joint's axis alone, read the joint's motor encoder and the link behind it",

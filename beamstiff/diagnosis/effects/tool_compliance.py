@@ -140,7 +140,7 @@ def _normalisation(baseline: Baseline, component: str | None) -> Normalisation: 
 EFFECT = Effect(
     name="tool-compliance",
     family="structure",
-    meaning="Flange, force sensor or gripper between the last joint and the TCP give way.",
+    meaning="The flange, force sensor or gripper between the last joint and the TCP is compliant.",
     components=lambda baseline: [None],  # noqa: ARG005
     shapes=_shapes,
     separation="reflectors on flange and tool; a pure moment at the tool",

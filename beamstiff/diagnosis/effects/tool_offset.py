@@ -43,8 +43,8 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     return [
         *shapes(baseline, load, loaded, marked),
         *_hung(baseline, load, loaded),
-        *anew("load, hooked on anew in every posture", baseline, load, LOADS),
-        *anew("load, hooked on anew for every direction", baseline, load, LOADS, by_setup),
+        *anew("load, per-posture offset", baseline, load, LOADS),
+        *anew("load, per-direction offset", baseline, load, LOADS, by_setup),
     ]
 
 

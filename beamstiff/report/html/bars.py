@@ -21,16 +21,8 @@ def bars(
 ) -> tuple[list[dict[str, Any]], dict[str, Any]]:
     """Return the traces and the layout of horizontal bars, the first on top.
 
-    Parameters
-    ----------
-    names : sequence of str
-        As people's files say them.
-    colour : str
-        Of the theme.
-    title : str
-        Of the axis of values.
-    **more
-        Of the axis of values.
+    `names`: as people's files say them. `colour`: of the theme. `title`: of the axis of values. `more`: of
+    the axis of values.
     """
     trace: dict[str, Any] = {
         "type": "bar",

@@ -1,4 +1,4 @@
-"""The report of a geometric calibration: errors before and after, what was found, what cannot be told."""
+"""The report of a geometric calibration: errors before and after, parameters found, and look-alikes."""
 
 from __future__ import annotations
 
@@ -32,24 +32,14 @@ from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 
 POSES = 5  # that the robot is shown in
-BEFORE, AFTER, HELD_OUT = "as described", "calibrated", "on poses left out"
+BEFORE, AFTER, HELD_OUT = "as described", "calibrated", "held-out poses"
 PARTS = (("position", slice(0, 3), 1e3, "mm"), ("orientation", slice(3, 6), 180 / np.pi, "deg"))
 
 
-def calibration_html(
-    found: Calibration,
-    robot: Robot,
-    measured: Measurements,
-    provenance: Provenance,
-) -> str:
+def calibration_html(found: Calibration, robot: Robot, measured: Measurements, provenance: Provenance) -> str:
     """Return the report of a calibration as one HTML page.
 
-    Parameters
-    ----------
-    robot : Robot
-        As it was described.
-    measured : Measurements
-        The rows that were fitted.
+    `robot`: as it was described. `measured`: the rows that were fitted.
     """
     sizes = Sizes(
         found.robot,
@@ -85,23 +75,23 @@ def _verdict(found: Calibration) -> str:
     before, after = found.before.position_rms, (found.held_out or found.after).position_rms
     if before is None or after is None:
         return f"{counted(len(found.observability.identified), 'parameter')} calibrated"
-    where = ", on poses that were left out" if found.held_out is not None else ""
+    where = ", on held-out poses" if found.held_out is not None else ""
     return f"From {1e3 * before:.3g} to {1e3 * after:.3g} mm{where}"
 
 
 def _facts(found: Calibration) -> Iterator[Fact]:
     for part, _, factor, unit in PARTS:
         values = [
-            ("Before", found.before, "RMS, the robot as described, laid over the readings"),
-            ("After", found.after, "RMS, calibrated, over the rows fitted"),
-            ("Left out", found.held_out, "RMS, on poses left out of the fit"),
+            ("Before", found.before, "RMS, the robot as described, aligned with the readings"),
+            ("After", found.after, "RMS, calibrated, on the fitted rows"),
+            ("Held out", found.held_out, "RMS, on held-out poses"),
         ]
         for name, errors, meaning in values:
             value = None if errors is None else getattr(errors, f"{part}_rms")
             if value is not None and (part == "position" or found.after.position_rms is None):
                 yield Fact(name, f"{factor * value:.4f} {unit}", meaning)
     sought = len(found.observability.identified)
-    yield Fact("Parameters", f"{sought} of {len(found.observability.names)}", "that these poses tell apart")
+    yield Fact("Parameters", f"{sought} of {len(found.observability.names)}", "identifiable from these poses")
 
 
 def _size(gap: Array) -> Array:
@@ -137,7 +127,10 @@ def _view(found: Calibration, measured: Measurements, sizes: Sizes) -> StillView
     first = worst[np.sort(np.unique(measured.pose[worst], return_index=True)[1])][:POSES].tolist()
     before, after = _size(found.nominal_residual), _size(found.residual)
     postures = [
-        (f"pose {measured.pose[row]}: {after[row]:.3g} mm left ({line_of(measured, row)})", measured.q[row])
+        (
+            f"pose {measured.pose[row]}: {after[row]:.3g} mm residual ({line_of(measured, row)})",
+            measured.q[row],
+        )
         for row in first
     ]
     lines = [
@@ -148,7 +141,7 @@ def _view(found: Calibration, measured: Measurements, sizes: Sizes) -> StillView
     caption = (
         "The calibrated robot, and at every place that was measured a line from where the robot is predicted "
         "to where it was seen, magnified: before and after the calibration. Lines that all point one way, or "
-        "turn with the arm, are an error that is left; lines that point anywhere are noise."
+        "turn with the arm, are a systematic error; lines in random directions are noise."
     )
     return still_view(found.robot, postures, deviations, "Magnification of the residuals", caption, table)
 
@@ -166,7 +159,7 @@ def _errors(found: Calibration) -> Section:
             distribution(
                 f"errors-{part}",
                 f"Errors in {part}",
-                "What share of the rows is off by less than so much.",
+                "Share of the rows whose error is below each size.",
                 sizes,
                 unit,
             )
@@ -174,7 +167,9 @@ def _errors(found: Calibration) -> Section:
         rows = np.arange(1.0, len(found.residual) + 1)
         texts = [f"row {row:.0f}" for row in rows]
         axes = ("row, as in the table", f"error, {unit}")
-        caption = "Every reading in its order: steps and drifts are of the measuring, not of the robot."
+        caption = (
+            "Every reading in its order: steps and drifts come from the measuring system, not from the robot."
+        )
         values = dict(list(sizes.items())[:2])
         figures.append(
             along(
@@ -211,7 +206,7 @@ def _parameters(found: Calibration) -> Section:
         figures.append(Figure(f"parameters-{at + 1}", f"Changes, {shown}", caption, traces, layout))
     table = parameters_table(found, "What was found")
     text = (
-        "Places and turns that were set up for the measurement (base, target) are in the table only."
+        "Positions and rotations of the measurement setup (base, target) are in the table only."
         if len(own) < len(sought)
         else ""
     )
@@ -223,21 +218,22 @@ def _untold(found: Calibration) -> Iterator[Section]:
     texts = []
     if seen.dependent:
         texts.append(
-            "An error of one of these looks, in these poses, like errors of others that were sought: it is "
-            "held as it was, and its error is counted to them. Other poses may tell more of them apart."
+            "In these poses an error of one of these looks like errors of other estimated parameters. It is "
+            "held at its nominal value, and its error is attributed to them. More varied poses may "
+            "distinguish them."
         )
     if seen.silent:
-        texts.append(f"These move nothing that was measured: {listed(seen.silent, 40)}.")
+        texts.append(f"These change no measured value: {listed(seen.silent, 40)}.")
     told = dependent_table(found)
     tables = [] if told is None else [told]
-    yield Section("untold", "What cannot be told", texts, tables=tables)
+    yield Section("untold", "Not identifiable", texts, tables=tables)
 
 
 def _rows(found: Calibration, measured: Measurements, sizes: Sizes) -> Table:
     used = measured.measured_mask
     names = ("x", "y", "z", "a", "b", "c")
     more = [
-        (f"{names[k]} left, {'mm' if k < 3 else 'mrad'}", 1e3 * found.residual[:, k])
+        (f"{names[k]} residual, {'mm' if k < 3 else 'mrad'}", 1e3 * found.residual[:, k])
         for k in range(6)
         if used[:, k].any()
     ]
@@ -247,5 +243,5 @@ def _rows(found: Calibration, measured: Measurements, sizes: Sizes) -> Table:
             ("error after, mm", _size(found.residual)),
         ]
         if found.held_out_residual is not None:
-            more.append(("error left out, mm", _size(found.held_out_residual)))
+            more.append(("error held out, mm", _size(found.held_out_residual)))
     return rows_table(found.robot, measured, sizes.shown, more)

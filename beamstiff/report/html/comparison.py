@@ -1,4 +1,4 @@
-"""The report of models side by side: what each leaves on rows that none saw, where, and under which load."""
+"""The report of models side by side: the error of each on held-out rows, where, and under which load."""
 
 from __future__ import annotations
 
@@ -27,17 +27,10 @@ LOOKS = tuple(
 )
 
 
-def comparison_html(
-    models: Models,
-    robot: Robot,
-    provenance: Provenance,
-) -> str:
+def comparison_html(models: Models, robot: Robot, provenance: Provenance) -> str:
     """Return the report of a comparison as one HTML page.
 
-    Parameters
-    ----------
-    robot : Robot
-        As it was given.
+    `robot`: as it was given.
     """
     answered = ranked(models)
     keys = {f"model{at + 1}": one for at, one in enumerate(answered) if one.name != "rigid"}
@@ -94,11 +87,11 @@ def _whole(models: Models, one: Judged) -> bool:
 def _verdict(models: Models) -> str:
     best = ranked(models)
     if not best or models.split.fitted.all():
-        return "No model could be judged by rows that it had not seen"
+        return "No model could be tested on held-out rows"
     rms = best[0].rms(~models.split.fitted)
     assert rms is not None
-    held = counted(int((~models.split.fitted).sum()), "row")
-    return f"{best[0].name} predicts best: {1e3 * rms:.4f} mm on {held} that no model saw"
+    held = counted(int((~models.split.fitted).sum()), "held-out row")
+    return f"{best[0].name} predicts best: {1e3 * rms:.4f} mm RMS on {held}"
 
 
 def _summary(models: Models) -> Iterator[str]:
@@ -106,14 +99,14 @@ def _summary(models: Models) -> Iterator[str]:
     counts = np.bincount(split.kind, minlength=len(KINDS))
     parts = [f"{counts[k]} {kind}" for k, kind in enumerate(KINDS) if k and counts[k]]
     yield (
-        f"All models were fitted to the same {counted(int(split.fitted.sum()), 'row')} and judged by "
-        f"{int((~split.fitted).sum())} others ({', '.join(parts)})."
+        f"All models were fitted to the same {counted(int(split.fitted.sum()), 'row')} and tested on "
+        f"{int((~split.fitted).sum())} held-out ones ({', '.join(parts)})."
     )
     if models.noise is not None:
-        yield f"The stated noise alone leaves {1e3 * models.noise:.4f} mm RMS, and so would the best model."
+        yield f"The noise floor is {1e3 * models.noise:.4f} mm RMS: no model can be expected to do better."
     failed = [one.name for one in models.judged if one.model is None]
     if failed:
-        yield f"These rows cannot carry: {', '.join(failed)}; why is said below."
+        yield f"Not fitted: {', '.join(failed)}; the reasons are below."
 
 
 def _facts(models: Models) -> Iterator[Fact]:
@@ -122,12 +115,12 @@ def _facts(models: Models) -> Iterator[Fact]:
         rms, largest = one.rms(unseen), one.largest(unseen)
         if rms is not None and largest is not None:
             outside = int((one.outside & unseen).sum())
-            more = f"; {outside} beyond its training" if outside else ""
+            more = f"; {outside} outside its training range" if outside else ""
             yield Fact(
                 one.name, f"{1e3 * rms:.4f} mm", f"RMS, held out; at most {1e3 * largest:.3f} mm{more}"
             )
     if models.noise is not None:
-        yield Fact("Noise", f"{1e3 * models.noise:.4f} mm", "what noise alone leaves")
+        yield Fact("Noise", f"{1e3 * models.noise:.4f} mm", "noise floor of the RMS")
 
 
 def _view(models: Models) -> RobotView | None:
@@ -149,16 +142,16 @@ def _side_by_side(models: Models) -> Section:
     traces, layout = intervals(names, values, ends, "RMS of rows not fitted, mm")
     if models.noise is not None:
         ends_of_line, looks = [-0.6, len(best) - 0.4], {"color": css("orange"), "dash": "dash"}
-        hover = "noise alone: %{x:.4g} mm<extra></extra>"
-        traces.append(scatter([1e3 * models.noise] * 2, ends_of_line, "noise alone", hover, line=looks))
+        hover = "noise floor: %{x:.4g} mm<extra></extra>"
+        traces.append(scatter([1e3 * models.noise] * 2, ends_of_line, "noise floor", hover, line=looks))
     partly = [one.name for one in best if not _whole(models, one)]
     caption = "Root mean square position error over the rows that were not fitted, the best first" + (
-        "; dashed: noise alone." if models.noise is not None else "."
+        "; dashed: noise floor." if models.noise is not None else "."
     )
     if partly:
         caption += f" Of fewer rows, where it has an answer: {', '.join(partly)}."
     table = models_table(models, "Position error, RMS / max, mm")
-    figure = Figure("models", "On rows that none saw", caption, traces, layout)
+    figure = Figure("models", "Held-out rows", caption, traces, layout)
     kinds = [k for k in range(len(KINDS)) if (models.split.kind == k).any()]
     return Section(
         "models", "Models side by side", figures=[figure, _by_kind(models, best, kinds)], tables=[table]
@@ -177,9 +170,7 @@ def _by_kind(models: Models, best: Sequence[Judged], kinds: Sequence[int]) -> Fi
         xaxis=axis(tickvals=places, ticktext=names),
         yaxis=axis("RMS, mm", type="log", exponentformat="power"),
     )
-    caption = (
-        "Fitted rows beside what was held out: a model that only remembers does well on the first alone."
-    )
+    caption = "Fitted rows beside held-out rows: a model that overfits does well on the fitted rows only."
     return Figure("kinds", "By what was held out", caption, traces, layout)
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from beamstiff.compensation.path import difference
 from beamstiff.compensation.rewrite import Compensated, size_of
 from beamstiff.report.compensation import compensation_table, compensation_text, uncorrected_table
 from beamstiff.report.html.curves import along
@@ -18,7 +19,7 @@ from beamstiff.report.html.provenance import Provenance
 from beamstiff.report.html.still_view import Deviations, StillView, still_view
 from beamstiff.report.tables import Table, counted, number
 from beamstiff.robot.description import Robot
-from beamstiff.se3 import Array, vector_from_rotation
+from beamstiff.se3 import Array
 
 POSES = 5  # along the path, that the robot is shown in
 MOST = 500  # targets that are drawn and listed
@@ -31,15 +32,13 @@ BEFORE, AFTER = "without compensation", "compensated, as written"
 def compensation_html(result: Compensated, robot: Robot, provenance: Provenance) -> str:
     """Return the report of a corrected path as one HTML page.
 
-    Parameters
-    ----------
-    robot : Robot
-        That the controller takes for true.
+    `robot`: that the controller takes for true.
     """
     some = shown(len(result.known))
     seen = _view(result, robot, some)
     names = [label(_name(result, row)) for row in some.tolist()]
-    held: dict[str, list[Any]] = {"targets": names, "way": list(numbers(_way(result)[some]))}
+    way = numbers(1e3 * result.correction.path.way[some])
+    held: dict[str, list[Any]] = {"targets": names, "way": [*way]}
     said = (
         f"{MOST} of {len(result.known)} targets are shown, evenly chosen."
         if len(some) < len(result.known)
@@ -130,10 +129,10 @@ def _view(result: Compensated, robot: Robot, some: Array) -> StillView | None:
         open=False,
     )
     caption = (
-        "The tool's path in the base frame: where it is meant to go, where it would go as programmed, where "
-        "it goes with the commands as written, and the commands. What is off is magnified."
+        "The tool's path in the base frame: as meant, as predicted without compensation, as "
+        "predicted with the commands as written, and the commands. Deviations are magnified."
     )
-    return still_view(robot, postures, deviations, "Magnification of what is off", caption, table)
+    return still_view(robot, postures, deviations, "Magnification of the deviations", caption, table)
 
 
 def _name(result: Compensated, row: int) -> str:
@@ -148,11 +147,6 @@ def _uncorrected(result: Compensated) -> Section:
     return Section(
         "uncorrected", "Targets that cannot be corrected", [text] if reasons else [], tables=tables
     )
-
-
-def _way(result: Compensated) -> Array:
-    step = np.linalg.norm(np.diff(result.correction.path.poses[:, :3, 3], axis=0), axis=1)
-    return 1e3 * np.concatenate([[0.0], np.cumsum(step)])
 
 
 def _errors(result: Compensated, some: Array) -> Section:
@@ -176,7 +170,7 @@ def _errors(result: Compensated, some: Array) -> Section:
 
 
 def _changes(result: Compensated, some: Array) -> Section:
-    moved, turned = (part[some] for part in _moved(result))
+    moved, turned = np.hsplit(difference(result.correction.commands, result.correction.path.poses)[some], 2)
     figures = []
     for key, title, values, unit in (
         ("change-position", "Commands move", 1e3 * moved, "mm"),
@@ -188,13 +182,6 @@ def _changes(result: Compensated, some: Array) -> Section:
             caption = "Command less target, base frame."
             figures.append(along(key, title, caption, "way", by, axes, "targets", lines=True, marks=MARKS))
     return Section("changes", "What was changed", figures=figures)
-
-
-def _moved(result: Compensated) -> tuple[Array, Array]:
-    """Return how far commands are from the programmed poses, (N, 3) m and (N, 3) rad."""
-    found = result.correction
-    turn = found.commands[:, :3, :3] @ found.path.poses[:, :3, :3].swapaxes(1, 2)
-    return found.commands[:, :3, 3] - found.path.poses[:, :3, 3], vector_from_rotation(turn)
 
 
 def _targets(result: Compensated, some: Array) -> Table:

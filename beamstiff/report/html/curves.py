@@ -58,21 +58,9 @@ def along(
 ) -> Figure:
     """Return values along something, a curve (or marks) by name.
 
-    Parameters
-    ----------
-    x : (n,) array, or str
-        A name of an array that the page holds.
-    values : mapping of str to (n,) array
-    axes : (str, str)
-        What is drawn across and up.
-    texts : sequence of str, or str
-        What each point is; a name of an array that the page holds.
-    lines : bool
-        Join the points.
-    marks : sequence of (str, str)
-        Symbol and colour of each; default: those of before and after.
-    **more
-        Of the axis of values.
+    `x` (n,), or str: a name of an array that the page holds. `values` (n,). `axes`: what is drawn across and
+    up. `texts`: what each point is; a name of an array that the page holds. `lines`: join the points.
+    `marks`: symbol and colour of each; default: those of before and after. `more`: of the axis of values.
     """
     across = shared(x) if isinstance(x, str) else numbers(x)
     said = shared(texts) if isinstance(texts, str) else [label(text) for text in texts]

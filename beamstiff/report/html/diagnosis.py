@@ -90,7 +90,7 @@ def _facts(result: Diagnosis) -> Iterator[Fact]:
         sure += f" and {percent(also.probability)}"
     found = several(result)
     if found:
-        yield Fact("Causes close", closed(found), "of the explainable gap, on postures left out")
+        yield Fact("Causes close", closed(found), "of the explainable gap, on held-out data")
     else:
         yield Fact("How sure", sure, "probability of the verdict")
     yield Fact("Gap", f"{1e3 * result.rms:.3f} mm", f"RMS, model fitted, {tested(result)}")
@@ -100,7 +100,7 @@ def _facts(result: Diagnosis) -> Iterator[Fact]:
         yield Fact(
             "With the cause", f"{1e3 * result.verdict.shrink.after:.3f} mm", "the same, its effect added"
         )
-    yield Fact("Noise", f"{1e3 * result.noise:.3f} mm", "what noise alone would leave")
+    yield Fact("Noise", f"{1e3 * result.noise:.3f} mm", "noise floor of the RMS")
 
 
 def _view(result: Diagnosis) -> RobotView | None:
@@ -131,7 +131,7 @@ def _which(result: Diagnosis) -> Section:
             tickformat=".0%",
         )
         caption = (
-            "What each cause closes after those before it, on postures left out, with its 90 % interval."
+            "What each cause closes when added to those above it, on held-out data, with its 90 % interval."
         )
         figure = Figure("which", "Causes", caption, traces, layout, tables[0])
         return Section("which", "Which causes", figures=[figure], tables=tables[1:])
@@ -204,7 +204,11 @@ def _for_people(by_level: Mapping[str, float], turns: bool) -> dict[str, float]:
 def _how_far(result: Diagnosis) -> Section:
     left = {"fitted model": result.rms}
     if one_posture(result):
-        return Section("how-far", "How far the gap closes", ["No posture is left to try that on."])
+        return Section(
+            "how-far",
+            "How far the gap closes",
+            ["All rows are of one posture: none can be held out to test the reduction."],
+        )
     if found := several(result):
         names = [in_words([one.key]) for one in found]
         left |= {
@@ -213,19 +217,14 @@ def _how_far(result: Diagnosis) -> Section:
         }
     elif result.verdict.shrink is not None:
         left[f"with {causes(result)}"] = result.verdict.shrink.after
-    left |= {"any law of any place": result.ceiling, "noise alone": result.noise}
+    left |= {"any elastic model": result.ceiling, "noise floor": result.noise}
     traces, layout = bars(
-        list(left),
-        [1e3 * value for value in left.values()],
-        "green",
-        "RMS gap, mm",
-        rangemode="tozero",
+        list(left), [1e3 * value for value in left.values()], "green", "RMS gap, mm", rangemode="tozero"
     )
     figure = Figure(
         "how-far",
         "What is left",
-        "Position gap on postures that were not fitted. No cause can be expected to leave less than any law "
-        "of any place.",
+        "Position gap on held-out data. No cause can be expected to leave less than any elastic model.",
         traces,
         layout,
         Table("What is left", ("model", "mm"), [[name, f"{1e3 * v:.4f}"] for name, v in left.items()]),
@@ -240,11 +239,9 @@ def _others(result: Diagnosis) -> Iterator[Section]:
         for name in baseline.fitted
     ]
     if fitted:
-        text = (
-            "Fitted to the same rows before anything was blamed; `beamstiff identify` gives their intervals."
-        )
+        text = "Fitted to the same rows before the diagnosis; beamstiff identify gives their intervals."
         table = Table("Stiffness values, SI", ("parameter", "as given", "fitted"), fitted)
-        yield Section("parameters", "Parameters of the model", [text.replace("`", "")], tables=[table])
+        yield Section("parameters", "Parameters of the model", [text], tables=[table])
     following = [
         [
             ", ".join(
@@ -263,12 +260,12 @@ def _others(result: Diagnosis) -> Iterator[Section]:
     hidden = [untestable_table(result, "Not testable")] if result.untestable else []
     yield Section("untestable", "What these data cannot show", tables=hidden)
     limits = list(result.notes)
-    limits += [f"nothing explains this row, which was left out: {row}" for row in result.outliers]
+    limits += [f"outlier, excluded from the fit: {row}" for row in result.outliers]
     yield Section("limits", "What limits the conclusions", items=limits)
     features = [[name, number(float(value))] for name, value in result.features.items()]
     yield Section(
         "evidence",
-        "What the verdict rests on",
+        "Evidence for the verdict",
         ["Logarithms of evidence and ratios from which the probability of the verdict was calibrated."],
         tables=[Table("Evidence", ("quantity", "value"), features, open=False)] if features else [],
     )

@@ -1,4 +1,4 @@
-"""The report of an exam: what was asked and what was reached, how far probabilities hold, the worst class."""
+"""The report of an exam: targets and results, how far probabilities hold, the worst class."""
 
 from __future__ import annotations
 
@@ -42,14 +42,8 @@ def exam_html(
 ) -> str:
     """Return the report of an exam as one HTML page.
 
-    Parameters
-    ----------
-    examined : str
-        The robot, or what else.
-    facts : mapping
-        What ``--json`` writes.
-    plan : bool
-        The cases are of one campaign: what could it find?
+    `examined`: the robot, or what else. `facts`: what ``--json`` writes. `plan`: the cases are of one
+    campaign: what could it find?.
     """
     rich, lean = by_design(records)
     main = rich or lean
@@ -82,9 +76,9 @@ def exam_html(
 def _verdict(rows: Sequence[Row], records: Records) -> str:
     asked = [row for row in rows if row.met is not None and row.figure.count >= told.FEW]
     if not asked:
-        return f"{counted(len(records), 'case')}: too few to say what is reached"
+        return f"{counted(len(records), 'case')}: too few to judge the targets"
     met = sum(row.met != "missed" for row in asked)
-    return f"{met} of {len(asked)} required figures reached, in {counted(len(records), 'case')}"
+    return f"{met} of {len(asked)} targets met, in {counted(len(records), 'case')}"
 
 
 def _found(records: Records) -> str:
@@ -109,16 +103,13 @@ def _plan(records: Records) -> Section:
         "plan-covered", "The verdict's set holds the truth", caption, names, [rates[n] for n in names]
     )
     return Section(
-        "plan",
-        "What this plan could find",
-        figures=[figure],
-        tables=[next(told.plan_tables(records))],
+        "plan", "What this plan could find", figures=[figure], tables=[next(told.plan_tables(records))]
     )
 
 
 def _rates(key: str, title: str, caption: str, names: Sequence[str], rates: Sequence[Rate]) -> Figure:
     """Return shares with their intervals, a row a name."""
-    texts = [f"{name}: {_share(one)} of {one.count}" for name, one in zip(names, rates, strict=True)]
+    texts = [f"{name}: {told.share(one)} of {one.count}" for name, one in zip(names, rates, strict=True)]
     values, places, said = [one.value for one in rates], list(range(len(rates))), list(map(label, texts))
     traces = [_intervals(rates), scatter(values, places, title, HOVER, ("circle", "blue", 10), text=said)]
     layout = named_rows(names, "share of the cases, 95 %", tickformat=".0%", range=[-0.02, 1.02])
@@ -127,12 +118,12 @@ def _rates(key: str, title: str, caption: str, names: Sequence[str], rates: Sequ
 
 def _summary(main: Records, lean: Records, rows: Sequence[Row]) -> Iterator[str]:
     yield (
-        "Machines with something wrong that the diagnosis is not told were simulated by a program that "
-        "shares no equations with it, and diagnosed from their rows alone."
+        "Each machine was simulated with a withheld effect, by a program that shares no equations with the "
+        "diagnosis, and diagnosed from its rows alone."
     )
     if missed := [row for row in rows if row.met == "missed"]:
         parts = [
-            f"{row.name} {_text(row, row.figure.value)} (asked "
+            f"{row.name} {_text(row, row.figure.value)} (target "
             f"{'at least' if row.better == 'high' else 'at most'} {_text(row, row.required)})"
             for row in missed
         ]
@@ -142,11 +133,11 @@ def _summary(main: Records, lean: Records, rows: Sequence[Row]) -> Iterator[str]
         found = effect_figures(cases)
         yield (
             f"The worst class is {effect}: the verdict's set holds the truth in "
-            f"{_share(found['covered'])} of {counted(len(cases), 'case')}, exactly right are "
-            f"{_share(found['exact'])}."
+            f"{told.share(found['covered'])} of {counted(len(cases), 'case')}, exactly right are "
+            f"{told.share(found['exact'])}."
         )
     if lean:
-        yield f"Lean designs, {counted(len(lean), 'case')}, stand apart: little is asked of them."
+        yield f"Lean designs, {counted(len(lean), 'case')}, are scored separately, with lower targets."
     if broken := sum(record.error is not None for record in main):
         yield f"The diagnosis broke off in {counted(broken, 'case')}, which count as wrong."
 
@@ -156,10 +147,10 @@ def _facts(main: Records) -> Iterator[Fact]:
     for name, figure, meaning in (
         ("False alarms", score.false_alarms(main), "of machines with nothing wrong"),
         ("Exact", score.exact(singles), "cause and place, one effect, gap above the noise"),
-        ("Set holds the truth", score.coverage(singles), "verdict, and what it cannot tell from it"),
+        ("Set holds the truth", score.coverage(singles), "the verdict or one of its look-alikes is right"),
     ):
         if figure.value is not None:
-            yield Fact(name, _share(figure), f"{meaning}; {counted(figure.count, 'case')}")
+            yield Fact(name, told.share(figure), f"{meaning}; {counted(figure.count, 'case')}")
     error = calibration_error(main)
     if error.value is not None:
         yield Fact("Calibration error", f"{error.value:.3f}", "probability said against share that is right")
@@ -169,31 +160,31 @@ def _asked(rows: Sequence[Row]) -> Section:
     shares = [row for row in rows if row.share]
     traces = [_intervals([row.figure for row in shares])]
     for key, name in (
-        ("aim", "aim reached"),
-        ("required", "required reached"),
+        ("aim", "aim met"),
+        ("required", "target met"),
         ("missed", "missed"),
-        (None, "not asked"),
+        (None, "no target"),
     ):
         own = [at for at, row in enumerate(shares) if row.met == key]
         symbol, colour = MARKS[key]
         if own:
             x = [shares[at].figure.value for at in own]
-            texts = [label(f"{shares[at].name}: {_share(shares[at].figure)}") for at in own]
+            texts = [label(f"{shares[at].name}: {told.share(shares[at].figure)}") for at in own]
             traces.append(scatter(x, own, name, HOVER, (symbol, colour, 11), text=texts))
     asked = [at for at, row in enumerate(shares) if row.required is not None]
     if asked:
-        x, hover = [shares[at].required for at in asked], "required: %{x:.0%}<extra></extra>"
-        traces.append(scatter(x, asked, "required", hover, ("line-ns-open", "ink", 20)))
+        x, hover = [shares[at].required for at in asked], "target: %{x:.0%}<extra></extra>"
+        traces.append(scatter(x, asked, "target", hover, ("line-ns-open", "ink", 20)))
         traces[-1]["marker"]["line"] = {"width": 2}
     layout = named_rows(
         [row.name for row in shares], "share of the cases", tickformat=".0%", range=[-0.02, 1.02]
     )
     layout |= {"showlegend": True, "margin": MARGIN | {"t": LEGEND}, "height": layout["height"] + 30}
-    caption = "What was reached, with its 95 % interval; the upright line is what is required."
-    table = told.headline_table(rows, "Asked and reached")
+    caption = "Result with its 95 % interval; the vertical line is the target."
+    table = told.headline_table(rows, "Targets and results")
     return Section(
         "asked",
-        "Asked and reached",
+        "Targets and results",
         figures=[Figure("asked-shares", "Shares", caption, traces, layout, table)],
     )
 
@@ -213,7 +204,7 @@ def _reliability(records: Records) -> Section:
         return Section("reliability", "Probabilities")
     right = [item.right.value or 0.0 for item in bins]
     texts = [
-        f"{item.low:.1f} to {item.high:.1f}: {_share(item.right)} of {item.right.count} right"
+        f"{item.low:.1f} to {item.high:.1f}: {told.share(item.right)} of {item.right.count} right"
         for item in bins
     ]
     said = [item.said for item in bins]
@@ -287,13 +278,10 @@ def _confusion(records: Records) -> Section:
     table = replace(told.confusion_table(records), open=False)
     text = (
         "Of cases whose gap is at least the noise. Of removed the effect was taken from the library, "
-        "outside are in nobody's."
+        "outside are in no library."
     )
     return Section(
-        "confusion",
-        "What was taken for what",
-        [text],
-        [confusion_figure(counts, order, table)],
+        "confusion", "What was mistaken for what", [text], [confusion_figure(counts, order, table)]
     )
 
 
@@ -308,7 +296,7 @@ def _sorts(records: Records, lean: Records) -> Section:
 
 
 def _controls(records: Records) -> Section:
-    text = "What chance and plain methods get exactly right, so that the figures above have a measure."
+    text = "What chance and simple methods get exactly right, for comparison."
     return Section("controls", "Controls", [text], tables=[told.control_table(controls(records))])
 
 
@@ -316,10 +304,6 @@ def _failures(records: Records) -> Section:
     broken = any(record.error is not None for record in records)
     tables = [told.failures_table(records)] if broken else []
     return Section("failures", "Where the diagnosis broke off", tables=tables)
-
-
-def _share(figure: Rate) -> str:
-    return "-" if figure.value is None else f"{100 * figure.value:.1f} %"
 
 
 def _text(row: Row, value: float | None) -> str:

@@ -1,4 +1,4 @@
-"""The report of an identification: what is known of each stiffness, what is not, and the gap that remains."""
+"""The report of an identification: what is known of each stiffness, what is not, and the residual."""
 
 from __future__ import annotations
 
@@ -29,22 +29,12 @@ MOST_NAMED = 30  # parameters whose correlation is drawn
 
 
 def identification_html(
-    found: Identification,
-    robot: Robot,
-    measured: Measurements,
-    provenance: Provenance,
-    folds: int = 5,
+    found: Identification, robot: Robot, measured: Measurements, provenance: Provenance, folds: int = 5
 ) -> str:
     """Return the report of an identification as one HTML page.
 
-    Parameters
-    ----------
-    robot : Robot
-        As it was before: the start.
-    measured : Measurements
-        The rows that were fitted.
-    folds : int
-        Of the held-out gap that was asked for.
+    `robot`: as it was before: the start. `measured`: the rows that were fitted. `folds`: of the held-out gap
+    that was asked for.
     """
     used = measured.measured_mask
     compared = Compared(
@@ -78,10 +68,10 @@ def _facts(found: Identification) -> Iterator[Fact]:
     if found.rms > 0:  # 0 where rotations alone were read
         yield Fact("Gap", f"{1e3 * found.rms:.3f} mm", "RMS in position, over the rows fitted")
     if found.rms_held_out is not None:
-        yield Fact("Held out", f"{1e3 * found.rms_held_out:.3f} mm", "on poses left out of the fit")
+        yield Fact("Held out", f"{1e3 * found.rms_held_out:.3f} mm", "RMS, on held-out poses")
     if found.rms_held_out_load is not None:
-        yield Fact("Other loads", f"{1e3 * found.rms_held_out_load:.3f} mm", "on loads left out of the fit")
-    yield Fact("Against noise", f"{np.sqrt(found.chi_square):.2f} times", "1: noise explains what is left")
+        yield Fact("Other loads", f"{1e3 * found.rms_held_out_load:.3f} mm", "RMS, on held-out loads")
+    yield Fact("Against noise", f"{np.sqrt(found.chi_square):.2f} times", "1: noise explains the residual")
 
 
 def _view(found: Identification, measured: Measurements) -> RobotView | None:
@@ -124,4 +114,4 @@ def _degeneracies(found: Identification) -> Iterator[Section]:
     texts = [text for text in combinations_text(found) if isinstance(text, str) and text]
     told = combinations_table(found)
     tables = [told] if told.rows else []
-    yield Section("degeneracies", "What only acts together", items=texts, tables=tables)
+    yield Section("degeneracies", "Identifiable only in combination", items=texts, tables=tables)

@@ -10,6 +10,7 @@ import numpy as np
 
 from beamstiff.diagnosis.effects.torque_laws import component_of
 from beamstiff.report.html.parts import numbers
+from beamstiff.report.vtk import beam_shape
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.se3 import Array
@@ -45,10 +46,7 @@ class Lines:
 def link_lines(robot: Robot, positions: Array, moved: Array) -> Lines:
     """Return beams, rigids and struts, at most `MOST_LINKS` of them, evenly chosen.
 
-    Parameters
-    ----------
-    positions : (N, 3) array, m
-    moved : (N, 6) array, m and rad
+    `positions` (N, 3), m. `moved` (N, 6), m and rad.
     """
     index = {node.name: at for at, node in enumerate(robot.nodes)}
     parts = [(beam.name, beam.nodes, True) for beam in robot.beams]
@@ -66,22 +64,10 @@ def link_lines(robot: Robot, positions: Array, moved: Array) -> Lines:
 
 
 def _bent(ends: Array, moved: Array, count: int, bends: bool) -> tuple[Array, Array]:
-    """Return points along a beam and their displacement: cubic across it, by the turning of its ends.
-
-    Shear, where the section has any, changes the ends' displacement but is not drawn along the beam.
-    """
-    s = np.linspace(0.0, 1.0, count)[:, None]
-    points = (1 - s) * ends[0] + s * ends[1]
-    way = (1 - s) * moved[0, :3] + s * moved[1, :3]
-    if not bends:
-        return points, way
-    span = ends[1] - ends[0]
-    chord = moved[1, :3] - moved[0, :3]
-    # slopes of the ends against the chord, times the length
-    first, second = np.cross(moved[0, 3:], span), np.cross(moved[1, 3:], span)
-    across = chord - span * (chord @ span) / (span @ span)
-    way = way + s * (1 - s) ** 2 * (first - across) - s**2 * (1 - s) * (second - across)
-    return points, way
+    """Return points along a part and their displacement: of a beam cubic across it, as `beam_shape` says."""
+    s = np.linspace(0.0, 1.0, count)
+    points, way = (np.outer(1 - s, one[0]) + np.outer(s, one[1]) for one in (ends, moved[:, :3]))
+    return points, beam_shape(ends[0], ends[1], moved[0], moved[1], s)[:, :3] if bends else way
 
 
 def joint_lines(robot: Robot, q: Array, positions: Array, moved: Array, size: float) -> Lines:

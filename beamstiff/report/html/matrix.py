@@ -24,7 +24,7 @@ def correlation_figure(names: Sequence[str], correlation: Array) -> Figure:
     return Figure(
         "correlation",
         "Correlation",
-        "Of the logarithms of the values: near 1 or -1, the data hardly tell two apart.",
+        "Of the logarithms of the values: near 1 or -1, the data hardly distinguish two.",
         [
             {
                 **_squares(len(names), len(names), values),
@@ -43,12 +43,7 @@ def correlation_figure(names: Sequence[str], correlation: Array) -> Figure:
 def confusion_figure(counts: Mapping[str, Mapping[str, int]], order: Sequence[str], table: Table) -> Figure:
     """Return how often each truth, by rows, got each verdict, by columns: the share of the truth's cases.
 
-    Parameters
-    ----------
-    order : sequence of str
-        Of truths and verdicts.
-    table : Table
-        The counts.
+    `order`: of truths and verdicts. `table`: the counts.
     """
     given = {verdict for row in counts.values() for verdict in row}
     truths = [name for name in order if name in counts]

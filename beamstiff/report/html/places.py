@@ -86,12 +86,7 @@ def over_places(sizes: Sizes, joints: bool = True, planes: Sequence[tuple[int, i
 
     There are none where no row has a size above 0.
 
-    Parameters
-    ----------
-    joints : bool
-        Show them by joint reading.
-    planes : sequence of (int, int)
-        In which the tool's places are drawn.
+    `joints`: show them by joint reading. `planes`: in which the tool's places are drawn.
     """
     chosen, rows = sizes.shown, sizes.rows
     held: dict[str, list[Any]] = {"rows": [label(line_of(rows, at)) for at in chosen.tolist()]}

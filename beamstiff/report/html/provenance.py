@@ -31,12 +31,7 @@ class Provenance:
 def provenance(files: Iterable[str | Path], seed: int, arguments: Sequence[str]) -> Provenance:
     """Return where a report comes from.
 
-    Parameters
-    ----------
-    files : iterable of path
-        That were read.
-    arguments : sequence of str
-        Of the command ``beamstiff``; none where it was not by a command.
+    `files`: that were read. `arguments`: of the command ``beamstiff``; none where it was not by a command.
     """
     return Provenance(
         command=shlex.join(["beamstiff", *arguments]) if arguments else "",

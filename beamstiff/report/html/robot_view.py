@@ -18,7 +18,7 @@ from beamstiff.report.html.arrows import force_and_moment
 from beamstiff.report.html.links import Lines, joint_lines, link_lines
 from beamstiff.report.html.parts import Figure, axis, css, label, numbers, plain_layout
 from beamstiff.report.html.places import line_of
-from beamstiff.report.tables import Table, millimetres, number
+from beamstiff.report.tables import Table, millimetres, nice, number
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import RIGID
 from beamstiff.robot.kinematics import posture
@@ -90,22 +90,12 @@ def worst_postures(rows: Measurements, size: Array, what: str = "") -> list[Show
 
 
 def robot_view(
-    robot: Robot,
-    shown: Sequence[Shown],
-    share: str,
-    gravity: bool = False,
-    model: str = "the fitted model",
+    robot: Robot, shown: Sequence[Shown], share: str, gravity: bool = False, model: str = "the fitted model"
 ) -> RobotView | None:
     """Return a robot in some postures, or None where there is none to show.
 
-    Parameters
-    ----------
-    share : str
-        What the shares are of, such as "share of the gap".
-    gravity : bool
-        Let the dead weight deform it as well.
-    model : str
-        Whose deformed shape it is.
+    `share`: what the shares are of, such as "share of the gap". `gravity`: let the dead weight deform it as
+    well. `model`: whose deformed shape it is.
     """
     if not shown:
         return None
@@ -135,22 +125,16 @@ def robot_view(
     figure = Figure(
         "robot",
         "The robot",
-        f"Colour tells each part's {share}. The deformed shape is that of {model} under "
+        f"Colour shows each part's {share}. The deformed shape is that of {model} under "
         "the load shown"
         + (" and its own weight" if gravity else "")
         + ", magnified; the undeformed one is dashed. The ellipsoid at the tool is its compliance: how far "
-        "the tool gives way to a force of one size in any direction.",
+        "a unit force in each direction displaces the tool.",
         _styles(share, most),
         space(showlegend=False),
         _table(shown, moved, compliance, structure.kinematics.node_index[robot.tcp]),
     )
     return RobotView(figure, views, magnification, FURTHER * magnification, CAMERAS, note)
-
-
-def nice(value: float) -> float:
-    """Return a number cut to 1, 2 or 5 times a power of ten."""
-    power = 10.0 ** np.floor(np.log10(value))
-    return float(power * max(step for step in (1, 2, 5) if step * power <= value * (1 + 1e-9)))
 
 
 def _energy(robot: Robot, response: Response | None, at: int) -> dict[str, float]:

@@ -60,10 +60,7 @@ def minded(rows: Measurements, robot: Robot) -> list[str]:
 def row_figures(compared: Compared, names: tuple[str, str] = ("the model", "with the cause")) -> RowFigures:
     """Return the sections that show rows.
 
-    Parameters
-    ----------
-    names : (str, str)
-        What the predictions are of, before and after.
+    `names`: what the predictions are of, before and after.
     """
     gaps = {"before": compared.gap(compared.before)}
     if compared.after is not None:

@@ -18,10 +18,9 @@ from beamstiff.report.html.robot_view import (
     RobotView,
     base_and_tool,
     lines,
-    nice,
     space,
 )
-from beamstiff.report.tables import Table
+from beamstiff.report.tables import Table, nice
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.se3 import Array
@@ -74,16 +73,8 @@ def still_view(
 ) -> StillView | None:
     """Return a robot in some postures and deviations that a slider magnifies; None without a posture.
 
-    Parameters
-    ----------
-    postures : sequence of (str, (A,) array)
-        What each is, and its actuated values.
-    deviations : sequence of Deviations
-        In the base frame.
-    slider : str
-        What is magnified.
-    table : Table
-        The numbers.
+    `postures` (str, (A,)): what each is, and its actuated values. `deviations`: in the base frame. `slider`:
+    what is magnified. `table`: the numbers.
     """
     if not postures:
         return None

@@ -18,7 +18,9 @@ VALUES = 60
 
 
 def form(columns: np.ndarray, *parameters: Quantity) -> Form:
-    return Form("joint-compliance", "q2", Shape("by hand", np.zeros((1, 6, 0)), parameters), columns, 0.0, likely=1.0)
+    return Form(
+        "joint-compliance", "q2", Shape("by hand", np.zeros((1, 6, 0)), parameters), columns, 0.0, likely=1.0
+    )
 
 
 def choice_of(

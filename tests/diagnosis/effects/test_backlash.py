@@ -26,7 +26,7 @@ def test_a_torque_beyond_the_flank_moves_the_joint_by_half_the_zone_to_its_side(
 
 def test_a_drive_that_rests_off_the_middle_of_its_play_goes_farther_to_one_flank() -> None:
     rows = rows_of(elbow(), [0, 0], np.array([1000, -1000])[:, None] * SIDEWAYS)
-    found = shape_of(nominal(elbow(), rows), "backlash", "q2", "flank within 0.03, off rest")
+    found = shape_of(nominal(elbow(), rows), "backlash", "q2", "flank within 0.03, asymmetric")
     close(found.columns @ [2e-4, 4e-4], np.array([2e-4, -4e-4])[:, None] * STEP, 1e-4)
 
 
@@ -34,7 +34,7 @@ def test_a_soft_stage_is_wound_up_to_its_stop() -> None:
     share = np.array([1.0, 0.05, -0.025, -0.6])
     rows = rows_of(elbow(), [0, 0], 1000 * share[:, None] * SIDEWAYS)
     there = nominal(elbow(), rows)
-    found = shape_of(there, "backlash", "q2", "straight flank within 0.1, off rest")
+    found = shape_of(there, "backlash", "q2", "straight flank within 0.1, asymmetric")
     usual = axis_at(there, "q2").typical / (1000 * FORE)  # a tenth of which is the way to the stop
     wound = np.clip(share / (0.1 * usual), -1, 1)
     expected = np.where(wound > 0, 2e-4, 4e-4) * wound

@@ -164,13 +164,13 @@ def test_a_load_that_is_hooked_on_anew_sits_elsewhere_in_every_posture() -> None
     at = np.einsum("nai,ni->na", arm_at(q).tool, offset)
     moment = np.cross(at, there.rows.wrench[:, :3])
     moved = np.einsum("nab,nb->na", there.response[:, :, 3:], moment)
-    shape = shape_of(there, "tool-offset", None, "load, hooked on anew in every posture")
+    shape = shape_of(there, "tool-offset", None, "load, per-posture offset")
     assert unexplained(moved, shape.columns) < 1e-9
     assert sum(not item.posture_specific for item in shape.parameters) == 3
     # of postures that were not measured it knows the common point alone
     other = at_random(kr240(), 6, seed=12)
     elsewhere = replace(nominal(kr240(), other), fit_rows=there)
-    found = shape_of(elsewhere, "tool-offset", None, "load, hooked on anew in every posture").columns
+    found = shape_of(elsewhere, "tool-offset", None, "load, per-posture offset").columns
     assert found.shape[2] == shape.columns.shape[2]
     assert not found[:, :, 3:].any()
     close(found[:, :, :3], shape_of(elsewhere, "tool-offset", None, "load").columns)
@@ -184,19 +184,19 @@ def test_or_whenever_it_pulls_another_way() -> None:
     offset = np.repeat(np.random.default_rng(11).uniform(-OFFSET, OFFSET, (12, 3)), 2, axis=0)
     at = np.einsum("nai,ni->na", arm_at(q).tool, offset)
     moved = np.einsum("nab,nb->na", there.response[:, :, 3:], np.cross(at, there.rows.wrench[:, :3]))
-    shape = shape_of(there, "tool-offset", None, "load, hooked on anew for every direction")
+    shape = shape_of(there, "tool-offset", None, "load, per-direction offset")
     assert shape.columns.shape[2] == 3 + 3 * 12
     assert unexplained(moved, shape.columns) < 1e-9
     # where every load pulls another way it could be anything
     alone = nominal(kr240(), rows_of(kr240(), q, at_random(kr240(), 24, seed=13).wrench))
     with pytest.raises(StopIteration):
-        shape_of(alone, "tool-offset", None, "load, hooked on anew for every direction")
+        shape_of(alone, "tool-offset", None, "load, per-direction offset")
 
 
 def ways_of(rows: Measurements) -> int:
     there = nominal(kr240(), rows)
     names = {one.name: one for one in EFFECTS["tool-offset"].shapes(there, None)}
-    found = names.get("load, hooked on anew for every direction")
+    found = names.get("load, per-direction offset")
     return 0 if found is None else found.columns.shape[2] // 3 - 1
 
 

@@ -30,4 +30,4 @@ def test_and_before_what_was_identified(
 ) -> None:
     turned = replace(rows, wrench=-rows.wrench)
     text = "".join(Outline(identification_html(identified, robot, turned, source)).text)
-    assert text.index("the tool moved against its load") < text.index("Gap that remains in position")
+    assert text.index("the tool moved against its load") < text.index("Position residual")
