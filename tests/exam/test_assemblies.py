@@ -8,9 +8,10 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.exam.designs import reachable, simulated_alike
 from beamstiff.exam.placing import place, skeleton_of
 from beamstiff.exam.robots import with_closed_guesses
-from beamstiff.functions.examine import examine
+from beamstiff.functions.examine import _asked, examine
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, posture
+from tests.robot.machines import LAMBDA2, slider_crank
 
 CLOSED = [
     *(("ir663", "+"), ("ir663", "-"), ("five-bar", "-"), ("five-bar", "+"), ("delta", "-")),
@@ -46,19 +47,15 @@ def test_a_robot_without_loops_stays_as_it_is() -> None:
     assert with_closed_guesses(robot) is robot
 
 
-def test_two_assemblies_equally_near_are_refused_and_far_guesses_noted() -> None:
-    bent = load_robot("five-bar")
-
-    def guessed(e1: float, e2: float) -> Robot:
-        variables = [
-            item.model_copy(update={"guess": np.radians({"e1": e1, "e2": e2}[item.name])})
-            if item.passive
-            else item
-            for item in bent.variables
-        ]
-        return bent.model_copy(update={"variables": tuple(variables)})
-
+def test_two_assemblies_equally_near_are_refused() -> None:
+    # in line: both sides of the dead centre are mirror images of one another
     with pytest.raises(BeamstiffError, match="equally near to the guesses"):
-        examine(guessed(180.0, 180.0), cases=1, classes=["null"])
-    found = examine(guessed(-100.0, 100.0), cases=1, classes=["null"], compare=False)
-    assert any("the loops are put together at" in note for note in found.notes)
+        examine(slider_crank(float(np.pi / 2 - LAMBDA2), psi=0.0), cases=1, classes=["null"])
+
+
+def test_guesses_that_are_far_off_are_noted() -> None:
+    robot = load_robot("five-bar")
+    off = [item.model_copy(update={"guess": 2.5 * item.guess}) for item in robot.variables]
+    robot = robot.model_copy(update={"variables": tuple(off)})
+    (note,) = (one for one in _asked(robot, None, 0, ["null"])[1] if "loops" in one)
+    assert "the loops are put together at" in note
