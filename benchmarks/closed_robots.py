@@ -3,6 +3,7 @@
 Each of them gets a map of its least translational stiffness over a grid of its drives; an identification
 study: tests planned by `plan` (D-optimal), machines whose stiffness is drawn within a quarter of that of the
 file, their displacements with noise, identified; and, with ``--exam``, cases of `beamstiff exam ROBOT`.
+Before that, how far the compliance of the Stewart platform and the delta is from their closed forms.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 from beamstiff import Robot, examine, identify, load_robot, plan
 from beamstiff.maps.run import map_workspace
 from beamstiff.model.linear import predict_displacements
+from tests.robots.test_closed_robots import POSES, delta_errors, stewart_error
 
 ROBOTS = ("stewart", "delta", "five-bar", "palletizer")
 GRID = {6: 4, 4: 6, 3: 9, 2: 31}  # values of each drive, by the number of drives
@@ -87,6 +89,9 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--robots", nargs="*", default=ROBOTS)
     given = parser.parse_args()
+    print(f"compliance beside J k^-1 J^T at {POSES} postures, relative (asked: 1e-10)")
+    rods, rigid, drives = delta_errors()
+    print(f"stewart {stewart_error():.1e}; delta {rods:.1e}, with rigid rods {max(rigid, drives):.1e}\n")
     print("| robot | poses | close | least stiffness, N/m: worst | median | best |\n" + "| --- " * 6 + "|")
     for name in given.robots:
         poses, close, stiffness = mapped(load_robot(name))
