@@ -24,6 +24,7 @@ POSES = 500
 NEAREST, FARTHEST = 1e-3, 0.05  # to a dead centre
 AWAY = 0.3  # from it, the first posture
 FINE = 4001  # postures looked at for where it closes
+DIP, BETWEEN = 0.2, 401  # where it comes so near, as many more on either side
 
 
 def near_dead_centres(rng: np.random.Generator, toggle: Toggle) -> Array | None:
@@ -39,11 +40,20 @@ def near_dead_centres(rng: np.random.Generator, toggle: Toggle) -> Array | None:
         near = toggle(ways)
         if near[0] < AWAY:
             return None
-        if (near >= nearest).all():
+        below = {int(at): ways[at] for at in np.flatnonzero(near < nearest)[:1]}
+        # a dead centre may lie between two postures that are looked at: the way must not leap over it
+        inner = near[1:-1]
+        lows = (inner <= near[:-2]) & (inner <= near[2:]) & (inner < DIP)
+        for at in np.flatnonzero(lows) + 1:
+            between = np.linspace(ways[at - 1], ways[at + 1], BETWEEN)
+            dips = np.flatnonzero(toggle(between) < nearest)
+            if dips.size:
+                below.setdefault(int(at), between[dips[0]])
+        if not below:
             ends.append(0.5 * np.pi * side)
             continue
-        past = int(np.argmax(near < nearest))
-        good, bad = ways[past - 1], ways[past]
+        past = min(below)
+        good, bad = ways[past - 1], below[past]
         for _ in range(50):
             middle = 0.5 * (good + bad)
             good, bad = (middle, bad) if toggle(np.array([middle]))[0] >= nearest else (good, middle)

@@ -47,7 +47,7 @@ def verify(
     add_rows(rows, [*lines, ["noise as stated", f"{1e3 * found.noise:.4f} mm", ""]])
     known = found.causes and found.promised is not None
     said = [f"Promised {found.promised:.0%} of the gap, true {found.true:.0%}."] if known else []
-    outputs.result([], [rows, *said], found.to_dict())
+    outputs.result(found.notes, [rows, *said], found.to_dict())
     if limit is not None and found.after > limit:
         say(f"gap: {1e3 * found.after:.4g} mm is left, more than {1e3 * limit:.4g} mm", QUIET.get())
         raise typer.Exit(TOO_LARGE)

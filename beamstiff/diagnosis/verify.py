@@ -33,6 +33,8 @@ class Verification:
     rows : int
     causes : tuple of (str, float, float)
         Effect and component, and the error with the effects up to this one; the share it closes.
+    notes : tuple of str
+        What in the robot and the rows is hardly meant.
     """
 
     before: float
@@ -42,6 +44,7 @@ class Verification:
     true: float
     rows: int
     causes: tuple[tuple[str, float, float], ...]
+    notes: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result as plain data, lengths in mm."""
@@ -56,6 +59,7 @@ class Verification:
                 {"cause": name, "rms_after_mm": 1e3 * after, "closes": closes}
                 for name, after, closes in self.causes
             ],
+            "notes": list(self.notes),
         }
 
 

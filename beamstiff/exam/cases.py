@@ -19,6 +19,7 @@ from beamstiff.exam.designs import (
     draw_fresh,
     largest_force,
     planned,
+    simulated_alike,
 )
 from beamstiff.exam.forms import OUTSIDE, author_of, draw_truth, resized
 from beamstiff.exam.names import EFFECTS
@@ -190,6 +191,8 @@ def _drawn(exam: Exam, rng: np.random.Generator, robot: Robot, drawn: Drawn) -> 
     wish = _draw_wish(exam, rng, drawn)
     if exam.plan is not None:
         campaign = planned(rng, exam.plan, exam.noise)
+        if not simulated_alike(robot, campaign.q).all():
+            raise BeamstiffError(f"{exam.plan.source}: loops close otherwise in the simulator at some poses")
     else:
         if wish.data == "absolute" or rng.random() < 0.5:
             mass = rng.uniform(0.2, 0.7) * largest_force(robot, rng) / GRAVITY

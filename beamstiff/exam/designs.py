@@ -8,7 +8,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from beamstiff.errors import BeamstiffError
 from beamstiff.exam.campaign import SimulatedCampaign
+from beamstiff.exam.placing import place, skeleton_of
 from beamstiff.fem.condensation import tcp_compliance
 from beamstiff.fem.structure import compile_structure
 from beamstiff.measure.table import Measurements
@@ -27,6 +29,7 @@ LARGEST_FORCE = 6000.0  # N
 MOST_ROWS = 250
 LEAN_POSES = 10
 FRESH_POSES = 40  # of a crowded machine
+ALIKE = 1e-6  # m: the tool of the simulated machine stands where that of the model does
 
 # loads of one direction in the order of time, as parts of the largest
 STEPS = (1 / 3, 2 / 3, 1.0)
@@ -159,8 +162,35 @@ def reachable(rng: np.random.Generator, robot: Robot, count: int) -> Array:
     """
     kinematics = compile_kinematics(robot)
     drawn = random_poses(kinematics, 4 * count, rng)
+    drawn = drawn[simulated_alike(robot, drawn)]
+    if len(drawn) < count:
+        raise BeamstiffError(
+            f"robot {robot.name!r}: its loops close alike in the simulator at {len(drawn)} of {4 * count} "
+            "poses only: expected limits that keep away from dead centres"
+        )
     height = posture(kinematics, drawn).node_positions[:, kinematics.node_index[robot.tcp], 2]
     return drawn[np.argsort(height < 0.0, kind="stable")[:count]]
+
+
+def simulated_alike(robot: Robot, q: Array) -> NDArray[np.bool_]:
+    """Return at which poses (P, A) the simulator closes the loops, and in the assembly of the robot, (P,)."""
+    if not robot.loops:
+        return np.ones(len(q), dtype=np.bool_)
+    kinematics, skeleton = compile_kinematics(robot), skeleton_of(robot)
+    tool = next(node for node in robot.nodes if node.name == robot.tcp)
+    expected = posture(kinematics, q).node_positions[:, kinematics.node_index[robot.tcp]]
+
+    def alike(some: Array, there: Array) -> NDArray[np.bool_]:
+        try:
+            found = place(skeleton, some).node(tool)
+        except BeamstiffError:
+            if len(some) == 1:
+                return np.zeros(1, dtype=np.bool_)
+            half = len(some) // 2
+            return np.concatenate([alike(some[:half], there[:half]), alike(some[half:], there[half:])])
+        return np.asarray(np.abs(found - there).max(axis=1) < ALIKE)
+
+    return alike(q, expected)
 
 
 def largest_force(robot: Robot, rng: np.random.Generator) -> float:

@@ -6,8 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from beamstiff.robot.closure import close_loops
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import RIGID
+from beamstiff.robot.kinematics import compile_kinematics
 from beamstiff.robot.library import robot_path
 from beamstiff.robot.parts import Mass
 from beamstiff.robot.reader import load_robot
@@ -91,6 +93,26 @@ def random_arm(rng: np.random.Generator) -> Robot:
             "identify": [f"J{at}.torsional" for at in range(1, 7)],
         }
     )
+
+
+def with_closed_guesses(robot: Robot) -> Robot:
+    """Return the robot with its passive variables in the middle of its limits as guesses, in its assembly.
+
+    The simulator starts from them and knows no assembly otherwise. As it is where the middle does not close.
+    """
+    if not robot.loops:
+        return robot
+    kinematics = compile_kinematics(robot)
+    middle = np.array([sum(item.limits) / 2 if item.limits else 0.0 for item in robot.actuated])
+    closure = close_loops(kinematics, middle[None], strict=False)
+    if not closure.closed[0]:
+        return robot
+    found = dict(zip(kinematics.coupling.names, closure.values[0].tolist(), strict=True))
+    variables = tuple(
+        item.model_copy(update={"guess": found[item.name]}) if item.passive else item
+        for item in robot.variables
+    )
+    return robot.model_copy(update={"variables": variables})
 
 
 def with_stiff_drive(robot: Robot, rng: np.random.Generator) -> Robot:

@@ -6,9 +6,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from beamstiff.diagnosis.apply import without_effects
+from beamstiff.diagnosis.residual.baseline import fitted_names
 from beamstiff.errors import OptionError, shown
 from beamstiff.functions.checks import names_of, whole
 from beamstiff.functions.robots import as_robot
+from beamstiff.identification.assembly_doubts import displacement_doubts
 from beamstiff.identification.models.side_by_side import FITS, Models, Options, fit_models
 from beamstiff.identification.models.split import split_rows
 from beamstiff.measure.coerce import DataLike, as_tables, doubted, doubts_of
@@ -71,7 +73,9 @@ def compare(
     tables = as_tables(data, machine)
     doubts = doubts_of(machine, tables)
     options = Options(None if chosen is None else tuple(chosen), cube, seed)
+    every = concatenate(tables)
+    doubts += displacement_doubts(machine, every, chosen or fitted_names(machine))
     with doubted(doubts):
-        bare, rows = without_effects(machine, concatenate(tables))
+        bare, rows = without_effects(machine, every)
         found = fit_models(bare, rows, split_rows(rows, share, fit_load, seed), names, options, progress)
     return replace(found, robot=machine, notes=tuple(doubts))

@@ -6,9 +6,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from beamstiff.diagnosis.diagnose import diagnose as run
+from beamstiff.diagnosis.residual.baseline import fitted_names
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.functions.checks import names_of, whole
 from beamstiff.functions.robots import as_robot
+from beamstiff.identification.assembly_doubts import displacement_doubts
 from beamstiff.measure.coerce import DataLike, as_tables, doubted, doubts_of
 from beamstiff.measure.doubts import stands_doubts
 from beamstiff.measure.rows import concatenate
@@ -58,6 +60,7 @@ def diagnose(
     tables = as_tables(data, machine)
     doubts = [*doubts_of(machine, tables), *(() if stations else stands_doubts(tables, machine))]
     rows = concatenate(tables)
+    doubts += displacement_doubts(machine, rows, fitted_names(machine))
     if region is not None:
         rows = replace(rows, region=tuple(region))
     with doubted(doubts):

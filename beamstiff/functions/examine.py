@@ -17,6 +17,7 @@ from beamstiff.exam.crowded.score import crowded_dict
 from beamstiff.exam.labelled import examine_folder, set_names
 from beamstiff.exam.names import EFFECTS
 from beamstiff.exam.record import KINDS, Kind
+from beamstiff.exam.robots import with_closed_guesses
 from beamstiff.exam.run import CROWDED, SINGLE, Procedure, check_results, run_cases
 from beamstiff.exam.table import table_dict
 from beamstiff.files import check_writable, remove_drafts
@@ -25,6 +26,7 @@ from beamstiff.functions.robots import as_robot
 from beamstiff.measure.coerce import TableLike, as_tables
 from beamstiff.outputs import check_replaceable
 from beamstiff.robot.coerce import RobotLike
+from beamstiff.robot.doubts import robot_doubts
 
 Path_ = str | os.PathLike[str]
 
@@ -146,6 +148,9 @@ def _asked(
     if machine is not None and machine.effects:  # the exam's own simulator does not know them
         notes += left_out(machine.effects, "the exam, neither of its machines nor of its models")
         machine = machine.model_copy(update={"effects": ()})
+    if machine is not None:
+        notes += robot_doubts(machine)
+        machine = with_closed_guesses(machine)
     shares, effects = (SHARES if plan is None else PLAN_SHARES), EFFECTS
     if classes:
         shares, effects = shares_of(classes)

@@ -12,6 +12,7 @@ from beamstiff.diagnosis.residual.baseline import fitted_names
 from beamstiff.errors import OptionError, optional
 from beamstiff.functions.checks import names_of, one_of, whole
 from beamstiff.functions.robots import as_robot
+from beamstiff.identification.assembly_doubts import displacement_doubts
 from beamstiff.identification.bootstrap import Bootstrap
 from beamstiff.identification.bootstrap import bootstrap as draw
 from beamstiff.identification.degeneracy import find_degeneracy
@@ -139,6 +140,7 @@ def identify(
     if names is None and not machine.identify:
         names = list(fitted_names(machine)) or None
         notes += chosen_for(machine)
+    doubts += displacement_doubts(machine, rows, names or fitted_names(machine))
     said: dict[str, Any] = {
         "parameters": names,
         "fixed": names_of("fixed", fixed) or (),

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+from beamstiff.diagnosis.residual.baseline import fitted_names
 from beamstiff.diagnosis.verify import Verification
 from beamstiff.diagnosis.verify import verify as run
 from beamstiff.functions.robots import as_robot
+from beamstiff.identification.assembly_doubts import displacement_doubts
 from beamstiff.measure.coerce import DataLike, as_tables, doubted, doubts_of
 from beamstiff.measure.rows import concatenate
 from beamstiff.robot.coerce import RobotLike
@@ -32,5 +36,8 @@ def verify(robot: RobotLike, data: DataLike, *, refit_frame: bool = False) -> Ve
     """
     machine = as_robot(robot)
     tables = as_tables(data, machine)
-    with doubted(doubts_of(machine, tables)):
-        return run(machine, concatenate(tables), refit_frame=refit_frame)
+    rows = concatenate(tables)
+    doubts = [*doubts_of(machine, tables), *displacement_doubts(machine, rows, fitted_names(machine))]
+    with doubted(doubts):
+        found = run(machine, rows, refit_frame=refit_frame)
+    return replace(found, notes=tuple(doubts))

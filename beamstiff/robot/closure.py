@@ -13,7 +13,7 @@ import numpy as np
 
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.robot.assemblies import NEAR_GUESS, Closest, closest_assemblies, equally_near
-from beamstiff.robot.branch import NEAR_SINGULAR, Assembly, assembly_at, scattered
+from beamstiff.robot.branch import NEAR_SINGULAR, Assembly, assembly_at, near_singular, scattered
 from beamstiff.robot.continuation import close_in_branch, grid_of_starts, spread
 from beamstiff.robot.forward import body_of, screws_of
 from beamstiff.robot.frames import Kinematics, all_values
@@ -24,6 +24,7 @@ from beamstiff.se3 import Array
 HELD = 1e-6  # gap per motion, in machine sizes and rad, that no passive motion makes up for
 FAR = np.radians(30.0)  # from the guesses, that the nearest assembly is worth a note; 1 rad is a machine size
 CHOICE = "assembly: in the robot file, --assembly of a command"
+FASTEST = 1e4  # scaled passive variable by actuated ones: beyond it a posture is a dead centre
 GRID = 512  # poses: for fewer it is not worth making a grid of starts
 SCATTERED = 48  # starts where the guess does not lead to a closed posture
 
@@ -51,9 +52,15 @@ def close_loops(kinematics: Kinematics, q: Array, strict: bool = True) -> Closur
         system = recorded(system)
         starts = grid_of_starts(system, assembly) if kinematics.assembly else None
     free, gaps, closed, flipped = close_in_branch(system, assembly, free, starts)
+    loose = _loose(system, free, closed)
+    closed = closed & ~loose
     reasons = [""] * poses
     for pose in np.flatnonzero(~closed):
-        reasons[pose] = _reason(system, free[pose], gaps[pose], int(pose), bool(flipped[pose]))
+        if loose[pose]:
+            to_passive = loop_equations(system, free[[pose]])[1][:, :, joined.actuated :]
+            reasons[pose] = _undetermined(system, free[[pose]], to_passive, 0, int(pose))
+        else:
+            reasons[pose] = _reason(system, free[pose], gaps[pose], int(pose), bool(flipped[pose]))
         if strict:
             raise BeamstiffError(reasons[pose])
     free[~closed, joined.actuated :] = np.nan
@@ -211,6 +218,25 @@ def _without_branches(system: LoopSystem, start: Array) -> Assembly:
     return Assembly(start, np.zeros((system.rows[-1].stop, len(start) - system.actuated)), ())
 
 
+def _loose(system: LoopSystem, free: Array, closed: Mask) -> Mask:
+    """Return which closed postures (P, A + Q) are too near a dead centre for what follows from them, (P,).
+
+    There the drives move passive variables out of all proportion, by 1/s, s being the least singular value of
+    ``J_p``, and rounding in the gaps does too: what follows is off by about ``1e-16 / s^2``. Where the drives
+    do not cause the motion (a universal joint in line with its leg, a parallelogram at its change point), it
+    is no dead centre.
+    """
+    first, loose = system.actuated, closed.copy()
+    jacobian = loop_equations(system, free[closed])[1]
+    near = np.flatnonzero(near_singular(jacobian[:, :, first:]))
+    loose[closed] = False
+    if len(near):
+        u, s, _ = np.linalg.svd(jacobian[near, :, first:], full_matrices=False)
+        driven = np.einsum("pm,pma->pa", u[:, :, -1], jacobian[near, :, :first])
+        loose[np.flatnonzero(closed)[near]] = np.linalg.norm(driven, axis=1) > FASTEST * s[:, -1]
+    return loose
+
+
 def _reason(system: LoopSystem, free: Array, gaps: Array, pose: int, flipped: bool) -> str:
     kinematics = system.kinematics
     sizes = [float(np.linalg.norm(gaps[part])) for part in system.rows]
@@ -264,16 +290,19 @@ def _moved_alone(system: LoopSystem, to_passive: Array, least: float) -> tuple[l
     return [name for name, share in zip(names, motion, strict=True) if share > least], motion
 
 
-def _undetermined(system: LoopSystem, free: Array, to_passive: Array, pose: int) -> str:
-    """Say which passive variables can move by themselves, and in which loops."""
-    names, motion = _moved_alone(system, to_passive[pose], 1e-3)
+def _undetermined(
+    system: LoopSystem, free: Array, to_passive: Array, at: int, pose: int | None = None
+) -> str:
+    """Say which passive variables can move by themselves, and in which loops; `at` of the rows, as `pose`."""
+    pose = at if pose is None else pose
+    names, motion = _moved_alone(system, to_passive[at], 1e-3)
     loops = [
         loop.name
         for loop, part in zip(system.kinematics.loops, system.rows, strict=True)
-        if (np.abs(to_passive[pose, part]) @ motion).max() > 1e-6
+        if (np.abs(to_passive[at, part]) @ motion).max() > 1e-6
     ]
     where = f"loop {listed(map(repr, loops))}" if loops else "no loop"
     return (
         f"{where} leaves the passive variables {listed(names)} undetermined at "
-        f"{_where(system, free[pose])} (pose {pose}): a singular posture, or too few constraints"
+        f"{_where(system, free[at])} (pose {pose}): a singular posture, or too few constraints"
     )

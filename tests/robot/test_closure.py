@@ -286,11 +286,35 @@ def test_an_open_pose_loop_tells_its_gap_in_both_units() -> None:
 
 def test_a_dead_centre_leaves_the_passive_joints_undetermined() -> None:
     kinematics = compile_kinematics(slider_crank())
-    at = posture(kinematics, [L12 + L32])
-    with pytest.raises(
-        BeamstiffError, match=r"loop 'slider_crank' leaves .*phi.* undetermined at screw = 1.25 m \(pose 0\)"
-    ):
-        twist_jacobian(kinematics, at, "tool")
+    for off in (0.0, 1e-15, 1e-13):
+        with pytest.raises(
+            BeamstiffError,
+            match=r"loop 'slider_crank' leaves .*phi.* undetermined at screw = 1.25 m \(pose 1\)",
+        ):
+            posture(kinematics, [[1.0], [L12 + L32 - off]])
+    twist_jacobian(kinematics, posture(kinematics, [L12 + L32 - 1e-8]), "tool")
+
+
+def test_a_universal_joint_in_line_with_its_leg_is_no_dead_centre() -> None:
+    """Turning about the leg moves nothing: its angles are anything, the posture is good."""
+    robot = machine(
+        [
+            revolute("q"),
+            *(revolute(name, passive=True) for name in "uvw"),
+        ],
+        [
+            Frame(name="drive", theta="q"),
+            Frame(name="first", theta="u"),
+            Frame(name="second", parent="first", alpha="v", theta="w"),
+        ],
+        tool=("second", (0.3, 0, 0)),
+        loops=[Loop(name="spherical", a="drive", b="second", constrain="pose")],
+        nodes=[],
+    )
+    q = np.array([[0.0], [0.3], [-2.0]])
+    closure = close_loops(compile_kinematics(robot), q)
+    assert closure.closed.all()
+    assert np.abs(closure.values[:, 1] + closure.values[:, 3] - q[:, 0]).max() < 1e-9
 
 
 def test_a_passive_variable_that_no_loop_determines_is_refused() -> None:
