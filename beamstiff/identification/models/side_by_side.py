@@ -152,7 +152,7 @@ class Models(Shown):
 
 
 def _rigid(robot: Robot, table: Measurements, options: Options) -> Fitted:  # noqa: ARG001
-    return Fitted(RigidModel(), "does not give way")
+    return Fitted(RigidModel(), "rigid")
 
 
 def _nominal(robot: Robot, table: Measurements, options: Options) -> Fitted:  # noqa: ARG001
