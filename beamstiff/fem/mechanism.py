@@ -130,6 +130,11 @@ def mechanism_error(
             f"stiffer parts{where}; make those rigid, or this free"
         )
     amount = np.linalg.norm(moved[:, :3], axis=1) + size * np.linalg.norm(moved[:, 3:], axis=1)
+    if not amount.any():
+        return BeamstiffError(
+            f"robot {robot.name!r}{where}: directions that move no node are known to rounding alone: "
+            "rigid parts of their loops hold them"
+        )
     order = np.argsort(-np.round(amount / amount.max(), 6), kind="stable")
     nodes = [robot.nodes[at].name for at in order if amount[at] > 1e-3 * amount[order[0]]]
     most = moved[order[0]]

@@ -7,7 +7,7 @@ Morrison-Woodbury formula.
 
 import numpy as np
 import pytest
-from hypothesis import assume, event, given, settings
+from hypothesis import assume, event, example, given, settings
 from hypothesis import strategies as st
 
 from beamstiff.errors import BeamstiffError
@@ -126,6 +126,7 @@ def put_together(result: Condensed, stiffness: np.ndarray) -> tuple[np.ndarray, 
 @given(
     seed=seeds, more=sizes, loops=closing, rigid_loops=st.booleans(), rigid=st.sampled_from([0.0, 0.3, 0.6])
 )
+@example(seed=208, more=4, loops=3, rigid_loops=True, rigid=0.0)  # a motion that moves no node
 def test_ports_give_the_whole_structure_at_any_stiffness(
     seed: int, more: int, loops: int, rigid_loops: bool, rigid: float
 ) -> None:
