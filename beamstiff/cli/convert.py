@@ -57,7 +57,7 @@ def convert(
 
     URDF keeps what beamstiff has no use for (meshes, inertias, transmissions, comments): it is
     written back as it was, with stiffness in <beamstiff> elements that other readers pass over. SDF
-    holds links, joints, limits, masses and joint stiffness; what it loses is told. Tables of frames
+    holds links, joints, limits, masses and joint stiffness; notes list what it loses. Tables of frames
     hold the chain to the TCP. A profile says what the columns of a tracker's list of points are,
     and in which units; docs/files.md shows some.
 
@@ -180,7 +180,7 @@ def with_joint_stiffness(robot: Robot, texts: list[str]) -> Robot:
         if joint.variable is not None
     }
     given: dict[str, float] = {}
-    for text in texts:
+    for text in sorted(texts, key=lambda text: "=" in text):  # a joint's own value, wherever it stands, wins
         name, named, value = text.rpartition("=")
         name = name.strip()
         if named and name not in own:

@@ -71,10 +71,12 @@ def stiffness(
 @contextmanager
 def _hint_at_q(robot: Robot, values: Mapping[str, float]) -> Iterator[None]:
     """Say of a posture that is refused where it comes from, if nobody chose it."""
+    from beamstiff.robot.stiffness import missing_stiffness
+
     try:
         yield
     except BeamstiffError as error:
-        if isinstance(error, OptionError) or values or not robot.actuated:
+        if isinstance(error, OptionError) or values or not robot.actuated or missing_stiffness(robot):
             raise
         names = ",".join(f"{item.name}=..." for item in robot.actuated[:6])
         raise BeamstiffError(

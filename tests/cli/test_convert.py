@@ -148,5 +148,13 @@ def test_stiffness_goes_to_the_joints_that_have_none_and_fit_its_unit() -> None:
     assert new.parameter("base-yaw.torsional") == 5e5
     assert new.parameter("grip.torsional") == 1e6
     assert new.parameter("lift.axial") == 2e8
+
+
+def test_a_value_for_one_joint_wins_over_that_for_all_in_any_order() -> None:
+    robot = parse_urdf(EVERYTHING, tcp="jaw_a")
+    texts = ["base-yaw=5e5 N*m/rad", "1e6 N*m/rad"]
+    for given in (texts, texts[::-1]):
+        new = with_joint_stiffness(robot, given)
+        assert (new.parameter("base-yaw.torsional"), new.parameter("grip.torsional")) == (5e5, 1e6)
     with pytest.raises(BeamstiffError, match="N/m"):
         with_joint_stiffness(robot, ["1 N"])
