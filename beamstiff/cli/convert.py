@@ -41,8 +41,8 @@ def convert(
     tcp: str | None = option("NAME", "Link (or node) at the TCP, where there are several ends."),
     joint_stiffness: list[str] | None = option(
         "[NAME=]VALUE",
-        "Stiffness about (or along) the axis of a joint, or of all that have none and fit the unit: "
-        "'1e6 N*m/rad', 'lift=1e8 N/m'. May be given several times.",
+        "Stiffness about (or along) a joint's axis: 'lift=1e8 N/m' for one joint, '1e6 N*m/rad' for all "
+        "other rigid ones that the unit fits. Repeatable.",
     ),
     convention: str | None = option(
         "NAME", "Of a table of frames: classic or modified (Denavit-Hartenberg) or khalil-kleinfinger."

@@ -31,7 +31,7 @@ def deflect(
 
     Linear, loaded minus unloaded: C wrench, base frame, at the TCP or the row's `point`, under the
     wrench at the TCP or the row's `load_point`. Columns of measured displacements may be missing;
-    where they are there, the gap to the prediction is told. Of absolute positions (x y z) it predicts
+    where they are there, the gap to the prediction is printed. Of absolute positions (x y z) it predicts
     where the points are in the base frame, under weight, payload and load.
 
     --preload adds the geometric stiffness K_C on the undeformed geometry: the displacement under

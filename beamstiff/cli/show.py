@@ -8,7 +8,7 @@ import typer
 
 from beamstiff.cli.options import Assembly, option, robot_file, robots_beginning
 from beamstiff.cli.output import Outputs, note, working
-from beamstiff.errors import BeamstiffError
+from beamstiff.errors import BeamstiffError, listed
 
 MOST_SAMPLES = 100_000
 
@@ -18,7 +18,7 @@ def show(
         str | None,
         typer.Argument(
             metavar="ROBOT",
-            help="YAML file, or the name of a bundled robot; without it these are listed.",
+            help="YAML, URDF or SDF file, or the name of a bundled robot; without it these are listed.",
             autocompletion=robots_beginning,
         ),
     ] = None,
@@ -53,6 +53,7 @@ def show(
     from beamstiff.report.overview_tables import overview_tables
     from beamstiff.report.tables import spaced
     from beamstiff.robot.doubts import robot_doubts
+    from beamstiff.robot.stiffness import missing_stiffness
 
     if not 1 <= samples <= MOST_SAMPLES:
         raise BeamstiffError(f"--samples: found {samples}, expected 1 to {MOST_SAMPLES}")
@@ -62,6 +63,11 @@ def show(
     outputs = Outputs([robot_file(robot)])
     for doubt in robot_doubts(description):
         note(doubt)
+    if missing := missing_stiffness(description):
+        note(
+            f"no compliance: the joints {listed(missing, 12)} are rigid; give them a stiffness (of a URDF: "
+            "beamstiff convert IN --joint-stiffness '1e6 N*m/rad' --out OUT)"
+        )
     with working("sampling the reach"):
         facts = describe(description, samples, seed)
     told = list(spaced(overview_tables(facts)))

@@ -160,7 +160,7 @@ def method_text(found: Identification) -> str:
 def _against_noise(ratio: float, measured: Measurements) -> str:
     sigma = measured.sigma_position
     if sigma is not None:
-        noise = f"the stated noise ({1e3 * sigma:.3g} mm)"
+        noise = f"the stated noise ({1e3 * sigma:.3g} mm per axis)"
     elif np.isfinite(measured.sigma[measured.measured_mask]).any():
         noise = "the stated noise"  # of rows, files or rotations
     else:
