@@ -53,7 +53,7 @@ def convert(
         "CSV", "With --profile: joint values and loads, to be joined with the points."
     ),
 ) -> None:
-    """Convert robots and measured points from and to the files of other programs.
+    """Convert robots and points from and to other formats.
 
     URDF keeps what beamstiff has no use for (meshes, inertias, transmissions, comments): it is
     written back as it was, with stiffness in <beamstiff> elements that other readers pass over. SDF

@@ -26,14 +26,15 @@ def show(
     samples: int = option("N", "Postures sampled for the reach of the TCP.", 1000),
     seed: int = option("N", "Seed of the sampled postures.", 0),
 ) -> None:
-    """Show what a robot file means: variables, frames, loops, nodes, stiffness, mass and reach.
+    """Show what a robot file means, and the robot's reach.
 
-    Positions are in the base frame. The reach is that of postures drawn evenly within the limits of
-    the actuated variables (turning joints without limits: -180 to 180 deg), as far as their loops
-    close. Mass, unknowns and condition hold for the reference posture: the middle of the limits, or
-    the first sample that closes. Ways to put closed loops together (assemblies) are listed with their
-    names, the one taken marked; --assembly takes another, as does `assembly:` in the robot file.
-    A file that is wrong is refused with the line and the reason.
+    Variables, frames, loops, nodes, stiffness, mass and reach of the TCP. Positions are in the base
+    frame. The reach is that of postures drawn evenly within the limits of the actuated variables
+    (turning joints without limits: -180 to 180 deg), as far as their loops close. Mass, unknowns
+    and condition hold for the reference posture: the middle of the limits, or the first sample that
+    closes. Ways to put closed loops together (assemblies) are listed with their names, the one
+    taken marked; --assembly takes another, as does `assembly:` in the robot file. A file that is
+    wrong is refused with the line and the reason.
 
     \b
     Examples:
