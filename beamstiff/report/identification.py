@@ -154,7 +154,10 @@ def identification_text(found: Identification, measured: Measurements, folds: in
 
 def method_text(found: Identification) -> str:
     """Return a sentence: which method, how many evaluations, why it stopped."""
-    return f"{found.method}, {counted(found.evaluations, 'evaluation')}: {found.message.rstrip('.')}."
+    why = found.message.rstrip(".")
+    if "termination condition" in why:  # scipy names the tolerance that was met
+        why = "converged"
+    return f"{found.method}, {counted(found.evaluations, 'evaluation')}: {why}."
 
 
 def _against_noise(ratio: float, measured: Measurements) -> str:

@@ -67,6 +67,14 @@ def test_a_urdf_without_stiffness_says_which_joints_need_one(refused: Refused, c
 
 
 @pytest.mark.usefixtures("urdf")
+def test_a_rigid_robot_is_shown_with_a_note_and_its_posture_is_not_blamed(run: Run) -> None:
+    shown = run("show", "crane.urdf")
+    assert shown.exit_code == 0
+    assert "note: no compliance: the joints q1 are rigid" in shown.stderr
+    assert "--q" not in run("stiffness", "crane.urdf").stderr
+
+
+@pytest.mark.usefixtures("urdf")
 def test_json_says_what_was_written(told: Run) -> None:
     answer = told("convert", "crane.urdf", "--out", "crane2.yaml")
     assert answer["variables"] == ["q1"]
