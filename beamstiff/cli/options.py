@@ -99,7 +99,8 @@ def with_common(command: Callable[..., None], json: str | None = None) -> Callab
 
     @wraps(command)
     def run(**given: Any) -> None:
-        JSON.set(given.pop("json") or json)
+        named = given.pop("json")
+        JSON.set(json if named is None else named)
         QUIET.set(given.pop("quiet"))
         del given["debug"]  # which `Commands` looks for itself
         command(**given)

@@ -55,6 +55,13 @@ class EffectError(BeamstiffError):
         super().__init__(f"robot {robot!r}: {where}")
 
 
+RENAMED = {  # shapes, from the first version of the format on
+    "off rest": "asymmetric",
+    "hooked on anew in every posture": "per-posture offset",
+    "hooked on anew for every direction": "per-direction offset",
+}
+
+
 def predict_with_effects(robot: Robot, rows: Measurements) -> Array:
     """Return what a robot with its effects says of rows, (N, 6), m and rad, base frame.
 
@@ -222,6 +229,7 @@ def written_std(robot: Robot) -> dict[str, float]:
 def _displacement(effect: AddedEffect, bare: Baseline, alone: bool) -> Array:
     """Return what one entry adds, (N, 6); `alone` is the only one of its effect at its component."""
     _known("effect", effect.effect, EFFECTS)
+    effect = _by_todays_name(effect)
     law = EFFECTS[effect.effect]
     view = replace(bare, stated=effect.scales)
     other = replace(view, rows=replace(view.rows, kind="displacement" if view.absolute else "absolute"))
@@ -249,6 +257,14 @@ def _displacement(effect: AddedEffect, bare: Baseline, alone: bool) -> Array:
     return result
 
 
+def _by_todays_name(effect: AddedEffect) -> AddedEffect:
+    """Return an entry with the name that its shape has today: files of every earlier version are read."""
+    shape = effect.shape
+    for former, today in RENAMED.items():
+        shape = shape.replace(former, today)
+    return effect if shape == effect.shape else effect.model_copy(update={"shape": shape})
+
+
 def _values(effect: AddedEffect, shape: Shape, alone: bool) -> Array:
     """Return the parameters of an entry in the order of its shape's, SI; those not named are 0."""
     parameters = [item.name for item in shape.parameters]
@@ -263,7 +279,7 @@ def _values(effect: AddedEffect, shape: Shape, alone: bool) -> Array:
             raise BeamstiffError(f"parameters.{name}: {error}") from None
         if item.positive and alone and values[at] < 0:  # of several shapes only the sum is meant
             raise BeamstiffError(
-                f"parameters.{name}: found {shown(value)}, expected nothing negative: what gives way does so "
+                f"parameters.{name}: found {shown(value)}, expected nothing negative: a compliant part moves "
                 "with its load"
             )
         if abs(values[at]) > LARGEST.get(item.unit, np.inf):

@@ -342,7 +342,7 @@ def _unclear(judged: Judged) -> Iterator[str]:
 
 
 def _unmodelled(judged: Judged, found: Search) -> Iterator[str]:
-    """Yield what a place seems to do where that explains more than any effect, and has no name."""
+    """Yield what a place seems to do where that explains more than any effect of the library."""
     best = max(found.unmodelled, key=found.unmodelled.__getitem__, default=None)
     if judged.verdict != UNKNOWN or best is None:
         return
@@ -351,7 +351,7 @@ def _unmodelled(judged: Judged, found: Search) -> Iterator[str]:
 
 
 def _rivals(judged: Judged, found: Search) -> list[str]:
-    """Return the effects that are to be told apart: the likeliest few."""
+    """Return the effects to distinguish: the likeliest few."""
     named = sorted(found.named, key=lambda key: judged.probabilities.get(key, 0.0), reverse=True)
     return named[:RIVALS]
 

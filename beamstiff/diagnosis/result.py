@@ -27,7 +27,7 @@ FORMAT = "beamstiff-diagnosis/1"
 class Estimate:
     """A parameter of an effect: value, standard deviation, unit; realistic sizes it is compared with.
 
-    `positive` is whether it cannot be negative, as what gives way with its load.
+    `positive` is whether it cannot be negative, as a compliant part moves with its load.
     """
 
     name: str
@@ -104,7 +104,7 @@ class Diagnosis(Shown):
     fits : tuple of Fitted
         Of the verdict, and of the second cause with it.
     ceiling : float, m
-        What all that could give way, in any way at all, would leave on held-out postures: no cause can be
+        What the best elastic model would leave on held-out postures: no cause can be
         expected to leave less.
     features : mapping of str to float
         What the verdict rests on.

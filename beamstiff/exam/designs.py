@@ -24,7 +24,7 @@ Data = Literal["displacement", "absolute"]
 Claim = Literal["true", "half", "twice", "absent"]
 
 CLAIMS: dict[Claim, float] = {"true": 1.0, "half": 0.5, "twice": 2.0}
-DEFLECTION = 1.3e-3  # m; loads are chosen so that the tool gives way by about this in the middle of the poses
+DEFLECTION = 1.3e-3  # m; loads are chosen so that the tool deflects by about this in the middle of the poses
 LARGEST_FORCE = 6000.0  # N
 MOST_ROWS = 250
 LEAN_POSES = 10

@@ -99,7 +99,7 @@ class Record:
 
     @property
     def truth(self) -> str:
-        """The right verdict: the effect of a single, ``none`` of a null, ``unknown`` where it has no name."""
+        """The right verdict: the effect of a single, ``none`` of a null, ``unknown`` outside the library."""
         if self.label.kind == "null":
             return key_of(NONE, None)
         if self.label.kind in ("outside", "removed"):

@@ -1,4 +1,4 @@
-"""The robots that are examined: two that come along, a third serial one, and arms of random proportions."""
+"""The robots that are examined: two bundled ones, a third serial one, and arms of random proportions."""
 
 from __future__ import annotations
 

@@ -100,8 +100,8 @@ def is_nameless(record: Record) -> bool:
 def is_right(record: Record) -> bool:
     """Tell whether the verdict is right, as calibration asks.
 
-    It is the effect and component of a single, ``none`` of a null, ``unknown`` of an effect that has no name
-    in the library. Below 0.3 of the noise ``none`` is right of anything.
+    It is the effect and component of a single, ``none`` of a null, ``unknown`` of an effect outside the
+    library. Below 0.3 of the noise ``none`` is right of anything.
     """
     if record.gap < HARDLY and effect_of(record.answer.verdict) == NONE:
         return True

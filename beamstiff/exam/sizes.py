@@ -97,7 +97,7 @@ def _sized(part: SimulatedCampaign, fit: Fit, robot: Robot, truth: Truth, seed: 
     def gap_of(size: float) -> float:
         try:
             return whitened_gap(part, fit.residual((resized(truth, robot, size, seed),)))
-        except BeamstiffError:  # so large that the machine gives way under it
+        except BeamstiffError:  # so large that the machine buckles under it
             return float("inf")
 
     size, gap = size_for(gap_of, wanted)

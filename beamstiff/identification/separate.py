@@ -61,7 +61,7 @@ def find_separations(
     stiffness: Array | None = None,
     seed: int = 0,
 ) -> tuple[tuple[Separation, ...], ...]:
-    """Return for each group the measurements that would tell its members apart, the best first.
+    """Return for each group the measurements that distinguish its members, the best first.
 
     `measurements`: what was measured. `groups`: parameters identifiable only in combination; or one that is
     never loaded. `parameters`: all that are identified; default ``robot.identify``. `components`: what counts
@@ -99,29 +99,28 @@ def _worth(one: Separation) -> tuple[bool, int, float]:
 
 
 def separation_text(group: Sequence[str], found: Sequence[Separation]) -> str:
-    """Return in words what would tell a group apart, from `find_separations`.
+    """Return in words what to measure so that a group is identified, from `find_separations`.
 
     >>> way = Separation("forces along y at the tool", (("a",), ("b", "c")), 0.1)
     >>> separation_text(["a", "b", "c"], [way])
-    'forces along y at the tool would tell some apart, to 10 % at worst; b and c would stay together'
+    'to identify some of them, measure forces along y at the tool (expected std 10 %); b and c stay combined'
     >>> separation_text(["a"], [])
-    'no load on the tool, no posture and no reading elsewhere would load it'
+    'no load on the tool, posture or additional reading identifies it'
     """
-    alone = len(group) == 1
+    it = "it" if len(group) == 1 else "them"
     if not found:
-        what = "load it" if alone else "tell them apart"
-        return f"no load on the tool, no posture and no reading elsewhere would {what}"
+        return f"no load on the tool, posture or additional reading identifies {it}"
     best = found[0]
-    together = [" and ".join(part) for part in best.parts if len(part) > 1]
-    if alone and together:
-        return f"{best.measure} would load it, but only together with others: {together[0]}"
-    them = "it" if alone else "them apart" if best.complete else "some apart"
-    text = f"{best.measure} would tell {them}"
+    combined = [" and ".join(part) for part in best.parts if len(part) > 1]
+    if len(group) == 1 and combined:
+        return f"{best.measure} loads it, but only combined with others: {combined[0]}"
+    some = it if len(group) == 1 or best.complete else "some of them"
+    text = f"to identify {some}, measure {best.measure}"
     if best.std > GOOD:
-        text += " in principle, not with this noise"
+        text += " with less noise than this"
     elif best.std > 0:
-        text += f", to {100 * best.std:.2g} % at worst"
-    return "; ".join([text, *(f"{names} would stay together" for names in together)])
+        text += f" (expected std {100 * best.std:.2g} %)"
+    return "; ".join([text, *(f"{names} stay combined" for names in combined)])
 
 
 def with_separations(

@@ -203,5 +203,5 @@ MEANING = {
     Reason.OTHER_CONFIGURATION: "reached only in another configuration than that of the posture held",
     Reason.SINGULAR: "a loop leaves variables undetermined: no Jacobian",
     Reason.MECHANISM: "the structure is a mechanism",
-    Reason.RIGID: "the TCP has no compliance: infinite stiffness",
+    Reason.RIGID: "the TCP is rigid: infinite stiffness",
 }

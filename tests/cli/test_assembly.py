@@ -9,6 +9,7 @@ import pytest
 
 from beamstiff import load_robot
 from beamstiff.cli.main import app
+from beamstiff.cli.options import Assembly, RobotFile
 from beamstiff.robot.library import robot_path
 from tests.cli.conftest import Refused, Run
 from tests.robot.machines import four_bar_th3
@@ -18,11 +19,9 @@ def test_commands_with_a_robot_take_its_assembly() -> None:
     commands = [
         inspect.signature(item.callback).parameters for item in app.registered_commands if item.callback
     ]
-    with_robot = [
-        known for known in commands if "robot" in known and known["robot"].annotation == "RobotFile"
-    ]
+    with_robot = [known for known in commands if "robot" in known and known["robot"].annotation == RobotFile]
     assert len(with_robot) == 10
-    assert all(known["assembly"].annotation == "Assembly" for known in with_robot)
+    assert all(known["assembly"].annotation == Assembly for known in with_robot)
 
 
 def test_stiffness_is_that_of_the_named_assembly(succeed: Run, folder: Path) -> None:

@@ -125,7 +125,7 @@ def test_groups_are_told_with_what_would_part_them(run: Run) -> None:
     assert group["parameters"] == ["J1.torsional", "J1.radial"]
     assert group["relation"] == "1/J1.torsional + 1/J1.radial"
     assert group["value"] == pytest.approx(1.5e-6, rel=5e-3)
-    assert "would tell them apart" in group["separate"]
+    assert "to identify them, measure" in group["separate"]
     for item in found["parameters"].values():
         assert (item["value"], item["identifiable"]) == (None, False)
         assert 0 < item["lower_bound"] < 1 / 1.5e-6
@@ -153,7 +153,7 @@ def test_what_is_never_loaded_is_said_and_what_would_load_it(run: Run, folder: P
     result = run("identify", "crane.yaml", "along.csv", *BOTH)
     assert "note: J1.torsional is never loaded: its stiffness cannot be identified" in result.stderr
     assert "all 2 rows are of one pose" in result.stderr
-    assert "would tell it" in " ".join(result.stdout.split())
+    assert "to identify it, measure" in " ".join(result.stdout.split())
 
 
 def test_ctrl_c_gives_the_best_so_far(run: Run, wrong: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -106,12 +106,12 @@ def test_where_all_is_known_by_itself_nothing_is_said_of_groups() -> None:
 def test_springs_in_series_are_told_as_one_with_what_would_part_them() -> None:
     names = ("J1.radial", "J2.radial")
     group = Combination(
-        names, "1/J1.radial + 1/J2.radial", 4e-9, 1e-10, "series", "m/N", "x would tell them apart"
+        names, "1/J1.radial + 1/J2.radial", 4e-9, 1e-10, "series", "m/N", "to identify them, measure x"
     )
     text = told(group)
     assert "1/J1.radial + 1/J2.radial 4e-09 1e-10 m/N 2.5e+08" in text
     assert "J1.radial and J2.radial act in series: lump them into one (--reduce)." in text
-    assert "X would tell them apart." in text
+    assert "To identify them, measure x." in text
 
 
 def test_a_sum_that_may_be_zero_is_as_stiff_as_its_bound_at_least() -> None:
@@ -137,11 +137,13 @@ def test_what_is_never_loaded_is_not_called_unbounded() -> None:
     )
     found = replace(FOUND, parameters=(*FOUND.parameters, silent), degenerate=(grouped,))
     assert "No upper bound" not in identification_text(found, measured(1e-5))
-    assert "never loaded; y would tell it." in "".join(
+    assert "never loaded; to identify it, measure y." in "".join(
         map(
             str,
             combinations_text(
-                replace(found, degenerate=(), parameters=(replace(silent, separate="y would tell it"),))
+                replace(
+                    found, degenerate=(), parameters=(replace(silent, separate="to identify it, measure y"),)
+                )
             ),
         )
     )

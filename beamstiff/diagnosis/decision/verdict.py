@@ -1,4 +1,4 @@
-"""From evidence to a verdict: honest probabilities, what cannot be told apart, a second cause.
+"""From evidence to a verdict: honest probabilities, what is indistinguishable, a second cause.
 
 Evidence takes its shapes for true, and no real drive or link has exactly the shape of a library: a truth
 that is off by a share of its own size shifts log odds by an amount that grows with the evidence itself. Log
@@ -116,7 +116,7 @@ def share_of_subspaces(search: Search, log_weight: float) -> float:
 
 
 def odds_of_unmodelled(search: Search, log_weight: float) -> float:
-    """Return the log odds that some place follows a law that has no name, against a cause.
+    """Return the log odds that some place follows a law outside the library, against a cause.
 
     Divided as those between causes are. Play of the structure looks like a soft place that stiffens, a drive
     that creeps like one with friction, and each is another repair. What is another in every posture holds

@@ -15,6 +15,7 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 from beamstiff.diagnosis.decomposition.selection import Choice, Step, bic
+from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.measure.arrays import Integers
 from beamstiff.se3 import Array
 
@@ -56,7 +57,8 @@ def discrepancy_odds(
     mixture = scale * unit @ unit.T
     result = []
     for cause, others in zip(causes, alike, strict=True):
-        left_out = unit[:, (effects == choice.forms[cause[0]].effect) | np.isin(keys, list(others))]
+        own = np.isin(effects, _same_kind(choice.forms[cause[0]].effect)) | np.isin(keys, list(others))
+        left_out = unit[:, own]
         rest = mixture - scale * left_out @ left_out.T
         without = [k for k in step.chosen if k not in cause]
         values = []
@@ -65,6 +67,17 @@ def discrepancy_odds(
             values.append(_least(rest, residual, every[:, some], choice.precision[some], count))
         result.append(0.5 * (values[0] - values[1]))
     return result
+
+
+def _same_kind(effect: str) -> list[str]:
+    """Return the effects that are no part of the mixture: its own; beside a structure's all of structures.
+
+    Links, bearings and drives carry one wrench and move the tool alike: that some of them are compliant is
+    one question, which of them another.
+    """
+    family = EFFECTS[effect].family
+    alike = [name for name, other in EFFECTS.items() if other.family == family]
+    return alike if family == "structure" else [effect]
 
 
 def _unit_columns(columns: Array, of_form: Integers, choice: Choice) -> tuple[Array, Integers]:

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
-from beamstiff.diagnosis.decomposition.prior import EXPECTED, SELDOM, TEMPERING
+from beamstiff.diagnosis.decomposition.prior import TEMPERING, expected
 from beamstiff.diagnosis.effects import EFFECTS, Shape
 from beamstiff.diagnosis.effects.torque_laws import turning_drives
 from beamstiff.diagnosis.inference.library import key_of
@@ -112,7 +112,6 @@ def forms_of(
     for effect in EFFECTS.values():
         if effect.name in skipped or effect.name not in effects:
             continue
-        likely = EXPECTED.get(effect.name, SELDOM)
         for component in effect.components(baseline):
             # a calibration that moves an axis puts brackets between its parts, which no machine has
             if key_of(effect.name, component) in skipped or component in absent:
@@ -120,7 +119,7 @@ def forms_of(
             every = (known or {}).get(key_of(effect.name, component)) or effect.shapes(baseline, component)
             shapes = [shape for shape in every if _fits(effect.name, shape)]
             total = sum(shape.weight for shape in shapes)
-            found += _weighed(model, effect.name, component, shapes, total, likely)
+            found += _weighed(model, effect.name, component, shapes, total, expected(effect.name, component))
     return found
 
 

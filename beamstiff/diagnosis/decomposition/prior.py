@@ -24,9 +24,23 @@ EXPECTED: Mapping[str, float] = {
     "load-error": 0.1,
     "joint-coupling": 0.007,  # once in 15 pairs of joints and ten machines
 }
+ALL_DRIVES = 0.9  # all rigid drives at once: every drive is compliant, whether that shows is all that is open
 SELDOM = 0.015  # at a joint or link, of any other effect: once in six places and ten machines
 
 # The criterion takes the forms for exact. Forms of other authors leave a part of what they should explain, so
 # that a difference of BIC says less than it seems: a quarter, the order of what was found for single causes
 # (log odds by 1 + E / 60 at E of some hundred).
 TEMPERING = 4.0
+
+
+def expected(effect: str, component: str | None) -> float:
+    """Return how many causes of an effect are expected at a component.
+
+    Examples
+    --------
+    >>> expected("joint-compliance", "q2"), expected("joint-compliance", None)
+    (0.15, 0.9)
+    """
+    if (effect, component) == ("joint-compliance", None):
+        return ALL_DRIVES
+    return EXPECTED.get(effect, SELDOM)

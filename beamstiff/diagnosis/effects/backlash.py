@@ -83,7 +83,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     )
     if axis.turns and axis.joint.variable is not None:  # wheels that are worn or off their centre
         angle, usual = baseline.joint_values[axis.joint.variable], _usual_course(baseline, str(component))
-        # about its mean: that is what must not be negative, as the drive gives way along its torque
+        # about its mean: that is what must not be negative, as the drive moves along its torque
         courses = [np.ones_like(angle), *(course(angle) - usual[name] for name, course in WAVES.items())]
         for width, odd in zip(WIDTHS, flanks, strict=True):
             one, spread = sized(width)

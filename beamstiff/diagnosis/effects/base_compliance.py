@@ -1,4 +1,4 @@
-"""`base-compliance`: the pedestal or the floor under the machine gives way."""
+"""`base-compliance`: the pedestal or the floor under the machine is compliant."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`bearing-tilt`: the joint gives way radially or in tilting, across its axis."""
+"""`bearing-tilt`: the joint is compliant radially or in tilting, across its axis."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ HARMONICS = (1, 2, 3)
 
 @dataclass(frozen=True)
 class Cycle:
-    """How many cycles a campaign has, and how many numbers of them can be told apart; 0 where none can."""
+    """How many cycles a campaign has, and how many numbers of them are distinguishable; 0 where none is."""
 
     count: float
     choices: float

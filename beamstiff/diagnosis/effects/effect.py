@@ -22,7 +22,7 @@ class Quantity:
     size : float
         A middling realistic magnitude, in `unit`.
     positive : bool
-        Whether it cannot be negative: nothing gives way against its load.
+        Whether it cannot be negative: nothing moves against its load.
     posture_specific : bool
         Whether it is of the postures at hand alone: it says nothing of others, and is not told.
     within : pair of str, optional

@@ -1,4 +1,4 @@
-"""`joint-compliance`: the model holds the joint rigid about its axis, but it gives way.
+"""`joint-compliance`: the model holds the joint rigid about its axis, but it is compliant.
 
 Without a component: all such joints at once, each with a compliance of its own, as under the weight of the
 links. That is one cause and not several, where positions show the sum of them better than each.

@@ -1,7 +1,7 @@
 """Tools on three seats: jaws, feet or bolts at a radius r, 120 degrees apart, each giving way by a law.
 
 From a wrench about their middle, a distance a behind the TCP, a seat in direction ``t_i`` carries
-``f_i = F_z / 3 + 2 M t_i / (3 r)``; what the seats give way by tilts the tool about the ``t_i`` and lifts it.
+``f_i = F_z / 3 + 2 M t_i / (3 r)``; how far the seats yield tilts the tool about the ``t_i`` and lifts it.
 Where each follows any law of its force, and lifts off or opens, the tool is softer in some directions than in
 others, and softer to one side of each: no compliance, and no law by axis, does that. Where the seats stand is
 not known beforehand: they are taken where they explain most of the gap, and the choice is paid for.
@@ -98,7 +98,7 @@ def choices() -> int:
 
 
 def by_seats(baseline: Baseline, place: Place, seats: Seats) -> Array:
-    """Return how seats that give way by laws displace the rows, (N, 6, 2 laws): tilts in turn with lifts.
+    """Return how seats that yield by laws displace the rows, (N, 6, 2 laws): tilts in turn with lifts.
 
     Each law is 1 under the largest force to its side; the lift is the mean of the three seats', in m, and the
     tilt the sum about their directions, in rad.

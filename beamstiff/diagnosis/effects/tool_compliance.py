@@ -1,4 +1,4 @@
-"""`tool-compliance`: flange, force sensor or gripper between the last joint and the TCP give way."""
+"""`tool-compliance`: flange, force sensor or gripper between the last joint and the TCP are compliant."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 A load off by p adds the moment ``p x F``; a target off by p moves by ``r x p`` more, and its absolute
 position is off by p, constant in the tool's frame. What a load hangs on turns after it: its point is then
-``p + P F / |F|``, P constant in the tool's or in the base frame. What is hooked on anew in every posture,
+``p + P F / |F|``, P constant in the tool's or in the base frame. What is attached anew in every posture,
 or for every direction there, is off by ``p + p_k`` in the k-th.
 
 A wrong lever may load a drive that nothing else turns, as that of the last axis where all forces act on it.

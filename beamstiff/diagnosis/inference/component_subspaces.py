@@ -1,6 +1,6 @@
 """What every place could do at most: laws of their own, whatever their form.
 
-A structure's place may follow any symmetric 6x6 compliance, give way more to one side than to the other and
+A structure's place may follow any symmetric 6x6 compliance, yield more to one side than to the other and
 more or less the more it is loaded. A drive's slip may be any curve of its torque, and may follow its angle,
 its history and the time. `where` looks for the gap among these laws; a cause with a name has to explain it
 better than they do.
@@ -51,7 +51,7 @@ CHANGING = "changes its stiffness with the time"
 CREEPING = "creeps"
 SOFTENING = "softens the more it carries"
 GIVING = (0.03, 0.05, 0.08, 0.12, 0.2, 0.3, 0.45)  # of the largest torque, beyond which it may
-UNSTEADY = "gives way otherwise in every posture"
+UNSTEADY = "has another compliance in every posture"
 ASTRAY = "stands off otherwise in every posture"
 OF_POSTURES = (UNSTEADY, ASTRAY)
 SLIPPING = "slips against friction, so that what it does depends on the load history"
@@ -71,7 +71,7 @@ class ComponentSubspace:
     modes : (n, m) array
         Its main modes, whitened, less what the fit absorbs; all together have mean square 1.
     inside : bool
-        Whether it is a place of the machine that gives way.
+        Whether it is a compliant place of the machine.
     unmodelled : dict of str to (n, k) array
         Main modes of what no effect of the library is, by what the place would do: play of the structure,
         friction at base and tool, a tether or a stop; of a drive what softens, stays softer to one side,
@@ -218,7 +218,7 @@ def _of_drive(baseline: Baseline, name: str) -> tuple[list[Array], dict[str, Arr
 
 
 def _softening(baseline: Baseline, name: str) -> Array:
-    """Return what a drive gives way more beyond each torque at which it may begin to, (N, 6, m)."""
+    """Return what a drive yields more beyond each torque at which it may begin to, (N, 6, m)."""
     axis = axis_at(baseline, name)
 
     def beyond(torque: Array, at: float) -> Array:

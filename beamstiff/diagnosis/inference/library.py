@@ -36,7 +36,7 @@ class Hypothesis:
     columns : (n, c) array
         Whitened, in realistic sizes.
     places : tuple of str
-        Where the machine gives way if this is true; none for what is outside it.
+        Where the machine is compliant if this is true; none for what is outside it.
     """
 
     effect: str

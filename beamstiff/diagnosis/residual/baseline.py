@@ -1,4 +1,4 @@
-"""The model as it is, fitted to the data: what it leaves, and what it could absorb.
+"""The model as it is, fitted to the data: its residual, and what it could absorb.
 
 The forward model holds everything that is known: closed loops, beams, payload, gravity, and the stiffness of
 the loaded machine (K_C). Its stiffness values (`identify:`) are fitted first; the diagnosis looks at what

@@ -43,7 +43,7 @@ def mishaps(baseline: Baseline, outliers: Sequence[int]) -> list[list[int]]:
     -------
     list of list of int
         Rows of one reflector, or of all of them, one after another, under loads that turn or come to nothing:
-        what gives way and stays so is off by the same under all loads to one side.
+        what yields and stays so is off by the same under all loads to one side.
     """
     wrong = set(outliers)
     order, point = history_order(baseline.rows), baseline.rows.point

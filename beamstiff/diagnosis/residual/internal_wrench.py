@@ -1,4 +1,4 @@
-"""Where a machine could give way: the wrench that passes through every place, and what a slip there moves.
+"""Where a machine could be compliant: the wrench through every place, and what a slip there moves.
 
 Every joint, link, the base and the flange is a place. A row's load passes a wrench q through it, linear in
 the load; a relative displacement e there moves the measured point by ``T^T e``, T the wrench at the place per

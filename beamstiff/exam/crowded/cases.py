@@ -297,7 +297,7 @@ def _draw_effects(
     def contribution(truth: Truth) -> float:
         try:
             return _rms(rows((truth,)) - still)
-        except BeamstiffError:  # so large that the machine gives way under it
+        except BeamstiffError:  # so large that the machine buckles under it
             return float("inf")
 
     wanted, found, count = _between(rng, *LARGEST), list[Truth](), int(rng.integers(FEWEST, MOST + 1))

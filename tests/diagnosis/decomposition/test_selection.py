@@ -1,6 +1,7 @@
 """The selection against a second formulation: explicit least squares of each fold, and hand-made problems."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,7 +11,16 @@ from beamstiff import load_robot
 from beamstiff.diagnosis.decomposition.forms import Form, forms_of, stacked
 from beamstiff.diagnosis.decomposition.held_out import Folds, folds_of, ordered, unweighed
 from beamstiff.diagnosis.decomposition.open_model import open_geometry
-from beamstiff.diagnosis.decomposition.selection import Choice, build_choice, fit_step, forms_in, select
+from beamstiff.diagnosis.decomposition.prior import TEMPERING
+from beamstiff.diagnosis.decomposition.selection import (
+    Choice,
+    build_choice,
+    fit_step,
+    forms_in,
+    prior_of,
+    select,
+    with_each,
+)
 from beamstiff.diagnosis.effects import Quantity, Shape
 from tests.diagnosis.decomposition.test_decompose import UR10, read
 
@@ -107,3 +117,20 @@ def test_a_coupling_stays_within_what_it_couples(coupling: float, used: bool) ->
     both = Quantity("compliance_yz", "m/N", 1.0, within=(y.name, z.name))
     step = fit_step(choice_of(residual, form(columns, y, z, both)), (0,))
     assert step.free[0].tolist() == [True, True, used]
+
+
+def test_the_prior_of_a_cause_counts_once_however_many_forms_it_has() -> None:
+    rng = np.random.default_rng(0)
+    columns = rng.standard_normal((3, VALUES, 1))
+    size = Quantity("size", "1", 1.0)
+    orders = [replace(form(column, size), effect="angle-curve", likely=0.1) for column in columns]
+    one, other, apart = orders
+    apart = replace(apart, component="q3")
+    made = choice_of(rng.standard_normal(VALUES), one, other, apart)
+    own = TEMPERING * np.log(0.1)
+    assert prior_of(made, (0,)) == pytest.approx(own)
+    assert prior_of(made, (0, 1)) == pytest.approx(own)
+    assert prior_of(made, (0, 1, 2)) == pytest.approx(2 * own)
+    after = with_each(made, fit_step(made, (0,)))
+    for number in (1, 2):
+        assert after[number] == pytest.approx(fit_step(made, (0, number)).bic, abs=0.05)

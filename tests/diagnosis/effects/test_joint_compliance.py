@@ -76,3 +76,18 @@ def test_a_joint_may_be_worn_in_a_sector() -> None:
     worn = (1.0 + np.exp(-0.5 * ((q - 0.4) / 0.5) ** 2))[:, None] * even
     left = unexplained(worn, shape.columns) * np.linalg.norm(worn)
     assert left < 0.02 * np.linalg.norm(worn - even)
+
+
+def test_all_rigid_drives_at_once_are_one_cause_of_absolute_positions() -> None:
+    robot = kr240().with_parameters(dict.fromkeys(("J2.torsional", "J3.torsional"), np.inf))
+    robot = robot.model_copy(update={"identify": ()})
+    rows = at_random(robot, 6, seed=3)
+    assert None not in EFFECTS["joint-compliance"].components(nominal(robot, rows))  # displacements
+    absolute = nominal(robot, rows_of(robot, rows.q, rows.wrench, position=np.ones((6, 3)).tolist()))
+    assert EFFECTS["joint-compliance"].components(absolute) == ["q2", "q3", None]
+    [every] = EFFECTS["joint-compliance"].shapes(absolute, None)
+    assert [one.name for one in every.parameters] == ["compliance_q2", "compliance_q3"]
+    assert all(one.positive for one in every.parameters)
+    for at, name in enumerate(("q2", "q3")):
+        alone = shape_of(absolute, "joint-compliance", name, "linear").columns[..., 0]
+        close(every.columns[..., at], alone, 1e-12)

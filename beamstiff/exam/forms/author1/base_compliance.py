@@ -1,4 +1,4 @@
-"""A pedestal or floor that gives way under the machine."""
+"""A compliant pedestal or floor under the machine."""
 
 from __future__ import annotations
 

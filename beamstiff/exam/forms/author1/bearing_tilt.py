@@ -1,4 +1,4 @@
-"""Bearings that give way across the joint's axis."""
+"""Bearings that are compliant across the joint's axis."""
 
 from __future__ import annotations
 

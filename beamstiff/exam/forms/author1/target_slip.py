@@ -16,7 +16,7 @@ AWAY = (5e-5, 1e-2)  # m
 
 
 def places(robot: Robot) -> list[str | None]:
-    """Return the reflectors, nodes that nothing but a rigid stalk holds; else the TCP, which has no name."""
+    """Return the reflectors, nodes that nothing but a rigid stalk holds; else the TCP, written None."""
     ends = [name for part in robot.rigids for name in part.nodes]
     ends += [name for part in (*robot.beams, *robot.joints, *robot.struts) for name in part.nodes]  # type: ignore[attr-defined]
     stalks = {part.nodes[1] for part in robot.rigids}

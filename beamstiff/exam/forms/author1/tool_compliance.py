@@ -1,4 +1,4 @@
-"""Flange, force sensor or gripper that give way between the last joint and the TCP."""
+"""Compliant flange, force sensor or gripper between the last joint and the TCP."""
 
 from __future__ import annotations
 

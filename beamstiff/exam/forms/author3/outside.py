@@ -19,7 +19,7 @@ STUCK = 4.0  # of the stiffness once it slips: that before
 
 @dataclass(frozen=True)
 class Slipping(Friction):
-    """A spring with a grip beside it that gives way over a short way, and turns round over the same."""
+    """A spring with a grip beside it that slips over a short distance, and reverses over the same."""
 
     def run(self, state: Array, way: Array) -> tuple[Array, Array]:
         """Return the state and its slope after a way."""
