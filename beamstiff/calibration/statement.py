@@ -96,7 +96,7 @@ def build_calibration(
     if told <= len(seen.identified):
         raise BeamstiffError(
             f"{rows.source}: {problem.count} measured values in {poses} {'pose' if poses == 1 else 'poses'} "
-            f"for {len(every)} parameters, of which they cannot tell apart more than {len(seen.identified)} "
+            f"for {len(every)} parameters, of which they cannot distinguish more than {len(seen.identified)} "
             "and leave nothing to check the fit; measure more poses, or seek fewer parameters"
         )
     idle = [name for name in compliances if name not in felt]

@@ -66,11 +66,12 @@ def calibrate(
     assembly: Assembly = None,
     html: Html = None,
 ) -> None:
-    """Calibrate the geometry of a robot from measured absolute positions, or poses.
+    """Calibrate the geometry from measured absolute positions.
 
-    Weighted least squares over the parameters that the poses can distinguish; the others are listed,
-    with what they look like, and keep their values. Gravity, payload and loads deform the robot as its
-    stiffness says. By default the robot's base is estimated in the tracker's frame.
+    Or from poses. Weighted least squares over the parameters that the poses can distinguish; the
+    others are listed, with what they look like, and keep their values. Gravity, payload and loads
+    deform the robot as its stiffness says. By default the robot's base is estimated in the
+    tracker's frame.
 
     \b
     Examples:

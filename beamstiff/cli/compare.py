@@ -49,13 +49,13 @@ def compare(
     rules: str | None = option("FILE", "Draw the fuzzy model's rule surface and membership functions."),
     html: Html = None,
 ) -> None:
-    """Fit every model of elasticity to the same rows, and test each on held-out rows.
+    """Compare models of elasticity on held-out rows.
 
-    rigid has no compliance, nominal is the robot file as it is, parametric has its stiffness
-    identified; fuzzy is fitted to the readings alone; grid, gray box and gaussian process let the
-    identified springs vary: by cubes of the workspace, by fuzzy rules of the joint values, smoothly
-    over these. Poses are held out at random, and the largest load where there are several.
-    "outside" counts rows outside a model's training range.
+    Each is fitted to the same rows. rigid has no compliance, nominal is the robot file as it is,
+    parametric has its stiffness identified; fuzzy is fitted to the readings alone; grid, gray box
+    and gaussian process let the identified springs vary: by cubes of the workspace, by fuzzy rules
+    of the joint values, smoothly over these. Poses are held out at random, and the largest load
+    where there are several. "outside" counts rows outside a model's training range.
 
     \b
     Examples:

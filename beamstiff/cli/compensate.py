@@ -64,7 +64,7 @@ def compensate(
     assembly: Assembly = None,
     html: Html = None,
 ) -> None:
-    """Correct a tool path for what the real robot makes of it.
+    """Correct a tool path for the errors of the real robot.
 
     Every target gets the command (fake pose) at which the real tool comes to rest at the target:
     with the geometry, weight, stiffness and effects of the robot, under the load of the process.

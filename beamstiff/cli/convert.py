@@ -41,8 +41,8 @@ def convert(
     tcp: str | None = option("NAME", "Link (or node) at the TCP, where there are several ends."),
     joint_stiffness: list[str] | None = option(
         "[NAME=]VALUE",
-        "Stiffness about (or along) the axis of a joint, or of all that have none and fit the unit: "
-        "'1e6 N*m/rad', 'lift=1e8 N/m'. May be given several times.",
+        "Stiffness about (or along) a joint's axis: 'lift=1e8 N/m' for one joint, '1e6 N*m/rad' for all "
+        "other rigid ones that the unit fits. Repeatable.",
     ),
     convention: str | None = option(
         "NAME", "Of a table of frames: classic or modified (Denavit-Hartenberg) or khalil-kleinfinger."
@@ -53,11 +53,11 @@ def convert(
         "CSV", "With --profile: joint values and loads, to be joined with the points."
     ),
 ) -> None:
-    """Convert robots and measured points from and to the files of other programs.
+    """Convert robots and points from and to other formats.
 
     URDF keeps what beamstiff has no use for (meshes, inertias, transmissions, comments): it is
     written back as it was, with stiffness in <beamstiff> elements that other readers pass over. SDF
-    holds links, joints, limits, masses and joint stiffness; what it loses is told. Tables of frames
+    holds links, joints, limits, masses and joint stiffness; notes list what it loses. Tables of frames
     hold the chain to the TCP. A profile says what the columns of a tracker's list of points are,
     and in which units; docs/files.md shows some.
 
@@ -180,7 +180,7 @@ def with_joint_stiffness(robot: Robot, texts: list[str]) -> Robot:
         if joint.variable is not None
     }
     given: dict[str, float] = {}
-    for text in texts:
+    for text in sorted(texts, key=lambda text: "=" in text):  # a joint's own value, wherever it stands, wins
         name, named, value = text.rpartition("=")
         name = name.strip()
         if named and name not in own:

@@ -27,11 +27,11 @@ def deflect(
     line: int | None = option("N", "With --vtu: the line of DATA whose row it is."),
     html: Html = None,
 ) -> None:
-    """Predict the displacement of each row of a table of postures and loads.
+    """Predict displacements of a table of postures and loads.
 
     Linear, loaded minus unloaded: C wrench, base frame, at the TCP or the row's `point`, under the
     wrench at the TCP or the row's `load_point`. Columns of measured displacements may be missing;
-    where they are there, the gap to the prediction is told. Of absolute positions (x y z) it predicts
+    where they are there, the gap to the prediction is printed. Of absolute positions (x y z) it predicts
     where the points are in the base frame, under weight, payload and load.
 
     --preload adds the geometric stiffness K_C on the undeformed geometry: the displacement under

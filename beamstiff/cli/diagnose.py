@@ -51,7 +51,7 @@ def diagnose(
     assembly: Assembly = None,
     html: Html = None,
 ) -> None:
-    """Find where the gap between model and machine is, and what causes it.
+    """Find where model and machine differ, and what causes it.
 
     The robot's `identify` parameters are fitted first. The residual is then explained by every effect
     of the library at every component in several shapes, by noise alone, and by an unknown cause. The

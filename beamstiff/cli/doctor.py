@@ -28,11 +28,12 @@ REQUIREMENT = re.compile(
 def doctor(
     check: bool = typer.Option(True, "--check/--no-check", help="Compare a cantilever with its closed form."),
 ) -> None:
-    """Say which versions are installed, which optional parts are there, and whether they calculate right.
+    """Check the installation.
 
-    What is missing is named with the command that installs it. The self check takes a second: the
-    compliance of a clamped tube against its closed form. Exit code 2 where something must be mended.
-    Send the output along when you report a fault.
+    Which versions are installed, which optional parts are there, whether they calculate right. What
+    is missing is named with the command that installs it. The self check takes a second: the
+    compliance of a clamped tube against its closed form. Exit code 2 where something must be
+    mended. Send the output along when you report a fault.
 
     \b
     Examples:

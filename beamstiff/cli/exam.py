@@ -52,13 +52,13 @@ def exam(
     ),
     html: Html = None,
 ) -> None:
-    """Examine the diagnosis on simulated campaigns whose effect is withheld from it.
+    """Examine the diagnosis on simulated campaigns.
 
-    A simulator that shares no equations with the library draws a robot, what is wrong with it (an
-    effect, none, two, one outside the library, or one whose class is taken from the library), a
-    campaign, its noise and what is claimed of the noise. The label is sealed by its SHA-256, the
-    rows are diagnosed, the report is sealed, and the label is opened. The table shows each figure
-    beside what is required, the worst class first.
+    Their effect is withheld from it. A simulator that shares no equations with the library draws a
+    robot, what is wrong with it (an effect, none, two, one outside the library, or one whose class
+    is taken from the library), a campaign, its noise and what is claimed of the noise. The label is
+    sealed by its SHA-256, the rows are diagnosed, the report is sealed, and the label is opened.
+    The table shows each figure beside what is required, the worst class first.
 
     \b
     Examples:

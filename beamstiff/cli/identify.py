@@ -85,7 +85,7 @@ def identify(
     ),
     html: Html = None,
 ) -> None:
-    """Identify joint stiffness from measured displacements, with uncertainty.
+    """Identify joint stiffness from measured displacements.
 
     DATA holds displacements dx dy dz (rx ry rz), loaded minus unloaded, in the base frame; the
     start are the robot's present values. Weighted least squares; rotations count where the table

@@ -49,7 +49,7 @@ def beamstiff(
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
-    """Elastostatic robot models: stiffness at the tool, and joint stiffness from measurements.
+    """Predict robot deflection, identify joint stiffness, find out why the real machine differs.
 
     ROBOT is always a YAML, URDF or SDF file, or the name of a bundled robot (beamstiff show lists
     them).

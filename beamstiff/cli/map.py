@@ -64,10 +64,11 @@ def map(
     scheduler: Scheduler = None,
     assembly: Assembly = None,
 ) -> None:
-    """Map stiffness, deflection or dexterity over joint variables or over positions of the TCP.
+    """Map stiffness, deflection or dexterity over poses.
 
-    Poses that cannot be taken (limits, open loops, out of reach, another configuration) are NaN with
-    a reason. Undeformed geometry, base frame, SI.
+    Over joint variables or over positions of the TCP. Poses that cannot be taken (limits, open
+    loops, out of reach, another configuration) are NaN with a reason. Undeformed geometry, base
+    frame, SI.
 
     With --out every finished chunk is kept in OUT.parts until the map is written: the same command
     goes on where a kill, a full disk or Ctrl-C stopped it. Processes and interruptions change no bit.

@@ -32,7 +32,7 @@ def plan(
     seed: int = option("N", "Seed of these poses.", 0),
     assembly: Assembly = None,
 ) -> None:
-    """Plan which poses and loads to measure, to find the stiffness as well as possible.
+    """Plan which poses and loads determine the stiffness best.
 
     The tests are chosen, optimal by a criterion, from all loads in random poses within the joint
     limits whose loops close. The robot's present stiffness is taken as expected. Forces and

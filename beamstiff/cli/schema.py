@@ -6,10 +6,13 @@ from beamstiff.cli.output import Outputs
 
 
 def schema() -> None:
-    """Print the JSON Schema of robot files, with which editors complete keys and mark wrong ones.
+    """Print the JSON Schema of robot files, for editors.
 
-    Where an editor knows YAML schemas, the first line of a robot file names it:
-    # yaml-language-server: $schema=robot.schema.json
+    With it editors complete keys and mark wrong ones. Where an editor knows YAML schemas, the first
+    line of a robot file names it:
+
+    \b
+      # yaml-language-server: $schema=robot.schema.json
 
     \b
     Example:

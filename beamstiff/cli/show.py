@@ -8,7 +8,7 @@ import typer
 
 from beamstiff.cli.options import Assembly, option, robot_file, robots_beginning
 from beamstiff.cli.output import Outputs, note, working
-from beamstiff.errors import BeamstiffError
+from beamstiff.errors import BeamstiffError, listed
 
 MOST_SAMPLES = 100_000
 
@@ -18,7 +18,7 @@ def show(
         str | None,
         typer.Argument(
             metavar="ROBOT",
-            help="YAML file, or the name of a bundled robot; without it these are listed.",
+            help="YAML, URDF or SDF file, or the name of a bundled robot; without it these are listed.",
             autocompletion=robots_beginning,
         ),
     ] = None,
@@ -26,14 +26,15 @@ def show(
     samples: int = option("N", "Postures sampled for the reach of the TCP.", 1000),
     seed: int = option("N", "Seed of the sampled postures.", 0),
 ) -> None:
-    """Show what a robot file means: variables, frames, loops, nodes, stiffness, mass and reach.
+    """Show what a robot file means, and the robot's reach.
 
-    Positions are in the base frame. The reach is that of postures drawn evenly within the limits of
-    the actuated variables (turning joints without limits: -180 to 180 deg), as far as their loops
-    close. Mass, unknowns and condition hold for the reference posture: the middle of the limits, or
-    the first sample that closes. Ways to put closed loops together (assemblies) are listed with their
-    names, the one taken marked; --assembly takes another, as does `assembly:` in the robot file.
-    A file that is wrong is refused with the line and the reason.
+    Variables, frames, loops, nodes, stiffness, mass and reach of the TCP. Positions are in the base
+    frame. The reach is that of postures drawn evenly within the limits of the actuated variables
+    (turning joints without limits: -180 to 180 deg), as far as their loops close. Mass, unknowns
+    and condition hold for the reference posture: the middle of the limits, or the first sample that
+    closes. Ways to put closed loops together (assemblies) are listed with their names, the one
+    taken marked; --assembly takes another, as does `assembly:` in the robot file. A file that is
+    wrong is refused with the line and the reason.
 
     \b
     Examples:
@@ -53,6 +54,7 @@ def show(
     from beamstiff.report.overview_tables import overview_tables
     from beamstiff.report.tables import spaced
     from beamstiff.robot.doubts import robot_doubts
+    from beamstiff.robot.stiffness import missing_stiffness
 
     if not 1 <= samples <= MOST_SAMPLES:
         raise BeamstiffError(f"--samples: found {samples}, expected 1 to {MOST_SAMPLES}")
@@ -62,6 +64,11 @@ def show(
     outputs = Outputs([robot_file(robot)])
     for doubt in robot_doubts(description):
         note(doubt)
+    if missing := missing_stiffness(description):
+        note(
+            f"no compliance: the joints {listed(missing, 12)} are rigid; give them a stiffness (of a URDF: "
+            "beamstiff convert IN --joint-stiffness '1e6 N*m/rad' --out OUT)"
+        )
     with working("sampling the reach"):
         facts = describe(description, samples, seed)
     told = list(spaced(overview_tables(facts)))

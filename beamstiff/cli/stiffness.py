@@ -29,13 +29,14 @@ def stiffness(
     ),
     assembly: Assembly = None,
 ) -> None:
-    """Print the 6 x 6 stiffness and compliance at the TCP in one posture.
+    """Print the 6 x 6 stiffness and compliance at the TCP.
 
-    Stiffness K: wrench = K displacement, compliance C = K^-1: displacement = C wrench. Base frame,
-    wrench [f, m] and displacement [d, r] at the TCP, SI. Undeformed geometry, without gravity. A
-    mechanism is refused and its free motion named. A TCP that is rigid in some direction, such as
-    that of an arm with drive springs only in a singular posture, has a compliance but no stiffness:
-    the rigid directions are named, and --json, which holds both matrices, is refused.
+    In one posture. Stiffness K: wrench = K displacement, compliance C = K^-1: displacement = C
+    wrench. Base frame, wrench [f, m] and displacement [d, r] at the TCP, SI. Undeformed geometry,
+    without gravity. A mechanism is refused and its free motion named. A TCP that is rigid in some
+    direction, such as that of an arm with drive springs only in a singular posture, has a
+    compliance but no stiffness: the rigid directions are named, and --json, which holds both
+    matrices, is refused.
 
     --preload gives the tangent stiffness of the loaded machine instead, for a small wrench on top
     of what loads it: gravity and payload always, and --wrench. It adds the geometric stiffness K_C
@@ -71,10 +72,12 @@ def stiffness(
 @contextmanager
 def _hint_at_q(robot: Robot, values: Mapping[str, float]) -> Iterator[None]:
     """Say of a posture that is refused where it comes from, if nobody chose it."""
+    from beamstiff.robot.stiffness import missing_stiffness
+
     try:
         yield
     except BeamstiffError as error:
-        if isinstance(error, OptionError) or values or not robot.actuated:
+        if isinstance(error, OptionError) or values or not robot.actuated or missing_stiffness(robot):
             raise
         names = ",".join(f"{item.name}=..." for item in robot.actuated[:6])
         raise BeamstiffError(

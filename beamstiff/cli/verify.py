@@ -20,10 +20,11 @@ def verify(
     max_gap: str | None = option("LENGTH", "Exit with 3 where a larger gap is left: 0.2mm."),
     assembly: Assembly = None,
 ) -> None:
-    """Compare a robot, without and with its effects, with rows that were not fitted.
+    """Check a robot with its effects on fresh measurements.
 
-    Rows are displacements or absolute positions. The effects are those that `diagnose --apply` wrote;
-    each is added in turn. `promised` is the share of the gap that they closed on held-out postures when
+    Compares the robot, without and with its effects, with rows that were not fitted. Rows are
+    displacements or absolute positions. The effects are those that `diagnose --apply` wrote; each
+    is added in turn. `promised` is the share of the gap that they closed on held-out postures when
     they were found, `true` the share that they close here.
 
     \b

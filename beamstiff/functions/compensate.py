@@ -164,8 +164,8 @@ def _unproven(result: Compensated, machine: Machine) -> list[str]:
     for effect, parts in machine.unproven(result.correction.q[result.known]).items():
         shown = ", ".join(f"{name} {1e3 * size:.2g} mm" for name, size in parts.items())
         said.append(
-            f"the correction takes {effect} to move the unloaded tool already ({shown}): displacements, "
-            "loaded minus unloaded, do not fix that part, absolute positions do; check a target, or teach "
-            "the targets and correct what the load does alone (--taught)"
+            f"part of the correction assumes that {effect} moves the unloaded tool too ({shown}): "
+            "displacements, loaded minus unloaded, cannot confirm that part, absolute positions can; check a "
+            "target, or teach the targets and correct only what the load does (--taught)"
         )
     return said

@@ -228,7 +228,9 @@ def _parameter(
         return Parameter(name, unit, None, None, False, lower_bound=max(bounds, default=0.0), reason=reason)
     relative = float(np.sqrt(variance))
     if not np.isfinite(relative):
-        return Parameter(name, unit, None, None, False, lower_bound=0.0, reason="these data do not tell it")
+        return Parameter(
+            name, unit, None, None, False, lower_bound=0.0, reason="these data do not determine it"
+        )
     low, high = spread.stiffness_interval(value, direction, relative)
     if np.isinf(high):
         reason = "these data do not bound it from above: rigid would fit nearly as well"

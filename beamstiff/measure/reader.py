@@ -119,7 +119,11 @@ def parse_measurements(
 
     measured = stack(MEASURED[kind], np.nan)
     if require_measured and np.isnan(measured).all():
-        raw.fail_in_row(0, "", "found no measured value here and below, expected at least one")
+        raw.fail_in_row(
+            0,
+            "",
+            f"found no measured value from here on, expected some: fill in {' '.join(MEASURED[kind][:3])}",
+        )
     if kind == "absolute":
         measured[:, 3:] = _orientation(measured[:, 3:], choices["orientation"], raw)
     actuated = [variable.name for variable in robot.actuated]

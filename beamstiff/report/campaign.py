@@ -25,7 +25,7 @@ HARDLY = 0.5  # a relative standard error above this bounds a stiffness hardly a
 def campaign_table(plan: MeasurementPlan) -> Table:
     """Return a table: every parameter with its present value and the standard error to expect."""
     campaign, robot = plan.campaign, plan.robot
-    title = f"{robot.name}: expected of {counted(len(campaign.tests), 'test')}"
+    title = f"{robot.name}: expected from {counted(len(campaign.tests), 'test')}"
     columns = ("parameter", "present value", "expected std", "std/value")
     result = table(title, *columns, Column("unit", left=True))
     for name, error in campaign.design.standard_errors.items():
@@ -45,7 +45,10 @@ def campaign_text(plan: MeasurementPlan) -> str:
         why = "; ".join(f"{name} {reason}" for name, reason in left_out.items())
         lines.append(f"Cannot be identified: {why}. Add other loads, moments or measured rotations.")
     if hardly := [name for name, error in design.standard_errors.items() if error > HARDLY]:
-        lines.append(f"Hardly bounded: {listed(hardly)}. Load more, measure better or make more tests.")
+        lines.append(
+            f"Poorly determined (expected std above {percent(HARDLY)} of the value): {listed(hardly)}. "
+            "Load more, measure better or make more tests."
+        )
     made, chosen = counted(len(campaign.tests), "test"), counted(count, unit)
     share = np.floor(1000 * design.efficiency) / 10
     lines.append(
@@ -61,7 +64,7 @@ def campaign_text(plan: MeasurementPlan) -> str:
         f"{percent(error)} {size if size < MOST_TESTS else f'> {MOST_TESTS}'}" for error, size in needed
     )
     lines.append(
-        f"How many are enough: from {counted(enough.knee, unit)} on{fewer}, more of them only average the "
+        f"How many are enough: {counted(enough.knee, unit)}{fewer}; more of them only average the "
         f"noise. {unit.capitalize()}s for a worst standard error, about: {sizes}."
     )
     return "\n".join(lines)

@@ -77,7 +77,7 @@ def compensation_text(result: Compensated) -> str:
     targets = counted(int(known.sum()), "target")
     text = (
         f"Predicted error of the tool at {targets}: RMS {_seen(before.rms_mm)} mm, "
-        f"at most {_seen(before.max_mm)} mm and {_seen(before.max_deg)} deg; with the commands as written "
+        f"at most {_seen(before.max_mm)} mm and {_seen(before.max_deg)} deg; with the corrected commands "
         f"RMS {_seen(after.rms_mm)} mm, at most {_seen(after.max_mm)} mm and {_seen(after.max_deg)} deg"
     )
     if before.rms_mm > NOTHING:

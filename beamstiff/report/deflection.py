@@ -47,7 +47,7 @@ def _positions_table(found: Prediction, pose: Array) -> Table:
     columns = [f"{axis} [mm]" for axis in "xyz"]
     sag = [f"{name} [mm]" for name in DISPLACEMENT[:3]]
     title = (
-        f"{found.robot.name}: predicted position, base frame, and how far it is off the undeformed machine"
+        f"{found.robot.name}: predicted position, base frame, and displacement from the undeformed machine"
     )
     result = table(title, "line", *columns, *sag, *(f"measured {columns[at]}" for at in compared))
     placed, moved, seen = 1e3 * pose[:, :3], 1e3 * without_rounding(found.displacement), 1e3 * rows.position

@@ -49,7 +49,7 @@ def diagnosis_tables(result: Diagnosis) -> Iterator[RenderableType]:
         yield sizes
     if result.verdict.effect != "none":
         places = result.where.get("components", [])[:SHOWN]
-        yield places_table(places, "Where: share of the explainable gap that a place could make")
+        yield places_table(places, "Where: share of the explainable gap that each place could account for")
     for key in PARTS_OF_GAP:
         if found := result.where.get(key):
             yield gap_table(found, f"Position gap by {key}, RMS", key)
@@ -125,7 +125,7 @@ def sizes_table(result: Diagnosis, title: str) -> Table:
 
 
 def places_table(places: Sequence[Mapping[str, Any]], title: str) -> Table:
-    """Return the share of the explainable gap that each place could make."""
+    """Return the share of the explainable gap that each place could account for."""
     made = table(title, "place", Column("share", only="console"), Column("share", only="page"), "90 %")
     for item in places:
         share = item["share"]

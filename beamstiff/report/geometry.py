@@ -83,7 +83,9 @@ def dependent_table(found: Calibration) -> Table | None:
     for name in usual:
         result.add_row(name, combination_text(name, seen.dependent[name], units))
     if more := len(seen.dependent) - len(usual):
-        result.add_row("...", f"{more} more that a frame hardly needs (b, gamma, theta, beta)")
+        result.add_row(
+            "...", f"{more} more (b, gamma, theta, beta of frames): other parameters of frames do the same"
+        )
     return result
 
 
@@ -103,8 +105,8 @@ def calibration_text(found: Calibration) -> list[str]:
     seen = found.observability
     lines = [
         f"{len(seen.identified)} of {counted(len(seen.names), 'parameter')} are estimated; "
-        f"{len(seen.dependent)} are indistinguishable from others, {len(seen.silent)} change no measured "
-        f"value. Condition number {seen.condition:.3g}."
+        f"{len(seen.dependent)} are indistinguishable from others, {len(seen.silent)} without influence on "
+        f"the readings. Condition number {seen.condition:.3g}."
     ]
     stated = "stated noise" if found.claimed else "usual noise (none is stated)"
     lines.append(f"The residual is {found.noise:.2g} times the {stated}. {found.method}: {found.message}.")

@@ -154,13 +154,16 @@ def identification_text(found: Identification, measured: Measurements, folds: in
 
 def method_text(found: Identification) -> str:
     """Return a sentence: which method, how many evaluations, why it stopped."""
-    return f"{found.method}, {counted(found.evaluations, 'evaluation')}: {found.message.rstrip('.')}."
+    why = found.message.rstrip(".")
+    if "termination condition" in why:  # scipy names the tolerance that was met
+        why = "converged"
+    return f"{found.method}, {counted(found.evaluations, 'evaluation')}: {why}."
 
 
 def _against_noise(ratio: float, measured: Measurements) -> str:
     sigma = measured.sigma_position
     if sigma is not None:
-        noise = f"the stated noise ({1e3 * sigma:.3g} mm)"
+        noise = f"the stated noise ({1e3 * sigma:.3g} mm per axis)"
     elif np.isfinite(measured.sigma[measured.measured_mask]).any():
         noise = "the stated noise"  # of rows, files or rotations
     else:

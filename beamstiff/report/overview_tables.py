@@ -159,5 +159,11 @@ def _summary_rows(facts: dict[str, Any]) -> Iterator[list[str]]:
     ends = zip("xyz", millimetres(reach["lower"]), millimetres(reach["upper"]), strict=True)
     yield ["reach of the TCP", ", ".join(f"{axis} {low} to {high}" for axis, low, high in ends) + " mm"]
     yield ["", f"farthest from the base: {millimetres([reach['farthest']])[0]} mm"]
-    yield ["", f"{reach['closing']} of {reach['samples']} sampled postures close (seed {reach['seed']})"]
-    yield ["identify", ", ".join(facts["identify"]) or "nothing listed"]
+    sampled = f"{reach['samples']} sampled postures"
+    if facts["loops"]:
+        sampled = f"the {reach['closing']} of {sampled} whose loops close"
+    yield ["", f"over {sampled} (seed {reach['seed']})"]
+    yield [
+        "identify",
+        ", ".join(facts["identify"]) or "nothing listed: name stiffness values with --parameters",
+    ]

@@ -67,6 +67,14 @@ def test_a_urdf_without_stiffness_says_which_joints_need_one(refused: Refused, c
 
 
 @pytest.mark.usefixtures("urdf")
+def test_a_rigid_robot_is_shown_with_a_note_and_its_posture_is_not_blamed(run: Run) -> None:
+    shown = run("show", "crane.urdf")
+    assert shown.exit_code == 0
+    assert "note: no compliance: the joints q1 are rigid" in shown.stderr
+    assert "--q" not in run("stiffness", "crane.urdf").stderr
+
+
+@pytest.mark.usefixtures("urdf")
 def test_json_says_what_was_written(told: Run) -> None:
     answer = told("convert", "crane.urdf", "--out", "crane2.yaml")
     assert answer["variables"] == ["q1"]
@@ -148,5 +156,13 @@ def test_stiffness_goes_to_the_joints_that_have_none_and_fit_its_unit() -> None:
     assert new.parameter("base-yaw.torsional") == 5e5
     assert new.parameter("grip.torsional") == 1e6
     assert new.parameter("lift.axial") == 2e8
+
+
+def test_a_value_for_one_joint_wins_over_that_for_all_in_any_order() -> None:
+    robot = parse_urdf(EVERYTHING, tcp="jaw_a")
+    texts = ["base-yaw=5e5 N*m/rad", "1e6 N*m/rad"]
+    for given in (texts, texts[::-1]):
+        new = with_joint_stiffness(robot, given)
+        assert (new.parameter("base-yaw.torsional"), new.parameter("grip.torsional")) == (5e5, 1e6)
     with pytest.raises(BeamstiffError, match="N/m"):
         with_joint_stiffness(robot, ["1 N"])

@@ -74,8 +74,8 @@ def test_what_is_not_bounded_shows_its_lower_bound_and_no_value(robot: Robot) ->
 @pytest.mark.parametrize(
     ("chi_square", "sigma", "says"),
     [
-        (1.0, 35e-6, "1.00 times the stated noise (0.035 mm): noise explains it"),
-        (13.69, 35e-6, "3.7 times the stated noise (0.035 mm): the model is incomplete"),
+        (1.0, 35e-6, "1.00 times the stated noise (0.035 mm per axis): noise explains it"),
+        (13.69, 35e-6, "3.7 times the stated noise (0.035 mm per axis): the model is incomplete"),
         (1.0, None, "states no sigma_position"),
     ],
 )
@@ -153,7 +153,7 @@ def test_rows_that_scatter_far_less_than_is_stated_are_no_proof_of_the_model() -
     q = np.zeros((12, 1))
     rows = make_measurements(["q1"], q, tcp="b", displacement=np.zeros((12, 3)), sigma_position=0.02)
     text = identification_text(replace(FOUND, chi_square=2.5e-5), rows)
-    assert "0.005 times the stated noise (20 mm): the rows scatter far less than stated" in text
+    assert "0.005 times the stated noise (20 mm per axis): the rows scatter far less than stated" in text
     assert "noise explains it" not in text
 
 

@@ -5,7 +5,7 @@ from rich.console import Console
 
 from beamstiff.report.tables import small, table
 
-TITLE = "Where: share of the explainable gap that a place could make"
+TITLE = "Where: share of the explainable gap that each place could account for"
 
 
 def printed(width: int) -> list[str]:

@@ -152,7 +152,7 @@ class Models(Shown):
 
 
 def _rigid(robot: Robot, table: Measurements, options: Options) -> Fitted:  # noqa: ARG001
-    return Fitted(RigidModel(), "rigid")
+    return Fitted(RigidModel(), "no compliance at all")
 
 
 def _nominal(robot: Robot, table: Measurements, options: Options) -> Fitted:  # noqa: ARG001
@@ -165,7 +165,7 @@ def _parametric(robot: Robot, table: Measurements, options: Options) -> Fitted:
     count = len(found.parameters)
     said = f"{count - len(unknown)} of {count} stiffness values known"
     if unknown:
-        said += f"; the rows fitted do not tell {listed(unknown, 6)}"
+        said += f"; the fitted rows do not determine {listed(unknown, 6)}"
     return Fitted(StructuralModel(found.robot), said)
 
 

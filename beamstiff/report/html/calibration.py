@@ -223,7 +223,7 @@ def _untold(found: Calibration) -> Iterator[Section]:
             "distinguish them."
         )
     if seen.silent:
-        texts.append(f"These change no measured value: {listed(seen.silent, 40)}.")
+        texts.append(f"Without influence on the readings: {listed(seen.silent, 40)}.")
     told = dependent_table(found)
     tables = [] if told is None else [told]
     yield Section("untold", "Not identifiable", texts, tables=tables)

@@ -129,8 +129,8 @@ def _view(result: Compensated, robot: Robot, some: Array) -> StillView | None:
         open=False,
     )
     caption = (
-        "The tool's path in the base frame: as meant, as predicted without compensation, as "
-        "predicted with the commands as written, and the commands. Deviations are magnified."
+        "The tool's path in the base frame: as programmed, as predicted without compensation, as "
+        "predicted with the corrected commands, and these commands. Deviations are magnified."
     )
     return still_view(robot, postures, deviations, "Magnification of the deviations", caption, table)
 

@@ -173,7 +173,7 @@ def _where(result: Diagnosis) -> Section:
             tickformat=".0%",
         )
         table = places_table(places, "The places")
-        caption = "Share of the explainable gap that each place could make, with its 90 % interval."
+        caption = "Share of the explainable gap that each place could account for, with its 90 % interval."
         figures.append(Figure("where", "Where on the robot", caption, traces, layout, table))
     parts = [(PARTS_OF_GAP[key], key, result.where.get(key)) for key in PARTS_OF_GAP]
     for name, values in result.where.get("joints", {}).items():
