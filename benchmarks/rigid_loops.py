@@ -1,11 +1,11 @@
 """Drives of a rigid four-bar and of its elastic twin: `python -m benchmarks.rigid_loops --cases 100`.
 
 The IR-663 with rigid links and bearings, whose loop leaves the reactions across its plane undetermined, and
-its twin whose links and bearings are a thousand times as stiff as the robot file has them. Both machines get
-the same effect at a drive, or none, of a size drawn to leave 1.2 to 6 times the noise, and are measured in
-the same campaign with the same noise by the exam's simulator, which shares no equations with the diagnosis;
-each is diagnosed by its own model. What to measure next takes half the time, bears on no verdict and is
-left out.
+its twin whose links and bearings are a thousand times as stiff as the robot file has them. Rigid links have
+their weight too, half of it at either end, for laws of the torque count with it. Both machines get the same
+effect at a drive, or none, of a size drawn to leave 1.2 to 6 times the noise, and are measured in the same
+campaign with the same noise by the exam's simulator, which shares no equations with the diagnosis; each is
+diagnosed by its own model. What to measure next takes half the time, bears on no verdict and is left out.
 """
 
 from __future__ import annotations
@@ -27,7 +27,9 @@ from beamstiff.exam.record import Answer, answer_of
 from beamstiff.exam.simulate import draw_stiffness, simulate
 from beamstiff.exam.sizes import sized
 from beamstiff.robot.fields import RIGID
-from beamstiff.robot.parts import Rigid
+from beamstiff.robot.kinematics import compile_kinematics, posture
+from beamstiff.robot.parts import Mass, Rigid
+from beamstiff.robot.sections import section_properties
 
 DRIVES = ("J12.torsional", "J18.torsional")
 STIFFER = 1e3  # links and bearings of the twin over those of the robot file
@@ -41,7 +43,25 @@ def rigid_four_bar() -> Robot:
     robot = load_robot("ir663")
     held = robot.with_parameters({f"{joint.name}.radial": RIGID for joint in robot.joints})
     links = tuple(Rigid(name=beam.name, nodes=beam.nodes) for beam in robot.beams)
-    return held.model_copy(update={"beams": (), "rigids": links, "identify": DRIVES})
+    return held.model_copy(
+        update={"beams": (), "rigids": links, "masses": (*robot.masses, *_weights(robot)), "identify": DRIVES}
+    )
+
+
+def _weights(robot: Robot) -> list[Mass]:
+    """Return half the mass of every beam at either end: statically the same as along a rigid link."""
+    kinematics = compile_kinematics(robot)
+    middle = [[np.mean(one.limits or (0.0, 0.0)) for one in robot.actuated]]
+    position = posture(kinematics, middle).node_positions[0]
+    found = []
+    for beam in robot.beams:
+        a, b = (position[kinematics.node_index[name]] for name in beam.nodes)
+        per_length = (
+            robot.materials[beam.material].density * section_properties(robot.sections[beam.section]).A
+        )
+        half = 0.5 * float(per_length * np.linalg.norm(b - a))
+        found += [Mass(node=name, mass=half) for name in beam.nodes]
+    return found
 
 
 def elastic_twin(stiffer: float = STIFFER) -> Robot:
@@ -51,7 +71,7 @@ def elastic_twin(stiffer: float = STIFFER) -> Robot:
         name: stiffer * robot.parameter(name) for name in (f"{joint.name}.radial" for joint in robot.joints)
     }
     materials = {
-        name: one.model_copy(update={"E": stiffer * one.E, "G": STIFFER * one.G})
+        name: one.model_copy(update={"E": stiffer * one.E, "G": stiffer * one.G})
         for name, one in robot.materials.items()
     }
     return robot.with_parameters(stiff).model_copy(update={"materials": materials, "identify": DRIVES})

@@ -4,7 +4,8 @@ A linear drive (ball screw, cylinder, tie rod) between points at distances a and
 lever ``h = a b sin(phi) / L``, ``L^2 = a^2 + b^2 - 2 a b cos(phi)``; its stiffness k_s gives
 ``k = k_s h^2`` about the axis, so the compliance follows 1/h^2 (seed 003, eqs 45 to 47). A screw that gives
 way by its free length besides (``(L - fixed)/EA``, see `Strut`) follows (L - fixed)/h^2: `any crank` holds
-those laws too.
+those laws too. Where the model has the screw itself, as a strut or a prismatic joint, its lever is known and
+its compliance grows with its free length (`free_length`).
 """
 
 from __future__ import annotations
@@ -14,8 +15,16 @@ from functools import lru_cache
 
 import numpy as np
 
-from beamstiff.diagnosis.effects.drive_stiffness import FINE, PHASES, Following, angle_scales, scaled_torque
-from beamstiff.diagnosis.effects.effect import Effect, Quantity, Shape
+from beamstiff.diagnosis.effects.drive_stiffness import (
+    FINE,
+    PHASES,
+    Following,
+    angle_scales,
+    scaled_torque,
+    values_fitted,
+)
+from beamstiff.diagnosis.effects.effect import Effect, Normalisation, Quantity, Shape
+from beamstiff.diagnosis.effects.free_length import of_slide, of_struts, screws
 from beamstiff.diagnosis.effects.torque_laws import axis_at, drive_compliance, drives, unit_of
 from beamstiff.diagnosis.residual.baseline import Baseline
 
@@ -35,6 +44,12 @@ Crank = tuple[float, float, float, float]  # ratio, phase, gear, mean square lev
 
 
 def _components(baseline: Baseline) -> list[str | None]:
+    """Return the drives whose range a rod, or a linkage, can serve, or all of them, and the screws."""
+    found = _drives(baseline)
+    return [*found, *(name for name in screws(baseline) if name not in found)]
+
+
+def _drives(baseline: Baseline) -> list[str | None]:
     """Return the drives whose range a rod, or a linkage, can serve; all of them where there is none."""
     limits = {variable.name: variable.limits for variable in baseline.nominal.variables}
     found = drives(baseline)
@@ -50,9 +65,15 @@ def _components(baseline: Baseline) -> list[str | None]:
 
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
+    screw = screws(baseline).get(str(component))
+    own = [] if screw is None else [of_struts(baseline, str(component), screw)]
+    if component not in drives(baseline):
+        return own
     axis = axis_at(baseline, str(component))
-    if axis.joint.variable is None or not axis.turns:
-        return []
+    if axis.joint.variable is None:
+        return own
+    if not axis.turns:
+        return own or [of_slide(baseline, axis)]
     follow = Following(baseline, axis.joint.variable)
     compliance = drive_compliance(axis)
     unit = f"{unit_of(axis)}/(N*m)"
@@ -105,6 +126,12 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     ]
 
 
+def _scales(baseline: Baseline, component: str | None) -> Normalisation:
+    if component in drives(baseline):
+        return angle_scales(baseline, component)
+    return values_fitted(baseline, str(component))
+
+
 def _possible(
     follow: Following, ratios: Sequence[float], phases: np.ndarray, gears: Sequence[float], least: float
 ) -> list[Crank]:
@@ -136,5 +163,5 @@ EFFECT = Effect(
     separation="the same torque at four angles of this joint; the drive's geometry from its drawing",
     look_alikes=("gravity-compensator", "tool-compliance"),
     sources="stiffness x1.2 to 3 over the stroke, engineering estimate",
-    scales=angle_scales,
+    scales=_scales,
 )

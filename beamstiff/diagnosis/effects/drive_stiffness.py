@@ -34,8 +34,11 @@ def fitted_angles(baseline: Baseline, variable: str) -> tuple[Array, Array]:
 def angle_scales(baseline: Baseline, component: str | None) -> Normalisation:
     """Return the scales of effects that follow the angle: what of them varied over the rows fitted."""
     variable = axis_at(baseline, str(component)).joint.variable
-    if variable is None:
-        return {}
+    return {} if variable is None else values_fitted(baseline, variable)
+
+
+def values_fitted(baseline: Baseline, variable: str) -> Normalisation:
+    """Return the scales of effects that follow a variable: its values in the rows fitted, rows of each."""
     angles, counts = fitted_angles(baseline, variable)
     return {"angles": tuple(angles.tolist()), "counts": tuple(counts.tolist())}
 
