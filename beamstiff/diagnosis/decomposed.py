@@ -17,7 +17,7 @@ from beamstiff.diagnosis.decomposition.plain import parameters_of
 from beamstiff.diagnosis.decomposition.selection import build_choice, select
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.held_out.prediction import HeldOutError
-from beamstiff.diagnosis.inference.library import Untestable
+from beamstiff.diagnosis.inference.library import Untestable, nowhere
 from beamstiff.diagnosis.next_measurement.between_causes import propose_between
 from beamstiff.diagnosis.next_measurement.test_plan import as_plain
 from beamstiff.diagnosis.residual.baseline import fit_baseline
@@ -191,4 +191,4 @@ def _hidden(found: Decomposition) -> Iterator[Untestable]:
     baseline = found.model.baseline
     for effect in EFFECTS.values():
         if effect.name != "outliers" and not effect.components(baseline):
-            yield Untestable(effect.name, None, "these rows, or this robot, have no component for it")
+            yield Untestable(effect.name, None, nowhere(effect.name, baseline))

@@ -107,7 +107,7 @@ def build_library(baseline: Baseline, white: Whitened, without: Sequence[str] = 
     for effect in known:
         components = [c for c in effect.components(baseline) if key_of(effect.name, c) not in others]
         if not components:
-            untestable.append(Untestable(effect.name, None, _nowhere(effect.name, baseline)))
+            untestable.append(Untestable(effect.name, None, nowhere(effect.name, baseline)))
         for component in components:
             shapes = effect.shapes(baseline, component)
             if why := next((held[place] for place in effect.places(component) if place in held), ""):
@@ -186,9 +186,12 @@ def _hidden(hypotheses: Sequence[Hypothesis], white: Whitened) -> str:
     return ""
 
 
-def _nowhere(effect: str, baseline: Baseline) -> str:
-    if effect == "payload-error":
+def nowhere(effect: str, baseline: Baseline) -> str:
+    """Return why an effect has no component under these rows."""
+    if effect in ("payload-error", *DECOMPOSED) and not baseline.absolute:
         return "displacements do not depend on it: look at absolute positions"
+    if effect == "angle-curve":
+        return "no joint visited enough different angles"
     if effect == "thermal-drift":
         if np.isfinite(baseline.rows.time).any() or np.isfinite(baseline.rows.temperature).any():
             return "time and temperature are the same in all rows that have them"
