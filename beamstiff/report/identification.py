@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from math import inf, sqrt
 
@@ -18,6 +19,8 @@ from beamstiff.robot.fields import stiffness_text
 BEYOND_NOISE = 1.5
 BELOW_NOISE = 0.5
 ENOUGH_ROWS = 12
+# scipy names the tolerance that was met
+TOLERANCE_MET = r"(Both )?`\w+`( and `\w+`)? termination conditions? (is|are) satisfied"
 ACTS = {
     "series": "act in series",
     "parallel": "act in parallel",
@@ -154,9 +157,11 @@ def identification_text(found: Identification, measured: Measurements, folds: in
 
 def method_text(found: Identification) -> str:
     """Return a sentence: which method, how many evaluations, why it stopped."""
-    why = found.message.rstrip(".")
-    if "termination condition" in why:  # scipy names the tolerance that was met
-        why = "converged"
+    # scipy names the tolerance that was met
+    why = re.sub(
+        r"(Both )?`\w+`( and `\w+`)? termination conditions? (is|are) satisfied", "converged", found.message
+    )
+    why = why.replace(".;", ";").rstrip(".")
     return f"{found.method}, {counted(found.evaluations, 'evaluation')}: {why}."
 
 

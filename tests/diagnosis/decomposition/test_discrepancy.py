@@ -13,7 +13,7 @@ from beamstiff.se3 import Array
 from tests.diagnosis.decomposition.test_selection import choice_of, form
 
 VALUES, OTHERS = 120, 12
-EFFECTS = ("backlash", "hardening", "hysteresis", "angle-curve", "approach-direction", "link-bending")
+EFFECTS = ("backlash", "hardening", "hysteresis", "angle-curve", "approach-direction", "load-error")
 
 
 def forms(rng: np.random.Generator) -> list[Form]:
@@ -82,3 +82,12 @@ def test_what_it_is_not_distinguished_from_is_no_part_of_the_mixture() -> None:
     )
     assert with_twin < without - 20.0
     assert without > 50.0
+
+
+def test_whether_something_is_compliant_is_apart_from_which() -> None:
+    """A link that moves the tool as the drive does is no part of its mixture, whatever its name."""
+    rng = np.random.default_rng(3)
+    some = forms(rng)
+    some[1] = replace(some[1], effect="link-bending", component="link2", columns=some[0].columns)
+    residual = 3.0 * some[0].columns[:, 0] + rng.standard_normal(VALUES)
+    assert odds_of_the_first(residual, some) > 50.0
