@@ -20,7 +20,6 @@ from beamstiff.diagnosis.decomposition.selection import (
     Choice,
     Step,
     build_choice,
-    causes_of,
     fit_step,
     forms_in,
     gain,
@@ -270,7 +269,7 @@ def moved_by(model: OpenModel, chosen: Sequence[Form]) -> Array:
 def _told(folds: Folds, step: Step, seed: int) -> Decomposition:
     model, choice, least = folds.model, folds.choice, step.bic
     step = with_usual_name(choice, _kept(folds, step))
-    order, errors = ordered(folds, causes_of(choice, step))
+    order, errors = ordered(folds, _causes_of(choice, step))
     step = fit_step(choice, tuple(number for cause in order for number in cause))
     forms = list(forms_in(choice, step).values())
     noise2 = float((model.baseline.sigma[:, :3][model.used[:, :3]] ** 2).sum())
@@ -323,7 +322,7 @@ def _kept(folds: Folds, step: Step) -> Step:
     """
     choice = folds.choice
     while step.chosen:
-        causes = causes_of(choice, step)
+        causes = _causes_of(choice, step)
         errors = folds.squared_errors(step)
         fits = [fit_step(choice, [k for k in step.chosen if k not in cause]) for cause in causes]
         gains = [gain(folds.squared_errors(fit), errors) for fit in fits]
@@ -341,3 +340,11 @@ def _largest(errors: Sequence[Array]) -> float:
         return 1.0
     first, second = errors[0] - errors[1], errors[1] - errors[2]
     return float((resampled(first - second) > 0.0).mean())
+
+
+def _causes_of(choice: Choice, step: Step) -> list[tuple[int, ...]]:
+    """Return the forms of a fit by cause: those of one effect at one component belong together."""
+    found: dict[str, list[int]] = {}
+    for number in step.chosen:
+        found.setdefault(choice.forms[number].key, []).append(number)
+    return [tuple(numbers) for numbers in found.values()]

@@ -442,11 +442,3 @@ def _exchanged(choice: Choice, step: Step, held_out: HeldOut) -> Step | None:
                 best = other
                 break
     return None if best is step else best
-
-
-def causes_of(choice: Choice, step: Step) -> list[tuple[int, ...]]:
-    """Return the forms of a fit by cause: those of one effect at one component belong together."""
-    found: dict[str, list[int]] = {}
-    for number in step.chosen:
-        found.setdefault(choice.forms[number].key, []).append(number)
-    return [tuple(numbers) for numbers in found.values()]
