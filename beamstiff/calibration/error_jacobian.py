@@ -20,11 +20,11 @@ from beamstiff.calibration.parameters import AXES, TURNS, Parameter, base_names
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.closure import close_loops
-from beamstiff.robot.coupling import Coupling
 from beamstiff.robot.description import Robot
 from beamstiff.robot.frames import MOTIONS, Kinematics
 from beamstiff.robot.kinematics import Posture, compile_kinematics, pose_of, posture_at, twist_jacobian
 from beamstiff.robot.loops import rotation_vector_rate
+from beamstiff.robot.widened import widened
 from beamstiff.se3 import Array, rotation_from_vector
 
 Indices = NDArray[np.intp]
@@ -216,35 +216,3 @@ def build_geometry(
     poses, pose = np.unique(rows.q, axis=0, return_inverse=True)
     geometry = tuple(item for item in parameters if item.group != "compliance")
     return Geometry(robot, geometry, kinematics, rows, poses, pose.reshape(-1), stations)
-
-
-def widened(kinematics: Kinematics, parameters: Sequence[tuple[int, int]]) -> Kinematics:
-    """Return the kinematics with parameters (frame, motion) of its frames as actuated variables too.
-
-    They stand behind the actuated ones, and count from the present constants: their value is 0.
-    """
-    joined, extra = kinematics.coupling, len(parameters)
-    variables, free, actuated = *joined.matrix.shape, joined.actuated
-    matrix = np.zeros((variables + extra, free + extra))
-    matrix[:variables, :actuated] = joined.matrix[:, :actuated]
-    matrix[:variables, actuated + extra :] = joined.matrix[:, actuated:]
-    matrix[variables:, actuated : actuated + extra] = np.eye(extra)
-    coefficients = np.zeros((*kinematics.coefficients.shape[:2], variables + extra))
-    coefficients[:, :, :variables] = kinematics.coefficients
-    names = []
-    for at, (frame, motion) in enumerate(parameters):
-        coefficients[frame, motion, variables + at] = 1.0
-        names.append(f"{kinematics.frame_names[frame]}.{MOTIONS[motion][0]}")
-    shifts = [MOTIONS[motion][1] == "shift" for _, motion in parameters]
-    return replace(
-        kinematics,
-        coupling=Coupling(
-            names=(*joined.names, *names),
-            free=(*joined.free[:actuated], *names, *joined.free[actuated:]),
-            actuated=actuated + extra,
-            matrix=matrix,
-            offset=np.concatenate([joined.offset, np.zeros(extra)]),
-        ),
-        prismatic=np.concatenate([kinematics.prismatic, np.array(shifts, dtype=np.bool_)]),
-        coefficients=coefficients,
-    )

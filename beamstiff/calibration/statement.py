@@ -14,7 +14,7 @@ from beamstiff.calibration.elastic import (
     compliances_of,
     felt_names,
 )
-from beamstiff.calibration.error_jacobian import Geometry, build_geometry, widened
+from beamstiff.calibration.error_jacobian import Geometry, build_geometry
 from beamstiff.calibration.estimate import estimate
 from beamstiff.calibration.observability import NOTICED, Observability, observability
 from beamstiff.calibration.parameters import AXES, TURNS, base_names, choose_parameters, known_parameters
@@ -29,6 +29,7 @@ from beamstiff.robot.fields import FREE
 from beamstiff.robot.loops import loop_equations, loop_system
 from beamstiff.robot.newton import least_squares
 from beamstiff.robot.stiffness import stiffness_parameters
+from beamstiff.robot.widened import widened
 from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 
 

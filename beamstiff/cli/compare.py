@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import typer
+
 from beamstiff.cli.options import (
     Assembly,
     DataFiles,
@@ -14,9 +16,11 @@ from beamstiff.cli.options import (
     parse_names,
     parse_quantity,
     robot_file,
+    side_of,
 )
 from beamstiff.cli.output import Outputs, working
 from beamstiff.errors import BeamstiffError
+from beamstiff.outputs import write_output
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -43,10 +47,18 @@ def compare(
     cube: str | None = option(
         "LENGTH", "Side of the grid's cubes, with its unit: 300mm; default a third of the workspace."
     ),
+    separate: bool = typer.Option(
+        False,
+        "--separate",
+        help="As published: every cube by its own rows alone; sets of its own for every fuzzy term.",
+    ),
     seed: int = option("N", "Of all that is drawn at random.", 0),
     assembly: Assembly = None,
     figure: str | None = option("FILE", "Draw the errors over the workspace (.png, .svg or .pdf)."),
     rules: str | None = option("FILE", "Draw the fuzzy model's rule surface and membership functions."),
+    out: str | None = option(
+        "FILE", "Write the robot with the model that is best on held-out rows, as YAML."
+    ),
     html: Html = None,
 ) -> None:
     """Compare models of elasticity on held-out rows.
@@ -61,12 +73,15 @@ def compare(
     Examples:
       beamstiff compare robot.yaml data.csv --figure errors.png --html report.html
       beamstiff compare ir663 data.csv --fit-load 900N --rules rules.png
-      beamstiff compare kr500 data.csv --models parametric,grid --cube 300mm
+      beamstiff compare kr500 data.csv --models parametric,grid --cube 300mm --out real.yaml
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
+    from beamstiff.diagnosis.apply import written_std
     from beamstiff.functions.compare import compare as run
+    from beamstiff.functions.fitted import best_of, judged_notes, robot_with
     from beamstiff.functions.robots import as_robot
     from beamstiff.measure.coerce import as_tables
     from beamstiff.report.compare import loads_table, models_figure, models_table, models_text
+    from beamstiff.robot.yaml_edit import robot_yaml
 
     names = parse_names(models, "--models")
     side = None if cube is None else side_of(cube)
@@ -75,7 +90,7 @@ def compare(
         raise BeamstiffError("--rules: expected fuzzy among the models")
     machine = as_robot(robot, assembly=assembly)
     inputs: list[str | Path] = [robot_file(robot), *data]
-    outputs = Outputs(inputs, seed=seed, figure=figure, rules=rules, html=html)
+    outputs = Outputs(inputs, seed=seed, figure=figure, rules=rules, out=out, html=html)
     rows = as_tables(data, machine)
     count = "all" if names is None else len(names)
     with working(f"fitting {count} models to {sum(map(len, rows))} rows"):
@@ -88,25 +103,29 @@ def compare(
             fit_load=load,
             cube=side,
             seed=seed,
+            separate=separate,
         )
     tables = (
         models_table(found, f"{machine.name}: position error, RMS / max, mm"),
         loads_table(found, "Rows not fitted, by load: RMS / max, mm"),
     )
-    outputs.result(found.notes, [tables[0], "", tables[1], "", *models_text(found)], found.to_dict())
+    judged = judged_notes(found)
+    worse = [text for text in judged if "worse" in text]
+    outputs.result(
+        [*found.notes, *worse], [tables[0], "", tables[1], "", *models_text(found)], found.to_dict()
+    )
+    if out is not None:
+        best = best_of(found)
+        robot_found = robot_with(found, best)
+        error = 1e3 * (best.rms(~found.split.fitted) or 0.0)
+        what = f"model {best.name}, best on held-out rows ({error:.4f} mm RMS)"
+        sources = ", ".join(Path(path).name for path in data)
+        head = BeamstiffError(f"Fitted by beamstiff to {sources}: {what}.")
+        write_output(out, robot_yaml(robot_found, robot_file(robot), written_std(robot_found), f"# {head}\n"))
+        outputs.console.print(f"{out}: {what}.")
     outputs.draw("figure", lambda: models_figure(found, machine.name))
     outputs.draw("rules", lambda: _draw_rules(found, machine))
     outputs.page("comparison", found, machine)
-
-
-def side_of(text: str) -> float:
-    """Return the side of a cube, m, of a text with its unit."""
-    if text.replace(".", "", 1).strip().isdigit():
-        raise BeamstiffError(f"--cube: found {text!r}, expected a length with its unit, such as 300mm")
-    side = parse_quantity("--cube", text, "length")
-    if side <= 0:
-        raise BeamstiffError(f"--cube: found {text!r}, expected a length above 0")
-    return side
 
 
 def load_of(text: str) -> float:

@@ -20,6 +20,7 @@ from beamstiff.cli.options import (
     option,
     parse_names,
     robot_file,
+    side_of,
 )
 from beamstiff.cli.output import Outputs, progress, working
 from beamstiff.errors import BeamstiffError
@@ -75,6 +76,24 @@ def identify(
     scheduler: Scheduler = None,
     assembly: Assembly = None,
     out: str | None = option("FILE", "Write the robot with the identified stiffness as YAML."),
+    model: str | None = option(
+        "KIND",
+        "Fit a model of elasticity too (fuzzy, grid, gray-box, gaussian-process); --out holds it, and "
+        "deflect, map, diagnose, verify and compensate follow it.",
+    ),
+    cube: str | None = option(
+        "LENGTH", "With --model grid: side of the cubes, 300mm; default a third of the workspace."
+    ),
+    separate: bool = typer.Option(
+        False,
+        "--separate",
+        help="As published: every cube by its own rows alone; sets of its own for every fuzzy term.",
+    ),
+    positions: str | None = option(
+        "CSV",
+        "With --model grid: absolute positions of the unloaded TCP, for kinematic parameters of its own in "
+        "every cube.",
+    ),
     reduce: str | None = option(
         "FILE",
         "Write the reduced robot as YAML: springs identifiable only in combination become one, springs "
@@ -99,6 +118,7 @@ def identify(
       beamstiff identify ir663 examples/data/ir663_compliance_xx.csv
       beamstiff identify robot.yaml one.csv two.csv --parameters J1.torsional,J2.torsional \\
           --json found.json --out identified.yaml --figure fit.png
+      beamstiff identify kr500 data.csv --model grid --cube 300mm --out gridded.yaml
       beamstiff identify robot.yaml data.csv --method genetic --seed 3 --bound J1.radial=1e7:1e10
       beamstiff identify robot.yaml data.csv --method crs2 --searches 8 --processes 4
       beamstiff identify robot.yaml data.csv --loss huber --bootstrap 1000 --reduce small.yaml
@@ -128,7 +148,7 @@ def identify(
     }
     file = robot_file(robot)
     wanted: dict[str, Any] = {"out": out, "reduce": reduce, "figure": figure, "html": html}
-    outputs = Outputs([file, *data], seed=seed, **wanted)
+    outputs = Outputs([file, *data, *([positions] if positions else [])], seed=seed, **wanted)
     most = evaluations * searches
     with (
         working("identifying", still=True),
@@ -149,6 +169,10 @@ def identify(
             searches=searches,
             processes=processes,
             scheduler=scheduler,
+            model=model,
+            cube=None if cube is None else side_of(cube),
+            separate=separate,
+            positions=positions,
             progress=None if bar is None else lambda count, cost: bar(completed=count, cost=cost),
             **said,
         )

@@ -84,7 +84,7 @@ def map(
         --orientation b=90deg --out map.nc --processes 4
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
     from beamstiff.cli.variables import parse_variables, parse_wrench
-    from beamstiff.functions.checks import left_out
+    from beamstiff.functions.checks import left_out, model_note
     from beamstiff.functions.robots import as_robot
     from beamstiff.maps.dataset import check_target
     from beamstiff.maps.run import map_workspace
@@ -112,6 +112,8 @@ def map(
     if out is not None:
         check_target(out)
     for text in (*robot_doubts(description), *left_out(description.effects, "the map")):
+        note(text)
+    for text in model_note(description):
         note(text)
     told = provenance([file], 0, TYPED.get())
     attributes = {

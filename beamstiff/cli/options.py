@@ -185,3 +185,13 @@ def parse_region(text: str | None) -> tuple[tuple[float, float], ...] | None:
         if ends[axis][0] >= ends[axis][1]:
             raise BeamstiffError(f"--region: found {part.strip()!r}, expected the lower end first")
     return tuple(ends.values())
+
+
+def side_of(text: str) -> float:
+    """Return the side of a cube, m, of a text with its unit."""
+    if text.replace(".", "", 1).strip().isdigit():
+        raise BeamstiffError(f"--cube: found {text!r}, expected a length with its unit, such as 300mm")
+    side = parse_quantity("--cube", text, "length")
+    if side <= 0:
+        raise BeamstiffError(f"--cube: found {text!r}, expected a length above 0")
+    return side

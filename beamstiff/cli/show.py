@@ -72,6 +72,9 @@ def show(
     with working("sampling the reach"):
         facts = describe(description, samples, seed)
     told = list(spaced(overview_tables(facts)))
+    if (model := description.model) is not None:
+        springs = f", springs {listed(model.springs, 12)}" if model.springs else ""
+        told.append(f"Model of elasticity: {model.kind}, fitted to {model.source}{springs}.")
     for one in description.effects:
         sizes = ", ".join(f"{name} {value}" for name, value in one.parameters.items())
         told.append(f"Effect {effects_text([one])}, {one.shape}: {sizes}.")

@@ -32,6 +32,7 @@ def verify(
       beamstiff verify real.yaml fresh.csv
       beamstiff verify real.yaml fresh.csv --refit-frame --max-gap 0.2mm
     """  # noqa: D301
+    from beamstiff.diagnosis.verify import MODEL
     from beamstiff.functions.robots import as_robot
     from beamstiff.functions.verify import verify as run
     from beamstiff.units import in_unit
@@ -40,8 +41,11 @@ def verify(
     limit = None if max_gap is None else in_unit(max_gap, "m")
     with working("verifying"):
         found = run(as_robot(robot, assembly=assembly), data, refit_frame=refit_frame)
+    modelled = any(name.startswith(MODEL) for name, _, _ in found.causes)
     rows = table(f"Position error on {found.rows} rows, RMS", "robot", "error", "closes")
-    lines = [["without effects", f"{1e3 * found.before:.4f} mm", ""]]
+    lines = [
+        ["without model and effects" if modelled else "without effects", f"{1e3 * found.before:.4f} mm", ""]
+    ]
     lines += [
         [f"and {name}", f"{1e3 * after:.4f} mm", f"{closes:.0%}"] for name, after, closes in found.causes
     ]

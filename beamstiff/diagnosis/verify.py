@@ -15,6 +15,8 @@ from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 
+MODEL = "model:"  # before its kind, among the causes
+
 
 @dataclass(frozen=True)
 class Verification:
@@ -23,7 +25,7 @@ class Verification:
     Attributes
     ----------
     before, after : float
-        Without the robot's effects, and with them.
+        Without the robot's model and effects, and with them.
     noise : float
         What the stated noise alone makes; 0 where none is stated.
     promised : float or None
@@ -32,7 +34,8 @@ class Verification:
         Share of the explainable gap that they close here, at most 1; negative where they make it worse.
     rows : int
     causes : tuple of (str, float, float)
-        Effect and component, and the error with the effects up to this one; the share it closes.
+        Effect and component (first the model, ``model:grid``), the error with all up to this one, and the
+        share that it closes.
     notes : tuple of str
         What in the robot and the rows is hardly meant.
     """
@@ -99,13 +102,17 @@ def verify(robot: Robot, measurements: Measurements, *, refit_frame: bool = Fals
             f"{measurements.source}: found displacements, expected absolute positions (x y z) to refit the "
             "measuring frame"
         )
-    bare = robot.model_copy(update={"effects": ()})
+    bare = robot.model_copy(update={"effects": (), "model": None})
     keys = [f"{effect.effect}:{effect.component or 'null'}" for effect in robot.effects]
     causes = list(dict.fromkeys(keys))
     stages = [bare]
+    if robot.model is not None:
+        stages.append(bare.model_copy(update={"model": robot.model}))
     for key in causes:  # all shapes of a cause at once: only their sum is meant
         own = [effect for effect, of in zip(robot.effects, keys, strict=True) if of == key]
         stages.append(robot.model_copy(update={"effects": (*stages[-1].effects, *own)}))
+    if robot.model is not None:
+        causes.insert(0, f"{MODEL}{robot.model.kind}")
     errors = [_rms(_errors(bare, stage, measurements, refit_frame), used) for stage in stages]
     sigma = np.nan_to_num(measurements.sigma[:, :3])
     noise = float(np.sqrt((sigma[used] ** 2).sum() / used.any(axis=1).sum()))

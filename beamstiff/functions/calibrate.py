@@ -14,7 +14,7 @@ from beamstiff.calibration.result import Calibration
 from beamstiff.calibration.statement import build_calibration
 from beamstiff.calibration.validation import errors_on
 from beamstiff.errors import BeamstiffError, OptionError, optional, shown, suggest
-from beamstiff.functions.checks import names_of, whole
+from beamstiff.functions.checks import names_of, whole, without_model
 from beamstiff.functions.robots import as_robot
 from beamstiff.measure.coerce import DataLike, TableLike, as_tables, doubted, doubts_of, refuse_fitted
 from beamstiff.measure.doubts import stands_doubts
@@ -85,7 +85,7 @@ def calibrate(
         When the rows hold no absolute readings or too few, a pose cannot close its loops, a parameter is
         unknown or would open a loop, a compliance is not loaded.
     """
-    machine = as_robot(robot)
+    machine, dropped = without_model(as_robot(robot), "the calibration, nor of what it writes")
     whole("folds", folds, 0)
     if isinstance(test, str | os.PathLike) or not isinstance(test, Sequence):
         raise OptionError("test", f"found {shown(test)}, expected a list of tables")
@@ -113,7 +113,7 @@ def calibrate(
         for name, table in tested.items():
             with optional(f"the test on {name}", left_out.append):
                 errors[name] = errors_on(found, table)
-    return replace(found, rows=rows, tests=errors, notes=(*doubts, *found.notes, *left_out))
+    return replace(found, rows=rows, tests=errors, notes=(*dropped, *doubts, *found.notes, *left_out))
 
 
 def each_prior(

@@ -58,6 +58,25 @@ def left_out(effects: Iterable[AddedEffect], what: str) -> tuple[str, ...]:
     return (f"the robot's effects ({told}) are not part of {what}",) if told else ()
 
 
+def model_note(robot: Robot) -> tuple[str, ...]:
+    """Return the note of a map that follows a fitted model, and where this was fitted."""
+    if robot.model is None:
+        return ()
+    low, high = (", ".join(f"{value:.3g}" for value in corner) for corner in robot.model.workspace)
+    return (
+        f"the map follows the robot's model ({robot.model.kind}), fitted with the TCP from {low} to {high}"
+        " m; it extrapolates beyond",
+    )
+
+
+def without_model(robot: Robot, what: str) -> tuple[Robot, tuple[str, ...]]:
+    """Return a robot without its fitted model, and the note that something does without it."""
+    if robot.model is None:
+        return robot, ()
+    bare = robot.model_copy(update={"model": None})
+    return bare, (f"the robot's model ({robot.model.kind}) is not part of {what}: constant springs count",)
+
+
 def six_numbers(name: str, wrench: ArrayLike) -> Array:
     """Return a wrench ``[f, m]``, (6,)."""
     try:

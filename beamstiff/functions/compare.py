@@ -8,7 +8,7 @@ from dataclasses import replace
 from beamstiff.diagnosis.apply import without_effects
 from beamstiff.diagnosis.residual.baseline import fitted_names
 from beamstiff.errors import OptionError, shown
-from beamstiff.functions.checks import names_of, whole
+from beamstiff.functions.checks import names_of, whole, without_model
 from beamstiff.functions.robots import as_robot
 from beamstiff.identification.assembly_doubts import displacement_doubts
 from beamstiff.identification.models.side_by_side import FITS, Models, Options, fit_models
@@ -28,6 +28,7 @@ def compare(
     fit_load: float | None = None,
     cube: float | None = None,
     seed: int = 0,
+    separate: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> Models:
     """Fit every model of elasticity to the same rows, and judge each by held-out rows.
@@ -51,6 +52,8 @@ def compare(
         Side of the grid's cubes; default a third of the workspace.
     seed : int
         Of all that is drawn at random.
+    separate : bool
+        As published: every cube by its own rows alone, every fuzzy compliance term with its own partition.
     progress : callable, optional
         Called with the name of the model that is fitted next.
 
@@ -64,7 +67,7 @@ def compare(
         When there is no such model or parameter, the rows are no displacements of the TCP, or they carry no
         model at all.
     """
-    machine = as_robot(robot)
+    machine, dropped = without_model(as_robot(robot), "the comparison, nor of what it writes")
     whole("seed", seed, 0)
     if cube is not None and not 0 < cube < float("inf"):
         raise OptionError("cube", f"found {shown(cube)}, expected a length in m above 0")
@@ -72,10 +75,10 @@ def compare(
     chosen = names_of("parameters", parameters)
     tables = as_tables(data, machine)
     doubts = doubts_of(machine, tables)
-    options = Options(None if chosen is None else tuple(chosen), cube, seed)
+    options = Options(None if chosen is None else tuple(chosen), cube, seed, separate)
     every = concatenate(tables)
     doubts += displacement_doubts(machine, every, chosen or fitted_names(machine))
     with doubted(doubts):
         bare, rows = without_effects(machine, every)
         found = fit_models(bare, rows, split_rows(rows, share, fit_load, seed), names, options, progress)
-    return replace(found, robot=machine, notes=tuple(doubts))
+    return replace(found, robot=machine, notes=(*doubts, *dropped))

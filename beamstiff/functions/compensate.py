@@ -19,6 +19,7 @@ from beamstiff.compensation.rewrite import Compensated, compensate_program
 from beamstiff.errors import BeamstiffError, OptionError, listed, shown
 from beamstiff.functions.checks import effects_text, names_of, shown_value, six_numbers
 from beamstiff.functions.robots import as_robot
+from beamstiff.model.correction import extrapolation_notes
 from beamstiff.robot.coerce import RobotLike
 from beamstiff.robot.doubts import robot_doubts
 from beamstiff.robot.kinematics import actuated_values
@@ -153,6 +154,11 @@ def _notes(result: Compensated, program: Program, placed: bool, branch: bool, ta
         said.append(f"the joints have to jump before line {lines}: another configuration")
     if machine.set_aside:
         said.append(f"{effects_text(machine.set_aside)}: of measuring, which moves no tool: left out")
+    if machine.real.model is not None:
+        said.append(
+            f"by the robot's model ({machine.real.model.kind}), fitted to {machine.real.model.source}"
+        )
+        said += extrapolation_notes(machine.real, found.q[result.known], "targets")
     if machine.real.effects:
         said.append(f"with the robot's effects: {effects_text(machine.real.effects)}")
     return said

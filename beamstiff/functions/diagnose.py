@@ -14,6 +14,7 @@ from beamstiff.identification.assembly_doubts import displacement_doubts
 from beamstiff.measure.coerce import DataLike, as_tables, doubted, doubts_of
 from beamstiff.measure.doubts import stands_doubts
 from beamstiff.measure.rows import concatenate
+from beamstiff.model.correction import extrapolation_notes
 from beamstiff.model.linear import preload_notes
 from beamstiff.robot.coerce import RobotLike
 
@@ -65,6 +66,6 @@ def diagnose(
         rows = replace(rows, region=tuple(region))
     with doubted(doubts):
         result = run(machine, rows, without=excluded, seed=seed, stations=stations)
-        doubts += preload_notes(machine, rows)
+        doubts += [*preload_notes(machine, rows), *extrapolation_notes(machine, rows.q)]
     # of the table before what is made of it
     return replace(result, notes=(*doubts, *(note for note in result.notes if note not in doubts)))

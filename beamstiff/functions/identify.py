@@ -10,7 +10,8 @@ from beamstiff.diagnosis.apply import without_effects
 from beamstiff.diagnosis.notes import chosen_for
 from beamstiff.diagnosis.residual.baseline import fitted_names
 from beamstiff.errors import OptionError, optional
-from beamstiff.functions.checks import names_of, one_of, whole
+from beamstiff.functions.checks import names_of, one_of, whole, without_model
+from beamstiff.functions.fitted import fitted_robot, model_kind
 from beamstiff.functions.robots import as_robot
 from beamstiff.identification.assembly_doubts import displacement_doubts
 from beamstiff.identification.bootstrap import Bootstrap
@@ -19,13 +20,14 @@ from beamstiff.identification.degeneracy import find_degeneracy
 from beamstiff.identification.identify import identify as fit
 from beamstiff.identification.input_errors import InputErrors
 from beamstiff.identification.minimise import GLOBAL, LEAST, METHODS, Effort, Progress
+from beamstiff.identification.models.side_by_side import Options
 from beamstiff.identification.objective import LOSSES, Loss
 from beamstiff.identification.problem import Components, build_problem
 from beamstiff.identification.reduce import Reduced, reduce_model
 from beamstiff.identification.result import Identification
 from beamstiff.identification.separate import with_separations
 from beamstiff.identification.statement import Statement, build_identification
-from beamstiff.measure.coerce import DataLike, as_tables, doubted, doubts_of
+from beamstiff.measure.coerce import DataLike, TableLike, as_tables, doubted, doubts_of
 from beamstiff.measure.doubts import counted_once
 from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements
@@ -59,6 +61,10 @@ def identify(
     searches: int = 1,
     processes: int = 1,
     scheduler: str | None = None,
+    model: str | None = None,
+    cube: float | None = None,
+    separate: bool = False,
+    positions: TableLike | None = None,
     progress: Progress | None = None,
 ) -> Identification:
     """Identify stiffness values from measured displacements.
@@ -104,6 +110,15 @@ def identify(
     processes : int
     scheduler : str, optional
         Of dask, ``tcp://host:port``: bootstrap and searches are spread over its workers.
+    model : "fuzzy", "grid", "gray box" or "gaussian process", optional
+        Fit a model of elasticity to the same rows too, judge it by held-out poses, and give the robot it as
+        its `model`: what varies are the springs that are identified.
+    cube : float, optional, m
+        Side of a grid's cubes; default a third of the workspace.
+    separate : bool
+        As published: every cube by its own rows alone, every fuzzy compliance term with its own partition.
+    positions : Measurements or path, optional
+        Absolute positions of the unloaded TCP, for kinematic parameters of its own in every cube of a grid.
     progress : callable, optional
         Called with the number of evaluations and the least cost.
 
@@ -123,10 +138,13 @@ def identify(
     >>> print(f"{1e3 * found.rms:.3f} mm")
     0.113 mm
     """
-    machine = as_robot(robot)
+    machine, dropped = without_model(as_robot(robot), "the identification, nor of what it writes")
     check_stiffness(machine)
+    kind = None if model is None else model_kind(model)
+    if kind is None and (cube is not None or separate or positions is not None):
+        raise OptionError("model", "is missing: cube, separate and positions say how it is fitted")
     _check(method, loss, components, folds, bootstrap, seed, evaluations, population, searches)
-    notes: list[str] = []
+    notes: list[str] = [*dropped]
     if bootstrap or searches > 1:
         check_places(processes, scheduler)
     elif processes > 1 or scheduler is not None:
@@ -170,6 +188,12 @@ def identify(
     if reduce:
         with optional("the reduced robot", left_out.append):
             reduced = _reduce(bare, rows, found, components)
+    if kind is not None and not found.interrupted:
+        varying = None if names is None else tuple(names)
+        options = Options(varying, cube, seed, separate)
+        placed = None if positions is None else as_tables(positions, machine, what="positions")[0]
+        larger, said_of_model = fitted_robot(found.robot, bare, rows, kind, options, placed)
+        found, notes = replace(found, robot=larger), [*notes, *said_of_model]
     if machine.effects:
         effects = {"effects": machine.effects}
         found = replace(found, robot=found.robot.model_copy(update=effects))

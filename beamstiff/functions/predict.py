@@ -14,6 +14,7 @@ from beamstiff.functions.robots import as_robot
 from beamstiff.measure.coerce import DataLike, as_tables, doubted, doubts_of
 from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements, make_measurements
+from beamstiff.model.correction import extrapolation_notes, model_correction, model_std
 from beamstiff.model.linear import predict_displacements, preload_notes
 from beamstiff.robot.coerce import RobotLike
 from beamstiff.robot.description import Robot
@@ -39,6 +40,8 @@ class Prediction(Shown):
     notes : tuple of str
     pose : (N, 6) array or None, m and rad
         Of absolute rows: position of the point read and rotation vector of the TCP, base frame.
+    std : (N, 6) array or None, m and rad
+        Standard deviations of the displacements, where the robot's model is a Gaussian process.
     """
 
     robot: Robot
@@ -47,6 +50,7 @@ class Prediction(Shown):
     preload: bool
     notes: tuple[str, ...] = ()
     pose: Array | None = None
+    std: Array | None = None
 
     @property
     def gap(self) -> Array:
@@ -85,7 +89,8 @@ class Prediction(Shown):
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON: m and rad, a row each."""
         pose = {} if self.pose is None else {"pose": self.pose.tolist()}
-        return {"displacement": self.displacement.tolist(), **pose}
+        std = {} if self.std is None else {"std": self.std.tolist()}
+        return {"displacement": self.displacement.tolist(), **pose, **std}
 
 
 def predict(robot: RobotLike, data: DataLike, *, preload: bool = False) -> Prediction:
@@ -127,14 +132,15 @@ def predict(robot: RobotLike, data: DataLike, *, preload: bool = False) -> Predi
     rows = concatenate(tables)
     if rows.kind == "absolute":
         with doubted(doubts):
-            return _positions(machine, rows, tuple(doubts))
+            return _positions(machine, rows, (*doubts, *extrapolation_notes(machine, rows.q)))
     with doubted(doubts):
-        moved = predict_displacements(machine, rows, preload)
+        moved = predict_displacements(machine, rows, preload) + model_correction(machine, rows)
         if preload:
             doubts += preload_notes(machine, rows)
         if machine.effects:
             moved = moved + effects_displacement(machine, replace(rows, kind="displacement"))
-    return Prediction(machine, rows, moved, preload, tuple(doubts))
+    notes = (*doubts, *extrapolation_notes(machine, rows.q))
+    return Prediction(machine, rows, moved, preload, notes, std=model_std(machine, rows))
 
 
 def _positions(robot: Robot, rows: Measurements, notes: tuple[str, ...]) -> Prediction:

@@ -17,6 +17,7 @@ from beamstiff.fem.response import nodal_loads, respond
 from beamstiff.fem.structure import Structure, compile_structure
 from beamstiff.functions.checks import left_out, six_numbers
 from beamstiff.functions.robots import as_robot
+from beamstiff.model.correction import compliance_correction
 from beamstiff.robot.coerce import RobotLike
 from beamstiff.robot.description import Robot
 from beamstiff.robot.doubts import robot_doubts
@@ -220,8 +221,12 @@ def _placed(robot: RobotLike | Structure, q: Joints | Posture | None) -> tuple[S
 def _compliance(structure: Structure, where: Posture, load: Array | None) -> Array:
     """Return the compliance of the machine under gravity and a load, or of none, (P, 6, 6)."""
     if load is None:
-        return condensation.tcp_compliance(structure, where)
-    return loaded_compliance(structure, where, _nodal(structure, load), gravity=True)
+        compliance = condensation.tcp_compliance(structure, where)
+    else:
+        compliance = loaded_compliance(structure, where, _nodal(structure, load), gravity=True)
+    if structure.robot.model is not None:
+        compliance = compliance + compliance_correction(structure, where)[:, :, :6]
+    return compliance
 
 
 def _nodal(structure: Structure, load: Array) -> Array:

@@ -11,6 +11,7 @@ from beamstiff.functions.robots import as_robot
 from beamstiff.identification.assembly_doubts import displacement_doubts
 from beamstiff.measure.coerce import DataLike, as_tables, doubted, doubts_of
 from beamstiff.measure.rows import concatenate
+from beamstiff.model.correction import extrapolation_notes
 from beamstiff.robot.coerce import RobotLike
 
 
@@ -40,4 +41,4 @@ def verify(robot: RobotLike, data: DataLike, *, refit_frame: bool = False) -> Ve
     doubts = [*doubts_of(machine, tables), *displacement_doubts(machine, rows, fitted_names(machine))]
     with doubted(doubts):
         found = run(machine, rows, refit_frame=refit_frame)
-    return replace(found, notes=tuple(doubts))
+    return replace(found, notes=(*doubts, *extrapolation_notes(machine, rows.q)))

@@ -15,6 +15,7 @@ from beamstiff.maps.grid import Box
 from beamstiff.maps.job import Job
 from beamstiff.maps.quantities import MEANING, QUANTITIES, Reason, from_compliance, from_jacobian
 from beamstiff.maps.reach import outside_limits
+from beamstiff.model.correction import compliance_correction
 from beamstiff.robot.closure import close_loops
 from beamstiff.robot.kinematics import Posture, posture_at
 from beamstiff.se3 import Array
@@ -153,7 +154,10 @@ def _compliance(job: Job, posture: Posture) -> Array:
     weight = job.needs("weight")
     condensed = condense(job.structure, posture, [job.robot.tcp], dead=weight)
     sag = condensed.clamped_dead if weight else np.zeros(condensed.clamped.shape[:2])
-    return np.concatenate([condensed.clamped, sag[:, :, None]], axis=2)
+    both = np.concatenate([condensed.clamped, sag[:, :, None]], axis=2)
+    if job.robot.model is not None:
+        both += compliance_correction(job.structure, posture)
+    return both
 
 
 def _where_it_works(

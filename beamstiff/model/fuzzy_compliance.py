@@ -23,13 +23,20 @@ class FuzzyCompliance:
     # its inputs are some of the variables, and of the wrench (``fx`` to ``mz``) where the compliance depends
     # on the load; its conclusions (R, 6, 6) compliance matrices, NaN where nothing was trained
     system: FuzzySystem
+    others: tuple[FuzzySystem, ...] = ()  # likewise, of terms that have a partition of their own
     # answer outside what was trained too (flagged by `outside`); else such rows are refused
     extrapolate: bool = False
 
     @property
     def known(self) -> NDArray[np.bool_]:
         """Which terms of the compliance were trained, (6, 6)."""
-        return np.asarray(np.isfinite(self.system.conclusions).all(axis=0))
+        known = [np.isfinite(system.conclusions).all(axis=0) for system in self.systems]
+        return np.asarray(np.any(known, axis=0))
+
+    @property
+    def systems(self) -> tuple[FuzzySystem, ...]:
+        """All rules: each system says what terms it knows."""
+        return (self.system, *self.others)
 
     def extrapolating(self) -> FuzzyCompliance:
         """Return the model that answers outside what was trained too."""
@@ -37,12 +44,20 @@ class FuzzyCompliance:
 
     def compliance(self, q: ArrayLike, wrench: ArrayLike | None = None) -> Array:
         """Return the compliance matrices (N, 6, 6), base frame, NaN where nothing was trained."""
-        x = inputs_of(self.system.premises.inputs, self.variables, q, wrench)
-        return self.system(x, self.extrapolate)
+        result = np.full((len(np.atleast_2d(np.asarray(q))), 6, 6), np.nan)
+        for system in self.systems:
+            x = inputs_of(system.premises.inputs, self.variables, q, wrench)
+            found = system(x, self.extrapolate)
+            result = np.where(np.isnan(found), result, found)
+        return result
 
     def outside(self, q: ArrayLike, wrench: ArrayLike | None = None) -> NDArray[np.bool_]:
         """Return which rows lie outside what was trained, (N,)."""
-        return self.system.outside(inputs_of(self.system.premises.inputs, self.variables, q, wrench))
+        outside = [
+            system.outside(inputs_of(system.premises.inputs, self.variables, q, wrench))
+            for system in self.systems
+        ]
+        return np.asarray(np.any(outside, axis=0))
 
     def predict(self, q: Array, wrench: Array) -> Array:
         """Return displacements (N, 6), base frame, m and rad; NaN for components that were never measured."""

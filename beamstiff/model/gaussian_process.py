@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import solve_triangular
+from scipy.linalg import cho_solve, cholesky, solve_triangular
 
 from beamstiff.measure.arrays import finite
 from beamstiff.model.varying import displaced_with_slopes, ports_at
@@ -25,6 +25,7 @@ from beamstiff.se3 import Array
 
 COMMON = 1.0  # w: the start may be off by e
 AT_ONCE = 500  # rows predicted together
+ROUNDING = 1e-12
 
 
 def matern(distance: Array) -> Array:
@@ -67,6 +68,36 @@ class Covariance:
         return COMMON**2 + self.spread**2 + np.where(self.own >= 0, self.own_spread**2, 0.0)
 
 
+def prior_of_readings(covariances: Array, slopes: Array, of: NDArray[np.intp]) -> Array:
+    """Return the covariance (n, n) of readings without noise, from those of the logarithms (m, P, P).
+
+    `slopes` (n, m). `of` (n,): posture of each reading, among the P.
+    """
+    total = np.zeros((len(slopes), len(slopes)))
+    for own, slope in zip(covariances, slopes.T, strict=True):
+        total += own[np.ix_(of, of)] * np.outer(slope, slope)
+    return total
+
+
+def readings_root(total: Array, noise: float) -> Array:
+    """Return the lower Cholesky factor of the readings' covariance (n, n) with noise added.
+
+    Where the noise is next to nothing, a little of the rounding of the rest stands in for it.
+    """
+    n = len(total)
+    variance = noise**2 + ROUNDING * float(np.trace(total)) / n
+    return cholesky(total + variance * np.eye(n), lower=True)
+
+
+def taught(
+    covariance: Covariance, postures: Array, of: NDArray[np.intp], slopes: Array, value: Array, noise: float
+) -> tuple[Array, Array]:
+    """Return the Cholesky factor of the readings' covariance, and its inverse times the readings (n,)."""
+    own = covariance.between(postures, postures)
+    root = readings_root(prior_of_readings(own, slopes, of), noise)
+    return root, cho_solve((root, True), value)
+
+
 @dataclass(frozen=True, eq=False)
 class GaussianProcessStiffness:
     """A robot whose compliances follow Gaussian processes that readings have taught, as a `Model`."""
@@ -82,6 +113,8 @@ class GaussianProcessStiffness:
     weights: Array  # (n,): its inverse times the readings
     # (6,): standard deviation, m and rad, of what the readings scatter beyond their stated noise
     misfit: Array
+    value: Array  # (n,): the readings, whitened
+    noise: float  # their standard deviation, so whitened
 
     def logarithms(self, q: ArrayLike) -> tuple[Array, Array]:
         """Return the mean (N, m) and covariance (N, m, m) of the logarithms' changes x in postures (N, A)."""

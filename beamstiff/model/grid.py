@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.arrays import finite, positive
+from beamstiff.model.cube_kinematics import CubeDeviations, deviating
 from beamstiff.model.fuzzy import Partition
 from beamstiff.model.varying import displaced, ports_at
 from beamstiff.robot.description import Robot
@@ -100,8 +101,7 @@ class GriddedStiffness:
     # answer in cubes without data (as the fit left them), and beyond the grid as at its rim; else such rows
     # are refused
     extrapolate: bool = False
-    # (C, 6): what the unloaded TCP is off the nominal kinematics at the centre of each cube, ``[d, r]``
-    offset: Array | None = None
+    deviations: CubeDeviations | None = None  # of the kinematics, by cube
 
     def extrapolating(self) -> GriddedStiffness:
         """Return the model that answers outside the cubes with data too."""
@@ -122,14 +122,12 @@ class GriddedStiffness:
         return displaced(ports_at(self.robot, self.parameters, q, wrench), compliances)
 
     def offsets(self, q: ArrayLike) -> Array:
-        """Return what the unloaded TCP is off the nominal kinematics, (N, 6): ``[d, r]``, m and rad."""
-        if self.offset is None:
-            raise BeamstiffError("gridded stiffness: found no offsets, expected them from absolute positions")
-        at = tcp_positions(self.robot, q)
-        weights = self._weights(at)
-        turned = weights @ self.offset[:, 3:]
-        lever = at - weights @ self.cubes.centres
-        return np.hstack([weights @ self.offset[:, :3] + np.cross(turned, lever), turned])
+        """Return what the unloaded TCP is off the robot's own kinematics, (N, 6): ``[d, r]``, m and rad."""
+        joints = finite(q, "joint values", -1, len(self.robot.actuated))
+        if self.deviations is None:
+            return np.zeros((len(joints), 6))
+        shared = self._weights(tcp_positions(self.robot, joints)) @ self.deviations.values
+        return deviating(self.robot, self.deviations.parameters).offsets(joints, shared)
 
     def _weights(self, at: Array) -> Array:
         """Return the share of every cube where the TCP is, (N, C)."""

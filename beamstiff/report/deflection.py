@@ -69,6 +69,14 @@ def _positions_table(found: Prediction, pose: Array) -> Table:
 def deflection_text(found: Prediction) -> list[str]:
     """Return sentences: the gap between measured and predicted positions, and effects that are in it."""
     said = []
+    if found.robot.model is not None:
+        said.append(f"By the robot's model ({found.robot.model.kind}), fitted to {found.robot.model.source}.")
+    if found.std is not None:
+        std = np.linalg.norm(1e3 * found.std[:, :3], axis=1)
+        said.append(
+            f"Standard deviation of the predicted position: {number(np.median(std))} mm in the middle, "
+            f"{number(std.max())} mm at most."
+        )
     gap = 1e3 * found.gap[np.isfinite(found.gap)]
     if gap.size:
         said.append(

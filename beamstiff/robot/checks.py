@@ -40,7 +40,7 @@ def find_problems(robot: Robot) -> Iterator[Problem]:
     for checks in (
         (_duplicates, _names),
         (_variables,),
-        (_assembly, _frames, _elements, _identify),
+        (_assembly, _frames, _elements, _identify, _model),
         (_support,),
     ):
         problems = list(islice(chain.from_iterable(check(robot) for check in checks), _MOST_PROBLEMS))
@@ -269,6 +269,28 @@ def _identify(robot: Robot) -> Iterator[Problem]:
         elif name in seen:
             yield ("identify", at), f"{name!r} is named twice"
         seen.add(name)
+
+
+def _model(robot: Robot) -> Iterator[Problem]:
+    if robot.model is None:
+        return
+    parameters = stiffness_parameters(robot)
+    for at, name in enumerate(robot.model.springs):
+        if name not in parameters:
+            yield ("model", "springs", at), f"unknown stiffness parameter {name!r}{suggest(name, parameters)}"
+        elif parameters[name] in (FREE, RIGID):
+            yield ("model", "springs", at), f"{name!r} is rigid or free: give the robot's spring a number"
+    names = [variable.name for variable in robot.actuated]
+    for at, one in enumerate(robot.model.ranges):
+        if one.variable not in names:
+            yield (
+                ("model", "ranges", at, "variable"),
+                f"unknown actuated variable {one.variable!r}{suggest(one.variable, names)}",
+            )
+    process = robot.model.process
+    if process is not None and len(process.lengths) != len(names):
+        found = f"found {len(process.lengths)}, expected {len(names)}: one an actuated variable"
+        yield ("model", "process", "lengths"), found
 
 
 def _support(robot: Robot) -> Iterator[Problem]:

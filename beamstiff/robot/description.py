@@ -19,6 +19,7 @@ from beamstiff.robot.fields import (
     Name,
     stiffness_text,
 )
+from beamstiff.robot.fitted_model import FittedModel
 from beamstiff.robot.parts import (
     STIFFNESS_KINDS,
     AddedEffect,
@@ -75,6 +76,9 @@ class Robot(Shown, Described):
     tcp: Name
     identify: tuple[Name, ...] = ()
     effects: tuple[AddedEffect, ...] = ()
+    model: FittedModel | None = (
+        None  # of elasticity, in place of constant springs; a path is read by the reader
+    )
     urdf: str | None = None  # the text of the file it was read from, for `robot.urdf` to write back
 
     @model_validator(mode="after")

@@ -13,6 +13,7 @@ from beamstiff.errors import BeamstiffError, shown, suggest
 from beamstiff.files import read_text
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import DescriptionError, Problem, path_text
+from beamstiff.robot.fitted_model import FittedModel
 from beamstiff.robot.library import robot_names, robot_path
 from beamstiff.robot.yaml_text import Lines, parse_yaml
 
@@ -101,10 +102,27 @@ def parse_robot(text: str, name: str = "<text>") -> Robot:
     version, line = data["beamstiff"], lines.at(("beamstiff",))
     if type(version) is not int or version != VERSION:
         raise BeamstiffError(f"{name}:{line}: beamstiff: found version {shown(version)}, expected {VERSION}")
+    if isinstance(data.get("model"), str):
+        data = {**data, "model": _model_beside(data["model"], name, lines.at(("model",)))}
     try:
         return Robot(**{key: value for key, value in data.items() if key != "beamstiff"})
     except DescriptionError as error:
         raise BeamstiffError(_told(error.problems, data, lines, name)) from None
+
+
+def _model_beside(path: str, name: str, line: int) -> FittedModel:
+    """Return the model of a file that a robot's file names, relative to the folder that this one is in."""
+    file = Path(name).parent / path
+    try:
+        data, lines = parse_yaml(read_text(file), str(file))
+    except BeamstiffError as error:
+        raise BeamstiffError(f"{name}:{line}: model: {error}") from None
+    if not isinstance(data, dict):
+        raise BeamstiffError(f"{file}:{lines.at(())}: found {shown(data)}, expected a fitted model's keys")
+    try:
+        return FittedModel(**data)
+    except DescriptionError as error:
+        raise BeamstiffError(_told(error.problems, data, lines, str(file))) from None
 
 
 def _library() -> list[str]:

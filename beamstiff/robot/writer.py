@@ -16,6 +16,7 @@ from beamstiff.errors import BeamstiffError, shown
 from beamstiff.files import write_whole
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import Described, stiffness_text
+from beamstiff.robot.fitted_model import FittedModel
 from beamstiff.robot.parts import AXES, Joint, JointStiffness
 from beamstiff.robot.reader import VERSION, parse_robot
 
@@ -57,10 +58,32 @@ def rows_of(fields: Mapping[str, object]) -> Iterator[str]:
         if name == "urdf" and isinstance(value, str) and _BLOCK.fullmatch(value):
             yield f"{name}: |{'' if value.endswith(chr(10)) else '-'}"
             yield from (f"  {line}" if line else "" for line in value.removesuffix("\n").split("\n"))
+        elif isinstance(value, FittedModel):
+            yield f"{name}:"
+            yield from (f"  {row}" for row in model_rows(value))
         elif isinstance(value, Mapping) and value:
             yield f"{name}:"
             yield from (f"  {_text(key)}: {flow_text(item)}" for key, item in value.items())
         elif isinstance(value, tuple) and value and isinstance(value[0], Described):
+            yield f"{name}:"
+            yield from (f"  - {flow_text(item)}" for item in value)
+        else:
+            yield f"{name}: {flow_text(value)}"
+
+
+def model_rows(model: FittedModel) -> Iterator[str]:
+    """Yield the lines of a fitted model: a line a cube, a term or a reading."""
+    for name, value in _written_fields(model).items():
+        if isinstance(value, Described):
+            yield f"{name}:"
+            yield from (f"  {row}" for row in _tables(_written_fields(value)))
+        else:
+            yield from _tables({name: value})
+
+
+def _tables(fields: Mapping[str, object]) -> Iterator[str]:
+    for name, value in fields.items():
+        if isinstance(value, tuple) and value and isinstance(value[0], tuple | Described):
             yield f"{name}:"
             yield from (f"  - {flow_text(item)}" for item in value)
         else:
@@ -89,6 +112,8 @@ def flow_text(value: object) -> str:
     match value:
         case bool():
             return str(value).lower()
+        case int():
+            return str(value)
         case str():
             return _text(value)
         case float():

@@ -21,9 +21,10 @@ from beamstiff.files import read_text
 from beamstiff.robot.coupling import frame_expressions
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import Described, stiffness_text
+from beamstiff.robot.fitted_model import FittedModel
 from beamstiff.robot.parts import JointStiffness, Strut
 from beamstiff.robot.reader import parse_robot
-from beamstiff.robot.writer import flow_text, robot_to_yaml, rows_of
+from beamstiff.robot.writer import flow_text, model_rows, robot_to_yaml, rows_of
 from beamstiff.units import NUMBER, unit_size
 
 NOISE = 1e-14  # relative: what conversions of units and 1/(1/k) leave behind
@@ -52,17 +53,20 @@ def robot_yaml(
     digits.
     """
     text = read_text(source) if Path(source).suffix.lower() in (".yaml", ".yml") else ""
-    edited = edited_yaml(text, robot, std or {})
+    edited = edited_yaml(text, robot, std or {}, source)
     if edited is None:
         return head + robot_to_yaml(robot)
     newline, known = _newline(text), set(text.splitlines())
     return "".join(f"{line}{newline}" for line in head.splitlines() if line not in known) + edited
 
 
-def edited_yaml(text: str, robot: Robot, std: Mapping[str, float]) -> str | None:
+def edited_yaml(
+    text: str, robot: Robot, std: Mapping[str, float], source: str | Path = "<text>"
+) -> str | None:
     """Return a robot file's text with what differs in `robot`; None where that cannot be said in place."""
     try:
-        edits = set(_edits(yaml.compose(text, Loader=_LOADER), parse_robot(text), robot, "", text, std))
+        old = parse_robot(text, str(source))
+        edits = set(_edits(yaml.compose(text, Loader=_LOADER), old, robot, "", text, std))
         result = _applied(text, edits)
         return result if _same(parse_robot(result), robot, std) else None
     except (BeamstiffError, _NotInPlaceError):
@@ -81,6 +85,11 @@ def _applied(text: str, edits: set[Edit]) -> str:
 
 def _edits(node: Any, old: Any, new: Any, name: str, text: str, std: Mapping[str, float]) -> Iterator[Edit]:
     """Yield what makes the new value of the old one at a node; `name` is that of the parameter."""
+    if isinstance(new, FittedModel) and (old != new or isinstance(node, yaml.ScalarNode)):
+        # a model in a file of its own goes into the robot's: what is written may stand elsewhere
+        rows = f"{_newline(text)}  ".join(["", *model_rows(new)])
+        yield node.start_mark.index - _space_before(node, text), _end(node), rows
+        return
     if old == new:
         return
     if isinstance(node, yaml.ScalarNode):
@@ -92,7 +101,9 @@ def _edits(node: Any, old: Any, new: Any, name: str, text: str, std: Mapping[str
         if not (below and before.keys() <= after.keys()):
             raise _NotInPlaceError
         for key, value in after.items():
-            if key in below:
+            if key == "model" and key in below and value is None:
+                yield _line_of(node, key, text)
+            elif key in below:
                 yield from _edits(below[key], before.get(key), value, _inner(name, key), text, std)
             elif key not in before or before[key] != value:
                 yield _added(node, node.value[-1][1], {key: value}, text)
@@ -135,6 +146,19 @@ def _end(node: Any) -> int:
         node = node.value[-1][1] if isinstance(node, yaml.MappingNode) else node.value[-1]
     end: int = node.end_mark.index
     return end
+
+
+def _space_before(node: Any, text: str) -> int:
+    """Return how much space stands between a key's colon and its value."""
+    start: int = node.start_mark.index
+    return start - len(text[:start].rstrip())
+
+
+def _line_of(node: Any, key: str, text: str) -> Edit:
+    """Return what takes a key and its value away, with their lines."""
+    found, value = next(pair for pair in node.value if pair[0].value == key)
+    stop = text.find("\n", _end(value)) + 1 or len(text)
+    return text.rfind("\n", 0, found.start_mark.index) + 1, stop, ""
 
 
 def _newline(text: str) -> str:

@@ -124,25 +124,5 @@ def test_joint_readings_that_miss_a_corner_by_little_still_count_for_their_cubes
     assert WORKSPACE.inside(corner + away).tolist() == [[True, True]]
 
 
-def test_offsets_are_only_there_where_they_were_fitted() -> None:
-    with pytest.raises(BeamstiffError, match=r"found no offsets"):
-        gridded().offsets(at((2.0, 0.3, 1.1)))
-
-
-@pytest.mark.parametrize(
-    ("low", "size", "counts", "message"),
-    [
-        ([0, 0, 0], 0.0, (1, 1, 1), r"cubes: size: found 0.0"),
-        ([0, np.nan, 0], 1.0, (1, 1, 1), r"cubes: least corner: found nan"),
-        ([0, 0, 0], 1.0, (1, 0, 1), r"found \(1, 0, 1\) cubes"),
-    ],
-)
-def test_what_are_no_cubes_is_refused(
-    low: list[float], size: float, counts: tuple[int, int, int], message: str
-) -> None:
-    with pytest.raises(BeamstiffError, match=message):
-        Cubes(np.array(low), size, counts)
-
-
 def test_positions_are_those_of_the_nominal_tcp() -> None:
     assert np.abs(tcp_positions(kr500(), at((2.0, 0.3, 1.1))) - [[2.0, 0.3, 1.1]]).max() < 2 * TOLERANCE

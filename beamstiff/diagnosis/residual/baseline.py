@@ -24,6 +24,7 @@ from beamstiff.identification.problem import Problem
 from beamstiff.identification.whitening import whitening
 from beamstiff.measure.arrays import Integers
 from beamstiff.measure.table import Measurements
+from beamstiff.model.correction import model_correction
 from beamstiff.model.linear import predict_displacements
 from beamstiff.model.ports import PortModel, reduce_to_ports
 from beamstiff.robot.description import Robot
@@ -127,7 +128,12 @@ class Baseline:
 
 
 def fitted_names(robot: Robot) -> tuple[str, ...]:
-    """Return what is fitted: the robot's `identify`, or its joints' finite stiffness, own directions."""
+    """Return what is fitted: the robot's `identify`, or its joints' finite stiffness, own directions.
+
+    Nothing beside a fitted `model`: the gap is then that model's.
+    """
+    if robot.model is not None:
+        return ()
     if robot.identify:
         return robot.identify
     values = stiffness_parameters(robot)
@@ -301,6 +307,8 @@ def _of_structure(robot: Robot, rows: Measurements) -> Array:
     if not any(0.0 < value < RIGID for value in stiffness_parameters(robot).values()):
         return np.zeros((len(rows), 6))
     loaded = predict_displacements(robot, rows, preload=True)
+    if robot.model is not None:
+        loaded = loaded + model_correction(robot, rows)
     if rows.kind == "displacement":
         return loaded
     structure = compile_structure(robot)

@@ -9,7 +9,7 @@ set, which is none: of six joints those that count come in by themselves.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,15 +62,26 @@ def fit_fuzzy(
     inputs: Sequence[str] | None = None,
     method: Method = "exact",
     seed: int = 0,
+    each_term: bool = False,
 ) -> FuzzyFit:
     """Fit fuzzy compliance rules on a partition of the inputs to measured displacements.
 
     `robot`: names the variables and the TCP; nothing else of it is used. `table`: displacements of the TCP
     under loads there. `inputs`: what the compliance may depend on: actuated variables, and components of the
     wrench; default the actuated variables that vary. `method`: how the conclusions are fitted in the end.
-    `seed`: of the test set and of the random search.
+    `seed`: of the test set and of the random search. `each_term`: a partition of its own for every term of
+    the compliance, as in seed 003 (the matrix is symmetric, and positive definite where the readings say
+    so); the steps of all terms stand one after the other.
     """
-    task = _state_task(robot, table, inputs, seed)
+    whole = _state_task(robot, table, inputs, seed)
+    tasks = [whole.term(at) for at in range(len(whole.readings.terms))] if each_term else [whole]
+    systems, steps = zip(*(_grown(task, method, seed) for task in tasks), strict=True)
+    model = FuzzyCompliance(table.variables, systems[0], tuple(systems[1:]))
+    return FuzzyFit(model, tuple(step for some in steps for step in some), ~whole.train)
+
+
+def _grown(task: _Task, method: Method, seed: int) -> tuple[FuzzySystem, list[Step]]:
+    """Return the rules of a task, and how their structure grew."""
     random = np.random.default_rng([seed, 1])
     variable = np.ptp(task.trained, axis=1) > 0
     partition = best = equal_parts(task.names, task.trained, [1] * len(task.names))
@@ -93,8 +104,7 @@ def fit_fuzzy(
             for_nothing += 1
     firing = best.firing(task.x)
     found = fit_conclusions(task.readings, best, firing, method, positive=True)
-    system = FuzzySystem(best, task.readings.matrices(found), firing.max(axis=0))
-    return FuzzyFit(FuzzyCompliance(table.variables, system), tuple(steps), ~task.train)
+    return FuzzySystem(best, task.readings.matrices(found), firing.max(axis=0)), steps
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +118,13 @@ class _Task:
     train: NDArray[np.bool_]
     training: Readings
     test: Readings
+
+    def term(self, at: int) -> _Task:
+        """Return the task of one term of the compliance."""
+        readings = self.readings.term(at)
+        return replace(
+            self, readings=readings, training=readings.rows(self.train), test=readings.rows(~self.train)
+        )
 
     def errors(self, premises: Partition) -> tuple[float, float]:
         """Return the mean squares over the training and the test set, rules fitted to the first."""

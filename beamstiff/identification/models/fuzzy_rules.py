@@ -48,6 +48,27 @@ class Readings:
             count=self.count[chosen],
         )
 
+    def term(self, at: int) -> Readings:
+        """Return the readings of one term, where no row's displacement is the sum of several.
+
+        That is so where the load of every row lies along one axis.
+        """
+        others = np.arange(len(self.terms)) != at
+        if (np.abs(self.gram[:, at, others]) > 1e-9 * np.abs(self.gram[:, at, at, None])).any():
+            raise BeamstiffError(
+                "found rows with loads along several axes, expected one axis a row for a partition a term"
+            )
+        own = self.gram[:, at, at]
+        squares = np.divide(self.moment[:, at] ** 2, own, out=np.zeros_like(own), where=own > 0)
+        return replace(
+            self,
+            terms=self.terms[at : at + 1],
+            gram=self.gram[:, at : at + 1, at : at + 1],
+            moment=self.moment[:, at : at + 1],
+            squares=squares,
+            count=(own > 0).astype(np.int64),
+        )
+
     def cost(self, firing: Array, conclusions: Array) -> float:
         """Return the mean square of the whitened residuals for conclusions (R, K)."""
         own = firing @ conclusions

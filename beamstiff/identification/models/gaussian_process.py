@@ -12,13 +12,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_solve, cholesky
+from scipy.linalg import cho_solve
 from scipy.optimize import minimize
 
 from beamstiff.identification.models.configuration import Begin, begin_with
 from beamstiff.identification.problem import Problem
 from beamstiff.measure.table import Measurements
-from beamstiff.model.gaussian_process import Covariance, GaussianProcessStiffness, matern
+from beamstiff.model.gaussian_process import (
+    Covariance,
+    GaussianProcessStiffness,
+    matern,
+    prior_of_readings,
+    readings_root,
+    taught,
+)
 from beamstiff.model.varying import displaced_with_slopes
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
@@ -31,7 +38,6 @@ SPREAD, LENGTH, NOISE = (np.log(0.1), 1.5), (0.0, 0.7), (0.0, 2.0)
 LOWEST, HIGHEST = -7.0, 3.0  # of spreads and lengths
 LOUDEST = 7.0  # of the noise
 ITERATIONS = 60
-ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +67,7 @@ def fit_gaussian_process(
         readings = _linearised(problem, start.compliance, change)
         few = _chosen(readings, np.random.default_rng(seed))
         covariance, noise = most_evident(few, postures, covariance, noise, problem.sigma_known)
-        root, weights = _solved(readings, postures, covariance, noise)
+        root, weights = taught(covariance, postures, readings.posture, readings.slopes, readings.value, noise)
         cross = covariance.between(postures, postures)[:, :, readings.posture]
         change = ((cross * readings.slopes.T[:, None]) @ weights).T
     more = max(noise**2 - 1.0, 0.0) if problem.sigma_known else 0.0
@@ -78,11 +84,13 @@ def fit_gaussian_process(
         root=root,
         weights=weights,
         misfit=misfit,
+        value=readings.value,
+        noise=noise,
     )
-    told = -0.5 * float(readings.value @ weights) - float(np.log(np.diagonal(root)).sum())
-    told -= 0.5 * readings.rest / noise**2 + readings.lost * float(np.log(noise))
-    told -= 0.5 * (readings.value.size + readings.lost) * float(np.log(2 * np.pi))
-    return GaussianProcessFit(model, noise, told)
+    evidence = -0.5 * float(readings.value @ weights) - float(np.log(np.diagonal(root)).sum())
+    evidence -= 0.5 * readings.rest / noise**2 + readings.lost * float(np.log(noise))
+    evidence -= 0.5 * (readings.value.size + readings.lost) * float(np.log(2 * np.pi))
+    return GaussianProcessFit(model, noise, evidence)
 
 
 def _first(start: Begin, postures: Array) -> Covariance:
@@ -136,16 +144,6 @@ def _chosen(readings: LinearReadings, random: np.random.Generator) -> LinearRead
         rest=readings.rest * share,
         lost=round(readings.lost * share),
     )
-
-
-def _solved(
-    readings: LinearReadings, postures: Array, covariance: Covariance, noise: float
-) -> tuple[Array, Array]:
-    """Return the Cholesky factor of the readings' covariance, and its inverse times the readings."""
-    own = covariance.between(postures, postures)
-    total = prior_of_readings(own, readings.slopes, readings.posture)
-    root = readings_root(total, noise)
-    return root, cho_solve((root, True), readings.value)
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,30 +221,9 @@ class Evidence:
         return cost + 0.5 * float(away @ away), gradient + away / std
 
 
-def prior_of_readings(covariances: Array, slopes: Array, of: NDArray[np.intp]) -> Array:
-    """Return the covariance (n, n) of readings without noise, from those of the logarithms (m, P, P).
-
-    `slopes` (n, m). `of` (n,): posture of each reading, among the P.
-    """
-    total = np.zeros((len(slopes), len(slopes)))
-    for own, slope in zip(covariances, slopes.T, strict=True):
-        total += own[np.ix_(of, of)] * np.outer(slope, slope)
-    return total
-
-
 def _summed(values: Array, first: NDArray[np.intp]) -> Array:
     """Return the sums of blocks of a matrix, (P, P), that begin at rows and columns `first`."""
     return np.add.reduceat(np.add.reduceat(values, first, axis=0), first, axis=1)
-
-
-def readings_root(total: Array, noise: float) -> Array:
-    """Return the lower Cholesky factor of the readings' covariance (n, n) with noise added.
-
-    Where the noise is next to nothing, a little of the rounding of the rest stands in for it.
-    """
-    n = len(total)
-    variance = noise**2 + ROUNDING * float(np.trace(total)) / n
-    return cholesky(total + variance * np.eye(n), lower=True)
 
 
 def _by_log_length(distance: Array) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,12 +12,10 @@ from beamstiff.identification.identify import identify
 from beamstiff.identification.models.configuration import Varying, begin_with, fit_varying
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements
-from beamstiff.model.grid import Cubes, GriddedStiffness, tcp_positions
+from beamstiff.model.grid import ON_THE_FACE, Cubes, GriddedStiffness, tcp_positions
 from beamstiff.robot.description import Robot
-from beamstiff.se3 import Array, skew
 
 MOST_CUBES = 1000  # fitted together: their matrix is dense
-LOOSEST = 1e-3  # rad: prior of a cube's rotation, against points that hardly tell it
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +32,7 @@ def cubes_about(robot: Robot, table: Measurements, size: float) -> Cubes:
     """Return cubes of a size, m, centred about the TCP positions of a table, enough to hold all."""
     at = tcp_positions(robot, table.q)
     low, high = at.min(axis=0), at.max(axis=0)
-    counts = np.maximum(np.ceil((high - low) / size - 1e-6), 1)
+    counts = np.maximum(np.ceil((high - low) / size - ON_THE_FACE), 1)
     if counts.prod() > MOST_CUBES:
         raise BeamstiffError(
             f"{table.source}: found {counts.prod():.3g} cubes of {1e3 * size:.4g} mm about the TCP, "
@@ -108,39 +106,3 @@ def _each_for_itself(
         ]
     rows = inside.sum(axis=0).astype(np.int64)
     return GridFit(GriddedStiffness(robot, names, cubes, compliance, rows, interpolate), None, tuple(notes))
-
-
-def with_offsets(model: GriddedStiffness, table: Measurements) -> GriddedStiffness:
-    """Return the gridded model with a rigid offset of the kinematics in every cube, from absolute positions.
-
-    The small rigid motion of each cube that carries the nominal TCP positions to the measured ones, in place
-    of kinematic parameters a cube (seed 001, eq. 12): within a cube of some decimetres they do little else.
-
-    `table`: absolute positions of the unloaded TCP.
-    """
-    if table.kind != "absolute":
-        raise BeamstiffError(
-            f"{table.source}: holds displacements, expected absolute positions x y z of the TCP"
-        )
-    at = tcp_positions(model.robot, table.q)
-    gap, inside = table.position - at, model.cubes.inside(at)
-    known = np.isfinite(gap).all(axis=1)
-    offset = np.zeros((model.cubes.count, 6))
-    for cube, centre in enumerate(model.cubes.centres):
-        own = inside[:, cube] & known
-        if own.sum() < 3:
-            raise BeamstiffError(
-                f"{table.source}: cube {model.cubes.name(cube)} holds {int(own.sum())} measured positions, "
-                "expected three or more for its offset"
-            )
-        offset[cube] = _rigid_motion(at[own] - centre, gap[own])
-    return replace(model, offset=offset)
-
-
-def _rigid_motion(lever: Array, gap: Array) -> Array:
-    """Return the small motion ``[t, r]`` with ``gap = t + r x lever``, by least squares."""
-    each = np.tile(np.eye(3), (len(lever), 1, 1))
-    rows = np.concatenate([each, -skew(lever)], axis=2).reshape(-1, 6)
-    prior = np.hstack([np.zeros((3, 3)), np.eye(3) * (1e-5 / LOOSEST)])
-    right = np.concatenate([gap.reshape(-1), np.zeros(3)])
-    return np.asarray(np.linalg.lstsq(np.concatenate([rows, prior]), right)[0])

@@ -26,6 +26,7 @@ from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 from beamstiff.shown import Shown
 
+MOST_NOTES = 4  # on single cubes
 CUBES_ALONG = 3  # the longest side of the workspace, where no size of cubes is given
 
 
@@ -38,6 +39,9 @@ class Options:
     # m: side of the cubes; default a third of the longest side of where the TCP was
     cube: float | None = None
     seed: int = 0
+    # as published: every cube by its own rows alone (seed 001), every term of the compliance with a partition
+    # of its own (seed 003)
+    separate: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,9 +182,9 @@ def _gray(robot: Robot, table: Measurements, options: Options) -> Fitted:
 
 
 def _fuzzy(robot: Robot, table: Measurements, options: Options) -> Fitted:
-    fit = fit_fuzzy(robot, table, seed=options.seed)
-    premises = fit.model.system.premises
-    about = f"{_counted(premises.count, 'rule')} ({_sets(premises.inputs, fit.steps[-1].sets)})"
+    fit = fit_fuzzy(robot, table, seed=options.seed, each_term=options.separate)
+    premises = [system.premises for system in fit.model.systems]
+    about = "; ".join(f"{_counted(one.count, 'rule')} ({_sets(one.inputs, one.sets)})" for one in premises)
     return Fitted(fit.model.extrapolating(), about, fit.model.outside)
 
 
@@ -188,10 +192,13 @@ def _grid(robot: Robot, table: Measurements, options: Options) -> Fitted:
     at = tcp_positions(robot, table.q)
     size = options.cube or max(float(np.ptp(at, axis=0).max()) / CUBES_ALONG, 1e-3)
     cubes = cubes_about(robot, table, size)
-    fit = fit_grid(robot, table, cubes, options.parameters, interpolate=True)
+    smooth = not options.separate
+    fit = fit_grid(robot, table, cubes, options.parameters, shrink=smooth, interpolate=smooth)
     empty = int((fit.model.rows == 0).sum())
     counts = " x ".join(str(count) for count in cubes.counts)
     about = f"{counts} cubes of {1e3 * size:.0f} mm" + (f", {empty} of them empty" if empty else "")
+    about += "".join(f"; {note}" for note in fit.notes[:MOST_NOTES])
+    about += f"; and {len(fit.notes) - MOST_NOTES} such notes more" if len(fit.notes) > MOST_NOTES else ""
     return Fitted(fit.model.extrapolating(), about, fit.model.outside)
 
 

@@ -1,4 +1,4 @@
-"""Gridded stiffness from readings: cube by cube, shrunk, with offsets; cubes without data."""
+"""Gridded stiffness from readings: cube by cube, shrunk; cubes without data."""
 
 from dataclasses import replace
 
@@ -7,9 +7,8 @@ import pytest
 
 from beamstiff import BeamstiffError
 from beamstiff.identification.identify import identify
-from beamstiff.identification.models.grid import cubes_about, fit_grid, with_offsets
+from beamstiff.identification.models.grid import cubes_about, fit_grid
 from beamstiff.measure.rows import subset
-from beamstiff.measure.table import make_measurements
 from beamstiff.model.grid import Cubes, tcp_positions
 from beamstiff.model.grid_sampling import sample, sampling_points
 from beamstiff.robot.kinematics import compile_kinematics
@@ -128,30 +127,3 @@ def test_cubes_that_nobody_could_fit_are_refused_before_they_take_all_memory() -
     rows = table(postures(50), loads(50), nothing)
     with pytest.raises(BeamstiffError, match=r"cubes of 0.001 mm about the TCP, expected 1000 at most"):
         cubes_about(kr500(), rows, 1e-6)
-
-
-def test_a_planted_offset_of_the_kinematics_comes_back() -> None:
-    robot, q = kr500(), sampled()
-    at = tcp_positions(robot, q)
-    shift, turn = np.array([2e-4, -1e-4, 3e-4]), np.array([1e-4, 5e-4, -2e-4])
-    centre = WORKSPACE.low + 0.5 * (WORKSPACE.high - WORKSPACE.low)
-    seen = at + shift + np.cross(turn, at - centre)
-    names = [variable.name for variable in robot.actuated]
-    absolute = make_measurements(names, q, tcp=robot.tcp, position=seen)
-    fit = fit_grid(robot, table(q, loads(len(q)), nothing), WORKSPACE)
-    model = with_offsets(fit.model, absolute)
-    found = model.offsets(q)
-    assert np.abs(found[:, :3] - (seen - at)).max() < 2e-7
-    assert np.abs(found[:, 3:] - turn).max() < 1e-6
-
-
-def test_offsets_need_absolute_positions_in_every_cube() -> None:
-    q = sampled()
-    rows = table(q, loads(len(q)), nothing)
-    model = fit_grid(kr500(), rows, WORKSPACE).model
-    with pytest.raises(BeamstiffError, match=r"holds displacements, expected absolute positions"):
-        with_offsets(model, rows)
-    names = [variable.name for variable in kr500().actuated]
-    few = make_measurements(names, q[:2], tcp="n6b", position=tcp_positions(kr500(), q[:2]))
-    with pytest.raises(BeamstiffError, match=r"cube 1.1.1 holds \d measured positions, expected three"):
-        with_offsets(model, few)
