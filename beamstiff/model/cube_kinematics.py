@@ -15,7 +15,12 @@ from beamstiff.robot.closure import close_loops
 from beamstiff.robot.coupling import frame_expressions
 from beamstiff.robot.description import Robot
 from beamstiff.robot.frames import MOTIONS, Kinematics
-from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture_at, twist_jacobian
+from beamstiff.robot.kinematics import (
+    compile_kinematics,
+    pose_of,
+    posture_at,
+    twist_jacobian,
+)
 from beamstiff.robot.widened import widened
 from beamstiff.se3 import Array, vector_from_rotation
 
@@ -31,8 +36,13 @@ class CubeDeviations:
 
 
 def kinematic_parameters(robot: Robot) -> tuple[str, ...]:
-    """Return the encoders' zeros, and what is constant of the frames' alpha, d and r."""
+    """Return the encoders' zeros, and what is constant of the frames' alpha, d and r.
+
+    Of a robot with closed loops the zeros alone: most other deviations would open a loop.
+    """
     zeros = [variable.name for variable in robot.actuated]
+    if robot.loops:
+        return tuple(zeros)
     frames = [
         f"{frame}.{name}"
         for frame, expressions in frame_expressions(robot).items()
@@ -58,15 +68,15 @@ class Deviating:
 
     def jacobian(self, q: Array, deviations: Array) -> Array:
         """Return the derivatives of the TCP's place by the deviations, (N, 6, K)."""
-        values = self._closed(q, deviations)
-        twists = twist_jacobian(self.kinematics, posture_at(self.kinematics, values), self.robot.tcp)
+        where = posture_at(self.kinematics, self._values(q, deviations))
+        twists = twist_jacobian(self.kinematics, where, self.robot.tcp)
         return twists[:, :, list(self.columns)]
 
     def _tcp(self, q: Array, deviations: Array) -> Array:
-        where = posture_at(self.kinematics, self._closed(q, deviations))
+        where = posture_at(self.kinematics, self._values(q, deviations))
         return pose_of(self.kinematics, where, self.robot.tcp)
 
-    def _closed(self, q: Array, deviations: Array) -> Array:
+    def _values(self, q: Array, deviations: Array) -> Array:
         wide = np.zeros((len(q), self.kinematics.coupling.actuated))
         wide[:, : q.shape[1]] = q
         wide[:, list(self.columns)] += deviations
@@ -92,4 +102,4 @@ def deviating(robot: Robot, parameters: Sequence[str]) -> Deviating:
         frame, _, motion = name.rpartition(".")
         columns.append(len(actuated) + len(frames))
         frames.append((kinematics.frame_index[frame], motions.index(motion)))
-    return Deviating(robot, widened(kinematics, frames), tuple(columns))
+    return Deviating(robot, widened(kinematics, frames) if frames else kinematics, tuple(columns))

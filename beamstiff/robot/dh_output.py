@@ -29,6 +29,9 @@ ZERO = Expression()
 WORDS = {np.inf: "rigid", 0.0: "free"}
 
 
+BEYOND = ("loops", "beams", "struts", "masses", "effects", "model")  # what no table of frames says
+
+
 @dataclass
 class _Row:
     name: str
@@ -75,13 +78,18 @@ def robot_to_table(robot: Robot, convention: str) -> Table:
             "row a joint need them as base and tool transforms"
         )
     stiffness = _stiffness(robot, rows)
-    left = [what for what in ("loops", "beams", "struts", "masses", "effects") if getattr(robot, what)]
+    left = [what for what in BEYOND if getattr(robot, what)]
     left += ["limits"] * any(variable.limits is not None for variable in robot.variables)
     left += ["joints that no row moves"] * (len(stiffness) < len(robot.joints))
-    if left or any(not variable.actuated for variable in robot.variables):
+    for variable in robot.variables:
+        if variable.equals is not None:
+            left.append(f"that {variable.name} equals {variable.equals}")
+        elif variable.passive:
+            left.append(f"that {variable.name} is passive")
+    if left:
         notes.append(
-            "a table holds the frames to the TCP and the stiffness of their joints only"
-            + (f", not {listed(left)}" if left else ", variables as they are named")
+            "a table holds the frames to the TCP and the stiffness of their joints only, not "
+            f"{listed(left, 12)}"
         )
     return Table(_csv(robot, rows, convention, stiffness), tuple(notes))
 

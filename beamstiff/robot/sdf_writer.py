@@ -157,6 +157,8 @@ def _lost(
     for key in UNSAID:
         if count := len(getattr(robot, key)):
             yield f"{key} ({count}) are not written: SDF holds links and joints"
+    if robot.model is not None:
+        yield f"the model ({robot.model.kind}) is not written: SDF holds links and joints"
     if robot.loops:
         yield "the passive joints of the loops look free to other readers"
     written = {id(value) for value in stiffness.values()}

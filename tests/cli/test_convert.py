@@ -166,3 +166,12 @@ def test_a_value_for_one_joint_wins_over_that_for_all_in_any_order() -> None:
         assert (new.parameter("base-yaw.torsional"), new.parameter("grip.torsional")) == (5e5, 1e6)
     with pytest.raises(BeamstiffError, match="N/m"):
         with_joint_stiffness(robot, ["1 N"])
+
+
+def test_a_table_says_that_it_drops_a_coupling(run: Run, folder: Path) -> None:
+    crane = (folder / "crane.yaml").read_text()
+    text = crane.replace("variables:\n", 'variables:\n  - {name: q0, equals: "-q1"}\n')
+    (folder / "coupled.yaml").write_text(text)
+    result = run("convert", "coupled.yaml", "--convention", "modified", "--out", "coupled.csv")
+    assert result.exit_code == 0, result.output
+    assert "not limits, that q0 equals -q1" in result.stderr
