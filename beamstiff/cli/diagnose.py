@@ -97,7 +97,7 @@ def diagnose(
         from beamstiff.robot.yaml_edit import robot_yaml
 
         with optional_file(apply):
-            larger = readable(extended(result))
+            larger = readable(extended(result), machine.effects)
             added = effects_text(larger.effects[len(machine.effects) :]) or "no effect"
             names = ", ".join(Path(path).name for path in data)
             head = BeamstiffError(f"Stiffness fitted by beamstiff to {names}, and {added} added.")

@@ -76,6 +76,8 @@ def show(
         springs = f", springs {listed(model.springs, 12)}" if model.springs else ""
         told.append(f"Model of elasticity: {model.kind}, fitted to {model.source}{springs}.")
     for one in description.effects:
-        sizes = ", ".join(f"{name} {value}" for name, value in one.parameters.items())
-        told.append(f"Effect {effects_text([one])}, {one.shape}: {sizes}.")
+        for part in one.each:
+            sizes = ", ".join(f"{name} {value}" for name, value in part.parameters.items())
+            share = "" if part.weight == 1.0 else f" ({part.weight:.0%})"
+            told.append(f"Effect {effects_text([one])}, {part.shape}{share}: {sizes}.")
     outputs.result([], told, facts)

@@ -21,7 +21,7 @@ from beamstiff.model.protocol import Model
 from beamstiff.robot.description import Robot
 from beamstiff.robot.frames import Kinematics
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
-from beamstiff.robot.parts import AddedEffect
+from beamstiff.robot.parts import AddedEffect, AddedShape
 from beamstiff.se3 import Array, rotation_from_vector
 
 VISIBLE = 1e-6  # m
@@ -110,16 +110,9 @@ class Machine:
         found: dict[str, dict[str, float]] = {}
         for key in dict.fromkeys(map(_key, self.real.effects)):
             own = [one for one in self.real.effects if _key(one) == key]
-            for name in dict.fromkeys(name for one in own for name in one.parameters):
-                # entries without it stay: where several stand for one effect only their sum has a sign
-                alone = tuple(
-                    one.model_copy(
-                        update={
-                            "parameters": {key: one.parameters[key] for key in {name} & {*one.parameters}}
-                        }
-                    )
-                    for one in own
-                )
+            for name in dict.fromkeys(name for one in own for part in one.each for name in part.parameters):
+                # shapes without it stay: where several stand for one effect only their sum has a sign
+                alone = tuple(one.with_shapes(tuple(_only(part, name) for part in one.each)) for one in own)
                 once, twice = (
                     effects_displacement(robot.model_copy(update={"effects": alone}), rows)[:, :3]
                     for robot in (self.real, heavy)
@@ -151,6 +144,12 @@ class Machine:
             pose=np.arange(count),
             source="path",
         )
+
+
+def _only(part: AddedShape, name: str) -> AddedShape:
+    """Return a shape with one of its parameters alone."""
+    kept = {key: value for key, value in part.parameters.items() if key == name}
+    return part.model_copy(update={"parameters": kept})
 
 
 def _key(effect: AddedEffect) -> str:

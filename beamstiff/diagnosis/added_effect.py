@@ -2,32 +2,50 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from beamstiff.diagnosis.effects import EFFECTS, Normalisation, Shape
 from beamstiff.diagnosis.residual.baseline import Baseline
-from beamstiff.robot.parts import AddedEffect
+from beamstiff.robot.parts import AddedEffect, AddedShape
 from beamstiff.se3 import Array
 
-GUARD = 100.0  # rounding moves a value by no more than this part of its standard deviation
+GUARD = 20.0  # rounding moves a value by no more than this part of its standard deviation
 TWO_DIGITS = 20.0  # part of a standard deviation, to which it is told itself
+
+
+WHOLE = 0.999  # weight from which on a shape counts in full
+SMALL = {"rad": ("mrad", 1e3), "m": ("mm", 1e3)}  # units that people read, as the tables of a diagnosis
 
 
 def added_effect(
     baseline: Baseline,
     effect: str,
     component: str | None,
+    shapes: Sequence[tuple[Shape, float, Array, Array]],
+    *,
+    closes: float | None = None,
+) -> AddedEffect:
+    """Return the entry of an effect: shapes with weights, parameters (c,) and standard deviations, SI.
+
+    Of a single shape, 0 stands where noise made negative what cannot be; of several only the sum is meant.
+    """
+    parts = tuple(_added_shape(baseline, effect, component, *one, bounded=len(shapes) == 1) for one in shapes)
+    return AddedEffect.model_construct(effect=effect, component=component, closes=closes).with_shapes(parts)
+
+
+def _added_shape(
+    baseline: Baseline,
+    effect: str,
+    component: str | None,
     shape: Shape,
+    weight: float,
     values: Array,
     std: Array,
     *,
-    bounded: bool = True,
-    closes: float | None = None,
-) -> AddedEffect:
-    """Return the entry of a shape with its parameters (c,) and their standard deviations, SI, and its scales.
-
-    `bounded` puts 0 where noise made negative what cannot be; of several shapes only the sum is meant.
-    """
+    bounded: bool,
+) -> AddedShape:
     if bounded:
         cannot = np.array([item.positive for item in shape.parameters])
         values = np.where(cannot, np.maximum(values, 0.0), values)
@@ -36,14 +54,12 @@ def added_effect(
         for item, value, spread in zip(shape.parameters, values.tolist(), std.tolist(), strict=True)
         if not item.posture_specific
     ]
-    return AddedEffect(
-        effect=effect,
-        component=component,
+    return AddedShape(
         shape=shape.name,
+        weight=1.0 if weight >= WHOLE else weight,
         parameters={item.name: _with_unit(value, item.unit) for item, value, _ in told},
         std={item.name: _with_unit(spread, item.unit) for item, _, spread in told},
         scales=needed_scales(shape, EFFECTS[effect].scales(baseline, component)),
-        closes=closes,
     )
 
 
@@ -54,6 +70,10 @@ def needed_scales(shape: Shape, scales: Normalisation) -> Normalisation:
 
 def rounded(effect: AddedEffect) -> AddedEffect:
     """Return an entry with the digits that its standard deviations are worth, and scales with six."""
+    return effect.with_shapes(tuple(map(_rounded_shape, effect.each)))
+
+
+def _rounded_shape(effect: AddedShape) -> AddedShape:
     steps = {name: _number(value) for name, value in effect.std.items()}
     parameters = {
         name: _shortened(value, steps[name] / GUARD) if name in steps else value
@@ -64,7 +84,10 @@ def rounded(effect: AddedEffect) -> AddedEffect:
         name: value if isinstance(value, tuple) else float(f"{value:.6g}")
         for name, value in effect.scales.items()
     }
-    return effect.model_copy(update={"parameters": parameters, "std": std, "scales": scales})
+    weight = float(f"{effect.weight:.4g}")
+    return effect.model_copy(
+        update={"parameters": parameters, "std": std, "scales": scales, "weight": weight}
+    )
 
 
 def _number(value: float | str) -> float:
@@ -81,4 +104,7 @@ def _shortened(value: float | str, step: float) -> float | str:
 
 def _with_unit(value: float, unit: str) -> float | str:
     """Return a parameter with its unit where that can be read beside a number."""
-    return f"{value!r} {unit}" if unit[0].isalpha() and unit != "SI" else value
+    if unit[0].isalpha() and unit != "SI":
+        unit, times = SMALL.get(unit, (unit, 1.0))
+        return f"{value * times!r} {unit}"
+    return value

@@ -24,7 +24,7 @@ from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.closure import close_loops
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics
-from beamstiff.robot.parts import AddedEffect
+from beamstiff.robot.parts import AddedEffect, AddedShape
 from beamstiff.robot.stiffness import stiffness_parameters
 from beamstiff.se3 import Array
 from beamstiff.units import in_unit
@@ -89,13 +89,16 @@ def effects_displacement(robot: Robot, rows: Measurements) -> Array:
     if not robot.effects:
         return total
     bare = fit_baseline(robot.model_copy(update={"effects": ()}), rows, keep=())
-    entries = [(one.effect, one.component, one.shape) for one in robot.effects]
+    keys = [(one.effect, one.component) for one in robot.effects for _ in one.each]
+    seen = set[tuple[str, str | None, str]]()
     for at, effect in enumerate(robot.effects):
         try:
-            if entries[at] in entries[:at]:
-                raise BeamstiffError(f"shape {effect.shape!r}: stands there before, once is enough")
-            alone = [entry[:2] for entry in entries].count(entries[at][:2]) == 1
-            total += _displacement(effect, bare, alone)
+            for part in effect.each:
+                entry = (effect.effect, effect.component, part.shape)
+                if entry in seen:
+                    raise BeamstiffError(f"shape {part.shape!r}: stands there before, once is enough")
+                seen.add(entry)
+                total += part.weight * _displacement(effect, part, bare, keys.count(entry[:2]) == 1)
         except BeamstiffError as error:
             raise EffectError(robot.name, at, f"effects[{at}] ({effect.effect}): {error}") from None
     return total
@@ -172,8 +175,8 @@ def extended(diagnosis: Diagnosis) -> Robot:
     """Return the robot with what a diagnosis found: its stiffness, and the effects of the verdict.
 
     The stiffness is that of the fit with the effects: ``1/k`` of the baseline and what the effects' fit adds
-    to it. The parameters are averaged over the shapes of a candidate, each by its weight, so that every shape
-    makes an entry. Without an effect (`none`, `unknown`, `outliers`) only the stiffness changes.
+    to it. A candidate makes one entry; where the data did not choose between its shapes it holds them all,
+    each with its weight. Without an effect (`none`, `unknown`, `outliers`) only the stiffness changes.
 
     Returns
     -------
@@ -185,7 +188,7 @@ def extended(diagnosis: Diagnosis) -> Robot:
     if diagnosis.decomposition is not None:
         return applied(diagnosis.decomposition)
     fit = diagnosis.linear if diagnosis.fits else diagnosis.baseline
-    found: dict[tuple[str, str | None, str], tuple[Shape, Array, Array]] = {}
+    found: dict[tuple[str, str | None, str], tuple[Shape, float, Array, Array]] = {}
     for one in diagnosis.fits:
         start = 0
         known = np.sqrt(np.maximum(np.diag(one.covariance), 0.0))[one.compliance.size :]
@@ -196,23 +199,26 @@ def extended(diagnosis: Diagnosis) -> Robot:
             values, spread = (one.weight * part[own] * sizes for part in (one.theta, known))
             start += sizes.size
             key = (hypothesis.effect, hypothesis.component, hypothesis.shape.name)
-            before = found.get(key, (hypothesis.shape, 0.0, 0.0))
+            before = found.get(key, (hypothesis.shape, 0.0, 0.0, 0.0))
             # together, as parts of one weight: the fits to the same rows err alike
-            found[key] = (hypothesis.shape, before[1] + values, before[2] + spread)
-    entries = [key[:2] for key in found]
-    added = tuple(
-        added_effect(
-            fit, effect, component, shape, values, std, bounded=entries.count((effect, component)) == 1
-        )
-        for (effect, component, _), (shape, values, std) in found.items()
-    )
+            found[key] = (hypothesis.shape, before[1] + one.weight, before[2] + values, before[3] + spread)
+    added = []
+    for effect, component in dict.fromkeys(key[:2] for key in found):
+        own_shapes = [
+            (shape, weight, values / weight, std / weight)
+            for key, (shape, weight, values, std) in found.items()
+            if key[:2] == (effect, component) and weight > 0.0
+        ]
+        own_shapes.sort(key=lambda part: -part[1])
+        added.append(added_effect(fit, effect, component, own_shapes))
     robot = fit.robot.with_parameters(_stiffness(diagnosis)) if diagnosis.fits and fit.fitted else fit.robot
     return robot.model_copy(update={"effects": (*robot.effects, *added)})
 
 
-def readable(robot: Robot) -> Robot:
-    """Return a robot whose effects have the digits that their standard deviations are worth."""
-    return robot.model_copy(update={"effects": tuple(map(rounded, robot.effects))})
+def readable(robot: Robot, known: Collection[AddedEffect] = ()) -> Robot:
+    """Return a robot whose effects, but those known before, have the digits that their std is worth."""
+    effects = tuple(one if one in known else rounded(one) for one in robot.effects)
+    return robot.model_copy(update={"effects": effects})
 
 
 def written_std(robot: Robot) -> dict[str, float]:
@@ -226,12 +232,12 @@ def written_std(robot: Robot) -> dict[str, float]:
     return found | {name: 1e-4 * value for name, value in stiffness.items() if 0.0 < value < np.inf}
 
 
-def _displacement(effect: AddedEffect, bare: Baseline, alone: bool) -> Array:
-    """Return what one entry adds, (N, 6); `alone` is the only one of its effect at its component."""
+def _displacement(effect: AddedEffect, part: AddedShape, bare: Baseline, alone: bool) -> Array:
+    """Return what a shape adds, (N, 6); `alone` is the only one of its effect at its component."""
     _known("effect", effect.effect, EFFECTS)
-    effect = _by_todays_name(effect)
+    part = _by_todays_name(part)
     law = EFFECTS[effect.effect]
-    view = replace(bare, stated=effect.scales)
+    view = replace(bare, stated=part.scales)
     other = replace(view, rows=replace(view.rows, kind="displacement" if view.absolute else "absolute"))
     here, elsewhere = law.components(view), law.components(other)
     if effect.component not in here and effect.component not in elsewhere:
@@ -239,16 +245,16 @@ def _displacement(effect: AddedEffect, bare: Baseline, alone: bool) -> Array:
     shows = effect.component in here
     if shows:
         scales = law.scales(view, effect.component)
-        _check_scales(effect, scales)
+        _check_scales(part, scales)
     shapes = {shape.name: shape for shape in law.shapes(view, effect.component)} if shows else {}
-    if effect.shape not in shapes:  # such rows do not show it: a payload, or a target's place, in differences
+    if part.shape not in shapes:  # such rows do not show it: a payload, or a target's place, in differences
         others = {shape.name: shape for shape in law.shapes(other, effect.component)}
-        _known("shape", effect.shape, dict.fromkeys([*shapes, *others]))
-        _values(effect, others[effect.shape], alone)
+        _known("shape", part.shape, dict.fromkeys([*shapes, *others]))
+        _values(part, others[part.shape], alone)
         return np.zeros((len(view.rows), 6))
-    shape = shapes[effect.shape]
-    values = _values(effect, shape, alone)
-    if missing := [name for name in needed_scales(shape, scales) if name not in effect.scales]:
+    shape = shapes[part.shape]
+    values = _values(part, shape, alone)
+    if missing := [name for name in needed_scales(shape, scales) if name not in part.scales]:
         raise BeamstiffError(
             f"scales: {listed(missing)} missing: what the parameters are counted against, SI, as "
             "`beamstiff diagnose --apply` writes it"
@@ -257,15 +263,15 @@ def _displacement(effect: AddedEffect, bare: Baseline, alone: bool) -> Array:
     return result
 
 
-def _by_todays_name(effect: AddedEffect) -> AddedEffect:
-    """Return an entry with the name that its shape has today: files of every earlier version are read."""
+def _by_todays_name(effect: AddedShape) -> AddedShape:
+    """Return a shape with the name that its shape has today: files of every earlier version are read."""
     shape = effect.shape
     for former, today in RENAMED.items():
         shape = shape.replace(former, today)
     return effect if shape == effect.shape else effect.model_copy(update={"shape": shape})
 
 
-def _values(effect: AddedEffect, shape: Shape, alone: bool) -> Array:
+def _values(effect: AddedShape, shape: Shape, alone: bool) -> Array:
     """Return the parameters of an entry in the order of its shape's, SI; those not named are 0."""
     parameters = [item.name for item in shape.parameters]
     values = np.zeros(len(parameters))
@@ -290,7 +296,7 @@ def _values(effect: AddedEffect, shape: Shape, alone: bool) -> Array:
     return values
 
 
-def _check_scales(effect: AddedEffect, expected: Normalisation) -> None:
+def _check_scales(effect: AddedShape, expected: Normalisation) -> None:
     for name, value in effect.scales.items():
         _known("scale", name, expected)
         if isinstance(value, tuple) != isinstance(expected[name], tuple):

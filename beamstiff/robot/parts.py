@@ -21,6 +21,7 @@ from beamstiff.robot.fields import (
     Identifier,
     LeastLength,
     Name,
+    Number,
     ParameterValue,
     Point,
     PositiveForce,
@@ -238,10 +239,24 @@ class Mass(Described):
     at: Point = (0.0, 0.0, 0.0)
 
 
+class AddedShape(Described):
+    """A shape of an effect with its parameters; see `AddedEffect`.
+
+    `weight`: by which it counts, where several shapes of an effect are averaged.
+    """
+
+    shape: Name
+    weight: Number = 1.0
+    parameters: Annotated[Mapping[Name, ParameterValue], Field(min_length=1)]
+    std: Mapping[Name, ParameterValue] = {}
+    scales: Mapping[Name, Scale] = {}
+
+
 class AddedEffect(Described):
     """An effect beyond beams and springs that the machine is known to have, such as backlash of a joint.
 
     Which effects there are, in which shapes and with which parameters, `diagnosis.effects` says and checks.
+    It has one shape, or several (`shapes`) between which the data did not choose, each with its weight.
 
     Attributes
     ----------
@@ -257,12 +272,50 @@ class AddedEffect(Described):
         What the parameters are counted against, SI: the largest torque of the rows they were fitted to, say.
     closes : float or None
         Share of the gap that it closed on held-out postures when it was found: what `verify` holds it to.
+    shapes : tuple of AddedShape
+        In place of `shape`, `parameters`, `std` and `scales`.
     """
 
     effect: Name
     component: Name | None = None
-    shape: Name
-    parameters: Annotated[Mapping[Name, ParameterValue], Field(min_length=1)]
+    shape: Name | None = None
+    parameters: Mapping[Name, ParameterValue] = {}
     std: Mapping[Name, ParameterValue] = {}
     scales: Mapping[Name, Scale] = {}
     closes: float | None = None
+    shapes: tuple[AddedShape, ...] = ()
+
+    @model_validator(mode="after")
+    def _one_or_several(self) -> AddedEffect:
+        if self.shapes:
+            for name in ("shape", "parameters", "std", "scales"):
+                if getattr(self, name):
+                    raise DescriptionError([((name,), "found it beside `shapes`, expected one of the two")])
+        elif self.shape is None:
+            raise DescriptionError([(("shape",), "is missing")])
+        elif not self.parameters:
+            raise DescriptionError([(("parameters",), "is missing: expected a parameter with its value")])
+        return self
+
+    @property
+    def each(self) -> tuple[AddedShape, ...]:
+        """Its shapes: the several, or the one."""
+        if self.shape is None:
+            return self.shapes
+        return (
+            AddedShape.model_construct(
+                shape=self.shape,
+                weight=1.0,
+                parameters=self.parameters,
+                std=self.std,
+                scales=self.scales,
+            ),
+        )
+
+    def with_shapes(self, shapes: tuple[AddedShape, ...]) -> AddedEffect:
+        """Return the effect with other shapes, as it is written: one that counts in full as its own."""
+        if len(shapes) == 1 and shapes[0].weight == 1.0:
+            own = {name: getattr(shapes[0], name) for name in ("shape", "parameters", "std", "scales")}
+            return self.model_copy(update={**own, "shapes": ()})
+        none: dict[str, Any] = {"shape": None, "parameters": {}, "std": {}, "scales": {}}
+        return self.model_copy(update={**none, "shapes": shapes})

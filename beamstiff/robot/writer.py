@@ -17,7 +17,7 @@ from beamstiff.files import write_whole
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import Described, stiffness_text
 from beamstiff.robot.fitted_model import FittedModel
-from beamstiff.robot.parts import AXES, Joint, JointStiffness
+from beamstiff.robot.parts import AXES, AddedEffect, Joint, JointStiffness
 from beamstiff.robot.reader import VERSION, parse_robot
 
 _BARE = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*\Z")
@@ -66,9 +66,20 @@ def rows_of(fields: Mapping[str, object]) -> Iterator[str]:
             yield from (f"  {_text(key)}: {flow_text(item)}" for key, item in value.items())
         elif isinstance(value, tuple) and value and isinstance(value[0], Described):
             yield f"{name}:"
-            yield from (f"  - {flow_text(item)}" for item in value)
+            yield from (f"  {row}" for item in value for row in item_rows(item))
         else:
             yield f"{name}: {flow_text(value)}"
+
+
+def item_rows(item: object) -> Iterator[str]:
+    """Yield the lines of an item of a list: one line, or of an effect one a key."""
+    if not isinstance(item, AddedEffect):
+        yield f"- {flow_text(item)}"
+        return
+    start = "- "
+    for row in _tables(_written_fields(item)):
+        yield f"{start}{row}"
+        start = "  "
 
 
 def model_rows(model: FittedModel) -> Iterator[str]:

@@ -24,7 +24,7 @@ from beamstiff.robot.fields import Described, stiffness_text
 from beamstiff.robot.fitted_model import FittedModel
 from beamstiff.robot.parts import JointStiffness, Strut
 from beamstiff.robot.reader import parse_robot
-from beamstiff.robot.writer import flow_text, model_rows, robot_to_yaml, rows_of
+from beamstiff.robot.writer import flow_text, item_rows, model_rows, robot_to_yaml, rows_of
 from beamstiff.units import NUMBER, unit_size
 
 NOISE = 1e-14  # relative: what conversions of units and 1/(1/k) leave behind
@@ -134,7 +134,7 @@ def _added(node: Any, last: Any, value: Any, text: str) -> Edit:
     end = _end(last)
     if node.flow_style:
         return end, end, f", {flow_text(value)[1:-1] if isinstance(value, dict) else flow_text(value)}"
-    lines = rows_of(value) if isinstance(value, dict) else [f"- {flow_text(value)}"]
+    lines = rows_of(value) if isinstance(value, dict) else item_rows(value)
     stop, newline = text.find("\n", end), _newline(text)
     stop = len(text) if stop < 0 else stop - len(newline) + 1
     return stop, stop, "".join(f"{newline}{' ' * node.start_mark.column}{line}" for line in lines)

@@ -60,7 +60,8 @@ def test_the_robot_with_the_effect_is_written(applied: Any, folder: Path) -> Non
     assert text.startswith("# Stiffness fitted by beamstiff to loads.csv, and backlash:q1 added.\n")
     robot = load_robot(folder / "larger.yaml")
     assert robot.parameter("J1.torsional") == pytest.approx(TORSIONAL, rel=0.03)
-    assert all(str(one.parameters["half_width"]).endswith(" rad") for one in robot.effects)
+    (play,) = robot.effects
+    assert all(str(part.parameters["half_width"]).endswith(" mrad") for part in play.each)
 
 
 @pytest.mark.usefixtures("applied")
@@ -96,7 +97,7 @@ def test_what_leaves_the_effect_out_says_so(run: Run, succeed: Run) -> None:
     result = succeed("stiffness", "larger.yaml")
     assert "note: the robot's effects (backlash:q1) are not part of its stiffness" in result.stderr
     shown = run("show", "larger.yaml", "--samples", "10").stdout
-    assert "Effect backlash:q1, flank within 0.03: half_width 0.000" in shown
+    assert "Effect backlash:q1, flank within 0.03: half_width 0." in shown
     result = succeed("exam", "larger.yaml", "--cases", "1", "--classes", "null")
     assert "note: the robot's effects (backlash:q1) are not part of the exam" in result.stderr
 

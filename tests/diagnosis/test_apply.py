@@ -126,14 +126,14 @@ def test_the_robot_written_has_the_effect_and_the_stiffness_beside_it(
     found = [robot.parameter(name) for name in robot.identify]
     np.testing.assert_allclose(found, STIFFNESS * [1.2, 0.8], rtol=0.01)
     if effect == "backlash":
-        sizes = [
-            str(value).split()
-            for one in robot.effects
-            for name, value in one.parameters.items()
-            if name.startswith("half_width")
-        ]
-        assert {unit for _, unit in sizes} == {"rad"}
-        assert sum(float(value) for value, _ in sizes) == pytest.approx(SIZE, rel=0.05)
+        (entry,) = robot.effects
+        size = 0.0
+        for part in entry.each:
+            widths = [v for name, v in part.parameters.items() if name.startswith("half_width")]
+            assert all(str(value).endswith(" mrad") for value in widths)
+            size += part.weight * sum(float(str(value).split()[0]) for value in widths)
+        assert size == pytest.approx(1e3 * SIZE, rel=0.05)
+        assert sum(part.weight for part in entry.each) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("effect", ["backlash", "base-compliance"])
@@ -222,11 +222,12 @@ def test_shapes_between_which_the_data_do_not_choose_and_second_causes_are_all_w
     found = [replace(fit, theta=np.abs(fit.theta)) for fit in found]  # what is negative is written as nothing
     both = replace(result, fits=tuple(found))
     robot = parse_robot(robot_to_yaml(extended(both)))
-    assert [(one.effect, one.shape) for one in robot.effects] == [
-        ("backlash", "flank within 0.005"),
-        ("base-compliance", "tilt"),
-        ("backlash", "flank within 0.03"),
+    play, tilt = robot.effects
+    assert [(part.shape, part.weight) for part in play.each] == [
+        ("flank within 0.03", 0.7),
+        ("flank within 0.005", 0.3),
     ]
+    assert (tilt.effect, tilt.shape) == ("base-compliance", "tilt")
     rows = any_rows("displacement", 4)
     after = both.predict_shift(rows)[1]
     near, change = at_rows(both.linear, rows), sum(one.weight * one.compliance for one in both.fits)

@@ -37,7 +37,10 @@ def test_effects_are_read_and_written_back() -> None:
     [
         ("{shape: s, parameters: {a: 1}}", "7: effects[0].effect: is missing"),
         ("{effect: e, parameters: {a: 1}}", "7: effects[0].shape: is missing"),
-        ("{effect: e, shape: s, parameters: {}}", "7: effects[0].parameters: found {}, expected at least 1"),
+        (
+            "{effect: e, shape: s, parameters: {}}",
+            "7: effects[0].parameters: is missing: expected a parameter",
+        ),
         (
             "{effect: e, shape: s, parameters: {a: 1}, scale: {}}",
             "scale: unknown key (did you mean 'scales'?)",

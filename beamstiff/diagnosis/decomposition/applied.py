@@ -12,9 +12,11 @@ from beamstiff.calibration.corrected import corrected
 from beamstiff.diagnosis.added_effect import added_effect
 from beamstiff.diagnosis.decomposition.decompose import Cause, Decomposition
 from beamstiff.diagnosis.decomposition.forms import shift_of
+from beamstiff.diagnosis.effects import Shape
 from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import AddedEffect
+from beamstiff.se3 import Array
 
 
 def applied(found: Decomposition) -> Robot:
@@ -56,16 +58,13 @@ def _calibrated(found: Decomposition, causes: Sequence[Cause]) -> Robot:
 
 
 def _added(found: Decomposition, cause: Cause) -> Iterator[AddedEffect]:
-    """Yield an entry for every form of a cause; what the cause closes stands in the first."""
-    for at, (form, theta, std) in enumerate(zip(cause.forms, cause.theta, cause.std, strict=True)):
-        if all(item.posture_specific for item in form.shape.parameters):
-            continue
-        yield added_effect(
-            found.model.baseline,
-            form.effect,
-            form.component,
-            form.shape,
-            theta * form.sizes,
-            std * form.sizes,
-            closes=None if at else round(cause.closes, 4),
-        )
+    """Yield an entry for every effect and component of a cause, with all its forms."""
+    own: dict[tuple[str, str | None], list[tuple[Shape, float, Array, Array]]] = {}
+    for form, theta, std in zip(cause.forms, cause.theta, cause.std, strict=True):
+        if not all(item.posture_specific for item in form.shape.parameters):
+            part = (form.shape, 1.0, theta * form.sizes, std * form.sizes)
+            own.setdefault((form.effect, form.component), []).append(part)
+    closes: float | None = round(cause.closes, 4)
+    for (effect, component), shapes in own.items():
+        yield added_effect(found.model.baseline, effect, component, shapes, closes=closes)
+        closes = None  # what the cause closes stands in the first
