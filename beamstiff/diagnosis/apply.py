@@ -26,7 +26,7 @@ from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics
 from beamstiff.robot.parts import AddedEffect, AddedShape
 from beamstiff.robot.stiffness import stiffness_parameters
-from beamstiff.se3 import Array
+from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 from beamstiff.units import in_unit
 
 if TYPE_CHECKING:
@@ -169,6 +169,22 @@ def without_effects(robot: Robot, rows: Measurements) -> tuple[Robot, Measuremen
         raise BeamstiffError(f"{rows.source}: found absolute positions, expected displacements (dx dy dz)")
     left = rows.displacement - effects_displacement(robot, rows)
     return robot.model_copy(update={"effects": ()}), replace(rows, displacement=left)
+
+
+def positions_without_effects(robot: Robot, rows: Measurements, bases: Array) -> Measurements:
+    """Return absolute rows without what a robot's effects add, for a calibration of the rest.
+
+    `bases` (S, 4, 4): where the robot's base stands in the measuring frame, or in that of each table.
+    """
+    moved = effects_displacement(robot, rows)
+    turn = bases[rows.run.astype(np.intp) if len(bases) > 1 else np.zeros(len(rows), dtype=np.intp), :3, :3]
+    shift, turned = ((turn @ part[:, :, None])[:, :, 0] for part in (moved[:, :3], moved[:, 3:]))
+    rotation = rows.rotation.copy()
+    known = ~np.isnan(rotation).any(axis=1)
+    if known.any():
+        read = rotation_from_vector(-turned[known]) @ rotation_from_vector(rotation[known])
+        rotation[known] = vector_from_rotation(read)
+    return replace(rows, position=rows.position - shift, rotation=rotation)
 
 
 def extended(diagnosis: Diagnosis) -> Robot:

@@ -13,8 +13,9 @@ from beamstiff.calibration.parameters import Parameter
 from beamstiff.calibration.result import Calibration
 from beamstiff.calibration.statement import build_calibration
 from beamstiff.calibration.validation import errors_on
+from beamstiff.diagnosis.apply import positions_without_effects
 from beamstiff.errors import BeamstiffError, OptionError, optional, shown, suggest
-from beamstiff.functions.checks import names_of, whole, without_model
+from beamstiff.functions.checks import effects_text, names_of, whole, without_model
 from beamstiff.functions.robots import as_robot
 from beamstiff.measure.coerce import DataLike, TableLike, as_tables, doubted, doubts_of, refuse_fitted
 from beamstiff.measure.doubts import stands_doubts
@@ -104,15 +105,26 @@ def calibrate(
         "noticed": noticed,
         "stations": stations,
     }
+    bare = machine.model_copy(update={"effects": ()})
     with doubted(doubts):
         if priors:
-            known = build_calibration(machine, rows, **said).problem.parameters
+            known = build_calibration(
+                machine.model_copy(update={"effects": ()}), rows, **said
+            ).problem.parameters
             said["priors"] = each_prior(priors, known)
-        found = fit(machine, rows, method=method, folds=folds, **said)
+        bare = machine.model_copy(update={"effects": ()})
+        found = fit(bare, rows, method=method, folds=0 if machine.effects else folds, **said)
+        if machine.effects:  # of the measuring frame, which only a fit tells: twice
+            rows = positions_without_effects(machine, rows, found.bases)
+            found = fit(bare, rows, method=method, folds=folds, **said)
+            dropped += (f"the fit includes the robot's effects unchanged: {effects_text(machine.effects)}",)
         errors, left_out = {}, list[str]()
         for name, table in tested.items():
             with optional(f"the test on {name}", left_out.append):
+                if machine.effects:
+                    table = positions_without_effects(machine, table, found.bases)
                 errors[name] = errors_on(found, table)
+    found = replace(found, robot=found.robot.model_copy(update={"effects": machine.effects}))
     return replace(found, rows=rows, tests=errors, notes=(*dropped, *doubts, *found.notes, *left_out))
 
 
