@@ -119,7 +119,9 @@ def commands(file: Path, robot: Robot, name: str, absolute: bool) -> Iterator[st
     low = float(rows_of(name, True).q[0, 0])
     held = dict(zip([one.name for one in robot.actuated], rows_of(name, True).q[0].tolist(), strict=True))
     del held[axis]
-    beamstiff.map_workspace(load_robot(file), {axis: np.array([low, low + 1e-3])}, held=held, quantities=("sag",))
+    beamstiff.map_workspace(
+        load_robot(file), {axis: np.array([low, low + 1e-3])}, held=held, quantities=("sag",)
+    )
     yield "map"
 
 

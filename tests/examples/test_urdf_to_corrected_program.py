@@ -1,0 +1,34 @@
+"""The example from a URDF to a corrected program: three hidden effects, commands alone, fresh targets."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from beamstiff import load_robot
+
+EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "urdf_to_corrected_program.py"
+
+
+@pytest.mark.slow
+def test_nine_tenths_of_the_error_at_fresh_targets_close(tmp_path: Path) -> None:
+    result = subprocess.run(
+        [sys.executable, str(EXAMPLE), str(tmp_path)],
+        capture_output=True,
+        encoding="utf-8",
+        check=False,
+        env=os.environ | {"COLUMNS": "120"},
+    )
+    assert result.returncode == 0, result.stderr
+    (closed,) = re.findall(r"after: ([0-9.]+)% closed", result.stdout)
+    assert float(closed) >= 90.0
+    real = load_robot(tmp_path / "real.yaml")
+    assert {(one.effect, one.component) for one in real.effects} == {
+        ("backlash", "a2"),
+        ("base-compliance", None),
+    }
+    before, after = ((tmp_path / name).read_text("latin-1") for name in ("part.src", "corrected.src"))
+    assert re.sub(r"-?\d+\.\d+", "", before) == re.sub(r"-?\d+\.\d+", "", after)  # numbers alone changed
