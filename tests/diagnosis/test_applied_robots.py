@@ -19,11 +19,12 @@ from beamstiff.report.overview import describe
 from beamstiff.robot.closure import close_loops
 from beamstiff.robot.kinematics import compile_kinematics
 from beamstiff.robot.library import robot_names, robot_path
+from beamstiff.robot.reference import reference_posture
 from beamstiff.robot.yaml_edit import robot_yaml
 from beamstiff.se3 import vector_from_rotation
 
 POSES, LOADS, SIGMA = 16, 4, 1e-5
-QUICK = ("kr240-2", "ir663")
+QUICK = ("kr240-2",)
 OF_ALL = [(robot, effect) for robot in robot_names() for effect in EFFECTS if effect != "outliers"]
 
 
@@ -33,7 +34,9 @@ def rows_of(name: str, absolute: bool, seed: int = 0) -> Measurements:
     robot, random = load_robot(name), np.random.default_rng(seed)
     kinematics = compile_kinematics(robot)
     ends = np.array([one.limits or (-1.0, 1.0) for one in robot.actuated]).reshape(-1, 2)
-    drawn = random.uniform(ends[:, 0], ends[:, 1], (400, len(ends)))
+    middle = reference_posture(robot)
+    drawn = middle + 0.3 * (ends[:, 1] - ends[:, 0]) * random.uniform(-1.0, 1.0, (60, len(ends)))
+    drawn = np.clip(drawn, ends[:, 0], ends[:, 1])
     q = np.repeat(drawn[close_loops(kinematics, drawn, strict=False).closed][:POSES], LOADS, axis=0)
     wrench = np.zeros((len(q), 6))
     wrench[:, :3] = random.uniform(-400.0, 400.0, (len(q), 3))
