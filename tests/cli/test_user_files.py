@@ -55,7 +55,7 @@ COMMANDS: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
     ),
     "compare": (
         ("crane.yaml", "crane.csv", "--models", "rigid,nominal,fuzzy"),
-        {"figure": "o.png", "rules": "r.svg", "html": "o.html"},
+        {"out": "o.yaml", "figure": "o.png", "rules": "r.svg", "html": "o.html"},
     ),
     "diagnose": (
         ("crane.yaml", "crane.csv"),
@@ -83,7 +83,7 @@ OTHERS = (
 )  # fmt: skip
 INPUT_OPTIONS = {
     "region", "plan", "sets", "process", "actual", "profile", "joints", "like", "test", "scheduler",
-    "orientation", "apply-to",
+    "orientation", "apply-to", "positions",
 }  # fmt: skip
 
 
