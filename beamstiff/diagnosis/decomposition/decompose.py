@@ -14,7 +14,6 @@ from beamstiff.diagnosis.decomposition.forms import SLIP, Form, Shapes, by_form,
 from beamstiff.diagnosis.decomposition.held_out import Folds, folds_of, interval, ordered
 from beamstiff.diagnosis.decomposition.look_alikes import rival_of, with_usual_name
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, inverse_of, open_geometry, open_stiffness
-from beamstiff.diagnosis.decomposition.prior import TEMPERING
 from beamstiff.diagnosis.decomposition.remainder import Remainder, remainder_of
 from beamstiff.diagnosis.decomposition.selection import (
     Choice,
@@ -27,7 +26,9 @@ from beamstiff.diagnosis.decomposition.selection import (
     select,
 )
 from beamstiff.diagnosis.effects.target_slip import slip_row
-from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline
+from beamstiff.diagnosis.inference.library import check_names
+from beamstiff.diagnosis.prior import DEFAULT, TEMPERING, Prior
+from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline, fitted_names
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
@@ -155,7 +156,7 @@ def decompose(
     robot: Robot,
     rows: Measurements,
     *,
-    without: Sequence[str] = (),
+    prior: Prior = DEFAULT,
     seed: int = 0,
     stations: bool = False,
     baseline: Baseline | None = None,
@@ -167,10 +168,10 @@ def decompose(
     ----------
     robot : Robot
     rows : Measurements
-        Absolute positions: geometry, base frame, reflectors and drives are estimated with the causes.
-        Displacements: the robot's `identify` parameters are.
-    without : sequence of str
-        Effects, or ``effect:component``, that are no candidates.
+        Absolute positions: geometry, base frame, reflectors and drives (`fitted_names`) are estimated with
+        the causes. Displacements: the drives are.
+    prior : Prior
+        Of the causes.
     seed : int
         Of the folds.
     stations : bool
@@ -187,10 +188,12 @@ def decompose(
     """
     if rows.kind != "absolute":
         model = open_stiffness(baseline or fit_baseline(robot, rows))
-        folds = folds_of(model, build_choice(model, forms_of(model, without, known=known)), seed)
+        folds = folds_of(model, build_choice(model, forms_of(model, prior, known=known)), seed)
         return _told(folds, select(folds.choice, folds.squared_errors), seed)
+    robot = robot.model_copy(update={"identify": fitted_names(robot)})
     model, parameters = _opened(robot, rows, stations)
-    choice = build_choice(model, forms_of(model, without))
+    check_names(model.baseline, prior)
+    choice = build_choice(model, forms_of(model, prior))
     folds = folds_of(model, choice, seed)
     step = fit_step(choice, ())
     if _more_than_noise(choice, model, step):
@@ -209,7 +212,7 @@ def decompose(
             )
         except BeamstiffError:  # beside very free causes the stiffness is anything: the machine may buckle
             break
-        choice = build_choice(model, forms_of(model, without))
+        choice = build_choice(model, forms_of(model, prior))
         folds = folds_of(model, choice, seed)
         step = select(choice, folds.squared_errors)
         if {choice.forms[number].key for number in step.chosen} == {form.key for form in chosen}:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from beamstiff.diagnosis.inference.library import key_of
+from beamstiff.diagnosis.prior import key_of
 from beamstiff.robot.description import Robot
 
 GROUND = "base"  # frame
