@@ -30,7 +30,8 @@ def same_mechanics(robot: Robot) -> Mapping[str, tuple[str, ...]]:
         )
     ground = {node.name for node in robot.nodes if node.frame == GROUND}
     pedestal = [key_of("link-bending", name) for name, ends in parts if ends <= ground]
-    groups.append((key_of("base-compliance", None), *pedestal))
+    first = [key_of("bearing-tilt", one.variable or one.name) for one in robot.joints if set(one.nodes) & ground]
+    groups.append((key_of("base-compliance", None), *first[:1], *pedestal))
     return {key: group for group in groups for key in group}
 
 
