@@ -23,6 +23,7 @@ from beamstiff.diagnosis.held_out.prediction import (
     fitted,
     folds,
     held_out,
+    parts_of,
     shift,
 )
 from beamstiff.diagnosis.inference.component_subspaces import ComponentSubspace, component_subspaces
@@ -216,7 +217,7 @@ def _diagnosis(weighed: Weighed, chance: tuple[float, float], may_be_outliers: b
             key: shrinks.get(key) or held_out(linear, used, [found.shapes[key]], scale, seed)
             for key in (judged.verdict, judged.also)
         }
-        judged = larger_first(judged, {key: one.shrink for key, one in alone.items()})
+        judged = larger_first(judged, _sizes(linear, white, found, scale))
     models = _models(judged, found)
     if judged.verdict != UNKNOWN:
         scale = scale_after(white, models, weighed.scales)
@@ -278,6 +279,16 @@ def _each_posture_its_own(pair: Pair) -> bool:
     """Return whether a pair has parameters of some postures alone, which tell nothing of new ones."""
     shapes = [one.hypothesis.shape for shapes in pair.shapes for one in shapes]
     return any(quantity.posture_specific for shape in shapes for quantity in shape.parameters)
+
+
+def _sizes(linear: Baseline, white: Whitened, found: Search, scale: float) -> dict[str, float]:
+    """Return the share of the gap that each of two causes takes away, as large as both together say it is."""
+    pair = found.pairs[0]
+    parts = parts_of(linear, fitted(linear, white.used, pair.shapes, scale))
+    gap = white.project_out(white.gap[:, None])
+    left = gap - white.project_out(white.whiten(np.stack(parts, axis=-1)))
+    closed = 1.0 - (left**2).sum(axis=0) / (gap**2).sum()
+    return dict(zip((pair.first, pair.second), closed.tolist(), strict=True))
 
 
 def _models(judged: Judged, found: Search) -> list[list[Weighted]]:
