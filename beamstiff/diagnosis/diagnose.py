@@ -141,7 +141,7 @@ def _decomposed(
     known = {key: [library.hypotheses[k].shape for k in places] for key, places in at.items()}
     found = decompose(robot, baseline.rows, prior=prior, seed=seed, baseline=baseline, known=known)
     several = found.causes and len(found.causes) + len(found.unclear) > 1
-    return found if several and found.remainder.share <= LEFT else None
+    return found if several and found.unexplained <= LEFT else None
 
 
 def _screened(robot: Robot, rows: Measurements, prior: Prior) -> tuple[Baseline, Library, Screened]:

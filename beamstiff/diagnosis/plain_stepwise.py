@@ -181,11 +181,13 @@ def _told(model: OpenModel, chosen: Sequence[Form], squares: Sequence[float]) ->
         )
     last = len(chosen)
     scatter = rms(last) / np.sqrt(noise2)
+    left = max(squares[last] - model.count, 0.0) / explainable
     return Decomposition(
         model=model,
         causes=tuple(causes.values()),
         unclear=(),
-        remainder=Remainder(rms(last), max(squares[last] - model.count, 0.0) / explainable, (), ()),
+        remainder=Remainder(rms(last), left, (), ()),
+        unexplained=left,
         rms=rms(0),
         noise=float(np.sqrt(noise2)),
         change=theta[: model.tangent.shape[1]],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
@@ -11,7 +11,14 @@ from scipy.special import expit
 
 from beamstiff.diagnosis.decomposition.discrepancy import discrepancy_odds
 from beamstiff.diagnosis.decomposition.forms import SLIP, Form, Shapes, by_form, forms_of, shift_of
-from beamstiff.diagnosis.decomposition.held_out import Folds, folds_of, interval, ordered
+from beamstiff.diagnosis.decomposition.held_out import (
+    Folds,
+    closed,
+    errors_along,
+    folds_of,
+    interval,
+    ordered,
+)
 from beamstiff.diagnosis.decomposition.look_alikes import rival_of, with_usual_name
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, inverse_of, open_geometry, open_stiffness
 from beamstiff.diagnosis.decomposition.remainder import Remainder, remainder_of
@@ -108,7 +115,9 @@ class Decomposition:
     causes, unclear : tuple of Cause
         Those that are named, and those that are there but could as well be another.
     remainder : Remainder
-        What all of them leave.
+        What those that are named leave.
+    unexplained : float
+        Share of the explainable gap that those that are unclear leave as well.
     rms, noise : float, m
         Held-out position gap of the open model without a cause, and what noise alone would leave.
     change : (t,) array
@@ -125,6 +134,7 @@ class Decomposition:
     causes: tuple[Cause, ...]
     unclear: tuple[Cause, ...]
     remainder: Remainder
+    unexplained: float
     rms: float
     noise: float
     change: Array
@@ -284,31 +294,51 @@ def _told(folds: Folds, step: Step, seed: int) -> Decomposition:
     opened = model.tangent.shape[1]
     thetas = dict(zip(step.chosen, by_form(forms, theta[opened:]), strict=True))
     stds = dict(zip(step.chosen, by_form(forms, std[opened:]), strict=True))
-    causes = []
     rivals = [rival_of(choice, step, cause, folds.squared_errors) for cause in order]
     odds = np.array(discrepancy_odds(choice, step, order, [rival.indistinguishable for rival in rivals]))
-    for cause, rival, present, before, after in zip(
-        order, rivals, expit(odds / TEMPERING), errors[:-1], errors[1:], strict=True
-    ):
-        causes.append(
-            Cause(
-                forms=tuple(choice.forms[number] for number in cause),
-                theta=tuple(thetas[number] for number in cause),
-                std=tuple(stds[number] for number in cause),
-                probability=rival.probability * float(present),
-                present=float(present),
-                closes=float((before - after).sum()) / (total - noise2) if total > noise2 else 0.0,
-                closes_interval=interval(before, after, noise2, total, seed),
-                rms_after=float(np.sqrt(after.sum() / folds.rows)),
-                indistinguishable=rival.indistinguishable,
-                rivals=tuple(choice.forms[number] for number in rival.forms),
-            )
+    causes = {
+        cause: Cause(
+            forms=tuple(choice.forms[number] for number in cause),
+            theta=tuple(thetas[number] for number in cause),
+            std=tuple(stds[number] for number in cause),
+            probability=rival.probability * float(present),
+            present=float(present),
+            closes=share,
+            closes_interval=(share, share),
+            rms_after=0.0,
+            indistinguishable=rival.indistinguishable,
+            rivals=tuple(choice.forms[number] for number in rival.forms),
         )
+        for cause, rival, present, share in zip(
+            order, rivals, expit(odds / TEMPERING), closed(errors, noise2), strict=True
+        )
+    }
+    # those that are named alone are the answer, so what each closes is what it closes beside these
+    order.sort(key=lambda cause: not causes[cause].named)
+    errors = errors_along(folds, order)
+    every = [
+        replace(
+            causes[cause],
+            closes=share,
+            closes_interval=interval(before, after, noise2, total, seed),
+            rms_after=float(np.sqrt(after.sum() / folds.rows)),
+        )
+        for cause, share, before, after in zip(
+            order, closed(errors, noise2), errors[:-1], errors[1:], strict=True
+        )
+    ]
+    count = sum(causes[cause].named for cause in order)
+    rest = remainder_of(model, forms, theta, noise2, total, folds.rows)
+    unexplained = rest.share
+    if count < len(every):
+        some = [form for cause in every[:count] for form in cause.forms]
+        rest = remainder_of(model, some, solved(model, some)[0], noise2, total, folds.rows)
     return Decomposition(
         model=model,
-        causes=tuple(cause for cause in causes if cause.named),
-        unclear=tuple(cause for cause in causes if not cause.named),
-        remainder=remainder_of(model, forms, theta, noise2, total, folds.rows),
+        causes=tuple(every[:count]),
+        unclear=tuple(every[count:]),
+        remainder=rest,
+        unexplained=unexplained,
         rms=float(np.sqrt(total / folds.rows)),
         noise=float(np.sqrt(noise2 / folds.rows)),
         change=theta[:opened],

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,8 +109,20 @@ def ordered(folds: Folds, causes: Sequence[tuple[int, ...]]) -> tuple[list[tuple
     alone, a flexible one would take the share of another that it resembles.
     """
     order = _largest_first(folds.choice, causes)
+    return order, errors_along(folds, order)
+
+
+def errors_along(folds: Folds, order: Sequence[tuple[int, ...]]) -> list[Array]:
+    """Return the errors (P,) of fits with no cause, the first, the first two, and so on."""
     fits = [[number for cause in order[:count] for number in cause] for count in range(len(order) + 1)]
-    return order, [folds.squared_errors(fit_step(folds.choice, numbers)) for numbers in fits]
+    return [folds.squared_errors(fit_step(folds.choice, numbers)) for numbers in fits]
+
+
+def closed(errors: Sequence[Array], noise: float) -> list[float]:
+    """Return the share of the explainable gap that each cause closes after those before it."""
+    sums = [float(each.sum()) for each in errors]
+    explainable = sums[0] - noise
+    return [(a - b) / explainable if explainable > 0.0 else 0.0 for a, b in pairwise(sums)]
 
 
 def _largest_first(choice: Choice, causes: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
