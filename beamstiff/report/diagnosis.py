@@ -110,7 +110,8 @@ def remainder_text(found: Decomposition) -> str:
     if rest.follows:
         said += f"; it follows the {' and the '.join(name for name, _ in rest.follows[:2])}"
     if found.unclear:
-        said += f". Minor or undecided, {percent(sum(one.closes for one in found.unclear))} together: "
+        share = percent(sum(one.closes for one in found.unclear))
+        said += f". Minor or undecided causes are a part of it ({share} of the gap): "
         said += in_words([one.key for one in found.unclear])
     return f"{said}."
 
