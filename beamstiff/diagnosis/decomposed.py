@@ -49,7 +49,7 @@ def beside_calibration(
         return None
     # what the tables hold in frames of their own has no geometry as described, nor has a calibrated robot
     told = tuple(chosen_for(robot))
-    if stations or robot.calibrated:
+    if stations or robot.calibrated or found.behind:
         return diagnosis_of(found, told)
     try:
         closed = open_stiffness(fit_baseline(robot, rows))
@@ -83,7 +83,7 @@ def diagnosis_of(found: Decomposition, notes: tuple[str, ...] = ()) -> Diagnosis
         indistinguishable=verdict.indistinguishable if verdict else (),
         untestable=_untestable(found),
         outliers=(),
-        notes=notes,
+        notes=(*notes, *(one.text for one in found.behind)),
         fits=(),
         ceiling=min([found.rms, found.remainder.rms, *(cause.rms_after for cause in found.causes)]),
         where=where(baseline, baseline.used, _components(found)),

@@ -9,6 +9,7 @@ import numpy as np
 from scipy import stats
 from scipy.special import expit
 
+from beamstiff.diagnosis.decomposition.behind_gears import Behind, behind_gears, informed
 from beamstiff.diagnosis.decomposition.discrepancy import discrepancy_odds
 from beamstiff.diagnosis.decomposition.forms import SLIP, Form, Shapes, by_form, forms_of, shift_of
 from beamstiff.diagnosis.decomposition.held_out import (
@@ -128,6 +129,8 @@ class Decomposition:
         Of the open model with the causes.
     largest : float
         Probability that the first cause closes more than the second, over the postures.
+    behind : tuple of Behind
+        What encoders behind the gears say.
     """
 
     model: OpenModel
@@ -141,6 +144,7 @@ class Decomposition:
     scatter: float
     bic: float
     largest: float
+    behind: tuple[Behind, ...] = ()
 
     @property
     def closes(self) -> float:
@@ -203,7 +207,12 @@ def decompose(
     robot = robot.model_copy(update={"identify": fitted_names(robot)})
     model, parameters = _opened(robot, rows, stations)
     check_names(model.baseline, prior)
-    choice = build_choice(model, forms_of(model, prior))
+    forms = forms_of(model, prior)
+    behind = behind_gears(model, forms, prior)
+    if behind:
+        prior = informed(prior, behind)
+        forms = forms_of(model, prior)
+    choice = build_choice(model, forms)
     folds = folds_of(model, choice, seed)
     step = fit_step(choice, ())
     if _more_than_noise(choice, model, step):
@@ -227,7 +236,7 @@ def decompose(
         step = select(choice, folds.squared_errors)
         if {choice.forms[number].key for number in step.chosen} == {form.key for form in chosen}:
             break
-    return _told(folds, step, seed)
+    return replace(_told(folds, step, seed), behind=tuple(behind))
 
 
 def _opened(robot: Robot, rows: Measurements, stations: bool) -> tuple[OpenModel, tuple[str, ...] | None]:
