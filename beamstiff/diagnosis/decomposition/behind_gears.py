@@ -3,8 +3,8 @@
 An encoder behind the gear of q2 reads ``q2_link = q2 + s(q, torque) + zero + noise``: wind-up, play, friction
 and the curve of the gear by themselves, whatever else bends. So each form of an effect at a joint is fitted
 to the differences alone, ``BIC = n log(S / n) + k log n - 2 log prior``, beside a curve of once and twice a
-turn that the second encoder may have itself (eccentricity), and beside nothing. The tempered probabilities are
-the prior for the positions of the tool, which are other readings (Bayes, one after the other).
+turn that the second encoder may have itself (eccentricity), and beside nothing. The tempered probabilities
+are the prior for the positions of the tool, which are other readings (Bayes, one after the other).
 """
 
 from __future__ import annotations
