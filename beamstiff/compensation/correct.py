@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from beamstiff.compensation.follow import follow, shortfall, six_freedoms, solve
 from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.path import ToolPath, difference
+from beamstiff.compensation.posture import arm_of
 from beamstiff.compensation.process.load import NoLoad, Process
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.arrays import Integers
@@ -78,7 +79,7 @@ def correct_path(
     """Return the commands that bring the real tool to its targets under load.
 
     `path`: in the base frame (`Frames.to_base`). `load`: default: none. `start` (A,): a posture near the
-    first target, to choose the branch. `taught`: the targets were taught on the unloaded robot: it reaches
+    first target, to choose the branch, in place of the postures that the path states. `taught`: the targets were taught on the unloaded robot: it reaches
     them as they are, only what the load does is corrected. `positions_only`: leave the orientations of the
     commands as they are. So it is for robots of fewer than six joints.
     """
@@ -95,7 +96,14 @@ def correct_path(
             "another"
         )
     turned = path.turns & (whole and not positions_only)
-    first = follow(machine.kinematics, machine.frames.node_poses(path.poses), start)
+    first = follow(
+        machine.kinematics,
+        machine.frames.node_poses(path.poses),
+        start,
+        arm_of(machine.kinematics) if path.stated_postures else None,
+        path.stated_postures if start is None else (),
+        path.joints,
+    )
     rows = np.flatnonzero(first.reached)
     if not whole and rows.size:  # then orientations are what they are
         path = _as_they_are(machine, path, first.q, rows)

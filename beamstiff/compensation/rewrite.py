@@ -16,6 +16,8 @@ from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.path import ToolPath
 from beamstiff.compensation.process.load import FromPath, Process, Together
 from beamstiff.compensation.resample import resample
+from beamstiff.errors import BeamstiffError
+from beamstiff.robot.kinematics import pose_of, posture
 from beamstiff.se3 import Array, vector_from_rotation
 from beamstiff.shown import Shown
 
@@ -115,7 +117,9 @@ def compensate_program(
     top of what columns of the path state. `steps`: resample to at most this distance, m, and turn, rad, a
     step: the result is a path table then. `start`, `taught`, `positions_only`: as of `correct_path`.
     """
-    path = program.path if steps is None else resample(program.path, *steps)
+    path = _with_joint_targets(program.path, machine)
+    if steps is not None:
+        path = resample(path, *steps)
     parts = [FromPath(), *([process] if process is not None else [])]
     load = Together(tuple(parts))
     correction = correct_path(
@@ -140,5 +144,23 @@ def _written(
         text = path_csv.write(path.moved_to(commands), f"commands that correct {path.source}")
         content = text.encode("utf-8")
         return content, path_csv.read(content.decode(ENCODING), path.source).path
-    content = program.with_poses(commands, correction.corrected)
-    return content, program.read_again(content).path
+    content = program.with_poses(commands, correction.corrected, correction.q)
+    return content, _with_joint_targets(program.read_again(content).path, machine)
+
+
+def _with_joint_targets(path: ToolPath, machine: Machine) -> ToolPath:
+    """Return a path with the poses of those targets that are written as joint values."""
+    if path.joints is None:
+        return path
+    kinematics, count = machine.kinematics, len(machine.controller.actuated)
+    rows = np.flatnonzero(~np.isnan(path.joints[:, 0]))
+    if path.joints.shape[1] != count:
+        raise BeamstiffError(
+            f"{path.place(int(rows[0]))}: found {path.joints.shape[1]} joint values, expected {count} as of "
+            f"robot {machine.controller.name!r}"
+        )
+    poses, at = path.poses.copy(), machine.frames.to_base(path).poses
+    node = pose_of(kinematics, posture(kinematics, path.joints[rows]), machine.controller.tcp)
+    at[rows] = node @ machine.frames.tool
+    poses[rows] = machine.frames.to_path(at)[rows]
+    return path.moved_to(poses)

@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike
 
 from beamstiff.compensation.formats import Program, read_program
 from beamstiff.compensation.machine import Machine
-from beamstiff.compensation.path import Frames
+from beamstiff.compensation.path import Frames, StatedFrame
+from beamstiff.compensation.posture import arm_of
 from beamstiff.compensation.process.load import Constant, Process, Together
 from beamstiff.compensation.process.reader import read_process
 from beamstiff.compensation.rewrite import Compensated, compensate_program
@@ -60,8 +61,10 @@ def compensate(
         Process model.
     base, tool : (4, 4) array, optional
         Frame of the path in the robot's base frame; programmed tool in the frame of the robot's TCP.
+        Default: as the program says, else the base frame and the TCP.
     q : mapping of str to float, or (A,) array, rad or m, optional
-        Posture near the first target, to choose the branch.
+        Posture near the first target, to choose the branch in place of what the program states (S and T of
+        KRL, configuration of RAPID and FANUC).
     only : sequence of str, optional
         Correct these targets alone; ``"XP*"`` takes many.
     taught : bool
@@ -83,11 +86,14 @@ def compensate(
     """
     controller = as_robot(robot)
     real = None if actual is None else as_robot(actual, "actual")
-    machine = Machine(controller, real, frames=Frames(_frame("base", base), _frame("tool", tool)))
     start = None if q is None else actuated_values(controller, q)[0]
     program = _program(path)
     if names := names_of("only", only):
         program = program.only(names)
+    frames = Frames(_stated_frame(program, "base", base), _stated_frame(program, "tool", tool))
+    if steps is not None and frames.base.ndim > 2:
+        raise OptionError("steps", "found a path of several frames, expected one: see only")
+    machine = Machine(controller, real, frames=frames)
     result = compensate_program(
         program,
         machine,
@@ -97,8 +103,8 @@ def compensate(
         taught=taught,
         positions_only=positions_only,
     )
-    placed = base is not None or tool is not None
-    return replace(result, notes=tuple(_notes(result, program, placed, q is not None, taught)))
+    given = {"base": base is not None, "tool": tool is not None}
+    return replace(result, notes=tuple(_notes(result, program, given, q is not None, taught)))
 
 
 def _program(path: Program | str | os.PathLike[str]) -> Program:
@@ -116,6 +122,39 @@ def _frame(name: str, frame: ArrayLike | None) -> Array:
     return found
 
 
+def _stated_frame(program: Program, what: str, given: ArrayLike | None) -> Array:
+    """Return the frame of a path (4, 4), or (N, 4, 4) where it differs by target, or its tool (4, 4).
+
+    `what`: ``base`` or ``tool``. The one that is `given` holds, else the one that the program states; where
+    it states one without saying where that is, or several where one can be, the path is refused.
+    """
+    own: list[StatedFrame | None] = [getattr(place, what) for place in program.places]
+    counting = [one for place, one in zip(program.places, own, strict=True) if place.position or what == "tool"]
+    by_name = {"" if one is None else one.name: one for one in counting or [None]}
+    names = listed([name or "none" for name in by_name], 4)
+    source, many = program.path.source, len(by_name) > 1
+    several = f"{source}: found several frames ({what}) of its targets: {names}; take one's with only"
+    if given is not None:
+        if many:
+            raise OptionError(what, f"{several}, or leave {what} away where the program says them all")
+        return _frame(what, given)
+    for one in by_name.values():
+        if one is not None and one.pose is None:
+            at = f":{one.line}" if one.line else ""
+            raise OptionError(
+                what,
+                f"is needed: {source}{at} has {one.name}, whose place the program does not say"
+                + (f"; take the targets of one at a time with only: {names}" if many else ""),
+            )
+    poses = {name: np.eye(4) if one is None else one.pose for name, one in by_name.items()}
+    first = next(iter(poses.values()))
+    if all(np.array_equal(pose, first) for pose in poses.values()):
+        return np.asarray(first)
+    if what == "tool":
+        raise OptionError(what, several)
+    return np.array([poses.get("" if one is None else one.name, np.eye(4)) for one in own])
+
+
 def _load(wrench: ArrayLike | None, process: Process | str | os.PathLike[str] | None) -> Process | None:
     parts: list[Process] = []
     if wrench is not None:
@@ -126,8 +165,10 @@ def _load(wrench: ArrayLike | None, process: Process | str | os.PathLike[str] | 
     return Together(tuple(parts)) if parts else None
 
 
-def _notes(result: Compensated, program: Program, placed: bool, branch: bool, taught: bool) -> list[str]:
-    """Return what is worth knowing, where the frames are `placed` and the `branch` is chosen or not."""
+def _notes(
+    result: Compensated, program: Program, given: Mapping[str, bool], branch: bool, taught: bool
+) -> list[str]:
+    """Return what is worth knowing, where frames are `given` and the `branch` is chosen or not."""
     machine = result.machine
     unproven = [] if taught else _unproven(result, machine)
     found, said = result.correction, [*robot_doubts(machine.controller), *unproven, *program.notes]
@@ -137,11 +178,20 @@ def _notes(result: Compensated, program: Program, placed: bool, branch: bool, ta
             f"robot {machine.real.name!r} is rigid: weight and load move nothing, so that controller and "
             f"real robot {what}; give it a stiffness, or the real robot as `actual`"
         )
-    if not placed and program.frames:
-        said.append(
-            f"{'; '.join(program.frames)}: --base and --tool say where this is, here both are left out: the "
-            f"path counts from the robot's base, and is that of its TCP {machine.controller.tcp!r}"
-        )
+    for what in ("base", "tool"):
+        stated = [one for place in program.places if (one := getattr(place, what)) is not None]
+        if stated and given[what]:
+            said.append(f"{what} as given, in place of {stated[0].name} of the program")
+        elif names := dict.fromkeys(one.name for one in stated if not np.array_equal(one.pose, np.eye(4))):
+            said.append(f"{what} as the program says: {listed(names, 4)}")
+    if postures := [one.text for one in found.path.stated_postures if one is not None]:
+        if branch:
+            said.append(f"q chooses the posture: {postures[0]} and the like in the program are not followed")
+        elif arm_of(machine.kinematics) is None:
+            said.append(
+                f"{postures[0]} and the like in the program are not followed: robot "
+                f"{machine.controller.name!r} is no arm of six joints with a spherical wrist"
+            )
     if not branch:
         names = [variable.name for variable in machine.controller.actuated]
         first = zip(names, found.q[0].round(6).tolist(), strict=True)

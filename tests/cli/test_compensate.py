@@ -43,7 +43,6 @@ def test_a_program_is_corrected_and_nothing_else_of_it_changes(cell: Path, succe
     before, after = map(float, RESULT.search(result.stdout).groups())  # type: ignore[union-attr]
     assert before > 0.3
     assert after < 0.001
-    assert "line 2 sets $BASE: --base and --tool say where this is" in result.stderr
     assert "the path begins at q1 = " in result.stderr
     assert "axis values are left as they are: line 3" in result.stderr
 
