@@ -24,7 +24,7 @@ def compensate(
         str,
         typer.Argument(
             metavar="PATH",
-            help="Path: .csv; KUKA .src, .dat; ABB .mod, .prg; APT .apt, .cls. Its targets are corrected.",
+            help="Path: .csv; KUKA .src, .dat; ABB .mod, .prg; FANUC .ls; UR .script; APT .apt, .cls.",
         ),
     ],
     out: str | None = option("FILE", "Write the corrected path, in the format of PATH."),
@@ -40,13 +40,16 @@ def compensate(
     base: str | None = option(
         "NAME=VALUE,...",
         "Frame of the path ($BASE, wobj) in the robot's base frame: x, y, z and a, b, c (KUKA's "
-        "A B C) or qw, qx, qy, qz; default: the same frame.",
+        "A B C) or qw, qx, qy, qz; default: as the program says, else the same frame.",
     ),
     tool: str | None = option(
         "NAME=VALUE,...",
-        "Programmed tool ($TOOL, tooldata) in the frame of the robot's TCP; default: the TCP.",
+        "Programmed tool ($TOOL, tooldata) in the frame of the robot's TCP; default: as the program says, "
+        "else the TCP.",
     ),
-    q: list[str] | None = option("NAME=VALUE,...", "Posture near the first target, to choose the branch."),
+    q: list[str] | None = option(
+        "NAME=VALUE,...", "Posture near the first target, in place of what the path says of it."
+    ),
     only: list[str] | None = option("NAME,...", "Correct these targets alone; XP* takes many."),
     taught: bool = typer.Option(
         False, "--taught", help="Targets were taught on the unloaded robot: correct the load's part."

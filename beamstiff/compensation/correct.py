@@ -79,9 +79,10 @@ def correct_path(
     """Return the commands that bring the real tool to its targets under load.
 
     `path`: in the base frame (`Frames.to_base`). `load`: default: none. `start` (A,): a posture near the
-    first target, to choose the branch, in place of the postures that the path states. `taught`: the targets were taught on the unloaded robot: it reaches
-    them as they are, only what the load does is corrected. `positions_only`: leave the orientations of the
-    commands as they are. So it is for robots of fewer than six joints.
+    first target, to choose the branch in place of the postures that the path states. `taught`: the targets
+    were taught on the unloaded robot: it reaches them as they are, only what the load does is corrected.
+    `positions_only`: leave the orientations of the commands as they are. So it is for robots of fewer than
+    six joints.
     """
     load = load or NoLoad()
     whole = six_freedoms(machine.kinematics)

@@ -26,6 +26,7 @@ LONGEST_RUN = 1024
 WALK = 12  # steps between targets far apart
 SEARCHED, RESTARTS = 256, 40  # targets at a time, starts each
 TRIED = 48  # starts for the posture to begin with
+POOL = 1000  # to choose these from where the posture is stated
 TOLERANCE = 1e-9  # m, rad
 NEARLY = 2e-7  # m, rad: where an arm is stretched, the last digits cost more steps than they are worth
 AT_LIMIT = 1e-6
@@ -148,8 +149,14 @@ def _convenient(
     """
     limits = [variable.limits or (-np.pi, np.pi) for variable in kinematics.robot.actuated]
     low, high = np.array(limits).T
-    starts = np.random.default_rng(0).uniform(low, high, (TRIED, len(low)))
-    found = solve(kinematics, np.repeat(pose[None], TRIED, axis=0), starts, restarts=0)
+    count = TRIED if arm is None or stated is None else POOL
+    starts = np.random.default_rng(0).uniform(low, high, (count, len(low)))
+    if arm is not None and stated is not None:  # on its side of the singularities, whatever the turns
+        mine = arm.fits(replace(stated, turns=()), starts)
+        if not mine.any():
+            return np.zeros(0)
+        starts = starts[mine][:TRIED]
+    found = solve(kinematics, np.repeat(pose[None], len(starts), axis=0), starts, restarts=0)
     q = np.vstack([known, found.q[found.reached]])
     if arm is not None and stated is not None:
         q = arm.turned(stated, q)

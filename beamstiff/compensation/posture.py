@@ -73,7 +73,6 @@ class Arm:
         """Return postures (K, 6) with whole turns of axes 1, 4 and 6 added where the turns stated need it."""
         angle, result = self._angles(stated, q), q.copy()
         for axis, low, high in stated.turns:
-            low, high = max(low, high - WHOLE), min(high, low + WHOLE)
             turns = np.round((0.5 * (low + high) - angle[:, axis]) / WHOLE)
             result[:, axis] += self.sign[axis] * WHOLE * turns
         return result
@@ -121,7 +120,7 @@ class _Lines:
 
 
 def arm_of(kinematics: Kinematics) -> Arm | None:
-    """Return the arm, or None where the robot is none: six turning joints, axis 1 upright, spherical wrist."""
+    """Return the arm; None unless six joints turn, axis 1 is upright and 4 to 6 meet in a spherical wrist."""
     joints = kinematics.robot.actuated
     if len(joints) != 6 or any(joint.kind != "angle" for joint in joints):
         return None

@@ -129,7 +129,9 @@ def _stated_frame(program: Program, what: str, given: ArrayLike | None) -> Array
     it states one without saying where that is, or several where one can be, the path is refused.
     """
     own: list[StatedFrame | None] = [getattr(place, what) for place in program.places]
-    counting = [one for place, one in zip(program.places, own, strict=True) if place.position or what == "tool"]
+    counting = [
+        one for place, one in zip(program.places, own, strict=True) if place.position or what == "tool"
+    ]
     by_name = {"" if one is None else one.name: one for one in counting or [None]}
     names = listed([name or "none" for name in by_name], 4)
     source, many = program.path.source, len(by_name) > 1
@@ -138,15 +140,19 @@ def _stated_frame(program: Program, what: str, given: ArrayLike | None) -> Array
         if many:
             raise OptionError(what, f"{several}, or leave {what} away where the program says them all")
         return _frame(what, given)
-    for one in by_name.values():
-        if one is not None and one.pose is None:
+    poses: dict[str, Array] = {}
+    for name, one in by_name.items():
+        if one is None:
+            poses[name] = np.eye(4)
+        elif one.pose is not None:
+            poses[name] = one.pose
+        else:
             at = f":{one.line}" if one.line else ""
             raise OptionError(
                 what,
                 f"is needed: {source}{at} has {one.name}, whose place the program does not say"
                 + (f"; take the targets of one at a time with only: {names}" if many else ""),
             )
-    poses = {name: np.eye(4) if one is None else one.pose for name, one in by_name.items()}
     first = next(iter(poses.values()))
     if all(np.array_equal(pose, first) for pose in poses.values()):
         return np.asarray(first)
@@ -182,8 +188,10 @@ def _notes(
         stated = [one for place in program.places if (one := getattr(place, what)) is not None]
         if stated and given[what]:
             said.append(f"{what} as given, in place of {stated[0].name} of the program")
-        elif names := dict.fromkeys(one.name for one in stated if not np.array_equal(one.pose, np.eye(4))):
-            said.append(f"{what} as the program says: {listed(names, 4)}")
+        elif used := dict.fromkeys(
+            one.name for one in stated if one.pose is not None and not np.array_equal(one.pose, np.eye(4))
+        ):
+            said.append(f"{what} as the program says: {listed(used, 4)}")
     if postures := [one.text for one in found.path.stated_postures if one is not None]:
         if branch:
             said.append(f"q chooses the posture: {postures[0]} and the like in the program are not followed")

@@ -284,3 +284,29 @@ def test_a_real_robot_whose_effect_is_a_mean_of_shapes_is_taken(succeed: Run, ce
     result = succeed("compensate", "kr500", "cell.src", *arguments, "--out", "new.src")
     before, after = map(float, RESULT.search(result.stdout).groups())  # type: ignore[union-attr]
     assert after < 0.01 * before
+
+
+def test_status_and_turn_choose_between_the_arms_of_one_target(folder: Path, succeed: Run) -> None:
+    sags = {}
+    for status, turn in ((0, 37), (2, 11), (6, 59)):
+        text = f"PTP {{X 2500,Y 100,Z 1700,A 0,B 90,C 10,S {status},T {turn}}}\n"
+        (folder / "a.src").write_text(text)
+        result = succeed("compensate", "kr500", "a.src", "--wrench", "fz=-900N", "--json", "-")
+        [found] = json.loads(result.stdout)["targets"]
+        q = [found["q"][f"q{axis}"] for axis in range(1, 7)]
+        assert [q[2] > 0, q[4] < 0] == [bool(status & 2), bool(status & 4)]
+        assert [q[axis] < 0 for axis in (0, 3, 5)] == [bool(turn >> axis & 1) for axis in (0, 3, 5)]
+        sags[status] = 1e3 * np.linalg.norm(found["before"][:3])
+    assert abs(sags[0] - sags[2]) > 0.02  # elbow up or down
+    assert abs(sags[2] - sags[6]) < 1e-6  # a wrist turned over has its axes where they were
+    other = succeed("compensate", "kr500", "a.src", "--q", "q2=12deg,q3=-80deg,q5=60deg")
+    assert "q chooses the posture: S 6, T 59 and the like in the program are not followed" in other.stderr
+
+
+def test_a_frame_that_the_program_does_not_hold_is_asked_for(cell: Path, run: Run) -> None:
+    text = PROGRAM.replace("{FRAME: X 0,Y 0,Z 0,A 0,B 0,C 0}", "BASE_DATA[2]")
+    (cell / "cell.src").write_bytes(text.encode("latin-1"))
+    result = run("compensate", "kr500", "cell.src", "--out", "new.src")
+    assert result.exit_code == 2
+    assert "--base: is needed: cell.src:2 has $BASE = BASE_DATA[2], whose place" in result.stderr
+    assert not (cell / "new.src").exists()

@@ -1,9 +1,10 @@
-"""FANUC TP programs as text (``.ls``): the positions ``P[1]{ GP1: UF : 0, UT : 1, CONFIG : 'N U T, 0, 0, 0', X = ..};``.
+"""FANUC TP programs as text (``.ls``): positions ``P[1]{ GP1: UF : 0, UT : 1, CONFIG : .., X = .. mm, ..};``.
 
-X Y Z are mm in the user frame UF, W P R degrees about its fixed axes x, y, z. Targets are the positions of group
-1. CONFIG chooses the posture. Frame and tool 0 are the robot's own, of others only the controller knows where
-they are. Positions in joint values, other groups, position registers and offsets stay as they are. FANUC's world
-frame is where axes 1 and 2 cross: where a robot file's base stands on the floor, the base says how far below.
+X Y Z are mm in the user frame UF, W P R degrees about its fixed axes x, y, z. Targets are the positions of
+group 1. CONFIG chooses the posture. Frame and tool 0 are the robot's own, of others only the controller knows
+where they are. Positions in joint values, other groups, position registers and offsets stay as they are.
+FANUC's world frame is where axes 1 and 2 cross: where a robot file's base stands on the floor, the base of
+the path is that much higher.
 """
 
 from __future__ import annotations
@@ -47,8 +48,8 @@ def read(text: str, source: str) -> Program:
         if "J1" in parts:
             joints.append(name)
             continue
-        for key, match in parts.items():
-            if key[0] == "E" and _NUMBER.fullmatch(match["value"]) and float(match["value"]):
+        for key, part in parts.items():
+            if key[0] == "E" and _NUMBER.fullmatch(part["value"]) and float(part["value"]):
                 travelling.append(name)
         slots = [_slot(parts, key, at, text, source, name) for key in POSITION + ROTATION]
         frames = {
@@ -59,13 +60,21 @@ def read(text: str, source: str) -> Program:
         posture = _stated(config["text"]) if config else None
         places.append(
             Place(
-                name, line, tuple(slots[:3]), tuple(slots[3:]), (), (), frames.get("UF"), frames.get("UT"), posture
+                name,
+                line,
+                tuple(slots[:3]),
+                tuple(slots[3:]),
+                (),
+                (),
+                frames.get("UF"),
+                frames.get("UT"),
+                posture,
             )
         )
     if not places:
         raise BeamstiffError(
-            f"{source}: found no target, expected positions of group 1 after /POS, such as P[1]{{ GP1: UF : 0, "
-            "UT : 1, CONFIG : 'N U T, 0, 0, 0', X = 500 mm, ...};"
+            f"{source}: found no target, expected positions of group 1 after /POS, such as P[1]{{ GP1: UF : 0,"
+            " UT : 1, CONFIG : 'N U T, 0, 0, 0', X = 500 mm, ...};"
         )
     notes = []
     if joints:
@@ -87,9 +96,7 @@ def _points(text: str, start: int) -> Iterator[tuple[str, int, str]]:
                 yield f"P{match['number']}", match.start("body") + group.end(), body
 
 
-def _slot(
-    parts: dict[str, re.Match[str]], key: str, at: int, text: str, source: str, name: str
-) -> Slot:
+def _slot(parts: dict[str, re.Match[str]], key: str, at: int, text: str, source: str, name: str) -> Slot:
     """Return the number of a component, or refuse what stands there."""
     unit = "mm" if key in POSITION else "deg"
     if key not in parts:
@@ -98,14 +105,19 @@ def _slot(
     start = at + match.start("value")
     if not _NUMBER.fullmatch(match["value"]):
         found = shown(match["value"])
-        refuse(source, line_of(text, start), name, f"{key}: found {found}, expected a number (not taught?)")
+        refuse(source, line_of(text, start), name, f"{key}: found {found}, expected a number")
     if match["unit"] != unit:
-        refuse(source, line_of(text, start), name, f"{key}: found {match['unit'] or 'no unit'}, expected {unit}")
+        refuse(
+            source, line_of(text, start), name, f"{key}: found {match['unit'] or 'no unit'}, expected {unit}"
+        )
     return Slot(start, start + len(match["value"]), match["value"], UNITS[unit], DECIMALS[unit])
 
 
 def _stated(text: str) -> StatedPosture:
-    """Return the posture of a CONFIG: N no flip (axis 5 down) or F, U or D elbow, T or B front; turns of 1, 4, 6."""
+    """Return the posture of a CONFIG.
+
+    N no flip (axis 5 down) or F; U elbow up or D; T front or B; then the turns of axes 1, 4 and 6.
+    """
     letters, *numbers = text.split(",")
     said = set(letters.upper().split())
 

@@ -7,9 +7,9 @@ of the file goes to, since they may be bases and tools (move one, and all its ta
 {A1 ..}; relative motions (LIN_REL ...); structures within structures. S, T and the external axes E1 to E6 of
 a target stay. A motion to {X ..,Y ..,Z ..} alone keeps the orientation of the target before it.
 
-Frames (`krl_frames`): of a literal those that hold where it stands; of a declared point those of its FDAT, else those that
-hold at the motions to it. S and T choose the posture, but of targets that only LIN, CIRC and the like go to,
-where the controller does not look at them.
+Frames (`krl_frames`): of a literal those that hold where it stands; of a declared point those of its FDAT,
+else those that hold at the motions to it. S and T choose the posture, but of targets that only LIN, CIRC and
+the like go to, where the controller does not look at them.
 """
 
 from __future__ import annotations
@@ -18,12 +18,10 @@ import re
 from collections.abc import Iterator
 from dataclasses import replace
 
-import numpy as np
-
 from beamstiff.compensation.editing import NUMBER, Slot, lines, masked
 from beamstiff.compensation.formats.krl_frames import FrameState, Literals
 from beamstiff.compensation.formats.program import Place, Program, make_program, refuse
-from beamstiff.compensation.posture import TURNING, StatedPosture
+from beamstiff.compensation.posture import TURNING, WHOLE, StatedPosture
 from beamstiff.errors import BeamstiffError, shown
 from beamstiff.measure.orientation import KUKA
 from beamstiff.units import unit_factor
@@ -233,9 +231,9 @@ def _stated(bits: dict[str, int]) -> StatedPosture | None:
         return None
     status, turn = bits.get("S"), bits.get("T")
     text = ", ".join(f"{key} {value}" for key, value in bits.items())
-    turns = ()
+    turns: tuple[tuple[int, float, float], ...] = ()
     if turn is not None:  # KUKA's axes 1, 4 and 6 turn the other way
-        turns = tuple((axis, *((0.0, np.inf) if turn >> axis & 1 else (-np.inf, 0.0))) for axis in TURNING)
+        turns = tuple((axis, 0.0, WHOLE) if turn >> axis & 1 else (axis, -WHOLE, 0.0) for axis in TURNING)
     if status is None:
         return StatedPosture(text, turns=turns)
     return StatedPosture(text, not status & 1, bool(status & 2), not status & 4, turns)

@@ -1,8 +1,8 @@
 """What $BASE and $TOOL are at every line of a KRL program, as far as its text says.
 
-They are set by ``$BASE = ..``, ``BAS(#BASE,n)``, and the FDAT of a point (``FDAT_ACT = ..``; FP1 belongs to the
-point XP1). A frame is known where it is a literal, $NULLFRAME, number 0, or a variable that one line of the
-file gives a literal to.
+They are set by ``$BASE = ..``, ``BAS(#BASE,n)``, and the FDAT of a point (``FDAT_ACT = ..``; FP1 belongs to
+the point XP1). A frame is known where it is a literal, $NULLFRAME, number 0, or a variable that one line of
+the file gives a literal to.
 """
 
 from __future__ import annotations
@@ -20,9 +20,7 @@ from beamstiff.se3 import Array, transform
 
 _NAME = r"[A-Za-z$_]\w*(?:\s*\[\s*\d*\s*\])?"
 _LITERAL = re.compile(rf"({_NAME})\s*=\s*(\{{[^{{}}]*\}})")
-_SET = re.compile(
-    r"\$(?P<what>BASE|TOOL|ROBROOT|WORLD)(?P<part>\.\w+)?\s*=(?!=)(?P<value>.*)", re.IGNORECASE
-)
+_SET = re.compile(r"\$(?P<what>BASE|TOOL|ROBROOT|WORLD)(?P<part>\.\w+)?\s*=(?!=)(?P<value>.*)", re.IGNORECASE)
 _FIXED_TOOL = re.compile(r"\$IPO_MODE\s*=\s*#TCP", re.IGNORECASE)
 _BAS = re.compile(r"\bBAS\s*\(\s*#(?P<what>BASE|TOOL)\s*,\s*(?P<number>\w+)\s*\)", re.IGNORECASE)
 _ACTIVE = re.compile(rf"\bFDAT_ACT\s*=\s*(?P<value>\{{[^{{}}]*\}}|{_NAME})", re.IGNORECASE)
@@ -50,7 +48,7 @@ class Literals:
         if not parts:
             return None
         position, angles = ([parts.get(key, 0.0) for key in keys] for keys in ("XYZ", "ABC"))
-        return transform(KUKA.rotations(np.radians([angles])), 1e-3 * np.array([position]))[0]
+        return np.asarray(transform(KUKA.rotations(np.radians([angles])), 1e-3 * np.array([position]))[0])
 
     def numbered(self, what: str, number: str, line: int) -> StatedFrame:
         """Return base or tool by its number."""
@@ -74,17 +72,18 @@ class FrameState:
             known = match["part"] is None and what in ("BASE", "TOOL")
             name = f"${what}{match['part'] or ''} = {value}"
             frame = StatedFrame(name, number, self.literals.pose(value) if known else None)
-            state = replace(state, **{"tool" if what == "TOOL" else "base": frame})
+            state = state._with(what, frame)
         for match in _BAS.finditer(line):
             frame = self.literals.numbered(match["what"].upper(), match["number"], number)
-            state = replace(state, **{match["what"].lower(): frame})
+            state = state._with(match["what"].upper(), frame)
         if _FIXED_TOOL.search(line):
             state = replace(state, base=StatedFrame("$IPO_MODE = #TCP", number, None))
-        if match := _ACTIVE.search(line):
-            state = state._of_data(match["value"], number) or replace(
+        if active := _ACTIVE.search(line):
+            value = active["value"]
+            state = state._of_data(value, number) or replace(
                 state,
-                base=StatedFrame(f"the base of {match['value']}", number, None),
-                tool=StatedFrame(f"the tool of {match['value']}", number, None),
+                base=StatedFrame(f"the base of {value}", number, None),
+                tool=StatedFrame(f"the tool of {value}", number, None),
             )
         return state
 
@@ -105,13 +104,18 @@ class FrameState:
 
     def _of_data(self, value: str, line: int) -> FrameState | None:
         data = self.literals.by_name.get(_plain(value), value)
-        numbers = {match["what"].lower(): match["number"] for match in _NUMBERS.finditer(data)}
+        numbers = {match["what"].upper(): match["number"] for match in _NUMBERS.finditer(data)}
         if not numbers:
             return None
         if "#TCP" in data.upper():
             return replace(self, base=StatedFrame("IPO_FRAME #TCP", line, None))
-        frames = {what: self.literals.numbered(what.upper(), at, line) for what, at in numbers.items()}
-        return replace(self, **frames)
+        state = self
+        for what, number in numbers.items():
+            state = state._with(what, self.literals.numbered(what, number, line))
+        return state
+
+    def _with(self, what: str, frame: StatedFrame) -> FrameState:
+        return replace(self, tool=frame) if what == "TOOL" else replace(self, base=frame)
 
 
 def _plain(text: str) -> str:

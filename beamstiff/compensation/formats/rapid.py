@@ -167,8 +167,8 @@ def _target(
 def _stated(configuration: tuple[int, ...]) -> StatedPosture:
     """Return the posture of an axis configuration (RAPID reference, confdata, robots of six axes).
 
-    cf1, cf4, cf6: quarters of a turn of these axes; cfx: 4 wrist behind axis 1, 2 behind the lower arm, 1 axis
-    5 negative.
+    cf1, cf4, cf6: quarters of a turn of these axes; cfx: 4 wrist behind axis 1, 2 behind the lower arm, 1
+    axis 5 negative.
     """
     turns = tuple(
         (axis, 0.5 * np.pi * quarter, 0.5 * np.pi * (quarter + 1))

@@ -1,7 +1,7 @@
-"""Which tool and work object the targets of a RAPID program are in, as far as its text says.
+r"""Which tool and work object the targets of a RAPID program are in, as far as its text says.
 
-A motion names both; they are known where the file declares them once and sets them nowhere else, and tool0 and
-wobj0 always. ConfJ \\Off and ConfL \\Off take the configuration of targets of joint and linear motions away.
+A motion names both; they are known where the file declares them once and sets them nowhere else, and tool0
+and wobj0 always. ConfJ \Off and ConfL \Off take the configuration away from targets of such motions.
 """
 
 from __future__ import annotations
@@ -61,11 +61,9 @@ class Motions:
             for word in set(_WORD.findall(match["rest"].lower())):
                 self._to.setdefault(word, []).append(motion)
         self._starts = [motion.start for motion in self._motions]
-        self._off = {
-            kind for kind in "JL" if re.search(rf"\bConf{kind}\s*\\\s*Off\b", code, re.IGNORECASE)
-        }
-        match = _DISPLACED.search(code)
-        self._displaced = StatedFrame(match[1], line_of(code, match.start()), None) if match else None
+        self._off = {kind for kind in "JL" if re.search(rf"\bConf{kind}\s*\\\s*Off\b", code, re.IGNORECASE)}
+        displaced = _DISPLACED.search(code)
+        self._displaced = displaced and StatedFrame(displaced[1], line_of(code, displaced.start()), None)
 
     def applied(self, place: Place) -> Place:
         """Return a target with the frames of the motions to it, and without a configuration that is off."""

@@ -77,7 +77,7 @@ class _Script:
         return found
 
     def role(self, at: int) -> str:
-        """Return what a pose at a place is: target, frame, tool, given (to a name), relative, computed, unused."""
+        """Return what a pose at a place is: target, frame, tool, given (to a name), or a key of `LEFT`."""
         calls = self.calls(at)
         if not calls:
             return "given" if _GIVEN.search(self.code, self.start(at), at) or self._named(at) else "unused"
@@ -118,7 +118,7 @@ class _Script:
         if slots is None:
             return None
         values = np.array([slot.value for slot in slots])
-        return transform(rotation_from_vector(values[None, 3:]), values[None, :3])[0]
+        return np.asarray(transform(rotation_from_vector(values[None, 3:]), values[None, :3])[0])
 
     def _named(self, at: int) -> bool:
         """Tell whether a word at a place is a name that is given something."""
@@ -156,7 +156,7 @@ def _meanings(script: _Script, match: re.Match[str], line: int) -> list[tuple[st
     role = script.role(at)
     if role != "given":
         calls = script.calls(at)
-        name = next((call for call, *_ in calls if call in GOALS), "")
+        name = next((call for call, *_ in reversed(calls) if call in GOALS), "")
         return [(role, Place(name, line, base=script.frame(at), tool=script.tool(at)))]
     given = _GIVEN.search(script.code, script.start(at), at)
     name = given["name"] if given else ""
@@ -164,13 +164,23 @@ def _meanings(script: _Script, match: re.Match[str], line: int) -> list[tuple[st
     goals = [place for place, use in uses if use == "target"]
     if not goals:
         kinds = {use for _, use in uses}
-        return [] if kinds & {"frame", "tool"} else [("relative" if "relative" in kinds else "unused", Place(name, line))]
-    place = Place(name, line)
-    for what, where in (("base", script.frame), ("tool", script.tool)):
-        found = {one.name if one else "": one for one in map(where, goals)}
-        several = StatedFrame(f"several for {name} ({' and '.join(one or 'none' for one in found)})", line, None)
-        place = replace(place, **{what: several if len(found) > 1 else next(iter(found.values()))})
-    return [("target", place)]
+        return (
+            []
+            if kinds & {"frame", "tool"}
+            else [("relative" if "relative" in kinds else "unused", Place(name, line))]
+        )
+    base, tool = (
+        _common([where(goal) for goal in goals], name, line) for where in (script.frame, script.tool)
+    )
+    return [("target", Place(name, line, base=base, tool=tool))]
+
+
+def _common(frames: list[StatedFrame | None], name: str, line: int) -> StatedFrame | None:
+    """Return what holds at all motions to a target; where it differs, a frame of unknown pose."""
+    found = {one.name if one else "none": one for one in frames}
+    if len(found) > 1:
+        return StatedFrame(f"several for {name} ({' and '.join(found)})", line, None)
+    return frames[0]
 
 
 def _filled(place: Place, slots: tuple[Slot, ...], pose: bool) -> Place:
