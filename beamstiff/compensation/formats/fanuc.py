@@ -73,8 +73,8 @@ def read(text: str, source: str) -> Program:
         )
     if not places:
         raise BeamstiffError(
-            f"{source}: found no target, expected positions of group 1 after /POS, such as P[1]{{ GP1: UF : 0,"
-            " UT : 1, CONFIG : 'N U T, 0, 0, 0', X = 500 mm, ...};"
+            f"{source}: found no target, expected positions of group 1 after /POS, such as P[1]{{ GP1: UF : 0"
+            ", UT : 1, CONFIG : 'N U T, 0, 0, 0', X = 500 mm, ...};"
         )
     notes = []
     if joints:
