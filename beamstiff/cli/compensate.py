@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -63,6 +64,16 @@ def compensate(
     resample: str | None = option(
         "step=LENGTH,angle=ANGLE", "Put targets in between; --out is a path table (.csv) then."
     ),
+    std: str | None = option(
+        "FILE", "Standard deviations of stiffness: what `identify --json` wrote; effects bring their own."
+    ),
+    load_std: list[str] | None = option("NAME=VALUE,...", "Standard deviation of the load, such as fz=20N."),
+    leave_doubtful: bool = typer.Option(
+        False, "--leave-doubtful", help="Leave targets whose correction is below twice its std as they are."
+    ),
+    stream: bool = typer.Option(
+        False, "--stream", help="Answer lines of stdin with commands on stdout: compensation on line."
+    ),
     figure: str | None = option("FILE", "Draw the path before and after (.png, .svg or .pdf)."),
     assembly: Assembly = None,
     html: Html = None,
@@ -75,6 +86,10 @@ def compensate(
     orientation, the position alone. Only numbers of targets change, everything else stays byte
     for byte. The error after correction is that of the numbers as they are written.
 
+    --stream prepares the targets and answers one line each: `target NAME fx fy fz mx my mz` or
+    `pose x y z a b c fx fy fz mx my mz` (SI, rotation vector, frame of the path) with `ok`, the
+    command likewise, its standard deviation, the joint values, and whether it was warm.
+
     Loads add up: columns fx to mz of a path table, --wrench, --process. A target that cannot be
     reached or corrected is listed with its line; unless --unreachable keep, neither path nor page
     is written then and the exit code is 2.
@@ -85,6 +100,7 @@ def compensate(
       beamstiff compensate kr500 cell.dat --actual calibrated.yaml --process milling.yaml \\
           --base x=1200mm,z=600mm --tool z=180mm --out corrected.dat --figure path.png
       beamstiff compensate kr240-2 path.csv --resample step=5mm --out dense.csv --html report.html
+      beamstiff compensate kr500 cell.src --stream --load-std fx=5N,fy=5N,fz=5N < forces.txt
 
     \b
     A path table (a, b, c: rotation vector, or declared before the header as KUKA ABC, Euler ZYX ...):
@@ -95,6 +111,7 @@ def compensate(
     from beamstiff.cli.variables import parse_frame, parse_variables, parse_wrench
     from beamstiff.functions.checks import one_of
     from beamstiff.functions.compensate import compensate as run
+    from beamstiff.functions.compensate import compensate_online, read_std
     from beamstiff.functions.robots import as_robot
     from beamstiff.report.compensation import (
         compensation_figure,
@@ -113,21 +130,27 @@ def compensate(
     inputs: list[str | Path] = [robot_file(robot), path, *([robot_file(actual)] if actual else [])]
     inputs += [process] if process else []
     outputs = Outputs(inputs, out=out, figure=figure, html=html)
+    given: dict[str, Any] = {
+        "actual": actual,
+        "wrench": parse_wrench(wrench) if wrench else None,
+        "process": process,
+        "base": None if base is None else parse_frame("--base", base),
+        "tool": None if tool is None else parse_frame("--tool", tool),
+        "q": parse_variables(controller, q) if q else None,
+        "only": parse_names(only, "--only"),
+        "std": None if std is None else read_std(std),
+        "load_std": parse_wrench(load_std, "--load-std") if load_std else None,
+        "leave_doubtful": leave_doubtful,
+    }
+    if stream:
+        if out or figure or html or steps or taught or positions_only:
+            raise BeamstiffError("--stream: answers lines, and goes with no --out, page or resampling")
+        with working("preparing the targets"):
+            targets = compensate_online(controller, path, **given)
+        targets.serve(iter(sys.stdin.readline, ""), lambda line: print(line, flush=True))
+        return
     with working("correcting the targets"):
-        result = run(
-            controller,
-            path,
-            actual=actual,
-            wrench=parse_wrench(wrench) if wrench else None,
-            process=process,
-            base=None if base is None else parse_frame("--base", base),
-            tool=None if tool is None else parse_frame("--tool", tool),
-            q=parse_variables(controller, q) if q else None,
-            only=parse_names(only, "--only"),
-            taught=taught,
-            positions_only=positions_only,
-            steps=steps,
-        )
+        result = run(controller, path, taught=taught, positions_only=positions_only, steps=steps, **given)
     lost = [uncorrected_table(result)] if result.correction.reasons else []
     refused = bool(lost) and unreachable == REFUSE
     shown: list[Any] = [] if refused else [compensation_table(result), compensation_text(result)]

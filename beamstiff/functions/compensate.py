@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -12,12 +13,15 @@ from numpy.typing import ArrayLike
 
 from beamstiff.compensation.formats import Program, read_program
 from beamstiff.compensation.machine import Machine
+from beamstiff.compensation.online import OnlineCompensation
 from beamstiff.compensation.path import Frames, StatedFrame
 from beamstiff.compensation.posture import arm_of
 from beamstiff.compensation.process.load import Constant, Process, Together
 from beamstiff.compensation.process.reader import read_process
 from beamstiff.compensation.rewrite import Compensated, compensate_program
+from beamstiff.compensation.stream import OnlineTargets, prepared
 from beamstiff.errors import BeamstiffError, OptionError, listed, shown
+from beamstiff.files import read_text
 from beamstiff.functions.checks import effects_text, names_of, shown_value, six_numbers
 from beamstiff.functions.robots import as_robot
 from beamstiff.robot.coerce import RobotLike
@@ -41,6 +45,9 @@ def compensate(
     taught: bool = False,
     positions_only: bool = False,
     steps: tuple[float, float] | None = None,
+    std: Mapping[str, float] | None = None,
+    load_std: ArrayLike | None = None,
+    leave_doubtful: bool = False,
 ) -> Compensated:
     """Correct a tool path for what the real robot makes of it.
 
@@ -73,6 +80,12 @@ def compensate(
         Leave the orientations as they are.
     steps : (float, float), optional
         Resample to at most this distance, m, and turn, rad, a step: the result is a path table then.
+    std : mapping of str to float, optional
+        Standard deviations of stiffness parameters, SI, as `identify` finds them; effects bring their own.
+    load_std : (6,) array, optional
+        Standard deviation of the load, N and N m.
+    leave_doubtful : bool
+        Targets whose correction is below twice its standard deviation stay as they are.
 
     Returns
     -------
@@ -84,16 +97,11 @@ def compensate(
     BeamstiffError
         When the path cannot be read, the robots do not fit, or the load is not defined somewhere.
     """
-    controller = as_robot(robot)
-    real = None if actual is None else as_robot(actual, "actual")
-    start = None if q is None else actuated_values(controller, q)[0]
-    program = _program(path)
-    if names := names_of("only", only):
-        program = program.only(names)
-    frames = Frames(_stated_frame(program, "base", base), _stated_frame(program, "tool", tool))
-    if steps is not None and frames.base.ndim > 2:
+    program, machine = _placed(robot, actual, path, only, base, tool)
+    controller = machine.controller
+    if steps is not None and machine.frames.base.ndim > 2:
         raise OptionError("steps", "found a path of several frames, expected one: see only")
-    machine = Machine(controller, real, frames=frames)
+    start = None if q is None else actuated_values(controller, q)[0]
     result = compensate_program(
         program,
         machine,
@@ -102,9 +110,96 @@ def compensate(
         start=start,
         taught=taught,
         positions_only=positions_only,
+        std=std,
+        load_std=None if load_std is None else six_numbers("load_std", load_std),
+        leave_doubtful=leave_doubtful,
     )
     given = {"base": base is not None, "tool": tool is not None}
     return replace(result, notes=tuple(_notes(result, program, given, q is not None, taught)))
+
+
+def compensate_online(
+    robot: RobotLike,
+    path: Program | str | os.PathLike[str],
+    *,
+    actual: RobotLike | None = None,
+    wrench: ArrayLike | None = None,
+    process: Process | str | os.PathLike[str] | None = None,
+    base: ArrayLike | None = None,
+    tool: ArrayLike | None = None,
+    q: Mapping[str, float] | ArrayLike | None = None,
+    only: Sequence[str] | None = None,
+    std: Mapping[str, float] | None = None,
+    load_std: ArrayLike | None = None,
+    leave_doubtful: bool = False,
+) -> OnlineTargets:
+    """Prepare a path for compensation on line: a target and its load in, the command out.
+
+    Parameters
+    ----------
+    robot, path, actual, wrench, process, base, tool, q, only, std, load_std, leave_doubtful
+        As of `compensate`. The load of path, `wrench` and `process` is what the targets are prepared for, and
+        what counts where a call states none.
+
+    Returns
+    -------
+    OnlineTargets
+        `command(name, wrench)` and `command_at(pose, wrench)`: answers in the base frame, m and rad.
+
+    Raises
+    ------
+    BeamstiffError
+        As of `compensate`, and when a target is out of reach.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> file = pathlib.Path(tempfile.mkdtemp()) / "cell.src"
+    >>> _ = file.write_text("PTP {X 1500,Y 0,Z 900,A 0,B 110,C 0,S 6}")
+    >>> targets = compensate_online("kr500", file)
+    >>> answer = targets.command("PTP", [0, 0, -900, 0, 0, 0])
+    >>> answer.warm, float((1e3 * answer.correction[2]).round(1))
+    (True, 0.5)
+    """
+    program, machine = _placed(robot, actual, path, only, base, tool)
+    start = None if q is None else actuated_values(machine.controller, q)[0]
+    online = OnlineCompensation(
+        machine,
+        dict(std or {}),
+        np.zeros(6) if load_std is None else six_numbers("load_std", load_std),
+        leave_doubtful,
+    )
+    return prepared(program, online, _load(wrench, process), start)
+
+
+def read_std(path: str | os.PathLike[str]) -> dict[str, float]:
+    """Return the standard deviations of the parameters that a JSON of `identify` holds, SI."""
+    try:
+        parameters = json.loads(read_text(Path(path)))["parameters"]
+        found = {name: one["std"] for name, one in parameters.items() if one.get("std") is not None}
+        return {str(name): float(value) for name, value in found.items()}
+    except (ValueError, TypeError, KeyError, AttributeError):
+        raise OptionError(
+            "std", f"{path}: found no parameters with a std, expected what identify --json writes"
+        ) from None
+
+
+def _placed(
+    robot: RobotLike,
+    actual: RobotLike | None,
+    path: Program | str | os.PathLike[str],
+    only: Sequence[str] | None,
+    base: ArrayLike | None,
+    tool: ArrayLike | None,
+) -> tuple[Program, Machine]:
+    """Return the program, and the machine with the frames that it counts in."""
+    controller = as_robot(robot)
+    real = None if actual is None else as_robot(actual, "actual")
+    program = _program(path)
+    if names := names_of("only", only):
+        program = program.only(names)
+    frames = Frames(_stated_frame(program, "base", base), _stated_frame(program, "tool", tool))
+    return program, Machine(controller, real, frames=frames)
 
 
 def _program(path: Program | str | os.PathLike[str]) -> Program:
@@ -209,6 +304,12 @@ def _notes(
     if found.switched.size:
         lines = listed([str(found.path.lines[row]) for row in found.switched.tolist()])
         said.append(f"the joints have to jump before line {lines}: another configuration")
+    if result.left_alone:
+        names = [found.path.names[row] for row in result.left_alone]
+        said.append(
+            f"{len(names)} of {len(found.path)} targets stay as they are, their correction is below twice "
+            f"its standard deviation: {listed(names, 5)}"
+        )
     if machine.set_aside:
         said.append(f"{effects_text(machine.set_aside)}: of measuring, which moves no tool: left out")
     if machine.real.effects:

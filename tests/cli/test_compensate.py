@@ -310,3 +310,33 @@ def test_a_frame_that_the_program_does_not_hold_is_asked_for(cell: Path, run: Ru
     assert result.exit_code == 2
     assert "--base: is needed: cell.src:2 has $BASE = BASE_DATA[2], whose place" in result.stderr
     assert not (cell / "new.src").exists()
+
+
+def test_a_stream_of_forces_is_answered_line_by_line(folder: Path) -> None:
+    from typer.testing import CliRunner
+
+    from beamstiff.cli.main import app
+
+    (folder / "a.src").write_text("PTP {X 2500,Y 100,Z 1700,A 0,B 90,C 10,S 2}\n")
+    lines = "target PTP 0 0 -900 0 0 0\ntarget PTP 0 0 0 0 0 0\nquit\n"
+    result = CliRunner().invoke(app, ["compensate", "kr500", str(folder / "a.src"), "--stream"], input=lines)
+    assert result.exit_code == 0
+    ready, loaded, free = result.stdout.splitlines()
+    assert ready == "ready beamstiff-stream/1 1 6"
+    up = [float(line.split()[3]) for line in (loaded, free)]
+    assert 5e-4 < up[0] - up[1] < 2e-3
+    assert loaded.endswith("warm corrected")
+
+
+def test_standard_deviations_come_from_identify(folder: Path, run: Run, succeed: Run) -> None:
+    (folder / "a.src").write_text("PTP {X 2500,Y 100,Z 1700,A 0,B 90,C 10,S 2}\n")
+    facts = {"parameters": {"J2.torsional": {"value": 1e6, "std": 2e6}, "J3.torsional": {"std": None}}}
+    (folder / "i.json").write_text(json.dumps(facts))
+    load = ("--wrench", "fz=-900N", "--std", "i.json")
+    result = succeed("compensate", "kr500", "a.src", *load, "--leave-doubtful", "--json", "-")
+    [found] = json.loads(result.stdout)["targets"]
+    assert found["std"][2] > 0
+    (folder / "i.json").write_text("[]")
+    refused = run("compensate", "kr500", "a.src", *load)
+    assert refused.exit_code == 2
+    assert "--std: i.json: found no parameters with a std" in refused.stderr
