@@ -74,6 +74,11 @@ def compensate(
     stream: bool = typer.Option(
         False, "--stream", help="Answer lines of stdin with commands on stdout: compensation on line."
     ),
+    measured: list[str] | None = option(
+        "RUN.csv",
+        "A measured run (x, y, z of every target, loads if a cell read them): fit the process to it.",
+    ),
+    ran: list[str] | None = option("PROGRAM", "The program that ran then; default: PATH."),
     figure: str | None = option("FILE", "Draw the path before and after (.png, .svg or .pdf)."),
     assembly: Assembly = None,
     html: Html = None,
@@ -90,6 +95,10 @@ def compensate(
     `pose x y z a b c fx fy fz mx my mz` (SI, rotation vector, frame of the path) with `ok`, the
     command likewise, its standard deviation, the joint values, and whether it was warm.
 
+    --measured learns from a run: friction, stiffness and clamp of a beam, size of tabulated
+    forces, gain and frame of a load cell, from where the tool really went. Give all runs made
+    so far, each with the program that --ran it, and correct again until that no longer pays.
+
     Loads add up: columns fx to mz of a path table, --wrench, --process. A target that cannot be
     reached or corrected is listed with its line; unless --unreachable keep, neither path nor page
     is written then and the exit code is 2.
@@ -100,6 +109,8 @@ def compensate(
       beamstiff compensate kr500 cell.dat --actual calibrated.yaml --process milling.yaml \\
           --base x=1200mm,z=600mm --tool z=180mm --out corrected.dat --figure path.png
       beamstiff compensate kr240-2 path.csv --resample step=5mm --out dense.csv --html report.html
+      beamstiff compensate kr500 cell.src --process beam.yaml --measured run.csv \\
+          --ran first.src --out again.src
       beamstiff compensate kr500 cell.src --stream --load-std fx=5N,fy=5N,fz=5N < forces.txt
 
     \b
@@ -117,6 +128,7 @@ def compensate(
         compensation_figure,
         compensation_table,
         compensation_text,
+        learned_table,
         uncorrected_table,
     )
 
@@ -128,7 +140,7 @@ def compensate(
         _check_format(path, out)
     controller = as_robot(robot, assembly=assembly)
     inputs: list[str | Path] = [robot_file(robot), path, *([robot_file(actual)] if actual else [])]
-    inputs += [process] if process else []
+    inputs += [*([process] if process else []), *(measured or []), *(ran or [])]
     outputs = Outputs(inputs, out=out, figure=figure, html=html)
     given: dict[str, Any] = {
         "actual": actual,
@@ -143,17 +155,28 @@ def compensate(
         "leave_doubtful": leave_doubtful,
     }
     if stream:
-        if out or figure or html or steps or taught or positions_only:
+        if out or figure or html or steps or taught or positions_only or measured or ran:
             raise BeamstiffError("--stream: answers lines, and goes with no --out, page or resampling")
         with working("preparing the targets"):
             targets = compensate_online(controller, path, **given)
         targets.serve(iter(sys.stdin.readline, ""), lambda line: print(line, flush=True))
         return
     with working("correcting the targets"):
-        result = run(controller, path, taught=taught, positions_only=positions_only, steps=steps, **given)
+        result = run(
+            controller,
+            path,
+            taught=taught,
+            positions_only=positions_only,
+            steps=steps,
+            measured=measured or (),
+            ran=ran or (),
+            **given,
+        )
     lost = [uncorrected_table(result)] if result.correction.reasons else []
     refused = bool(lost) and unreachable == REFUSE
     shown: list[Any] = [] if refused else [compensation_table(result), compensation_text(result)]
+    if result.learned is not None:
+        shown.insert(0, learned_table(result.learned))
     outputs.result(result.notes, [*lost, *shown], result.to_dict())
     if refused:
         raise _refusal(result)

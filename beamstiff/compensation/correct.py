@@ -116,15 +116,15 @@ def correct_path(
         some = path.at(rows)
         if taught:
             still = np.zeros((len(rows), 6))
-            targets[rows] = _settled(machine, first.q[rows], lambda _: still, some.poses)
+            targets[rows] = settled(machine, first.q[rows], lambda _: still, some.poses)
         meant, load_at = targets[rows], _load_at(load, some, targets[rows])
-        before[rows] = difference(_settled(machine, first.q[rows], load_at, meant), meant)
+        before[rows] = difference(settled(machine, first.q[rows], load_at, meant), meant)
         wrench[rows] = load_at(meant)
         found = _commands(machine, meant, some.poses, wrench[rows], first.q[rows], turned[rows])
         commands[rows], q[rows], rounds = found.poses, found.q, found.rounds
         for row, reason in found.reasons.items():
             reasons[int(rows[row])] = reason
-        after[rows] = difference(_settled(machine, q[rows], load_at, meant), meant)
+        after[rows] = difference(settled(machine, q[rows], load_at, meant), meant)
     return Correction(
         path=path,
         targets=targets,
@@ -154,7 +154,7 @@ def errors_of(
     if rows.size:
         meant = correction.targets[rows]
         load_at = _load_at(load, correction.path.at(rows), meant)
-        errors[rows] = difference(_settled(machine, found.q[rows], load_at, meant), meant)
+        errors[rows] = difference(settled(machine, found.q[rows], load_at, meant), meant)
     return errors
 
 
@@ -272,7 +272,7 @@ def _load_at(load: Process, path: ToolPath, targets: Array) -> Callable[[Array],
     return shifted
 
 
-def _settled(machine: Machine, q: Array, load: Callable[[Array], Array], near: Array) -> Array:
+def settled(machine: Machine, q: Array, load: Callable[[Array], Array], near: Array) -> Array:
     """Return the poses (N, 4, 4) at which load and displacement agree, for joint values (N, A).
 
     Broyden's method on ``x = moved(q, load(x))``, all targets at once; its first step is the fixed point's.

@@ -13,6 +13,7 @@ from beamstiff.compensation.correct import Correction, correct_path, errors_of
 from beamstiff.compensation.editing import ENCODING
 from beamstiff.compensation.formats import path_csv
 from beamstiff.compensation.formats.program import Program
+from beamstiff.compensation.learn import Learned
 from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.path import ToolPath, difference
 from beamstiff.compensation.process.load import FromPath, Process, Together
@@ -58,6 +59,7 @@ class Compensated(Shown):
     machine: Machine
     notes: tuple[str, ...] = ()
     std: Array | None = None  # (N, 6), m and rad: standard deviation of every correction; None: not asked for
+    learned: Learned | None = None  # from measured runs, where there were any
     left_alone: tuple[int, ...] = ()  # targets whose correction is below twice that, where these are to stay
 
     @property
@@ -103,6 +105,7 @@ class Compensated(Shown):
                 }
                 for row, name in enumerate(found.path.names)
             ],
+            **({} if self.learned is None else {"learned": self.learned.to_dict()}),
             "notes": list(self.notes),
         }
 

@@ -23,6 +23,7 @@ from beamstiff.compensation.stream import OnlineTargets, prepared
 from beamstiff.errors import BeamstiffError, OptionError, listed, shown
 from beamstiff.files import read_text
 from beamstiff.functions.checks import effects_text, names_of, shown_value, six_numbers
+from beamstiff.functions.measured_runs import learned_from
 from beamstiff.functions.robots import as_robot
 from beamstiff.robot.coerce import RobotLike
 from beamstiff.robot.doubts import robot_doubts
@@ -48,6 +49,8 @@ def compensate(
     std: Mapping[str, float] | None = None,
     load_std: ArrayLike | None = None,
     leave_doubtful: bool = False,
+    measured: Sequence[str | os.PathLike[str]] = (),
+    ran: Sequence[str | os.PathLike[str]] = (),
 ) -> Compensated:
     """Correct a tool path for what the real robot makes of it.
 
@@ -86,6 +89,11 @@ def compensate(
         Standard deviation of the load, N and N m.
     leave_doubtful : bool
         Targets whose correction is below twice its standard deviation stay as they are.
+    measured : sequence of path, optional
+        Tables of measured runs of the path: x y z of the tool, and the loads that a cell read, if any. The
+        parameters of the process (friction, stiffness, clamp; gain and frame of the cell) are fitted to them.
+    ran : sequence of path, optional
+        The program that ran in each of these; default: `path` in all.
 
     Returns
     -------
@@ -102,10 +110,16 @@ def compensate(
     if steps is not None and machine.frames.base.ndim > 2:
         raise OptionError("steps", "found a path of several frames, expected one: see only")
     start = None if q is None else actuated_values(controller, q)[0]
+    load, learned = _load(wrench, process), None
+    if measured:
+        program, learned = learned_from(program, machine, load, measured, ran, start)
+        load = learned.process
+    elif ran:
+        raise OptionError("ran", "found programs that ran, expected what was measured of them (measured) too")
     result = compensate_program(
         program,
         machine,
-        _load(wrench, process),
+        load,
         steps=steps,
         start=start,
         taught=taught,
@@ -115,6 +129,7 @@ def compensate(
         leave_doubtful=leave_doubtful,
     )
     given = {"base": base is not None, "tool": tool is not None}
+    result = replace(result, learned=learned)
     return replace(result, notes=tuple(_notes(result, program, given, q is not None, taught)))
 
 
@@ -304,6 +319,15 @@ def _notes(
     if found.switched.size:
         lines = listed([str(found.path.lines[row]) for row in found.switched.tolist()])
         said.append(f"the joints have to jump before line {lines}: another configuration")
+    if result.learned is not None:
+        if open_ones := [one.name for one in result.learned.parameters if not one.identifiable]:
+            said.append(f"the run does not identify {listed(open_ones)}: kept near what was expected")
+        if not result.learned.pays:
+            said.append(
+                "another correction no longer pays: the run was "
+                f"{1e3 * result.learned.before:.3f} mm (RMS) from its targets, of which "
+                f"{1e3 * result.learned.unexplained:.3f} mm are not explained"
+            )
     if result.left_alone:
         names = [found.path.names[row] for row in result.left_alone]
         said.append(
